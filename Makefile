@@ -1,0 +1,52 @@
+# Everything runs in .venv, which is made on demand; only Python >= 3.11 and make are needed.
+SHELL := /bin/bash
+.DEFAULT_GOAL := help
+.PHONY: help install demo test lint format bench clean
+
+PYTHON ?= $(shell for name in python3.11 python3.12 python3.13 python3 python; do \
+	if $$name -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1; then \
+	command -v $$name; break; fi; done)
+BIN := .venv/bin
+STAMP := .venv/.installed
+WORKERS ?= 2
+PYTEST_ARGS ?=
+
+help:
+	@echo "make demo    train, compare and write demo/report.html"
+	@echo "make test    run all tests (WORKERS=$(WORKERS), PYTEST_ARGS=...)"
+	@echo "make lint    ruff, mypy and import-linter"
+	@echo "make format  let ruff rewrite the code"
+	@echo "make bench   run the benchmarks"
+	@echo "make clean   remove what was generated, except .venv"
+
+install: $(STAMP)
+
+$(STAMP): pyproject.toml constraints.txt
+	@test -n "$(PYTHON)" || { echo "Python 3.11 or newer is needed; none was found. Give one: make PYTHON=/path/to/python" >&2; exit 1; }
+	test -x $(BIN)/python || $(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --disable-pip-version-check -c constraints.txt -e '.[all]'
+	touch $@
+
+demo: $(STAMP)
+	$(BIN)/python -m cjt_gym.training.demo --out demo
+
+test: $(STAMP)
+	$(BIN)/python -m pytest -n $(WORKERS) $(PYTEST_ARGS)
+
+lint: $(STAMP)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/python tools/link_tree.py
+	cd .links && ../$(BIN)/mypy --config-file ../pyproject.toml --cache-dir ../.mypy_cache -p cjt_gym
+	cd .links && ../$(BIN)/lint-imports --config ../pyproject.toml --cache-dir ../.import_linter_cache
+
+format: $(STAMP)
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+bench: $(STAMP)
+	$(BIN)/python -m benchmarks
+
+clean:
+	rm -rf .links .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache build dist demo runs *.egg-info
+	find . -name __pycache__ -not -path './.venv/*' -prune -exec rm -rf {} +

@@ -1,0 +1,94 @@
+"""One tree of errors; every class is also the builtin that a caller would expect.
+
+Every message names the thing, its owner, what is allowed with its unit, what was given, and the
+remedy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = [
+    "CjtGymError",
+    "ConfigurationError",
+    "MissingFileError",
+    "ParameterError",
+    "RecordError",
+    "SimulationError",
+    "UnknownNameError",
+    "did_you_mean",
+    "unknown_name",
+]
+
+
+class CjtGymError(Exception):
+    """Base of everything that this package raises on purpose."""
+
+
+class ParameterError(CjtGymError, ValueError):
+    """A joint parameter, or the file that holds it, is missing, malformed or out of range."""
+
+
+class ConfigurationError(CjtGymError, ValueError):
+    """Options that are valid one by one do not fit together, or an option is out of range."""
+
+
+class RecordError(CjtGymError, ValueError):
+    """A time series, or the file that holds it, breaks the record format."""
+
+
+class UnknownNameError(CjtGymError, LookupError):
+    """A name is not in the set that it has to come from."""
+
+
+class MissingFileError(CjtGymError, FileNotFoundError):
+    """A file that was asked for does not exist."""
+
+
+class SimulationError(CjtGymError, FloatingPointError):
+    """The simulation left the finite numbers.
+
+    Attributes:
+        last_good_states: States of the last finite step, as the simulator lays them out; None if
+            there was none.
+    """
+
+    last_good_states: NDArray[np.float64] | None
+
+    def __init__(self, message: str, last_good_states: NDArray[np.float64] | None = None) -> None:
+        super().__init__(message)
+        self.last_good_states = last_good_states
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Return ``" Did you mean 'x'?"`` for the known name closest to `name`, or an empty string.
+
+    Example:
+        >>> did_you_mean("orang", ["orange", "lemon"])
+        " Did you mean 'orange'?"
+    """
+    matches = get_close_matches(name, list(known), n=1)
+    return f" Did you mean '{matches[0]}'?" if matches else ""
+
+
+def unknown_name(what: str, name: str, known: Iterable[str]) -> UnknownNameError:
+    """Return the error for a `name` that is not among the `known` ones.
+
+    Args:
+        what: Kind of the thing in words, such as "joint" or "effect".
+        name: The name that was given.
+        known: The names that exist.
+
+    Example:
+        >>> str(unknown_name("joint", "orang", ["orange", "lemon"]))
+        "Unknown joint 'orang'. Did you mean 'orange'? Known: lemon, orange."
+    """
+    names = sorted(known)
+    listing = ", ".join(names) if names else "none"
+    return UnknownNameError(
+        f"Unknown {what} '{name}'.{did_you_mean(name, names)} Known: {listing}."
+    )

@@ -1,0 +1,26 @@
+"""Joints: parameters, structures, drives, effects, linear models and simulation."""
+
+from cjt_gym.joint.drives import DRIVES
+from cjt_gym.joint.effects import EFFECTS, STAGES, Effect, EffectParameter
+from cjt_gym.joint.files import JointFile, joint_names, load_joint_file, to_toml
+from cjt_gym.joint.joint import Joint, load_joint
+from cjt_gym.joint.parameters import JointParameters, Quantity
+from cjt_gym.joint.structures import STRUCTURES, Structure
+
+__all__ = [
+    "DRIVES",
+    "EFFECTS",
+    "STAGES",
+    "STRUCTURES",
+    "Effect",
+    "EffectParameter",
+    "Joint",
+    "JointFile",
+    "JointParameters",
+    "Quantity",
+    "Structure",
+    "joint_names",
+    "load_joint",
+    "load_joint_file",
+    "to_toml",
+]

@@ -1,0 +1,154 @@
+"""A batch of joints: allocation, randomised parameters, stepping.
+
+`JointBatch` owns the arrays that the kernel works on. A single joint is a batch of one.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from cjt_gym.errors import ConfigurationError, SimulationError
+from cjt_gym.joint.discretize import discretize
+from cjt_gym.joint.drives import get_drive
+from cjt_gym.joint.kernel import WORK_ROWS, WORK_WIDTH, Batch, Setup, restart, step_batch
+from cjt_gym.joint.random_stream import seed_state
+
+if TYPE_CHECKING:
+    from cjt_gym.joint.joint import Joint
+
+Floats = NDArray[np.float64]
+DELAYS = ("command_delay", "measurement_delay", "torque_delay")
+
+
+def substeps_of(dt: float, dt_physics: float) -> int:
+    """Return how many substeps make a control step.
+
+    Raises:
+        ConfigurationError: dt is not a whole multiple of dt_physics, or one is not > 0.
+    """
+    if not (dt > 0.0 and dt_physics > 0.0 and math.isfinite(dt) and math.isfinite(dt_physics)):
+        raise ConfigurationError(
+            f"dt_control and dt_physics must be > 0 s, got {dt:g} s and {dt_physics:g} s."
+        )
+    count = round(dt / dt_physics)
+    if count < 1 or abs(count * dt_physics - dt) > 1e-9 * dt:
+        raise ConfigurationError(
+            f"dt_control must be a whole multiple of dt_physics, got {dt:g} s and "
+            f"{dt_physics:g} s. Take dt_physics = {dt / max(1, math.ceil(dt / dt_physics - 1e-9)):g} s."
+        )
+    return count
+
+
+@njit(cache=True)
+def discretize_all(batch: Batch, setup: Setup) -> None:
+    """Discretise every joint of a batch."""
+    for i in range(batch.a.shape[0]):
+        discretize(batch.p[i], setup.groups, setup.h, batch.a[i], batch.b[i])
+
+
+@njit(cache=True)
+def restart_some(batch: Batch, setup: Setup, mask: NDArray[np.bool_], load: Floats) -> None:
+    """Restart the joints in a mask from their state."""
+    work = np.zeros((WORK_ROWS, WORK_WIDTH))
+    for i in range(mask.shape[0]):
+        if mask[i]:
+            restart(batch, setup, i, load[i], work)
+
+
+class JointBatch:
+    """The state of `num` joints and the compiled steps over them.
+
+    Attributes:
+        arrays: What the kernel works on.
+        setup: What the joints share.
+    """
+
+    def __init__(
+        self,
+        joint: Joint,
+        num: int,
+        dt: float,
+        dt_physics: float,
+        *,
+        voltage: bool = False,
+        longest_delay: float = 0.0,
+    ) -> None:
+        """Allocate and discretise `num` equal joints, at rest at the origin.
+
+        Args:
+            joint: The joint.
+            num: How many.
+            dt: Control step [s].
+            dt_physics: Substep [s]; dt is a whole multiple of it.
+            voltage: Whether commands are voltages [V] instead of currents [A].
+            longest_delay: Longest delay that will be set later [s].
+        """
+        structure = joint.structure_row
+        substeps = substeps_of(dt, dt_physics)
+        record, ripple = joint.packed()
+        delay = max(longest_delay, float(sum(record[name][0] for name in DELAYS)))
+        depth = math.ceil(delay / dt - 1e-9) + 2
+        order, size = structure.order, structure.size
+        self.setup = Setup(
+            structure.groups,
+            size,
+            order,
+            get_drive(joint.drive),
+            voltage,
+            dt / substeps,
+            substeps,
+            dt,
+        )
+        self.arrays = Batch(
+            p=np.repeat(record, num),
+            ripple=np.repeat(ripple[None], num, axis=0),
+            a=np.zeros((num, order, order)),
+            b=np.zeros((num, order, 2 + size)),
+            state=np.zeros((num, 6)),
+            currents=np.zeros((num, 2)),
+            tau=np.zeros(num),
+            snapshot=np.zeros((num, 2, 8)),
+            commands=np.zeros((num, depth, 2)),
+            outputs=np.zeros((num, depth, 8)),
+            measured=np.zeros((num, 8)),
+            samples=np.zeros(num, dtype=np.int64),
+            rng=np.zeros(num, dtype=np.uint64),
+        )
+        self.discretize()
+
+    def discretize(self) -> None:
+        """Recompute the exact discretisation after parameters changed."""
+        discretize_all(self.arrays, self.setup)
+
+    def seed(self, i: int, seed: int) -> None:
+        """Seed the random stream of joint i."""
+        self.arrays.rng[i] = seed_state(seed)
+
+    def restart(self, mask: NDArray[np.bool_], load: Floats) -> None:
+        """Clear memory and delays of the joints in the mask and measure their present state."""
+        restart_some(self.arrays, self.setup, mask, load)
+
+    def step(self, commands: Floats, load: Floats) -> None:
+        """Advance all joints by one control step.
+
+        Args:
+            commands: Commands on the q and d axes, shape (num, 2) [A or V].
+            load: Load torque [N m] or load velocity [rad/s], shape (num,).
+
+        Raises:
+            SimulationError: A state ceased to be finite; it carries the last good states.
+        """
+        failed = step_batch(self.arrays, self.setup, commands, load)
+        if failed >= 0:
+            raise SimulationError(
+                f"The state of joint {failed} ceased to be finite after "
+                f"{self.arrays.samples[failed]} control steps (command {commands[failed, 0]:g}, "
+                f"load {load[failed]:g}); its last good state is {self.arrays.state[failed]}. "
+                "Check the command and the parameters.",
+                last_good_states=self.arrays.state.copy(),
+            )

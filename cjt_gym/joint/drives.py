@@ -1,0 +1,162 @@
+"""The electrical drives: what torque the motor gives for a command.
+
+`current`  an ideal source, tau_m = k_t n i, limited to the peak current i_p.
+`static`   voltage in, inductance neglected: i = (v - k_t n dq_m) / r.
+`rl`       voltage in, one phase with inductance: l_a di/dt = v - r i - k_t n dq_m.
+`dq`       voltage in, d-q axes of a surface permanent-magnet machine with p pole pairs.
+
+Speeds are on the link side, hence the back-EMF constant k_t n. A voltage drive that is given
+a torque applies the voltage that would hold the wanted current at the present speed,
+v = r i + k_t n dq_m, as far as the supply v_0 allows.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from cjt_gym.errors import unknown_name
+
+CURRENT, STATIC, RL, DQ = 0, 1, 2, 3
+
+DRIVES: dict[str, int] = {"current": CURRENT, "static": STATIC, "rl": RL, "dq": DQ}
+
+NEEDED_PARAMETERS: dict[str, tuple[str, ...]] = {
+    "current": ("n", "k_t"),
+    "static": ("n", "k_t", "r", "v_0"),
+    "rl": ("n", "k_t", "r", "v_0", "l_a"),
+    "dq": ("n", "k_t", "r", "v_0", "l_a", "p"),
+}
+
+
+def get_drive(name: str) -> int:
+    """Return the number under which the kernel knows a drive.
+
+    Raises:
+        UnknownNameError: There is none of that name.
+    """
+    try:
+        return DRIVES[name]
+    except KeyError:
+        raise unknown_name("drive", name, DRIVES) from None
+
+
+@njit(cache=True)
+def clip(x: float, limit: float) -> float:
+    """Limit x to [-limit, limit]."""
+    return min(max(x, -limit), limit)
+
+
+@njit(cache=True)
+def static_current(
+    p: Any, command: float, is_voltage: bool, dq_m: float
+) -> tuple[float, float]:
+    """Return the current of the drive without inductance and its slope over dq_m.
+
+    Args:
+        p: Parameter record.
+        command: Voltage [V] or wanted current [A].
+        is_voltage: Which of the two.
+        dq_m: Motor velocity on the link side [rad/s].
+
+    Returns:
+        Current [A] and slope [A s/rad], the slope <= 0.
+    """
+    k = p.k_t * p.n
+    if is_voltage:
+        current, slope = (clip(command, p.v_0) - k * dq_m) / p.r, -k / p.r
+    else:
+        high, low = (p.v_0 - k * dq_m) / p.r, (-p.v_0 - k * dq_m) / p.r
+        current, slope = command, 0.0
+        if current > high:
+            current, slope = high, -k / p.r
+        elif current < low:
+            current, slope = low, -k / p.r
+    if abs(current) > p.i_p:
+        return clip(current, p.i_p), 0.0
+    return current, slope
+
+
+@njit(cache=True)
+def circle(v_q: float, v_d: float, limit: float) -> tuple[float, float]:
+    """Shorten a voltage vector to the circle that the inverter can reach."""
+    length = math.hypot(v_q, v_d)
+    if length <= limit:
+        return v_q, v_d
+    return v_q * limit / length, v_d * limit / length
+
+
+@njit(cache=True)
+def advance_rl(
+    p: Any, current: float, command: float, is_voltage: bool, dq_m: float, h: float
+) -> float:
+    """Return the phase current after h [s] at constant speed, exactly.
+
+    The drive's protection holds the current within +- i_p.
+    """
+    k = p.k_t * p.n
+    voltage = clip(command if is_voltage else p.r * command + k * dq_m, p.v_0)
+    final = (voltage - k * dq_m) / p.r
+    return clip(final + (current - final) * math.exp(-p.r * h / p.l_a), p.i_p)
+
+
+@njit(cache=True)
+def advance_dq(
+    p: Any,
+    i_q: float,
+    i_d: float,
+    command_q: float,
+    command_d: float,
+    is_voltage: bool,
+    dq_m: float,
+    h: float,
+) -> tuple[float, float]:
+    """Return the currents (i_q, i_d) after h [s] at constant speed, exactly.
+
+        l_a di_q/dt = v_q - r i_q - p w (l_a i_d + lam)
+        l_a di_d/dt = v_d - r i_d + p w l_a i_q,     w = n dq_m, lam = (2/3) k_t / p
+
+    which for z = i_q + j i_d is dz/dt = (-r / l_a + j p w) z + u. A torque command asks for
+    i_d = 0. The voltage vector is limited to the circle of radius v_0 and the current vector
+    to that of radius i_p.
+
+    References:
+        Sue, Pan (2008), IEEE Transactions on Industrial Electronics 55(1).
+    """
+    speed = p.p * p.n * dq_m
+    emf = speed * (2.0 / 3.0) * p.k_t / p.p
+    if is_voltage:
+        v_q, v_d = command_q, command_d
+    else:
+        v_q, v_d = p.r * command_q + emf, -speed * p.l_a * command_q
+    v_q, v_d = circle(v_q, v_d, p.v_0)
+    rate = complex(-p.r / p.l_a, speed)
+    drive = complex((v_q - emf) / p.l_a, v_d / p.l_a)
+    decay = math.exp(rate.real * h)
+    turn = complex(decay * math.cos(rate.imag * h), decay * math.sin(rate.imag * h))
+    z = turn * complex(i_q, i_d) + (turn - 1.0) / rate * drive
+    return circle(z.real, z.imag, p.i_p)
+
+
+@njit(cache=True)
+def advance_currents(
+    p: Any,
+    drive: int,
+    currents: NDArray[np.float64],
+    command: float,
+    command_d: float,
+    is_voltage: bool,
+    dq_m: float,
+    h: float,
+) -> None:
+    """Advance the currents [i_q, i_d] of a drive with inductance by h [s], in place."""
+    if drive == RL:
+        currents[0] = advance_rl(p, currents[0], command, is_voltage, dq_m, h)
+    elif drive == DQ:
+        currents[0], currents[1] = advance_dq(
+            p, currents[0], currents[1], command, command_d, is_voltage, dq_m, h
+        )

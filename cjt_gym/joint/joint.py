@@ -1,0 +1,299 @@
+"""A joint: parameters, structure, drive and effects, as one object."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import control
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cjt_gym.errors import ConfigurationError, ParameterError, SimulationError
+from cjt_gym.joint import linear
+from cjt_gym.joint.batch import JointBatch
+from cjt_gym.joint.configure import EffectSpec, EffectValues, pack, resolve_effects
+from cjt_gym.joint.drives import DRIVES, get_drive
+from cjt_gym.joint.files import JointFile, load_joint_file
+from cjt_gym.joint.friction import friction
+from cjt_gym.joint.kernel import CHANNELS, simulate
+from cjt_gym.joint.parameters import JointParameters
+from cjt_gym.joint.ripple import ripple_torque
+from cjt_gym.joint.structures import Structure, get_structure
+from cjt_gym.records import Record, default_units
+
+Floats = NDArray[np.float64]
+DT_PHYSICS = 1e-5
+CURRENT_FREE = "current"
+
+
+@dataclass(frozen=True)
+class Joint:
+    """One joint as it is simulated, analysed and diagnosed.
+
+    Build it with `load_joint`.
+
+    Attributes:
+        file: The joint file: parameters, listed effects, sensors.
+        structure: Name of the structure.
+        drive: Name of the drive.
+        effects: Active effects with all their values.
+    """
+
+    file: JointFile
+    structure: str
+    drive: str
+    effects: Mapping[str, EffectValues]
+
+    @property
+    def parameters(self) -> JointParameters:
+        """The validated parameters."""
+        return self.file.parameters
+
+    @property
+    def structure_row(self) -> Structure:
+        """The structure's row in the table."""
+        return get_structure(self.structure)
+
+    @property
+    def torque_limit(self) -> float:
+        """Largest motor torque k_t n i_p [N m]; infinite where no peak current is given."""
+        p = self.parameters
+        return p.k_t * p.n * p.get("i_p", np.inf)
+
+    def packed(self) -> tuple[NDArray[np.void], Floats]:
+        """Return the kernel's parameter record, shape (1,), and ripple rows, shape (rows, 4)."""
+        return pack(self.parameters, self.structure_row, self.drive, self.effects)
+
+    def state_space(self, dt: float | None = None) -> control.StateSpace:
+        """Return the linear joint, continuous, or exact for inputs held over dt [s].
+
+        Inputs are (tau_m, tau_l) or, where the output is fixed, (tau_m, dq_l); outputs are
+        (q_m, q_g, q_l, dq_m, dq_g, dq_l, tau). Effects are not in it. A `rigid` joint has no
+        torsion bar: its tau is zero here, while `simulate` gives the torque it passes on.
+        """
+        return linear.state_space(self.parameters, self.structure_row, dt)
+
+    def transfer_function(
+        self, output: str = "tau", input: str = "tau_m", dt: float | None = None
+    ) -> control.TransferFunction:
+        """Return the transfer function between two named signals of `state_space`."""
+        system = self.state_space(dt)
+        one = system[system.output_labels.index(output), system.input_labels.index(input)]
+        return control.tf(one)
+
+    def nonlinear_torque(self, q: ArrayLike, dq: ArrayLike, tau: ArrayLike = 0.0) -> Floats:
+        """Return the torque that the effects add on motor, gear and load.
+
+        Friction is negative at positive speed. With sharp friction (dq_0 = 0) a body at rest
+        gets none here, as its torque follows from the others.
+
+        Args:
+            q: Angles of motor, gear and load [rad], shape (..., 3).
+            dq: Their velocities [rad/s], shape (..., 3).
+            tau: Transmitted torque [N m], shape (...), which scales gear ripple.
+
+        Returns:
+            Torques [N m], shape (..., 3).
+        """
+        q_, dq_ = np.broadcast_arrays(np.asarray(q, float), np.asarray(dq, float))
+        if q_.shape[-1:] != (3,):
+            raise ConfigurationError(
+                f"q and dq must have shape (..., 3) for motor, gear and load, got {q_.shape}."
+            )
+        tau_ = np.broadcast_to(np.asarray(tau, float), q_.shape[:-1])
+        record, ripple = self.packed()
+        p = record.view(np.recarray)[0]
+        out = np.zeros(q_.shape)
+        for index in np.ndindex(q_.shape[:-1]):
+            for body in range(3):
+                speed = float(dq_[index][body])
+                if speed != 0.0 or p.dq_0 > 0.0:
+                    side = 1.0 if speed >= 0.0 else -1.0
+                    out[(*index, body)] = -friction(p, body, speed, side)[0]
+            out[(*index, 0)] += p.torque_offset + ripple_torque(
+                ripple,
+                float(q_[index][0]),
+                float(tau_[index]),
+                p.cogging_scale,
+                p.gear_ripple_scale,
+            )
+        return out
+
+    def simulate(
+        self,
+        tau_m: ArrayLike | None = None,
+        load: ArrayLike | None = None,
+        dt: float = 1e-3,
+        x0: ArrayLike | None = None,
+        *,
+        voltage: ArrayLike | None = None,
+        dt_physics: float = DT_PHYSICS,
+        seed: int = 0,
+    ) -> Record:
+        """Simulate the joint under given inputs, each held over its sample.
+
+        Row k holds what is true and measured at t = k dt, before input k acts.
+
+        Args:
+            tau_m: Commanded motor torque [N m], shape (samples,).
+            load: Load torque [N m] or, where the output is fixed, load velocity [rad/s];
+                shape (samples,), zero if absent.
+            dt: Sample time [s].
+            x0: Initial [q_m q_g q_l dq_m dq_g dq_l], zero if absent; merged bodies follow the
+                first of them.
+            voltage: Instead of tau_m, the voltage of a voltage drive [V], shape (samples,), or
+                (samples, 2) for v_q and v_d of `dq`.
+            dt_physics: Substep [s]; dt is a whole multiple of it.
+            seed: Seed of the sensors' noise.
+
+        Returns:
+            A Record with the command, the measured channels, and the noise-free states in
+            columns `true_*`.
+
+        Raises:
+            ConfigurationError: Inputs of the wrong shape or kind.
+            SimulationError: A state ceased to be finite.
+        """
+        commands = self._commands(tau_m, voltage)
+        samples = commands.shape[0]
+        loads = np.zeros(samples) if load is None else _series("load", load, samples)
+        batch = JointBatch(self, 1, dt, dt_physics, voltage=voltage is not None)
+        batch.seed(0, seed)
+        if x0 is not None:
+            batch.arrays.state[0] = _series("x0", x0, 6)
+        batch.restart(np.ones(1, dtype=np.bool_), loads[:1])
+        measured, true = np.zeros((samples, 8)), np.zeros((samples, 8))
+        done = simulate(batch.arrays, batch.setup, commands, loads, measured, true)
+        if done < samples:
+            raise SimulationError(
+                f"The state of {self.file.parameters.name} ceased to be finite after {done} "
+                f"samples; the last good state is {true[done - 1, :6]}. Check the input.",
+                last_good_states=true[:done, :6].copy(),
+            )
+        return self._record(commands, loads, measured, true, dt, seed, voltage is not None)
+
+    def _commands(self, tau_m: ArrayLike | None, voltage: ArrayLike | None) -> Floats:
+        if (tau_m is None) == (voltage is None):
+            raise ConfigurationError("Give exactly one of tau_m [N m] and voltage [V].")
+        if voltage is not None and self.drive == CURRENT_FREE:
+            raise ConfigurationError(
+                "voltage needs a voltage drive, got drive 'current'. Load the joint with "
+                "drive='static', 'rl' or 'dq', or give tau_m."
+            )
+        values = np.asarray(tau_m if voltage is None else voltage, dtype=np.float64)
+        wide = voltage is not None and self.drive == "dq" and values.ndim == 2
+        if values.shape[1:] != ((2,) if wide else ()) or values.ndim == 0 or len(values) == 0:
+            raise ConfigurationError(
+                f"The input must have shape (samples,), or (samples, 2) for the voltages of drive "
+                f"dq, got {values.shape}."
+            )
+        if not np.all(np.isfinite(values)):
+            raise ConfigurationError("The input must be finite, got NaN or infinity in it.")
+        commands = np.zeros((len(values), 2))
+        if wide:
+            commands[:] = values
+        else:
+            p = self.parameters
+            commands[:, 0] = values if voltage is not None else values / (p.k_t * p.n)
+        return commands
+
+    def _record(
+        self,
+        commands: Floats,
+        loads: Floats,
+        measured: Floats,
+        true: Floats,
+        dt: float,
+        seed: int,
+        is_voltage: bool,
+    ) -> Record:
+        p = self.parameters
+        columns: dict[str, Floats] = {"t": np.arange(len(commands)) * dt}
+        if is_voltage:
+            columns["v"] = commands[:, 0].copy()
+        else:
+            columns["i_cmd"] = commands[:, 0].copy()
+            columns["tau_cmd"] = commands[:, 0] * p.k_t * p.n
+        columns |= {name: measured[:, j].copy() for j, name in enumerate(CHANNELS)}
+        names = ("q_m", "q_g", "q_l", "dq_m", "dq_g", "dq_l", "tau", "i")
+        columns |= {f"true_{name}": true[:, j].copy() for j, name in enumerate(names)}
+        if not self.structure_row.output_fixed:
+            columns["tau_l"] = loads.copy()
+        units = default_units(tuple(columns), prismatic=p.axis == "prismatic")
+        if p.unit("k_t").endswith("/V"):
+            units["i_cmd"] = "V"
+            for name in ("i", "true_i"):
+                del columns[name], units[name]
+        return Record(
+            columns,
+            units,
+            dt=dt,
+            seed=seed,
+            joint=p.name,
+            structure=self.structure,
+            parameter_hash=self.file.hash_hex(),
+            provenance={"kind": "simulation", "drive": self.drive, "effects": sorted(self.effects)},
+        )
+
+
+def _series(name: str, values: ArrayLike, length: int) -> Floats:
+    array = np.asarray(values, dtype=np.float64)
+    if array.shape != (length,) or not np.all(np.isfinite(array)):
+        raise ConfigurationError(
+            f"{name} must hold {length} finite numbers, got shape {array.shape}"
+            f"{'' if np.all(np.isfinite(array)) else ' with NaN or infinity'}."
+        )
+    return array
+
+
+def load_joint(
+    name: str | Path,
+    structure: str = "full_dynamics",
+    drive: str = "current",
+    effects: EffectSpec = None,
+    parameters: Mapping[str, float] | None = None,
+) -> Joint:
+    """Return a joint of the library, or one from a TOML file.
+
+    Args:
+        name: Name of a shipped joint, or path of a joint file.
+        structure: One of `STRUCTURES`.
+        drive: One of `DRIVES`.
+        effects: None for those the file lists; names, or a mapping of names to values, for
+            exactly these. Values that are not given come from the joint file.
+        parameters: Parameters that replace those of the file.
+
+    Raises:
+        UnknownNameError: No such joint, structure, drive or effect.
+        ParameterError: The file is not valid, or lacks what structure, drive or effects need.
+
+    Example:
+        >>> joint = load_joint("orange_80_6000", structure="output_fixed", effects=["coulomb"])
+        >>> joint.parameters.k_b
+        6000.0
+    """
+    file = load_joint_file(name)
+    if parameters:
+        file = replace(file, parameters=file.parameters.replace(**parameters))
+    row = get_structure(structure)
+    get_drive(drive)
+    linear.reduced_matrices(file.parameters, row)
+    joint = Joint(file, structure, drive, resolve_effects(effects, file))
+    joint.packed()
+    _check_drive(joint)
+    return joint
+
+
+def _check_drive(joint: Joint) -> None:
+    for name in ("r", "l_a", "p", "v_0"):
+        value = joint.parameters.get(name, 1.0)
+        if joint.drive != CURRENT_FREE and value <= 0.0:
+            raise ParameterError(
+                f"{name} of {joint.parameters.origin} must be > 0 for drive {joint.drive}, got "
+                f"{value:g}."
+            )
+
+
+__all__ = ["DRIVES", "DT_PHYSICS", "Joint", "load_joint"]

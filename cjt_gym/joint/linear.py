@@ -1,0 +1,141 @@
+"""The linear joint: matrices, state space, exact discretisation.
+
+States are z, dz and, where the output is fixed, q_l between them, in the order
+[q_m q_g q_l dq_m dq_g dq_l] with the merged and prescribed ones left out. Outputs are
+[q_m q_g q_l dq_m dq_g dq_l tau] with tau = k_b (q_g - q_l) + d_gl (dq_g - dq_l).
+"""
+
+from __future__ import annotations
+
+import control
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm
+
+from cjt_gym.errors import ParameterError
+from cjt_gym.joint.parameters import JointParameters
+from cjt_gym.joint.structures import BODIES, Structure
+
+Matrix = NDArray[np.float64]
+
+OUTPUTS = ("q_m", "q_g", "q_l", "dq_m", "dq_g", "dq_l", "tau")
+
+
+def body_matrices(p: JointParameters, structure: Structure) -> tuple[Matrix, Matrix, Matrix]:
+    """Return inertia, damping and stiffness of the three bodies, each of shape (3, 3).
+
+    Dampings that a joint file leaves out are zero; a stiffness that the structure joins
+    rigidly is not needed and enters as zero.
+
+    Source: Malzahn, Roozing, Tsagarakis, The Compliant Joint Toolbox for MATLAB, Table 1.
+    """
+    k_g = p.k_g if "k_g" in structure.needed_parameters else 0.0
+    k_b = p.k_b if "k_b" in structure.needed_parameters else 0.0
+    d_m, d_g, d_l = (p.get(name, 0.0) for name in ("d_m", "d_g", "d_l"))
+    d_mg, d_gl = p.get("d_mg", 0.0), p.get("d_gl", 0.0)
+    inertia = np.diag([p.I_m, p.get("I_g", 0.0), p.get("I_l", 0.0)])
+    damping = np.array(
+        [[d_m + d_mg, -d_mg, 0.0], [-d_mg, d_mg + d_g + d_gl, -d_gl], [0.0, -d_gl, d_gl + d_l]]
+    )
+    stiffness = np.array([[k_g, -k_g, 0.0], [-k_g, k_g + k_b, -k_b], [0.0, -k_b, k_b]])
+    return inertia, damping, stiffness
+
+
+def reduced_matrices(p: JointParameters, structure: Structure) -> tuple[Matrix, Matrix, Matrix]:
+    """Return S'IS, S'DS and S'KS, each of shape (size, size).
+
+    Raises:
+        ParameterError: A coordinate of the structure has no inertia.
+    """
+    s = structure.selection
+    inertia, damping, stiffness = (s.T @ m @ s for m in body_matrices(p, structure))
+    for group, value in enumerate(np.diag(inertia)):
+        if value <= 0.0:
+            bodies = [b for b, g in zip(BODIES, structure.groups, strict=True) if g == group]
+            names = " + ".join(f"I_{b[0]}" for b in bodies)
+            raise ParameterError(
+                f"{names} of {p.origin} must be > 0 {p.unit('I_m')} for structure "
+                f"{structure.name}, got {value:g}. Give the inertia or choose a structure that "
+                "joins these bodies to another."
+            )
+    return inertia, damping, stiffness
+
+
+def state_matrices(
+    p: JointParameters, structure: Structure
+) -> tuple[Matrix, Matrix, Matrix, Matrix]:
+    """Return A, B, C, D of the continuous joint.
+
+    Inputs are (tau_m, tau_l) with tau_l > 0 accelerating the load or, where the output is
+    fixed, (tau_m, dq_l). For `rigid` the joint has no torsion bar and the row of tau is zero.
+    """
+    inertia, damping, stiffness = reduced_matrices(p, structure)
+    _, body_damping, body_stiffness = body_matrices(p, structure)
+    s, size, order = structure.selection, structure.size, structure.order
+    mass_inverse = np.diag(1.0 / np.diag(inertia))
+    position, velocity = slice(0, size), slice(order - size, order)
+    a, b = np.zeros((order, order)), np.zeros((order, 2))
+    a[position, velocity] = np.eye(size)
+    a[velocity, position] = -mass_inverse @ stiffness
+    a[velocity, velocity] = -mass_inverse @ damping
+    b[velocity, 0] = mass_inverse @ s[0]
+    c, d = np.zeros((7, order)), np.zeros((7, 2))
+    c[0:3, position] = c[3:6, velocity] = s
+    if structure.output_fixed:
+        a[velocity, size] = -mass_inverse @ s.T @ body_stiffness[:, 2]
+        b[velocity, 1] = -mass_inverse @ s.T @ body_damping[:, 2]
+        b[size, 1] = c[2, size] = d[5, 1] = 1.0
+    else:
+        b[velocity, 1] = mass_inverse @ s[2]
+    bar = np.array([0.0, 1.0, -1.0])
+    k_b = body_stiffness[2, 2]
+    d_gl = -body_damping[1, 2] if structure.groups[1] != structure.groups[2] else 0.0
+    c[6] = k_b * bar @ c[0:3] + d_gl * bar @ c[3:6]
+    d[6] = d_gl * bar @ d[3:6]
+    return a, b, c, d
+
+
+def state_names(structure: Structure) -> tuple[str, ...]:
+    """Return the names of the states in their order."""
+    first = {g: body for body, g in reversed(list(zip("mgl", structure.groups, strict=True)))}
+    z = [first[g] for g in range(structure.size)]
+    return (
+        *(f"q_{body}" for body in z),
+        *(("q_l",) if structure.output_fixed else ()),
+        *(f"dq_{body}" for body in z),
+    )
+
+
+def zero_order_hold(a: Matrix, b: Matrix, dt: float) -> tuple[Matrix, Matrix]:
+    """Return the exact discrete A and B for inputs held over dt [s] (matrix exponential).
+
+    The states are balanced beforehand: stiff torsion bars give entries of 1e8 beside ones.
+    """
+    n, m = b.shape
+    joined = np.zeros((n + m, n + m))
+    joined[:n, :n], joined[:n, n:] = a * dt, b * dt
+    norms = np.abs(joined[:n, :n])
+    scale = np.ones(n)
+    for _ in range(10):
+        off = norms * scale[None, :] / scale[:, None]
+        np.fill_diagonal(off, 0.0)
+        column, row = off.sum(axis=0), off.sum(axis=1)
+        good = (column > 0.0) & (row > 0.0)
+        scale[good] *= np.sqrt(row[good] / column[good])
+    full = np.concatenate([scale, np.ones(m)])
+    exact = expm(joined * full[None, :] / full[:, None]) * full[:, None] / full[None, :]
+    return exact[:n, :n], exact[:n, n:]
+
+
+def state_space(p: JointParameters, structure: Structure, dt: float | None) -> control.StateSpace:
+    """Return the joint as a python-control system, continuous or sampled with zero-order hold."""
+    a, b, c, d = state_matrices(p, structure)
+    names = {
+        "states": list(state_names(structure)),
+        "inputs": ["tau_m", "dq_l" if structure.output_fixed else "tau_l"],
+        "outputs": list(OUTPUTS),
+    }
+    if dt is None:
+        return control.ss(a, b, c, d, **names)
+    a_d, b_d = zero_order_hold(a, b, dt)
+    return control.ss(a_d, b_d, c, d, dt, **names)

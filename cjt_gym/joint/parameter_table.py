@@ -1,0 +1,179 @@
+"""The table of joint parameters: the only place where their units and ranges are written.
+
+Symbols are those of the Compliant Joint Toolbox (its armature inductance `x` is `l_a` here).
+Inertias, stiffnesses, dampings and friction levels are referred to the link side of the gear.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+__all__ = [
+    "AXES",
+    "PARAMETERS",
+    "SAMPLING_UNITS",
+    "SENSOR_KEYS",
+    "ParameterSpec",
+    "sensor_unit",
+    "sensor_units",
+]
+
+AXES = ("rotary", "prismatic")
+SENSOR_KEYS = ("resolution", "noise")
+
+# What a unit of a rotary joint becomes on a prismatic one, whose amplifier may take volts.
+_PRISMATIC: Mapping[str, tuple[str, ...]] = {
+    "kg m^2": ("kg",),
+    "N m/rad": ("N/m",),
+    "N m s/rad": ("N s/m",),
+    "N m": ("N",),
+    "N m/A": ("N/A", "N/V"),
+    "rad": ("m",),
+    "rad/s": ("m/s",),
+    "A": ("A", "V"),
+}
+
+
+@dataclass(frozen=True)
+class ParameterSpec:
+    """What is known about a parameter before a joint gives it a value.
+
+    Attributes:
+        symbol: Its name in files and in code.
+        units: Units that are allowed, per kind of axis; the first one is the usual one.
+        minimum: Smallest value [unit].
+        exclusive: Whether the minimum itself is forbidden.
+        description: What it is, in words.
+    """
+
+    symbol: str
+    units: Mapping[str, tuple[str, ...]]
+    minimum: float
+    exclusive: bool
+    description: str
+
+    def allows(self, value: float) -> bool:
+        """Return whether `value` [unit] is finite and within the range."""
+        return math.isfinite(value) and (
+            value > self.minimum if self.exclusive else value >= self.minimum
+        )
+
+    def range_text(self, axis: str) -> str:
+        """Return the range in words with its unit, such as ``"> 0 N m/rad"``."""
+        unit = " or ".join(self.units[axis])
+        suffix = "" if unit == "-" else f" {unit}"
+        return f"{'>' if self.exclusive else '>='} {self.minimum:g}{suffix}"
+
+
+def _axis_units(unit: str) -> Mapping[str, tuple[str, ...]]:
+    return MappingProxyType({"rotary": (unit,), "prismatic": _PRISMATIC.get(unit, (unit,))})
+
+
+def _rows(unit: str, lower: str, **descriptions: str) -> dict[str, ParameterSpec]:
+    """Return rows that share a unit and a range; `lower` reads ">0", ">=0", ..."""
+    exclusive = not lower.startswith(">=")
+    minimum = float(lower.lstrip(">="))
+    return {
+        symbol: ParameterSpec(symbol, _axis_units(unit), minimum, exclusive, text)
+        for symbol, text in descriptions.items()
+    }
+
+
+PARAMETERS: Mapping[str, ParameterSpec] = MappingProxyType(
+    _rows(
+        "kg m^2",
+        ">=0",
+        I_m="inertia of the rotor, reflected to the link side (rotor inertia times n squared)",
+        I_g="inertia of the gear, reflected to the link side",
+        I_l="inertia of the load; of the torsion bar alone where nothing is attached",
+    )
+    | _rows(
+        "N m/rad",
+        ">0",
+        k_g="stiffness of the gearbox",
+        k_b="stiffness of the torsion bar, whose deflection is the sensed torque",
+    )
+    | _rows(
+        "N m s/rad",
+        ">=0",
+        d_m="viscous friction of the motor to ground; at positive velocity where d_m_n is used",
+        d_g="viscous friction of the gear to ground; at positive velocity where d_g_n is used",
+        d_l="viscous friction of the load to ground; at positive velocity where d_l_n is used",
+        d_m_n="viscous friction of the motor at negative velocity",
+        d_g_n="viscous friction of the gear at negative velocity",
+        d_l_n="viscous friction of the load at negative velocity",
+        d_mg="internal damping of the gearbox, acts on dq_m - dq_g",
+        d_gl="internal damping of the torsion bar, acts on dq_g - dq_l",
+    )
+    | _rows(
+        "N m",
+        ">=0",
+        d_cm="Coulomb friction of the motor; at positive velocity where d_cm_n is used",
+        d_cg="Coulomb friction of the gear; at positive velocity where d_cg_n is used",
+        d_cl="Coulomb friction of the load; at positive velocity where d_cl_n is used",
+        d_cm_n="Coulomb friction of the motor at negative velocity",
+        d_cg_n="Coulomb friction of the gear at negative velocity",
+        d_cl_n="Coulomb friction of the load at negative velocity",
+        d_s="breakaway torque",
+    )
+    | _rows("rad/s", ">=0", v_s="Stribeck velocity")
+    | _rows("-", ">0", n="transmission ratio, motor turns per link turn")
+    | _rows("-", ">=1", p="number of pole pairs")
+    | _rows("N m/A", ">0", k_t="torque constant at the rotor; torque at the link is k_t n i")
+    | _rows("Ohm", ">0", r="winding resistance at the nominal ambient temperature")
+    | _rows("H", ">=0", l_a="winding inductance")
+    | _rows("V", ">0", v_0="supply voltage, limit of the drive's output")
+    | _rows("A", ">0", i_p="peak current")
+    | _rows("rad/s", ">0", dq_p="peak velocity of the link")
+    | _rows(
+        "K/W",
+        ">0",
+        r_th1="thermal resistance, winding to housing",
+        r_th2="thermal resistance, housing to ambient",
+    )
+    | _rows(
+        "s",
+        ">0",
+        T_thw="thermal time constant of the winding",
+        T_thm="thermal time constant of the housing",
+    )
+    | _rows(
+        "degC",
+        ">=-273.15",
+        Tmp_WMax="highest winding temperature",
+        Tmp_ANom="nominal ambient temperature",
+    )
+    | _rows("1/K", ">=0", a_CU="temperature coefficient of the winding resistance")
+    | _rows("J/(kg K)", ">0", c_CU="specific heat of copper", c_FE="specific heat of iron")
+    | _rows("mm", ">0", diam="outer diameter of the actuator", len="length of the actuator")
+    | _rows("kg", ">0", m="mass of the actuator")
+)
+
+SAMPLING_UNITS: Mapping[str, str] = MappingProxyType(
+    {"dt": "s", "dt_electrical": "s", "jitter": "s"}
+)
+
+_CHANNEL_UNITS: Mapping[str, str] = {
+    "q_m": "rad",
+    "q_g": "rad",
+    "q_l": "rad",
+    "dq_m": "rad/s",
+    "dq_g": "rad/s",
+    "dq_l": "rad/s",
+    "tau": "N m",
+    "i": "A",
+    "v": "V",
+}
+
+
+def sensor_units(axis: str) -> dict[str, tuple[str, ...]]:
+    """Return the channels that a sensor may measure, with the units allowed on this axis."""
+    return {channel: _axis_units(unit)[axis] for channel, unit in _CHANNEL_UNITS.items()}
+
+
+def sensor_unit(channel: str, axis: str) -> str:
+    """Return the usual unit of a sensor channel on this kind of axis."""
+    return sensor_units(axis)[channel][0]

@@ -1,0 +1,229 @@
+"""The validated parameters of one joint.
+
+Units and ranges come from `PARAMETERS`; a joint file is read by `cjt_gym.joint.files`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from cjt_gym.errors import ParameterError, did_you_mean, unknown_name
+from cjt_gym.joint.parameter_table import AXES, PARAMETERS, ParameterSpec
+from cjt_gym.joint.quantity import FrozenMapping, Quantity, Setting
+
+__all__ = ["PARAMETERS", "JointParameters", "ParameterSpec", "Quantity", "content_of", "sha256_of"]
+
+ASYMMETRY_FACTOR = 3.0
+
+
+@dataclass(frozen=True, eq=False)
+class JointParameters:
+    """The validated parameters of one joint; ``p.k_b`` is the value of k_b.
+
+    Two sets are equal if their kind of axis, values and units are; names and sources do not matter.
+
+    Attributes:
+        name: Name of the joint.
+        source: Where the joint comes from.
+        quantities: Value, unit and source by symbol; see `PARAMETERS` for the symbols.
+        axis: "rotary" or "prismatic".
+        origin: File or other place that the values come from, for messages.
+
+    Raises:
+        ParameterError: A symbol is unknown, or a value has a wrong unit, is out of range, or
+            differs silently from its partner for the other direction.
+
+    Example:
+        >>> p = JointParameters.from_values("mine", {"k_b": 6000.0})
+        >>> p.k_b, "k_g" in p, p.get("d_l", 0.0)
+        (6000.0, False, 0.0)
+    """
+
+    name: str
+    source: str
+    quantities: Mapping[str, Quantity]
+    axis: str = "rotary"
+    origin: str = "values given in Python"
+
+    def __post_init__(self) -> None:
+        if self.axis not in AXES:
+            raise ParameterError(
+                f'axis of {self.origin} must be "rotary" or "prismatic", got {self.axis!r}.'
+            )
+        for symbol, quantity in self.quantities.items():
+            _check_quantity(symbol, quantity, self.axis, self.origin)
+        for symbol in self.quantities:
+            if symbol.endswith("_n"):
+                _check_partner(symbol, self.quantities, self.origin)
+        object.__setattr__(self, "quantities", FrozenMapping(self.quantities))
+
+    @classmethod
+    def from_values(
+        cls,
+        name: str,
+        values: Mapping[str, float],
+        axis: str = "rotary",
+        source: str = "set in Python",
+    ) -> JointParameters:
+        """Return parameters from bare numbers, each in the usual unit of its symbol."""
+        quantities = {
+            symbol: _in_usual_unit(symbol, value, axis, source) for symbol, value in values.items()
+        }
+        return cls(name=name, source=source, quantities=quantities, axis=axis)
+
+    def __getattr__(self, symbol: str) -> float:
+        """Return the value of a parameter [its unit].
+
+        Raises:
+            ParameterError: The joint does not have the parameter.
+            AttributeError: There is no such parameter at all.
+        """
+        if symbol not in PARAMETERS:
+            raise AttributeError(
+                f"JointParameters has no '{symbol}'.{did_you_mean(symbol, PARAMETERS)}"
+            )
+        if symbol not in self.quantities:
+            unit = PARAMETERS[symbol].units[self.axis][0]
+            raise ParameterError(
+                f"{symbol} of {self.origin} is needed and absent; "
+                f'add  {symbol} = {{ value = ..., unit = "{unit}" }}  under [parameters] '
+                f"({PARAMETERS[symbol].description})."
+            )
+        return self.quantities[symbol].number
+
+    def __contains__(self, symbol: object) -> bool:
+        return symbol in self.quantities
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, JointParameters):
+            return NotImplemented
+        return self.content() == other.content()
+
+    def __hash__(self) -> int:
+        return hash(self.hash_hex())
+
+    def get(self, symbol: str, default: float) -> float:
+        """Return the value of a parameter [its unit], or `default` where the joint has none.
+
+        Raises:
+            UnknownNameError: There is no such parameter at all.
+        """
+        if symbol not in PARAMETERS:
+            raise unknown_name("parameter", symbol, PARAMETERS)
+        return self.quantities[symbol].number if symbol in self.quantities else default
+
+    def unit(self, symbol: str) -> str:
+        """Return the unit of a parameter; the usual one where the joint does not have it.
+
+        Raises:
+            UnknownNameError: There is no such parameter at all.
+        """
+        if symbol not in PARAMETERS:
+            raise unknown_name("parameter", symbol, PARAMETERS)
+        quantity = self.quantities.get(symbol)
+        return PARAMETERS[symbol].units[self.axis][0] if quantity is None else quantity.unit
+
+    def replace(self, **values: float | Quantity) -> JointParameters:
+        """Return a copy with other values; a bare number keeps the unit that the parameter has.
+
+        Raises:
+            ParameterError: As for the constructor. A negative-direction value does not follow its
+                partner: give both.
+        """
+        quantities = dict(self.quantities)
+        for symbol, value in values.items():
+            quantities[symbol] = (
+                value if isinstance(value, Quantity) else self._revalued(symbol, value)
+            )
+        return JointParameters(self.name, self.source, quantities, self.axis, self.origin)
+
+    def _revalued(self, symbol: str, value: float) -> Quantity:
+        new = _in_usual_unit(symbol, value, self.axis, "set in Python")
+        old = self.quantities.get(symbol)
+        return (
+            new
+            if old is None
+            else Quantity(new.value, old.unit, new.source, old.tolerance, old.asymmetric)
+        )
+
+    def content(self) -> dict[str, object]:
+        """Return what makes two sets the same: the axis, and value and unit of every parameter."""
+        return {
+            "axis": self.axis,
+            "parameters": {s: content_of(q) for s, q in self.quantities.items()},
+        }
+
+    def hash_hex(self) -> str:
+        """Return the SHA-256 of `content`, in hexadecimal."""
+        return sha256_of(self.content())
+
+
+def _in_usual_unit(symbol: str, value: float, axis: str, source: str) -> Quantity:
+    if symbol not in PARAMETERS:
+        raise ParameterError(
+            f"There is no parameter '{symbol}'.{did_you_mean(symbol, PARAMETERS)} "
+            f"Known: {', '.join(PARAMETERS)}."
+        )
+    return Quantity(float(value) + 0.0, PARAMETERS[symbol].units[axis][0], source)
+
+
+def _check_quantity(symbol: str, quantity: Quantity, axis: str, origin: str) -> None:
+    if symbol not in PARAMETERS:
+        raise ParameterError(
+            f"{origin} has the unknown parameter '{symbol}'.{did_you_mean(symbol, PARAMETERS)} "
+            f"Known: {', '.join(PARAMETERS)}."
+        )
+    spec = PARAMETERS[symbol]
+    if quantity.unit not in spec.units[axis]:
+        allowed = " or ".join(spec.units[axis])
+        raise ParameterError(
+            f"{symbol} of {origin} must be in {allowed} on a {axis} axis, "
+            f"got the unit '{quantity.unit}'. "
+            f'Convert the value and write  unit = "{spec.units[axis][0]}".'
+        )
+    if isinstance(quantity.value, tuple):
+        raise ParameterError(
+            f"{symbol} of {origin} must be one number, got the list {list(quantity.value)}."
+        )
+    if not spec.allows(quantity.value):
+        raise ParameterError(
+            f"{symbol} of {origin} must be {spec.range_text(axis)}, got {quantity.value:.10g}."
+        )
+    if quantity.asymmetric and not symbol.endswith("_n"):
+        raise ParameterError(
+            f"{symbol} of {origin} carries asymmetric = true, which belongs to a "
+            "negative-direction value (..._n) only. Remove it."
+        )
+
+
+def _check_partner(symbol: str, quantities: Mapping[str, Quantity], origin: str) -> None:
+    """Refuse a negative-direction value that differs by more than a factor 3 without saying so."""
+    negative = quantities[symbol]
+    if negative.asymmetric:
+        return
+    partner = symbol.removesuffix("_n")
+    remedy = f"Correct one of them, or add  asymmetric = true  to {symbol} if it is meant."
+    if partner not in quantities:
+        raise ParameterError(
+            f"{symbol} of {origin} is given but its partner {partner} is absent. {remedy}"
+        )
+    low, high = sorted((negative.number, quantities[partner].number))
+    if high > ASYMMETRY_FACTOR * low:
+        raise ParameterError(
+            f"{symbol} of {origin} must lie within a factor {ASYMMETRY_FACTOR:g} of {partner} "
+            f"= {quantities[partner].number:.10g} {negative.unit}, "
+            f"got {negative.number:.10g}. {remedy}"
+        )
+
+
+def content_of(value: Setting) -> object:
+    """Return what of a setting changes a simulation: of a quantity, its value and unit."""
+    return [value.value, value.unit] if isinstance(value, Quantity) else value
+
+
+def sha256_of(content: Mapping[str, object]) -> str:
+    """Return the SHA-256 of nested plain data, in hexadecimal, whatever the order of keys."""
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()

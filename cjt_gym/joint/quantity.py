@@ -1,0 +1,152 @@
+"""A number with its unit and source, how a joint file writes it, and a read-only mapping."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TypeVar
+
+from cjt_gym.errors import ParameterError, did_you_mean
+
+__all__ = ["FrozenMapping", "Quantity", "Setting", "parse_quantity"]
+
+Value = TypeVar("Value")
+QUANTITY_KEYS = ("value", "unit", "source", "tolerance", "asymmetric")
+
+
+class FrozenMapping(Mapping[str, Value]):
+    """A read-only mapping that compares, hashes and pickles by its content."""
+
+    __slots__ = ("_items",)
+
+    _items: dict[str, Value]
+
+    def __init__(self, items: Mapping[str, Value] | None = None) -> None:
+        self._items = dict(items or {})
+
+    def __getitem__(self, key: str) -> Value:
+        return self._items[key]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._items)
+
+    def __len__(self) -> int:
+        return len(self._items)
+
+    def __hash__(self) -> int:
+        return hash(frozenset(self._items.items()))
+
+    def __repr__(self) -> str:
+        return repr(self._items)
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A value with unit and origin.
+
+    Attributes:
+        value: A finite number, or several of them, in `unit`.
+        unit: Unit as it is written in a joint file; "-" for a pure number.
+        source: Where the value comes from; empty where the source of the whole file holds.
+        tolerance: One sigma of the value, relative; None if unknown.
+        asymmetric: For a negative-direction value only: it is meant to differ from its partner.
+    """
+
+    value: float | tuple[float, ...]
+    unit: str
+    source: str = ""
+    tolerance: float | None = None
+    asymmetric: bool = False
+
+    @property
+    def number(self) -> float:
+        """The value of a quantity that holds a single number [unit].
+
+        Raises:
+            ParameterError: It holds a list.
+        """
+        if isinstance(self.value, tuple):
+            raise ParameterError(
+                f"A single number in {self.unit} is needed, got the list {list(self.value)}."
+            )
+        return self.value
+
+
+Setting = Quantity | str | bool | tuple[str, ...]  # what an entry of [effects.*] may be
+
+
+def parse_quantity(entry: object, owner: str) -> Quantity:
+    """Return the quantity that a joint file writes as ``{ value = 1.0, unit = "rad" }``.
+
+    Args:
+        entry: The parsed TOML value.
+        owner: What the quantity is and where it stands, such as "k_b of params/x.toml".
+
+    Raises:
+        ParameterError: A key is unknown or missing, or a value has the wrong type or is not finite.
+    """
+    if not isinstance(entry, Mapping):
+        raise ParameterError(
+            f'{owner} must be written as {{ value = ..., unit = "..." }}, got {entry!r}.'
+        )
+    _check_keys(entry, owner)
+    return Quantity(
+        value=_parse_value(entry["value"], owner),
+        unit=_parse_text(entry["unit"], f"unit of {owner}"),
+        source=_parse_text(entry["source"], f"source of {owner}") if "source" in entry else "",
+        tolerance=_parse_tolerance(entry["tolerance"], owner) if "tolerance" in entry else None,
+        asymmetric=_parse_flag(entry.get("asymmetric", False), owner),
+    )
+
+
+def _check_keys(entry: Mapping[str, object], owner: str) -> None:
+    for key in entry:
+        if key not in QUANTITY_KEYS:
+            hint = did_you_mean(key, QUANTITY_KEYS)
+            raise ParameterError(
+                f"{owner} has the unknown key '{key}'.{hint} Known: {', '.join(QUANTITY_KEYS)}."
+            )
+    for key in ("value", "unit"):
+        if key not in entry:
+            raise ParameterError(
+                f"{owner} lacks the key '{key}'. Write {{ value = ..., unit = \"...\" }}."
+            )
+
+
+def _parse_value(value: object, owner: str) -> float | tuple[float, ...]:
+    if isinstance(value, list):
+        return tuple(_parse_number(item, owner) for item in value)
+    return _parse_number(value, owner)
+
+
+def _parse_number(value: object, owner: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ParameterError(f"{owner} must be a number, got {value!r}.")
+    if not math.isfinite(value):
+        raise ParameterError(
+            f"{owner} must be a finite number, got {value}. Leave the entry out if it is unknown."
+        )
+    return float(value) + 0.0  # turns -0.0 into 0.0, so that equal values hash alike
+
+
+def _parse_text(value: object, owner: str) -> str:
+    if not isinstance(value, str) or not value.strip():
+        raise ParameterError(f"The {owner} must be a text that is not empty, got {value!r}.")
+    return value
+
+
+def _parse_tolerance(value: object, owner: str) -> float:
+    tolerance = _parse_number(value, f"tolerance of {owner}")
+    if tolerance < 0.0:
+        raise ParameterError(
+            f"tolerance of {owner} must be >= 0 (one sigma, relative to the value), "
+            f"got {tolerance:.10g}."
+        )
+    return tolerance
+
+
+def _parse_flag(value: object, owner: str) -> bool:
+    if not isinstance(value, bool):
+        raise ParameterError(f"asymmetric of {owner} must be true or false, got {value!r}.")
+    return value

@@ -1,0 +1,79 @@
+"""What a joint reports, and what it can take."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """One sample of every measured channel of a batch of joints, each of shape (num,).
+
+    Attributes:
+        t: Time since the reset [s].
+        i: Motor current [A].
+        q_m: Motor angle, rotor angle / n [rad].
+        q_g: Gear angle [rad].
+        q_l: Load angle [rad].
+        dq_m: Motor velocity [rad/s].
+        dq_g: Gear velocity [rad/s].
+        dq_l: Load velocity [rad/s].
+        tau: Joint torque [N m].
+    """
+
+    t: Floats
+    i: Floats
+    q_m: Floats
+    q_g: Floats
+    q_l: Floats
+    dq_m: Floats
+    dq_g: Floats
+    dq_l: Floats
+    tau: Floats
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a joint may be asked for, and where a run ends for safety.
+
+    Attributes:
+        tau: Largest motor torque that is commanded [N m].
+        dq_m: Largest motor speed [rad/s].
+        tau_joint: Largest joint torque [N m].
+    """
+
+    tau: float
+    dq_m: float
+    tau_joint: float
+
+
+class Plant(Protocol):
+    """A joint, simulated or real, that takes torque commands and gives measurements."""
+
+    @property
+    def dt(self) -> float:
+        """Control step [s]."""
+        ...
+
+    @property
+    def limits(self) -> Limits:
+        """What may be commanded and borne."""
+        ...
+
+    def reset(self, seed: int | None = None) -> Measurement:
+        """Start anew and return the first measurement."""
+        ...
+
+    def step(self, command: Floats) -> Measurement:
+        """Command a motor torque [N m] for one control step and return the next measurement."""
+        ...
+
+    def close(self) -> None:
+        """Release what is held."""
+        ...

@@ -1,0 +1,126 @@
+"""The channels a record may hold, and the units each of them may have.
+
+A record holds SI values on the link side. A rotary joint has its angles in rad and its torques in
+N m; a prismatic axis has positions in m and forces in N, under the same column names. A column with
+the prefix ``true_`` is the same quantity without sensor effects; only a simulation can write it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+from cjt_gym.errors import RecordError, unknown_name
+
+TRUE_PREFIX: Final = "true_"
+ROTARY: Final = frozenset({"rad", "rad/s", "N m"})
+PRISMATIC: Final = frozenset({"m", "m/s", "N"})
+
+
+@dataclass(frozen=True)
+class Column:
+    """A channel that a record may hold.
+
+    Attributes:
+        name: Name of the column.
+        units: Units it may have; the first one is the default.
+        description: What it is, in one line.
+    """
+
+    name: str
+    units: tuple[str, ...]
+    description: str
+
+
+_POSITION = ("rad", "m")
+_VELOCITY = ("rad/s", "m/s")
+_TORQUE = ("N m", "N")
+
+COLUMNS: Final[dict[str, Column]] = {
+    column.name: column
+    for column in (
+        Column("t", ("s",), "time of the sample, strictly increasing"),
+        Column(
+            "i_cmd",
+            ("A", "V"),
+            "command to the drive: a current, or the input voltage of its amplifier",
+        ),
+        Column(
+            "i_extra",
+            ("A", "V"),
+            "part of i_cmd that was added to the controller's output as an excitation",
+        ),
+        Column("i", ("A",), "motor current (q axis)"),
+        Column("i_d", ("A",), "motor current of the d axis"),
+        Column("v", ("V",), "motor voltage (q axis)"),
+        Column("v_d", ("V",), "motor voltage of the d axis"),
+        Column("tau_cmd", _TORQUE, "commanded motor torque"),
+        Column("tau_ref", _TORQUE, "reference of the joint torque"),
+        Column("tau_m", _TORQUE, "motor torque, k_t n i"),
+        Column("q_ref", _POSITION, "reference of the position"),
+        Column("q_m", _POSITION, "motor angle, rotor angle / n"),
+        Column("q_g", _POSITION, "angle at the gear output"),
+        Column("q_l", _POSITION, "load angle"),
+        Column("dq_m", _VELOCITY, "motor velocity"),
+        Column("dq_g", _VELOCITY, "velocity at the gear output"),
+        Column("dq_l", _VELOCITY, "load velocity"),
+        Column("tau", _TORQUE, "measured joint torque"),
+        Column("tau_l", _TORQUE, "external load torque, positive where it accelerates the load"),
+    )
+}
+
+
+def column_of(name: str) -> Column:
+    """Return the row of the column table for a column, with or without the prefix ``true_``.
+
+    Raises:
+        RecordError: The name is not one a record may hold.
+    """
+    row = COLUMNS.get(name.removeprefix(TRUE_PREFIX))
+    if row is None or name == TRUE_PREFIX + "t":
+        raise RecordError(
+            str(unknown_name("column", name, COLUMNS))
+            + f" Noise-free states: the same with the prefix {TRUE_PREFIX}."
+        )
+    return row
+
+
+def default_units(names: tuple[str, ...], prismatic: bool = False) -> dict[str, str]:
+    """Return the usual SI unit of each named column.
+
+    Example:
+        >>> default_units(("t", "q_m", "true_tau"))
+        {'t': 's', 'q_m': 'rad', 'true_tau': 'N m'}
+        >>> default_units(("q_m", "i_cmd"), prismatic=True)
+        {'q_m': 'm', 'i_cmd': 'A'}
+
+    Raises:
+        RecordError: A name is not one a record may hold.
+    """
+    return {name: _default_unit(column_of(name).units, prismatic) for name in names}
+
+
+def _default_unit(units: tuple[str, ...], prismatic: bool) -> str:
+    return next((unit for unit in units if prismatic and unit in PRISMATIC), units[0])
+
+
+def check_unit(owner: str, name: str, unit: str) -> None:
+    """Raise RecordError unless ``unit`` is one that column ``name`` may have."""
+    allowed = column_of(name).units
+    if unit not in allowed:
+        raise RecordError(
+            f"The unit of column {name!r} of {owner} must be {' or '.join(map(repr, allowed))}, "
+            f"got {unit!r}. Convert the values to SI units on the link side."
+        )
+
+
+def check_one_axis(owner: str, units: dict[str, str]) -> None:
+    """Raise RecordError where some columns are in rotary and others in prismatic units."""
+    rotary = [name for name, unit in units.items() if unit in ROTARY]
+    prismatic = [name for name, unit in units.items() if unit in PRISMATIC]
+    if rotary and prismatic:
+        raise RecordError(
+            f"The units of {owner} must all be rotary (rad, rad/s, N m) or all prismatic (m, m/s, "
+            f"N), got {rotary[0]!r} in {units[rotary[0]]!r} and {prismatic[0]!r} in "
+            f"{units[prismatic[0]]!r}. Convert one of them to the link side's unit."
+        )

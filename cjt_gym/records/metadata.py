@@ -1,0 +1,192 @@
+"""The TOML file beside a record's table: its units, its sample time, and what is known of it."""
+
+from __future__ import annotations
+
+import datetime
+import difflib
+import json
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from cjt_gym.errors import RecordError, unknown_name
+from cjt_gym.records.columns import default_units
+from cjt_gym.records.record import Record
+
+SCALARS: Final[dict[str, tuple[type, ...]]] = {
+    "dt": (float, int),
+    "seed": (int,),
+    "parameter_hash": (str,),
+    "joint": (str,),
+    "structure": (str,),
+}
+TABLES: Final = ("units", "versions", "sensors", "provenance")
+PLAIN_PROVENANCE: Final = ("mode", "excitation", "output")
+"""Facts of the provenance that stand at the top of the file, where a reader looks first."""
+QUANTITY_KEYS: Final = ("value", "unit", "source", "tolerance")
+
+
+@dataclass(frozen=True)
+class SensorQuantity:
+    """A sensor property as the file gives it.
+
+    Attributes:
+        value: Its value, in ``unit``.
+        unit: Its unit, which must be that of the channel.
+    """
+
+    value: float
+    unit: str
+
+
+def read_metadata(path: Path) -> dict[str, Any]:
+    """Return the facts of a record file as keyword arguments of :class:`Record`.
+
+    Facts without a field of their own go to ``provenance``.
+
+    Raises:
+        RecordError: The file is absent or is not TOML, has a key that looks like a misspelt one, or
+            a value of a wrong type.
+    """
+    facts = _parse(path)
+    known = (*SCALARS, *TABLES)
+    for key in facts:
+        _refuse_misspelt(path, key, facts, known)
+    for key, types in SCALARS.items():
+        _check_type(path, key, facts.get(key), types)
+    for key in TABLES:
+        _check_type(path, key, facts.get(key), (dict,))
+    result = {key: facts[key] for key in (*SCALARS, "units", "versions") if key in facts}
+    result.setdefault("units", {})
+    result["sensors"] = _sensors(path, facts.get("sensors", {}))
+    result["provenance"] = facts.get("provenance", {}) | {
+        key: value for key, value in facts.items() if key not in known
+    }
+    return result
+
+
+def write_metadata(record: Record, path: Path) -> None:
+    """Write what is known of a record, in the layout that :func:`read_metadata` reads."""
+    plain = {
+        key: record.provenance[key]
+        for key in PLAIN_PROVENANCE
+        if isinstance(record.provenance.get(key), str)
+    }
+    rest = {key: value for key, value in record.provenance.items() if key not in plain}
+    head = {key: getattr(record, key) for key in SCALARS} | plain
+    tables = {
+        "units": record.units,
+        "versions": record.versions,
+        "sensors": _sensor_tables(record),
+        "provenance": rest,
+    }
+    lines = [_entry(key, value) for key, value in head.items() if value is not None]
+    for name, table in tables.items():
+        lines += _table(name, table) if table else []
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _parse(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise RecordError(
+            f"The record needs a file {path} beside its table, with the sample time dt = ... [s] "
+            'and the table [units] that gives every column its unit, such as  q_m = "rad".'
+        ) from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise RecordError(f"{path} must be a TOML file in UTF-8: {error}.") from error
+
+
+def _refuse_misspelt(
+    path: Path, key: str, facts: Mapping[str, Any], known: tuple[str, ...]
+) -> None:
+    missing = [name for name in known if name not in facts]
+    if key not in known and difflib.get_close_matches(key, missing, n=1, cutoff=0.85):
+        raise RecordError(
+            f"{unknown_name('key', key, known)} (in {path}; facts of your own go under "
+            "[provenance])"
+        )
+
+
+def _check_type(path: Path, key: str, value: object, types: tuple[type, ...]) -> None:
+    if value is None or (isinstance(value, types) and not isinstance(value, bool)):
+        return
+    wanted = {float: "a number", int: "a whole number", str: "a string", dict: "a table"}[types[0]]
+    raise RecordError(f"{key} of {path} must be {wanted}, got {value!r}.")
+
+
+def _sensors(path: Path, sensors: Mapping[str, Any]) -> dict[str, dict[str, SensorQuantity]]:
+    for channel, known in sensors.items():
+        _check_type(path, f"sensors.{channel}", known, (dict,))
+    return {
+        channel: {
+            key: _quantity(f"sensors.{channel}.{key} of {path}", given)
+            for key, given in known.items()
+        }
+        for channel, known in sensors.items()
+    }
+
+
+def _quantity(what: str, given: object) -> SensorQuantity:
+    if not isinstance(given, dict) or not {"value", "unit"} <= set(given) <= set(QUANTITY_KEYS):
+        raise RecordError(f'{what} must look like {{ value = 1e-6, unit = "rad" }}, got {given!r}.')
+    value, unit = given["value"], given["unit"]
+    if isinstance(value, bool) or not isinstance(value, int | float) or not isinstance(unit, str):
+        raise RecordError(
+            f"{what} must have a number as its value and a string as its unit, got {given!r}."
+        )
+    return SensorQuantity(float(value), unit)
+
+
+def _sensor_tables(record: Record) -> dict[str, dict[str, dict[str, object]]]:
+    units = default_units(tuple(record.sensors), record.prismatic) | dict(record.units)
+    return {
+        channel: {key: {"value": value, "unit": units[channel]} for key, value in known.items()}
+        for channel, known in record.sensors.items()
+    }
+
+
+def _table(name: str, table: Mapping[str, Any]) -> list[str]:
+    return [
+        "",
+        f"[{name}]",
+        *(_entry(key, value) for key, value in table.items() if value is not None),
+    ]
+
+
+def _entry(key: str, value: object) -> str:
+    return f"{_key(key)} = {_value(value)}"
+
+
+def _key(key: str) -> str:
+    bare = key.isascii() and key.replace("_", "").replace("-", "").isalnum()
+    return key if bare else _string(key)
+
+
+def _value(value: object) -> str:
+    if hasattr(value, "tolist"):  # NumPy's scalars and arrays
+        value = value.tolist()
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, Mapping):
+        return (
+            "{ "
+            + ", ".join(
+                _entry(str(key), entry) for key, entry in value.items() if entry is not None
+            )
+            + " }"
+        )
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(_value, value)) + "]"
+    if isinstance(value, int | float):
+        return repr(value)
+    if isinstance(value, datetime.date | datetime.time):
+        return value.isoformat()
+    return _string(str(value))
+
+
+def _string(text: str) -> str:
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -1,0 +1,12 @@
+"""References and disturbances."""
+
+from cjt_gym.signals.signal import (
+    KINDS,
+    RANDOM_KINDS,
+    Reference,
+    Signal,
+    make_signals,
+    signal_from_file,
+)
+
+__all__ = ["KINDS", "RANDOM_KINDS", "Reference", "Signal", "make_signals", "signal_from_file"]

@@ -1,0 +1,109 @@
+"""Signals as numbers: the compiled evaluation behind every `Signal`.
+
+A signal is a row of numbers and a 64-bit key. Its random parts are a fixed function of the key
+and of the place in the sequence, so that a signal has a value at any time, past or future,
+without state: that is what makes previews cheap and batches repeatable.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from cjt_gym.joint.random_stream import hashed_uniform
+
+Floats = NDArray[np.float64]
+
+ZERO, STEP, CHIRP, MULTISINE, SMOOTH, TABLE = range(6)
+KIND, AMPLITUDE, LOW, HIGH, PERIOD, COUNT = range(6)
+WIDTH = 6
+
+
+@njit(cache=True)
+def _level(key: np.uint64, index: int) -> float:
+    """Return level `index` of the key's sequence, in [-1, 1)."""
+    return 2.0 * hashed_uniform(key, index) - 1.0
+
+
+@njit(cache=True)
+def _step(key: np.uint64, hold: float, t: float) -> float:
+    return _level(key, math.floor(t / hold))
+
+
+@njit(cache=True)
+def _smooth(key: np.uint64, spacing: float, t: float) -> float:
+    """Join random levels by the quintic with no velocity and acceleration at its ends."""
+    knot = math.floor(t / spacing)
+    s = t / spacing - knot
+    start, end = _level(key, int(knot)), _level(key, int(knot) + 1)
+    return start + (end - start) * s * s * s * (10.0 + s * (6.0 * s - 15.0))
+
+
+@njit(cache=True)
+def _chirp(low: float, high: float, period: float, t: float) -> float:
+    """Sweep linearly from low to high [Hz] over a period [s], then back, and so on."""
+    cycle = math.floor(t / period)
+    s = t - cycle * period
+    if int(cycle) % 2 == 1:
+        low, high = high, low
+    sweep = low * s + 0.5 * (high - low) * s * s / period
+    before = cycle * 0.5 * (low + high) * period
+    return math.sin(2.0 * math.pi * (before + sweep))
+
+
+@njit(cache=True)
+def _multisine(key: np.uint64, low: float, high: float, count: int, t: float) -> float:
+    """Add tones of equal amplitude, spaced evenly on a logarithmic scale, of random phase."""
+    total = 0.0
+    for j in range(count):
+        share = j / (count - 1) if count > 1 else 0.0
+        f = low * (high / low) ** share
+        total += math.sin(2.0 * math.pi * (f * t + hashed_uniform(key, j)))
+    return total / count
+
+
+@njit(cache=True)
+def _table(table: Floats, t: float) -> float:
+    """Interpolate rows [t, value] linearly; the table repeats."""
+    rows = table.shape[0]
+    span = table[rows - 1, 0] - table[0, 0]
+    at = table[0, 0] + (t - math.floor(t / span) * span if span > 0.0 else 0.0)
+    low, high = 0, rows - 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        if table[middle, 0] <= at:
+            low = middle
+        else:
+            high = middle
+    width = table[high, 0] - table[low, 0]
+    if width <= 0.0:
+        return float(table[low, 1])
+    return float(table[low, 1] + (table[high, 1] - table[low, 1]) * (at - table[low, 0]) / width)
+
+
+@njit(cache=True)
+def evaluate(row: Floats, key: np.uint64, table: Floats, t: float) -> float:
+    """Return the value of a signal at time t [s].
+
+    Args:
+        row: [kind, amplitude, low, high, period, count], shape (6,).
+        key: Seed of its random parts.
+        table: Rows [t, value] for a signal from a file, shape (rows, 2).
+        t: Time since the start [s]; at negative times every signal is what it is at 0.
+    """
+    t = max(t, 0.0)
+    kind = int(row[KIND])
+    if kind == STEP:
+        return row[AMPLITUDE] * _step(key, row[PERIOD], t)
+    if kind == CHIRP:
+        return row[AMPLITUDE] * _chirp(row[LOW], row[HIGH], row[PERIOD], t)
+    if kind == MULTISINE:
+        return row[AMPLITUDE] * _multisine(key, row[LOW], row[HIGH], int(row[COUNT]), t)
+    if kind == SMOOTH:
+        return row[AMPLITUDE] * _smooth(key, row[PERIOD], t)
+    if kind == TABLE:
+        return row[AMPLITUDE] * _table(table, t)
+    return 0.0

@@ -1,0 +1,141 @@
+"""References and disturbances: step, chirp, multisine, smooth random, and from a file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.records import read_record
+from cjt_gym.signals import evaluate as ev
+
+Floats = NDArray[np.float64]
+KINDS = {
+    "zero": ev.ZERO,
+    "step": ev.STEP,
+    "chirp": ev.CHIRP,
+    "multisine": ev.MULTISINE,
+    "smooth": ev.SMOOTH,
+    "file": ev.TABLE,
+}
+RANDOM_KINDS = ("step", "chirp", "multisine", "smooth")
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A signal over time: a torque reference [N m], or a load's torque or velocity.
+
+    Attributes:
+        kind: "zero", "step" (random levels), "chirp" (linear, to and fro), "multisine"
+            (logarithmically spaced, random phases), "smooth" (random levels joined by
+            quintics) or "file".
+        amplitude: Largest magnitude, in the unit of what it drives; a factor for "file".
+        low: Lowest frequency [Hz] of chirp and multisine.
+        high: Highest frequency [Hz] of chirp and multisine.
+        period: Hold time of a step, spacing of the smooth levels, duration of a sweep [s].
+        count: Tones of a multisine.
+        table: Rows [t, value] of a file, shape (rows, 2).
+        key: Seed of the random parts; `reset` draws it.
+
+    Example:
+        >>> chirp = Signal("chirp", amplitude=10.0, low=0.1, high=60.0, period=60.0)
+        >>> float(chirp.torque(0.0))
+        0.0
+    """
+
+    kind: str
+    amplitude: float = 1.0
+    low: float = 0.5
+    high: float = 20.0
+    period: float = 0.5
+    count: int = 12
+    table: Floats = field(default_factory=lambda: np.zeros((1, 2)), compare=False, repr=False)
+    key: int = 0
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise unknown_name("signal", self.kind, KINDS)
+        numbers = {"amplitude": self.amplitude, "low": self.low, "high": self.high}
+        for name, value in {**numbers, "period": self.period}.items():
+            low = -np.inf if name == "amplitude" else 0.0
+            if not (np.isfinite(value) and value > low):
+                unit = {"amplitude": "", "period": " s"}.get(name, " Hz")
+                raise ConfigurationError(
+                    f"{name} of the {self.kind} signal must be finite"
+                    f"{'' if name == 'amplitude' else ' and > 0' + unit}, got {value}."
+                )
+        if self.count < 1:
+            raise ConfigurationError(f"count of the signal must be >= 1, got {self.count}.")
+
+    def reset(self, rng: np.random.Generator) -> Signal:
+        """Return the signal with its random parts drawn anew from `rng`."""
+        return replace(self, key=int(rng.integers(2**63)))
+
+    def torque(self, t: float | Floats) -> Floats:
+        """Return the value at time t [s], of the shape of t."""
+        times = np.asarray(t, dtype=np.float64)
+        row, key = self.row(), np.uint64(self.key)
+        values = [ev.evaluate(row, key, self.table, float(x)) for x in times.ravel()]
+        return np.array(values).reshape(times.shape)
+
+    def row(self) -> Floats:
+        """Return the numbers that the compiled evaluation reads, shape (6,)."""
+        return np.array(
+            [KINDS[self.kind], self.amplitude, self.low, self.high, self.period, self.count],
+            dtype=np.float64,
+        )
+
+
+Reference = Signal
+
+
+def signal_from_file(path: str | Path, amplitude: float = 1.0) -> Signal:
+    """Return the signal in a record's column `tau_ref`, or else `tau_cmd`, or else `tau_l`.
+
+    Args:
+        path: Record file, or name of a shipped record.
+        amplitude: Factor on the values.
+
+    Raises:
+        ConfigurationError: The record has none of these columns.
+    """
+    record = read_record(path)
+    for name in ("tau_ref", "tau_cmd", "tau_l"):
+        if name in record:
+            table = np.column_stack([record.t - record.t[0], record[name]])
+            return Signal("file", amplitude=amplitude, table=table)
+    raise ConfigurationError(
+        f"Record {path} must have a column tau_ref, tau_cmd or tau_l [N m] to serve as a "
+        f"reference, got {', '.join(record.columns)}."
+    )
+
+
+def make_signals(spec: object, amplitude: float, high: float = 20.0) -> tuple[Signal, ...]:
+    """Return the signals from which each episode draws one.
+
+    Args:
+        spec: A name of `RANDOM_KINDS`, "mixed" for all of them, "zero", the path of a record,
+            a Signal, or a list of these.
+        amplitude: Amplitude of those that are only named.
+        high: Highest frequency of those that are only named [Hz].
+
+    Raises:
+        UnknownNameError: No such kind, and no such file.
+    """
+    if isinstance(spec, Signal):
+        return (spec,)
+    if isinstance(spec, (list, tuple)):
+        return tuple(s for item in spec for s in make_signals(item, amplitude, high))
+    if spec == "mixed":
+        return make_signals(list(RANDOM_KINDS), amplitude, high)
+    if spec in ("zero", *RANDOM_KINDS):
+        periods = {"chirp": 1.0, "step": 0.25, "smooth": 0.1}
+        period = periods.get(str(spec), 0.5)
+        return (Signal(str(spec), amplitude=amplitude, high=high, period=period),)
+    if isinstance(spec, (str, Path)) and Path(spec).exists():
+        return (signal_from_file(spec),)
+    known = ["mixed", "zero", *RANDOM_KINDS, "or the path of a record"]
+    raise unknown_name("signal", str(spec), known)

@@ -1,0 +1,480 @@
+"""Joint files and parameters: what they accept, what they refuse and in which words."""
+
+from __future__ import annotations
+
+import copy
+import json
+import math
+import pickle
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cjt_gym.errors import CjtGymError, MissingFileError, ParameterError, UnknownNameError
+from cjt_gym.joint.files import JointFile, joint_names, load_joint_file, to_toml
+from cjt_gym.joint.parameter_table import (
+    AXES,
+    PARAMETERS,
+    SAMPLING_UNITS,
+    SENSOR_KEYS,
+    sensor_units,
+)
+from cjt_gym.joint.parameters import JointParameters
+from cjt_gym.joint.quantity import Quantity, Setting
+from cjt_gym.joint.toml_format import parse_document
+
+GOLDEN = json.loads((Path(__file__).parents[1] / "golden" / "params.json").read_text("utf-8"))
+ORACLE_SETS = {
+    "orange_80_6000": "cjt_Orange_80_6000",
+    "orange_100_6000": "cjt_Orange_100_6000",
+    "lemon_50_6000": "cjt_Lemon_50_6000",
+    "lime_50_21000": "cjt_Lime_50_21000",
+    "avocado_100_21000": "cjt_Avocado_100_21000",
+    "pomegranate_160_9000": "cjt_Pomegranate_160_9000",
+    "generic": "genericJoint_defaults",
+    "example": "example_params",
+}
+ARTICLE = {  # Algorithm 1 of the article, and the three values that follow their partner
+    "I_m": 9.407e-2,
+    "d_m": 2.188643e-3,
+    "d_m_n": 2.188643e-3,
+    "d_cm": 2.64,
+    "d_cm_n": 2.64,
+    "k_t": 4.1e-2,
+    "n": 100.0,
+    "d_g": 2.2,
+    "d_g_n": 2.1,
+    "d_cg": 3.28,
+    "d_cg_n": 3.28,
+    "I_l": 1.137e-4,
+    "k_b": 21000.0,
+}
+HEAD = 'name = "mine"\nsource = "made up"\n'
+
+
+def write(folder: Path, text: str) -> Path:
+    path = folder / "mine.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def entries(*lines: str) -> str:
+    return HEAD + "[parameters]\n" + "\n".join(lines) + "\n"
+
+
+# --- the joints that ship -----------------------------------------------------------------------
+
+
+def test_the_promised_joints_ship() -> None:
+    assert {*ORACLE_SETS, "emps"} <= set(joint_names())
+
+
+@pytest.mark.parametrize("name", joint_names())
+def test_shipped_joint_loads_and_every_value_has_unit_and_source(name: str) -> None:
+    file = load_joint_file(name)
+    settings: list[Setting] = [*file.parameters.quantities.values(), *file.sampling.values()]
+    for table in (*file.effects.values(), *file.sensors.values()):
+        settings += table.values()
+    quantities = [setting for setting in settings if isinstance(setting, Quantity)]
+    assert quantities
+    assert file.name == name
+    assert file.parameters.source
+    assert all(quantity.unit and quantity.source for quantity in quantities)
+
+
+@pytest.mark.parametrize("name", sorted(ORACLE_SETS))
+def test_shipped_values_are_the_toolbox_values(name: str) -> None:
+    file = load_joint_file(name)
+    golden = GOLDEN["sets"][ORACLE_SETS[name]]
+    expected = golden | {"l_a": golden["x"]} | (ARTICLE if name == "example" else {})
+    for symbol, quantity in file.parameters.quantities.items():
+        assert quantity.value == expected[symbol], symbol
+    missing = {s for s in PARAMETERS if s not in file.parameters.quantities}
+    assert missing == {"d_s", "v_s"}  # zero in every set: no stiction
+    assert file.sampling["dt"].value == golden["Ts"]
+    assert file.sampling["dt_electrical"].value == golden["Ts_elec"]
+
+
+@pytest.mark.parametrize("name", sorted(ORACLE_SETS))
+def test_shipped_sensors_are_nineteen_bit_encoders(name: str) -> None:
+    file = load_joint_file(name)
+    step = 2 * math.pi / 2**19
+    for channel in ("q_m", "q_g", "q_l"):
+        assert file.sensors[channel]["resolution"].number == step
+        assert file.sensors[channel]["noise"].number == 1e-5
+    k_b = file.parameters.k_b
+    assert file.sensors["tau"]["resolution"].number == pytest.approx(k_b * step, rel=1e-15)
+    noise = k_b * math.hypot(1e-5, 1e-5)  # of the difference of two encoders
+    assert file.sensors["tau"]["noise"].number == pytest.approx(noise, rel=1e-15)
+
+
+def test_emps_is_the_published_prismatic_model() -> None:
+    file = load_joint_file("emps")
+    p = file.parameters
+    assert p.axis == "prismatic"
+    assert (p.I_m, p.d_m, p.k_t) == (95.1089, 203.5034, 35.15065188248547)
+    assert [p.quantities[s].unit for s in ("I_m", "d_m", "k_t")] == ["kg", "N s/m", "N/V"]
+    assert file.effects["coulomb"]["d_cm"] == Quantity(
+        20.3935, "N", "Janot, Gautier, Brunot (2019), IDIM-LS, symmetric friction: Fc"
+    )
+    offset = file.effects["torque_offset"]["torque"]
+    assert isinstance(offset, Quantity)
+    assert offset.value == 3.1648  # added to the motor: minus the published offset
+
+
+# --- access -------------------------------------------------------------------------------------
+
+
+def test_values_read_as_attributes() -> None:
+    p = load_joint_file("orange_80_6000").parameters
+    assert p.k_b == 6000.0
+    assert "k_b" in p
+    assert "d_s" not in p
+    assert p.get("d_s", 1.5) == 1.5
+    assert p.unit("k_b") == "N m/rad"
+    assert p.origin == "params/orange_80_6000.toml"
+
+
+def test_absent_parameter_is_asked_for(tmp_path: Path) -> None:
+    path = write(tmp_path, entries('k_b = { value = 6000.0, unit = "N m/rad" }'))
+    p = load_joint_file(path).parameters
+    with pytest.raises(ParameterError) as caught:
+        _ = p.k_g
+    message = str(caught.value)
+    assert message.startswith(f"k_g of {path} is needed and absent")
+    assert 'k_g = { value = ..., unit = "N m/rad" }' in message
+
+
+def test_no_such_parameter() -> None:
+    p = load_joint_file("orange_80_6000").parameters
+    with pytest.raises(AttributeError, match="no 'kb'. Did you mean 'k_b'?"):
+        _ = p.kb
+    with pytest.raises(UnknownNameError, match="Unknown parameter 'kb'. Did you mean 'k_b'?"):
+        p.get("kb", 0.0)
+    with pytest.raises(UnknownNameError, match="Unknown parameter 'kb'. Did you mean 'k_b'?"):
+        p.unit("kb")
+
+
+def test_replace_is_validated_and_leaves_the_original() -> None:
+    p = load_joint_file("orange_80_6000").parameters
+    q = p.replace(k_b=5000.0, d_s=Quantity(1.0, "N m", "guess"))
+    assert (p.k_b, q.k_b, q.d_s) == (6000.0, 5000.0, 1.0)
+    assert p != q
+    with pytest.raises(ParameterError, match="k_b of params/orange_80_6000.toml must be > 0"):
+        p.replace(k_b=-1.0)
+    with pytest.raises(ParameterError, match="no parameter 'kb'. Did you mean 'k_b'?"):
+        p.replace(kb=1.0)
+    with pytest.raises(ParameterError, match="d_cm_n of .* within a factor 3 of d_cm"):
+        p.replace(d_cm=20.0)
+    assert p.replace(d_cm=20.0, d_cm_n=20.0).d_cm_n == 20.0
+
+
+def test_replace_keeps_a_unit_that_is_not_the_usual_one() -> None:
+    p = load_joint_file("emps").parameters.replace(k_t=30.0)
+    assert p.quantities["k_t"].unit == "N/V"
+
+
+def test_equality_and_hash_follow_the_content() -> None:
+    p = load_joint_file("orange_80_6000").parameters
+    named = JointParameters("other name", "other source", p.quantities)
+    assert p == named
+    assert p.hash_hex() == named.hash_hex()
+    assert hash(p) == hash(named)
+    assert p.hash_hex() != p.replace(k_b=5999.0).hash_hex()
+    assert p != "orange_80_6000"
+    hashes = {load_joint_file(name).hash_hex() for name in joint_names()}
+    assert len(hashes) == len(joint_names())
+
+
+def test_file_hash_covers_effects_and_sensors(tmp_path: Path) -> None:
+    text = entries('k_b = { value = 6000.0, unit = "N m/rad" }')
+    effect = '[effects.coulomb]\nbody = "motor"\nd_cm = { value = 1.0, unit = "N m" }\n'
+    sensor = '[sensors.q_m]\nnoise = { value = 1.0, unit = "rad" }\n'
+    parts = (text, text + effect, text + sensor, text + effect.replace("motor", "gear"))
+    hashes = [load_joint_file(write(tmp_path, part)).hash_hex() for part in parts]
+    assert len(set(hashes)) == 4
+
+
+def test_files_are_values() -> None:
+    file = load_joint_file("emps")
+    assert pickle.loads(pickle.dumps(file)) == file
+    assert copy.deepcopy(file) == file
+    assert hash(file) == hash(load_joint_file("emps"))
+    with pytest.raises(TypeError):
+        file.parameters.quantities["k_b"] = Quantity(1.0, "N/m")  # type: ignore[index]
+
+
+def test_from_values_takes_usual_units() -> None:
+    rotary = JointParameters.from_values("mine", {"k_b": 1.0, "k_t": 2.0})
+    prismatic = JointParameters.from_values("mine", {"k_b": 1.0, "k_t": 2.0}, axis="prismatic")
+    assert [rotary.unit(s) for s in ("k_b", "k_t", "I_m")] == ["N m/rad", "N m/A", "kg m^2"]
+    assert [prismatic.unit(s) for s in ("k_b", "k_t", "I_m")] == ["N/m", "N/A", "kg"]
+    assert rotary != prismatic
+
+
+# --- refusals -----------------------------------------------------------------------------------
+
+KB = 'k_b = { value = 6000.0, unit = "N m/rad" }'
+REFUSED = {
+    "unknown parameter": (
+        entries('k_bb = { value = 1.0, unit = "N m/rad" }'),
+        ["unknown parameter 'k_bb'", "Did you mean 'k_b'?", "Known: I_m"],
+    ),
+    "unknown key of an entry": (
+        entries('k_b = { value = 1.0, unit = "N m/rad", sorce = "x" }'),
+        ["k_b of", "unknown key 'sorce'", "Did you mean 'source'?"],
+    ),
+    "unknown top-level key": (HEAD + "[parameter]\n", ["'parameter'", "'parameters'?"]),
+    "unknown sensor key": (
+        HEAD + '[sensors.q_m]\nnois = { value = 1.0, unit = "rad" }\n',
+        ["[sensors.q_m]", "unknown key 'nois'", "Did you mean 'noise'?"],
+    ),
+    "unknown sensor channel": (
+        HEAD + '[sensors.qm]\nnoise = { value = 1.0, unit = "rad" }\n',
+        ["unknown sensor channel 'qm'", "Did you mean 'q_m'?"],
+    ),
+    "unknown sampling key": (
+        HEAD + '[sampling]\ndtt = { value = 1.0, unit = "s" }\n',
+        ["[sampling]", "unknown key 'dtt'", "Did you mean 'dt'?"],
+    ),
+    "missing value": (entries('k_b = { unit = "N m/rad" }'), ["k_b of", "lacks the key 'value'"]),
+    "missing unit": (entries("k_b = { value = 1.0 }"), ["k_b of", "lacks the key 'unit'"]),
+    "bare number": (entries("k_b = 6000.0"), ["k_b of", "{ value = ..., unit =", "got 6000.0"]),
+    "missing name": ('source = "x"\n', ["lacks the key 'name'", 'name = "..."']),
+    "missing source": ('name = "x"\n', ["lacks the key 'source'"]),
+    "empty name": ('name = " "\nsource = "x"\n', ["name of", "not empty", "' '"]),
+    "wrong unit": (
+        entries('k_b = { value = 6.0, unit = "kN m/rad" }'),
+        ["k_b of", "must be in N m/rad", "'kN m/rad'", 'unit = "N m/rad"'],
+    ),
+    "rotary unit on a prismatic axis": (
+        'axis = "prismatic"\n' + entries(KB),
+        ["k_b of", "must be in N/m on a prismatic axis", "'N m/rad'"],
+    ),
+    "prismatic unit on a rotary axis": (
+        entries('I_m = { value = 1.0, unit = "kg" }'),
+        ["I_m of", "must be in kg m^2 on a rotary axis", "'kg'"],
+    ),
+    "wrong sensor unit": (
+        HEAD + '[sensors.tau]\nnoise = { value = 1.0, unit = "rad" }\n',
+        ["noise of [sensors.tau]", "must be in N m", "'rad'"],
+    ),
+    "wrong sampling unit": (
+        HEAD + '[sampling]\ndt = { value = 1.0, unit = "ms" }\n',
+        ["dt of [sampling]", "must be in s", "'ms'"],
+    ),
+    "negative stiffness": (
+        entries('k_b = { value = -6000, unit = "N m/rad" }'),
+        ["k_b of", "must be > 0 N m/rad", "got -6000."],
+    ),
+    "zero gear ratio": (
+        entries('n = { value = 0, unit = "-" }'),
+        ["n of", "must be > 0", "got 0."],
+    ),
+    "negative friction": (
+        entries('d_cm = { value = -0.1, unit = "N m" }'),
+        ["d_cm of", "must be >= 0 N m", "got -0.1."],
+    ),
+    "negative noise": (
+        HEAD + '[sensors.q_m]\nnoise = { value = -1.0, unit = "rad" }\n',
+        ["noise of [sensors.q_m]", ">= 0 rad", "-1.0"],
+    ),
+    "negative tolerance": (
+        entries('k_b = { value = 1.0, unit = "N m/rad", tolerance = -0.1 }'),
+        ["tolerance of k_b", ">= 0", "got -0.1."],
+    ),
+    "nan": (entries('k_b = { value = nan, unit = "N m/rad" }'), ["k_b of", "finite", "nan"]),
+    "infinity": (entries('k_b = { value = inf, unit = "N m/rad" }'), ["k_b of", "finite", "inf"]),
+    "nan in an effect": (
+        HEAD + '[effects.cogging]\na = { value = [1.0, nan], unit = "N m" }\n',
+        ["a of [effects.cogging]", "finite", "nan"],
+    ),
+    "text as value": (
+        entries('k_b = { value = "6000", unit = "N m/rad" }'),
+        ["k_b of", "must be a number", "'6000'"],
+    ),
+    "truth as value": (entries('n = { value = true, unit = "-" }'), ["n of", "a number", "True"]),
+    "list as parameter": (
+        entries('k_b = { value = [1.0, 2.0], unit = "N m/rad" }'),
+        ["k_b of", "must be one number", "[1.0, 2.0]"],
+    ),
+    "unit that is no text": (
+        entries("k_b = { value = 1.0, unit = 5 }"),
+        ["unit of k_b", "text that is not empty", "got 5"],
+    ),
+    "unknown axis": ('axis = "linear"\n' + HEAD, ["axis of", '"prismatic"', "'linear'"]),
+    "parameters that are no table": (HEAD + "parameters = 3\n", ["parameters of", "[parameters]"]),
+    "effect that is no table": (HEAD + "[effects]\ncoulomb = 1\n", ["coulomb of", "got 1"]),
+    "bare number in an effect": (
+        HEAD + "[effects.coulomb]\nd_cm = 1.0\n",
+        ["d_cm of [effects.coulomb]", "{ value = ..., unit"],
+    ),
+    "channel twice": (
+        HEAD + "[sensors.q_m]\n[sensors.q_m]\n",
+        ["sensor channel q_m stands twice", "Keep one"],
+    ),
+    "channel twice in an effect": (
+        HEAD + '[effects.noise]\nchannel = ["q_m", "tau", "q_m"]\n',
+        ["channel of [effects.noise]", "'q_m' twice"],
+    ),
+    "parameter twice": (entries(KB, KB), ["is not valid TOML", "only once"]),
+    "no TOML": ("k_b: 6000", ["is not valid TOML"]),
+    "negative direction differs silently": (
+        entries(
+            'd_m = { value = 0.0022, unit = "N m s/rad" }',
+            'd_m_n = { value = 14.786, unit = "N m s/rad" }',
+        ),
+        ["d_m_n of", "factor 3 of d_m = 0.0022 N m s/rad", "got 14.786", "asymmetric = true"],
+    ),
+    "negative direction without partner": (
+        entries('d_cm_n = { value = 1.0, unit = "N m" }'),
+        ["d_cm_n of", "partner d_cm is absent", "asymmetric = true"],
+    ),
+    "negative direction with zero partner": (
+        entries(
+            'd_cm = { value = 0.0, unit = "N m" }',
+            'd_cm_n = { value = 1.0, unit = "N m" }',
+        ),
+        ["d_cm_n of", "d_cm = 0 N m", "got 1."],
+    ),
+    "asymmetric where it means nothing": (
+        entries('d_cm = { value = 1.0, unit = "N m", asymmetric = true }'),
+        ["d_cm of", "asymmetric = true", "(..._n) only"],
+    ),
+    "asymmetric that is no truth value": (
+        entries('d_cm_n = { value = 1.0, unit = "N m", asymmetric = 1 }'),
+        ["asymmetric of d_cm_n", "true or false", "got 1"],
+    ),
+}
+
+
+@pytest.mark.parametrize("case", sorted(REFUSED))
+def test_bad_file_is_refused_in_clear_words(case: str, tmp_path: Path) -> None:
+    text, parts = REFUSED[case]
+    path = write(tmp_path, text)
+    with pytest.raises(ParameterError) as caught:
+        load_joint_file(path)
+    message = str(caught.value)
+    assert str(path) in message
+    assert [part for part in parts if part not in message] == []
+    assert isinstance(caught.value, ValueError)
+    assert isinstance(caught.value, CjtGymError)
+
+
+@pytest.mark.parametrize("symbol", sorted(PARAMETERS))
+def test_every_parameter_refuses_what_is_below_its_range(symbol: str) -> None:
+    spec = PARAMETERS[symbol]
+    for axis in AXES:
+        bad = spec.minimum if spec.exclusive else spec.minimum - 1e-6
+        with pytest.raises(ParameterError) as caught:
+            JointParameters.from_values("mine", {symbol: bad}, axis=axis)
+        assert spec.range_text(axis) in str(caught.value)
+        for value in (math.nan, math.inf):
+            with pytest.raises(ParameterError, match=f"{symbol} of "):
+                JointParameters.from_values("mine", {symbol: value}, axis=axis)
+
+
+def test_declared_asymmetry_is_accepted(tmp_path: Path) -> None:
+    line = 'd_cm_n = { value = 9.0, unit = "N m", asymmetric = true }'
+    lone = load_joint_file(write(tmp_path, entries(line)))
+    assert lone.parameters.d_cm_n == 9.0
+    both = load_joint_file(write(tmp_path, entries('d_cm = { value = 1.0, unit = "N m" }', line)))
+    assert load_joint_file(write(tmp_path, to_toml(both))) == both
+
+
+def test_factor_three_is_still_accepted() -> None:
+    for negative in (1.0, 9.0):
+        JointParameters.from_values("mine", {"d_cm": 3.0, "d_cm_n": negative})
+
+
+def test_unknown_joint() -> None:
+    with pytest.raises(UnknownNameError) as caught:
+        load_joint_file("orang_80_6000")
+    assert "Unknown joint 'orang_80_6000'. Did you mean 'orange_80_6000'?" in str(caught.value)
+    assert "Known: avocado_100_21000" in str(caught.value)
+    assert isinstance(caught.value, LookupError)
+
+
+def test_missing_and_unreadable_file(tmp_path: Path) -> None:
+    with pytest.raises(MissingFileError, match="nowhere.toml does not exist"):
+        load_joint_file(tmp_path / "nowhere.toml")
+    with pytest.raises(FileNotFoundError):
+        load_joint_file("no/such/file.toml")
+    (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(ParameterError, match="must be a UTF-8 text file"):
+        load_joint_file(tmp_path / "binary.toml")
+    with pytest.raises(ParameterError, match="cannot be read"):
+        load_joint_file(tmp_path)
+
+
+# --- round trip ---------------------------------------------------------------------------------
+
+TEXT = st.text(st.characters(exclude_categories=["Cs"]), min_size=1).filter(
+    lambda s: bool(s.strip())
+)
+NUMBER = st.floats(allow_nan=False, allow_infinity=False).map(lambda x: x + 0.0)
+
+
+def quantities(
+    unit: st.SearchStrategy[str], value: st.SearchStrategy[Any]
+) -> st.SearchStrategy[Quantity]:
+    tolerance = st.none() | st.floats(0.0, 1e6).map(lambda x: x + 0.0)
+    return st.builds(Quantity, value, unit, st.just("") | TEXT, tolerance)
+
+
+@st.composite
+def parameter_sets(draw: st.DrawFn) -> JointParameters:
+    axis = draw(st.sampled_from(AXES))
+    chosen = draw(st.sets(st.sampled_from(sorted(PARAMETERS))))
+    values = {}
+    for symbol in sorted(chosen):
+        spec = PARAMETERS[symbol]
+        number = st.floats(spec.minimum, 1e300, exclude_min=spec.exclusive).map(lambda x: x + 0.0)
+        quantity = draw(quantities(st.sampled_from(spec.units[axis]), number))
+        negative = symbol.endswith("_n")
+        values[symbol] = Quantity(
+            quantity.value, quantity.unit, quantity.source, quantity.tolerance, negative
+        )
+    return JointParameters(draw(TEXT), draw(TEXT), values, axis)
+
+
+@st.composite
+def joint_files(draw: st.DrawFn) -> JointFile:
+    p = draw(parameter_sets())
+    lists = NUMBER | st.lists(NUMBER).map(tuple)
+    names = st.lists(TEXT, min_size=1, unique=True).map(tuple)
+    setting = quantities(TEXT, lists) | TEXT | st.booleans() | names
+    effects = st.dictionaries(TEXT, st.dictionaries(TEXT, setting, max_size=3), max_size=3)
+    positive = st.floats(0.0, 1e300).map(lambda x: x + 0.0)
+    sensors = {}
+    for channel, units in sensor_units(p.axis).items():
+        entry = quantities(st.sampled_from(units), positive)
+        sensors[channel] = draw(st.dictionaries(st.sampled_from(SENSOR_KEYS), entry))
+    sampling = st.dictionaries(
+        st.sampled_from(sorted(SAMPLING_UNITS)), quantities(st.just("s"), positive)
+    )
+    return JointFile(p, draw(effects), sensors, draw(sampling))
+
+
+@settings(deadline=None, max_examples=50)
+@given(joint_files())
+def test_written_file_reads_back_equal(file: JointFile) -> None:
+    document = parse_document(to_toml(file), "text")
+    p = JointParameters(document.name, document.source, document.parameters, document.axis)
+    read = JointFile(p, document.effects, document.sensors, document.sampling)
+    assert read == file
+    assert read.hash_hex() == file.hash_hex()
+    assert p.quantities == file.parameters.quantities
+    assert (p.name, p.source) == (file.parameters.name, file.parameters.source)
+
+
+@pytest.mark.parametrize("name", joint_names())
+def test_shipped_file_survives_writing(name: str, tmp_path: Path) -> None:
+    file = load_joint_file(name)
+    read = load_joint_file(write(tmp_path, to_toml(file)))
+    assert read == file
+    assert read.parameters.quantities == file.parameters.quantities
+    assert to_toml(read) == to_toml(file)

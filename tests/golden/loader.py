@@ -1,0 +1,293 @@
+"""Typed access to the golden figures in this folder; their source is in README.md."""
+
+from __future__ import annotations
+
+import functools
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+HERE: Final = Path(__file__).parent
+Array = NDArray[Any]
+Value = float | list[float]
+
+STRUCTURES: Final = (
+    "full_dynamics",
+    "rigid_gearbox",
+    "rigid",
+    "output_fixed",
+    "output_fixed_rigid_gearbox",
+)
+BODIES_OF: Final[dict[str, tuple[tuple[int, ...], ...]]] = {
+    "full_dynamics": ((0,), (1,), (2,)),
+    "rigid_gearbox": ((0, 1), (2,)),
+    "rigid": ((0, 1, 2),),
+    "output_fixed": ((0,), (1,)),
+    "output_fixed_rigid_gearbox": ((0, 1),),
+}
+"""For each coordinate of a structure the bodies (motor 0, gear 1, load 2) that move with it."""
+
+UNITS: Final = {
+    "I_m": "kg m^2",
+    "I_g": "kg m^2",
+    "I_l": "kg m^2",
+    "k_g": "N m/rad",
+    "k_b": "N m/rad",
+    "d_m": "N m s/rad",
+    "d_g": "N m s/rad",
+    "d_l": "N m s/rad",
+    "d_m_n": "N m s/rad",
+    "d_g_n": "N m s/rad",
+    "d_l_n": "N m s/rad",
+    "d_mg": "N m s/rad",
+    "d_gl": "N m s/rad",
+    "d_cm": "N m",
+    "d_cg": "N m",
+    "d_cl": "N m",
+    "d_cm_n": "N m",
+    "d_cg_n": "N m",
+    "d_cl_n": "N m",
+    "n": "-",
+    "k_t": "N m/A",
+    "r": "Ohm",
+    "l_a": "H",
+    "p": "-",
+    "v_0": "V",
+    "i_p": "A",
+}
+"""The parameters that dynamics and drives need, and their units in a joint file."""
+
+
+def oracle_sets() -> tuple[str, ...]:
+    """Return the names of the parameter sets: eight of the toolbox, and oracle_asym."""
+    return tuple(_json("params.json")["sets"])
+
+
+def oracle_parameters(name: str) -> dict[str, Value]:
+    """Return all 47 parameters of a set under the toolbox's symbols, the inductance also as l_a."""
+    values: dict[str, Value] = dict(_json("params.json")["sets"][name])
+    return values | {"l_a": values["x"]}
+
+
+def oracle_numbers(name: str) -> dict[str, float]:
+    """Return those parameters of a set that :data:`UNITS` names, all of them plain numbers."""
+    values = oracle_parameters(name)
+    return {symbol: _number(values[symbol]) for symbol in UNITS}
+
+
+def write_joint(path: Path, name: str, replace: Mapping[str, float] | None = None) -> Path:
+    """Write a parameter set as a joint file, with some values replaced; return its path."""
+    values = oracle_numbers(name) | dict(replace or {})
+    lines = [f'name = "{path.stem}"', 'source = "golden parameter set"', "", "[parameters]"]
+    for symbol, value in values.items():
+        mark = ", asymmetric = true" if symbol.endswith("_n") else ""
+        unit = UNITS[symbol]
+        lines.append(
+            f'{symbol} = {{ value = {value!r}, unit = "{unit}", source = "golden"{mark} }}'
+        )
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path
+
+
+def linear(name: str, structure: str, what: str) -> Array:
+    """Return a linear figure of a set: A B C D I R K, zoh_A ... zoh_D (1 ms), eig, H (7, 2, 30)."""
+    archive = _npz("linear.npz")
+    return np.asarray(archive[f"{structure}/{what}"][_index(archive, name)])
+
+
+def frequencies(structure: str) -> Array:
+    """Return the frequencies of H, shape (30,) [Hz]."""
+    return np.asarray(_npz("linear.npz")[f"{structure}/f_hz"])
+
+
+def electrical(name: str, drive: str, what: str) -> Array:
+    """Return an electrical figure of a set.
+
+    Args:
+        name: Parameter set.
+        drive: ``"static"`` (D), ``"rl"`` (A B C D, sys_dc) or ``"dq"`` (x, u, x_dot, tau_m).
+        what: Which figure.
+    """
+    archive = _npz("electrical.npz")
+    return np.asarray(archive[f"{drive}/{what}"][_index(archive, name)])
+
+
+def secondary(name: str) -> dict[str, float]:
+    """Return the secondary properties of a set: i_c, t_r, dq_NL ..."""
+    return dict(_json("secondary.json")[name])
+
+
+@dataclass(frozen=True)
+class NonlinearCase:
+    """50 states of one set and structure, and the nonlinear torques there.
+
+    Attributes:
+        bodies: Angles and velocities of motor, gear and load, shape (50, 6); those of a fixed load
+            are its angle and zero.
+        torque: For each function of the toolbox the torque as it is meant, shape (50, coordinates).
+        as_coded: The same as the toolbox computes it, NaN where it fails.
+    """
+
+    bodies: Array
+    torque: dict[str, Array]
+    as_coded: dict[str, Array]
+
+
+NONLINEAR_SETS: Final = ("oracle_asym", "cjt_Lime_50_21000", "example_params")
+NONLINEAR_TERMS: Final = (
+    "coulomb",
+    "coulomb_asym",
+    "viscous_asym",
+    "ripple_type1",
+    "ripple_type2",
+    "ripple_mixed",
+)
+
+
+def nonlinear(name: str, structure: str) -> NonlinearCase:
+    """Return the states and nonlinear torques of a set and structure."""
+    archive, base = _npz("nonlinear.npz"), f"{name}/{structure}/"
+    return NonlinearCase(
+        bodies=bodies_of(structure, archive[base + "X"].T),
+        torque={term: archive[f"{base}{term}/tau_intended"].T for term in NONLINEAR_TERMS},
+        as_coded={term: archive[f"{base}{term}/tau_cjt"].T for term in NONLINEAR_TERMS},
+    )
+
+
+def ripple_rows(term: str, kind: int) -> dict[str, tuple[float, ...]]:
+    """Return f, a, b of the rows of a ripple term of a kind (1 additive, 2 proportional)."""
+    archive = _npz("nonlinear.npz")
+    pick = archive[f"{term}/rip_types"] == kind
+    keys = {"f": "rip_f", "a": "rip_a1", "b": "rip_a2"}
+    return {name: tuple(map(float, archive[f"{term}/{key}"][pick])) for name, key in keys.items()}
+
+
+def bodies_of(structure: str, states: Array) -> Array:
+    """Return a structure's states, (n, order), as angles and velocities of the bodies, (n, 6)."""
+    groups = BODIES_OF[structure]
+    size, order = len(groups), states.shape[1]
+    result = np.zeros((len(states), 6))
+    for k, group in enumerate(groups):
+        for body in group:
+            result[:, body] = states[:, k]
+            result[:, 3 + body] = states[:, order - size + k]
+    if structure.startswith("output_fixed"):
+        result[:, 2] = states[:, size]
+    return result
+
+
+def reduce_torque(structure: str, torque: Array) -> Array:
+    """Return torques on the bodies, shape (..., 3), summed over the bodies that move together."""
+    return np.stack(
+        [torque[..., list(group)].sum(axis=-1) for group in BODIES_OF[structure]], axis=-1
+    )
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """One recorded simulation: inputs at every sample, states at every ``every``-th.
+
+    Attributes:
+        name: Its name.
+        joint: Parameter set.
+        structure: Structure.
+        effects: The toolbox's nonlinear terms; none for a linear one.
+        dt: Sample time [s].
+        every: Interval of the kept states, in samples.
+        inputs: Held from sample to sample, shape (n, 2): motor torque, or voltage; then load torque
+            or load velocity. For the drive dq shape (n, 3): v_q, v_d, load velocity.
+        states: Angles and velocities of the bodies, shape (n // every + 1, 6); the velocity of a
+            fixed load is left zero.
+        ripple: Lists kind (1 additive, 2 proportional), f, a, b; none without ripple.
+        drive: Electrical drive.
+        current: Current, shape (kept,), or [i_q, i_d], shape (kept, 2); empty for torques.
+        tau_m: Motor torque, shape (kept,); empty where the torque is the input.
+    """
+
+    name: str
+    joint: str
+    structure: str
+    effects: tuple[str, ...]
+    dt: float
+    every: int
+    inputs: Array
+    states: Array
+    ripple: dict[str, list[float]]
+    drive: str
+    current: Array
+    tau_m: Array
+
+
+def mechanical_trajectories(nonlinear_ones: bool) -> tuple[Trajectory, ...]:
+    """Return the 45 linear or the 38 nonlinear trajectories that are driven by a motor torque."""
+    rows = _json("trajectories.json")["mechanical"]
+    return tuple(_mechanical(row) for row in rows if bool(row["effects"]) == nonlinear_ones)
+
+
+def electrical_trajectories() -> tuple[Trajectory, ...]:
+    """Return the six trajectories that are driven by a voltage."""
+    return tuple(_electrical(row) for row in _json("trajectories.json")["electrical"])
+
+
+def _mechanical(row: Mapping[str, Any]) -> Trajectory:
+    archive = _npz("trajectories.npz")
+    states = bodies_of(row["structure"], archive["x/" + row["name"]])
+    none = np.empty(0)
+    return Trajectory(
+        row["name"],
+        row["joint"],
+        row["structure"],
+        tuple(row["effects"]),
+        row["dt"],
+        row["every"],
+        archive[row["input"]],
+        states,
+        row["ripple"],
+        "current",
+        none,
+        none,
+    )
+
+
+def _electrical(row: Mapping[str, Any]) -> Trajectory:
+    archive, name = _npz("trajectories.npz"), row["name"]
+    return Trajectory(
+        name,
+        row["joint"],
+        row["structure"],
+        (),
+        row["dt"],
+        row["every"],
+        archive["electrical/u/" + name],
+        bodies_of(row["structure"], archive["electrical/x/" + name]),
+        {},
+        row["drive"],
+        archive["electrical/i/" + name],
+        archive["electrical/tau_m/" + name],
+    )
+
+
+def _number(value: Value) -> float:
+    assert isinstance(value, int | float)
+    return float(value)
+
+
+def _index(archive: Mapping[str, Array], name: str) -> int:
+    return list(archive["sets"]).index(name)
+
+
+@functools.cache
+def _json(name: str) -> dict[str, Any]:
+    data: dict[str, Any] = json.loads((HERE / name).read_text(encoding="utf-8"))
+    return data
+
+
+@functools.cache
+def _npz(name: str) -> dict[str, Array]:
+    with np.load(HERE / name) as archive:
+        return {key: archive[key] for key in archive.files}
