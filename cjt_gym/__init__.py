@@ -1,0 +1,57 @@
+"""Compliant joints for learning torque control: simulate, train, benchmark, diagnose.
+
+Importing this package registers the environments and loads nothing else; names are loaded when
+they are first used.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from cjt_gym.registry import register
+
+if TYPE_CHECKING:
+    from cjt_gym.joint import DRIVES, EFFECTS, STRUCTURES, Joint, joint_names, load_joint
+    from cjt_gym.records import Record, read_record, record_names, write_record
+
+__version__ = "0.1.0"
+
+_HOMES = {
+    "DRIVES": "cjt_gym.joint",
+    "EFFECTS": "cjt_gym.joint",
+    "STRUCTURES": "cjt_gym.joint",
+    "Joint": "cjt_gym.joint",
+    "Record": "cjt_gym.records",
+    "joint_names": "cjt_gym.joint",
+    "load_joint": "cjt_gym.joint",
+    "read_record": "cjt_gym.records",
+    "record_names": "cjt_gym.records",
+    "write_record": "cjt_gym.records",
+}
+
+__all__ = [
+    "DRIVES",
+    "EFFECTS",
+    "STRUCTURES",
+    "Joint",
+    "Record",
+    "joint_names",
+    "load_joint",
+    "read_record",
+    "record_names",
+    "write_record",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOMES:
+        return getattr(import_module(_HOMES[name]), name)
+    raise AttributeError(f"module 'cjt_gym' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *_HOMES])
+
+
+register()

@@ -5,7 +5,7 @@ from cjt_gym.joint.effects import EFFECTS, STAGES, Effect, EffectParameter
 from cjt_gym.joint.files import JointFile, joint_names, load_joint_file, to_toml
 from cjt_gym.joint.joint import Joint, load_joint
 from cjt_gym.joint.parameters import JointParameters, Quantity
-from cjt_gym.joint.structures import STRUCTURES, Structure
+from cjt_gym.joint.structures import STRUCTURES, Structure, get_structure
 
 __all__ = [
     "DRIVES",
@@ -19,6 +19,7 @@ __all__ = [
     "JointParameters",
     "Quantity",
     "Structure",
+    "get_structure",
     "joint_names",
     "load_joint",
     "load_joint_file",

@@ -95,6 +95,7 @@ class SimulatedPlant:
         self._p = self.batch.arrays.p.view(np.float64).reshape(num, -1)
         self._nominal = self._p[0].copy()
         self._limits = limits_of(joint)
+        self._torque_per_ampere = joint.parameters.k_t * joint.parameters.n
         self._commands = np.zeros((num, 2))
         self._no_load = np.zeros(num)
         self._randomization = dict(randomization or {})
@@ -162,18 +163,13 @@ class SimulatedPlant:
             self.seed(seed)
         mask = np.ones(self.num, dtype=np.bool_) if mask is None else mask
         start = np.zeros((self.num, 6)) if start is None else start
-        load = self._no_load if load is None else load
-        renew(
-            self.batch.arrays,
-            self.batch.setup,
-            self._p,
-            self._nominal,
-            self.rows,
-            mask,
-            start,
-            load,
-        )
+        self.restart(mask, start, self._no_load if load is None else load)
         return self.measurement()
+
+    def restart(self, mask: NDArray[np.bool_], start: Floats, load: Floats) -> None:
+        """Do what `reset` does, without building a measurement."""
+        batch = self.batch
+        renew(batch.arrays, batch.setup, self._p, self._nominal, self.rows, mask, start, load)
 
     def step(self, command: Floats, load: Floats | None = None) -> Measurement:
         """Command motor torques for one control step; they are clipped to the limits.
@@ -185,11 +181,15 @@ class SimulatedPlant:
         Raises:
             SimulationError: A state ceased to be finite.
         """
-        p = self.batch.arrays.p
         limit = self._limits.tau
-        self._commands[:, 0] = np.clip(command, -limit, limit) / (p["k_t"] * p["n"])
-        self.batch.step(self._commands, self._no_load if load is None else load)
+        self.advance(np.clip(command, -limit, limit), self._no_load if load is None else load)
         return self.measurement()
+
+    def advance(self, command: Floats, load: Floats) -> None:
+        """Do what `step` does with commands that are within the limits already."""
+        # The drive is told a current by someone who knows the nominal torque constant.
+        self._commands[:, 0] = command / self._torque_per_ampere
+        self.batch.step(self._commands, load)
 
     def measurement(self) -> Measurement:
         """Return the latest measurement; its arrays are copies."""

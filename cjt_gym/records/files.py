@@ -17,9 +17,10 @@ from typing import Any, Final
 import numpy as np
 
 from cjt_gym.errors import RecordError, unknown_name
+from cjt_gym.records.checks import FloatArray
 from cjt_gym.records.columns import column_of
 from cjt_gym.records.metadata import read_metadata, write_metadata
-from cjt_gym.records.record import FloatArray, Record
+from cjt_gym.records.record import Record
 
 Table = Mapping[str, Any]
 

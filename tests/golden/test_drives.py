@@ -81,7 +81,9 @@ def test_slope_of_the_d_and_q_currents(name: str, joint_of: JointOf) -> None:
     x, u = electrical(name, "dq", "x"), electrical(name, "dq", "u")
     h = 1e-8
     for k in range(20):
-        ahead, behind = (advance_dq(p, *x[:, k], *u[:2, k], True, u[2, k], s) for s in (h, -h))
+        (i_q, i_d), (v_q, v_d, speed) = x[:, k], u[:, k]
+        ahead = advance_dq(p, i_q, i_d, v_q, v_d, True, speed, h)
+        behind = advance_dq(p, i_q, i_d, v_q, v_d, True, speed, -h)
         slope = (np.array(ahead) - np.array(behind)) / (2.0 * h)
         golden = electrical(name, "dq", "x_dot")[:, k]
         np.testing.assert_allclose(slope, golden, rtol=0.0, atol=1e-6 * np.abs(golden).max())

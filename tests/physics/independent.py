@@ -81,6 +81,8 @@ def reference_states(
                 raise RuntimeError(
                     f"dop853 failed at sample {k} with code {solver.get_return_code()}"
                 )
+    if groups[2] < 0:
+        states[1:, 2] = bodies[2] + dt * np.cumsum(loads[:-1])
     return states
 
 
@@ -156,8 +158,8 @@ def _drag(c: FloatArray, body: int, v: float) -> float:
     """Return the nonlinear friction torque of a body, against its motion."""
     up, down, extra = c[FRICTION + 3 * body], c[FRICTION + 3 * body + 1], c[FRICTION + 3 * body + 2]
     if v > 0.0:
-        return -up * np.tanh(v / c[DQ_0])
-    return -down * np.tanh(v / c[DQ_0]) - extra * v
+        return float(-up * np.tanh(v / c[DQ_0]))
+    return float(-down * np.tanh(v / c[DQ_0]) - extra * v)
 
 
 @njit(cache=True)

@@ -1,0 +1,28 @@
+"""The environments that `import cjt_gym` registers with Gymnasium: one row each."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+
+MODULE = "cjt_gym.envs.torque_tracking"
+ENVIRONMENTS: dict[str, dict[str, Any]] = {
+    "CJT/TorqueTracking-v0": {},
+    "CJT/FullDynamics-v0": {"structure": "full_dynamics"},
+    "CJT/RigidGearbox-v0": {"structure": "rigid_gearbox"},
+    "CJT/Rigid-v0": {"structure": "rigid"},
+    "CJT/OutputFixed-v0": {"structure": "output_fixed"},
+    "CJT/OutputFixedRigidGearbox-v0": {"structure": "output_fixed_rigid_gearbox"},
+}
+
+
+def register() -> None:
+    """Register every row."""
+    for name, arguments in ENVIRONMENTS.items():
+        gymnasium.register(
+            id=name,
+            entry_point=f"{MODULE}:TorqueTrackingEnv",
+            vector_entry_point=f"{MODULE}:TorqueTrackingVectorEnv",
+            kwargs=arguments,
+        )

@@ -1,0 +1,178 @@
+"""The batch of episodes behind every form of the environment."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from cjt_gym.envs.observe import CLIP, SIGNALS_PER_SAMPLE, Task, begin, conclude, draw_episodes
+from cjt_gym.envs.settings import BaseController, Settings, make_settings
+from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.joint import Joint
+from cjt_gym.joint.kernel import TAU
+from cjt_gym.plant import Measurement, SimulatedPlant
+from cjt_gym.signals import Signal
+
+Floats = NDArray[np.float64]
+TERMS = ("tracking", "smoothness", "effort", "safety")
+ControllerOrFactory = BaseController | Callable[[Joint, float], BaseController]
+
+
+class Episodes:
+    """`num` episodes that advance together; a single environment is a batch of one.
+
+    Attributes:
+        settings: The task.
+        plant: The joints.
+        task: Arrays of the episodes.
+        observation_space: Of one episode.
+        action_space: Of one episode.
+        base: Motor torque of the base controller in the last step, shape (num,) [N m].
+        residual: Motor torque of the action in the last step, shape (num,) [N m].
+    """
+
+    def __init__(
+        self, num: int, base_controller: ControllerOrFactory | None = None, **arguments: Any
+    ) -> None:
+        """Prepare the episodes; arguments are those of `TorqueTrackingEnv`."""
+        self.settings = make_settings(residual=base_controller is not None, **arguments)
+        s = self.settings
+        self.num = num
+        self.plant = SimulatedPlant(s.joint, num, s.dt, s.dt_physics, s.randomization)
+        self.controller = _controller(base_controller, s)
+        self.task = _make_task(s, num, self.plant)
+        size = self.task.observation.shape[1]
+        self.observation_space = spaces.Box(-CLIP, CLIP, (size,), np.float32)
+        self.action_space = spaces.Box(-1.0, 1.0, (1,), np.float32)
+        self.base, self.residual = np.zeros(num), np.zeros(num)
+        self._random_rows = self.plant.rows
+        self._all = np.ones(num, dtype=np.bool_)
+
+    def reset(self, options: Mapping[str, Any] | None = None) -> None:
+        """Begin all episodes anew.
+
+        Args:
+            options: {"parameters": {name: value}} fixes exact parameters, without any
+                randomisation, until the next call; any other key is an error.
+        """
+        given = dict(options or {})
+        fixed = given.pop("parameters", None)
+        if given:
+            raise unknown_name("reset option", next(iter(given)), ["parameters"])
+        self.plant.rows = self._random_rows if fixed is None else self._random_rows[:0]
+        self.plant.set_nominal(fixed or {})
+        self.fixed = dict(fixed or {})
+        self.begin(self._all)
+
+    def begin(self, mask: NDArray[np.bool_]) -> None:
+        """Begin the episodes in a mask anew."""
+        draw_episodes(self.plant.batch.arrays, self.task, mask)
+        self.plant.restart(mask, self.task.start, self.task.load)
+        begin(self.plant.batch.arrays, self.task, mask)
+        if self.controller is not None:
+            self.controller.reset(mask)
+
+    def step(self, action: NDArray[np.floating[Any]]) -> None:
+        """Advance all episodes by one control step.
+
+        Args:
+            action: In [-1, 1], shape (num, 1); values outside are clipped.
+
+        Raises:
+            ConfigurationError: The action has the wrong shape or is not finite.
+            SimulationError: A state ceased to be finite.
+        """
+        action = np.asarray(action, dtype=np.float64)
+        if action.shape != (self.num, 1) or not np.isfinite(action).all():
+            raise ConfigurationError(
+                f"The action must hold {self.num} finite numbers, shape ({self.num}, 1), got "
+                f"shape {action.shape}{'' if np.isfinite(action).all() else ' with NaN or inf'}."
+            )
+        self.residual = np.clip(action[:, 0], -1.0, 1.0) * self.settings.action_scale
+        if self.controller is not None:
+            self.base = self.controller.act(self.measurement(), self.task.reference.copy())
+        limit = self.plant.limits.tau
+        command = np.clip(self.base + self.residual, -limit, limit)
+        self.plant.advance(command, self.task.load)
+        conclude(self.plant.batch.arrays, self.task, command)
+
+    def measurement(self) -> Measurement:
+        """Return the latest measurement of all joints."""
+        return self.plant.measurement()
+
+    def info(self) -> dict[str, Floats]:
+        """Return what a step reports, each of shape (num,)."""
+        arrays, task = self.plant.batch.arrays, self.task
+        terms = {f"reward/{name}": task.terms[:, j].copy() for j, name in enumerate(TERMS)}
+        return {
+            "tau": arrays.tau.copy(),
+            "tau_measured": arrays.measured[:, TAU].copy(),
+            "tau_reference": task.reference.copy(),
+            "tau_command": task.command.copy(),
+            "base_action": self.base.copy(),
+            "residual": self.residual.copy(),
+            **terms,
+        }
+
+    def parameters(self) -> dict[str, Floats]:
+        """Return the parameters that were drawn or fixed, each of shape (num,)."""
+        names = (*self.settings.randomization, *self.fixed)
+        rows = [self.plant.parameters(i) for i in range(self.num)] if names else []
+        return {name: np.array([row[name] for row in rows]) for name in dict.fromkeys(names)}
+
+
+def _controller(given: ControllerOrFactory | None, s: Settings) -> BaseController | None:
+    if given is None or hasattr(given, "act"):
+        return given
+    if callable(given):
+        return given(s.joint, s.dt)
+    raise ConfigurationError(
+        "base_controller must be a controller, a function (joint, dt) -> controller, or None, "
+        f"got {given!r}."
+    )
+
+
+def _make_task(s: Settings, num: int, plant: SimulatedPlant) -> Task:
+    size = s.preview + 4 + SIGNALS_PER_SAMPLE * s.history
+    reference_tables, reference_spans = _stack(s.references)
+    disturbance_tables, disturbance_spans = _stack(s.disturbances)
+    limits = plant.limits
+    scales = [s.torque_amplitude, s.velocity_scale, s.action_scale, limits.tau]
+    scales += [limits.dq_m, limits.tau_joint, s.dt, s.joint.parameters.n]
+    return Task(
+        reference_rows=np.array([signal.row() for signal in s.references]),
+        disturbance_rows=np.array([signal.row() for signal in s.disturbances]),
+        reference_tables=reference_tables,
+        disturbance_tables=disturbance_tables,
+        reference_spans=reference_spans,
+        disturbance_spans=disturbance_spans,
+        reference_row=np.zeros((num, 6)),
+        disturbance_row=np.zeros((num, 6)),
+        picks=np.zeros((num, 2), dtype=np.int64),
+        keys=np.zeros((num, 2), dtype=np.uint64),
+        start=np.zeros((num, 6)),
+        load=np.zeros(num),
+        reference=np.zeros(num),
+        command=np.zeros(num),
+        history=np.zeros((num, s.history, SIGNALS_PER_SAMPLE)),
+        observation=np.zeros((num, size), dtype=np.float32),
+        reward=np.zeros(num),
+        terms=np.zeros((num, len(TERMS))),
+        terminated=np.zeros(num, dtype=np.bool_),
+        truncated=np.zeros(num, dtype=np.bool_),
+        weights=np.array([s.reward_weights[name] for name in TERMS]),
+        scales=np.array(scales),
+        episode_steps=s.episode_steps,
+        preview=s.preview,
+    )
+
+
+def _stack(signals: tuple[Signal, ...]) -> tuple[Floats, NDArray[np.int64]]:
+    """Put the tables of all signals below each other; return them and their first and last rows."""
+    ends = np.cumsum([len(signal.table) for signal in signals])
+    starts = np.concatenate([[0], ends[:-1]])
+    return np.concatenate([s.table for s in signals]), np.column_stack([starts, ends])

@@ -1,0 +1,196 @@
+"""Compiled parts of the environment: draw an episode, observe, reward."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from cjt_gym.joint.kernel import DQ_L, DQ_M, Q_M, TAU, Batch
+from cjt_gym.joint.random_stream import mix, uniform
+from cjt_gym.signals.evaluate import evaluate
+
+Floats = NDArray[np.float64]
+Masks = NDArray[np.bool_]
+
+CLIP = 5.0
+TRACKING, SMOOTHNESS, EFFORT, SAFETY = range(4)
+SIGNALS_PER_SAMPLE = 4  # torque, motor velocity, load velocity, command
+
+
+class Task(NamedTuple):
+    """Constants of a task, and the arrays of its n episodes.
+
+    Attributes:
+        reference_rows: Signals of which an episode draws its reference, shape (signals, 6).
+        disturbance_rows: Likewise for the load, shape (signals, 6).
+        reference_tables: Their tables one below the other, shape (rows, 2).
+        disturbance_tables: Likewise.
+        reference_spans: First and last row of each one's table, shape (signals, 2).
+        disturbance_spans: Likewise.
+        reference_row: The reference of each episode, shape (n, 6).
+        disturbance_row: The disturbance of each episode, shape (n, 6).
+        picks: Index of the reference and the disturbance of each episode, shape (n, 2).
+        keys: Keys of reference and disturbance, shape (n, 2).
+        start: Initial states, shape (n, 6).
+        load: Load input at the present time, shape (n,).
+        reference: Reference at the present time, shape (n,) [N m].
+        command: Last motor torque commanded, shape (n,) [N m].
+        history: Scaled samples [tau, dq_m, dq_l, command], newest first, shape (n, history, 4).
+        observation: Shape (n, size), float32.
+        reward: Shape (n,).
+        terms: Weighted reward terms, shape (n, 4).
+        terminated: Shape (n,).
+        truncated: Shape (n,).
+        weights: Of the reward terms, shape (4,).
+        scales: [torque amplitude, velocity scale, action scale, torque limit, speed limit,
+            joint torque limit, control step, n (gear ratio)], shape (8,).
+        episode_steps: Control steps after which an episode is truncated.
+        preview: Future samples of the reference in the observation.
+    """
+
+    reference_rows: Floats
+    disturbance_rows: Floats
+    reference_tables: Floats
+    disturbance_tables: Floats
+    reference_spans: NDArray[np.int64]
+    disturbance_spans: NDArray[np.int64]
+    reference_row: Floats
+    disturbance_row: Floats
+    picks: NDArray[np.int64]
+    keys: NDArray[np.uint64]
+    start: Floats
+    load: Floats
+    reference: Floats
+    command: Floats
+    history: Floats
+    observation: NDArray[np.float32]
+    reward: Floats
+    terms: Floats
+    terminated: Masks
+    truncated: Masks
+    weights: Floats
+    scales: Floats
+    episode_steps: int
+    preview: int
+
+
+@njit(cache=True)
+def reference_at(task: Task, i: int, t: float) -> float:
+    """Return the reference of episode i at time t [N m]."""
+    span = task.reference_spans[task.picks[i, 0]]
+    table = task.reference_tables[span[0] : span[1]]
+    return float(evaluate(task.reference_row[i], task.keys[i, 0], table, t))
+
+
+@njit(cache=True)
+def load_at(task: Task, i: int, t: float) -> float:
+    """Return the load input of episode i at time t [N m or rad/s]."""
+    span = task.disturbance_spans[task.picks[i, 1]]
+    table = task.disturbance_tables[span[0] : span[1]]
+    return float(evaluate(task.disturbance_row[i], task.keys[i, 1], table, t))
+
+
+@njit(cache=True)
+def draw_episodes(batch: Batch, task: Task, mask: Masks) -> None:
+    """Draw reference, disturbance and the angle of the joint for the episodes in a mask."""
+    for i in range(mask.shape[0]):
+        if not mask[i]:
+            continue
+        for j, rows in enumerate((task.reference_rows, task.disturbance_rows)):
+            pick = int(uniform(batch.rng, i) * rows.shape[0])
+            task.picks[i, j] = pick
+            if j == 0:
+                task.reference_row[i] = rows[pick]
+            else:
+                task.disturbance_row[i] = rows[pick]
+            task.keys[i, j] = mix(batch.rng[i] + np.uint64(j + 1))
+        angle = 2.0 * math.pi * uniform(batch.rng, i)
+        for body in range(3):
+            task.start[i, body] = angle
+            task.start[i, 3 + body] = 0.0
+        task.load[i] = load_at(task, i, 0.0)
+
+
+@njit(cache=True)
+def limit(x: float) -> float:
+    """Clip an observation to its finite box."""
+    return min(max(x, -CLIP), CLIP)
+
+
+@njit(cache=True)
+def sample(batch: Batch, task: Task, i: int, row: Floats) -> None:
+    """Write the scaled newest sample [tau, dq_m, dq_l, command]."""
+    measured, scales = batch.measured[i], task.scales
+    row[0] = limit(measured[TAU] / scales[0])
+    row[1] = limit(measured[DQ_M] / scales[1])
+    row[2] = limit(measured[DQ_L] / scales[1])
+    row[3] = limit(task.command[i] / scales[0])
+
+
+@njit(cache=True)
+def observe(batch: Batch, task: Task, i: int) -> None:
+    """Write the observation of episode i."""
+    out, scales = task.observation[i], task.scales
+    t = batch.samples[i] * scales[6]
+    at = 0
+    for ahead in range(task.preview + 1):
+        value = task.reference[i] if ahead == 0 else reference_at(task, i, t + ahead * scales[6])
+        out[at] = limit(value / scales[0])
+        at += 1
+    out[at] = limit((task.reference[i] - batch.measured[i, TAU]) / scales[0])
+    rotor = scales[7] * batch.measured[i, Q_M]
+    out[at + 1] = math.sin(rotor)
+    out[at + 2] = math.cos(rotor)
+    at += 3
+    for past in range(task.history.shape[1]):
+        for signal in range(SIGNALS_PER_SAMPLE):
+            out[at] = task.history[i, past, signal]
+            at += 1
+
+
+@njit(cache=True)
+def begin(batch: Batch, task: Task, mask: Masks) -> None:
+    """Observe for the first time after the plant was reset."""
+    for i in range(mask.shape[0]):
+        if mask[i]:
+            task.command[i] = 0.0
+            task.reference[i] = reference_at(task, i, 0.0)
+            for past in range(task.history.shape[1]):
+                sample(batch, task, i, task.history[i, past])
+            observe(batch, task, i)
+
+
+@njit(cache=True)
+def conclude(batch: Batch, task: Task, command: Floats) -> None:
+    """After a control step: reference, reward, end of the episode, observation, next load.
+
+    Args:
+        batch: The joints.
+        task: The task.
+        command: Motor torque that was commanded, shape (n,) [N m].
+    """
+    scales, weights = task.scales, task.weights
+    for i in range(command.shape[0]):
+        t = batch.samples[i] * scales[6]
+        task.reference[i] = reference_at(task, i, t)
+        error = (task.reference[i] - batch.tau[i]) / scales[0]
+        change = (command[i] - task.command[i]) / scales[0]
+        task.command[i] = command[i]
+        too_fast = abs(batch.state[i, 3]) > scales[4]
+        too_strong = abs(batch.tau[i]) > scales[5]
+        task.terminated[i] = too_fast or too_strong
+        task.truncated[i] = batch.samples[i] >= task.episode_steps and not task.terminated[i]
+        task.terms[i, TRACKING] = -weights[TRACKING] * abs(error)
+        task.terms[i, SMOOTHNESS] = -weights[SMOOTHNESS] * change * change
+        task.terms[i, EFFORT] = -weights[EFFORT] * (command[i] / scales[0]) ** 2
+        task.terms[i, SAFETY] = -weights[SAFETY] if task.terminated[i] else 0.0
+        task.reward[i] = task.terms[i].sum()
+        for past in range(task.history.shape[1] - 1, 0, -1):
+            task.history[i, past] = task.history[i, past - 1]
+        sample(batch, task, i, task.history[i, 0])
+        observe(batch, task, i)
+        task.load[i] = load_at(task, i, t)

@@ -1,0 +1,114 @@
+"""The batch as a vectorised environment of Stable-Baselines3, without copies of environments."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+from stable_baselines3.common.vec_env import VecEnv
+
+from cjt_gym.envs.core import Episodes
+from cjt_gym.envs.torque_tracking import complete
+
+Indices = int | Iterable[int] | None
+
+
+class TorqueTrackingVecEnv(VecEnv):
+    """A batch of `TorqueTrackingEnv` for Stable-Baselines3, with the same arguments.
+
+    Episodes that end begin anew within the same step; their `info` holds `terminal_observation`,
+    `TimeLimit.truncated`, the keys of a single environment's step, and `episode` with return `r`
+    and length `l`. The `info` of the others is empty.
+    """
+
+    def __init__(self, num_envs: int, **arguments: Any) -> None:
+        """Prepare the batch.
+
+        Args:
+            num_envs: How many.
+            **arguments: Those of `TorqueTrackingEnv`, checked as there.
+        """
+        self.episodes = Episodes(num_envs, **complete(arguments))
+        self.render_mode = None
+        self._returns = np.zeros(num_envs)
+        self._squares = np.zeros(num_envs)
+        self._fresh = True
+        super().__init__(num_envs, self.episodes.observation_space, self.episodes.action_space)
+
+    def reset(self) -> NDArray[np.float32]:
+        """Begin all episodes; `seed` beforehand fixes what they draw."""
+        if self._seeds[0] is not None:
+            for i, seed in enumerate(self._seeds):
+                self.episodes.plant.batch.seed(i, int(seed or 0))
+        elif self._fresh:
+            self.episodes.plant.seed(int(np.random.SeedSequence().generate_state(1)[0]))
+        self._fresh = False
+        self.episodes.reset()
+        self._returns[:] = self._squares[:] = 0.0
+        self._reset_seeds()
+        self._reset_options()
+        return self.episodes.task.observation.copy()
+
+    def step_async(self, actions: NDArray[Any]) -> None:
+        """Keep the actions for `step_wait`."""
+        self._actions = actions
+
+    def step_wait(
+        self,
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
+        """Advance all members by one control step."""
+        self.episodes.step(self._actions)
+        task = self.episodes.task
+        done = task.terminated | task.truncated
+        reward = task.reward.astype(np.float32)
+        self._returns += task.reward
+        self._squares += (task.reference - self.episodes.plant.batch.arrays.tau) ** 2
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        if done.any():
+            self._finish(np.flatnonzero(done), infos)
+            self.episodes.begin(done)
+        return task.observation.copy(), reward, done, infos
+
+    def _finish(self, ended: NDArray[np.int64], infos: list[dict[str, Any]]) -> None:
+        task, report = self.episodes.task, self.episodes.info()
+        samples = self.episodes.plant.batch.arrays.samples
+        for i in ended:
+            length = int(samples[i])
+            infos[i] = {name: float(values[i]) for name, values in report.items()} | {
+                "terminal_observation": task.observation[i].copy(),
+                "TimeLimit.truncated": bool(task.truncated[i]),
+                "episode": {"r": float(self._returns[i]), "l": length, "t": 0.0},
+                "rmse": float(np.sqrt(self._squares[i] / length)),
+            }
+        self._returns[ended] = self._squares[ended] = 0.0
+
+    def close(self) -> None:
+        """Release nothing."""
+
+    def get_attr(self, attr_name: str, indices: Indices = None) -> list[Any]:
+        """Return an attribute of the batch once per index."""
+        return [getattr(self, attr_name) for _ in self._get_indices(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: Indices = None) -> None:
+        """Set an attribute of the batch; members have none of their own."""
+        setattr(self, attr_name, value)
+
+    def env_method(
+        self, method_name: str, *args: Any, indices: Indices = None, **kwargs: Any
+    ) -> list[Any]:
+        """Call a method of the batch once per index."""
+        method = getattr(self, method_name)
+        return [method(*args, **kwargs) for _ in self._get_indices(indices)]
+
+    def env_is_wrapped(
+        self, wrapper_class: type[gym.Wrapper[Any, Any, Any, Any]], indices: Indices = None
+    ) -> list[bool]:
+        """Return False for each: members are not wrapped."""
+        return [False for _ in self._get_indices(indices)]
+
+    def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
+        """Return no images: a batch is not drawn."""
+        return [None for _ in range(self.num_envs)]

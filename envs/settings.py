@@ -1,0 +1,191 @@
+"""What a torque-tracking task is made of, with every default resolved."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.joint import Joint, get_structure, load_joint, load_joint_file
+from cjt_gym.plant import Measurement
+from cjt_gym.signals import Signal, make_signals
+
+Floats = NDArray[np.float64]
+REWARD_WEIGHTS = {"tracking": 1.0, "smoothness": 0.05, "effort": 0.0, "safety": 50.0}
+AMPLITUDE_SHARE = 0.1
+LOAD_FACTOR = 10.0
+BARE_SHARE = 0.1
+FREE_DRIFT = 1.0
+
+
+class BaseController(Protocol):
+    """What an environment asks of a controller that it adds actions to."""
+
+    def reset(self, mask: NDArray[np.bool_] | None = None) -> None:
+        """Forget the past of the joints in the mask."""
+
+    def act(self, measurement: Measurement, reference: Floats) -> Floats:
+        """Return the motor torque [N m], shape (num,)."""
+        ...
+
+
+@dataclass(frozen=True)
+class Settings:
+    """A torque-tracking task.
+
+    Attributes:
+        joint: The joint.
+        references: Signals of which each episode draws one [N m].
+        disturbances: Likewise for the load input [N m] or, with a fixed output, [rad/s].
+        torque_amplitude: Torque that observations and rewards are scaled by [N m].
+        velocity_scale: Velocity that observations are scaled by [rad/s].
+        action_scale: Motor torque of an action of 1 [N m].
+        preview: Future samples of the reference in the observation.
+        history: Past samples of every measured signal in the observation.
+        episode_steps: Control steps after which an episode is truncated.
+        dt: Control step [s].
+        dt_physics: Substep [s].
+        reward_weights: Weight of each reward term.
+        randomization: What each episode draws anew.
+    """
+
+    joint: Joint
+    references: tuple[Signal, ...]
+    disturbances: tuple[Signal, ...]
+    torque_amplitude: float
+    velocity_scale: float
+    action_scale: float
+    preview: int
+    history: int
+    episode_steps: int
+    dt: float
+    dt_physics: float
+    reward_weights: Mapping[str, float]
+    randomization: Mapping[str, Any] = field(default_factory=dict)
+
+
+def default_load(name: str, structure: str, parameters: Mapping[str, float]) -> dict[str, float]:
+    """Return the parameters with a load where a free output would have none.
+
+    Joint files describe the actuator: their I_l is the bare torsion bar, against which no torque
+    can be held. Where the output is free, I_l is not given and that of the file is under a tenth
+    of I_m + I_g, the load is ten times I_m + I_g.
+    """
+    values = dict(parameters)
+    file = load_joint_file(name).parameters
+    actuator = values.get("I_m", file.I_m) + values.get("I_g", file.get("I_g", 0.0))
+    free = not get_structure(structure).output_fixed
+    if free and "I_l" not in values and file.get("I_l", 0.0) < BARE_SHARE * actuator:
+        values["I_l"] = LOAD_FACTOR * actuator
+    return values
+
+
+def make_settings(
+    *,
+    joint: str | Joint,
+    structure: str,
+    drive: str,
+    effects: Any,
+    parameters: Mapping[str, float] | None,
+    randomization: Mapping[str, Any] | None,
+    reference: Any,
+    disturbance: Any,
+    torque_amplitude: float | None,
+    velocity_scale: float | None,
+    action_scale: float | None,
+    residual: bool,
+    preview: int,
+    history: int | None,
+    episode_steps: int,
+    dt_control: float,
+    dt_physics: float,
+    reward_weights: Mapping[str, float] | None,
+) -> Settings:
+    """Resolve the arguments of an environment.
+
+    Raises:
+        ConfigurationError: A number is out of its range.
+        UnknownNameError: A name is not known.
+        ParameterError: The joint lacks what is asked of it.
+    """
+    if not isinstance(joint, Joint):
+        loaded = default_load(str(joint), structure, parameters or {})
+        joint = load_joint(joint, structure, drive, effects, loaded)
+    limit = joint.torque_limit
+    if torque_amplitude is None:
+        if not math.isfinite(limit):
+            raise ConfigurationError(
+                f"torque_amplitude [N m] is needed: {joint.parameters.origin} gives no peak "
+                "current i_p from which to take it."
+            )
+        torque_amplitude = AMPLITUDE_SHARE * limit
+    _positive("torque_amplitude", torque_amplitude, "N m")
+    disturbances = make_signals("zero" if disturbance is None else disturbance, 1.0, high=5.0)
+    if velocity_scale is None:
+        velocity_scale = _velocity_scale(joint, torque_amplitude, disturbances)
+    _positive("velocity_scale", velocity_scale, "rad/s")
+    if action_scale is None:
+        action_scale = min(0.5 * torque_amplitude if residual else 3.0 * torque_amplitude, limit)
+    _positive("action_scale", action_scale, "N m")
+    if preview < 0 or episode_steps < 1:
+        raise ConfigurationError(
+            f"preview must be >= 0 and episode_steps >= 1, got {preview} and {episode_steps}."
+        )
+    late = _lateness(joint, dt_control)
+    history = max(4, late + 2) if history is None else history
+    if history < late:
+        raise ConfigurationError(
+            f"history must be >= {late}, the delay of the joint in control steps, so that what is "
+            f"on its way stays in the observation; got {history}."
+        )
+    return Settings(
+        joint=joint,
+        references=make_signals(reference, torque_amplitude),
+        disturbances=disturbances,
+        torque_amplitude=float(torque_amplitude),
+        velocity_scale=float(velocity_scale),
+        action_scale=float(action_scale),
+        preview=preview,
+        history=max(1, history),
+        episode_steps=episode_steps,
+        dt=dt_control,
+        dt_physics=dt_physics,
+        reward_weights=_weights(reward_weights),
+        randomization=dict(randomization or {}),
+    )
+
+
+def _positive(name: str, value: float, unit: str) -> None:
+    if not (math.isfinite(value) and value > 0.0):
+        raise ConfigurationError(f"{name} must be finite and > 0 {unit}, got {value}.")
+
+
+def _weights(given: Mapping[str, float] | None) -> dict[str, float]:
+    for name, value in (given or {}).items():
+        if name not in REWARD_WEIGHTS:
+            raise unknown_name("reward term", name, REWARD_WEIGHTS)
+        if not (math.isfinite(value) and value >= 0.0):
+            raise ConfigurationError(f"The weight of reward term {name} must be >= 0, got {value}.")
+    return {**REWARD_WEIGHTS, **(given or {})}
+
+
+def _velocity_scale(joint: Joint, amplitude: float, disturbances: tuple[Signal, ...]) -> float:
+    """Return the speed the task needs: to stretch the spring at 20 Hz, or that of a free load."""
+    p = joint.parameters
+    if joint.structure_row.output_fixed:
+        load = max(abs(signal.amplitude) * (signal.kind != "zero") for signal in disturbances)
+        return max(amplitude / p.k_b * 2.0 * math.pi * 20.0, load)
+    inertia = p.I_m + p.get("I_g", 0.0) + p.get("I_l", 0.0)
+    return p.get("dq_p", FREE_DRIFT * amplitude / inertia)
+
+
+def _lateness(joint: Joint, dt: float) -> int:
+    """Return the longest loop delay in control steps."""
+    record, _ = joint.packed()
+    names = ("command_delay", "measurement_delay", "torque_delay")
+    return math.ceil(sum(float(record[name][0]) for name in names) / dt - 1e-9)

@@ -1,0 +1,93 @@
+"""A strip chart of reference, torque and command, as an image or a window."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cjt_gym.errors import ConfigurationError
+
+LENGTH = 1000
+LABELS = ("reference", "joint torque", "motor command")
+COLOURS = ("#888888", "#0b6fb8", "#d9822b")
+
+
+class StripChart:
+    """The last second of an episode.
+
+    Raises:
+        ConfigurationError: matplotlib is not installed.
+    """
+
+    def __init__(self, dt: float) -> None:
+        """Prepare an empty chart for samples every dt [s]."""
+        try:
+            from matplotlib.figure import Figure
+        except ImportError:
+            raise ConfigurationError(
+                'Rendering needs matplotlib: pip install "cjt-gym[report]".'
+            ) from None
+        self.dt = dt
+        self.rows: deque[tuple[float, float, float]] = deque(maxlen=LENGTH)
+        self.count = 0
+        self.figure = Figure(figsize=(8.0, 4.0), dpi=80, layout="constrained")
+        self.axes = self.figure.add_subplot()
+        self.axes.set(xlabel="time [s]", ylabel="torque [N m]")
+        self.axes.grid(alpha=0.3)
+        self.lines = [
+            self.axes.plot([], [], color=colour, label=label, linewidth=1.2)[0]
+            for label, colour in zip(LABELS, COLOURS, strict=True)
+        ]
+        self.axes.legend(loc="upper right", ncols=3, frameon=False)
+        self._window: Any = None
+
+    def clear(self) -> None:
+        """Forget all samples."""
+        self.rows.clear()
+        self.count = 0
+
+    def add(self, reference: float, tau: float, command: float) -> None:
+        """Add a sample, each value in N m."""
+        self.rows.append((reference, tau, command))
+        self.count += 1
+
+    def _update(self) -> None:
+        data = np.array(self.rows).reshape(-1, 3)
+        t = (self.count - len(data) + 1 + np.arange(len(data))) * self.dt
+        for j, line in enumerate(self.lines):
+            line.set_data(t, data[:, j])
+        self.axes.relim()
+        self.axes.autoscale_view()
+
+    def image(self) -> NDArray[np.uint8]:
+        """Return the chart, shape (height, width, 3)."""
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+        self._update()
+        canvas = FigureCanvasAgg(self.figure)
+        canvas.draw()
+        return np.asarray(canvas.buffer_rgba())[:, :, :3].copy()
+
+    def show(self) -> None:
+        """Show the chart in a window, redrawn every 50 samples."""
+        import matplotlib.pyplot as plt
+
+        if self._window is None:
+            self._window = plt.figure(figsize=(8.0, 4.0))
+        if self.count % 50 == 1:
+            self._window.clear()
+            self._window.figimage(self.image())
+            self._window.canvas.draw_idle()
+            self._window.canvas.flush_events()
+            plt.pause(0.001)
+
+    def close(self) -> None:
+        """Close the window."""
+        if self._window is not None:
+            import matplotlib.pyplot as plt
+
+            plt.close(self._window)
+            self._window = None

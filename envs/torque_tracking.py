@@ -1,0 +1,297 @@
+"""The torque-tracking environment, single and batched."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from cjt_gym.envs.core import ControllerOrFactory, Episodes
+from cjt_gym.envs.strip_chart import StripChart
+from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.joint import Joint
+
+Observation = NDArray[np.float32]
+Action = NDArray[np.float32]
+RENDER_MODES = ("human", "rgb_array")
+
+
+class TorqueTrackingEnv(gym.Env[Observation, Action]):
+    """Make the torque of a compliant joint follow a reference.
+
+    ## Description
+
+    A motor drives a load through a gear and a torsion bar; the twist of the bar is the joint
+    torque. Friction, ripple, delay, noise and quantization stand between the motor's command
+    and that torque. The agent commands the motor's torque, alone or on top of a controller,
+    once per control step.
+
+    ## Action space
+
+    `Box(-1, 1, (1,), float32)`: the motor torque divided by `action_scale`. With a
+    `base_controller` the action is added to the controller's torque; the sum is limited to the
+    peak torque k_t n i_p.
+
+    ## Observation space
+
+    `Box(-5, 5, (preview + 4 + 4 history,), float32)`, made only of what a real joint measures.
+    Torques are divided by `torque_amplitude`, velocities by `velocity_scale`, and clipped.
+
+    | Index | Observation | Unit before scaling |
+    |---|---|---|
+    | 0 | reference now | N m |
+    | 1 .. preview | reference at the next control steps | N m |
+    | preview + 1 | reference minus measured torque | N m |
+    | preview + 2, + 3 | sine and cosine of the measured rotor angle n q_m | - |
+    | then, newest first, `history` times | measured torque | N m |
+    | | measured motor velocity | rad/s |
+    | | measured load velocity | rad/s |
+    | | motor torque that was commanded | N m |
+
+    The commands of the past keep a delayed joint Markovian: `history` is at least the delay.
+
+    ## Reward
+
+    The sum of these terms, each with its weight (`reward_weights`); e is the error of the true
+    joint torque and u the commanded motor torque, both divided by `torque_amplitude`.
+
+    | Term | Value | Weight |
+    |---|---|---|
+    | `tracking` | -abs(e) | 1 |
+    | `smoothness` | -(u - u before)^2 | 0.05 |
+    | `effort` | -u^2 | 0 |
+    | `safety` | -1 if the episode terminates | 50 |
+
+    ## Starting state
+
+    At rest, with the spring relaxed, at a random angle; reference, disturbance and randomised
+    parameters are drawn anew. `reset(options={"parameters": {"k_b": 5000.0}})` fixes exact
+    parameters, without randomisation, until the next call of `reset`.
+
+    ## Episode end
+
+    Termination, for safety: the motor is faster than its peak speed dq_p, or the joint torque
+    exceeds twice the peak motor torque. Truncation: after `episode_steps` control steps.
+
+    ## Information
+
+    Each step gives `tau` (true joint torque), `tau_measured`, `tau_reference`, `tau_command`,
+    `base_action`, `residual` [N m] and `reward/<term>`; reset gives `parameters`, those that
+    were drawn or fixed.
+
+    ## Arguments
+
+    | Argument | Default | Meaning |
+    |---|---|---|
+    | `joint` | "orange_80_6000" | name, path or `Joint` |
+    | `structure` | "output_fixed_rigid_gearbox" | one of the five structures |
+    | `drive` | "current" | "current", "static", "rl" or "dq" |
+    | `effects` | None | names or {name: values}; None for those that the joint file lists |
+    | `parameters` | None | parameters that replace those of the joint file |
+    | `randomization` | None | {name: (low, high) factors or a mapping}, drawn at each reset |
+    | `base_controller` | None | controller, or function (joint, dt) -> controller |
+    | `reference` | "mixed" | "step", "chirp", "multisine", "smooth", "mixed", file, `Signal` |
+    | `disturbance` | None | the same for load torque [N m] or, output fixed, velocity [rad/s] |
+    | `torque_amplitude` | a tenth of the peak torque | amplitude of named references [N m] |
+    | `velocity_scale` | from the task | divides velocities [rad/s] |
+    | `action_scale` | 3 (0.5 with a base) `torque_amplitude` | torque of an action of 1 [N m] |
+    | `preview` | 0 | future samples of the reference in the observation |
+    | `history` | 4, or delay + 2 | past samples in the observation |
+    | `episode_steps` | 1000 | control steps until truncation |
+    | `dt_control` | 0.001 | control step [s] |
+    | `dt_physics` | 0.0001 | substep [s], a whole fraction of it |
+    | `reward_weights` | None | {term: weight} |
+    | `render_mode` | None | "human" or "rgb_array": a strip chart (needs matplotlib) |
+
+    Where the output is free and the joint file describes the bare actuator, the load is ten
+    times I_m + I_g, unless `parameters` gives I_l.
+
+    ## Version history
+
+    * v0: first version.
+
+    Raises:
+        UnknownNameError: A name is not known; the message suggests the nearest.
+        ConfigurationError: A number is out of its range.
+        ParameterError: The joint lacks what is asked of it.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": list(RENDER_MODES), "render_fps": 20}
+
+    def __init__(
+        self,
+        joint: str | Joint = "orange_80_6000",
+        structure: str = "output_fixed_rigid_gearbox",
+        drive: str = "current",
+        effects: Any = None,
+        parameters: Mapping[str, float] | None = None,
+        randomization: Mapping[str, Any] | None = None,
+        base_controller: ControllerOrFactory | None = None,
+        reference: Any = "mixed",
+        disturbance: Any = None,
+        torque_amplitude: float | None = None,
+        velocity_scale: float | None = None,
+        action_scale: float | None = None,
+        preview: int = 0,
+        history: int | None = None,
+        episode_steps: int = 1000,
+        dt_control: float = 1e-3,
+        dt_physics: float = 1e-4,
+        reward_weights: Mapping[str, float] | None = None,
+        render_mode: str | None = None,
+    ) -> None:
+        if render_mode is not None and render_mode not in RENDER_MODES:
+            raise unknown_name("render mode", render_mode, RENDER_MODES)
+        arguments = {k: v for k, v in locals().items() if k not in ("self", "render_mode")}
+        arguments.pop("__class__", None)
+        self.episodes = Episodes(1, **arguments)
+        self.observation_space = self.episodes.observation_space
+        self.action_space = self.episodes.action_space
+        self.render_mode = render_mode
+        self._chart = StripChart(dt_control) if render_mode else None
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Begin an episode; see the class for the options."""
+        first = self._np_random is None
+        super().reset(seed=seed)
+        if seed is not None:
+            self.episodes.plant.seed(seed)
+        elif first:
+            self.episodes.plant.seed(int(self.np_random.integers(2**62)))
+        self.episodes.reset(options)
+        if self._chart is not None:
+            self._chart.clear()
+        drawn = {name: float(values[0]) for name, values in self.episodes.parameters().items()}
+        return self.episodes.task.observation[0].copy(), {"parameters": drawn}
+
+    def step(
+        self, action: Action
+    ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Advance by one control step.
+
+        Raises:
+            ConfigurationError: The action has the wrong shape or is not finite.
+            SimulationError: The state ceased to be finite.
+        """
+        self.episodes.step(np.asarray(action).reshape(1, -1))
+        task = self.episodes.task
+        info = {name: float(values[0]) for name, values in self.episodes.info().items()}
+        if self._chart is not None:
+            self._chart.add(info["tau_reference"], info["tau"], info["tau_command"])
+            if self.render_mode == "human":
+                self._chart.show()
+        return (
+            task.observation[0].copy(),
+            float(task.reward[0]),
+            bool(task.terminated[0]),
+            bool(task.truncated[0]),
+            info,
+        )
+
+    def render(self) -> Any:
+        """Return the strip chart as an image, shape (height, width, 3), for "rgb_array"."""
+        if self._chart is not None and self.render_mode == "rgb_array":
+            return self._chart.image()
+        return None
+
+    def close(self) -> None:
+        """Close the strip chart."""
+        if self._chart is not None:
+            self._chart.close()
+
+
+class TorqueTrackingVectorEnv(VectorEnv[Observation, Action, NDArray[Any]]):
+    """A batch of `TorqueTrackingEnv` in one compiled kernel, with the same arguments.
+
+    Member i with seed s behaves exactly as a single environment with seed s + i. An episode that
+    ends is begun anew within the same step: the returned observation is the first of the new
+    episode, and `info["final_obs"]` holds the last of the old one.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {  # type: ignore[misc]
+        "render_modes": [],
+        "autoreset_mode": AutoresetMode.SAME_STEP,
+    }
+
+    def __init__(
+        self, num_envs: int = 1, render_mode: str | None = None, **arguments: Any
+    ) -> None:
+        """Prepare the batch.
+
+        Args:
+            num_envs: How many.
+            render_mode: None; draw a single environment to see one.
+            **arguments: Those of `TorqueTrackingEnv`, checked as there.
+        """
+        if render_mode is not None:
+            raise ConfigurationError(
+                f"A batch is not drawn: render_mode must be None, got {render_mode!r}. Use "
+                "gymnasium.make for a single environment."
+            )
+        self.num_envs, self.render_mode = num_envs, None
+        self.episodes = Episodes(num_envs, **complete(arguments))
+        self.single_observation_space = self.episodes.observation_space
+        self.single_action_space = self.episodes.action_space
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Begin all episodes; member i gets seed + i."""
+        first = self._np_random is None
+        super().reset(seed=seed)
+        if seed is not None:
+            self.episodes.plant.seed(seed)
+        elif first:
+            self.episodes.plant.seed(int(self.np_random.integers(2**62)))
+        self.episodes.reset(options)
+        return self.episodes.task.observation.copy(), {"parameters": self.episodes.parameters()}
+
+    def step(
+        self, actions: Action
+    ) -> tuple[Observation, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
+        """Advance all members by one control step."""
+        self.episodes.step(actions)
+        task = self.episodes.task
+        info: dict[str, Any] = self.episodes.info()
+        terminated, truncated = task.terminated.copy(), task.truncated.copy()
+        done = terminated | truncated
+        if done.any():
+            final_obs = np.full(self.num_envs, None, dtype=object)
+            for i in np.flatnonzero(done):
+                final_obs[i] = task.observation[i].copy()
+            final_info = {key: np.where(done, values, 0.0) for key, values in info.items()}
+            info |= {"final_obs": final_obs, "_final_obs": done.copy()}
+            info |= {"final_info": final_info, "_final_info": done.copy()}
+            reward = task.reward.copy()
+            self.episodes.begin(done)
+        else:
+            reward = task.reward.copy()
+        return task.observation.copy(), reward, terminated, truncated, info
+
+
+def complete(arguments: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the arguments of `TorqueTrackingEnv` with its defaults filled in.
+
+    Raises:
+        ConfigurationError: An argument is not one of them.
+    """
+    code = TorqueTrackingEnv.__init__.__code__
+    names = [n for n in code.co_varnames[1 : code.co_argcount] if n != "render_mode"]
+    defaults = TorqueTrackingEnv.__init__.__defaults__ or ()
+    filled = dict(zip(names, defaults, strict=False))
+    for name, value in arguments.items():
+        if name not in filled:
+            raise ConfigurationError(
+                str(unknown_name("argument of TorqueTrackingEnv", name, names))
+            )
+        filled[name] = value
+    return filled
