@@ -126,7 +126,7 @@ class Episodes:
 
 
 def _controller(given: ControllerOrFactory | None, s: Settings) -> BaseController | None:
-    if given is None or hasattr(given, "act"):
+    if given is None or isinstance(given, BaseController):
         return given
     if callable(given):
         return given(s.joint, s.dt)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ BARE_SHARE = 0.1
 FREE_DRIFT = 1.0
 
 
+@runtime_checkable
 class BaseController(Protocol):
     """What an environment asks of a controller that it adds actions to."""
 

@@ -67,7 +67,7 @@ class StripChart:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
 
         self._update()
-        canvas = FigureCanvasAgg(self.figure)
+        canvas: Any = FigureCanvasAgg(self.figure)
         canvas.draw()
         return np.asarray(canvas.buffer_rgba())[:, :, :3].copy()
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -121,7 +121,7 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
         ParameterError: The joint lacks what is asked of it.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": list(RENDER_MODES), "render_fps": 20}
+    metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 20}  # noqa: RUF012
 
     def __init__(
         self,
@@ -171,9 +171,7 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
         drawn = {name: float(values[0]) for name, values in self.episodes.parameters().items()}
         return self.episodes.task.observation[0].copy(), {"parameters": drawn}
 
-    def step(
-        self, action: Action
-    ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+    def step(self, action: Action) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Advance by one control step.
 
         Raises:
@@ -215,14 +213,12 @@ class TorqueTrackingVectorEnv(VectorEnv[Observation, Action, NDArray[Any]]):
     episode, and `info["final_obs"]` holds the last of the old one.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {  # type: ignore[misc]
+    metadata: dict[str, Any] = {  # noqa: RUF012
         "render_modes": [],
         "autoreset_mode": AutoresetMode.SAME_STEP,
     }
 
-    def __init__(
-        self, num_envs: int = 1, render_mode: str | None = None, **arguments: Any
-    ) -> None:
+    def __init__(self, num_envs: int = 1, render_mode: str | None = None, **arguments: Any) -> None:
         """Prepare the batch.
 
         Args:

@@ -39,7 +39,7 @@ def substeps_of(dt: float, dt_physics: float) -> int:
     if count < 1 or abs(count * dt_physics - dt) > 1e-9 * dt:
         raise ConfigurationError(
             f"dt_control must be a whole multiple of dt_physics, got {dt:g} s and "
-            f"{dt_physics:g} s. Take dt_physics = {dt / max(1, math.ceil(dt / dt_physics - 1e-9)):g} s."
+            f"{dt_physics:g} s. Take {dt / max(1, math.ceil(dt / dt_physics - 1e-9)):g} s."
         )
     return count
 

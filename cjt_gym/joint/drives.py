@@ -52,9 +52,7 @@ def clip(x: float, limit: float) -> float:
 
 
 @njit(cache=True)
-def static_current(
-    p: Any, command: float, is_voltage: bool, dq_m: float
-) -> tuple[float, float]:
+def static_current(p: Any, command: float, is_voltage: bool, dq_m: float) -> tuple[float, float]:
     """Return the current of the drive without inductance and its slope over dq_m.
 
     Args:

@@ -125,9 +125,7 @@ def _coulomb(asymmetric: bool) -> tuple[EffectParameter, ...]:
                 )
             )
     text = "Velocity over which the sign is smoothed; 0 is the sharp, set-valued law"
-    rows.append(
-        EffectParameter("dq_0", "rad/s", 0.002, 0.0, 0.05, text, ("dq_0",), default=0.002)
-    )
+    rows.append(EffectParameter("dq_0", "rad/s", 0.002, 0.0, 0.05, text, ("dq_0",), default=0.002))
     return tuple(rows)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from importlib.metadata import version
 from pathlib import Path
 
 import control
@@ -210,9 +211,11 @@ class Joint:
         is_voltage: bool,
     ) -> Record:
         p = self.parameters
-        columns: dict[str, Floats] = {"t": np.arange(len(commands)) * dt}
+        columns: dict[str, Floats] = {"t": np.arange(len(commands), dtype=np.float64) * dt}
         if is_voltage:
             columns["v"] = commands[:, 0].copy()
+            if self.drive == "dq":
+                columns["v_d"] = commands[:, 1].copy()
         else:
             columns["i_cmd"] = commands[:, 0].copy()
             columns["tau_cmd"] = commands[:, 0] * p.k_t * p.n
@@ -234,6 +237,8 @@ class Joint:
             joint=p.name,
             structure=self.structure,
             parameter_hash=self.file.hash_hex(),
+            versions={name: version(name) for name in ("cjt-gym", "numpy", "numba")},
+            sensors={n: v for n, v in self.file.sensors.items() if n in columns},
             provenance={"kind": "simulation", "drive": self.drive, "effects": sorted(self.effects)},
         )
 

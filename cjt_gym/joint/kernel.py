@@ -99,7 +99,7 @@ class Batch(NamedTuple):
     rng: NDArray[np.uint64]
 
 
-# Rows of the scratch array of one substep, shape (12, 8), so that none is allocated in it.
+# Rows of the scratch array of one substep, shape (13, 8), so that none is allocated in it.
 X = 0  # state at the start of the substep
 FREE = 1  # state at its end
 SPEED = 2  # mean velocities of the coordinates
@@ -110,7 +110,8 @@ REST = 6  # residuals of the search
 SLOPE = 7  # slopes of the resisting torques
 ACTIVE = 8  # 1 where anything resists a coordinate
 JACOBIAN = 9  # three rows
-WORK_ROWS, WORK_WIDTH = 12, 8
+RIPPLE = 12  # ripple torque of the substep before, and 1 where there was one
+WORK_ROWS, WORK_WIDTH = 13, 8
 
 
 @njit(cache=True)
@@ -329,8 +330,20 @@ def come_to_rest(p: Any, setup: Setup, b: Floats, work: Floats) -> None:
 
 
 @njit(cache=True)
+def shift(b: Floats, setup: Setup, sign: float, work: Floats) -> None:
+    """Add the effect of the resisting torques in row RESIST to the end of the substep."""
+    for g in range(setup.size):
+        if work[ACTIVE, g] == 1.0:
+            for i in range(setup.order):
+                work[FREE, i] += sign * b[i, 2 + g] * work[RESIST, g]
+
+
+@njit(cache=True)
 def mesh_torque(p: Any, setup: Setup, tau_rigid: float, work: Floats) -> float:
-    """Return the torque that the gear transmits, averaged over the free substep [N m]."""
+    """Return the torque that the gear transmits, averaged over the substep [N m].
+
+    Row FREE holds the motion under the resisting torques of the substep before.
+    """
     one, other = setup.groups[0], setup.groups[1]
     stiffness, damping = p.k_g, p.d_mg
     if one == other:
@@ -353,6 +366,30 @@ def position_torque(p: Any, ripple: Floats, setup: Setup, tau: float, work: Floa
     middle = 0.5 * (work[X, g] + work[FREE, g])
     q_m = middle + 0.125 * setup.h * (work[X, row] - work[FREE, row])
     return ripple_torque(ripple, q_m, tau, p.cogging_scale, p.gear_ripple_scale)
+
+
+@njit(cache=True)
+def settled_ripple(
+    p: Any, ripple: Floats, b: Floats, setup: Setup, tau: float, work: Floats
+) -> float:
+    """Return the ripple torque of a substep [N m].
+
+    What the gear transmits depends on the motion that friction and ripple themselves cause; both
+    are predicted by the substep before, and by a second pass where there was none.
+    """
+    passes = 1 if work[RIPPLE, 1] == 1.0 else 2
+    work[RIPPLE, 1] = 1.0
+    for _ in range(passes):
+        before = work[RIPPLE, 0]
+        shift(b, setup, -1.0, work)
+        for i in range(setup.order):
+            work[FREE, i] += b[i, 0] * before
+        torque = position_torque(p, ripple, setup, mesh_torque(p, setup, tau, work), work)
+        shift(b, setup, 1.0, work)
+        for i in range(setup.order):
+            work[FREE, i] -= b[i, 0] * before
+        work[RIPPLE, 0] = torque
+    return float(work[RIPPLE, 0])
 
 
 @njit(cache=True)
@@ -413,16 +450,13 @@ def substep(
             value += a[i, j] * work[X, j]
         work[FREE, i] = value
     if ripple.shape[0] > 0:
-        extra = position_torque(p, ripple, setup, mesh_torque(p, setup, tau, work), work)
+        extra = settled_ripple(p, ripple, b, setup, tau, work)
         for i in range(order):
             work[FREE, i] += b[i, 0] * extra
     for g in range(size):
         work[FREE_SPEED, g] = (work[FREE, g] - work[X, g]) / setup.h
     if resist(p, setup, b, command, work):
-        for g in range(size):
-            if work[ACTIVE, g] == 1.0:
-                for i in range(order):
-                    work[FREE, i] -= b[i, 2 + g] * work[RESIST, g]
+        shift(b, setup, -1.0, work)
         if p.dq_0 == 0.0:
             come_to_rest(p, setup, b, work)
     if setup.groups[1] == setup.groups[2]:
@@ -483,9 +517,12 @@ def control_step(
     seen, seen_sub = lateness(p.measurement_delay, setup)
     felt, felt_sub = lateness(p.measurement_delay + p.torque_delay, setup)
     load_state(setup, batch.state[i], work[X])
+    work[RIPPLE, :] = 0.0
     for g in range(setup.size):
         work[ACTIVE, g] = 1.0 if resists(p, setup, g) else 0.0
         work[GUESS, g] = work[X, setup.order - setup.size + g]
+        side = 1.0 if work[GUESS, g] >= 0.0 else -1.0
+        work[RESIST, g], _ = resistance(p, setup, g, commands[k % depth, 0], work[GUESS, g], side)
     tau = batch.tau[i]
     for s in range(setup.substeps):
         if s == setup.substeps - felt_sub:
@@ -646,4 +683,4 @@ def simulate(
         true[k, 7] = batch.currents[0, 0]
         if not control_step(batch, setup, 0, commands[k, 0], commands[k, 1], load[k], work):
             return k + 1
-    return commands.shape[0]
+    return int(commands.shape[0])

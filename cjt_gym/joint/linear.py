@@ -24,15 +24,16 @@ OUTPUTS = ("q_m", "q_g", "q_l", "dq_m", "dq_g", "dq_l", "tau")
 def body_matrices(p: JointParameters, structure: Structure) -> tuple[Matrix, Matrix, Matrix]:
     """Return inertia, damping and stiffness of the three bodies, each of shape (3, 3).
 
-    Dampings that a joint file leaves out are zero; a stiffness that the structure joins
-    rigidly is not needed and enters as zero.
+    Dampings that a joint file leaves out are zero; so are spring and damper between bodies that
+    the structure joins rigidly.
 
     Source: Malzahn, Roozing, Tsagarakis, The Compliant Joint Toolbox for MATLAB, Table 1.
     """
-    k_g = p.k_g if "k_g" in structure.needed_parameters else 0.0
-    k_b = p.k_b if "k_b" in structure.needed_parameters else 0.0
+    gear = structure.groups[0] != structure.groups[1]
+    bar = structure.groups[1] != structure.groups[2]
+    k_g, d_mg = (p.k_g, p.get("d_mg", 0.0)) if gear else (0.0, 0.0)
+    k_b, d_gl = (p.k_b, p.get("d_gl", 0.0)) if bar else (0.0, 0.0)
     d_m, d_g, d_l = (p.get(name, 0.0) for name in ("d_m", "d_g", "d_l"))
-    d_mg, d_gl = p.get("d_mg", 0.0), p.get("d_gl", 0.0)
     inertia = np.diag([p.I_m, p.get("I_g", 0.0), p.get("I_l", 0.0)])
     damping = np.array(
         [[d_m + d_mg, -d_mg, 0.0], [-d_mg, d_mg + d_g + d_gl, -d_gl], [0.0, -d_gl, d_gl + d_l]]
@@ -88,8 +89,7 @@ def state_matrices(
     else:
         b[velocity, 1] = mass_inverse @ s[2]
     bar = np.array([0.0, 1.0, -1.0])
-    k_b = body_stiffness[2, 2]
-    d_gl = -body_damping[1, 2] if structure.groups[1] != structure.groups[2] else 0.0
+    k_b, d_gl = body_stiffness[2, 2], -body_damping[1, 2]
     c[6] = k_b * bar @ c[0:3] + d_gl * bar @ c[3:6]
     d[6] = d_gl * bar @ d[3:6]
     return a, b, c, d

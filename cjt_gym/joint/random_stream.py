@@ -21,7 +21,7 @@ _UNIT = 2.0**-53
 
 def seed_state(seed: int) -> np.uint64:
     """Return the initial state of a stream for an integer seed >= 0."""
-    return np.random.SeedSequence(seed).generate_state(1, np.uint64)[0]
+    return np.uint64(np.random.SeedSequence(seed).generate_state(1, np.uint64)[0])
 
 
 @njit(cache=True)

@@ -195,7 +195,7 @@ class SimulatedPlant:
         """Return the latest measurement; its arrays are copies."""
         arrays = self.batch.arrays
         columns = {name: arrays.measured[:, j].copy() for j, name in enumerate(CHANNELS)}
-        return Measurement(t=arrays.samples * self.dt, **columns)
+        return Measurement(t=np.asarray(arrays.samples * self.dt, np.float64), **columns)
 
     def parameters(self, i: int) -> dict[str, float]:
         """Return the present parameters of joint i by their names."""

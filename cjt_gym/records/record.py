@@ -51,8 +51,8 @@ class Record:
 
     Example:
         >>> record = Record({"t": [0.0, 0.001], "q_m": [0.0, 0.1]}, {"t": "s", "q_m": "rad"})
-        >>> record.dt, len(record), record["q_m"][1]
-        (0.001, 2, 0.1)
+        >>> record.dt, len(record), record["q_m"].tolist()
+        (0.001, 2, [0.0, 0.1])
 
     Raises:
         RecordError: An unknown column, a unit that the column cannot have, columns of different

@@ -97,13 +97,13 @@ def evaluate(row: Floats, key: np.uint64, table: Floats, t: float) -> float:
     t = max(t, 0.0)
     kind = int(row[KIND])
     if kind == STEP:
-        return row[AMPLITUDE] * _step(key, row[PERIOD], t)
+        return float(row[AMPLITUDE] * _step(key, row[PERIOD], t))
     if kind == CHIRP:
-        return row[AMPLITUDE] * _chirp(row[LOW], row[HIGH], row[PERIOD], t)
+        return float(row[AMPLITUDE] * _chirp(row[LOW], row[HIGH], row[PERIOD], t))
     if kind == MULTISINE:
-        return row[AMPLITUDE] * _multisine(key, row[LOW], row[HIGH], int(row[COUNT]), t)
+        return float(row[AMPLITUDE] * _multisine(key, row[LOW], row[HIGH], int(row[COUNT]), t))
     if kind == SMOOTH:
-        return row[AMPLITUDE] * _smooth(key, row[PERIOD], t)
+        return float(row[AMPLITUDE] * _smooth(key, row[PERIOD], t))
     if kind == TABLE:
-        return row[AMPLITUDE] * _table(table, t)
+        return float(row[AMPLITUDE] * _table(table, t))
     return 0.0

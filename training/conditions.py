@@ -1,0 +1,151 @@
+"""Under which conditions controllers are compared: joint, effects, randomisation, references."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.joint import load_joint_file
+from cjt_gym.signals import Signal, make_signals
+
+AMPLITUDE_SHARE = 0.1
+FRICTION_FACTOR = 3.0
+COGGING_SHARE = 0.003
+RIPPLE_SHARE = 0.02
+TASKS = ("step", "chirp", "multisine", "smooth")
+EVALUATION_SEEDS = 1_000_000
+"""Where seeds of evaluations begin; those of training stay below."""
+STEP_HOLD = 0.5
+BANDWIDTH_LOW, BANDWIDTH_HIGH, BANDWIDTH_SWEEP = 0.5, 150.0, 4.0
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """What every controller of a comparison faces.
+
+    Attributes:
+        joint: Name of the joint, or path of its file.
+        structure: Its structure.
+        drive: Its drive.
+        effects: What makes it non-ideal, as for `load_joint`.
+        randomization: What every episode draws anew, as for the environments.
+        torque_amplitude: Amplitude of the references [N m]; None is a tenth of the peak torque, or
+            three times the Coulomb friction where that is more.
+        dt_control: Control step [s].
+        dt_physics: Substep of the simulation [s].
+    """
+
+    joint: str
+    structure: str = "output_fixed_rigid_gearbox"
+    drive: str = "current"
+    effects: Any = None
+    randomization: Mapping[str, Any] = field(default_factory=dict)
+    torque_amplitude: float | None = None
+    dt_control: float = 1e-3
+    dt_physics: float = 1e-4
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """The same as arguments of an environment."""
+        return dict(vars(self)) | {"torque_amplitude": self.amplitude}
+
+    @property
+    def amplitude(self) -> float:
+        """Amplitude of the references [N m].
+
+        Raises:
+            ConfigurationError: It is not given and the joint has no peak current.
+        """
+        if self.torque_amplitude is not None:
+            return self.torque_amplitude
+        p = load_joint_file(self.joint).parameters
+        if "i_p" not in p:
+            raise ConfigurationError(
+                f"torque_amplitude [N m] is needed: {p.origin} gives no peak current i_p from "
+                "which to take it."
+            )
+        friction = sum(p.get(f"d_c{body}", 0.0) for body in "mg")
+        return max(AMPLITUDE_SHARE * p.k_t * p.n * p.i_p, FRICTION_FACTOR * friction)
+
+
+def realistic_effects(joint: str) -> dict[str, dict[str, Any]]:
+    """Return the effects that a comparison turns on unless told otherwise.
+
+    Friction and sensors as the joint file has them; cogging with 2 p periods per rotor turn and
+    0.36 % of the peak torque; a gear ripple of 2.2 % with two periods per rotor turn; 1 ms of
+    delay each of command and measurement; velocities differentiated below 200 Hz.
+    """
+    file = load_joint_file(joint)
+    p = file.parameters
+    effects: dict[str, dict[str, Any]] = {
+        "command_delay": {"delay": 1e-3},
+        "measurement_delay": {"delay": 1e-3},
+        "velocity_differentiation": {"cutoff": 200.0},
+        "gear_ripple": {"f": (2.0 * p.n,), "a": (RIPPLE_SHARE,), "b": (0.5 * RIPPLE_SHARE,)},
+    }
+    if "i_p" in p and "p" in p:
+        peak = COGGING_SHARE * p.k_t * p.n * p.i_p
+        effects["cogging"] = {"f": (2.0 * p.p * p.n,), "a": (peak,), "b": (2.0 / 3.0 * peak,)}
+    if any(p.get(f"d_c{body}", 0.0) > 0.0 for body in "mgl"):
+        effects["coulomb"] = {}
+    for name, key in (("noise", "noise"), ("quantization", "resolution")):
+        if any(key in known for known in file.sensors.values()):
+            effects[name] = {}
+    return effects | {name: dict(values) for name, values in file.effects.items()}
+
+
+def realistic_randomization(effects: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what varies between episodes of a comparison, for the effects that are on.
+
+    Inertia 10 %, torque constant and torsion bar 5 %, friction 50 %, ripples from none to double,
+    delay of the command 0.5 to 2 ms.
+    """
+    spec: dict[str, Any] = {"I_m": (0.9, 1.1), "k_t": (0.95, 1.05), "k_b": (0.95, 1.05)}
+    if "coulomb" in effects:
+        spec |= {"coulomb.d_cm": (0.5, 1.5), "coulomb.d_cg": (0.5, 1.5)}
+    spec |= {f"{name}.scale": (0.0, 2.0) for name in ("cogging", "gear_ripple") if name in effects}
+    if "command_delay" in effects:
+        spec["command_delay.delay"] = {"low": 5e-4, "high": 2e-3, "operation": "set"}
+    return spec
+
+
+def realistic_conditions(
+    joint: str, structure: str = "output_fixed_rigid_gearbox", **others: Any
+) -> Conditions:
+    """Return conditions with `realistic_effects` and `realistic_randomization`."""
+    effects = realistic_effects(joint)
+    spec = realistic_randomization(effects)
+    if load_joint_file(joint).parameters.get("k_b", 0.0) == 0.0:
+        del spec["k_b"]
+    return Conditions(joint, structure, effects=effects, randomization=spec, **others)
+
+
+def task_reference(task: str, amplitude: float) -> Signal:
+    """Return the reference of a task of the benchmark.
+
+    "step": random levels held for 0.5 s; the others as the environments have them.
+
+    Raises:
+        UnknownNameError: There is no such task.
+    """
+    if task not in TASKS:
+        raise unknown_name("task", task, TASKS)
+    if task == "step":
+        return Signal("step", amplitude=amplitude, period=STEP_HOLD)
+    return make_signals(task, amplitude)[0]
+
+
+def bandwidth_reference(amplitude: float) -> Signal:
+    """Return the sweep from which the bandwidth is measured: 0.5 to 150 Hz within 4 s."""
+    return Signal(
+        "chirp", amplitude, BANDWIDTH_LOW, BANDWIDTH_HIGH, period=BANDWIDTH_SWEEP
+    )
+
+
+def zero_reference() -> Signal:
+    """Return the reference under which noise is measured."""
+    return Signal("file", amplitude=0.0, table=np.zeros((1, 2)))

@@ -1,0 +1,148 @@
+"""Figures of merit of torque tracking, from the traces of a batch of episodes."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal
+
+from cjt_gym.training.rollout import Traces
+
+Floats = NDArray[np.float64]
+
+SETTLING_BAND = 0.1
+SMALLEST_STEP = 0.5
+SEGMENT = 512
+REST = 0.2
+RESAMPLES = 2000
+
+
+def squared_errors(traces: Traces) -> Floats:
+    """Return the mean squared error of each episode [N^2 m^2], shape (episodes,)."""
+    return np.asarray(np.mean(traces.error**2, axis=1))
+
+
+def rmse(traces: Traces) -> float:
+    """Return the root mean square error over all episodes [N m]."""
+    return float(np.sqrt(np.mean(traces.error**2)))
+
+
+def nrmse(traces: Traces) -> float:
+    """Return the error over the root mean square of the reference [-]; NaN without reference."""
+    scale = float(np.sqrt(np.mean(traces.reference**2)))
+    return rmse(traces) / scale if scale > 0.0 else float("nan")
+
+
+def effort_rms(traces: Traces) -> float:
+    """Return the root mean square of the commanded motor torque [N m]."""
+    return float(np.sqrt(np.mean(traces.command**2)))
+
+
+def bootstrap_rmse(traces: Traces, seed: int = 0) -> tuple[float, float]:
+    """Return the 95 % interval of `rmse`, by drawing episodes with replacement [N m]."""
+    squares = squared_errors(traces)
+    means = squares[_resampled(len(squares), seed)].mean(axis=1)
+    low, high = np.sqrt(np.quantile(means, (0.025, 0.975)))
+    return float(low), float(high)
+
+
+def bootstrap_ratio(one: Traces, other: Traces, seed: int = 0) -> tuple[float, float, float]:
+    """Return the ratio of two agents' rmse over the same episodes and its 95 % interval.
+
+    Episodes are drawn in pairs, so that what they have in common cancels.
+    """
+    a, b = squared_errors(one), squared_errors(other)
+    rows = _resampled(len(a), seed)
+    ratios = np.sqrt(a[rows].mean(axis=1) / b[rows].mean(axis=1))
+    low, high = np.quantile(ratios, (0.025, 0.975))
+    return float(np.sqrt(a.mean() / b.mean())), float(low), float(high)
+
+
+def _resampled(count: int, seed: int) -> NDArray[np.int64]:
+    return np.random.default_rng(seed).integers(count, size=(RESAMPLES, count))
+
+
+def steps_of(traces: Traces) -> list[tuple[Floats, float, float]]:
+    """Cut episodes of held levels at every jump of the reference.
+
+    Returns:
+        For each jump of at least half the largest level: the torque until the next one, shape
+        (samples,), the level before and the level after [N m].
+    """
+    smallest = SMALLEST_STEP * float(np.max(np.abs(traces.reference), initial=0.0))
+    found = []
+    for reference, tau in zip(traces.reference, traces.tau, strict=True):
+        jumps = np.flatnonzero(np.diff(reference, prepend=0.0))
+        ends = np.append(jumps[1:], len(reference))
+        levels = np.concatenate([[0.0], reference[jumps]])
+        for start, end, old, new in zip(jumps, ends, levels[:-1], levels[1:], strict=True):
+            if abs(new - old) >= smallest > 0.0:
+                found.append((tau[start:end], float(old), float(new)))
+    return found
+
+
+def overshoot(traces: Traces) -> float:
+    """Return how far steps overshoot, over their height, in the mean [-]; NaN without steps."""
+    values = [
+        max(0.0, float(np.max((tau - new) * np.sign(new - old)))) / abs(new - old)
+        for tau, old, new in steps_of(traces)
+    ]
+    return float(np.mean(values)) if values else float("nan")
+
+
+def settling_time(traces: Traces) -> float:
+    """Return the median time until a step stays within 10 % of its height [s].
+
+    A step that does not settle before the next one counts as infinitely long; infinity is
+    returned where that is more than every second.
+    """
+    times = []
+    for tau, old, new in steps_of(traces):
+        outside = np.flatnonzero(np.abs(tau - new) > SETTLING_BAND * abs(new - old))
+        last = int(outside[-1]) + 1 if len(outside) else 0
+        times.append(last * traces.dt if last < len(tau) else float("inf"))
+    return float(np.median(times)) if times else float("nan")
+
+
+def frequency_response(traces: Traces) -> tuple[Floats, NDArray[np.complex128]]:
+    """Return frequencies [Hz] and the response from reference to torque, by Welch's method."""
+    rate, length = 1.0 / traces.dt, min(SEGMENT, traces.tau.shape[1])
+    f, cross = signal.csd(traces.reference, traces.tau, fs=rate, nperseg=length)
+    _, power = signal.welch(traces.reference, fs=rate, nperseg=length)
+    response = cross.mean(axis=0) / power.mean(axis=0)
+    return np.asarray(f, dtype=np.float64), np.asarray(response, dtype=np.complex128)
+
+
+def bandwidth(traces: Traces, highest: float) -> float:
+    """Return the frequency at which the torque first falls below 1 / sqrt(2) of the reference.
+
+    Args:
+        traces: Episodes with a broad-band reference.
+        highest: Highest frequency that the reference excites [Hz], which is returned where the
+            torque follows that far.
+    """
+    f, response = frequency_response(traces)
+    gain = np.abs(response)[(f > 0.0) & (f <= highest)]
+    f = f[(f > 0.0) & (f <= highest)]
+    below = np.flatnonzero(gain < np.sqrt(0.5))
+    if len(below) == 0:
+        return highest
+    k = int(below[0])
+    if k == 0:
+        return 0.0
+    share = (gain[k - 1] - np.sqrt(0.5)) / (gain[k - 1] - gain[k])
+    return float(f[k - 1] + share * (f[k] - f[k - 1]))
+
+
+def noise_amplification(traces: Traces) -> float:
+    """Return how much the command shakes for the noise of the torque sensor [-].
+
+    It is the standard deviation of the command over that of the measured torque minus the true
+    one, both after 0.2 s under zero reference; NaN where the sensor has no noise.
+    """
+    skip = int(REST / traces.dt)
+    noise = float(np.std((traces.tau_measured - traces.tau)[:, skip:]))
+    if noise == 0.0:
+        return float("nan")
+    commands = traces.command[:, skip:]
+    return float(np.sqrt(np.mean(np.var(commands, axis=1)))) / noise

@@ -1,0 +1,149 @@
+"""Run an agent over a batch of episodes and keep what happened."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cjt_gym.baselines import CONTROLLERS, make_controller
+from cjt_gym.envs.core import Episodes
+from cjt_gym.envs.torque_tracking import complete
+from cjt_gym.errors import unknown_name
+from cjt_gym.joint.kernel import TAU
+from cjt_gym.signals import Signal
+from cjt_gym.training.conditions import Conditions
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Traces:
+    """What a batch of episodes did; each array has the shape (episodes, steps).
+
+    Sample k is what holds at the end of control step k.
+
+    Attributes:
+        reference: Wanted joint torque [N m].
+        tau: Joint torque without sensor effects [N m].
+        tau_measured: Measured joint torque [N m].
+        command: Motor torque commanded during the step [N m].
+        terminated: Whether the episode passed a safety limit at that step.
+        dt: Control step [s].
+    """
+
+    reference: Floats
+    tau: Floats
+    tau_measured: Floats
+    command: Floats
+    terminated: NDArray[np.bool_]
+    dt: float
+
+    @property
+    def t(self) -> Floats:
+        """Time at the end of each step [s], shape (steps,)."""
+        return self.dt * np.arange(1, self.tau.shape[1] + 1)
+
+    @property
+    def error(self) -> Floats:
+        """Reference minus torque [N m], shape (episodes, steps)."""
+        return self.reference - self.tau
+
+
+class Agent(Protocol):
+    """Whatever drives a joint: a controller of the table or a trained policy."""
+
+    @property
+    def name(self) -> str:
+        """Its name in tables."""
+        ...
+
+    @property
+    def kind(self) -> str:
+        """One of "classical", "learned", "residual"."""
+        ...
+
+    def arguments(self, conditions: Conditions) -> dict[str, Any]:
+        """Return the environment's arguments under which it runs."""
+        ...
+
+    def act(self, observation: NDArray[np.float32]) -> NDArray[Any]:
+        """Return the actions for observations, shape (episodes, 1)."""
+        ...
+
+
+@dataclass(frozen=True)
+class ControllerAgent:
+    """A controller of the table, with its default gains.
+
+    Attributes:
+        name: A row of `CONTROLLERS`.
+
+    Raises:
+        UnknownNameError: There is no such row.
+    """
+
+    name: str
+
+    def __post_init__(self) -> None:
+        if self.name not in CONTROLLERS:
+            raise unknown_name("controller", self.name, CONTROLLERS)
+
+    @property
+    def kind(self) -> str:
+        """What the table says."""
+        return CONTROLLERS[self.name].kind
+
+    def arguments(self, conditions: Conditions) -> dict[str, Any]:
+        """Return the conditions with the controller as base."""
+        name = self.name
+        return conditions.arguments | {
+            "base_controller": lambda joint, dt: make_controller(name, joint, dt)
+        }
+
+    def act(self, observation: NDArray[np.float32]) -> NDArray[Any]:
+        """Return zeros: the controller acts alone."""
+        return np.zeros((observation.shape[0], 1))
+
+
+def make_episodes(
+    agent: Agent, conditions: Conditions, reference: Signal, steps: int, num: int, seed: int
+) -> Episodes:
+    """Return `num` episodes, begun, that are the same for every agent.
+
+    Joint i draws its parameters, its reference and its noise from seed + i, whoever drives it.
+    """
+    arguments: Mapping[str, Any] = agent.arguments(conditions) | {
+        "reference": reference,
+        "episode_steps": steps,
+    }
+    episodes = Episodes(num, **complete(arguments))
+    episodes.plant.seed(seed)
+    episodes.reset()
+    return episodes
+
+
+def rollout(
+    agent: Agent, conditions: Conditions, reference: Signal, steps: int, num: int, seed: int
+) -> Traces:
+    """Run an agent over `num` episodes of `steps` control steps, each to its end.
+
+    An episode that passes a safety limit goes on, so that all have the same length; `terminated`
+    tells.
+
+    Raises:
+        SimulationError: A state ceased to be finite.
+    """
+    episodes = make_episodes(agent, conditions, reference, steps, num, seed)
+    task, arrays = episodes.task, episodes.plant.batch.arrays
+    shape = (num, steps)
+    wanted, tau, measured, command = (np.zeros(shape) for _ in range(4))
+    ended = np.zeros(shape, dtype=np.bool_)
+    for k in range(steps):
+        episodes.step(agent.act(task.observation.copy()))
+        wanted[:, k], tau[:, k], measured[:, k] = task.reference, arrays.tau, arrays.measured[:, TAU]
+        command[:, k], ended[:, k] = task.command, task.terminated
+    return Traces(wanted, tau, measured, command, ended, episodes.settings.dt)
