@@ -10,13 +10,10 @@ from cjt_gym.baselines.controller import Controller, Floats, Mask, check, check_
 from cjt_gym.baselines.filters import FilteredDerivative
 
 from cjt_gym.errors import ConfigurationError, unknown_name
-from cjt_gym.joint import Joint
 from cjt_gym.plant import Measurement
 
 DERIVATIVES = ("error", "output")
 CUTOFF_HZ = 200.0
-KP = 0.5
-DAMPING = 0.3
 
 
 @final
@@ -73,25 +70,3 @@ class PdFeedForward(Controller):
         differentiated = error if self.derivative == "error" else -measurement.tau
         rate = self._filter.step(differentiated, fresh)
         return reference + self.kp * error + self.kd * rate
-
-
-def pd_gains(joint: Joint, kp: float = KP, damping: float = DAMPING) -> tuple[float, float]:
-    """Return gains (kp, kd) that suit a joint.
-
-    With a locked output the joint torque is that of a mass J = I_m + I_g on the spring k_b, of
-    natural frequency w = sqrt(k_b / J), and kd adds the damping ratio kd w / 2. So the gains that
-    suit one joint suit another if kp and that ratio are kept.
-
-    Args:
-        joint: The joint; without a spring (k_b) there is nothing to damp, and kd is 0.
-        kp: Proportional gain [-].
-        damping: Damping ratio that the derivative adds to the locked joint without kp [-].
-
-    Returns:
-        kp [-] and kd [s].
-    """
-    p = joint.parameters
-    k_b, inertia = p.get("k_b", 0.0), p.I_m + p.get("I_g", 0.0)
-    if k_b == 0.0:
-        return kp, 0.0
-    return kp, 2.0 * damping * math.sqrt(inertia / k_b)

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 from cjt_gym.baselines.controller import Controller
 from cjt_gym.baselines.open_loop import OpenLoop
-from cjt_gym.baselines.pd_feedforward import PdFeedForward, pd_gains
+from cjt_gym.baselines.pd_design import design_gains
+from cjt_gym.baselines.pd_feedforward import CUTOFF_HZ, PdFeedForward
 
 from cjt_gym.errors import unknown_name
 from cjt_gym.joint import Joint
@@ -38,8 +39,14 @@ def _open_loop(joint: Joint, dt: float) -> Controller:
 
 
 def _pd_feedforward(joint: Joint, dt: float) -> Controller:
-    kp, kd = pd_gains(joint)
-    return PdFeedForward(kp, kd, dt, torque_limit=limits_of(joint).tau)
+    gains = design_gains(joint, dt, CUTOFF_HZ)
+    return PdFeedForward(
+        gains.kp,
+        gains.kd,
+        dt,
+        derivative=gains.derivative,
+        torque_limit=limits_of(joint).tau,
+    )
 
 
 CONTROLLERS: dict[str, ControllerEntry] = {

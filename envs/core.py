@@ -13,7 +13,7 @@ from cjt_gym.envs.observe import CLIP, SIGNALS_PER_SAMPLE, Task, begin, conclude
 from cjt_gym.envs.settings import BaseController, Settings, make_settings
 from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.joint import Joint
-from cjt_gym.joint.kernel import TAU
+from cjt_gym.joint.arrays import TAU
 from cjt_gym.plant import Measurement, SimulatedPlant
 from cjt_gym.signals import Signal
 

@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from cjt_gym.joint.kernel import DQ_L, DQ_M, Q_M, TAU, Batch
+from cjt_gym.joint.arrays import DQ_L, DQ_M, Q_M, TAU, Batch
 from cjt_gym.joint.random_stream import mix, uniform
 from cjt_gym.signals.evaluate import evaluate
 

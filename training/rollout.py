@@ -13,7 +13,7 @@ from cjt_gym.baselines import CONTROLLERS, make_controller
 from cjt_gym.envs.core import Episodes
 from cjt_gym.envs.torque_tracking import complete
 from cjt_gym.errors import unknown_name
-from cjt_gym.joint.kernel import TAU
+from cjt_gym.joint.arrays import TAU
 from cjt_gym.signals import Signal
 from cjt_gym.training.conditions import Conditions
 
@@ -144,6 +144,10 @@ def rollout(
     ended = np.zeros(shape, dtype=np.bool_)
     for k in range(steps):
         episodes.step(agent.act(task.observation.copy()))
-        wanted[:, k], tau[:, k], measured[:, k] = task.reference, arrays.tau, arrays.measured[:, TAU]
+        wanted[:, k], tau[:, k], measured[:, k] = (
+            task.reference,
+            arrays.tau,
+            arrays.measured[:, TAU],
+        )
         command[:, k], ended[:, k] = task.command, task.terminated
     return Traces(wanted, tau, measured, command, ended, episodes.settings.dt)

@@ -13,9 +13,10 @@ from numba import njit
 from numpy.typing import NDArray
 
 from cjt_gym.errors import ConfigurationError, SimulationError
+from cjt_gym.joint.arrays import WORK_ROWS, WORK_WIDTH, Batch, Setup
 from cjt_gym.joint.discretize import discretize
 from cjt_gym.joint.drives import get_drive
-from cjt_gym.joint.kernel import WORK_ROWS, WORK_WIDTH, Batch, Setup, restart, step_batch
+from cjt_gym.joint.kernel import restart, step_batch
 from cjt_gym.joint.random_stream import seed_state
 
 if TYPE_CHECKING:

@@ -13,12 +13,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from cjt_gym.errors import ConfigurationError, ParameterError, SimulationError
 from cjt_gym.joint import linear
+from cjt_gym.joint.arrays import CHANNELS
 from cjt_gym.joint.batch import JointBatch
 from cjt_gym.joint.configure import EffectSpec, EffectValues, pack, resolve_effects
 from cjt_gym.joint.drives import DRIVES, get_drive
 from cjt_gym.joint.files import JointFile, load_joint_file
 from cjt_gym.joint.friction import friction
-from cjt_gym.joint.kernel import CHANNELS, simulate
+from cjt_gym.joint.kernel import simulate
 from cjt_gym.joint.parameters import JointParameters
 from cjt_gym.joint.ripple import ripple_torque
 from cjt_gym.joint.structures import Structure, get_structure

@@ -10,10 +10,11 @@ from numba import njit
 from numpy.typing import NDArray
 
 from cjt_gym.joint import Joint
+from cjt_gym.joint.arrays import CHANNELS, WORK_ROWS, WORK_WIDTH, Batch, Setup
 from cjt_gym.joint.batch import JointBatch
 from cjt_gym.joint.configure import FIELDS
 from cjt_gym.joint.discretize import discretize
-from cjt_gym.joint.kernel import CHANNELS, WORK_ROWS, WORK_WIDTH, Batch, Setup, restart
+from cjt_gym.joint.kernel import restart
 from cjt_gym.plant.measurement import Limits, Measurement
 from cjt_gym.plant.randomization import compile_draws, fields_of, redraw
 
