@@ -6,10 +6,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from cjt_gym.joint.arrays import DQ_L, DQ_M, Q_M, TAU, Batch
+from cjt_gym.joint.compiled import compiled
 from cjt_gym.joint.random_stream import mix, uniform
 from cjt_gym.signals.evaluate import evaluate
 
@@ -78,7 +78,7 @@ class Task(NamedTuple):
     preview: int
 
 
-@njit(cache=True)
+@compiled
 def reference_at(task: Task, i: int, t: float) -> float:
     """Return the reference of episode i at time t [N m]."""
     span = task.reference_spans[task.picks[i, 0]]
@@ -86,7 +86,7 @@ def reference_at(task: Task, i: int, t: float) -> float:
     return float(evaluate(task.reference_row[i], task.keys[i, 0], table, t))
 
 
-@njit(cache=True)
+@compiled
 def load_at(task: Task, i: int, t: float) -> float:
     """Return the load input of episode i at time t [N m or rad/s]."""
     span = task.disturbance_spans[task.picks[i, 1]]
@@ -94,7 +94,7 @@ def load_at(task: Task, i: int, t: float) -> float:
     return float(evaluate(task.disturbance_row[i], task.keys[i, 1], table, t))
 
 
-@njit(cache=True)
+@compiled
 def draw_episodes(batch: Batch, task: Task, mask: Masks) -> None:
     """Draw reference, disturbance and the angle of the joint for the episodes in a mask."""
     for i in range(mask.shape[0]):
@@ -115,13 +115,13 @@ def draw_episodes(batch: Batch, task: Task, mask: Masks) -> None:
         task.load[i] = load_at(task, i, 0.0)
 
 
-@njit(cache=True)
+@compiled
 def limit(x: float) -> float:
     """Clip an observation to its finite box."""
     return min(max(x, -CLIP), CLIP)
 
 
-@njit(cache=True)
+@compiled
 def sample(batch: Batch, task: Task, i: int, row: Floats) -> None:
     """Write the scaled newest sample [tau, dq_m, dq_l, command]."""
     measured, scales = batch.measured[i], task.scales
@@ -131,7 +131,7 @@ def sample(batch: Batch, task: Task, i: int, row: Floats) -> None:
     row[3] = limit(task.command[i] / scales[0])
 
 
-@njit(cache=True)
+@compiled
 def observe(batch: Batch, task: Task, i: int) -> None:
     """Write the observation of episode i."""
     out, scales = task.observation[i], task.scales
@@ -152,7 +152,7 @@ def observe(batch: Batch, task: Task, i: int) -> None:
             at += 1
 
 
-@njit(cache=True)
+@compiled
 def begin(batch: Batch, task: Task, mask: Masks) -> None:
     """Observe for the first time after the plant was reset."""
     for i in range(mask.shape[0]):
@@ -164,7 +164,7 @@ def begin(batch: Batch, task: Task, mask: Masks) -> None:
             observe(batch, task, i)
 
 
-@njit(cache=True)
+@compiled
 def conclude(batch: Batch, task: Task, command: Floats) -> None:
     """After a control step: reference, reward, end of the episode, observation, next load.
 

@@ -9,11 +9,11 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from cjt_gym.errors import ConfigurationError, SimulationError
 from cjt_gym.joint.arrays import WORK_ROWS, WORK_WIDTH, Batch, Setup
+from cjt_gym.joint.compiled import compiled
 from cjt_gym.joint.discretize import discretize
 from cjt_gym.joint.drives import get_drive
 from cjt_gym.joint.kernel import restart, step_batch
@@ -45,14 +45,14 @@ def substeps_of(dt: float, dt_physics: float) -> int:
     return count
 
 
-@njit(cache=True)
+@compiled
 def discretize_all(batch: Batch, setup: Setup) -> None:
     """Discretise every joint of a batch."""
     for i in range(batch.a.shape[0]):
         discretize(batch.p[i], setup.groups, setup.h, batch.a[i], batch.b[i])
 
 
-@njit(cache=True)
+@compiled
 def restart_some(batch: Batch, setup: Setup, mask: NDArray[np.bool_], load: Floats) -> None:
     """Restart the joints in a mask from their state."""
     work = np.zeros((WORK_ROWS, WORK_WIDTH))

@@ -9,14 +9,15 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from cjt_gym.joint.compiled import compiled
 
 Matrix = NDArray[np.float64]
 TERMS = 18
 
 
-@njit(cache=True)
+@compiled
 def expm_small(m: Matrix) -> Matrix:
     """Return the matrix exponential by a Taylor series of order 18, scaled and squared.
 
@@ -44,7 +45,7 @@ def expm_small(m: Matrix) -> Matrix:
     return result
 
 
-@njit(cache=True)
+@compiled
 def discretize(p: Any, groups: tuple[int, int, int], h: float, a: Matrix, b: Matrix) -> None:
     """Write the discrete A and B of one joint for a step h [s].
 
@@ -88,12 +89,12 @@ def discretize(p: Any, groups: tuple[int, int, int], h: float, a: Matrix, b: Mat
             b[i, j] = exact[i, order + j] * row
 
 
-@njit(cache=True)
+@compiled
 def _ground(m: Matrix, row: int, rate: float) -> None:
     m[row, row] -= rate
 
 
-@njit(cache=True)
+@compiled
 def _spring(
     m: Matrix,
     one: int,

@@ -16,10 +16,10 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from cjt_gym.errors import unknown_name
+from cjt_gym.joint.compiled import compiled
 
 CURRENT, STATIC, RL, DQ = 0, 1, 2, 3
 
@@ -45,13 +45,13 @@ def get_drive(name: str) -> int:
         raise unknown_name("drive", name, DRIVES) from None
 
 
-@njit(cache=True)
+@compiled
 def clip(x: float, limit: float) -> float:
     """Limit x to [-limit, limit]."""
     return min(max(x, -limit), limit)
 
 
-@njit(cache=True)
+@compiled
 def static_current(p: Any, command: float, is_voltage: bool, dq_m: float) -> tuple[float, float]:
     """Return the current of the drive without inductance and its slope over dq_m.
 
@@ -79,7 +79,7 @@ def static_current(p: Any, command: float, is_voltage: bool, dq_m: float) -> tup
     return current, slope
 
 
-@njit(cache=True)
+@compiled
 def circle(v_q: float, v_d: float, limit: float) -> tuple[float, float]:
     """Shorten a voltage vector to the circle that the inverter can reach."""
     length = math.hypot(v_q, v_d)
@@ -88,7 +88,7 @@ def circle(v_q: float, v_d: float, limit: float) -> tuple[float, float]:
     return v_q * limit / length, v_d * limit / length
 
 
-@njit(cache=True)
+@compiled
 def advance_rl(
     p: Any, current: float, command: float, is_voltage: bool, dq_m: float, h: float
 ) -> float:
@@ -102,7 +102,7 @@ def advance_rl(
     return clip(final + (current - final) * math.exp(-p.r * h / p.l_a), p.i_p)
 
 
-@njit(cache=True)
+@compiled
 def advance_dq(
     p: Any,
     i_q: float,
@@ -140,7 +140,7 @@ def advance_dq(
     return circle(z.real, z.imag, p.i_p)
 
 
-@njit(cache=True)
+@compiled
 def advance_currents(
     p: Any,
     drive: int,

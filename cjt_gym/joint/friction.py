@@ -8,12 +8,12 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from numba import njit
+from cjt_gym.joint.compiled import compiled
 
 MOTOR, GEAR, LOAD = 0, 1, 2
 
 
-@njit(cache=True)
+@compiled
 def coulomb_levels(p: Any, body: int) -> tuple[float, float]:
     """Return the Coulomb levels for positive and negative velocity [N m]."""
     if body == MOTOR:
@@ -23,7 +23,7 @@ def coulomb_levels(p: Any, body: int) -> tuple[float, float]:
     return p.d_cl, p.d_cl_n
 
 
-@njit(cache=True)
+@compiled
 def extra_damping(p: Any, body: int) -> float:
     """Return what the viscous damping gains at negative velocity [N m s/rad]."""
     if body == MOTOR:
@@ -33,7 +33,7 @@ def extra_damping(p: Any, body: int) -> float:
     return float(p.d_l_extra_n)
 
 
-@njit(cache=True)
+@compiled
 def friction(p: Any, body: int, dq: float, side: float) -> tuple[float, float]:
     """Return the friction torque of a body and its slope over velocity.
 
@@ -71,7 +71,7 @@ def friction(p: Any, body: int, dq: float, side: float) -> tuple[float, float]:
     return torque, slope
 
 
-@njit(cache=True)
+@compiled
 def has_friction(p: Any, body: int) -> bool:
     """Whether any friction beyond the linear damping acts on the body."""
     up, down = coulomb_levels(p, body)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from cjt_gym.joint.arrays import (
     ACTIVE,
@@ -18,6 +17,7 @@ from cjt_gym.joint.arrays import (
     Setup,
     X,
 )
+from cjt_gym.joint.compiled import compiled
 from cjt_gym.joint.resist import resistance, resists
 from cjt_gym.joint.sensing import condition_command, lateness, measure, write_channels
 from cjt_gym.joint.substep import load_state, store_state, substep
@@ -25,7 +25,7 @@ from cjt_gym.joint.substep import load_state, store_state, substep
 LARGEST = 1e12
 
 
-@njit(cache=True)
+@compiled
 def control_step(
     batch: Batch, setup: Setup, i: int, command: float, command_d: float, load: float, work: Floats
 ) -> bool:
@@ -81,7 +81,7 @@ def control_step(
     return True
 
 
-@njit(cache=True)
+@compiled
 def restart(batch: Batch, setup: Setup, i: int, load: float, work: Floats) -> None:
     """Fill the memory of joint i from its state, with the drive at rest, and measure."""
     batch.currents[i, :] = 0.0
@@ -97,7 +97,7 @@ def restart(batch: Batch, setup: Setup, i: int, load: float, work: Floats) -> No
     measure(batch, setup, i, 0, 0, True)
 
 
-@njit(cache=True)
+@compiled
 def step_batch(batch: Batch, setup: Setup, commands: Floats, load: Floats) -> int:
     """Advance every joint by one control step.
 
@@ -119,7 +119,7 @@ def step_batch(batch: Batch, setup: Setup, commands: Floats, load: Floats) -> in
     return failed
 
 
-@njit(cache=True)
+@compiled
 def simulate(
     batch: Batch, setup: Setup, commands: Floats, load: Floats, out: Floats, true: Floats
 ) -> int:

@@ -17,8 +17,6 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from numba import njit
-
 from cjt_gym.joint.arrays import (
     ACTIVE,
     FREE,
@@ -33,6 +31,7 @@ from cjt_gym.joint.arrays import (
     Setup,
     X,
 )
+from cjt_gym.joint.compiled import compiled
 from cjt_gym.joint.drives import STATIC, static_current
 from cjt_gym.joint.friction import coulomb_levels, friction, has_friction
 
@@ -41,7 +40,7 @@ NEWTON = 12
 ITERATIONS = 60
 
 
-@njit(cache=True)
+@compiled
 def resistance(
     p: Any, setup: Setup, g: int, command: float, v: float, side: float
 ) -> tuple[float, float]:
@@ -60,7 +59,7 @@ def resistance(
     return torque, slope
 
 
-@njit(cache=True)
+@compiled
 def resists(p: Any, setup: Setup, g: int) -> bool:
     """Whether anything resists the motion of coordinate g."""
     for body in range(3):
@@ -69,7 +68,7 @@ def resists(p: Any, setup: Setup, g: int) -> bool:
     return bool(setup.drive == STATIC and setup.groups[0] == g)
 
 
-@njit(cache=True)
+@compiled
 def coulomb_sum(p: Any, groups: tuple[int, int, int], g: int, side: float) -> float:
     """Return the Coulomb level of coordinate g in the direction of `side` [N m]."""
     total = 0.0
@@ -80,7 +79,7 @@ def coulomb_sum(p: Any, groups: tuple[int, int, int], g: int, side: float) -> fl
     return total
 
 
-@njit(cache=True)
+@compiled
 def settle(
     p: Any, setup: Setup, g: int, command: float, w: float, target: float
 ) -> tuple[float, float]:
@@ -119,7 +118,7 @@ def settle(
     return v, (target - v) / w
 
 
-@njit(cache=True)
+@compiled
 def eliminate(work: Floats, n: int) -> None:
     """Solve the Jacobian's equations for the residuals, in place in both.
 
@@ -138,7 +137,7 @@ def eliminate(work: Floats, n: int) -> None:
         work[REST, k] /= work[JACOBIAN + k, k]
 
 
-@njit(cache=True)
+@compiled
 def search(p: Any, setup: Setup, b: Floats, command: float, work: Floats) -> bool:
     """Try Newton's method from the mean velocities of the substep before.
 
@@ -175,7 +174,7 @@ def search(p: Any, setup: Setup, b: Floats, command: float, work: Floats) -> boo
     return False
 
 
-@njit(cache=True)
+@compiled
 def descend(p: Any, setup: Setup, b: Floats, command: float, work: Floats) -> None:
     """Minimise one coordinate after the other; it converges whatever the coupling."""
     work[RESIST, :] = 0.0
@@ -195,7 +194,7 @@ def descend(p: Any, setup: Setup, b: Floats, command: float, work: Floats) -> No
             break
 
 
-@njit(cache=True)
+@compiled
 def resist(p: Any, setup: Setup, b: Floats, command: float, work: Floats) -> bool:
     """Find mean velocities and resisting torques from the free ones; False if none resists."""
     active = 0.0
@@ -210,7 +209,7 @@ def resist(p: Any, setup: Setup, b: Floats, command: float, work: Floats) -> boo
     return True
 
 
-@njit(cache=True)
+@compiled
 def come_to_rest(p: Any, setup: Setup, b: Floats, work: Floats) -> None:
     """Hold the coordinates that sharp friction has stopped: exact position, no velocity.
 
@@ -231,7 +230,7 @@ def come_to_rest(p: Any, setup: Setup, b: Floats, work: Floats) -> None:
                 work[FREE, row] = 0.0
 
 
-@njit(cache=True)
+@compiled
 def shift(b: Floats, setup: Setup, sign: float, work: Floats) -> None:
     """Add the effect of the resisting torques in row RESIST to the end of the substep."""
     for g in range(setup.size):

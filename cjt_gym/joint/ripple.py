@@ -5,14 +5,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from cjt_gym.joint.compiled import compiled
 
 FREQUENCY, COSINE, SINE, KIND = 0, 1, 2, 3
 ADDITIVE, PROPORTIONAL = 0.0, 1.0
 
 
-@njit(cache=True)
+@compiled
 def ripple_torque(
     table: NDArray[np.float64],
     q_m: float,

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from numba import njit
-
 from cjt_gym.joint.arrays import (
     CURRENT_I,
     DQ_G,
@@ -20,11 +18,12 @@ from cjt_gym.joint.arrays import (
     Floats,
     Setup,
 )
+from cjt_gym.joint.compiled import compiled
 from cjt_gym.joint.random_stream import normal
 from cjt_gym.joint.substep import store_state
 
 
-@njit(cache=True)
+@compiled
 def write_channels(
     p: Any, setup: Setup, x: Floats, currents: Floats, tau: float, load: float, out: Floats
 ) -> None:
@@ -36,14 +35,14 @@ def write_channels(
         out[TAU] = p.k_b * (out[Q_G] - out[Q_L]) + p.d_gl * (out[DQ_G] - out[DQ_L])
 
 
-@njit(cache=True)
+@compiled
 def lateness(delay: float, setup: Setup) -> tuple[int, int]:
     """Split a delay [s] into whole control steps and substeps, rounded to a substep."""
     total = round(delay / setup.h)
     return total // setup.substeps, total % setup.substeps
 
 
-@njit(cache=True)
+@compiled
 def condition_command(batch: Batch, setup: Setup, i: int, command: float) -> float:
     """Return the command as the drive receives it: with noise, quantized."""
     p = batch.p[i]
@@ -55,7 +54,7 @@ def condition_command(batch: Batch, setup: Setup, i: int, command: float) -> flo
     return command
 
 
-@njit(cache=True)
+@compiled
 def sensor(p: Any, channel: int) -> tuple[float, float]:
     """Return noise (standard deviation) and resolution of a channel, in its unit."""
     if channel == CURRENT_I:
@@ -71,13 +70,13 @@ def sensor(p: Any, channel: int) -> tuple[float, float]:
     return 0.0, 0.0
 
 
-@njit(cache=True)
+@compiled
 def low_pass(old: float, new: float, cutoff: float, dt: float) -> float:
     """Advance a first-order low pass with unit gain and cut-off [Hz], exact for held input."""
     return old + (1.0 - math.exp(-2.0 * math.pi * cutoff * dt)) * (new - old)
 
 
-@njit(cache=True)
+@compiled
 def measure(batch: Batch, setup: Setup, i: int, at: int, at_torque: int, first: bool) -> None:
     """Write what the sensors report: late, noisy, quantized, differentiated, filtered.
 

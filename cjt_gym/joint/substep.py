@@ -10,16 +10,15 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba import njit
-
 from cjt_gym.joint.arrays import FREE, FREE_SPEED, RESIST, RIPPLE, Floats, Setup, X
+from cjt_gym.joint.compiled import compiled
 from cjt_gym.joint.drives import CURRENT, STATIC, advance_currents, clip, static_current
 from cjt_gym.joint.friction import LOAD, friction
 from cjt_gym.joint.resist import come_to_rest, coulomb_sum, resist, shift
 from cjt_gym.joint.ripple import ripple_torque
 
 
-@njit(cache=True)
+@compiled
 def load_state(setup: Setup, state: Floats, x: Floats) -> None:
     """Copy the bodies' state, shape (6,), into the structure's own, shape (order,)."""
     for body in range(3):
@@ -31,7 +30,7 @@ def load_state(setup: Setup, state: Floats, x: Floats) -> None:
             x[setup.size] = state[body]
 
 
-@njit(cache=True)
+@compiled
 def store_state(setup: Setup, x: Floats, load: float, state: Floats) -> None:
     """Copy the structure's state back to the bodies; `load` is the velocity of a fixed one."""
     for body in range(3):
@@ -44,7 +43,7 @@ def store_state(setup: Setup, x: Floats, load: float, state: Floats) -> None:
             state[3 + body] = load
 
 
-@njit(cache=True)
+@compiled
 def mesh_torque(p: Any, setup: Setup, tau_rigid: float, work: Floats) -> float:
     """Return the torque that the gear transmits, averaged over the substep [N m].
 
@@ -64,7 +63,7 @@ def mesh_torque(p: Any, setup: Setup, tau_rigid: float, work: Floats) -> float:
     return float(stiffness * 0.5 * (start + end) + damping * (end - start) / setup.h)
 
 
-@njit(cache=True)
+@compiled
 def position_torque(p: Any, ripple: Floats, setup: Setup, tau: float, work: Floats) -> float:
     """Return the torque on the motor that depends on position, at the middle of the substep."""
     g = setup.groups[0]
@@ -74,7 +73,7 @@ def position_torque(p: Any, ripple: Floats, setup: Setup, tau: float, work: Floa
     return ripple_torque(ripple, q_m, tau, p.cogging_scale, p.gear_ripple_scale)
 
 
-@njit(cache=True)
+@compiled
 def settled_ripple(
     p: Any, ripple: Floats, b: Floats, setup: Setup, tau: float, work: Floats
 ) -> float:
@@ -98,7 +97,7 @@ def settled_ripple(
     return float(work[RIPPLE, 0])
 
 
-@njit(cache=True)
+@compiled
 def rigid_torque(p: Any, setup: Setup, load: float, work: Floats) -> float:
     """Return the mean torque that a rigid joint passed on to its load over a substep [N m]."""
     v = (work[FREE, 0] - work[X, 0]) / setup.h
@@ -111,7 +110,7 @@ def rigid_torque(p: Any, setup: Setup, load: float, work: Floats) -> float:
     return float(p.I_l * acceleration + p.d_l * v + drag - load)
 
 
-@njit(cache=True)
+@compiled
 def substep(
     p: Any,
     ripple: Floats,

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.joint import EFFECTS, Joint
+from cjt_gym.joint.compiled import compiled
 from cjt_gym.joint.configure import BASE_FIELDS, FIELDS
 from cjt_gym.joint.random_stream import uniform
 
@@ -143,7 +143,7 @@ def _check_sign(joint: Joint, name: str, variation: Variation, nominal: float) -
         )
 
 
-@njit(cache=True)
+@compiled
 def redraw(p: Floats, nominal: Floats, rows: Floats, rng: NDArray[np.uint64], i: int) -> None:
     """Draw the parameters of joint i.
 

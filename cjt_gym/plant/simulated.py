@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from cjt_gym.joint import Joint
 from cjt_gym.joint.arrays import CHANNELS, WORK_ROWS, WORK_WIDTH, Batch, Setup
 from cjt_gym.joint.batch import JointBatch
+from cjt_gym.joint.compiled import compiled
 from cjt_gym.joint.configure import FIELDS
 from cjt_gym.joint.discretize import discretize
 from cjt_gym.joint.kernel import restart
@@ -23,7 +23,7 @@ DT_CONTROL, DT_PHYSICS = 1e-3, 1e-4
 DEFAULT_TORQUE = 1000.0
 
 
-@njit(cache=True)
+@compiled
 def renew(
     batch: Batch,
     setup: Setup,

@@ -10,9 +10,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from cjt_gym.joint.compiled import compiled
 from cjt_gym.joint.random_stream import hashed_uniform
 
 Floats = NDArray[np.float64]
@@ -22,18 +22,18 @@ KIND, AMPLITUDE, LOW, HIGH, PERIOD, COUNT = range(6)
 WIDTH = 6
 
 
-@njit(cache=True)
+@compiled
 def _level(key: np.uint64, index: int) -> float:
     """Return level `index` of the key's sequence, in [-1, 1)."""
     return 2.0 * hashed_uniform(key, index) - 1.0
 
 
-@njit(cache=True)
+@compiled
 def _step(key: np.uint64, hold: float, t: float) -> float:
     return _level(key, math.floor(t / hold))
 
 
-@njit(cache=True)
+@compiled
 def _smooth(key: np.uint64, spacing: float, t: float) -> float:
     """Join random levels by the quintic with no velocity and acceleration at its ends."""
     knot = math.floor(t / spacing)
@@ -42,7 +42,7 @@ def _smooth(key: np.uint64, spacing: float, t: float) -> float:
     return start + (end - start) * s * s * s * (10.0 + s * (6.0 * s - 15.0))
 
 
-@njit(cache=True)
+@compiled
 def _chirp(low: float, high: float, period: float, t: float) -> float:
     """Sweep linearly from low to high [Hz] over a period [s], then back, and so on."""
     cycle = math.floor(t / period)
@@ -54,7 +54,7 @@ def _chirp(low: float, high: float, period: float, t: float) -> float:
     return math.sin(2.0 * math.pi * (before + sweep))
 
 
-@njit(cache=True)
+@compiled
 def _multisine(key: np.uint64, low: float, high: float, count: int, t: float) -> float:
     """Add tones of equal amplitude, spaced evenly on a logarithmic scale, of random phase."""
     total = 0.0
@@ -65,7 +65,7 @@ def _multisine(key: np.uint64, low: float, high: float, count: int, t: float) ->
     return total / count
 
 
-@njit(cache=True)
+@compiled
 def _table(table: Floats, t: float) -> float:
     """Interpolate rows [t, value] linearly; the table repeats."""
     rows = table.shape[0]
@@ -84,7 +84,7 @@ def _table(table: Floats, t: float) -> float:
     return float(table[low, 1] + (table[high, 1] - table[low, 1]) * (at - table[low, 0]) / width)
 
 
-@njit(cache=True)
+@compiled
 def evaluate(row: Floats, key: np.uint64, table: Floats, t: float) -> float:
     """Return the value of a signal at time t [s].
 

@@ -1,0 +1,47 @@
+"""The decorator of all compiled functions, and their cache on disk.
+
+Numba renews a cached function when its own file changes, not when a function that it calls
+does. So the cache of the whole package is forgotten when any of its compiled files changes.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+from importlib.util import find_spec
+from pathlib import Path
+
+from numba import njit
+
+PACKAGES = ("cjt_gym.joint", "cjt_gym.signals", "cjt_gym.plant", "cjt_gym.envs")
+STAMP = "compiled.stamp"
+
+compiled = njit(cache=True)
+
+
+def _folders() -> list[Path]:
+    found = [find_spec(name) for name in PACKAGES]
+    return [Path(spec.origin).parent for spec in found if spec is not None and spec.origin]
+
+
+def forget_stale_code() -> None:
+    """Delete the cached code if a source file differs from when it was written."""
+    folders = _folders()
+    states = [
+        (path.name, path.stat().st_mtime_ns, path.stat().st_size)
+        for folder in folders
+        for path in sorted(folder.glob("*.py"))
+    ]
+    stamp = hashlib.sha256(repr(states).encode()).hexdigest()
+    home = Path(__file__).parent / "__pycache__" / STAMP
+    with contextlib.suppress(OSError):  # a folder that cannot be written to does not change either
+        if home.exists() and home.read_text() == stamp:
+            return
+        for folder in folders:
+            for path in (folder / "__pycache__").glob("*.nb[ic]"):
+                path.unlink(missing_ok=True)
+        home.parent.mkdir(exist_ok=True)
+        home.write_text(stamp)
+
+
+forget_stale_code()
