@@ -240,7 +240,14 @@ class Joint:
             parameter_hash=self.file.hash_hex(),
             versions={name: version(name) for name in ("cjt-gym", "numpy", "numba")},
             sensors={n: v for n, v in self.file.sensors.items() if n in columns},
-            provenance={"kind": "simulation", "drive": self.drive, "effects": sorted(self.effects)},
+            provenance={
+                "kind": "simulation",
+                "drive": self.drive,
+                "effects": {
+                    name: {k: list(v) if isinstance(v, tuple) else v for k, v in values.items()}
+                    for name, values in self.effects.items()
+                },
+            },
         )
 
 

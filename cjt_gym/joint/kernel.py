@@ -53,9 +53,10 @@ def control_step(
     work[RIPPLE, :] = 0.0
     for g in range(setup.size):
         work[ACTIVE, g] = 1.0 if resists(p, setup, g) else 0.0
-        work[GUESS, g] = work[X, setup.order - setup.size + g]
-        side = 1.0 if work[GUESS, g] >= 0.0 else -1.0
-        work[RESIST, g], _ = resistance(p, setup, g, commands[k % depth, 0], work[GUESS, g], side)
+        v = work[GUESS, g] = work[X, setup.order - setup.size + g]
+        ahead, _ = resistance(p, setup, g, commands[k % depth, 0], v, 1.0 if v >= 0.0 else -1.0)
+        back, _ = resistance(p, setup, g, commands[k % depth, 0], v, 1.0 if v > 0.0 else -1.0)
+        work[RESIST, g] = 0.5 * (ahead + back)  # at rest neither direction is preferred
     tau = batch.tau[i]
     for s in range(setup.substeps):
         if s == setup.substeps - felt_sub:

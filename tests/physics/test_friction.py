@@ -77,9 +77,12 @@ def test_breakaway_happens_at_the_coulomb_level() -> None:
     np.testing.assert_allclose(x[1:, 3], accelerated, atol=1e-12)
 
 
-@pytest.mark.parametrize(("push", "moves"), [(1.9, False), (2.1, True), (-4.9, False), (-5.1, True)])
+@pytest.mark.parametrize(
+    ("push", "moves"), [(1.9, False), (2.1, True), (-4.9, False), (-5.1, True)]
+)
 def test_each_direction_has_its_own_level(push: float, moves: bool) -> None:
-    joint, _ = rigid_mass({"coulomb_asym": {"d_cm": 2.0, "d_cm_n": 5.0, "d_cg": 0.0, "dq_0": 0.0}})
+    levels = {"d_cm": 2.0, "d_cm_n": 5.0, "d_cg": 0.0, "d_cg_n": 0.0}
+    joint, _ = rigid_mass({"coulomb_asym": levels | {"dq_0": 0.0}})
     x = run(joint, np.full(100, push))
     assert x.any() == moves
     assert not moves or np.sign(x[-1, 0]) == np.sign(push)
@@ -117,7 +120,8 @@ def test_stopping_under_viscous_and_coulomb_friction() -> None:
 @pytest.mark.parametrize("h", [1e-5, 1e-4, 1e-3])
 def test_a_stopping_mass_does_not_chatter(h: float) -> None:
     """Driven against friction and let go: the velocity reaches zero once and stays there."""
-    joint, _ = rigid_mass({"coulomb_asym": {"d_cm": 4.0, "d_cm_n": 1.0, "d_cg": 0.0, "dq_0": 0.0}})
+    levels = {"d_cm": 4.0, "d_cm_n": 1.0, "d_cg": 0.0, "d_cg_n": 0.0}
+    joint, _ = rigid_mass({"coulomb_asym": levels | {"dq_0": 0.0}})
     tau_m = np.where(np.arange(round(0.5 / h)) * h < 0.1, 7.0, -0.99)
     speed = run(joint, tau_m, h=h)[:, 3]
     stopped = int(np.argmax(speed[1:] == 0.0)) + 1
@@ -142,7 +146,7 @@ def test_every_structure_comes_to_rest(structure: str, h: float) -> None:
 
 def test_a_stopped_joint_starts_again() -> None:
     joint, inertia = rigid_mass(sharp(d_cm=3.0))
-    tau_m = np.concatenate([np.full(100, 5.0), np.full(400, 2.9), np.full(100, 5.0)])
+    tau_m = np.concatenate([np.full(100, 5.0), np.full(400, 1.0), np.full(100, 5.0)])
     x = run(joint, tau_m)
     assert not x[-101, 3:].any()
     assert x[-1, 3] == pytest.approx(2.0 / inertia * 99 * H, rel=1e-12)
@@ -162,7 +166,7 @@ def test_smooth_friction_creeps(share: float) -> None:
 
 @pytest.mark.parametrize("structure", STRUCTURES)
 def test_smooth_friction_approaches_the_sharp_one(structure: str) -> None:
-    """The distance shrinks with dq_0, at least threefold for each tenth of it."""
+    """It creeps where the sharp one holds, at about dq_0: less than dq_0 * 1 s in half a second."""
     t = np.arange(500) * 1e-3
     tau_m = 10.0 * np.sin(2 * np.pi * 3.0 * t)
 
@@ -172,9 +176,10 @@ def test_smooth_friction_approaches_the_sharp_one(structure: str) -> None:
         return states(joint.simulate(tau_m, dt_physics=2e-5))[:, 0]
 
     limit = motion(0.0)
-    distance = [np.abs(motion(dq_0) - limit).max() for dq_0 in (1e-2, 1e-3, 1e-4)]
-    assert distance[1] < distance[0] / 3 and distance[2] < distance[1] / 3
-    assert distance[2] < 1e-3 * np.abs(limit).max()
+    widths = np.array([1e-2, 1e-3, 1e-4])
+    distance = np.array([np.abs(motion(dq_0) - limit).max() for dq_0 in widths])
+    assert (distance < widths).all()
+    assert (distance[1:] < distance[:-1] / 3).all()
 
 
 # -------------------------------------------------------------------------- symmetry

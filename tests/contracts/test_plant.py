@@ -1,0 +1,109 @@
+"""The Plant contract and randomised joints."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cjt_gym import load_joint
+from cjt_gym.errors import ConfigurationError, UnknownNameError
+from cjt_gym.plant import Limits, SimulatedPlant, Variation
+
+EFFECTS: dict[str, dict[str, Any]] = {"coulomb": {}, "command_delay": {"delay": 2e-3}}
+
+
+def plant(num: int = 4, **arguments: Any) -> SimulatedPlant:
+    joint = load_joint("orange_80_6000", "output_fixed_rigid_gearbox", effects=EFFECTS)
+    return SimulatedPlant(joint, num, **arguments)
+
+
+def test_a_plant_states_its_step_and_its_limits_and_clips_to_them() -> None:
+    p = plant(2)
+    peak = 0.078 * 80 * 30
+    assert p.dt == 1e-3
+    assert p.limits == Limits(tau=peak, dq_m=7.7284, tau_joint=2 * peak)
+    p.reset(seed=0)
+    for _ in range(4):
+        measured = p.step(np.array([1e6, peak]))
+    np.testing.assert_array_equal(measured.tau[0], measured.tau[1])
+    assert measured.i[0] == pytest.approx(30.0)
+    p.close()
+
+
+def test_a_batch_simulates_what_the_joint_simulates() -> None:
+    p = plant(3)
+    p.reset(seed=0)
+    wanted = 20.0 * np.sin(0.05 * np.arange(200))
+    seen = np.array([p.step(np.full(3, u)).tau for u in wanted])
+    record = p.joint.simulate(np.append(wanted, 0.0), dt_physics=1e-4)
+    np.testing.assert_array_equal(seen[:, 0], record["tau"][1:])
+    np.testing.assert_array_equal(seen[:, 0], seen[:, 2])
+
+
+def test_draws_stay_in_range_and_set_both_directions_of_symmetric_friction() -> None:
+    spec = {
+        "k_b": (0.5, 2.0),
+        "coulomb.d_cm": {"low": 1.0, "high": 3.0, "operation": "set"},
+        "I_m": Variation(0.01, 0.1, "log_uniform", "add"),
+    }
+    p = plant(500, randomization=spec)
+    p.reset(seed=1)
+    q = p.batch.arrays.p
+    for name, low, high in (("k_b", 3000, 12000), ("d_cm", 1, 3), ("I_m", 0.24, 0.33)):
+        assert low <= q[name].min() < low + 0.1 * (high - low)
+        assert high - 0.1 * (high - low) < q[name].max() <= high
+    np.testing.assert_array_equal(q["d_cm"], q["d_cm_n"])
+    assert abs(np.median(q["I_m"]) - 0.23 - np.sqrt(0.001)) < 0.004
+    drawn = p.parameters(7)
+    assert drawn["coulomb.d_cm"] == q["d_cm"][7]
+
+
+def test_a_redrawn_joint_moves_like_one_that_was_loaded_with_its_parameters() -> None:
+    p = plant(2, randomization={"k_b": (0.8, 1.2), "I_m": (0.8, 1.2)})
+    p.reset(seed=3)
+    values = p.parameters(1)
+    same = load_joint(
+        "orange_80_6000",
+        "output_fixed_rigid_gearbox",
+        effects=EFFECTS,
+        parameters={"k_b": values["k_b"], "I_m": values["I_m"]},
+    )
+    wanted = np.full(100, 15.0)
+    seen = [p.step(np.full(2, u)).tau[1] for u in wanted]
+    record = same.simulate(np.append(wanted, 0.0), dt_physics=1e-4)
+    np.testing.assert_allclose(seen, record["tau"][1:], rtol=1e-12)
+
+
+def test_a_delay_may_be_randomised_up_to_its_longest() -> None:
+    spec = {"command_delay.delay": {"low": 0.0, "high": 9e-3, "operation": "set"}}
+    p = plant(50, randomization=spec)
+    p.reset(seed=0)
+    delays = p.batch.arrays.p["command_delay"]
+    assert delays.max() > 8e-3
+    first = np.full(50, -1)
+    for k in range(15):
+        moved = p.step(np.full(50, 30.0)).q_m != 0.0
+        first[moved & (first < 0)] = k
+    np.testing.assert_array_equal(first, np.floor(np.round(delays / 1e-4) / 10.0).astype(int))
+
+
+@pytest.mark.parametrize(
+    ("spec", "error", "words"),
+    [
+        ({"k_bb": (0.9, 1.1)}, UnknownNameError, "k_b"),
+        ({"cogging.scale": (0.9, 1.1)}, UnknownNameError, "active effect"),
+        ({"coulomb.d_cx": (0.9, 1.1)}, UnknownNameError, "d_cm"),
+        ({"k_b": (1.1, 0.9)}, ConfigurationError, "low <= high"),
+        ({"k_b": 3}, ConfigurationError, "factors or a mapping"),
+        ({"k_b": {"lo": 1, "high": 2}}, ConfigurationError, "low, high"),
+        ({"I_m": (0.0, 1.0)}, ConfigurationError, "> 0"),
+        ({"k_b": {"low": 1, "high": 2, "distribution": "gauss"}}, UnknownNameError, "uniform"),
+    ],
+)
+def test_bad_randomisation_is_refused(
+    spec: dict[str, Any], error: type[Exception], words: str
+) -> None:
+    with pytest.raises(error, match=words):
+        plant(randomization=spec)

@@ -1,0 +1,232 @@
+"""Training configurations: TOML files, validated."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields, replace
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from cjt_gym.baselines import CONTROLLERS, make_controller
+from cjt_gym.envs.torque_tracking import complete
+from cjt_gym.errors import ConfigurationError, MissingFileError, unknown_name
+
+ALGORITHMS = ("PPO", "SAC")
+ACTIVATIONS = ("tanh", "relu", "elu")
+VALIDATION_SEEDS = 500_000
+"""Where seeds of the evaluations during training begin; see also `EVALUATION_SEEDS`."""
+
+
+@dataclass(frozen=True)
+class PolicyConfig:
+    """The network, section [policy].
+
+    Attributes:
+        net_arch: Units of each hidden layer, for actor and critic each.
+        activation: One of `ACTIVATIONS`.
+        log_std_init: Logarithm of the first standard deviation of actions (PPO).
+    """
+
+    net_arch: tuple[int, ...] = (64, 64)
+    activation: str = "tanh"
+    log_std_init: float = 0.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "net_arch", tuple(self.net_arch))
+        if not self.net_arch or any(not _whole(n) or n < 1 for n in self.net_arch):
+            raise ConfigurationError(
+                f"net_arch of [policy] must list whole numbers >= 1, got {list(self.net_arch)}."
+            )
+        if self.activation not in ACTIVATIONS:
+            raise unknown_name("activation", self.activation, ACTIVATIONS)
+
+
+@dataclass(frozen=True)
+class EvaluationConfig:
+    """Evaluations during training, section [evaluation]; the best model is the one kept.
+
+    Attributes:
+        every: Steps between two of them.
+        episodes: Episodes of each, on seeds that training does not see.
+    """
+
+    every: int = 100_000
+    episodes: int = 32
+
+    def __post_init__(self) -> None:
+        _at_least("every of [evaluation]", self.every, 1)
+        _at_least("episodes of [evaluation]", self.episodes, 1)
+
+
+@dataclass(frozen=True)
+class TrainConfig:
+    """One training.
+
+    Attributes:
+        algorithm: One of `ALGORITHMS`.
+        total_steps: Control steps of all environments together.
+        seed: Seed of networks and environments, below 500000.
+        num_envs: Environments in the batch.
+        device: Where torch computes, "cpu" or "cuda".
+        threads: Threads of torch. With networks this small and 32 environments on 2 cores, PPO
+            made THREADS_1 steps/s with one thread and THREADS_2 with two, so that one is the
+            default.
+        checkpoint_every: Steps between two checkpoints.
+        normalize_observations: Whether observations are scaled by their running statistics.
+        normalize_rewards: Whether rewards are scaled by the running spread of returns.
+        env: Arguments of `TorqueTrackingEnv`; `base_controller` is a name of `CONTROLLERS`.
+        policy: The network.
+        algorithm_options: Arguments of the Stable-Baselines3 class; `learning_rate` and
+            `clip_range` may be {start = ..., end = ...} for a linear schedule.
+        evaluation: Evaluations during training.
+    """
+
+    algorithm: str = "PPO"
+    total_steps: int = 1_000_000
+    seed: int = 0
+    num_envs: int = 32
+    device: str = "cpu"
+    threads: int = 1
+    checkpoint_every: int = 200_000
+    normalize_observations: bool = False
+    normalize_rewards: bool = True
+    env: Mapping[str, Any] = field(default_factory=dict)
+    policy: PolicyConfig = field(default_factory=PolicyConfig)
+    algorithm_options: Mapping[str, Any] = field(default_factory=dict)
+    evaluation: EvaluationConfig = field(default_factory=EvaluationConfig)
+
+    def __post_init__(self) -> None:
+        if self.algorithm not in ALGORITHMS:
+            raise unknown_name("algorithm", self.algorithm, ALGORITHMS)
+        for name in ("total_steps", "num_envs", "threads", "checkpoint_every"):
+            _at_least(name, getattr(self, name), 1)
+        _at_least("seed", self.seed, 0)
+        if self.seed + self.num_envs > VALIDATION_SEEDS:
+            raise ConfigurationError(
+                f"seed must be below {VALIDATION_SEEDS} - num_envs, so that evaluations see other "
+                f"episodes, got {self.seed}."
+            )
+        for name in ("normalize_observations", "normalize_rewards"):
+            if not isinstance(getattr(self, name), bool):
+                raise ConfigurationError(f"{name} must be true or false, got {getattr(self, name)}.")
+        environment_arguments(self.env)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the configuration as plain data, as `from_dict` takes it."""
+        return asdict(self)
+
+    def with_changes(self, **changes: Any) -> TrainConfig:
+        """Return a copy with some fields replaced; None leaves one as it is."""
+        return replace(self, **{k: v for k, v in changes.items() if v is not None})
+
+
+SECTIONS = {"policy": PolicyConfig, "evaluation": EvaluationConfig}
+
+
+def from_dict(data: Mapping[str, Any], origin: str) -> TrainConfig:
+    """Return the configuration that plain data describe.
+
+    Args:
+        data: What a TOML file holds.
+        origin: Its name, for messages.
+
+    Raises:
+        ConfigurationError: A key is not known or a value is out of range.
+        UnknownNameError: A name is not known.
+    """
+    values = dict(data)
+    _check_keys(values, TrainConfig, origin)
+    for name, section in SECTIONS.items():
+        if name in values:
+            _check_table(values[name], name, origin)
+            _check_keys(values[name], section, f"[{name}] of {origin}")
+            values[name] = section(**values[name])
+    for name in ("env", "algorithm_options"):
+        if name in values:
+            _check_table(values[name], name, origin)
+    return TrainConfig(**values)
+
+
+def load_config(path: str | Path) -> TrainConfig:
+    """Read a configuration.
+
+    A joint that is named by a path is looked for beside the file.
+
+    Args:
+        path: A TOML file, or the name of one that ships with the package, such as "demo".
+
+    Raises:
+        MissingFileError: There is no such file.
+        ConfigurationError: It is not valid.
+    """
+    file = _find(path)
+    try:
+        data = tomllib.loads(file.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigurationError(f"{path} must be a TOML file: {error}.") from None
+    joint = data["env"].get("joint") if isinstance(data.get("env"), dict) else None
+    if isinstance(joint, str) and joint.endswith(".toml"):
+        beside = file.parent / joint
+        data["env"]["joint"] = str(beside if beside.is_file() else joint)
+    return from_dict(data, str(path))
+
+
+def config_names() -> tuple[str, ...]:
+    """Return the names of the configurations that ship with the package."""
+    return tuple(sorted(p.stem for p in _shipped().glob("*.toml")))
+
+
+def environment_arguments(env: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the arguments of `TorqueTrackingEnv` for a section [env].
+
+    Raises:
+        ConfigurationError: A key is not one of them.
+        UnknownNameError: There is no such controller.
+    """
+    arguments = complete(env)
+    name = arguments["base_controller"]
+    if name is not None:
+        if name not in CONTROLLERS:
+            raise unknown_name("controller", str(name), CONTROLLERS)
+        arguments["base_controller"] = lambda joint, dt: make_controller(name, joint, dt)
+    return arguments
+
+
+def _shipped() -> Path:
+    return Path(str(resources.files("cjt_gym.training"))) / "configs"
+
+
+def _find(path: str | Path) -> Path:
+    file = Path(path)
+    if file.is_file():
+        return file
+    shipped = _shipped() / f"{path}.toml"
+    if shipped.is_file():
+        return shipped
+    raise MissingFileError(
+        f"The configuration {path} does not exist. Give the path of a TOML file or one of: "
+        f"{', '.join(config_names())}."
+    )
+
+
+def _check_keys(values: Mapping[str, Any], section: type, origin: str) -> None:
+    known = [f.name for f in fields(section)]
+    for key in values:
+        if key not in known:
+            raise ConfigurationError(f"{unknown_name('key', key, known)} (in {origin})")
+
+
+def _check_table(value: Any, name: str, origin: str) -> None:
+    if not isinstance(value, Mapping):
+        raise ConfigurationError(f"{name} of {origin} must be a table [{name}], got {value!r}.")
+
+
+def _whole(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool)
+
+
+def _at_least(name: str, value: Any, low: int) -> None:
+    if not _whole(value) or value < low:
+        raise ConfigurationError(f"{name} must be a whole number >= {low}, got {value!r}.")

@@ -1,0 +1,220 @@
+"""The folder of a training run: what it holds, how it is begun, continued and read."""
+
+from __future__ import annotations
+
+import csv
+import json
+import platform
+import shutil
+import subprocess
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from cjt_gym.errors import CjtGymError, ConfigurationError, MissingFileError
+from cjt_gym.joint import Joint, load_joint_file
+from cjt_gym.training.config import TrainConfig, load_config
+from cjt_gym.training.toml_text import to_toml
+
+SCHEMA = 1
+MARKER = "run.json"
+KIND = "cjt_gym training run"
+PACKAGES = ("cjt-gym", "numpy", "numba", "gymnasium", "stable-baselines3", "torch")
+CHECKPOINTS_KEPT = 2
+PROGRESS = ("steps", "seconds", "rmse", "return", "validation_rmse")
+
+
+class TrainingError(CjtGymError, RuntimeError):
+    """A training stopped because of what it computed, such as a loss that is not a number."""
+
+
+@dataclass(frozen=True)
+class RunFolder:
+    """A folder of ours.
+
+    It holds `config.toml` (and `joint.toml` if the joint came from a file), `run.json` (status,
+    seeds, versions, git revision, parameter hash), `model.zip` (the model that was best in
+    validation), `normalization.npz` where observations or rewards were normalised, `progress.csv`,
+    `tensorboard/` and `checkpoints/`.
+
+    Attributes:
+        path: The folder.
+    """
+
+    path: Path
+
+    @property
+    def config(self) -> TrainConfig:
+        """The configuration of the run."""
+        return load_config(self.path / "config.toml")
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """What `run.json` says."""
+        facts: dict[str, Any] = json.loads((self.path / MARKER).read_text(encoding="utf-8"))
+        return facts
+
+    def note(self, **facts: Any) -> None:
+        """Add facts to `run.json`."""
+        _write_text(self.path / MARKER, json.dumps({**self.facts, **facts}, indent=2) + "\n")
+
+    def checkpoints(self) -> list[Path]:
+        """Return the complete checkpoints, oldest first."""
+        return sorted((self.path / "checkpoints").glob("step_*"))
+
+    def drop_old_checkpoints(self) -> None:
+        """Keep the last few checkpoints."""
+        for old in self.checkpoints()[:-CHECKPOINTS_KEPT]:
+            shutil.rmtree(old)
+
+    def progress(self) -> list[dict[str, float]]:
+        """Return the rows of `progress.csv`; what a row lacks is NaN."""
+        path = self.path / "progress.csv"
+        if not path.is_file():
+            return []
+        with path.open(encoding="utf-8", newline="") as file:
+            return [{k: float(v or "nan") for k, v in row.items()} for row in csv.DictReader(file)]
+
+    def add_progress(self, row: Mapping[str, float]) -> None:
+        """Append a row to `progress.csv`."""
+        path = self.path / "progress.csv"
+        new = not path.is_file()
+        with path.open("a", encoding="utf-8", newline="") as file:
+            writer = csv.DictWriter(file, PROGRESS, restval="")
+            if new:
+                writer.writeheader()
+            writer.writerow({k: f"{v:.8g}" for k, v in row.items()})
+
+    def forget_progress_after(self, steps: int) -> None:
+        """Drop the rows of what a continued run will do again."""
+        kept = [row for row in self.progress() if row["steps"] <= steps]
+        (self.path / "progress.csv").unlink(missing_ok=True)
+        for row in kept:
+            self.add_progress({k: v for k, v in row.items() if v == v})
+
+
+def open_run(path: str | Path) -> RunFolder:
+    """Return the run in a folder.
+
+    Raises:
+        MissingFileError: There is no such folder.
+        ConfigurationError: The folder holds something else.
+    """
+    folder = Path(path)
+    if not folder.is_dir():
+        raise MissingFileError(
+            f"The run folder {path} does not exist. Make one:  cjt-gym train CONFIG --out {path}"
+        )
+    if not _is_ours(folder):
+        raise ConfigurationError(
+            f"{path} is not a run folder of cjt-gym (its {MARKER} is missing or not ours)."
+        )
+    return RunFolder(folder)
+
+
+def begin_run(path: str | Path, config: TrainConfig, joint: Joint) -> RunFolder:
+    """Return the run folder for a configuration: a new one, or the one that is there already.
+
+    Args:
+        path: The folder.
+        config: What is to be trained.
+        joint: The joint it is trained on.
+
+    Raises:
+        ConfigurationError: The folder holds something else, or a run of another configuration.
+    """
+    folder = Path(path)
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        if not folder.is_dir() or not _is_ours(folder):
+            raise ConfigurationError(
+                f"{path} exists and is not a run folder of cjt-gym. Choose another folder."
+            )
+        run = RunFolder(folder)
+        _check_same(run, config)
+        return run
+    (folder / "checkpoints").mkdir(parents=True, exist_ok=True)
+    name = config.env.get("joint", "")
+    if str(name).endswith(".toml"):
+        shutil.copyfile(str(name), folder / "joint.toml")
+        config = replace(config, env={**config.env, "joint": "joint.toml"})
+    _write_text(folder / "config.toml", to_toml(config.to_dict()))
+    _write_text(folder / MARKER, json.dumps(_facts(config, joint), indent=2) + "\n")
+    return RunFolder(folder)
+
+
+def _facts(config: TrainConfig, joint: Joint) -> dict[str, Any]:
+    return {
+        "kind": KIND,
+        "schema": SCHEMA,
+        "status": "running",
+        "steps": 0,
+        "begun": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+        "seeds": {"training": config.seed, "environments": [config.seed + i for i in (0,)]},
+        "joint": joint.parameters.name,
+        "structure": joint.structure,
+        "parameter_hash": joint.file.hash_hex(),
+        "versions": versions(),
+        "git_revision": git_revision(),
+    }
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of what a run depends on."""
+    found = {"python": platform.python_version()}
+    for name in PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+def git_revision() -> str | None:
+    """Return the revision of the git tree that holds this package, with "+" if it was changed."""
+    here = Path(__file__).resolve().parent
+    try:
+        revision = _git(here, "rev-parse", "HEAD").strip()
+        changed = _git(here, "status", "--porcelain", "--untracked-files=no").strip()
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return revision + ("+" if changed else "")
+
+
+def _git(folder: Path, *arguments: str) -> str:
+    command = ["git", "-C", str(folder), *arguments]
+    return subprocess.run(command, capture_output=True, text=True, check=True, timeout=10).stdout
+
+
+def _is_ours(folder: Path) -> bool:
+    try:
+        facts = json.loads((folder / MARKER).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+    return isinstance(facts, dict) and facts.get("kind") == KIND
+
+
+def _check_same(run: RunFolder, config: TrainConfig) -> None:
+    there, here = _comparable(run.config), _comparable(config)
+    different = [key for key in here if here[key] != there.get(key)]
+    if different:
+        raise ConfigurationError(
+            f"{run.path} holds a run of another configuration (it differs in "
+            f"{', '.join(different)}). Choose another folder, or delete this one."
+        )
+
+
+def _comparable(config: TrainConfig) -> dict[str, Any]:
+    data: dict[str, Any] = json.loads(json.dumps(config.to_dict()))
+    if str(data["env"].get("joint", "")).endswith(".toml"):
+        data["env"]["joint"] = load_joint_file(Path(data["env"]["joint"])).hash_hex()
+    return data
+
+
+def _write_text(path: Path, text: str) -> None:
+    """Write a file in one go, so that a kill leaves the old one or the new one."""
+    part = path.with_name(path.name + ".part")
+    part.write_text(text, encoding="utf-8")
+    part.replace(path)
