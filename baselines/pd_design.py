@@ -1,17 +1,17 @@
-"""Default gains of PD with feed-forward, from the joint's linear model and its delays.
+"""Default gains of PD with feed-forward.
 
 A lightly damped spring behind a delay leaves little room: a proportional gain that is harmless on
 a slow joint drives a fast one unstable, because the delay turns its stiffness into negative
-damping. So the gains follow from the loop itself. With P the sampled joint from motor torque to
-joint torque, D the delay of the loop and C = kp + kd F the law, they minimise
+damping. So gains follow from each joint's own loop. With P the sampled joint from motor torque to
+joint torque, D the delay of the loop and C = kp + kd F the law, `design_gains` minimises
 
     the mean of |P S|^2 over frequency    (friction and ripple, which enter at the motor)
     + the mean of |1 - T|^2 to 20 Hz      (the reference),   S = 1 / (1 + C P D)
 
-while |S| stays below `PEAK`, the loop is stable also with `SPARE_DELAY` more, and white noise
-of the torque sensor is amplified less than `NOISE` times.
-
-`python -m cjt_gym.training.tune_pd` is the search that found `PEAK` and `SPARE_DELAY`.
+while |S| stays below `PEAK`, the loop is stable also with `SPARE_DELAY` more, and white noise of
+the torque sensor is amplified less than `NOISE` times. Joints of the library have gains that a
+search on the simulator, friction included, found among those that are stable (`TUNED`, by
+`python -m cjt_gym.training.tune_pd`); they are taken where the joint at hand is stable with them.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.baselines.filters import FilteredDerivative
+from cjt_gym.baselines.tuned_gains import TUNED, TUNED_DT, Gains
 from cjt_gym.joint import Joint
 
 Floats = NDArray[np.float64]
@@ -31,28 +32,13 @@ Complex = NDArray[np.complex128]
 
 PEAK = 2.0
 SPARE_DELAY = 1e-3
-NOISE = 5.0
+NOISE = 8.0
 RIGID_KP = 0.5
 REFERENCE_BAND = 20.0
 KP = (0.0, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0)
 DAMPING = (0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6, 0.8, 1.0)
 DELAY_EFFECTS = ("command_delay", "measurement_delay", "torque_delay")
 POINTS = 400
-
-
-@dataclass(frozen=True)
-class Gains:
-    """Gains of PD with feed-forward.
-
-    Attributes:
-        kp: Proportional gain [-].
-        kd: Derivative gain [s].
-        derivative: Of what: "error" or "output".
-    """
-
-    kp: float
-    kd: float
-    derivative: str
 
 
 @dataclass(frozen=True)
@@ -113,6 +99,18 @@ class Loop:
                 m[n + 1 + k, n + k] = 1.0
         return bool(np.max(np.abs(np.linalg.eigvals(m))) <= 1.0 + 1e-7)
 
+    def is_robust(self, kp: float, kd: float) -> bool:
+        """Return whether the loop is stable with the nominal delay and with the spare one."""
+        delays = (self.delay, self.delay + self.spare)
+        return all(self.is_stable(kp, kd, delay) for delay in delays)
+
+    def noise(self, kp: float, kd: float) -> float:
+        """Return the amplification of white noise from the torque sensor to the command."""
+        f = self.frequencies()
+        law, back = self.law(f, kp, kd), np.exp(-2j * math.pi * f * self.dt)
+        command = law / (1.0 + law * self.plant(f) * back**self.delay)
+        return float(np.sqrt(np.trapezoid(np.abs(command) ** 2, f) * 2.0 * self.dt))
+
 
 def make_loop(joint: Joint, dt: float, cutoff_hz: float, spare_delay: float) -> Loop:
     """Return the sampled loop around a joint with the delays that its effects give it."""
@@ -130,6 +128,22 @@ def make_loop(joint: Joint, dt: float, cutoff_hz: float, spare_delay: float) -> 
         filter=FilteredDerivative(cutoff_hz, dt),
         dt=dt,
     )
+
+
+def default_gains(joint: Joint, dt: float, cutoff_hz: float) -> Gains:
+    """Return the tuned gains of a joint if it is stable with them, else the designed ones.
+
+    Args:
+        joint: The joint; delays among its effects are taken into account.
+        dt: Sample time [s].
+        cutoff_hz: Cut-off of the derivative's low pass [Hz].
+    """
+    tuned = TUNED.get((joint.parameters.name, joint.structure))
+    if tuned is not None and abs(dt - TUNED_DT) < 1e-9:
+        loop = make_loop(joint, dt, cutoff_hz, SPARE_DELAY)
+        if loop.is_robust(tuned.kp, tuned.kd):
+            return tuned
+    return design_gains(joint, dt, cutoff_hz)
 
 
 def design_gains(
@@ -162,8 +176,7 @@ def design_gains(
     unit = 2.0 * math.sqrt((p.I_m + p.get("I_g", 0.0)) / p.k_b)
     scored = [(*_score(loop, kp, z * unit, peak, noise), kp, z * unit) for kp, z in GRID]
     for score, derivative, kp, kd in sorted(scored, key=lambda entry: entry[0]):
-        delays = (loop.delay, loop.delay + loop.spare)
-        if math.isfinite(score) and all(loop.is_stable(kp, kd, d) for d in delays):
+        if math.isfinite(score) and loop.is_robust(kp, kd):
             return Gains(kp, kd, derivative)
     return Gains(0.0, 0.0, "error")
 
@@ -179,8 +192,7 @@ def _score(loop: Loop, kp: float, kd: float, peak: float, noise: float) -> tuple
     sensitivity = 1.0 / (1.0 + law * joint * back**loop.delay)
     if np.max(np.abs(sensitivity)) > peak:
         return math.inf, "error"
-    white = np.trapezoid(np.abs(law * sensitivity) ** 2, f) * 2.0 * loop.dt
-    if white > noise**2:
+    if loop.noise(kp, kd) > noise:
         return math.inf, "error"
     disturbance = np.mean(np.abs(joint * sensitivity) ** 2)
     low = f <= REFERENCE_BAND

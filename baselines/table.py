@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from cjt_gym.baselines.controller import Controller
 from cjt_gym.baselines.open_loop import OpenLoop
-from cjt_gym.baselines.pd_design import design_gains
+from cjt_gym.baselines.pd_design import default_gains
 from cjt_gym.baselines.pd_feedforward import CUTOFF_HZ, PdFeedForward
 
 from cjt_gym.errors import unknown_name
@@ -39,7 +39,7 @@ def _open_loop(joint: Joint, dt: float) -> Controller:
 
 
 def _pd_feedforward(joint: Joint, dt: float) -> Controller:
-    gains = design_gains(joint, dt, CUTOFF_HZ)
+    gains = default_gains(joint, dt, CUTOFF_HZ)
     return PdFeedForward(
         gains.kp,
         gains.kd,

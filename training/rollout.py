@@ -109,27 +109,22 @@ class ControllerAgent:
         return np.zeros((observation.shape[0], 1))
 
 
-def make_episodes(
-    agent: Agent, conditions: Conditions, reference: Signal, steps: int, num: int, seed: int
-) -> Episodes:
-    """Return `num` episodes, begun, that are the same for every agent.
-
-    Joint i draws its parameters, its reference and its noise from seed + i, whoever drives it.
-    """
-    arguments: Mapping[str, Any] = agent.arguments(conditions) | {
-        "reference": reference,
-        "episode_steps": steps,
-    }
-    episodes = Episodes(num, **complete(arguments))
-    episodes.plant.seed(seed)
-    episodes.reset()
-    return episodes
-
-
 def rollout(
     agent: Agent, conditions: Conditions, reference: Signal, steps: int, num: int, seed: int
 ) -> Traces:
-    """Run an agent over `num` episodes of `steps` control steps, each to its end.
+    """Run an agent over `num` episodes of `steps` control steps, the same for every agent.
+
+    Joint i draws its parameters, its reference and its noise from seed + i, whoever drives it.
+
+    Raises:
+        SimulationError: A state ceased to be finite.
+    """
+    arguments = agent.arguments(conditions) | {"reference": reference, "episode_steps": steps}
+    return run_episodes(agent, arguments, num, seed)
+
+
+def run_episodes(agent: Agent, arguments: Mapping[str, Any], num: int, seed: int) -> Traces:
+    """Run an agent over `num` episodes of the environment with these arguments, to their end.
 
     An episode that passes a safety limit goes on, so that all have the same length; `terminated`
     tells.
@@ -137,17 +132,15 @@ def rollout(
     Raises:
         SimulationError: A state ceased to be finite.
     """
-    episodes = make_episodes(agent, conditions, reference, steps, num, seed)
+    episodes = Episodes(num, **complete(arguments))
+    episodes.plant.seed(seed)
+    episodes.reset()
     task, arrays = episodes.task, episodes.plant.batch.arrays
-    shape = (num, steps)
+    shape = (num, episodes.settings.episode_steps)
     wanted, tau, measured, command = (np.zeros(shape) for _ in range(4))
     ended = np.zeros(shape, dtype=np.bool_)
-    for k in range(steps):
+    for k in range(shape[1]):
         episodes.step(agent.act(task.observation.copy()))
-        wanted[:, k], tau[:, k], measured[:, k] = (
-            task.reference,
-            arrays.tau,
-            arrays.measured[:, TAU],
-        )
+        wanted[:, k], tau[:, k], measured[:, k] = task.reference, arrays.tau, arrays.measured[:, TAU]
         command[:, k], ended[:, k] = task.command, task.terminated
     return Traces(wanted, tau, measured, command, ended, episodes.settings.dt)

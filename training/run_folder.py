@@ -16,7 +16,7 @@ from typing import Any
 
 from cjt_gym.errors import CjtGymError, ConfigurationError, MissingFileError
 from cjt_gym.joint import Joint, load_joint_file
-from cjt_gym.training.config import TrainConfig, load_config
+from cjt_gym.training.config import VALIDATION_SEEDS, TrainConfig, load_config
 from cjt_gym.training.toml_text import to_toml
 
 SCHEMA = 1
@@ -152,7 +152,10 @@ def _facts(config: TrainConfig, joint: Joint) -> dict[str, Any]:
         "status": "running",
         "steps": 0,
         "begun": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
-        "seeds": {"training": config.seed, "environments": [config.seed + i for i in (0,)]},
+        "begun_times": 0,
+        "seed": config.seed,
+        "environment_seeds": "seed + num_envs * (times begun - 1) + index of the environment",
+        "validation_seeds": VALIDATION_SEEDS,
         "joint": joint.parameters.name,
         "structure": joint.structure,
         "parameter_hash": joint.file.hash_hex(),

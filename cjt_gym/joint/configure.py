@@ -153,7 +153,12 @@ def _checked(
 ) -> EffectValue:
     where = f"{effect.name}.{parameter.symbol} of {file.parameters.origin}"
     if parameter.series:
-        series = tuple(float(x) for x in np.atleast_1d(np.asarray(value, dtype=np.float64)))
+        try:
+            series = tuple(float(x) for x in np.atleast_1d(np.asarray(value, dtype=np.float64)))
+        except (TypeError, ValueError):
+            raise ParameterError(
+                f"{where} must be a list of numbers [{parameter.unit}], got {value!r}."
+            ) from None
         if not all(math.isfinite(x) for x in series):
             raise ParameterError(f"{where} must be finite {parameter.unit}, got {value}.")
         return series
@@ -180,7 +185,7 @@ def _check_whole(effect: Effect, values: EffectValues, file: JointFile) -> None:
             f"The series of effect {effect.name} of {owner} must be of equal length, got {lengths}."
         )
     size = [p for p in effect.parameters if p.symbol not in ("dq_0", "f", "scale")]
-    if all(not np.any(values[p.symbol]) for p in size):
+    if all(not np.any(values[p.symbol]) and not _off(p, file.parameters) for p in size):
         names = ", ".join(f"{p.symbol} [{p.unit}]" for p in size)
         raise ParameterError(
             f"Effect {effect.name} of {owner} would do nothing: all of {names} are zero or absent. "

@@ -23,7 +23,12 @@ from cjt_gym.joint.compiled import compiled
 
 CURRENT, STATIC, RL, DQ = 0, 1, 2, 3
 
-DRIVES: dict[str, int] = {"current": CURRENT, "static": STATIC, "rl": RL, "dq": DQ}
+DRIVES: dict[str, str] = {
+    "current": "ideal current source, limited to the peak current",
+    "static": "voltage in, inductance neglected",
+    "rl": "voltage in, one phase with inductance",
+    "dq": "voltage in, d-q axes of a permanent-magnet machine",
+}
 
 NEEDED_PARAMETERS: dict[str, tuple[str, ...]] = {
     "current": ("n", "k_t"),
@@ -39,10 +44,9 @@ def get_drive(name: str) -> int:
     Raises:
         UnknownNameError: There is none of that name.
     """
-    try:
-        return DRIVES[name]
-    except KeyError:
-        raise unknown_name("drive", name, DRIVES) from None
+    if name not in DRIVES:
+        raise unknown_name("drive", name, DRIVES)
+    return list(DRIVES).index(name)
 
 
 @compiled

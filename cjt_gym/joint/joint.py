@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import control
 import numpy as np
@@ -67,6 +68,19 @@ class Joint:
     def packed(self) -> tuple[NDArray[np.void], Floats]:
         """Return the kernel's parameter record, shape (1,), and ripple rows, shape (rows, 4)."""
         return pack(self.parameters, self.structure_row, self.drive, self.effects)
+
+    def provenance(self) -> dict[str, Any]:
+        """Return what a record of this joint says of where it comes from."""
+        effects = {
+            name: {k: list(v) if isinstance(v, tuple) else v for k, v in values.items()}
+            for name, values in self.effects.items()
+        }
+        return {"kind": "simulation", "drive": self.drive, "effects": effects}
+
+    @staticmethod
+    def versions() -> dict[str, str]:
+        """Return the versions of the software that decides what a simulation gives."""
+        return {name: version(name) for name in ("cjt-gym", "numpy", "numba")}
 
     def state_space(self, dt: float | None = None) -> control.StateSpace:
         """Return the linear joint, continuous, or exact for inputs held over dt [s].
@@ -238,16 +252,9 @@ class Joint:
             joint=p.name,
             structure=self.structure,
             parameter_hash=self.file.hash_hex(),
-            versions={name: version(name) for name in ("cjt-gym", "numpy", "numba")},
+            versions=self.versions(),
             sensors={n: v for n, v in self.file.sensors.items() if n in columns},
-            provenance={
-                "kind": "simulation",
-                "drive": self.drive,
-                "effects": {
-                    name: {k: list(v) if isinstance(v, tuple) else v for k, v in values.items()}
-                    for name, values in self.effects.items()
-                },
-            },
+            provenance=self.provenance(),
         )
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from cjt_gym.joint.arrays import (
@@ -29,7 +31,9 @@ LARGEST = 1e12
 def control_step(
     batch: Batch, setup: Setup, i: int, command: float, command_d: float, load: float, work: Floats
 ) -> bool:
-    """Advance joint i by one control step and measure; return whether its state is finite.
+    """Advance joint i by one control step and measure; return whether input and state are finite.
+
+    A NaN has to be caught before it acts: limits and friction compare, and would hide it.
 
     Args:
         batch: All joints.
@@ -40,6 +44,8 @@ def control_step(
         load: Load torque [N m] or load velocity [rad/s], held over the step.
         work: Scratch rows.
     """
+    if not math.isfinite(command + command_d + load):
+        return False
     p = batch.p[i]
     ripple, a, b, currents = batch.ripple[i], batch.a[i], batch.b[i], batch.currents[i]
     depth, k = batch.commands.shape[1], batch.samples[i]

@@ -1,0 +1,102 @@
+"""The command `cjt-gym`: one row and one file in `cjt_gym.commands` per subcommand.
+
+Exit status: 0 on success, 2 on bad input (one line on standard error), 1 otherwise. Results go to
+standard output, as text or with `--json` as JSON; progress goes to standard error.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+from difflib import get_close_matches
+from importlib import import_module
+from typing import NoReturn
+
+from cjt_gym.errors import CjtGymError, SimulationError
+
+COMMANDS: dict[str, str] = {
+    "joints": "list the joints, structures, drives and effects there are",
+    "simulate": "simulate a joint under a reference and a controller, and write the record",
+    "train": "train a policy with Stable-Baselines3, or go on with a run that was stopped",
+    "benchmark": "compare controllers and policies on the same joints and references",
+}
+EXTRAS = {
+    "torch": "train",
+    "stable_baselines3": "train",
+    "tensorboard": "train",
+    "tqdm": "train",
+    "matplotlib": "report",
+    "pyarrow": "parquet",
+}
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser that answers bad input with one line and suggests the nearest choice."""
+
+    def error(self, message: str) -> NoReturn:
+        """Print the line and exit with status 2."""
+        for word in sys.argv[1:]:
+            near = get_close_matches(word, COMMANDS, n=1)
+            if "invalid choice" in message and near and word not in COMMANDS:
+                message = f"unknown command '{word}'. Did you mean '{near[0]}'?"
+                break
+        self.exit(2, f"{self.prog}: {message} See {self.prog} --help.\n")
+
+
+def make_parser() -> Parser:
+    """Return the parser of all subcommands; a subcommand's own options are added when it runs."""
+    parser = Parser(prog="cjt-gym", description="Compliant joints for learning torque control.")
+    parser.add_argument("--version", action="store_true", help="print the version and exit")
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=Parser)
+    for name, text in COMMANDS.items():
+        commands.add_parser(name, help=text, add_help=False)
+    return parser
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return the exit status."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    known, _ = make_parser().parse_known_args(words)
+    if known.version:
+        from cjt_gym import __version__
+
+        sys.stdout.write(f"cjt-gym {__version__}\n")
+        return 0
+    if known.command is None:
+        make_parser().print_help()
+        return 0
+    module = import_module(f"cjt_gym.commands.{known.command}")
+    parser = Parser(prog=f"cjt-gym {known.command}", description=COMMANDS[known.command])
+    module.add_arguments(parser)
+    parser.add_argument("--json", action="store_true", help="print the result as JSON")
+    options = parser.parse_args(words[words.index(known.command) + 1 :])
+    return _run(module.run, options)
+
+
+def _run(run: object, options: argparse.Namespace) -> int:
+    assert callable(run)
+    try:
+        run(options)
+        sys.stdout.flush()
+    except BrokenPipeError:  # the reader of a pipe has had enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except SimulationError as error:
+        return _fail(str(error), 1)
+    except (CjtGymError, OSError) as error:
+        return _fail(str(error), 2)
+    except ModuleNotFoundError as error:
+        extra = EXTRAS.get((error.name or "").split(".")[0])
+        if extra is None:
+            raise
+        return _fail(f'This needs {error.name}: pip install "cjt-gym[{extra}]".', 2)
+    except KeyboardInterrupt:
+        return _fail("Stopped.", 1)
+    return 0
+
+
+def _fail(message: str, status: int) -> int:
+    sys.stderr.write(f"cjt-gym: {' '.join(message.split())}\n")
+    return status

@@ -1,0 +1,120 @@
+"""From a configuration to a Stable-Baselines3 model and its environment."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from stable_baselines3 import PPO, SAC
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.vec_env import VecEnv, VecNormalize
+
+from cjt_gym.envs.sb3 import TorqueTrackingVecEnv
+from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.training.config import TrainConfig, environment_arguments
+
+CLASSES: dict[str, type[BaseAlgorithm]] = {"PPO": PPO, "SAC": SAC}
+ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU, "elu": torch.nn.ELU}
+OURS = ("policy", "env", "seed", "device", "verbose", "tensorboard_log", "policy_kwargs")
+SCHEDULES = ("learning_rate", "clip_range")
+
+
+def make_environment(config: TrainConfig, num: int | None = None) -> VecEnv:
+    """Return the batch of environments of a configuration, normalised as it says.
+
+    Args:
+        config: The configuration.
+        num: How many, instead of `num_envs`.
+    """
+    arguments = environment_arguments(config.env)
+    env: VecEnv = TorqueTrackingVecEnv(num or config.num_envs, **arguments)
+    if config.normalize_observations or config.normalize_rewards:
+        gamma = float(config.algorithm_options.get("gamma", 0.99))
+        env = VecNormalize(
+            env,
+            norm_obs=config.normalize_observations,
+            norm_reward=config.normalize_rewards,
+            gamma=gamma,
+        )
+    return env
+
+
+def make_model(config: TrainConfig, env: VecEnv) -> BaseAlgorithm:
+    """Return the model of a configuration, not yet trained.
+
+    Raises:
+        ConfigurationError: An option is not one of the algorithm's, or not valid.
+    """
+    algorithm = CLASSES[config.algorithm]
+    options = _options(config, algorithm)
+    network: dict[str, Any] = {
+        "net_arch": list(config.policy.net_arch),
+        "activation_fn": ACTIVATIONS[config.policy.activation],
+    }
+    if config.algorithm == "PPO":
+        network["log_std_init"] = config.policy.log_std_init
+    try:
+        return algorithm(
+            "MlpPolicy",
+            env,
+            seed=config.seed,
+            device=config.device,
+            policy_kwargs=network,
+            **options,
+        )
+    except (TypeError, ValueError, AssertionError, RuntimeError) as error:
+        raise ConfigurationError(
+            f"[algorithm_options] or device do not suit {config.algorithm}: {error}"
+        ) from error
+
+
+def _options(config: TrainConfig, algorithm: type[BaseAlgorithm]) -> dict[str, Any]:
+    known = [n for n in inspect.signature(algorithm).parameters if n not in OURS]
+    options = dict(config.algorithm_options)
+    for name, value in options.items():
+        if name not in known:
+            where = f"(in [algorithm_options] for {config.algorithm})"
+            raise ConfigurationError(f"{unknown_name('option', name, known)} {where}")
+        if isinstance(value, Mapping):
+            options[name] = _schedule(name, value)
+    return options
+
+
+def _schedule(name: str, ends: Mapping[str, Any]) -> Callable[[float], float]:
+    """Return the linear schedule over a training, of the share that remains."""
+    if name not in SCHEDULES or sorted(ends) != ["end", "start"]:
+        raise ConfigurationError(
+            f"{name} of [algorithm_options] cannot be {dict(ends)}; only "
+            f"{' and '.join(SCHEDULES)} can be a schedule, {{ start = ..., end = ... }}."
+        )
+    start, end = float(ends["start"]), float(ends["end"])
+    return lambda remaining: end + (start - end) * remaining
+
+
+def save_normalization(env: VecEnv, path: Path) -> None:
+    """Write the running statistics of an environment, if it has any, as NPZ."""
+    if isinstance(env, VecNormalize):
+        arrays = {"return_mean": env.ret_rms.mean, "return_var": env.ret_rms.var}
+        arrays |= {"return_count": np.array(env.ret_rms.count)}
+        if env.norm_obs:
+            assert not isinstance(env.obs_rms, dict)
+            arrays |= {"observation_mean": env.obs_rms.mean, "observation_var": env.obs_rms.var}
+            arrays |= {"observation_count": np.array(env.obs_rms.count)}
+        np.savez(path, **arrays)
+
+
+def load_normalization(env: VecEnv, path: Path) -> None:
+    """Read what `save_normalization` wrote into an environment."""
+    if isinstance(env, VecNormalize):
+        with np.load(path, allow_pickle=False) as arrays:
+            env.ret_rms.mean, env.ret_rms.var = arrays["return_mean"], arrays["return_var"]
+            env.ret_rms.count = float(arrays["return_count"])
+            if env.norm_obs:
+                assert not isinstance(env.obs_rms, dict)
+                env.obs_rms.mean = arrays["observation_mean"]
+                env.obs_rms.var = arrays["observation_var"]
+                env.obs_rms.count = float(arrays["observation_count"])

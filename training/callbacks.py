@@ -1,0 +1,192 @@
+"""What happens beside the learning: progress, records, validation, checkpoints, and a guard."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import time
+from collections import deque
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.buffers import ReplayBuffer
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.vec_env import VecEnv
+from tqdm import tqdm
+
+from cjt_gym.training.algorithms import load_normalization, save_normalization
+from cjt_gym.training.config import VALIDATION_SEEDS, TrainConfig, environment_arguments
+from cjt_gym.training.metrics import rmse
+from cjt_gym.training.policy import agent_of
+from cjt_gym.training.rollout import Traces, run_episodes
+from cjt_gym.training.run_folder import RunFolder, TrainingError
+
+RECENT = 100
+BUFFER_ARRAYS = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
+
+
+class Companion(BaseCallback):
+    """Accompanies one training.
+
+    It shows a progress bar with the time left, writes tracking error [N m] and return to
+    TensorBoard and `progress.csv`, validates, keeps the best model, makes checkpoints, and stops
+    the training with the reason when weights cease to be finite.
+    """
+
+    def __init__(self, run: RunFolder, config: TrainConfig, quiet: bool = False) -> None:
+        """Prepare; `quiet` leaves the progress bar out."""
+        super().__init__()
+        self.run_folder, self.config = run, config
+        self._bar: Any = tqdm(
+            total=config.total_steps, unit="step", unit_scale=True, disable=quiet, desc="training"
+        )
+        self._errors: deque[float] = deque(maxlen=RECENT)
+        self._returns: deque[float] = deque(maxlen=RECENT)
+        self._seconds_before = float(run.facts.get("seconds", 0.0))
+        self._best = float(run.facts.get("best_validation_rmse") or "inf")
+        self._begun = time.monotonic()
+        self._next_validation = self._next_checkpoint = 0
+
+    @property
+    def seconds(self) -> float:
+        """Time that the training has taken so far, interruptions left out [s]."""
+        return self._seconds_before + time.monotonic() - self._begun
+
+    def _on_training_start(self) -> None:
+        done = self.num_timesteps
+        self._bar.update(done)
+        self._next_validation = _next(done, self.config.evaluation.every)
+        self._next_checkpoint = _next(done, self.config.checkpoint_every)
+
+    def _on_step(self) -> bool:
+        for info in self.locals["infos"]:
+            if "episode" in info:
+                self._errors.append(info["rmse"])
+                self._returns.append(info["episode"]["r"])
+        self._bar.update(self.num_timesteps - self._bar.n)
+        return True
+
+    def _on_rollout_start(self) -> None:
+        if self.num_timesteps >= min(self._next_validation, self._next_checkpoint):
+            self._look()
+
+    def _on_rollout_end(self) -> None:
+        if self._errors:
+            self.logger.record("tracking/rmse_Nm", float(np.mean(self._errors)))
+            self.logger.record("tracking/return", float(np.mean(self._returns)))
+
+    def _look(self) -> None:
+        check_finite(self.model, self.num_timesteps)
+        if self.num_timesteps >= self._next_validation:
+            self._next_validation = _next(self.num_timesteps, self.config.evaluation.every)
+            self.validate()
+        if self.num_timesteps >= self._next_checkpoint:
+            self._next_checkpoint = _next(self.num_timesteps, self.config.checkpoint_every)
+            self.checkpoint()
+
+    def validate(self) -> None:
+        """Run the policy on the validation episodes and keep the model if it is the best."""
+        error = rmse(validation_traces(self.config, self.model, self.training_env))
+        self.logger.record("validation/rmse_Nm", error)
+        row = {"steps": self.num_timesteps, "seconds": self.seconds, "validation_rmse": error}
+        if self._errors:
+            row |= {"rmse": float(np.mean(self._errors)), "return": float(np.mean(self._returns))}
+        self.run_folder.add_progress(row)
+        self._bar.set_postfix_str(f"validation rmse {error:.3g} N m")
+        if error < self._best:
+            self._best = error
+            save_model(self.model, self.training_env, self.run_folder.path)
+            self.run_folder.note(best_validation_rmse=error, best_steps=self.num_timesteps)
+
+    def checkpoint(self) -> None:
+        """Write a checkpoint; it is complete once its folder has its name."""
+        folder = self.run_folder.path / "checkpoints"
+        part = folder / "part"
+        shutil.rmtree(part, ignore_errors=True)
+        part.mkdir(parents=True)
+        save_model(self.model, self.training_env, part)
+        save_replay(self.model, part / "replay.npz")
+        state = {"steps": self.num_timesteps, "seconds": self.seconds}
+        (part / "state.json").write_text(json.dumps(state) + "\n", encoding="utf-8")
+        place = folder / f"step_{self.num_timesteps:012d}"
+        shutil.rmtree(place, ignore_errors=True)
+        part.rename(place)
+        self.run_folder.drop_old_checkpoints()
+        self.run_folder.note(steps=self.num_timesteps, seconds=self.seconds)
+
+    def finish(self) -> None:
+        """Validate and save once more, at the end."""
+        self._bar.update(self.num_timesteps - self._bar.n)
+        check_finite(self.model, self.num_timesteps)
+        self.validate()
+        self.checkpoint()
+
+    def close(self) -> None:
+        """Take the progress bar away."""
+        self._bar.close()
+
+
+def validation_traces(config: TrainConfig, model: BaseAlgorithm, env: VecEnv) -> Traces:
+    """Return what the deterministic policy does on seeds that training does not see."""
+    agent = agent_of("validation", config, model, env)
+    arguments = environment_arguments(config.env)
+    return run_episodes(agent, arguments, config.evaluation.episodes, VALIDATION_SEEDS)
+
+
+def check_finite(model: BaseAlgorithm, steps: int) -> None:
+    """Raise TrainingError if a weight of the model is not finite."""
+    for name, weights in model.policy.state_dict().items():
+        if not bool(torch.isfinite(weights).all()):
+            raise TrainingError(
+                f"The weights {name} ceased to be finite by step {steps}. Lower learning_rate, or "
+                "set max_grad_norm, in [algorithm_options]."
+            )
+
+
+def save_model(model: BaseAlgorithm, env: VecEnv, folder: Path) -> None:
+    """Write model and statistics into a folder, each in one go."""
+    part = folder / "model.part.zip"
+    model.save(part)
+    part.replace(folder / "model.zip")
+    save_normalization(env, folder / "normalization.npz")
+
+
+def save_replay(model: BaseAlgorithm, path: Path) -> None:
+    """Write the replay buffer of an off-policy model as NPZ."""
+    buffer = getattr(model, "replay_buffer", None)
+    if isinstance(buffer, ReplayBuffer):
+        rows = buffer.buffer_size if buffer.full else buffer.pos
+        arrays = {name: getattr(buffer, name)[:rows] for name in BUFFER_ARRAYS}
+        np.savez(path, pos=buffer.pos, full=buffer.full, **arrays)
+
+
+def load_replay(model: BaseAlgorithm, path: Path) -> None:
+    """Read what `save_replay` wrote."""
+    buffer = getattr(model, "replay_buffer", None)
+    if isinstance(buffer, ReplayBuffer) and path.is_file():
+        with np.load(path, allow_pickle=False) as arrays:
+            rows = len(arrays["actions"])
+            for name in BUFFER_ARRAYS:
+                getattr(buffer, name)[:rows] = arrays[name]
+            buffer.pos, buffer.full = int(arrays["pos"]), bool(arrays["full"])
+
+
+def restore(model: BaseAlgorithm, env: VecEnv, checkpoint: Path) -> dict[str, Any]:
+    """Put a checkpoint's weights, optimiser, statistics and replay buffer back; return its state.
+
+    Nothing but numbers is read from its files.
+    """
+    state: dict[str, Any] = json.loads((checkpoint / "state.json").read_text(encoding="utf-8"))
+    model.set_parameters(str(checkpoint / "model.zip"), device=model.device)
+    if (checkpoint / "normalization.npz").is_file():
+        load_normalization(env, checkpoint / "normalization.npz")
+    load_replay(model, checkpoint / "replay.npz")
+    model.num_timesteps = int(state["steps"])
+    return state
+
+
+def _next(done: int, every: int) -> int:
+    return (done // every + 1) * every

@@ -1,0 +1,188 @@
+"""Evaluate controllers and policies on the same held-out episodes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from cjt_gym.errors import ConfigurationError
+from cjt_gym.training import metrics
+from cjt_gym.training.conditions import (
+    BANDWIDTH_HIGH,
+    BANDWIDTH_SWEEP,
+    EVALUATION_SEEDS,
+    STEP_HOLD,
+    TASKS,
+    Conditions,
+    bandwidth_reference,
+    task_reference,
+    zero_reference,
+)
+from cjt_gym.training.rollout import Agent, Traces, rollout
+
+DURATION = 1.0
+NOISE_DURATION = 1.0
+CHARACTER_EPISODES = 8
+SEED_BLOCK = 10_000
+
+
+@dataclass(frozen=True)
+class Row:
+    """What one agent did in one task.
+
+    Bandwidth, overshoot, settling time and noise amplification belong to the agent and are the
+    same in all its rows: they come from a sweep, from the task "step" and from a run without
+    reference. NaN and infinity stand for what cannot be said, and are null in JSON.
+
+    Attributes:
+        controller: Name of the agent.
+        kind: "classical", "learned" or "residual".
+        joint: The joint.
+        structure: Its structure.
+        task: One of `TASKS`.
+        rmse: Root mean square error of the true joint torque [N m].
+        nrmse: The same over the root mean square of the reference [-].
+        bandwidth_hz: Where the torque first falls below 1 / sqrt(2) of the reference [Hz], at
+            the torque amplitude of the comparison; 150 where it follows that far.
+        overshoot: Mean overshoot over the height of the step [-].
+        settling_s: Median time until a step stays within 10 % of its height [s].
+        effort_rms: Root mean square of the motor torque [N m].
+        noise_amplification: Standard deviation of the command over that of the torque sensor's
+            noise, without reference [-].
+        episodes: How many.
+        ci95: 95 % interval of rmse, by bootstrap over the episodes [N m].
+        terminated: Share of episodes that passed a safety limit.
+    """
+
+    controller: str
+    kind: str
+    joint: str
+    structure: str
+    task: str
+    rmse: float
+    nrmse: float
+    bandwidth_hz: float
+    overshoot: float
+    settling_s: float
+    effort_rms: float
+    noise_amplification: float
+    episodes: int
+    ci95: tuple[float, float]
+    terminated: float
+
+    def to_json(self) -> dict[str, object]:
+        """Return the row as plain data for JSON."""
+        return {name: _plain(value) for name, value in asdict(self).items()}
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, tuple):
+        return [_plain(v) for v in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """All that one agent did.
+
+    Attributes:
+        agent: Its name.
+        rows: One per task.
+        traces: What happened, per task.
+        sweep: What happened under the sweep of the bandwidth.
+    """
+
+    agent: str
+    rows: tuple[Row, ...]
+    traces: dict[str, Traces]
+    sweep: Traces
+
+    def pooled(self) -> Traces:
+        """Return the episodes of all tasks as one batch."""
+        return pool(list(self.traces.values()))
+
+
+def pool(batches: Sequence[Traces]) -> Traces:
+    """Return the episodes of several batches of equal length as one."""
+    names = ("reference", "tau", "tau_measured", "command", "terminated")
+    arrays = {name: np.concatenate([getattr(b, name) for b in batches]) for name in names}
+    return Traces(dt=batches[0].dt, **arrays)
+
+
+def evaluate(
+    agent: Agent,
+    conditions: Conditions,
+    tasks: Sequence[str] = TASKS,
+    episodes: int = 32,
+    seed: int = 0,
+    report: Callable[[str], None] = lambda text: None,
+) -> Evaluation:
+    """Run an agent through the tasks, on seeds that no training uses.
+
+    Args:
+        agent: The agent.
+        conditions: What it faces.
+        tasks: Which tasks, see `TASKS`.
+        episodes: Episodes of each task; each draws its own joint, reference and noise.
+        seed: Which held-out episodes; the same for every agent that is to be compared.
+        report: Told what is being done.
+
+    Raises:
+        ConfigurationError: episodes or seed is out of range.
+        UnknownNameError: There is no such task.
+    """
+    if not 1 <= episodes <= SEED_BLOCK or seed < 0:
+        raise ConfigurationError(
+            f"episodes must be 1 to {SEED_BLOCK} and seed >= 0, got {episodes} and {seed}."
+        )
+    first = EVALUATION_SEEDS + seed * SEED_BLOCK * len(TASKS)
+    amplitude = conditions.amplitude
+    references = {task: task_reference(task, amplitude) for task in tasks}
+    traces = {}
+    steps = round(DURATION / conditions.dt_control)
+    for task, reference in references.items():
+        report(f"{agent.name}: {task}")
+        offset = SEED_BLOCK * TASKS.index(task)
+        traces[task] = rollout(agent, conditions, reference, steps, episodes, first + offset)
+    report(f"{agent.name}: bandwidth and noise")
+    sweep = _run(agent, conditions, "sweep", first)
+    stepped = traces["step"] if "step" in traces else _run(agent, conditions, "step", first)
+    quiet = _run(agent, conditions, "zero", first)
+    rows = tuple(
+        Row(
+            controller=agent.name,
+            kind=agent.kind,
+            joint=conditions.joint,
+            structure=conditions.structure,
+            task=task,
+            rmse=metrics.rmse(run),
+            nrmse=metrics.nrmse(run),
+            bandwidth_hz=metrics.bandwidth(sweep, BANDWIDTH_HIGH),
+            overshoot=metrics.overshoot(stepped),
+            settling_s=metrics.settling_time(stepped),
+            effort_rms=metrics.effort_rms(run),
+            noise_amplification=metrics.noise_amplification(quiet),
+            episodes=episodes,
+            ci95=metrics.bootstrap_rmse(run),
+            terminated=float(np.mean(run.terminated.any(axis=1))),
+        )
+        for task, run in traces.items()
+    )
+    return Evaluation(agent.name, rows, traces, sweep)
+
+
+def _run(agent: Agent, conditions: Conditions, what: str, seed: int) -> Traces:
+    """Run one of the experiments that tell an agent's character."""
+    amplitude = conditions.amplitude
+    reference, duration = {
+        "sweep": (bandwidth_reference(amplitude), BANDWIDTH_SWEEP),
+        "step": (task_reference("step", amplitude), 2.0 * STEP_HOLD),
+        "zero": (zero_reference(), NOISE_DURATION),
+    }[what]
+    steps = round(duration / conditions.dt_control)
+    return rollout(agent, conditions, reference, steps, CHARACTER_EPISODES, seed)
