@@ -1,7 +1,7 @@
 # Everything runs in .venv, which is made on demand; only Python >= 3.11 and make are needed.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help install demo test lint format bench clean
+.PHONY: help install demo test test-all lint format bench clean
 
 PYTHON ?= $(shell for name in python3.11 python3.12 python3.13 python3 python; do \
 	if $$name -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1; then \
@@ -13,7 +13,8 @@ PYTEST_ARGS ?=
 
 help:
 	@echo "make demo    train, compare and write demo/report.html"
-	@echo "make test    run all tests (WORKERS=$(WORKERS), PYTEST_ARGS=...)"
+	@echo "make test    run the tests (WORKERS=$(WORKERS), PYTEST_ARGS=...)"
+	@echo "make test-all  and the slow ones"
 	@echo "make lint    ruff, mypy and import-linter"
 	@echo "make format  let ruff rewrite the code"
 	@echo "make bench   run the benchmarks"
@@ -31,6 +32,9 @@ demo: $(STAMP)
 	$(BIN)/python -m cjt_gym.training.demo --out demo
 
 test: $(STAMP)
+	$(BIN)/python -m pytest -n $(WORKERS) -m "not slow" $(PYTEST_ARGS)
+
+test-all: $(STAMP)
 	$(BIN)/python -m pytest -n $(WORKERS) $(PYTEST_ARGS)
 
 lint: $(STAMP)

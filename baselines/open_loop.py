@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import final
 
 from cjt_gym.baselines.controller import Controller, Floats, Mask, check_sampling
-
 from cjt_gym.plant import Measurement
 
 

@@ -115,8 +115,8 @@ class Loop:
 def make_loop(joint: Joint, dt: float, cutoff_hz: float, spare_delay: float) -> Loop:
     """Return the sampled loop around a joint with the delays that its effects give it."""
     system = joint.state_space(dt)
-    late = sum(float(joint.effects.get(name, {}).get("delay", 0.0)) for name in DELAY_EFFECTS)
-    cutoff = float(joint.effects.get("torque_filter", {}).get("cutoff", 0.0))
+    late = sum(_setting(joint, name, "delay") for name in DELAY_EFFECTS)
+    cutoff = _setting(joint, "torque_filter", "cutoff")
     late += 1.0 / (2.0 * math.pi * cutoff) if cutoff > 0.0 else 0.0
     row = system.output_labels.index("tau")
     return Loop(
@@ -128,6 +128,13 @@ def make_loop(joint: Joint, dt: float, cutoff_hz: float, spare_delay: float) -> 
         filter=FilteredDerivative(cutoff_hz, dt),
         dt=dt,
     )
+
+
+def _setting(joint: Joint, effect: str, symbol: str) -> float:
+    """Return one number of an effect, 0 where it is off."""
+    value = joint.effects.get(effect, {}).get(symbol, 0.0)
+    assert isinstance(value, float)
+    return value
 
 
 def default_gains(joint: Joint, dt: float, cutoff_hz: float) -> Gains:

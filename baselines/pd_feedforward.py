@@ -8,7 +8,6 @@ from typing import final
 
 from cjt_gym.baselines.controller import Controller, Floats, Mask, check, check_sampling
 from cjt_gym.baselines.filters import FilteredDerivative
-
 from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.plant import Measurement
 

@@ -9,7 +9,6 @@ from cjt_gym.baselines.controller import Controller
 from cjt_gym.baselines.open_loop import OpenLoop
 from cjt_gym.baselines.pd_design import default_gains
 from cjt_gym.baselines.pd_feedforward import CUTOFF_HZ, PdFeedForward
-
 from cjt_gym.errors import unknown_name
 from cjt_gym.joint import Joint
 from cjt_gym.plant import limits_of

@@ -101,10 +101,10 @@ def save_normalization(env: VecEnv, path: Path) -> None:
         arrays = {"return_mean": env.ret_rms.mean, "return_var": env.ret_rms.var}
         arrays |= {"return_count": np.array(env.ret_rms.count)}
         if env.norm_obs:
-            assert not isinstance(env.obs_rms, dict)
-            arrays |= {"observation_mean": env.obs_rms.mean, "observation_var": env.obs_rms.var}
-            arrays |= {"observation_count": np.array(env.obs_rms.count)}
-        np.savez(path, **arrays)
+            statistics: Any = env.obs_rms
+            arrays |= {"observation_mean": statistics.mean, "observation_var": statistics.var}
+            arrays |= {"observation_count": np.array(statistics.count)}
+        np.savez(path, **arrays)  # type: ignore[arg-type]
 
 
 def load_normalization(env: VecEnv, path: Path) -> None:
@@ -114,7 +114,7 @@ def load_normalization(env: VecEnv, path: Path) -> None:
             env.ret_rms.mean, env.ret_rms.var = arrays["return_mean"], arrays["return_var"]
             env.ret_rms.count = float(arrays["return_count"])
             if env.norm_obs:
-                assert not isinstance(env.obs_rms, dict)
-                env.obs_rms.mean = arrays["observation_mean"]
-                env.obs_rms.var = arrays["observation_var"]
-                env.obs_rms.count = float(arrays["observation_count"])
+                statistics: Any = env.obs_rms
+                statistics.mean = arrays["observation_mean"]
+                statistics.var = arrays["observation_var"]
+                statistics.count = float(arrays["observation_count"])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from cjt_gym.errors import ConfigurationError
@@ -12,16 +12,16 @@ from cjt_gym.training.evaluate import Evaluation, Row, evaluate
 from cjt_gym.training.rollout import Agent, ControllerAgent
 
 COLUMNS = (
-    ("controller", "{}"),
-    ("task", "{}"),
-    ("rmse [N m]", "{:.3f}"),
-    ("95 % interval", "{}"),
-    ("nrmse", "{:.3f}"),
-    ("bandwidth [Hz]", "{:.1f}"),
-    ("overshoot", "{:.2f}"),
-    ("settling [s]", "{:.3f}"),
-    ("effort [N m]", "{:.2f}"),
-    ("noise", "{:.2f}"),
+    ("controller", "controller", "{}"),
+    ("task", "task", "{}"),
+    ("rmse [N m]", "rmse", "{:.3f}"),
+    ("95 % interval", "ci95", "{0[0]:.3f} .. {0[1]:.3f}"),
+    ("nrmse", "nrmse", "{:.3f}"),
+    ("bandwidth [Hz]", "bandwidth_hz", "{:.1f}"),
+    ("overshoot", "overshoot", "{:.2f}"),
+    ("settling [s]", "settling_s", "{:.3f}"),
+    ("effort [N m]", "effort_rms", "{:.2f}"),
+    ("noise", "noise_amplification", "{:.2f}"),
 )
 
 
@@ -73,33 +73,32 @@ def rows_of(evaluations: Sequence[Evaluation]) -> list[Row]:
 def write_results(evaluations: Sequence[Evaluation], out: Path) -> Path:
     """Write `benchmark.json` and `benchmark.txt` into a folder; return the first."""
     out.mkdir(parents=True, exist_ok=True)
-    rows = rows_of(evaluations)
+    rows = [row.to_json() for row in rows_of(evaluations)]
     path = out / "benchmark.json"
-    text = json.dumps([row.to_json() for row in rows], indent=2)
-    path.write_text(text + "\n", encoding="utf-8")
+    path.write_text(json.dumps(rows, indent=2) + "\n", encoding="utf-8")
     (out / "benchmark.txt").write_text(table(rows) + "\n", encoding="utf-8")
     return path
 
 
-def table(rows: Sequence[Row]) -> str:
-    """Return rows as a plain-text table."""
-    cells = [[title for title, _ in COLUMNS]]
+def table(rows: Sequence[Mapping[str, object]]) -> str:
+    """Return rows, as plain data, as a plain-text table."""
+    return align(cells_of(rows))
+
+
+def cells_of(rows: Sequence[Mapping[str, object]]) -> list[list[str]]:
+    """Return rows, as plain data, as the cells of a table with a head."""
+    cells = [[title for title, _, _ in COLUMNS]]
     for row in rows:
-        low, high = row.ci95
-        values = (
-            *(row.controller, row.task, row.rmse, f"{low:.3f} .. {high:.3f}", row.nrmse),
-            *(row.bandwidth_hz, row.overshoot, row.settling_s, row.effort_rms),
-            row.noise_amplification,
+        cells.append(
+            ["-" if row[name] is None else form.format(row[name]) for _, name, form in COLUMNS]
         )
-        cells.append([form.format(v) for (_, form), v in zip(COLUMNS, values, strict=True)])
-    return align(cells)
+    return cells
 
 
 def align(cells: Sequence[Sequence[str]]) -> str:
-    """Return cells as lines with aligned columns; what cannot be said is a dash."""
-    shown = [["-" if cell in ("nan", "inf") else cell for cell in line] for line in cells]
-    widths = [max(len(line[j]) for line in shown) for j in range(len(shown[0]))]
+    """Return cells as lines with aligned columns."""
+    widths = [max(len(line[j]) for line in cells) for j in range(len(cells[0]))]
     return "\n".join(
         "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip()
-        for line in shown
+        for line in cells
     )

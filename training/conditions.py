@@ -20,7 +20,9 @@ TASKS = ("step", "chirp", "multisine", "smooth")
 EVALUATION_SEEDS = 1_000_000
 """Where seeds of evaluations begin; those of training stay below."""
 STEP_HOLD = 0.5
-BANDWIDTH_LOW, BANDWIDTH_HIGH, BANDWIDTH_SWEEP = 0.5, 150.0, 4.0
+SWEEP_STEP = 2.5e-4
+BANDWIDTH_LOW, BANDWIDTH_HIGH = 1.0, 150.0
+SWEEP_LOW, SWEEP_HIGH, SWEEP = 0.5, 200.0, 8.0
 
 
 @dataclass(frozen=True)
@@ -98,13 +100,15 @@ def realistic_effects(joint: str) -> dict[str, dict[str, Any]]:
     return effects | {name: dict(values) for name, values in file.effects.items()}
 
 
-def realistic_randomization(effects: Mapping[str, Any]) -> dict[str, Any]:
+def realistic_randomization(joint: str, effects: Mapping[str, Any]) -> dict[str, Any]:
     """Return what varies between episodes of a comparison, for the effects that are on.
 
     Inertia 10 %, torque constant and torsion bar 5 %, friction 50 %, ripples from none to double,
     delay of the command 0.5 to 2 ms.
     """
-    spec: dict[str, Any] = {"I_m": (0.9, 1.1), "k_t": (0.95, 1.05), "k_b": (0.95, 1.05)}
+    spec: dict[str, Any] = {"I_m": (0.9, 1.1), "k_t": (0.95, 1.05)}
+    if load_joint_file(joint).parameters.get("k_b", 0.0) > 0.0:
+        spec["k_b"] = (0.95, 1.05)
     if "coulomb" in effects:
         spec |= {"coulomb.d_cm": (0.5, 1.5), "coulomb.d_cg": (0.5, 1.5)}
     spec |= {f"{name}.scale": (0.0, 2.0) for name in ("cogging", "gear_ripple") if name in effects}
@@ -118,9 +122,7 @@ def realistic_conditions(
 ) -> Conditions:
     """Return conditions with `realistic_effects` and `realistic_randomization`."""
     effects = realistic_effects(joint)
-    spec = realistic_randomization(effects)
-    if load_joint_file(joint).parameters.get("k_b", 0.0) == 0.0:
-        del spec["k_b"]
+    spec = realistic_randomization(joint, effects)
     return Conditions(joint, structure, effects=effects, randomization=spec, **others)
 
 
@@ -140,10 +142,14 @@ def task_reference(task: str, amplitude: float) -> Signal:
 
 
 def bandwidth_reference(amplitude: float) -> Signal:
-    """Return the sweep from which the bandwidth is measured: 0.5 to 150 Hz within 4 s."""
-    return Signal(
-        "chirp", amplitude, BANDWIDTH_LOW, BANDWIDTH_HIGH, period=BANDWIDTH_SWEEP
-    )
+    """Return the sweep from which the bandwidth is measured: 0.5 to 200 Hz within 8 s.
+
+    Its frequency grows exponentially, so that every octave gets the same time.
+    """
+    t = np.arange(0.0, SWEEP, SWEEP_STEP)
+    rate = np.log(SWEEP_HIGH / SWEEP_LOW) / SWEEP
+    values = np.sin(2.0 * np.pi * SWEEP_LOW * np.expm1(rate * t) / rate)
+    return Signal("file", amplitude, table=np.column_stack([t, values]))
 
 
 def zero_reference() -> Signal:

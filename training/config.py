@@ -110,7 +110,9 @@ class TrainConfig:
             )
         for name in ("normalize_observations", "normalize_rewards"):
             if not isinstance(getattr(self, name), bool):
-                raise ConfigurationError(f"{name} must be true or false, got {getattr(self, name)}.")
+                raise ConfigurationError(
+                    f"{name} must be true or false, got {getattr(self, name)}."
+                )
         environment_arguments(self.env)
 
     def to_dict(self) -> dict[str, Any]:

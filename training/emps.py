@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,6 +40,7 @@ PUBLISHED = {
 UNITS = {"force": "N", "velocity": "m/s", "position": "m"}
 VELOCITY_CUTOFF = 100.0
 SUBSTEPS = 5
+BEGINNING = 6
 
 
 @dataclass(frozen=True)
@@ -110,10 +112,8 @@ def _closed_loop(
     extra = record["i_extra"] if "i_extra" in record else np.zeros(samples)
     coming = np.append(reference[1:], reference[-1])
     position, velocity, output = (np.zeros(samples) for _ in range(3))
-    start = np.zeros((1, 6))
-    start[0, :3] = record["q_m"][0]
+    start, before = _beginning(record)
     now = plant.reset(seed=0, start=start)
-    before = (float(now.q_m[0]),) * 2
     for k in range(samples):
         for s in range(substeps):
             q, dq = float(now.q_m[0]), float(now.dq_m[0])
@@ -127,6 +127,19 @@ def _closed_loop(
     return position, velocity, output
 
 
+def _beginning(record: Record) -> tuple[Floats, tuple[float, float]]:
+    """Return the state at the first sample, shape (1, 6), and the two positions before it [m].
+
+    The record begins in motion. Velocity and earlier positions are those of a parabola through
+    its first samples.
+    """
+    t = record.dt * np.arange(BEGINNING)
+    parabola = np.polynomial.Polynomial.fit(t, record["q_m"][:BEGINNING], 2).convert()
+    state = np.zeros((1, 6))
+    state[0, :3], state[0, 3:] = record["q_m"][0], parabola.coef[1]
+    return state, (float(parabola(-record.dt)), float(parabola(-2.0 * record.dt)))
+
+
 def main() -> None:
     """Replay a record and print its errors beside the published ones."""
     parser = argparse.ArgumentParser(description="Replay the EMPS record in closed loop.")
@@ -136,9 +149,10 @@ def main() -> None:
     arguments = parser.parse_args()
     result = replay(arguments.record, arguments.continuous)
     if arguments.json:
-        print(json.dumps({"errors": result.errors(), "published": result.published}))
+        text = json.dumps({"errors": result.errors(), "published": result.published})
     else:
-        print(summary(result))
+        text = summary(result)
+    sys.stdout.write(text + "\n")
 
 
 def summary(result: Replay) -> str:

@@ -12,9 +12,10 @@ from cjt_gym.errors import ConfigurationError
 from cjt_gym.training import metrics
 from cjt_gym.training.conditions import (
     BANDWIDTH_HIGH,
-    BANDWIDTH_SWEEP,
+    BANDWIDTH_LOW,
     EVALUATION_SEEDS,
     STEP_HOLD,
+    SWEEP,
     TASKS,
     Conditions,
     bandwidth_reference,
@@ -45,8 +46,9 @@ class Row:
         task: One of `TASKS`.
         rmse: Root mean square error of the true joint torque [N m].
         nrmse: The same over the root mean square of the reference [-].
-        bandwidth_hz: Where the torque first falls below 1 / sqrt(2) of the reference [Hz], at
-            the torque amplitude of the comparison; 150 where it follows that far.
+        bandwidth_hz: Where the response of the torque to the reference first falls 3 dB below
+            that at 1 to 2 Hz, at the torque amplitude of the comparison [Hz]; 150 where it does
+            not.
         overshoot: Mean overshoot over the height of the step [-].
         settling_s: Median time until a step stays within 10 % of its height [s].
         effort_rms: Root mean square of the motor torque [N m].
@@ -162,7 +164,7 @@ def evaluate(
             task=task,
             rmse=metrics.rmse(run),
             nrmse=metrics.nrmse(run),
-            bandwidth_hz=metrics.bandwidth(sweep, BANDWIDTH_HIGH),
+            bandwidth_hz=metrics.bandwidth(sweep, BANDWIDTH_LOW, BANDWIDTH_HIGH),
             overshoot=metrics.overshoot(stepped),
             settling_s=metrics.settling_time(stepped),
             effort_rms=metrics.effort_rms(run),
@@ -180,7 +182,7 @@ def _run(agent: Agent, conditions: Conditions, what: str, seed: int) -> Traces:
     """Run one of the experiments that tell an agent's character."""
     amplitude = conditions.amplitude
     reference, duration = {
-        "sweep": (bandwidth_reference(amplitude), BANDWIDTH_SWEEP),
+        "sweep": (bandwidth_reference(amplitude), SWEEP),
         "step": (task_reference("step", amplitude), 2.0 * STEP_HOLD),
         "zero": (zero_reference(), NOISE_DURATION),
     }[what]

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal
 
 from cjt_gym.training.rollout import Traces
 
 Floats = NDArray[np.float64]
+Complex = NDArray[np.complex128]
 
 SETTLING_BAND = 0.1
 SMALLEST_STEP = 0.5
-SEGMENT = 512
+BAND = 1.0 / 12.0
 REST = 0.2
 RESAMPLES = 2000
 
@@ -22,20 +22,25 @@ def squared_errors(traces: Traces) -> Floats:
     return np.asarray(np.mean(traces.error**2, axis=1))
 
 
+def rms(values: Floats) -> float:
+    """Return the root mean square of all values [their unit]."""
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
 def rmse(traces: Traces) -> float:
     """Return the root mean square error over all episodes [N m]."""
-    return float(np.sqrt(np.mean(traces.error**2)))
+    return rms(traces.error)
 
 
 def nrmse(traces: Traces) -> float:
     """Return the error over the root mean square of the reference [-]; NaN without reference."""
-    scale = float(np.sqrt(np.mean(traces.reference**2)))
+    scale = rms(traces.reference)
     return rmse(traces) / scale if scale > 0.0 else float("nan")
 
 
 def effort_rms(traces: Traces) -> float:
     """Return the root mean square of the commanded motor torque [N m]."""
-    return float(np.sqrt(np.mean(traces.command**2)))
+    return rms(traces.command)
 
 
 def bootstrap_rmse(traces: Traces, seed: int = 0) -> tuple[float, float]:
@@ -104,34 +109,48 @@ def settling_time(traces: Traces) -> float:
     return float(np.median(times)) if times else float("nan")
 
 
-def frequency_response(traces: Traces) -> tuple[Floats, NDArray[np.complex128]]:
-    """Return frequencies [Hz] and the response from reference to torque, by Welch's method."""
-    rate, length = 1.0 / traces.dt, min(SEGMENT, traces.tau.shape[1])
-    f, cross = signal.csd(traces.reference, traces.tau, fs=rate, nperseg=length)
-    _, power = signal.welch(traces.reference, fs=rate, nperseg=length)
-    response = cross.mean(axis=0) / power.mean(axis=0)
-    return np.asarray(f, dtype=np.float64), np.asarray(response, dtype=np.complex128)
+def frequency_response(traces: Traces, low: float, high: float) -> tuple[Floats, Complex]:
+    """Return the response from reference to torque, averaged over bands of a twelfth octave.
 
-
-def bandwidth(traces: Traces, highest: float) -> float:
-    """Return the frequency at which the torque first falls below 1 / sqrt(2) of the reference.
+    In each band it is the sum over episodes and bins of conj(R) T over that of |R|^2 (the H1
+    estimate), with R and T the discrete Fourier transforms of reference and torque.
 
     Args:
-        traces: Episodes with a broad-band reference.
-        highest: Highest frequency that the reference excites [Hz], which is returned where the
-            torque follows that far.
+        traces: Episodes whose reference excites all frequencies in between.
+        low: Lowest frequency [Hz].
+        high: Highest frequency [Hz].
+
+    Returns:
+        Frequencies [Hz], shape (bands,), and the response there [-].
     """
-    f, response = frequency_response(traces)
-    gain = np.abs(response)[(f > 0.0) & (f <= highest)]
-    f = f[(f > 0.0) & (f <= highest)]
-    below = np.flatnonzero(gain < np.sqrt(0.5))
+    f = np.fft.rfftfreq(traces.tau.shape[1], traces.dt)
+    wanted, got = np.fft.rfft(traces.reference), np.fft.rfft(traces.tau)
+    cross, power = (np.conj(wanted) * got).sum(axis=0), (np.abs(wanted) ** 2).sum(axis=0)
+    edges = low * 2.0 ** np.arange(0.0, np.log2(high / low) + BAND, BAND)
+    bands = [np.flatnonzero((f >= a) & (f < b)) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    bands = [band for band in bands if len(band) > 0 and power[band].sum() > 0.0]
+    centres = np.array([np.exp(np.mean(np.log(f[band]))) for band in bands])
+    response = np.array([cross[band].sum() / power[band].sum() for band in bands])
+    return centres, response
+
+
+def bandwidth(traces: Traces, low: float, high: float) -> float:
+    """Return where the response first falls 3 dB below what it is in the lowest octave [Hz].
+
+    Args:
+        traces: Episodes whose reference excites all frequencies in between.
+        low: Lowest frequency [Hz].
+        high: Highest frequency [Hz], which is returned where the torque follows that far.
+    """
+    f, response = frequency_response(traces, low, high)
+    gain = np.abs(response)
+    gain = gain / np.mean(gain[f <= 2.0 * low])
+    below = np.flatnonzero((gain < np.sqrt(0.5)) & (f > 2.0 * low))
     if len(below) == 0:
-        return highest
+        return high
     k = int(below[0])
-    if k == 0:
-        return 0.0
     share = (gain[k - 1] - np.sqrt(0.5)) / (gain[k - 1] - gain[k])
-    return float(f[k - 1] + share * (f[k] - f[k - 1]))
+    return float(f[k - 1] * (f[k] / f[k - 1]) ** np.clip(share, 0.0, 1.0))
 
 
 def noise_amplification(traces: Traces) -> float:

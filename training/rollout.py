@@ -99,10 +99,12 @@ class ControllerAgent:
 
     def arguments(self, conditions: Conditions) -> dict[str, Any]:
         """Return the conditions with the controller as base."""
+        return conditions.arguments | self.base()
+
+    def base(self) -> dict[str, Any]:
+        """Return the argument that makes the controller the base of an environment."""
         name = self.name
-        return conditions.arguments | {
-            "base_controller": lambda joint, dt: make_controller(name, joint, dt)
-        }
+        return {"base_controller": lambda joint, dt: make_controller(name, joint, dt)}
 
     def act(self, observation: NDArray[np.float32]) -> NDArray[Any]:
         """Return zeros: the controller acts alone."""
@@ -141,6 +143,7 @@ def run_episodes(agent: Agent, arguments: Mapping[str, Any], num: int, seed: int
     ended = np.zeros(shape, dtype=np.bool_)
     for k in range(shape[1]):
         episodes.step(agent.act(task.observation.copy()))
-        wanted[:, k], tau[:, k], measured[:, k] = task.reference, arrays.tau, arrays.measured[:, TAU]
+        wanted[:, k], tau[:, k] = task.reference, arrays.tau
+        measured[:, k] = arrays.measured[:, TAU]
         command[:, k], ended[:, k] = task.command, task.terminated
     return Traces(wanted, tau, measured, command, ended, episodes.settings.dt)

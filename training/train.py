@@ -98,4 +98,4 @@ def _writers(run: RunFolder) -> list[KVWriter]:
 
 def _say(text: str, quiet: bool) -> None:
     if not quiet:
-        print(text, file=sys.stderr)
+        sys.stderr.write(text + "\n")

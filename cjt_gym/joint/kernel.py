@@ -71,7 +71,7 @@ def control_step(
             write_channels(p, setup, work[X], currents, tau, load, batch.snapshot[i, 0])
         at = (k - late - (1 if s < late_sub else 0)) % depth
         tau = substep(
-            p, ripple, a, b, setup, currents, tau, commands[at, 0], commands[at, 1], load, work
+            p, ripple, a, b, setup, currents, commands[at, 0], commands[at, 1], load, work
         )
     for j in range(setup.order):
         if not abs(work[X, j]) < LARGEST:

@@ -17,6 +17,8 @@ from cjt_gym.joint.friction import LOAD, friction
 from cjt_gym.joint.resist import come_to_rest, coulomb_sum, resist, shift
 from cjt_gym.joint.ripple import ripple_torque
 
+RIGID_PASSES = 4
+
 
 @compiled
 def load_state(setup: Setup, state: Floats, x: Floats) -> None:
@@ -44,7 +46,20 @@ def store_state(setup: Setup, x: Floats, load: float, state: Floats) -> None:
 
 
 @compiled
-def mesh_torque(p: Any, setup: Setup, tau_rigid: float, work: Floats) -> float:
+def rigid_torque(p: Any, setup: Setup, load: float, work: Floats) -> float:
+    """Return the mean torque that a rigid joint passed on to its load over a substep [N m]."""
+    v = (work[FREE, 0] - work[X, 0]) / setup.h
+    side = 1.0 if v >= 0.0 else -1.0
+    drag, _ = friction(p, LOAD, v, side)
+    if v == 0.0 and p.dq_0 == 0.0:
+        total = coulomb_sum(p, setup.groups, 0, side)
+        drag = work[RESIST, 0] * abs(drag) / total if total > 0.0 else 0.0
+    acceleration = (work[FREE, 1] - work[X, 1]) / setup.h
+    return float(p.I_l * acceleration + p.d_l * v + drag - load)
+
+
+@compiled
+def mesh_torque(p: Any, setup: Setup, load: float, work: Floats) -> float:
     """Return the torque that the gear transmits, averaged over the substep [N m].
 
     Row FREE holds the motion under the resisting torques of the substep before.
@@ -55,7 +70,7 @@ def mesh_torque(p: Any, setup: Setup, tau_rigid: float, work: Floats) -> float:
         other = setup.groups[2]
         stiffness, damping = p.k_b, p.d_gl
     if one == other:
-        return tau_rigid
+        return rigid_torque(p, setup, load, work)
     if other < 0:
         other = setup.size
     start = work[X, one] - work[X, other]
@@ -75,39 +90,30 @@ def position_torque(p: Any, ripple: Floats, setup: Setup, tau: float, work: Floa
 
 @compiled
 def settled_ripple(
-    p: Any, ripple: Floats, b: Floats, setup: Setup, tau: float, work: Floats
+    p: Any, ripple: Floats, b: Floats, setup: Setup, load: float, work: Floats
 ) -> float:
     """Return the ripple torque of a substep [N m].
 
     What the gear transmits depends on the motion that friction and ripple themselves cause; both
-    are predicted by the substep before, and by a second pass where there was none.
+    are predicted by the substep before, and by a second pass where there was none. A rigid joint
+    transmits a torque that depends on this one at the same instant: it takes more passes, each of
+    which reduces the error by the ripple's share of the torque.
     """
     passes = 1 if work[RIPPLE, 1] == 1.0 else 2
+    if setup.groups[0] == setup.groups[2]:
+        passes = RIGID_PASSES
     work[RIPPLE, 1] = 1.0
     for _ in range(passes):
         before = work[RIPPLE, 0]
         shift(b, setup, -1.0, work)
         for i in range(setup.order):
             work[FREE, i] += b[i, 0] * before
-        torque = position_torque(p, ripple, setup, mesh_torque(p, setup, tau, work), work)
+        torque = position_torque(p, ripple, setup, mesh_torque(p, setup, load, work), work)
         shift(b, setup, 1.0, work)
         for i in range(setup.order):
             work[FREE, i] -= b[i, 0] * before
         work[RIPPLE, 0] = torque
     return float(work[RIPPLE, 0])
-
-
-@compiled
-def rigid_torque(p: Any, setup: Setup, load: float, work: Floats) -> float:
-    """Return the mean torque that a rigid joint passed on to its load over a substep [N m]."""
-    v = (work[FREE, 0] - work[X, 0]) / setup.h
-    side = 1.0 if v >= 0.0 else -1.0
-    drag, _ = friction(p, LOAD, v, side)
-    if v == 0.0 and p.dq_0 == 0.0:
-        total = coulomb_sum(p, setup.groups, 0, side)
-        drag = work[RESIST, 0] * abs(drag) / total if total > 0.0 else 0.0
-    acceleration = (work[FREE, 1] - work[X, 1]) / setup.h
-    return float(p.I_l * acceleration + p.d_l * v + drag - load)
 
 
 @compiled
@@ -118,13 +124,12 @@ def substep(
     b: Floats,
     setup: Setup,
     currents: Floats,
-    tau: float,
     command: float,
     command_d: float,
     load: float,
     work: Floats,
 ) -> float:
-    """Advance one joint by h, in place (row X, currents); return the rigid joint's torque.
+    """Advance one joint by h, in place (row X, currents); return the torque if it is rigid.
 
     Args:
         p: Parameter record.
@@ -133,7 +138,6 @@ def substep(
         b: Discrete inputs, shape (order, 2 + size).
         setup: What the batch shares.
         currents: [i_q, i_d] [A].
-        tau: Transmitted torque of the last substep [N m], which counts if the joint is rigid.
         command: Current [A] or voltage [V] on the q axis.
         command_d: Voltage on the d axis [V].
         load: Load torque [N m] or, where the output is fixed, load velocity [rad/s].
@@ -155,7 +159,7 @@ def substep(
             value += a[i, j] * work[X, j]
         work[FREE, i] = value
     if ripple.shape[0] > 0:
-        extra = settled_ripple(p, ripple, b, setup, tau, work)
+        extra = settled_ripple(p, ripple, b, setup, load, work)
         for i in range(order):
             work[FREE, i] += b[i, 0] * extra
     for g in range(size):
@@ -164,8 +168,8 @@ def substep(
         shift(b, setup, -1.0, work)
         if p.dq_0 == 0.0:
             come_to_rest(p, setup, b, work)
-    if setup.groups[1] == setup.groups[2]:
-        tau = rigid_torque(p, setup, load, work)
+    rigid = setup.groups[1] == setup.groups[2]
+    tau = rigid_torque(p, setup, load, work) if rigid else 0.0
     if drive == STATIC:
         g = setup.groups[0]
         v = (work[FREE, g] - work[X, g]) / setup.h

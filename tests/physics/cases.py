@@ -1,4 +1,4 @@
-"""What the physics tests share: states of a record, stored energy, random valid joints."""
+"""What the physics tests share: states, stored energy, random valid joints, one excitation."""
 
 from __future__ import annotations
 
@@ -8,13 +8,15 @@ import numpy as np
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from cjt_gym.joint import STRUCTURES, Joint
+from cjt_gym.joint import STRUCTURES, Joint, load_joint_file
 from cjt_gym.records import Record
 
 Floats = NDArray[np.float64]
+Effects = dict[str, dict[str, Any]]
 STATES = ("q_m", "q_g", "q_l", "dq_m", "dq_g", "dq_l")
 FIXED = tuple(name for name, row in STRUCTURES.items() if row.output_fixed)
 FREE = tuple(name for name in STRUCTURES if name not in FIXED)
+DT = 1e-3
 EPS = float(np.finfo(np.float64).eps)
 
 
@@ -74,9 +76,9 @@ def valid_parameters(draw: st.DrawFn) -> dict[str, float]:
 
 
 @st.composite
-def friction_effects(draw: st.DrawFn, sharp: bool = True) -> dict[str, dict[str, Any]]:
+def friction_effects(draw: st.DrawFn, sharp: bool = True) -> Effects:
     """Return friction with unequal levels, from sharp to smooth, or none."""
-    effects: dict[str, dict[str, Any]] = {}
+    effects: Effects = {}
     if draw(st.booleans()):
         levels = [f"d_c{body}{way}" for body in "mgl" for way in ("", "_n")]
         values: dict[str, Any] = {name: draw(maybe(log_range(0.1, 10.0))) for name in levels}
@@ -93,3 +95,27 @@ def initial_state(seed: int) -> Floats:
     """Return a random state: deflections of a twentieth of a radian, speeds of 1 rad/s."""
     rng = np.random.default_rng(seed)
     return np.concatenate([rng.normal(0.0, 0.05, 3), rng.normal(0.0, 1.0, 3)])
+
+
+def smooth_effects(name: str, *, ripple_by_torque: bool = False) -> Effects:
+    """Return friction and ripple at the joint's own levels, each in every form that is smooth."""
+    p = load_joint_file(name).parameters
+    per_turn = p.n if p.n > 1.0 else 50.0
+    effects: Effects = {
+        "coulomb": {"d_cm": p.get("d_cm", 20.0), "dq_0": 0.002},
+        "viscous_asym": {"d_m_n": p.get("d_m", 0.0) + 1.0, "d_g_n": p.get("d_g", 0.0) + 0.5},
+        "cogging": {"f": (per_turn, 6 * per_turn), "a": (0.3, 0.1), "b": (-0.2, 0.15)},
+    }
+    if ripple_by_torque:
+        effects["gear_ripple"] = {"f": (2 * per_turn,), "a": (0.02,), "b": (0.03,)}
+    return effects
+
+
+def excitation(joint: Joint, samples: int) -> tuple[Floats, Floats]:
+    """Return motor torque [N m] and load [N m or rad/s] that reverse the motion several times."""
+    t = np.arange(samples) * DT
+    peak = min(joint.torque_limit, 200.0)
+    tau_m = peak * (0.35 * np.sin(2 * np.pi * 2.3 * t) + 0.2 * np.sin(2 * np.pi * 17.0 * t + 1.0))
+    if joint.structure_row.output_fixed:
+        return tau_m, 0.5 * np.sin(2 * np.pi * 1.7 * t)
+    return tau_m, 0.1 * peak * np.sin(2 * np.pi * 5.0 * t)

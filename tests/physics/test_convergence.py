@@ -1,24 +1,20 @@
 """Accuracy against an independent integrator with tight tolerances, and the order of convergence.
 
 The headline: at the default step of `Joint.simulate` the largest error of any state over one
-second is at most 1e-4 of that state's peak. The whole grid is marked `slow`; the default run
-takes the joint with the least and those with the most demanding parameters.
+second is at most 1e-4 of that state's peak. Most of the grid is marked `slow`; what is left are the
+joints with the least and those with the most demanding parameters.
 """
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 
-from cjt_gym.joint import STRUCTURES, Joint, joint_names, load_joint, load_joint_file
+from cjt_gym.joint import STRUCTURES, Joint, joint_names, load_joint
 from cjt_gym.joint.joint import DT_PHYSICS
-from tests.physics.cases import Floats, states
+from tests.physics.cases import DT, Floats, excitation, smooth_effects, states
 from tests.physics.independent import peak_errors, reference_states
 
-Effects = dict[str, dict[str, Any]]
-DT = 1e-3
 ALLOWED = 1e-4
 RIGID_ONLY = ("emps",)
 QUICK = {
@@ -35,30 +31,6 @@ GRID = [
     for structure in STRUCTURES
     if name not in RIGID_ONLY or structure == "rigid"
 ]
-
-
-def smooth_effects(name: str, *, ripple_by_torque: bool = False) -> Effects:
-    """Return friction and ripple at the joint's own levels, each in every form that is smooth."""
-    p = load_joint_file(name).parameters
-    per_turn = p.n if p.n > 1.0 else 50.0
-    effects: Effects = {
-        "coulomb": {"d_cm": p.get("d_cm", 20.0), "dq_0": 0.002},
-        "viscous_asym": {"d_m_n": p.get("d_m", 0.0) + 1.0, "d_g_n": p.get("d_g", 0.0) + 0.5},
-        "cogging": {"f": (per_turn, 6 * per_turn), "a": (0.3, 0.1), "b": (-0.2, 0.15)},
-    }
-    if ripple_by_torque:
-        effects["gear_ripple"] = {"f": (2 * per_turn,), "a": (0.02,), "b": (0.03,)}
-    return effects
-
-
-def excitation(joint: Joint, samples: int) -> tuple[Floats, Floats]:
-    """Return motor torque [N m] and load [N m or rad/s] that reverse the motion several times."""
-    t = np.arange(samples) * DT
-    peak = min(joint.torque_limit, 200.0)
-    tau_m = peak * (0.35 * np.sin(2 * np.pi * 2.3 * t) + 0.2 * np.sin(2 * np.pi * 17.0 * t + 1.0))
-    if joint.structure_row.output_fixed:
-        return tau_m, 0.5 * np.sin(2 * np.pi * 1.7 * t)
-    return tau_m, 0.1 * peak * np.sin(2 * np.pi * 5.0 * t)
 
 
 def reference(joint: Joint, tau_m: Floats, load: Floats) -> Floats:
@@ -104,7 +76,6 @@ def test_second_order_of_gear_ripple(structure: str) -> None:
     assert 1.8 < order(joint) < 2.2
 
 
-@pytest.mark.xfail(strict=True, reason="a rigid joint's ripple sees the torque of the last substep")
 def test_second_order_of_gear_ripple_in_a_rigid_joint() -> None:
     effects = smooth_effects("generic", ripple_by_torque=True)
     del effects["viscous_asym"], effects["coulomb"]

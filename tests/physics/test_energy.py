@@ -6,8 +6,6 @@ bounds therefore hold to rounding, which the matrix exponential multiplies by ab
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -18,6 +16,7 @@ from tests.physics.cases import (
     EPS,
     FIXED,
     FREE,
+    Effects,
     Floats,
     friction_effects,
     initial_state,
@@ -29,7 +28,6 @@ from tests.physics.cases import (
 )
 
 SEEDS = st.integers(0, 2**32 - 1)
-Effects = dict[str, dict[str, Any]]
 
 
 def rounding(joint: Joint, h: float) -> float:

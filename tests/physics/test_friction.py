@@ -7,15 +7,13 @@ is zero, not small.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 import pytest
 
 from cjt_gym.joint import STRUCTURES, Joint, load_joint
-from tests.physics.cases import FREE, Floats, initial_state, states
+from tests.physics.cases import FREE, Effects, Floats, initial_state, states
 
-Effects = dict[str, dict[str, Any]]
 H = 1e-4
 UNDAMPED = dict.fromkeys(("d_m", "d_g", "d_l", "d_m_n", "d_g_n", "d_l_n"), 0.0)
 

@@ -7,13 +7,22 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from cjt_gym.errors import ConfigurationError, ParameterError, SimulationError
 from cjt_gym.joint import DRIVES, STRUCTURES, load_joint
 from cjt_gym.plant import SimulatedPlant
 
 NAME = "orange_80_6000"
+Floats = NDArray[np.float64]
 BAD = [math.nan, math.inf, -math.inf]
+
+
+def last_good(error: SimulationError) -> Floats:
+    """Return the states that the error carries; they are finite."""
+    assert error.last_good_states is not None
+    assert np.isfinite(error.last_good_states).all()
+    return error.last_good_states
 
 
 @pytest.mark.parametrize("bad", BAD)
@@ -32,7 +41,7 @@ def test_a_state_that_runs_away_is_reported_with_the_last_good_ones(structure: s
     joint = load_joint(NAME, structure)
     with pytest.raises(SimulationError, match="after 21 samples") as caught:
         joint.simulate(np.full(50, 5.0), load, dt_physics=1e-4)
-    good = caught.value.last_good_states
+    good = last_good(caught.value)
     assert good.shape == (21, 6)
     kept = joint.simulate(np.full(21, 5.0), dt_physics=1e-4)
     free = slice(0, 5 if joint.structure_row.output_fixed else 6)
@@ -59,7 +68,7 @@ def test_a_command_of_nan_is_caught(drive: str, structure: str, effects: dict[st
     plant.reset(seed=0)
     with pytest.raises(SimulationError, match="joint 1") as caught:
         stepped(plant, bad_command=math.nan)
-    assert np.isfinite(caught.value.last_good_states).all()
+    assert last_good(caught.value).shape == (3, 6)
 
 
 @pytest.mark.parametrize("structure", STRUCTURES)
@@ -69,8 +78,7 @@ def test_a_load_that_is_not_finite_is_caught(structure: str, bad: float) -> None
     plant.reset(seed=0)
     with pytest.raises(SimulationError, match="joint 1") as caught:
         stepped(plant, bad_load=bad)
-    assert caught.value.last_good_states.shape == (3, 6)
-    assert np.isfinite(caught.value.last_good_states).all()
+    assert last_good(caught.value).shape == (3, 6)
 
 
 def test_a_bad_command_is_caught_before_its_delay_has_passed() -> None:

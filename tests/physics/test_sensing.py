@@ -6,16 +6,14 @@ import hashlib
 import math
 import subprocess
 import sys
-from typing import Any
 
 import numpy as np
 import pytest
 
 from cjt_gym.joint import STRUCTURES, Joint, load_joint
 from cjt_gym.records import Record
-from tests.physics.cases import Floats
+from tests.physics.cases import Effects, Floats
 
-Effects = dict[str, dict[str, Any]]
 NAME, STRUCTURE = "orange_80_6000", "output_fixed"
 DT, H = 1e-3, 1e-4
 CHANNELS = ("i", "q_m", "q_g", "q_l", "dq_m", "dq_g", "dq_l", "tau")

@@ -1,0 +1,1 @@
+"""Benchmarks: `python -m benchmarks` measures, prints and updates the tables of README.md."""

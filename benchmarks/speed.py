@@ -1,0 +1,113 @@
+"""Environment steps per second, as ratios to Gymnasium's CartPole in the same run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+import cjt_gym  # noqa: F401  registers the environments
+from benchmarks.report import Table
+from benchmarks.timing import best_in_turns
+
+ID = "CJT/TorqueTracking-v0"
+PLAIN: dict[str, Any] = {"effects": {}}
+REAL: dict[str, Any] = {
+    "effects": {
+        "coulomb": {},
+        "cogging": {"f": (80.0, 480.0), "a": (0.5, 0.2), "b": (0.2, 0.1)},
+        "command_delay": {"delay": 1e-3},
+        "measurement_delay": {"delay": 1e-3},
+        "noise": {},
+        "quantization": {},
+        "velocity_differentiation": {"cutoff": 200.0},
+    },
+    "randomization": {"k_b": (0.9, 1.1), "d_m": (0.5, 2.0), "coulomb.d_cm": (0.5, 1.5)},
+}
+SINGLE_STEPS, BATCH_STEPS = 5_000, 200_000
+
+
+def single(env: gym.Env[Any, Any], steps: int) -> Callable[[], int]:
+    """Return work that steps one environment with random actions drawn beforehand."""
+    env.action_space.seed(0)
+    actions = [env.action_space.sample() for _ in range(64)]
+
+    def work() -> int:
+        env.reset(seed=0)
+        for k in range(steps):
+            _, _, terminated, truncated, _ = env.step(actions[k % 64])
+            if terminated or truncated:
+                env.reset()
+        return steps
+
+    return work
+
+
+def batch(env: gym.vector.VectorEnv[Any, Any, Any], steps: int) -> Callable[[], int]:
+    """Return work that steps a batch; its unit is a step of one member."""
+    env.action_space.seed(0)
+    actions = [env.action_space.sample() for _ in range(8)]
+    rounds = max(1, steps // env.num_envs)
+
+    def work() -> int:
+        env.reset(seed=0)
+        for k in range(rounds):
+            env.step(actions[k % 8])
+        return rounds * env.num_envs
+
+    return work
+
+
+def sb3_batch(num: int, arguments: dict[str, Any], steps: int) -> Callable[[], int] | None:
+    """Return the same for the batch of Stable-Baselines3, or None if that is not installed."""
+    try:
+        from cjt_gym.envs.sb3 import TorqueTrackingVecEnv
+    except ImportError:
+        return None
+    env = TorqueTrackingVecEnv(num, **arguments)
+    rng = np.random.default_rng(0)
+    actions = [rng.uniform(-1.0, 1.0, (num, 1)).astype(np.float32) for _ in range(8)]
+    rounds = max(1, steps // num)
+
+    def work() -> int:
+        env.reset()
+        for k in range(rounds):
+            env.step(actions[k % 8])
+        return rounds * num
+
+    return work
+
+
+def works() -> dict[str, Callable[[], int]]:
+    """Return everything that is timed; the first is what the others are compared with."""
+    found: dict[str, Callable[[], int]] = {
+        "CartPole-v1, gymnasium.make": single(gym.make("CartPole-v1"), SINGLE_STEPS)
+    }
+    for label, arguments in (("ideal", PLAIN), ("all effects", REAL)):
+        found[f"joint, {label}, gymnasium.make"] = single(gym.make(ID, **arguments), SINGLE_STEPS)
+        for num in (64, 1024):
+            env = gym.make_vec(ID, num_envs=num, **arguments)
+            found[f"joint, {label}, make_vec of {num}"] = batch(env, BATCH_STEPS)
+        native = sb3_batch(1024, arguments, BATCH_STEPS)
+        if native is not None:
+            found[f"joint, {label}, VecEnv of 1024"] = native
+    return found
+
+
+def table() -> Table:
+    """Measure all environments in turns."""
+    times = best_in_turns(works())
+    unit = next(iter(times.values()))
+    rows = [[name, f"{unit / time:.2f}"] for name, time in times.items()]
+    return Table(
+        "Speed",
+        "Steps per second of one process, resets included, relative to `CartPole-v1` through "
+        "`gymnasium.make` in the same run; a step of a batch of n counts n times. Control step "
+        "1 ms of ten substeps, orange_80_6000, output_fixed_rigid_gearbox. All effects: Coulomb "
+        "friction, cogging, delays of command and measurement, noise, quantization, "
+        "differentiated velocities, randomised parameters.",
+        ["environment", "steps per second / CartPole's"],
+        rows,
+    )

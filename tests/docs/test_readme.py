@@ -1,0 +1,67 @@
+"""The README's code runs as it stands; its long commands run shortened."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+BLOCKS = re.findall(r"```(\w+)\n(.*?)```", README, flags=re.S)
+PYTHON = [text for language, text in BLOCKS if language == "python"]
+COMMANDS = [
+    line.split("  #")[0].strip()
+    for language, text in BLOCKS
+    if language == "sh"
+    for line in text.splitlines()
+]
+SHORTENED = {"train": ["--steps", "2048", "--quiet"], "benchmark": ["--episodes", "2"]}
+
+
+@pytest.mark.parametrize("text", PYTHON, ids=[str(k) for k in range(len(PYTHON))])
+def test_python_blocks_run(text: str, tmp_path: Path) -> None:
+    run = subprocess.run(
+        [sys.executable, "-c", text], capture_output=True, text=True, cwd=tmp_path, check=False
+    )
+    assert run.returncode == 0, run.stderr
+
+
+def test_commands_run_one_after_the_other(tmp_path: Path) -> None:
+    ours = [shlex.split(line) for line in COMMANDS if line.startswith("cjt-gym ")]
+    assert {words[1] for words in ours} >= {"joints", "simulate", "train", "benchmark"}
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    for words in ours:
+        run = subprocess.run(
+            words + SHORTENED.get(words[1], []),
+            capture_output=True,
+            text=True,
+            cwd=tmp_path,
+            env={**os.environ, "PATH": path},
+            check=False,
+        )
+        assert run.returncode == 0, (words, run.stderr)
+        assert run.stdout
+
+
+def test_every_make_target_of_the_readme_exists() -> None:
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    targets = set(re.findall(r"\bmake ([a-z-]+)", README))
+    assert targets >= {"demo", "test", "lint", "bench"}
+    for target in targets - {"nothing"}:
+        assert re.search(rf"^{target}:", makefile, flags=re.M), target
+
+
+def test_every_folder_and_environment_of_the_readme_exists() -> None:
+    from cjt_gym.registry import ENVIRONMENTS
+
+    for name in re.findall(r"CJT/\w+-v\d", README):
+        assert name in ENVIRONMENTS
+    for row in re.findall(r"^\| (`[^|]*`) \|", README, flags=re.M):
+        for name in re.findall(r"`([^`]+)`", row):
+            assert (ROOT / name).exists(), name

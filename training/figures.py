@@ -1,0 +1,148 @@
+"""Figures of a report, as SVG text."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import matplotlib
+
+matplotlib.use("Agg")
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from cjt_gym.training.conditions import BANDWIDTH_HIGH, BANDWIDTH_LOW
+from cjt_gym.training.emps import UNITS, Replay
+from cjt_gym.training.metrics import frequency_response
+from cjt_gym.training.rollout import Traces
+
+COLOURS = ("#9a9a9a", "#d07c2e", "#1f5fa8", "#3d8f5f", "#8d4fa8")
+INK, FAINT = "#202020", "#dddddd"
+STYLE = {
+    "font.family": "serif",
+    "font.size": 9,
+    "axes.edgecolor": INK,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.linewidth": 0.6,
+    "axes.grid": True,
+    "grid.color": FAINT,
+    "grid.linewidth": 0.5,
+    "lines.linewidth": 1.0,
+    "legend.frameon": False,
+    "svg.fonttype": "path",
+    "svg.hashsalt": "cjt-gym",
+}
+WIDTH = 7.2
+FULL_SPAN = 8.0
+
+
+def _figure(height: float) -> Figure:
+    with matplotlib.rc_context(STYLE):
+        return Figure(figsize=(WIDTH, height), layout="constrained")
+
+
+def _svg(figure: Figure) -> str:
+    buffer = io.StringIO()
+    with matplotlib.rc_context(STYLE):
+        figure.savefig(buffer, format="svg", metadata={"Date": None})
+    text = buffer.getvalue()
+    return text[text.index("<svg") :]
+
+
+def emps_figure(replay: Replay) -> str:
+    """Return measured and simulated force, velocity and position, and their differences."""
+    figure = _figure(5.6)
+    with matplotlib.rc_context(STYLE):
+        axes = figure.subplots(3, 2, sharex=True, width_ratios=(1.5, 1.0))
+        rows = replay.t <= FULL_SPAN
+        t = replay.t[rows]
+        for (left, right), (name, unit) in zip(axes, UNITS.items(), strict=True):
+            measured, simulated = replay.measured[name][rows], replay.simulated[name][rows]
+            left.plot(t, measured, color=INK, linewidth=1.4, label="measured")
+            left.plot(t, simulated, color=COLOURS[1], linewidth=0.8, label="simulated")
+            left.set_ylabel(f"{name} [{unit}]")
+            scale, prefix = (1e6, "µ") if name == "position" else (1.0, "")
+            scale, prefix = (1e3, "m") if name == "velocity" else (scale, prefix)
+            right.plot(t, scale * (measured - simulated), color=COLOURS[1], linewidth=0.6)
+            right.set_ylabel(f"[{prefix}{unit}]")
+        axes[0, 0].legend(loc="upper right", ncols=2)
+        axes[0, 0].set_title("signal", fontsize=9)
+        axes[0, 1].set_title("measured minus simulated", fontsize=9)
+        for axis in axes[-1]:
+            axis.set_xlabel("time [s]")
+    return _svg(figure)
+
+
+def learning_figure(
+    progress: Sequence[Mapping[str, float]], levels: Mapping[str, float], unit: str = "N m"
+) -> str:
+    """Return the learning curve with the levels of those that do not learn.
+
+    Args:
+        progress: Rows of `progress.csv`.
+        levels: By name of a controller its error on the validation episodes.
+        unit: Of the errors.
+    """
+    figure = _figure(2.8)
+    with matplotlib.rc_context(STYLE):
+        axis: Any = figure.subplots()
+        steps = np.array([row["steps"] for row in progress]) / 1e3
+        names = {"validation_rmse": "policy, validation", "rmse": "policy, while exploring"}
+        for (key, label), shape in zip(names.items(), ("o-", "-"), strict=True):
+            colour = COLOURS[2] if key == "validation_rmse" else "#9fbddf"
+            values = [row[key] for row in progress]
+            axis.plot(steps, values, shape, color=colour, markersize=3, label=label)
+        for (name, level), colour in zip(levels.items(), COLOURS, strict=False):
+            axis.axhline(level, color=colour, linestyle="--", label=name.replace("_", " "))
+        axis.set_ylim(bottom=0.0)
+        axis.set_xlim(left=0.0)
+        axis.set_xlabel("training steps [thousands]")
+        axis.set_ylabel(f"tracking error, rms [{unit}]")
+        axis.legend(ncols=2)
+    return _svg(figure)
+
+
+def traces_figure(tasks: Mapping[str, Mapping[str, Traces]], episode: int = 0) -> str:
+    """Return the same episode under every agent: torque above, error below.
+
+    Args:
+        tasks: By task, by agent, what happened.
+        episode: Which episode.
+    """
+    figure = _figure(4.4)
+    with matplotlib.rc_context(STYLE):
+        axes = figure.subplots(2, len(tasks), sharex=True, squeeze=False, height_ratios=(1.5, 1.0))
+        for column, (task, agents) in enumerate(tasks.items()):
+            upper, lower = axes[:, column]
+            for (name, run), colour in zip(agents.items(), COLOURS, strict=False):
+                upper.plot(run.t, run.tau[episode], color=colour, label=name.replace("_", " "))
+                lower.plot(run.t, run.error[episode], color=colour, linewidth=0.8)
+            upper.plot(run.t, run.reference[episode], color=INK, linewidth=0.8, label="reference")
+            upper.set_title(task, fontsize=9)
+            lower.set_xlabel("time [s]")
+        axes[0, 0].set_ylabel("joint torque [N m]")
+        axes[1, 0].set_ylabel("error [N m]")
+        figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    return _svg(figure)
+
+
+def response_figure(sweeps: Mapping[str, Traces]) -> str:
+    """Return gain and phase from reference to joint torque of every agent."""
+    figure = _figure(3.6)
+    with matplotlib.rc_context(STYLE):
+        upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1.5, 1.0))
+        for (name, run), colour in zip(sweeps.items(), COLOURS, strict=False):
+            f, response = frequency_response(run, BANDWIDTH_LOW, BANDWIDTH_HIGH)
+            label = name.replace("_", " ")
+            upper.semilogx(f, 20.0 * np.log10(np.abs(response)), color=colour, label=label)
+            phase = np.rad2deg(np.unwrap(np.angle(response)))
+            lower.semilogx(f, phase, color=colour)
+        upper.axhline(-3.0, color=INK, linewidth=0.6, linestyle=":")
+        upper.set_ylabel("gain [dB]")
+        upper.legend(loc="lower left")
+        lower.set_ylabel("phase [deg]")
+        lower.set_xlabel("frequency [Hz]")
+    return _svg(figure)
