@@ -150,6 +150,45 @@ def test_a_stopped_joint_starts_again() -> None:
     assert x[-1, 3] == pytest.approx(2.0 / inertia * 99 * H, rel=1e-12)
 
 
+def test_turning_against_unequal_levels() -> None:
+    """Pushed back harder than friction holds, the mass turns at once: v = a_1 (t - t_0), a_2 (...).
+
+    The turn falls inside a substep, whose friction is that of the mean: an error of one substep.
+    """
+    levels = {"d_cm": 4.0, "d_cm_n": 1.0, "d_cg": 0.0, "d_cg_n": 0.0}
+    joint, inertia = rigid_mass({"coulomb_asym": levels | {"dq_0": 0.0}})
+    before, after, turn = -7.0 / inertia, -2.0 / inertia, inertia / 7.0
+    for h in (1e-4, 1e-5):
+        x = run(joint, np.full(round(0.1 / h), -3.0), np.array([0, 0, 0, 1.0, 1.0, 1.0]), h)
+        left = np.arange(len(x)) * h - turn
+        expected = np.where(left < 0.0, before * left, after * left)
+        assert np.abs(x[:, 3] - expected).max() <= 5.0 / inertia * h
+
+
+@pytest.mark.parametrize("push", [2.0, -2.0])
+@pytest.mark.parametrize("body", ["m", "l"])
+def test_a_rigid_joint_passes_torque_on_to_what_holds_it(body: str, push: float) -> None:
+    """Held at the load it carries the motor's torque; held at the motor it carries the load's."""
+    joint = load_joint("orange_80_6000", "rigid", effects=sharp(**{f"d_c{body}": 5.0}))
+    load = np.full(100, 0.5)
+    record = joint.simulate(np.full(100, push), load, dt=H, dt_physics=H)
+    assert not states(record).any()
+    expected = push if body == "l" else -0.5
+    np.testing.assert_allclose(record["true_tau"][1:], expected, rtol=1e-12)
+
+
+def test_a_rigid_joint_passes_on_what_its_load_needs() -> None:
+    """While it moves: inertia, damping and friction of the load, minus what drives it directly."""
+    levels = {"d_cm": 0.0, "d_cg": 1.0, "d_cl": 2.0, "dq_0": 0.0}
+    damping = {"d_l": 3.0, "d_l_n": 3.0}
+    joint = load_joint("generic", "rigid", effects={"coulomb": levels}, parameters=damping)
+    record = joint.simulate(np.full(200, 40.0), np.full(200, 1.5), dt=H, dt_physics=H)
+    p, v = joint.parameters, record["true_dq_l"]
+    middle, acceleration = 0.5 * (v[1:] + v[:-1]), np.diff(v) / H
+    expected = p.I_l * acceleration + p.d_l * middle + 2.0 - 1.5
+    np.testing.assert_allclose(record["true_tau"][1:], expected, rtol=1e-6)
+
+
 # --------------------------------------------------------------------- smooth friction
 
 

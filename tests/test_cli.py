@@ -1,0 +1,118 @@
+"""The command line: results on standard output, one clear line on bad input, exit status."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cjt_gym import EFFECTS, joint_names, read_record
+from cjt_gym.cli import COMMANDS, main
+
+SHORT = ["simulate", "orange_80_6000", "--duration", "0.2"]
+
+
+def test_help_of_every_command(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([]) == 0
+    listed = capsys.readouterr().out
+    for name in COMMANDS:
+        assert name in listed
+        with pytest.raises(SystemExit) as stop:
+            main([name, "--help"])
+        assert stop.value.code == 0
+        assert "--json" in capsys.readouterr().out
+
+
+def test_joints_lists_every_effect_with_units_and_ranges(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["joints", "--json"]) == 0
+    tables = json.loads(capsys.readouterr().out)
+    assert [row["name"] for row in tables["joints"]] == list(joint_names())
+    assert [row["name"] for row in tables["effects"]] == list(EFFECTS)
+    for row in tables["effects"]:
+        for parameter in row["parameters"]:
+            assert parameter["unit"]
+            assert parameter["low"] <= parameter["high"]
+    assert main(["joints"]) == 0
+    text = capsys.readouterr().out
+    assert all(name in text for name in (*joint_names(), *EFFECTS))
+
+
+@pytest.mark.parametrize("ending", ["csv", "npz", "parquet"])
+def test_simulate_writes_a_record(
+    ending: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / f"run.{ending}"
+    effects = ["--effect", "coulomb", "command_delay.delay=0.001", "cogging.f=480,960"]
+    effects += ["cogging.a=0.5,0.1", "cogging.b=0,0"]
+    words = [*SHORT, *effects, "--reference", "step", "--seed", "3", "--json", "--out", str(out)]
+    assert main(words) == 0
+    result = json.loads(capsys.readouterr().out)
+    record = read_record(out)
+    assert result["samples"] == len(record) == 200
+    error = record["tau_ref"] - record["true_tau"]
+    assert result["rmse"] == pytest.approx(float(np.sqrt(np.mean(error**2))))
+    assert record.seed == 3
+    assert record.provenance["effects"]["cogging"]["f"] == [480.0, 960.0]
+    again = tmp_path / f"again.{ending}"
+    assert main([*words[:-1], str(again)]) == 0
+    assert read_record(again) == record
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["simulat"], "Did you mean 'simulate'"),
+        (["simulate", "orange", "--out", "x.csv"], "Did you mean 'orange_80_6000'"),
+        ([*SHORT, "--structure", "rigit", "--out", "x.csv"], "'rigid'"),
+        ([*SHORT, "--effect", "coulom", "--out", "x.csv"], "'coulomb'"),
+        ([*SHORT, "--effect", "command_delay.delay=soon", "--out", "x.csv"], "number"),
+        ([*SHORT, "--effect", "cogging", "--out", "x.csv"], "cogging.f"),
+        ([*SHORT, "--reference", "chrip", "--out", "x.csv"], "'chirp'"),
+        ([*SHORT, "--controller", "pid", "--out", "x.csv"], "pd_feedforward"),
+        ([*SHORT, "--duration", "-1", "--out", "x.csv"], "duration"),
+        ([*SHORT, "--dt-physics", "3e-4", "--out", "x.csv"], "whole multiple"),
+        ([*SHORT, "--out", "x.xyz"], "xyz"),
+        (SHORT, "--out"),
+        (["simulate", "nowhere.toml", "--out", "x.csv"], "nowhere.toml"),
+        (["train", "nowhere.toml", "--out", "run"], "nowhere.toml"),
+        (["benchmark", "--joint", "orange_80_6000", "--out", "b"], "--controller or --policy"),
+        (["benchmark", "--joint", "orange_80_6000", "--policy", "no", "--out", "b"], "no"),
+    ],
+)
+def test_bad_input_is_one_clear_line_and_status_2(
+    words: list[str],
+    says: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["cjt-gym", *words])
+    try:
+        status: Any = main(words)
+    except SystemExit as stop:
+        status = stop.code
+    output = capsys.readouterr()
+    assert status == 2
+    assert says in output.err
+    assert output.err.count("\n") == 1
+    assert not output.out
+    assert not list(tmp_path.glob("x.*"))
+
+
+def test_the_installed_command_answers_and_survives_a_closed_pipe() -> None:
+    command = str(Path(sys.executable).with_name("cjt-gym"))
+    version = subprocess.run([command, "--version"], capture_output=True, text=True, check=True)
+    assert version.stdout.startswith("cjt-gym ")
+    piped = subprocess.run(
+        f"{command} joints | head -1", shell=True, capture_output=True, text=True, check=True
+    )
+    assert piped.stdout == "Joints\n"
+    assert not piped.stderr
