@@ -29,9 +29,10 @@ def run(options: argparse.Namespace) -> None:
     for row in tables["effects"]:
         sys.stdout.write(f"  {row['name']:28s} {row['stage']:8s} {row['summary']}\n")
         for p in row["parameters"]:
+            off = p["relative_to"] if p["neutral"] is None else f"{p['neutral']:g}"
             span = f"{p['low']:g} .. {p['high']:g}"
             sys.stdout.write(
-                f"      {p['symbol']:10s} [{p['unit']}]  off at {p['neutral']:g}, range {span}: "
+                f"      {p['symbol']:10s} [{p['unit']}]  off at {off}, range {span}: "
                 f"{p['description']}\n"
             )
 
@@ -64,6 +65,7 @@ def describe() -> dict[str, list[dict[str, Any]]]:
                         "symbol": p.symbol,
                         "unit": p.unit,
                         "neutral": p.neutral,
+                        "relative_to": p.relative_to,
                         "low": p.low,
                         "high": p.high,
                         "series": p.series,

@@ -117,7 +117,7 @@ def _plain(effect: Effect, values: Mapping[str, Any]) -> dict[str, Any]:
 def _off(parameter: EffectParameter, p: JointParameters) -> float:
     if parameter.relative_to is not None:
         return p.get(parameter.relative_to, 0.0)
-    return parameter.neutral
+    return parameter.neutral or 0.0
 
 
 def _fallback(
@@ -131,10 +131,10 @@ def _fallback(
             return quantity.value
     elif source is not None:
         partner = source.removesuffix("_n")
+        if partner in merged:  # a level that is given moves the one of the other direction along
+            return merged[partner]
         if source in file.parameters:
             return file.parameters.get(source, 0.0)
-        if partner in merged:
-            return merged[partner]
         if partner in file.parameters:
             return file.parameters.get(partner, 0.0)
     if parameter.default is not None:

@@ -20,7 +20,8 @@ class EffectParameter:
     Attributes:
         symbol: Its name.
         unit: SI unit on the link side of a rotary joint.
-        neutral: The value at which the effect is off.
+        neutral: The value at which the effect is off; None where that is the value of
+            `relative_to`.
         low: Low end of the plausible range.
         high: High end of the plausible range.
         description: What it is.
@@ -33,7 +34,7 @@ class EffectParameter:
 
     symbol: str
     unit: str
-    neutral: float
+    neutral: float | None
     low: float
     high: float
     description: str
@@ -134,7 +135,7 @@ def _viscous() -> tuple[EffectParameter, ...]:
         EffectParameter(
             f"d_{key}_n",
             "N m s/rad",
-            0.0,
+            None,
             0.0,
             50.0,
             f"Viscous damping of the {body} at negative velocity; neutral is d_{key}",

@@ -150,7 +150,9 @@ class Joint:
     ) -> Record:
         """Simulate the joint under given inputs, each held over its sample.
 
-        Row k holds what is true and measured at t = k dt, before input k acts.
+        Row k holds what is true and measured at t = k dt, before input k acts. Where the load's
+        motion is prescribed, its true velocity, and what the torque owes to it, are already those
+        of input k, while the sensors still report those before.
 
         Args:
             tau_m: Commanded motor torque [N m], shape (samples,).

@@ -29,7 +29,7 @@ def inside(parameter: EffectParameter) -> Any:
 
 def neutral(parameter: EffectParameter, joint: Joint) -> Any:
     """Return the value that leaves the joint alone; a relative one is that of its partner."""
-    value = parameter.neutral
+    value = parameter.neutral or 0.0
     if parameter.relative_to is not None:
         value = joint.parameters.get(parameter.relative_to, 0.0)
     return (value, value) if parameter.series else value
@@ -68,7 +68,8 @@ def test_parameters_have_unit_neutral_value_and_range(effect: Effect) -> None:
     for p in effect.parameters:
         assert p.unit
         assert p.description
-        assert math.isfinite(p.neutral)
+        assert (p.neutral is None) == (p.relative_to is not None)
+        assert p.neutral is None or math.isfinite(p.neutral)
         assert -math.inf < p.low < p.high < math.inf
         assert p.low >= 0.0 or p.low == -p.high, f"{p.symbol}: a signed range is symmetric"
         assert set(p.fields) <= set(FIELDS)
@@ -237,3 +238,11 @@ def test_no_damping_in_one_direction_is_an_effect() -> None:
     joint = load_joint(NAME, effects={"viscous_asym": {"d_m_n": 0.0, "d_g_n": 0.0, "d_l_n": 0.0}})
     torque = joint.nonlinear_torque(np.zeros(3), np.full(3, -1.0))
     np.testing.assert_allclose(torque, [-joint.parameters.d_m, 0.0, 0.0], atol=1e-12)
+
+
+def test_a_level_that_is_given_moves_the_other_direction_along() -> None:
+    """The file's level for negative velocity is for its own positive one."""
+    given = load_joint(NAME, STRUCTURE, effects={"coulomb_asym": {"d_cm": 1.0}})
+    assert given.effects["coulomb_asym"]["d_cm_n"] == 1.0
+    both = load_joint(NAME, STRUCTURE, effects={"coulomb_asym": {"d_cm": 1.0, "d_cm_n": 2.0}})
+    assert both.effects["coulomb_asym"]["d_cm_n"] == 2.0

@@ -1,0 +1,222 @@
+"""What every controller of the table keeps to."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from cjt_gym import joint_names, load_joint
+from cjt_gym.baselines import CONTROLLERS, OpenLoop, PdFeedForward, make_controller
+from cjt_gym.baselines.pd_design import SPARE_DELAY, default_gains, design_gains, make_loop
+from cjt_gym.baselines.tuned_gains import TUNED
+from cjt_gym.errors import ConfigurationError, UnknownNameError
+from cjt_gym.joint import STRUCTURES, Joint
+from cjt_gym.plant import Measurement, SimulatedPlant, limits_of
+
+Floats = NDArray[np.float64]
+NAMES = sorted(CONTROLLERS)
+DT = 1e-3
+
+
+@pytest.fixture(scope="module")
+def joint() -> Joint:
+    return load_joint(
+        "orange_80_6000",
+        "output_fixed_rigid_gearbox",
+        effects={"coulomb": {}, "command_delay": {"delay": 1e-3}, "noise": {}},
+    )
+
+
+def measurements(num: int, steps: int, seed: int = 0) -> list[Measurement]:
+    rng = np.random.default_rng(seed)
+    values = np.cumsum(rng.normal(size=(steps, 9, num)), axis=0)
+    return [Measurement(*rows) for rows in values]
+
+
+def part(m: Measurement, rows: slice) -> Measurement:
+    return replace(m, **{name: values[rows] for name, values in vars(m).items()})
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_row_and_the_controller_say_what_they_are(name: str, joint: Joint) -> None:
+    row, law = CONTROLLERS[name], make_controller(name, joint, DT)
+    assert row.name == name
+    assert row.kind == "classical"
+    assert row.summary.endswith(".")
+    assert row.source
+    assert law.dt == DT
+    assert law.torque_limit == limits_of(joint).tau
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_reset_repeats_and_one_instance_serves_any_number(name: str, joint: Joint) -> None:
+    law = make_controller(name, joint, DT)
+    for num in (3, 1, 5):
+        series = measurements(num, 20)
+        wanted = np.linspace(-5.0, 5.0, num)
+        runs = []
+        for _ in range(2):
+            law.reset()
+            runs.append([law.act(m, wanted) for m in series])
+        np.testing.assert_array_equal(runs[0], runs[1])
+        assert runs[0][0].shape == (num,)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_batch_does_what_its_members_do_alone(name: str, joint: Joint) -> None:
+    batch, single = (make_controller(name, joint, DT) for _ in range(2))
+    series = measurements(4, 30)
+    wanted = np.array([1.0, -2.0, 3.0, 0.0])
+    together = np.array([batch.act(m, wanted) for m in series])
+    for i in range(4):
+        single.reset()
+        rows = slice(i, i + 1)
+        alone = np.array([single.act(part(m, rows), wanted[rows]) for m in series])
+        np.testing.assert_array_equal(together[:, i], alone[:, 0])
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_partial_reset_forgets_some_and_keeps_the_others(name: str, joint: Joint) -> None:
+    law, fresh, kept = (make_controller(name, joint, DT) for _ in range(3))
+    series, wanted = measurements(2, 20), np.zeros(2)
+    for m in series[:10]:
+        law.act(m, wanted)
+        kept.act(m, wanted)
+    law.reset(np.array([True, False]))
+    for m in series[10:]:
+        command = law.act(m, wanted)
+        assert command[0] == fresh.act(m, wanted)[0]
+        assert command[1] == kept.act(m, wanted)[1]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_commands_stay_within_the_limit_and_leave_their_inputs_alone(
+    name: str, joint: Joint
+) -> None:
+    law = make_controller(name, joint, DT)
+    wanted = np.array([1e6, -1e6])
+    for m in measurements(2, 5):
+        before = m.tau.copy()
+        command = law.act(m, wanted)
+        np.testing.assert_array_equal(np.abs(command), law.torque_limit)
+        np.testing.assert_array_equal(wanted, [1e6, -1e6])
+        np.testing.assert_array_equal(m.tau, before)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_first_command_after_a_reset_has_no_kick(name: str, joint: Joint) -> None:
+    """With the torque at the reference, feed-forward is all there is."""
+    law = make_controller(name, joint, DT)
+    m = replace(measurements(1, 1)[0], tau=np.array([12.0]))
+    for _ in range(3):
+        assert law.act(m, np.array([12.0])) == pytest.approx(12.0)
+    law.reset(np.array([True]))
+    assert law.act(m, np.array([12.0])) == pytest.approx(12.0)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_another_number_of_joints_needs_a_reset(name: str, joint: Joint) -> None:
+    law = make_controller(name, joint, DT)
+    law.act(measurements(2, 1)[0], np.zeros(2))
+    with pytest.raises(ConfigurationError, match=r"Call reset\(\)"):
+        law.act(measurements(3, 1)[0], np.zeros(3))
+    with pytest.raises(ConfigurationError, match="mask"):
+        law.reset(np.array([True]))
+    law.reset()
+    assert law.act(measurements(3, 1)[0], np.zeros(3)).shape == (3,)
+
+
+@pytest.mark.parametrize("structure", STRUCTURES)
+@pytest.mark.parametrize("name", NAMES)
+def test_every_joint_settles_under_every_controller(name: str, structure: str) -> None:
+    """With the default gains nothing oscillates once the reference stands still."""
+    for joint_name in joint_names():
+        if joint_name == "emps":
+            continue
+        free = not STRUCTURES[structure].output_fixed
+        effects = {"coulomb": {}, "command_delay": {"delay": 2e-3}}
+        parameters = {"I_l": 3.0} if free else {}
+        joint = load_joint(joint_name, structure, effects=effects, parameters=parameters)
+        plant, law = SimulatedPlant(joint, 1, DT), make_controller(name, joint, DT)
+        now = plant.reset(seed=0)
+        wanted = np.full(1, 0.1 * limits_of(joint).tau)
+        torque = np.zeros(1500)
+        for k in range(1500):
+            now = plant.step(law.act(now, wanted * (k < 50)))
+            torque[k] = plant.batch.arrays.tau[0]
+        assert np.abs(torque).max() < limits_of(joint).tau, joint_name
+        late = np.ptp(torque[1300:])
+        assert late < 0.5 * np.abs(torque[:100]).max(), joint_name
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"kp": -1.0}, "kp of PdFeedForward must be finite and >= 0, got -1.0"),
+        ({"kd": float("nan")}, "kd of PdFeedForward must be finite and >= 0 s, got nan"),
+        ({"dt": 0.0}, "dt of PdFeedForward must be finite and > 0 s, got 0.0"),
+        ({"cutoff_hz": 500.0}, "below the Nyquist frequency, 500 Hz"),
+        ({"cutoff_hz": 0.0}, "cutoff_hz of PdFeedForward must be finite and > 0 Hz"),
+        ({"torque_limit": -3.0}, "torque_limit of PdFeedForward must be > 0 N m, got -3.0"),
+    ],
+)
+def test_bad_gains_are_refused(arguments: dict[str, float], message: str) -> None:
+    good = {"kp": 0.5, "kd": 0.001, "dt": DT}
+    with pytest.raises(ConfigurationError, match=message):
+        PdFeedForward(**{**good, **arguments})  # type: ignore[arg-type]
+
+
+def test_unknown_names_are_refused_with_a_suggestion(joint: Joint) -> None:
+    with pytest.raises(UnknownNameError, match="Did you mean 'pd_feedforward'"):
+        make_controller("pd_feedforwrd", joint, DT)
+    with pytest.raises(UnknownNameError, match="Did you mean 'output'"):
+        PdFeedForward(0.5, 0.001, DT, derivative="outptu")
+    with pytest.raises(ConfigurationError, match="dt of OpenLoop"):
+        OpenLoop(-1.0)
+
+
+def test_the_derivative_is_that_of_a_ramp() -> None:
+    law = PdFeedForward(0.0, 0.01, DT, derivative="output")
+    m = measurements(1, 1)[0]
+    commands = [law.act(replace(m, tau=np.array([3.0 * k * DT])), np.zeros(1)) for k in range(60)]
+    assert commands[-1] == pytest.approx(-0.01 * 3.0)
+
+
+@pytest.mark.parametrize(("name", "structure"), sorted(TUNED))
+def test_tuned_gains_are_stable_without_friction(name: str, structure: str) -> None:
+    delays = {"command_delay": {"delay": 1e-3}, "measurement_delay": {"delay": 1e-3}}
+    parameters = {} if STRUCTURES[structure].output_fixed else {"I_l": 3.0}
+    joint = load_joint(name, structure, effects=delays, parameters=parameters)
+    gains = TUNED[name, structure]
+    assert make_loop(joint, DT, 200.0, SPARE_DELAY).is_robust(gains.kp, gains.kd)
+
+
+def test_the_sampled_loop_is_stable_where_a_simulation_of_it_is() -> None:
+    joint = load_joint("orange_80_6000", "output_fixed", effects={"command_delay": {"delay": 2e-3}})
+    loop = make_loop(joint, DT, 200.0, 0.0)
+    for kp, kd in ((0.3, 0.004), (1.5, 0.004), (0.6, 0.0), (0.05, 0.001)):
+        plant, law = SimulatedPlant(joint, 1, DT), PdFeedForward(kp, kd, DT)
+        now = plant.reset(start=np.array([[1e-5, 1e-5, 0.0, 0.0, 0.0, 0.0]]))
+        first = abs(now.tau[0])
+        for _ in range(2000):
+            now = plant.step(law.act(now, np.zeros(1)))
+        assert loop.is_stable(kp, kd, loop.delay) == (abs(now.tau[0]) < first), (kp, kd)
+
+
+def test_gains_give_way_where_the_delay_is_longer() -> None:
+    def gains(delay: float) -> float:
+        effects = {"command_delay": {"delay": delay}} if delay else {}
+        joint = load_joint("orange_80_6000", "output_fixed", effects=effects)
+        return default_gains(joint, DT, 200.0).kp
+
+    tuned = TUNED["orange_80_6000", "output_fixed"].kp
+    assert gains(0.0) == gains(2e-3) == tuned
+    assert gains(8e-3) < 0.2 * tuned
+
+
+def test_a_joint_without_spring_gets_gains_without_derivative() -> None:
+    joint = load_joint("emps", "rigid")
+    assert design_gains(joint, DT, 200.0).kd == 0.0

@@ -1,0 +1,88 @@
+"""The benchmark: what it reports, and that it is fair."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cjt_gym.errors import ConfigurationError, UnknownNameError
+from cjt_gym.training.benchmark import benchmark, make_agents, rows_of, write_results
+from cjt_gym.training.conditions import (
+    EVALUATION_SEEDS,
+    TASKS,
+    realistic_conditions,
+    task_reference,
+)
+from cjt_gym.training.config import VALIDATION_SEEDS
+from cjt_gym.training.rollout import ControllerAgent, rollout
+from cjt_gym.training.run_folder import RunFolder
+
+KEYS = {
+    *("controller", "kind", "joint", "structure", "task", "rmse", "nrmse", "bandwidth_hz"),
+    *("overshoot", "settling_s", "effort_rms", "noise_amplification", "episodes", "ci95"),
+}
+JOINT = "orange_80_6000"
+
+
+def test_the_json_has_the_agreed_keys(finished: RunFolder, tmp_path: Path) -> None:
+    agents = make_agents(["open_loop", "pd_feedforward"], [finished.path])
+    results = benchmark(agents, realistic_conditions(JOINT), ("step", "smooth"), episodes=3)
+    rows = json.loads(write_results(results, tmp_path).read_text())
+    assert len(rows) == 6
+    assert {row["kind"] for row in rows} == {"classical", "residual"}
+    for row in rows:
+        assert set(row) >= KEYS
+        assert row["joint"] == JOINT
+        assert row["episodes"] == 3
+        low, high = row["ci95"]
+        assert 0.0 < low <= row["rmse"] <= high
+        assert row["terminated"] == 0.0
+    assert (tmp_path / "benchmark.txt").read_text().count("\n") == 7
+
+
+def test_the_same_seed_repeats_and_feedback_helps() -> None:
+    agents = make_agents(["open_loop", "pd_feedforward"], [])
+    conditions = realistic_conditions(JOINT)
+    runs = [rows_of(benchmark(agents, conditions, ("smooth",), 8, seed)) for seed in (0, 0, 1)]
+    assert runs[0] == runs[1]
+    assert runs[0] != runs[2]
+    open_loop, feedback = runs[0]
+    assert feedback.rmse < 0.9 * open_loop.rmse
+    assert open_loop.noise_amplification == 0.0
+    assert feedback.bandwidth_hz > open_loop.bandwidth_hz
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_every_agent_meets_the_same_references_joints_and_noise(task: str) -> None:
+    conditions = realistic_conditions(JOINT)
+    reference = task_reference(task, conditions.amplitude)
+    one, other = (
+        rollout(ControllerAgent(name), conditions, reference, 50, 3, EVALUATION_SEEDS)
+        for name in ("open_loop", "pd_feedforward")
+    )
+    np.testing.assert_array_equal(one.reference, other.reference)
+    np.testing.assert_array_equal(one.tau_measured[:, 0], other.tau_measured[:, 0])
+    assert np.ptp(one.reference, axis=0).max() > 0.0 or task == "chirp"
+
+
+def test_seeds_of_training_validation_and_evaluation_are_apart() -> None:
+    assert VALIDATION_SEEDS < EVALUATION_SEEDS
+
+
+def test_bad_requests_are_refused() -> None:
+    with pytest.raises(ConfigurationError, match="Name at least one"):
+        make_agents([], [])
+    with pytest.raises(ConfigurationError, match="'open_loop' twice"):
+        make_agents(["open_loop", "open_loop"], [])
+    with pytest.raises(UnknownNameError, match="Did you mean 'open_loop'"):
+        make_agents(["open_lop"], [])
+    agents = make_agents(["open_loop"], [])
+    with pytest.raises(UnknownNameError, match="Did you mean 'smooth'"):
+        benchmark(agents, realistic_conditions(JOINT), ("smoth",))
+    with pytest.raises(ConfigurationError, match="episodes must be"):
+        benchmark(agents, realistic_conditions(JOINT), TASKS, episodes=0)
+    with pytest.raises(ConfigurationError, match="torque_amplitude"):
+        benchmark(agents, realistic_conditions("emps", "rigid"))

@@ -1,0 +1,208 @@
+"""Runs: what they leave behind, how they go on, and how they stop."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cjt_gym.errors import ConfigurationError, MissingFileError
+from cjt_gym.training.algorithms import make_environment, make_model
+from cjt_gym.training.callbacks import load_replay, restore, save_replay
+from cjt_gym.training.conditions import Conditions
+from cjt_gym.training.config import PolicyConfig, TrainConfig
+from cjt_gym.training.policy import load_policy
+from cjt_gym.training.rollout import run_episodes
+from cjt_gym.training.run_folder import RunFolder, TrainingError, open_run
+from cjt_gym.training.toml_text import to_toml
+from cjt_gym.training.train import train
+
+
+def test_a_run_folder_holds_what_is_needed_to_repeat_it(
+    finished: RunFolder, tiny: TrainConfig
+) -> None:
+    facts = finished.facts
+    assert facts["status"] == "finished"
+    assert facts["steps"] == 2048
+    assert facts["seed"] == tiny.seed
+    assert len(facts["parameter_hash"]) == 64
+    assert {"python", "numpy", "torch", "stable-baselines3"} <= set(facts["versions"])
+    assert "git_revision" in facts
+    assert json.loads(json.dumps(finished.config.to_dict())) == json.loads(
+        json.dumps(tiny.to_dict())
+    )
+    names = {path.name for path in finished.path.iterdir()}
+    assert {"config.toml", "run.json", "model.zip", "normalization.npz", "tensorboard"} <= names
+    assert [path.name for path in finished.checkpoints()] == [
+        "step_000000001024",
+        "step_000000002048",
+    ]
+    assert any((finished.path / "tensorboard").iterdir())
+    rows = finished.progress()
+    assert [row["steps"] for row in rows] == [1024, 2048]
+    assert all(row["validation_rmse"] > 0.0 and row["rmse"] > 0.0 for row in rows)
+
+
+def test_a_finished_run_says_so_and_stays_as_it_is(
+    finished: RunFolder, tiny: TrainConfig, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = (finished.path / "run.json").read_bytes()
+    train(tiny, finished.path)
+    assert "is finished (2048 steps). Nothing to do." in capsys.readouterr().err
+    assert (finished.path / "run.json").read_bytes() == before
+
+
+def test_tensorboard_has_the_tracking_error(finished: RunFolder) -> None:
+    event_accumulator = pytest.importorskip(
+        "tensorboard.backend.event_processing.event_accumulator"
+    )
+    events = event_accumulator.EventAccumulator(str(finished.path / "tensorboard"))
+    events.Reload()
+    assert {"tracking/rmse_Nm", "validation/rmse_Nm"} <= set(events.Tags()["scalars"])
+
+
+def test_the_policy_of_a_run_is_batched_and_deterministic(finished: RunFolder) -> None:
+    policy = load_policy(finished.path)
+    assert policy.kind == "residual"
+    assert policy.name == "tiny"
+    rng = np.random.default_rng(0)
+    size = policy.model.observation_space.shape
+    assert size is not None
+    observations = rng.normal(size=(5, *size)).astype(np.float32)
+    actions = policy.act(observations)
+    assert actions.shape == (5, 1)
+    assert np.abs(actions).max() <= 1.0
+    np.testing.assert_array_equal(actions, policy.act(observations))
+    for i in range(5):
+        np.testing.assert_allclose(actions[i], policy.act(observations[i : i + 1])[0], atol=1e-6)
+
+
+def test_the_best_model_is_the_one_that_validated_best(finished: RunFolder) -> None:
+    from cjt_gym.training.config import VALIDATION_SEEDS, environment_arguments
+    from cjt_gym.training.metrics import rmse
+
+    policy = load_policy(finished.path)
+    arguments = environment_arguments(finished.config.env)
+    error = rmse(run_episodes(policy, arguments, 4, VALIDATION_SEEDS))
+    assert error == pytest.approx(finished.facts["best_validation_rmse"], rel=1e-5)
+    assert error == pytest.approx(min(r["validation_rmse"] for r in finished.progress()), rel=1e-5)
+
+
+def test_a_policy_runs_on_another_joint_but_not_at_another_rate(finished: RunFolder) -> None:
+    policy = load_policy(finished.path)
+    arguments = policy.arguments(Conditions("lemon_50_6000", "output_fixed"))
+    traces = run_episodes(policy, arguments | {"episode_steps": 20}, 2, 0)
+    assert np.isfinite(traces.tau).all()
+    with pytest.raises(ConfigurationError, match="dt_control = 0.001 s"):
+        policy.arguments(Conditions("lemon_50_6000", dt_control=2e-3))
+
+
+def test_a_killed_run_goes_on_from_its_last_checkpoint(tiny: TrainConfig, tmp_path: Path) -> None:
+    config = replace(tiny, total_steps=400_000)
+    (tmp_path / "long.toml").write_text(to_toml(config.to_dict()), encoding="utf-8")
+    code = (
+        "from cjt_gym.training.config import load_config\n"
+        "from cjt_gym.training.train import train\n"
+        "train(load_config('long.toml'), 'run', quiet=True)\n"
+    )
+    environment = {**os.environ, "OMP_NUM_THREADS": "1"}
+    process = subprocess.Popen([sys.executable, "-c", code], cwd=tmp_path, env=environment)
+    deadline = time.monotonic() + 60.0
+    folder = tmp_path / "run"
+    while len(list(folder.glob("checkpoints/step_*"))) < 2 and time.monotonic() < deadline:
+        assert process.poll() is None
+        time.sleep(0.02)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    run = open_run(folder)
+    assert run.facts["status"] == "running"
+    reached = int(run.checkpoints()[-1].name.removeprefix("step_"))
+    assert reached >= 2048
+    shorter = replace(config, total_steps=reached + 1024)
+    (folder / "config.toml").write_text(to_toml(shorter.to_dict()), encoding="utf-8")
+    again = train(shorter, folder, quiet=True)
+    assert again.facts["status"] == "finished"
+    assert again.facts["begun_times"] == 2
+    assert again.facts["steps"] == reached + 1024
+    steps = [row["steps"] for row in again.progress()]
+    assert steps == sorted(set(steps))
+    assert steps[-1] == reached + 1024
+
+
+def test_a_checkpoint_restores_weights_optimiser_and_statistics(
+    finished: RunFolder, tiny: TrainConfig
+) -> None:
+    env = make_environment(tiny)
+    model = make_model(tiny, env)
+    place = finished.checkpoints()[-1]
+    assert restore(model, env, place)["steps"] == model.num_timesteps == 2048
+    policy = load_policy(finished.path, checkpoint=place)
+    for one, other in zip(
+        model.policy.parameters(), policy.model.policy.parameters(), strict=True
+    ):
+        assert bool((one == other).all())
+    optimiser = model.policy.optimizer.state_dict()["state"]
+    assert optimiser
+    assert policy.normalizer is not None
+    np.testing.assert_array_equal(
+        env.obs_rms.mean, policy.normalizer.obs_rms.mean  # type: ignore[attr-defined,union-attr]
+    )
+
+
+def test_sac_trains_and_keeps_its_replay_buffer(tmp_path: Path) -> None:
+    config = TrainConfig(
+        algorithm="SAC",
+        total_steps=400,
+        num_envs=4,
+        checkpoint_every=200,
+        env={"episode_steps": 50},
+        policy=PolicyConfig(net_arch=(8,)),
+        algorithm_options={"buffer_size": 1000, "learning_starts": 100, "batch_size": 32},
+    )
+    run = train(config, tmp_path / "sac", quiet=True)
+    assert run.facts["status"] == "finished"
+    env = make_environment(config)
+    model = make_model(config, env)
+    place = run.checkpoints()[-1]
+    restore(model, env, place)
+    save_replay(model, tmp_path / "again.npz")
+    other = make_model(config, make_environment(config))
+    load_replay(other, tmp_path / "again.npz")
+    with np.load(place / "replay.npz") as one, np.load(tmp_path / "again.npz") as two:
+        assert len(one["actions"]) == 100
+        for name in one.files:
+            np.testing.assert_array_equal(one[name], two[name])
+    assert load_policy(run.path).kind == "learned"
+
+
+def test_a_training_that_diverges_stops_with_the_reason(tiny: TrainConfig, tmp_path: Path) -> None:
+    options = {**tiny.algorithm_options, "learning_rate": 1e30}
+    config = replace(tiny, algorithm_options=options)
+    with pytest.raises(TrainingError, match="Lower learning_rate"):
+        train(config, tmp_path / "run", quiet=True)
+    facts = open_run(tmp_path / "run").facts
+    assert facts["status"] == "failed"
+    assert "Lower learning_rate" in facts["reason"]
+
+
+def test_folders_that_are_not_ours_are_refused(
+    finished: RunFolder, tiny: TrainConfig, tmp_path: Path
+) -> None:
+    (tmp_path / "notes.txt").write_text("mine")
+    with pytest.raises(ConfigurationError, match="is not a run folder of cjt-gym"):
+        train(tiny, tmp_path, quiet=True)
+    assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
+    with pytest.raises(ConfigurationError, match=r"another configuration \(it differs in seed\)"):
+        train(replace(tiny, seed=3), finished.path, quiet=True)
+    with pytest.raises(ConfigurationError, match="is not a run folder"):
+        load_policy(tmp_path)
+    with pytest.raises(MissingFileError, match="does not exist"):
+        load_policy(tmp_path / "nowhere")
