@@ -23,17 +23,15 @@ OURS = ("policy", "env", "seed", "device", "verbose", "tensorboard_log", "policy
 SCHEDULES = ("learning_rate", "clip_range")
 
 
-def make_environment(config: TrainConfig, num: int | None = None) -> VecEnv:
+def make_environment(config: TrainConfig) -> VecEnv:
     """Return the batch of environments of a configuration, normalised as it says.
 
-    Args:
-        config: The configuration.
-        num: How many, instead of `num_envs`.
+    Raises:
+        ConfigurationError: An option is not one of the algorithm's.
     """
-    arguments = environment_arguments(config.env)
-    env: VecEnv = TorqueTrackingVecEnv(num or config.num_envs, **arguments)
+    env: VecEnv = TorqueTrackingVecEnv(config.num_envs, **environment_arguments(config.env))
     if config.normalize_observations or config.normalize_rewards:
-        gamma = float(config.algorithm_options.get("gamma", 0.99))
+        gamma = float(_options(config, CLASSES[config.algorithm]).get("gamma", 0.99))
         env = VecNormalize(
             env,
             norm_obs=config.normalize_observations,

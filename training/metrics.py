@@ -78,7 +78,7 @@ def steps_of(traces: Traces) -> list[tuple[Floats, float, float]]:
     found = []
     for reference, tau in zip(traces.reference, traces.tau, strict=True):
         jumps = np.flatnonzero(np.diff(reference, prepend=0.0))
-        ends = np.append(jumps[1:], len(reference))
+        ends = np.append(jumps, len(reference))[1:]
         levels = np.concatenate([[0.0], reference[jumps]])
         for start, end, old, new in zip(jumps, ends, levels[:-1], levels[1:], strict=True):
             if abs(new - old) >= smallest > 0.0:
@@ -106,7 +106,7 @@ def settling_time(traces: Traces) -> float:
         outside = np.flatnonzero(np.abs(tau - new) > SETTLING_BAND * abs(new - old))
         last = int(outside[-1]) + 1 if len(outside) else 0
         times.append(last * traces.dt if last < len(tau) else float("inf"))
-    return float(np.median(times)) if times else float("nan")
+    return sorted(times)[len(times) // 2] if times else float("nan")
 
 
 def frequency_response(traces: Traces, low: float, high: float) -> tuple[Floats, Complex]:

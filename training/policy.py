@@ -100,7 +100,7 @@ def load_policy(run: str | Path, checkpoint: Path | None = None) -> PolicyAgent:
             f"cjt-gym train {folder.path / 'config.toml'} --out {run}"
         )
     config = replace(folder.config, device="cpu")
-    env = make_environment(config, num=1)
+    env = make_environment(config)
     model = make_model(config, env)
     model.set_parameters(str(files / "model.zip"), device="cpu")
     if isinstance(env, VecNormalize):

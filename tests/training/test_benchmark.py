@@ -46,7 +46,7 @@ def test_the_json_has_the_agreed_keys(finished: RunFolder, tmp_path: Path) -> No
 def test_the_same_seed_repeats_and_feedback_helps() -> None:
     agents = make_agents(["open_loop", "pd_feedforward"], [])
     conditions = realistic_conditions(JOINT)
-    runs = [rows_of(benchmark(agents, conditions, ("smooth",), 8, seed)) for seed in (0, 0, 1)]
+    runs = [rows_of(benchmark(agents, conditions, ("smooth",), 4, seed)) for seed in (0, 0, 1)]
     assert runs[0] == runs[1]
     assert runs[0] != runs[2]
     open_loop, feedback = runs[0]

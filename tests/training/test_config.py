@@ -19,7 +19,7 @@ def test_shipped_configurations_make_a_model_and_survive_a_round_trip(name: str)
     config = load_config(name)
     again = from_dict(tomllib.loads(to_toml(config.to_dict())), "text")
     assert again.to_dict() == config.to_dict()
-    env = make_environment(config, num=2)
+    env = make_environment(config)
     assert make_model(config, env).observation_space == env.observation_space
 
 
