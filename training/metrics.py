@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -127,7 +129,7 @@ def frequency_response(traces: Traces, low: float, high: float) -> tuple[Floats,
     wanted, got = np.fft.rfft(traces.reference), np.fft.rfft(traces.tau)
     cross, power = (np.conj(wanted) * got).sum(axis=0), (np.abs(wanted) ** 2).sum(axis=0)
     edges = low * 2.0 ** np.arange(0.0, np.log2(high / low) + BAND, BAND)
-    bands = [np.flatnonzero((f >= a) & (f < b)) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    bands = [np.flatnonzero((f >= a) & (f < b)) for a, b in itertools.pairwise(edges)]
     bands = [band for band in bands if len(band) > 0 and power[band].sum() > 0.0]
     centres = np.array([np.exp(np.mean(np.log(f[band]))) for band in bands])
     response = np.array([cross[band].sum() / power[band].sum() for band in bands])

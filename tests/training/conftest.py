@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from cjt_gym.training.config import EvaluationConfig, PolicyConfig, TrainConfig

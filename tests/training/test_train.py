@@ -145,15 +145,14 @@ def test_a_checkpoint_restores_weights_optimiser_and_statistics(
     place = finished.checkpoints()[-1]
     assert restore(model, env, place)["steps"] == model.num_timesteps == 2048
     policy = load_policy(finished.path, checkpoint=place)
-    for one, other in zip(
-        model.policy.parameters(), policy.model.policy.parameters(), strict=True
-    ):
+    for one, other in zip(model.policy.parameters(), policy.model.policy.parameters(), strict=True):
         assert bool((one == other).all())
     optimiser = model.policy.optimizer.state_dict()["state"]
     assert optimiser
     assert policy.normalizer is not None
     np.testing.assert_array_equal(
-        env.obs_rms.mean, policy.normalizer.obs_rms.mean  # type: ignore[attr-defined,union-attr]
+        env.obs_rms.mean,
+        policy.normalizer.obs_rms.mean,  # type: ignore[attr-defined,union-attr]
     )
 
 
