@@ -20,7 +20,7 @@ from cjt_gym.training.rollout import Traces
 
 COLOURS = ("#9a9a9a", "#d07c2e", "#1f5fa8", "#3d8f5f", "#8d4fa8")
 INK, FAINT = "#202020", "#dddddd"
-STYLE = {
+STYLE: Any = {
     "font.family": "serif",
     "font.size": 9,
     "axes.edgecolor": INK,
@@ -68,7 +68,7 @@ def emps_figure(replay: Replay) -> str:
             scale, prefix = (1e3, "m") if name == "velocity" else (scale, prefix)
             right.plot(t, scale * (measured - simulated), color=COLOURS[1], linewidth=0.6)
             right.set_ylabel(f"[{prefix}{unit}]")
-        axes[0, 0].legend(loc="upper right", ncols=2)
+        figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper right", ncols=2)
         axes[0, 0].set_title("signal", fontsize=9)
         axes[0, 1].set_title("measured minus simulated", fontsize=9)
         for axis in axes[-1]:

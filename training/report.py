@@ -7,7 +7,7 @@ from html import escape
 from pathlib import Path
 
 STYLE = """
-body { font: 16px/1.5 Georgia, 'Times New Roman', serif; color: #202020; max-width: 46rem;
+body { font: 16px/1.5 Georgia, 'Times New Roman', serif; color: #202020; max-width: 56rem;
   margin: 3rem auto; padding: 0 1rem; }
 h1 { font-size: 1.7rem; font-weight: normal; margin-bottom: 0.2rem; }
 h2 { font-size: 1.2rem; font-weight: normal; margin-top: 2.2rem; border-bottom: 1px solid #bbb; }

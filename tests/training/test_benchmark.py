@@ -28,10 +28,10 @@ JOINT = "orange_80_6000"
 
 
 def test_the_json_has_the_agreed_keys(finished: RunFolder, tmp_path: Path) -> None:
-    agents = make_agents(["open_loop", "pd_feedforward"], [finished.path])
+    agents = make_agents(["open_loop"], [finished.path])
     results = benchmark(agents, realistic_conditions(JOINT), ("step", "smooth"), episodes=3)
     rows = json.loads(write_results(results, tmp_path).read_text())
-    assert len(rows) == 6
+    assert len(rows) == 4
     assert {row["kind"] for row in rows} == {"classical", "residual"}
     for row in rows:
         assert set(row) >= KEYS
@@ -40,16 +40,14 @@ def test_the_json_has_the_agreed_keys(finished: RunFolder, tmp_path: Path) -> No
         low, high = row["ci95"]
         assert 0.0 < low <= row["rmse"] <= high
         assert row["terminated"] == 0.0
-    assert (tmp_path / "benchmark.txt").read_text().count("\n") == 7
+    assert (tmp_path / "benchmark.txt").read_text().count("\n") == 5
 
 
 def test_the_same_seed_repeats_and_feedback_helps() -> None:
     agents = make_agents(["open_loop", "pd_feedforward"], [])
     conditions = realistic_conditions(JOINT)
-    runs = [rows_of(benchmark(agents, conditions, ("smooth",), 4, seed)) for seed in (0, 0, 1)]
-    assert runs[0] == runs[1]
-    assert runs[0] != runs[2]
-    open_loop, feedback = runs[0]
+    open_loop, feedback = rows_of(benchmark(agents, conditions, ("smooth",), 4))
+    assert rows_of(benchmark(agents[:1], conditions, ("smooth",), 4)) == [open_loop]
     assert feedback.rmse < 0.9 * open_loop.rmse
     assert open_loop.noise_amplification == 0.0
     assert feedback.bandwidth_hz > open_loop.bandwidth_hz
