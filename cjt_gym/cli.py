@@ -14,7 +14,7 @@ from difflib import get_close_matches
 from importlib import import_module
 from typing import NoReturn
 
-from cjt_gym.errors import CjtGymError, SimulationError
+from cjt_gym.errors import CjtGymError
 
 COMMANDS: dict[str, str] = {
     "joints": "list the joints, structures, drives and effects there are",
@@ -67,26 +67,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if known.command is None:
         make_parser().print_help()
         return 0
-    module = import_module(f"cjt_gym.commands.{known.command}")
-    parser = Parser(prog=f"cjt-gym {known.command}", description=COMMANDS[known.command])
-    module.add_arguments(parser)
-    parser.add_argument("--json", action="store_true", help="print the result as JSON")
-    options = parser.parse_args(words[words.index(known.command) + 1 :])
-    return _run(module.run, options)
+    return _run(known.command, words[words.index(known.command) + 1 :])
 
 
-def _run(run: object, options: argparse.Namespace) -> int:
-    assert callable(run)
+def _run(command: str, words: Sequence[str]) -> int:
     try:
-        run(options)
+        module = import_module(f"cjt_gym.commands.{command}")
+        parser = Parser(prog=f"cjt-gym {command}", description=COMMANDS[command])
+        module.add_arguments(parser)
+        parser.add_argument("--json", action="store_true", help="print the result as JSON")
+        module.run(parser.parse_args(words))
         sys.stdout.flush()
     except BrokenPipeError:  # the reader of a pipe has had enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except SimulationError as error:
-        return _fail(str(error), 1)
     except (CjtGymError, OSError) as error:
-        return _fail(str(error), 2)
+        failed_on_the_way = isinstance(error, (ArithmeticError, RuntimeError))
+        return _fail(str(error), 1 if failed_on_the_way else 2)
     except ModuleNotFoundError as error:
         extra = EXTRAS.get((error.name or "").split(".")[0])
         if extra is None:

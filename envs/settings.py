@@ -12,12 +12,14 @@ from numpy.typing import NDArray
 
 from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.joint import Joint, get_structure, load_joint, load_joint_file
+from cjt_gym.joint.parameters import JointParameters
 from cjt_gym.plant import Measurement
 from cjt_gym.signals import Signal, make_signals
 
 Floats = NDArray[np.float64]
 REWARD_WEIGHTS = {"tracking": 1.0, "smoothness": 0.05, "effort": 0.0, "safety": 50.0}
 AMPLITUDE_SHARE = 0.1
+FRICTION_FACTOR = 3.0
 LOAD_FACTOR = 10.0
 BARE_SHARE = 0.1
 FREE_DRIFT = 1.0
@@ -86,6 +88,21 @@ def default_load(name: str, structure: str, parameters: Mapping[str, float]) -> 
     return values
 
 
+def default_amplitude(p: JointParameters) -> float:
+    """Return a tenth of the peak torque, or three times the Coulomb friction if that is more [N m].
+
+    Raises:
+        ConfigurationError: The joint has no peak current.
+    """
+    if "i_p" not in p:
+        raise ConfigurationError(
+            f"torque_amplitude [N m] is needed: {p.origin} gives no peak current i_p from which to "
+            "take it."
+        )
+    friction = sum(p.get(f"d_c{body}", 0.0) for body in "mg")
+    return max(AMPLITUDE_SHARE * p.k_t * p.n * p.i_p, FRICTION_FACTOR * friction)
+
+
 def make_settings(
     *,
     joint: str | Joint,
@@ -119,12 +136,7 @@ def make_settings(
         joint = load_joint(joint, structure, drive, effects, loaded)
     limit = joint.torque_limit
     if torque_amplitude is None:
-        if not math.isfinite(limit):
-            raise ConfigurationError(
-                f"torque_amplitude [N m] is needed: {joint.parameters.origin} gives no peak "
-                "current i_p from which to take it."
-            )
-        torque_amplitude = AMPLITUDE_SHARE * limit
+        torque_amplitude = default_amplitude(joint.parameters)
     _positive("torque_amplitude", torque_amplitude, "N m")
     disturbances = make_signals("zero" if disturbance is None else disturbance, 1.0, high=5.0)
     if velocity_scale is None:

@@ -97,7 +97,7 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
     | `base_controller` | None | controller, or function (joint, dt) -> controller |
     | `reference` | "mixed" | "step", "chirp", "multisine", "smooth", "mixed", file, `Signal` |
     | `disturbance` | None | the same for load torque [N m] or, output fixed, velocity [rad/s] |
-    | `torque_amplitude` | a tenth of the peak torque | amplitude of named references [N m] |
+    | `torque_amplitude` | from the joint | amplitude of named references [N m] |
     | `velocity_scale` | from the task | divides velocities [rad/s] |
     | `action_scale` | 3 (0.5 with a base) `torque_amplitude` | torque of an action of 1 [N m] |
     | `preview` | 0 | future samples of the reference in the observation |
@@ -108,8 +108,10 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
     | `reward_weights` | None | {term: weight} |
     | `render_mode` | None | "human" or "rgb_array": a strip chart (needs matplotlib) |
 
-    Where the output is free and the joint file describes the bare actuator, the load is ten
-    times I_m + I_g, unless `parameters` gives I_l.
+    Without `torque_amplitude` it is a tenth of the peak torque k_t n i_p, or three times the
+    Coulomb friction of motor and gear where that is more. Where the output is free and the joint
+    file describes the bare actuator, the load is ten times I_m + I_g, unless `parameters` gives
+    I_l.
 
     ## Version history
 

@@ -8,12 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.envs.settings import default_amplitude
+from cjt_gym.errors import unknown_name
 from cjt_gym.joint import load_joint_file
 from cjt_gym.signals import Signal, make_signals
 
-AMPLITUDE_SHARE = 0.1
-FRICTION_FACTOR = 3.0
 COGGING_SHARE = 0.003
 RIPPLE_SHARE = 0.02
 TASKS = ("step", "chirp", "multisine", "smooth")
@@ -64,14 +63,7 @@ class Conditions:
         """
         if self.torque_amplitude is not None:
             return self.torque_amplitude
-        p = load_joint_file(self.joint).parameters
-        if "i_p" not in p:
-            raise ConfigurationError(
-                f"torque_amplitude [N m] is needed: {p.origin} gives no peak current i_p from "
-                "which to take it."
-            )
-        friction = sum(p.get(f"d_c{body}", 0.0) for body in "mg")
-        return max(AMPLITUDE_SHARE * p.k_t * p.n * p.i_p, FRICTION_FACTOR * friction)
+        return default_amplitude(load_joint_file(self.joint).parameters)
 
 
 def realistic_effects(joint: str) -> dict[str, dict[str, Any]]:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.baselines import CONTROLLERS, make_controller
-from cjt_gym.envs.settings import AMPLITUDE_SHARE, default_load
+from cjt_gym.envs.settings import default_amplitude, default_load
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import DRIVES, EFFECTS, STRUCTURES, Joint, load_joint
 from cjt_gym.joint.arrays import CHANNELS
@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = "effects to switch on, by name or name.parameter=value; default: those of the joint file"
     add("--effect", nargs="+", metavar="E", help=f"{text} ({', '.join(EFFECTS)})")
     add("--reference", default="chirp", help="step, chirp, multisine, smooth, or a record")
-    add("--amplitude", type=float, help="of the reference [N m]; default: 0.1 of the peak torque")
+    add("--amplitude", type=float, help="of the reference [N m]; default: from the joint")
     add("--controller", default="pd_feedforward", help=", ".join(CONTROLLERS))
     add("--duration", type=float, default=10.0, help="[s], default 10")
     add("--dt", type=float, default=1e-3, help="control step [s], default 0.001")
@@ -107,11 +107,7 @@ def parse_effects(words: list[str] | None) -> dict[str, dict[str, Any]] | None:
 def _reference(options: argparse.Namespace, joint: Joint) -> Signal:
     amplitude = options.amplitude
     if amplitude is None:
-        if not np.isfinite(joint.torque_limit):
-            raise ConfigurationError(
-                f"--amplitude is needed: {joint.parameters.origin} gives no peak current i_p."
-            )
-        amplitude = AMPLITUDE_SHARE * joint.torque_limit
+        amplitude = default_amplitude(joint.parameters)
     (signal,) = make_signals(options.reference, amplitude)[:1]
     return signal.reset(np.random.default_rng(options.seed))
 
