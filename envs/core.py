@@ -52,6 +52,13 @@ class Episodes:
         self._random_rows = self.plant.rows
         self._all = np.ones(num, dtype=np.bool_)
 
+    def seed(self, seed: int | None, first: np.random.Generator | None) -> None:
+        """Seed episode i with seed + i; without a seed, only the first time, from a generator."""
+        if seed is not None:
+            self.plant.seed(seed)
+        elif first is not None:
+            self.plant.seed(int(first.integers(2**62)))
+
     def reset(self, options: Mapping[str, Any] | None = None) -> None:
         """Begin all episodes anew.
 

@@ -163,10 +163,7 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
         """Begin an episode; see the class for the options."""
         first = self._np_random is None
         super().reset(seed=seed)
-        if seed is not None:
-            self.episodes.plant.seed(seed)
-        elif first:
-            self.episodes.plant.seed(int(self.np_random.integers(2**62)))
+        self.episodes.seed(seed, self.np_random if first else None)
         self.episodes.reset(options)
         if self._chart is not None:
             self._chart.clear()
@@ -246,10 +243,7 @@ class TorqueTrackingVectorEnv(VectorEnv[Observation, Action, NDArray[Any]]):
         """Begin all episodes; member i gets seed + i."""
         first = self._np_random is None
         super().reset(seed=seed)
-        if seed is not None:
-            self.episodes.plant.seed(seed)
-        elif first:
-            self.episodes.plant.seed(int(self.np_random.integers(2**62)))
+        self.episodes.seed(seed, self.np_random if first else None)
         self.episodes.reset(options)
         return self.episodes.task.observation.copy(), {"parameters": self.episodes.parameters()}
 

@@ -17,7 +17,7 @@ from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import DRIVES, EFFECTS, STRUCTURES, Joint, load_joint
 from cjt_gym.joint.arrays import CHANNELS
 from cjt_gym.plant import SimulatedPlant
-from cjt_gym.records import FORMATS, Record, default_units, write_record
+from cjt_gym.records import FORMATS, Record, write_record
 from cjt_gym.signals import Signal, make_signals
 
 Floats = NDArray[np.float64]
@@ -159,21 +159,4 @@ def simulate(
         rows["tau_cmd"][k] = command[0]
         measured = plant.step(command)
     rows["i_cmd"] = rows["tau_cmd"] / (joint.parameters.k_t * joint.parameters.n)
-    prismatic = joint.parameters.axis == "prismatic"
-    units = default_units(tuple(rows), prismatic=prismatic)
-    if joint.parameters.unit("k_t").endswith("/V"):
-        units["i_cmd"] = "V"
-        for name in ("i", "true_i"):
-            del rows[name], units[name]
-    return Record(
-        rows,
-        units,
-        dt=dt,
-        seed=seed,
-        joint=joint.parameters.name,
-        structure=joint.structure,
-        parameter_hash=joint.file.hash_hex(),
-        versions=joint.versions(),
-        sensors={n: v for n, v in joint.file.sensors.items() if n in rows},
-        provenance=joint.provenance() | {"controller": controller, "reference": reference.kind},
-    )
+    return joint.record(rows, dt, seed, controller=controller, reference=reference.kind)

@@ -69,19 +69,6 @@ class Joint:
         """Return the kernel's parameter record, shape (1,), and ripple rows, shape (rows, 4)."""
         return pack(self.parameters, self.structure_row, self.drive, self.effects)
 
-    def provenance(self) -> dict[str, Any]:
-        """Return what a record of this joint says of where it comes from."""
-        effects = {
-            name: {k: list(v) if isinstance(v, tuple) else v for k, v in values.items()}
-            for name, values in self.effects.items()
-        }
-        return {"kind": "simulation", "drive": self.drive, "effects": effects}
-
-    @staticmethod
-    def versions() -> dict[str, str]:
-        """Return the versions of the software that decides what a simulation gives."""
-        return {name: version(name) for name in ("cjt-gym", "numpy", "numba")}
-
     def state_space(self, dt: float | None = None) -> control.StateSpace:
         """Return the linear joint, continuous, or exact for inputs held over dt [s].
 
@@ -241,22 +228,39 @@ class Joint:
         columns |= {f"true_{name}": true[:, j].copy() for j, name in enumerate(names)}
         if not self.structure_row.output_fixed:
             columns["tau_l"] = loads.copy()
-        units = default_units(tuple(columns), prismatic=p.axis == "prismatic")
-        if p.unit("k_t").endswith("/V"):
+        return self.record(columns, dt, seed)
+
+    def record(self, columns: Mapping[str, Floats], dt: float, seed: int, **known: Any) -> Record:
+        """Return a record of this joint's simulation.
+
+        Args:
+            columns: Channels, each of shape (samples,). Those that the joint cannot have are left
+                out: no current where the command is the voltage of an amplifier.
+            dt: Sample time [s].
+            seed: Seed of the sensors' noise.
+            **known: What else belongs to its provenance.
+        """
+        p = self.parameters
+        volts = p.unit("k_t").endswith("/V")
+        kept = {n: v for n, v in columns.items() if not (volts and n in ("i", "true_i"))}
+        units = default_units(tuple(kept), prismatic=p.axis == "prismatic")
+        if volts and "i_cmd" in units:
             units["i_cmd"] = "V"
-            for name in ("i", "true_i"):
-                del columns[name], units[name]
+        effects = {
+            name: {k: list(v) if isinstance(v, tuple) else v for k, v in values.items()}
+            for name, values in self.effects.items()
+        }
         return Record(
-            columns,
+            kept,
             units,
             dt=dt,
             seed=seed,
             joint=p.name,
             structure=self.structure,
             parameter_hash=self.file.hash_hex(),
-            versions=self.versions(),
-            sensors={n: v for n, v in self.file.sensors.items() if n in columns},
-            provenance=self.provenance(),
+            versions={name: version(name) for name in ("cjt-gym", "numpy", "numba")},
+            sensors={n: v for n, v in self.file.sensors.items() if n in kept},
+            provenance={"kind": "simulation", "drive": self.drive, "effects": effects, **known},
         )
 
 
