@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from cjt_gym.baselines.filters import FilteredDerivative
 from cjt_gym.baselines.tuned_gains import TUNED, TUNED_DT, Gains
+from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import Joint
 
 Floats = NDArray[np.float64]
@@ -38,6 +39,7 @@ REFERENCE_BAND = 20.0
 KP = (0.0, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0)
 DAMPING = (0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6, 0.8, 1.0)
 DELAY_EFFECTS = ("command_delay", "measurement_delay", "torque_delay")
+LONGEST_DELAY = 100
 POINTS = 400
 
 
@@ -113,11 +115,21 @@ class Loop:
 
 
 def make_loop(joint: Joint, dt: float, cutoff_hz: float, spare_delay: float) -> Loop:
-    """Return the sampled loop around a joint with the delays that its effects give it."""
+    """Return the sampled loop around a joint with the delays that its effects give it.
+
+    Raises:
+        ConfigurationError: They are longer than `LONGEST_DELAY` control steps.
+    """
     system = joint.state_space(dt)
     late = sum(_setting(joint, name, "delay") for name in DELAY_EFFECTS)
     cutoff = _setting(joint, "torque_filter", "cutoff")
     late += 1.0 / (2.0 * math.pi * cutoff) if cutoff > 0.0 else 0.0
+    if late > LONGEST_DELAY * dt:
+        raise ConfigurationError(
+            f"The delay that PD gains are designed for must be <= {LONGEST_DELAY} control steps, "
+            f"{LONGEST_DELAY * dt:g} s, got {late:g} s for {joint.parameters.name}. Shorten it, "
+            "give gains of your own (PdFeedForward), or take the controller open_loop."
+        )
     row = system.output_labels.index("tau")
     return Loop(
         a=np.asarray(system.A),

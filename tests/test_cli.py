@@ -79,6 +79,7 @@ def test_simulate_writes_a_record(
         ([*SHORT, "--duration", "-1", "--out", "x.csv"], "duration"),
         ([*SHORT, "--dt-physics", "3e-4", "--out", "x.csv"], "whole multiple"),
         ([*SHORT, "--out", "x.xyz"], "xyz"),
+        ([*SHORT, "--effect", "command_delay.delay=5", "--out", "x.csv"], "100 control steps"),
         (SHORT, "--out"),
         (["simulate", "nowhere.toml", "--out", "x.csv"], "nowhere.toml"),
         (["train", "nowhere.toml", "--out", "run"], "nowhere.toml"),
