@@ -9,17 +9,18 @@ import numpy as np
 
 from benchmarks.report import Table
 from benchmarks.timing import best_in_turns
-from cjt_gym.joint import EFFECTS, STRUCTURES, EffectParameter, load_joint
+from cjt_gym.joint import EFFECTS, STRUCTURES, Effect, load_joint
+from cjt_gym.joint.configure import typical_value
 from cjt_gym.plant import SimulatedPlant
 
 NAME, NUM, STEPS = "orange_80_6000", 256, 60
 RANDOMIZATION = {"k_b": (0.9, 1.1), "I_m": (0.9, 1.1), "d_m": (0.5, 2.0)}
 
 
-def inside(parameter: EffectParameter) -> Any:
-    """Return a value inside the plausible range."""
-    value = parameter.low + 0.3 * (parameter.high - parameter.low)
-    return (value, value) if parameter.series else value
+def typical(effect: Effect) -> dict[str, Any]:
+    """Return the values with which an effect is on in `effects="all"`."""
+    p = load_joint(NAME).parameters
+    return {parameter.symbol: typical_value(parameter, p) for parameter in effect.parameters}
 
 
 def stepping(structure: str, effects: Any) -> Callable[[], int]:
@@ -51,21 +52,26 @@ def redrawing(structure: str, randomization: Mapping[str, Any] | None) -> Callab
 
 def effect_table() -> Table:
     """Measure every row of the effect table, and sharp friction, in two structures."""
-    variants: dict[str, Any] = {"none": {}}
-    for effect in EFFECTS.values():
-        variants[effect.name] = {effect.name: {p.symbol: inside(p) for p in effect.parameters}}
-    variants["coulomb, dq_0 = 0.002"] = {"coulomb": {"dq_0": 0.002}}
-    variants["coulomb, sharp"] = {"coulomb": {"dq_0": 0.0}}
-    structures = ("output_fixed_rigid_gearbox", "full_dynamics")
-    columns = [
-        best_in_turns({n: stepping(structure, e) for n, e in variants.items()}, rounds=15)
-        for structure in structures
+    columns = []
+    for structure in ("output_fixed_rigid_gearbox", "full_dynamics"):
+        variants: dict[str, Any] = {"none": {}}
+        for effect in EFFECTS.values():
+            if effect.acts_in(STRUCTURES[structure], "current"):
+                variants[effect.name] = {effect.name: typical(effect)}
+        variants["coulomb, sharp"] = {"coulomb": {"dq_0": 0.0}}
+        variants["all"] = "all"
+        columns.append(
+            best_in_turns({n: stepping(structure, e) for n, e in variants.items()}, rounds=15)
+        )
+    names = dict.fromkeys(name for column in columns for name in column)
+    rows = [
+        [name, *(f"{c[name] / c['none']:.2f}" if name in c else "-" for c in columns)]
+        for name in names
     ]
-    rows = [[name, *(f"{c[name] / c['none']:.2f}" for c in columns)] for name in variants]
     return Table(
         "Cost of an effect",
         f"Time of a control step of ten substeps relative to the linear joint, batch of {NUM}.",
-        ["effect", *structures],
+        ["effect", "output_fixed_rigid_gearbox", "full_dynamics"],
         rows,
     )
 

@@ -14,7 +14,7 @@ Integers = NDArray[np.int64]
 CHANNELS = ("i", "q_m", "q_g", "q_l", "dq_m", "dq_g", "dq_l", "tau")
 CURRENT_I, Q_M, Q_G, Q_L, DQ_M, DQ_G, DQ_L, TAU = range(8)
 
-# Rows of the scratch array of one substep, shape (13, 8), so that none is allocated in it.
+# Rows of the scratch array of one joint, shape (18, 8), so that none is allocated in a step.
 X = 0  # state at the start of the substep
 FREE = 1  # state at its end
 SPEED = 2  # mean velocities of the coordinates
@@ -26,7 +26,25 @@ SLOPE = 7  # slopes of the resisting torques
 ACTIVE = 8  # 1 where anything resists a coordinate
 JACOBIAN = 9  # three rows
 RIPPLE = 12  # ripple torque of the substep before, and 1 where there was one
-WORK_ROWS, WORK_WIDTH = 13, 8
+SPRING = 13  # torques that gear and bar add to their linear ones
+SPRING_SLOPE = 14  # their slopes over the mean velocity
+SPRING_ON = 15  # 1 where they add any
+LATE = 16  # whole control steps by which each channel is late
+LATE_SUB = 17  # substeps on top of them
+WORK_ROWS, WORK_WIDTH = 18, 8
+
+# What a joint remembers beyond its mechanical state and its currents.
+BRISTLE = 0  # deflection of the bristles of motor, gear and load [rad]
+LOOP = 3  # hysteresis of the bar: Bouc-Wen state [-] or deflections of eight elements [rad]
+WINDING, HOUSING = 11, 12  # temperatures above ambient [K]
+K_M, R_W = 13, 14  # torque per ampere k_t n [N m/A] and winding resistance [Ohm], as warm as now
+REFERENCE = 15  # current behind the rate limit [A]
+LAGGED = 16  # current behind the lag [A]
+DRIFT = 17  # zeros of i, q_m, q_g, q_l, tau
+VOLUNTARY = 22  # torque of a person [N m]
+TREMOR = 23  # its tremor, two numbers [N m]
+MESH = 25  # torque that the gear transmits [N m]
+MEMORY = 26
 
 
 class Setup(NamedTuple):
@@ -62,9 +80,10 @@ class Batch(NamedTuple):
         a: Discrete system matrix of a substep, shape (n, order, order).
         b: Its inputs: motor torque, load input, torque per coordinate; (n, order, 2 + size).
         state: [q_m q_g q_l dq_m dq_g dq_l], shape (n, 6) [rad, rad/s].
+        memory: What effects remember, shape (n, MEMORY).
         currents: [i_q, i_d], shape (n, 2) [A].
         tau: Transmitted joint torque, shape (n,) [N m].
-        snapshot: Channel values within the step for all channels and for tau, shape (n, 2, 8).
+        snapshot: Channel values at the instants within the step that are reported, shape (n, 8).
         commands: Ring of the last commands (q and d axis), shape (n, depth, 2).
         outputs: Ring of the last true channel values, shape (n, depth, 8).
         measured: Latest measured channel values, shape (n, 8).
@@ -77,6 +96,7 @@ class Batch(NamedTuple):
     a: Floats
     b: Floats
     state: Floats
+    memory: Floats
     currents: Floats
     tau: Floats
     snapshot: Floats

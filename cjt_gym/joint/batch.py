@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.errors import ConfigurationError, SimulationError
-from cjt_gym.joint.arrays import WORK_ROWS, WORK_WIDTH, Batch, Setup
+from cjt_gym.joint.arrays import MEMORY, WORK_ROWS, WORK_WIDTH, Batch, Setup
 from cjt_gym.joint.compiled import compiled
 from cjt_gym.joint.discretize import discretize
 from cjt_gym.joint.drives import get_drive
@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     from cjt_gym.joint.joint import Joint
 
 Floats = NDArray[np.float64]
-DELAYS = ("command_delay", "measurement_delay", "torque_delay")
+CHANNEL_DELAYS = ("late_i", "late_q_m", "late_q_g", "late_q_l", "late_tau")
+DELAYS = ("command_delay", "measurement_delay", *CHANNEL_DELAYS)
 
 
 def substeps_of(dt: float, dt_physics: float) -> int:
@@ -111,9 +112,10 @@ class JointBatch:
             a=np.zeros((num, order, order)),
             b=np.zeros((num, order, 2 + size)),
             state=np.zeros((num, 6)),
+            memory=np.zeros((num, MEMORY)),
             currents=np.zeros((num, 2)),
             tau=np.zeros(num),
-            snapshot=np.zeros((num, 2, 8)),
+            snapshot=np.zeros((num, 8)),
             commands=np.zeros((num, depth, 2)),
             outputs=np.zeros((num, depth, 8)),
             measured=np.zeros((num, 8)),

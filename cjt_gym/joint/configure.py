@@ -15,68 +15,113 @@ from numpy.typing import NDArray
 
 from cjt_gym.errors import ParameterError, unknown_name
 from cjt_gym.joint.drives import NEEDED_PARAMETERS
-from cjt_gym.joint.effects import EFFECTS, Effect, EffectParameter, body_of
+from cjt_gym.joint.effects import EFFECTS, PLACES, Effect, EffectParameter, body_of
 from cjt_gym.joint.files import JointFile
 from cjt_gym.joint.parameters import JointParameters, Quantity
-from cjt_gym.joint.ripple import ADDITIVE, PROPORTIONAL
+from cjt_gym.joint.ripple import ripple_rows
 from cjt_gym.joint.structures import Structure
 
 EffectValue = float | tuple[float, ...]
 EffectValues = dict[str, EffectValue]
 EffectSpec = Mapping[str, Mapping[str, Any]] | Iterable[str] | str | None
 
+ALL = "all"
+PEAK_CURRENT, PEAK_TORQUE = 10.0, 50.0
 BASE_FIELDS = (
     *("I_m", "I_g", "I_l", "k_g", "k_b", "d_m", "d_g", "d_l", "d_mg", "d_gl"),
     *("n", "k_t", "r", "l_a", "p", "v_0", "i_p"),
 )
-EFFECT_FIELDS = tuple(
-    dict.fromkeys(f for effect in EFFECTS.values() for p in effect.parameters for f in p.fields)
-)
-FIELDS = (*BASE_FIELDS, *EFFECT_FIELDS)
+EFFECT_PARAMETERS = tuple(p for effect in EFFECTS.values() for p in effect.parameters)
+FIELDS = tuple(dict.fromkeys((*BASE_FIELDS, *(f for p in EFFECT_PARAMETERS for f in p.fields))))
+NEUTRAL = {f: p.neutral or 0.0 for p in EFFECT_PARAMETERS for f in p.fields}
 PARAMETER_DTYPE = np.dtype([(name, np.float64) for name in FIELDS])
-RIPPLES = {"cogging": ADDITIVE, "gear_ripple": PROPORTIONAL}
 
 
-def resolve_effects(spec: EffectSpec, file: JointFile) -> dict[str, EffectValues]:
-    """Return every active effect with a value for each of its parameters.
+def resolve_effects(
+    spec: EffectSpec, file: JointFile, structure: Structure, drive: str
+) -> dict[str, EffectValues]:
+    """Return every active effect with a value for each of its parameters, in the table's order.
 
     A value that is not given comes from the same effect in the joint file, then from the joint
     parameter or sensor it stands for, then from the table's default.
 
     Args:
-        spec: None for the effects listed in the joint file; a name, names, or a mapping of
-            names to values for exactly these.
+        spec: None for the effects listed in the joint file, as far as they can act in the
+            structure; "all" for all that can act, with typical values where nothing is known;
+            a name, names, or a mapping of names to values for exactly these.
         file: The joint file.
+        structure: Where they act.
+        drive: Name of the drive.
 
     Raises:
         UnknownNameError: An effect or one of its parameters is not in the table.
-        ParameterError: A value is missing, not finite, out of its domain or without effect.
+        ParameterError: A value is missing, not finite, out of its domain or without effect, or
+            an effect cannot act in the structure.
     """
-    if spec is None:
-        spec = file.effects
-    elif isinstance(spec, str):
-        spec = [spec]
-    given: dict[str, Mapping[str, Any]] = (
-        {name: values or {} for name, values in spec.items()}
-        if isinstance(spec, Mapping)
-        else {name: {} for name in spec}
-    )
-    resolved: dict[str, EffectValues] = {}
-    for name, values in given.items():
+    given = _requested(spec, file)
+    for name in given:
         if name not in EFFECTS:
             raise unknown_name("effect", name, EFFECTS)
+    chosen = []
+    for name in (name for name in EFFECTS if name in given):
+        effect = EFFECTS[name]
+        if not effect.acts_in(structure, drive):
+            if spec is None or spec == ALL:
+                continue
+            raise ParameterError(
+                f"Effect {name} of {file.parameters.origin} needs {PLACES[effect.needs]}, got "
+                f"structure {structure.name} with drive {drive}. Leave it out or choose another."
+            )
+        if spec == ALL and any(other in chosen for other in effect.excludes):
+            continue
+        chosen.append(name)
+    resolved: dict[str, EffectValues] = {}
+    for name in chosen:
         effect = EFFECTS[name]
         for other in effect.excludes:
-            if other in given:
+            if other in chosen:
                 raise ParameterError(
                     f"Effects {name} and {other} of {file.parameters.origin} set the same levels. "
                     "Keep one of them."
                 )
-        resolved[name] = _resolve_one(effect, values, file)
+        resolved[name] = _resolve_one(effect, given[name], file, typical=spec == ALL)
+    _share({name: {**file.effects.get(name, {}), **given[name]} for name in chosen}, resolved, file)
     return resolved
 
 
-def _resolve_one(effect: Effect, values: Mapping[str, Any], file: JointFile) -> EffectValues:
+def _requested(spec: EffectSpec, file: JointFile) -> dict[str, Mapping[str, Any]]:
+    if spec is None:
+        spec = file.effects
+    elif spec == ALL:
+        spec = list(EFFECTS)
+    elif isinstance(spec, str):
+        spec = [spec]
+    if isinstance(spec, Mapping):
+        return {name: values or {} for name, values in spec.items()}
+    return {name: {} for name in spec}
+
+
+def _share(
+    given: Mapping[str, Mapping[str, Any]],
+    resolved: dict[str, EffectValues],
+    file: JointFile,
+) -> None:
+    """Give a parameter that is one number per joint the same value in all effects."""
+    for symbol in {p.symbol for p in EFFECT_PARAMETERS if p.shared}:
+        owners = [name for name, values in resolved.items() if symbol in values]
+        said = {name: resolved[name][symbol] for name in owners if symbol in given[name]}
+        if len(set(said.values())) > 1:
+            raise ParameterError(
+                f"{symbol} of {file.parameters.origin} is one number per joint, got {said}. "
+                "Give the same value."
+            )
+        for name in owners if said else ():
+            resolved[name][symbol] = next(iter(said.values()))
+
+
+def _resolve_one(
+    effect: Effect, values: Mapping[str, Any], file: JointFile, *, typical: bool
+) -> EffectValues:
     merged = {**_plain(effect, file.effects.get(effect.name, {})), **_plain(effect, values)}
     body = merged.pop("body", None)
     if body is not None and (body not in effect.bodies):
@@ -92,9 +137,11 @@ def _resolve_one(effect: Effect, values: Mapping[str, Any], file: JointFile) -> 
         elif body is not None and body_of(parameter.symbol) not in (None, body):
             value = _off(parameter, file.parameters)
         else:
-            value = _fallback(effect, parameter, merged, file)
+            value = _fallback(effect, parameter, merged, file, typical=typical)
+            if typical and np.all(np.asarray(value) == _off(parameter, file.parameters)):
+                value = typical_value(parameter, file.parameters)
         result[parameter.symbol] = _checked(effect, parameter, value, file)
-    _check_whole(effect, result, file)
+    _check_whole(effect, result, set(merged), file)
     return result
 
 
@@ -109,8 +156,9 @@ def _plain(effect: Effect, values: Mapping[str, Any]) -> dict[str, Any]:
     key = next((k for k in ("std", "noise", "resolution", "value") if k in plain), None)
     if key is not None:
         plain[channel] = plain.pop(key)
-    for other in effect.channels:
-        plain.setdefault(other, 0.0)
+    for parameter in effect.parameters:
+        if parameter.symbol in effect.channels:
+            plain.setdefault(parameter.symbol, parameter.neutral)
     return plain
 
 
@@ -120,8 +168,31 @@ def _off(parameter: EffectParameter, p: JointParameters) -> float:
     return parameter.neutral or 0.0
 
 
+def typical_value(parameter: EffectParameter, p: JointParameters) -> EffectValue:
+    """Return a material value of an effect's parameter on this joint.
+
+    A joint without peak current counts as one of 10 A and 50 N m.
+    """
+    current = p.get("i_p", PEAK_CURRENT)
+    scale = {
+        "": 1.0,
+        "current": current,
+        "torque": p.get("k_t", 0.0) * p.get("n", 0.0) * current if "i_p" in p else PEAK_TORQUE,
+    }.get(parameter.typical_of)
+    if scale is None:
+        scale = p.get(parameter.typical_of, 1.0)
+    if isinstance(parameter.typical, tuple):
+        return tuple(scale * x for x in parameter.typical)
+    return scale * parameter.typical
+
+
 def _fallback(
-    effect: Effect, parameter: EffectParameter, merged: Mapping[str, Any], file: JointFile
+    effect: Effect,
+    parameter: EffectParameter,
+    merged: Mapping[str, Any],
+    file: JointFile,
+    *,
+    typical: bool,
 ) -> Any:
     source = parameter.joint_parameter
     if source is not None and source.startswith("sensors."):
@@ -137,9 +208,11 @@ def _fallback(
             return file.parameters.get(source, 0.0)
         if partner in file.parameters:
             return file.parameters.get(partner, 0.0)
+    if typical:
+        return typical_value(parameter, file.parameters)
     if parameter.default is not None:
         return parameter.default
-    if parameter.relative_to is not None:
+    if parameter.relative_to is not None and len(effect.size) > 1:
         return _off(parameter, file.parameters)
     raise ParameterError(
         f"{effect.name}.{parameter.symbol} of {file.parameters.origin} is needed and absent "
@@ -175,8 +248,8 @@ def _checked(
     return number
 
 
-def _check_whole(effect: Effect, values: EffectValues, file: JointFile) -> None:
-    """Refuse series of unequal length and an effect that would do nothing."""
+def _check_whole(effect: Effect, values: EffectValues, given: set[str], file: JointFile) -> None:
+    """Refuse series of unequal length, and an effect of which nothing is known."""
     owner = file.parameters.origin
     series = {p.symbol: values[p.symbol] for p in effect.parameters if p.series}
     lengths = {symbol: len(v) for symbol, v in series.items() if isinstance(v, tuple)}
@@ -184,11 +257,12 @@ def _check_whole(effect: Effect, values: EffectValues, file: JointFile) -> None:
         raise ParameterError(
             f"The series of effect {effect.name} of {owner} must be of equal length, got {lengths}."
         )
-    size = [p for p in effect.parameters if p.symbol not in ("dq_0", "f", "scale")]
-    if all(not np.any(values[p.symbol]) and not _off(p, file.parameters) for p in size):
+    size = [p for p in effect.parameters if p.symbol in effect.size]
+    idle = all(np.all(np.asarray(values[p.symbol]) == _off(p, file.parameters)) for p in size)
+    if idle and not given & set(effect.size):
         names = ", ".join(f"{p.symbol} [{p.unit}]" for p in size)
         raise ParameterError(
-            f"Effect {effect.name} of {owner} would do nothing: all of {names} are zero or absent. "
+            f"Effect {effect.name} of {owner} would do nothing: nothing is known of {names}. "
             "Give one of them, or leave the effect out."
         )
 
@@ -201,34 +275,34 @@ def pack(
 ) -> tuple[NDArray[np.void], NDArray[np.float64]]:
     """Return the parameter record, shape (1,), and the ripple rows, shape (rows, 4).
 
-    Parameters that neither structure nor drive needs become zero; without a peak current the
-    current is not limited.
+    Effects add up: each adds to its fields what differs from its neutral value. Parameters that
+    neither structure nor drive needs become zero; without a peak current the current is not
+    limited.
 
     Raises:
         ParameterError: The joint lacks a parameter that the structure or the drive needs.
     """
     record = np.zeros(1, PARAMETER_DTYPE)
+    for name, value in NEUTRAL.items():
+        record[name] = value
     for name in (*structure.needed_parameters, *NEEDED_PARAMETERS[drive], "I_m"):
         record[name] = getattr(parameters, name)
     for name in BASE_FIELDS:
-        if name in parameters:
-            record[name] = getattr(parameters, name)
+        record[name] = parameters.get(name, 0.0)
     if "i_p" not in parameters:
         record["i_p"] = np.inf
     for name, values in effects.items():
         for parameter in EFFECTS[name].parameters:
-            value = values[parameter.symbol]
-            for field in parameter.fields:
-                offset = record[parameter.relative_to][0] if parameter.relative_to else 0.0
-                record[field] = float(value) - offset  # type: ignore[arg-type]
-    return record, _ripple_rows(effects)
+            add_to(record[0], parameter, values[parameter.symbol])
+    return record, ripple_rows(effects)
 
 
-def _ripple_rows(effects: Mapping[str, EffectValues]) -> NDArray[np.float64]:
-    rows: list[tuple[float, float, float, float]] = []
-    for name, kind in RIPPLES.items():
-        if name in effects:
-            values = effects[name]
-            columns = [np.atleast_1d(values[symbol]) for symbol in ("f", "a", "b")]
-            rows += [(f, a, b, kind) for f, a, b in zip(*columns, strict=True)]
-    return np.array(rows, dtype=np.float64).reshape(-1, 4)
+def add_to(record: Any, parameter: EffectParameter, value: Any) -> None:
+    """Add a parameter of an effect to a record, in place."""
+    for field in parameter.fields:
+        if parameter.replaces or parameter.shared:
+            record[field] = value
+        elif parameter.relative_to is not None:
+            record[field] += value - record[parameter.relative_to]
+        else:
+            record[field] += value - (parameter.neutral or 0.0)

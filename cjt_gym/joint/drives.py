@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.errors import unknown_name
+from cjt_gym.joint.arrays import LAGGED, REFERENCE
 from cjt_gym.joint.compiled import compiled
 
 CURRENT, STATIC, RL, DQ = 0, 1, 2, 3
@@ -56,11 +57,15 @@ def clip(x: float, limit: float) -> float:
 
 
 @compiled
-def static_current(p: Any, command: float, is_voltage: bool, dq_m: float) -> tuple[float, float]:
+def static_current(
+    p: Any, k: float, r: float, command: float, is_voltage: bool, dq_m: float
+) -> tuple[float, float]:
     """Return the current of the drive without inductance and its slope over dq_m.
 
     Args:
         p: Parameter record.
+        k: Torque per ampere on the link side [N m/A].
+        r: Winding resistance [Ohm].
         command: Voltage [V] or wanted current [A].
         is_voltage: Which of the two.
         dq_m: Motor velocity on the link side [rad/s].
@@ -68,16 +73,15 @@ def static_current(p: Any, command: float, is_voltage: bool, dq_m: float) -> tup
     Returns:
         Current [A] and slope [A s/rad], the slope <= 0.
     """
-    k = p.k_t * p.n
     if is_voltage:
-        current, slope = (clip(command, p.v_0) - k * dq_m) / p.r, -k / p.r
+        current, slope = (clip(command, p.v_0) - k * dq_m) / r, -k / r
     else:
-        high, low = (p.v_0 - k * dq_m) / p.r, (-p.v_0 - k * dq_m) / p.r
+        high, low = (p.v_0 - k * dq_m) / r, (-p.v_0 - k * dq_m) / r
         current, slope = command, 0.0
         if current > high:
-            current, slope = high, -k / p.r
+            current, slope = high, -k / r
         elif current < low:
-            current, slope = low, -k / p.r
+            current, slope = low, -k / r
     if abs(current) > p.i_p:
         return clip(current, p.i_p), 0.0
     return current, slope
@@ -94,21 +98,29 @@ def circle(v_q: float, v_d: float, limit: float) -> tuple[float, float]:
 
 @compiled
 def advance_rl(
-    p: Any, current: float, command: float, is_voltage: bool, dq_m: float, h: float
+    p: Any,
+    k: float,
+    r: float,
+    current: float,
+    command: float,
+    is_voltage: bool,
+    dq_m: float,
+    h: float,
 ) -> float:
     """Return the phase current after h [s] at constant speed, exactly.
 
     The drive's protection holds the current within +- i_p.
     """
-    k = p.k_t * p.n
-    voltage = clip(command if is_voltage else p.r * command + k * dq_m, p.v_0)
-    final = (voltage - k * dq_m) / p.r
-    return clip(final + (current - final) * math.exp(-p.r * h / p.l_a), p.i_p)
+    voltage = clip(command if is_voltage else r * command + k * dq_m, p.v_0)
+    final = (voltage - k * dq_m) / r
+    return clip(final + (current - final) * math.exp(-r * h / p.l_a), p.i_p)
 
 
 @compiled
 def advance_dq(
     p: Any,
+    k: float,
+    r: float,
     i_q: float,
     i_d: float,
     command_q: float,
@@ -120,7 +132,7 @@ def advance_dq(
     """Return the currents (i_q, i_d) after h [s] at constant speed, exactly.
 
         l_a di_q/dt = v_q - r i_q - p w (l_a i_d + lam)
-        l_a di_d/dt = v_d - r i_d + p w l_a i_q,     w = n dq_m, lam = (2/3) k_t / p
+        l_a di_d/dt = v_d - r i_d + p w l_a i_q,     w = n dq_m, lam = (2/3) k / (n p)
 
     which for z = i_q + j i_d is dz/dt = (-r / l_a + j p w) z + u. A torque command asks for
     i_d = 0. The voltage vector is limited to the circle of radius v_0 and the current vector
@@ -130,13 +142,13 @@ def advance_dq(
         Sue, Pan (2008), IEEE Transactions on Industrial Electronics 55(1).
     """
     speed = p.p * p.n * dq_m
-    emf = speed * (2.0 / 3.0) * p.k_t / p.p
+    emf = speed * (2.0 / 3.0) * k / (p.n * p.p)
     if is_voltage:
         v_q, v_d = command_q, command_d
     else:
-        v_q, v_d = p.r * command_q + emf, -speed * p.l_a * command_q
+        v_q, v_d = r * command_q + emf, -speed * p.l_a * command_q
     v_q, v_d = circle(v_q, v_d, p.v_0)
-    rate = complex(-p.r / p.l_a, speed)
+    rate = complex(-r / p.l_a, speed)
     drive = complex((v_q - emf) / p.l_a, v_d / p.l_a)
     decay = math.exp(rate.real * h)
     turn = complex(decay * math.cos(rate.imag * h), decay * math.sin(rate.imag * h))
@@ -147,6 +159,8 @@ def advance_dq(
 @compiled
 def advance_currents(
     p: Any,
+    k: float,
+    r: float,
     drive: int,
     currents: NDArray[np.float64],
     command: float,
@@ -157,8 +171,29 @@ def advance_currents(
 ) -> None:
     """Advance the currents [i_q, i_d] of a drive with inductance by h [s], in place."""
     if drive == RL:
-        currents[0] = advance_rl(p, currents[0], command, is_voltage, dq_m, h)
+        currents[0] = advance_rl(p, k, r, currents[0], command, is_voltage, dq_m, h)
     elif drive == DQ:
         currents[0], currents[1] = advance_dq(
-            p, currents[0], currents[1], command, command_d, is_voltage, dq_m, h
+            p, k, r, currents[0], currents[1], command, command_d, is_voltage, dq_m, h
         )
+
+
+@compiled
+def shaped_command(p: Any, memory: NDArray[np.float64], command: float, h: float) -> float:
+    """Return the mean current that a drive follows over h [s], behind rate limit and lag.
+
+    The rate limit moves the reference to the command in a straight line; the lag follows the mean
+    reference exactly.
+    """
+    if p.current_rate > 0.0:
+        old = memory[REFERENCE]
+        change = clip(command - old, p.current_rate * h)
+        spent = abs(change) / (p.current_rate * h)
+        memory[REFERENCE] = old + change
+        command = old + change * (1.0 - 0.5 * spent)
+    if p.current_bandwidth > 0.0:
+        old, a = memory[LAGGED], 2.0 * math.pi * p.current_bandwidth * h
+        gap = old - command
+        memory[LAGGED] = command + gap * math.exp(-a)
+        command -= gap * math.expm1(-a) / a
+    return command

@@ -19,8 +19,9 @@ from cjt_gym.joint.batch import JointBatch
 from cjt_gym.joint.configure import EffectSpec, EffectValues, pack, resolve_effects
 from cjt_gym.joint.drives import DRIVES, get_drive
 from cjt_gym.joint.files import JointFile, load_joint_file
-from cjt_gym.joint.friction import friction
+from cjt_gym.joint.friction import LOAD, sliding_friction
 from cjt_gym.joint.kernel import simulate
+from cjt_gym.joint.load_forces import contact_torque
 from cjt_gym.joint.parameters import JointParameters
 from cjt_gym.joint.ripple import ripple_torque
 from cjt_gym.joint.structures import Structure, get_structure
@@ -89,13 +90,14 @@ class Joint:
     def nonlinear_torque(self, q: ArrayLike, dq: ArrayLike, tau: ArrayLike = 0.0) -> Floats:
         """Return the torque that the effects add on motor, gear and load.
 
-        Friction is negative at positive speed. With sharp friction (dq_0 = 0) a body at rest
-        gets none here, as its torque follows from the others.
+        Friction is negative at positive speed; bristles are taken as sliding. With sharp friction
+        (dq_0 = 0) a body at rest gets none here, as its torque follows from the others. What
+        springs add to their linear models is part of tau.
 
         Args:
             q: Angles of motor, gear and load [rad], shape (..., 3).
             dq: Their velocities [rad/s], shape (..., 3).
-            tau: Transmitted torque [N m], shape (...), which scales gear ripple.
+            tau: Transmitted torque [N m], shape (...), which scales gear ripple and friction.
 
         Returns:
             Torques [N m], shape (..., 3).
@@ -110,18 +112,17 @@ class Joint:
         p = record.view(np.recarray)[0]
         out = np.zeros(q_.shape)
         for index in np.ndindex(q_.shape[:-1]):
+            transmitted = float(tau_[index])
             for body in range(3):
                 speed = float(dq_[index][body])
                 if speed != 0.0 or p.dq_0 > 0.0:
                     side = 1.0 if speed >= 0.0 else -1.0
-                    out[(*index, body)] = -friction(p, body, speed, side)[0]
-            out[(*index, 0)] += p.torque_offset + ripple_torque(
-                ripple,
-                float(q_[index][0]),
-                float(tau_[index]),
-                p.cogging_scale,
-                p.gear_ripple_scale,
-            )
+                    drag, _ = sliding_friction(p, body, speed, side, transmitted)
+                    out[(*index, body)] = -drag
+            q_m, q_l = float(q_[index][0]), float(q_[index][LOAD])
+            out[(*index, 0)] += p.torque_offset + ripple_torque(p, ripple, q_m, transmitted, 0.0)
+            out[(*index, LOAD)] -= p.weight * np.sin(q_l - p.weight_angle)
+            out[(*index, LOAD)] -= contact_torque(p, q_l, float(dq_[index][LOAD]))
         return out
 
     def simulate(
@@ -287,8 +288,9 @@ def load_joint(
         name: Name of a shipped joint, or path of a joint file.
         structure: One of `STRUCTURES`.
         drive: One of `DRIVES`.
-        effects: None for those the file lists; names, or a mapping of names to values, for
-            exactly these. Values that are not given come from the joint file.
+        effects: None for those the file lists; "all" for all that can act, with typical values
+            where nothing is known; names, or a mapping of names to values, for exactly these.
+            Values that are not given come from the joint file.
         parameters: Parameters that replace those of the file.
 
     Raises:
@@ -306,7 +308,7 @@ def load_joint(
     row = get_structure(structure)
     get_drive(drive)
     linear.reduced_matrices(file.parameters, row)
-    joint = Joint(file, structure, drive, resolve_effects(effects, file))
+    joint = Joint(file, structure, drive, resolve_effects(effects, file, row, drive))
     joint.packed()
     _check_drive(joint)
     return joint

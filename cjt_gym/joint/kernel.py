@@ -7,9 +7,7 @@ import math
 import numpy as np
 
 from cjt_gym.joint.arrays import (
-    ACTIVE,
-    GUESS,
-    RESIST,
+    LATE_SUB,
     RIPPLE,
     TAU,
     WORK_ROWS,
@@ -20,8 +18,17 @@ from cjt_gym.joint.arrays import (
     X,
 )
 from cjt_gym.joint.compiled import compiled
-from cjt_gym.joint.resist import resistance, resists
-from cjt_gym.joint.sensing import condition_command, lateness, measure, write_channels
+from cjt_gym.joint.disturbance import disturbed_load
+from cjt_gym.joint.heat import cool, warm
+from cjt_gym.joint.resist import prepare
+from cjt_gym.joint.sensing import (
+    condition_command,
+    lateness,
+    measure,
+    plan_lateness,
+    take_snapshot,
+    write_channels,
+)
 from cjt_gym.joint.substep import load_state, store_state, substep
 
 LARGEST = 1e12
@@ -46,62 +53,56 @@ def control_step(
     """
     if not math.isfinite(command + command_d + load):
         return False
-    p = batch.p[i]
+    p, memory = batch.p[i], batch.memory[i]
     ripple, a, b, currents = batch.ripple[i], batch.a[i], batch.b[i], batch.currents[i]
     depth, k = batch.commands.shape[1], batch.samples[i]
     commands, out = batch.commands[i], batch.outputs[i, (k + 1) % depth]
     commands[k % depth, 0] = condition_command(batch, setup, i, command)
     commands[k % depth, 1] = command_d
     late, late_sub = lateness(p.command_delay, setup)
-    seen, seen_sub = lateness(p.measurement_delay, setup)
-    felt, felt_sub = lateness(p.measurement_delay + p.torque_delay, setup)
+    is_late = plan_lateness(p, setup, work)
+    warm(p, memory, currents, setup.dt)
     load_state(setup, batch.state[i], work[X])
     work[RIPPLE, :] = 0.0
-    for g in range(setup.size):
-        work[ACTIVE, g] = 1.0 if resists(p, setup, g) else 0.0
-        v = work[GUESS, g] = work[X, setup.order - setup.size + g]
-        ahead, _ = resistance(p, setup, g, commands[k % depth, 0], v, 1.0 if v >= 0.0 else -1.0)
-        back, _ = resistance(p, setup, g, commands[k % depth, 0], v, 1.0 if v > 0.0 else -1.0)
-        work[RESIST, g] = 0.5 * (ahead + back)  # at rest neither direction is preferred
+    prepare(p, memory, setup, commands[k % depth, 0], load, work)
     tau = batch.tau[i]
     for s in range(setup.substeps):
-        if s == setup.substeps - felt_sub:
-            write_channels(p, setup, work[X], currents, tau, load, batch.snapshot[i, 1])
-        if s == setup.substeps - seen_sub:
-            write_channels(p, setup, work[X], currents, tau, load, batch.snapshot[i, 0])
+        if is_late:
+            take_snapshot(p, memory, setup, s, currents, tau, load, out, batch.snapshot[i], work)
         at = (k - late - (1 if s < late_sub else 0)) % depth
-        tau = substep(
-            p, ripple, a, b, setup, currents, commands[at, 0], commands[at, 1], load, work
-        )
+        wanted, wanted_d = commands[at, 0], commands[at, 1]
+        tau = substep(p, memory, ripple, a, b, setup, currents, wanted, wanted_d, load, work)
     for j in range(setup.order):
         if not abs(work[X, j]) < LARGEST:
             return False
     store_state(setup, work[X], load, batch.state[i])
-    write_channels(p, setup, work[X], currents, tau, load, out)
+    write_channels(p, memory, setup, work[X], currents, tau, load, out)
     batch.tau[i] = out[TAU]
-    if seen_sub > 0:
-        out[:TAU] = batch.snapshot[i, 0, :TAU]
-    if felt_sub > 0:
-        out[TAU] = batch.snapshot[i, 1, TAU]
+    if is_late:
+        for channel in range(8):
+            if work[LATE_SUB, channel] > 0.0:
+                out[channel] = batch.snapshot[i, channel]
     batch.samples[i] = k + 1
-    measure(batch, setup, i, (k + 1 - seen) % depth, (k + 1 - felt) % depth, False)
+    measure(batch, setup, i, False, work)
     return True
 
 
 @compiled
 def restart(batch: Batch, setup: Setup, i: int, load: float, work: Floats) -> None:
     """Fill the memory of joint i from its state, with the drive at rest, and measure."""
+    p, memory = batch.p[i], batch.memory[i]
+    memory[:] = 0.0
+    cool(p, memory)
     batch.currents[i, :] = 0.0
     batch.commands[i] = 0.0
     batch.samples[i] = 0
     load_state(setup, batch.state[i], work[X])
     store_state(setup, work[X], load, batch.state[i])
     for d in range(batch.outputs.shape[1]):
-        write_channels(
-            batch.p[i], setup, work[X], batch.currents[i], 0.0, load, batch.outputs[i, d]
-        )
+        out = batch.outputs[i, d]
+        write_channels(p, memory, setup, work[X], batch.currents[i], 0.0, load, out)
     batch.tau[i] = batch.outputs[i, 0, TAU]
-    measure(batch, setup, i, 0, 0, True)
+    measure(batch, setup, i, True, work)
 
 
 @compiled
@@ -120,7 +121,8 @@ def step_batch(batch: Batch, setup: Setup, commands: Floats, load: Floats) -> in
     work = np.zeros((WORK_ROWS, WORK_WIDTH))
     failed = -1
     for i in range(batch.a.shape[0]):
-        good = control_step(batch, setup, i, commands[i, 0], commands[i, 1], load[i], work)
+        pushed = disturbed_load(batch, setup, i, load[i])
+        good = control_step(batch, setup, i, commands[i, 0], commands[i, 1], pushed, work)
         if not good and failed < 0:
             failed = i
     return failed
@@ -145,13 +147,15 @@ def simulate(
     """
     work = np.zeros((WORK_ROWS, WORK_WIDTH))
     for k in range(commands.shape[0]):
+        pushed = disturbed_load(batch, setup, 0, load[k])
         out[k] = batch.measured[0]
         true[k, :6] = batch.state[0]
         true[k, 6] = batch.tau[0]
         if setup.groups[2] < 0:
-            true[k, 5] = load[k]
-            true[k, 6] += batch.p[0].d_gl * (batch.state[0, 5] - load[k])
+            true[k, 5] = pushed
+            if batch.p[0].play_gap == 0.0:
+                true[k, 6] += batch.p[0].d_gl * (batch.state[0, 5] - pushed)
         true[k, 7] = batch.currents[0, 0]
-        if not control_step(batch, setup, 0, commands[k, 0], commands[k, 1], load[k], work):
+        if not control_step(batch, setup, 0, commands[k, 0], commands[k, 1], pushed, work):
             return k + 1
     return int(commands.shape[0])

@@ -1,14 +1,14 @@
-"""Forces that resist motion, taken at the mean velocity over a substep.
+"""Forces that depend on the motion over a substep, found together with it.
 
-Friction and the voltage limit of a drive without inductance act at the mean velocity over the
-substep, v = (z(h) - z(0)) / h:
+Friction, the voltage limit of a drive without inductance, gravity, contact and what springs add
+to their linear models act at the mean velocity over the substep, v = (z(h) - z(0)) / h:
 
     v + W R(v) = v_free,      W = B_z / h,
 
 where v_free is the mean velocity without them and W, symmetric and positive definite, is the
 mean velocity that a unit of constant torque adds. The work of such a force over the substep
-is then exactly -h R(v) v <= 0, so that no substep creates energy, whatever its length. The
-equation is the optimality condition of a convex function. With sharp friction (dq_0 = 0) a
+is then exactly -h R(v) v: never positive for friction, whatever the length of the substep, and
+minus the change of the potential for a discrete gradient. With sharp friction (dq_0 = 0) a
 coordinate that settles at v = 0 keeps its position exactly and comes to rest.
 """
 
@@ -19,21 +19,37 @@ from typing import Any
 
 from cjt_gym.joint.arrays import (
     ACTIVE,
+    BRISTLE,
     FREE,
     FREE_SPEED,
     GUESS,
     JACOBIAN,
+    K_M,
+    MESH,
+    R_W,
     RESIST,
     REST,
     SLOPE,
     SPEED,
+    SPRING,
+    SPRING_ON,
+    SPRING_SLOPE,
     Floats,
     Setup,
     X,
 )
 from cjt_gym.joint.compiled import compiled
 from cjt_gym.joint.drives import STATIC, static_current
-from cjt_gym.joint.friction import coulomb_levels, friction, has_friction
+from cjt_gym.joint.friction import (
+    LOAD,
+    bristle_stiffness,
+    bristles,
+    dry_level,
+    friction,
+    has_friction,
+)
+from cjt_gym.joint.load_forces import has_load_force, load_force
+from cjt_gym.joint.springs import BAR, added_torque, is_nonlinear
 
 SWEEPS = 100
 NEWTON = 12
@@ -42,18 +58,29 @@ ITERATIONS = 60
 
 @compiled
 def resistance(
-    p: Any, setup: Setup, g: int, command: float, v: float, side: float
+    p: Any,
+    memory: Floats,
+    setup: Setup,
+    work: Floats,
+    g: int,
+    command: float,
+    v: float,
+    side: float,
 ) -> tuple[float, float]:
     """Return the resisting torque on coordinate g at mean velocity v, and its slope."""
     torque, slope = 0.0, 0.0
     for body in range(3):
         if setup.groups[body] == g:
-            t, s = friction(p, body, v, side)
+            t, s = friction(p, memory, body, v, side, setup.h)
             torque += t
             slope += s
+    if setup.groups[LOAD] == g and has_load_force(p):
+        t, s = load_force(p, work[X, g], v, setup.h)
+        torque += t
+        slope += s
     if setup.drive == STATIC and setup.groups[0] == g:
-        k = p.k_t * p.n
-        current, s = static_current(p, command, setup.is_voltage, v)
+        k = memory[K_M]
+        current, s = static_current(p, k, memory[R_W], command, setup.is_voltage, v)
         torque -= k * current
         slope -= k * s
     return torque, slope
@@ -65,23 +92,83 @@ def resists(p: Any, setup: Setup, g: int) -> bool:
     for body in range(3):
         if setup.groups[body] == g and has_friction(p, body):
             return True
+    if setup.groups[LOAD] == g and has_load_force(p):
+        return True
     return bool(setup.drive == STATIC and setup.groups[0] == g)
 
 
 @compiled
-def coulomb_sum(p: Any, groups: tuple[int, int, int], g: int, side: float) -> float:
-    """Return the Coulomb level of coordinate g in the direction of `side` [N m]."""
+def prepare(
+    p: Any, memory: Floats, setup: Setup, command: float, load: float, work: Floats
+) -> None:
+    """Note what resists, and guess mean velocities and torques from the present state."""
+    for g in range(setup.size):
+        work[ACTIVE, g] = 1.0 if resists(p, setup, g) else 0.0
+        work[GUESS, g] = work[X, setup.order - setup.size + g]
+    for which in range(2):
+        on = is_nonlinear(p, setup.groups, which)
+        work[SPRING_ON, which] = 1.0 if on else 0.0
+        work[SPRING, which] = 0.0
+        if on:
+            one, other = setup.groups[which], setup.groups[which + 1]
+            work[ACTIVE, one] = 1.0
+            if other >= 0:
+                work[ACTIVE, other] = 1.0
+            start, rate = deflection(setup, which, load, work, GUESS)
+            added, _ = added_torque(p, memory, setup.groups, which, start, rate, setup.h, False)
+            work[SPRING, which] = added
+    for g in range(setup.size):
+        if work[ACTIVE, g] == 1.0:
+            v = work[GUESS, g]
+            up, down = 1.0 if v >= 0.0 else -1.0, 1.0 if v > 0.0 else -1.0
+            ahead, _ = resistance(p, memory, setup, work, g, command, v, up)
+            back, _ = resistance(p, memory, setup, work, g, command, v, down)
+            work[RESIST, g] = 0.5 * (ahead + back)  # at rest neither direction is preferred
+        else:
+            work[RESIST, g] = 0.0
+
+
+@compiled
+def deflection(
+    setup: Setup, which: int, load: float, work: Floats, row: int
+) -> tuple[float, float]:
+    """Return a spring's deflection at the start and its mean rate, from the speeds in a row."""
+    one, other = setup.groups[which], setup.groups[which + 1]
+    if other < 0:
+        return work[X, one] - work[X, setup.size], work[row, one] - load
+    return work[X, one] - work[X, other], work[row, one] - work[row, other]
+
+
+@compiled
+def mobility(setup: Setup, b: Floats, g: int, which: int) -> float:
+    """Return the mean velocity that a unit torque of a spring takes from coordinate g."""
+    one, other = setup.groups[which], setup.groups[which + 1]
+    w = b[g, 2 + one]
+    if other >= 0:
+        w -= b[g, 2 + other]
+    return float(w / setup.h)
+
+
+@compiled
+def dry_sum(p: Any, memory: Floats, groups: tuple[int, int, int], g: int, side: float) -> float:
+    """Return the set-valued friction that can hold coordinate g [N m]."""
     total = 0.0
     for body in range(3):
         if groups[body] == g:
-            up, down = coulomb_levels(p, body)
-            total += up if side > 0.0 else down
+            total += dry_level(p, memory, body, side)
     return total
 
 
 @compiled
 def settle(
-    p: Any, setup: Setup, g: int, command: float, w: float, target: float
+    p: Any,
+    memory: Floats,
+    setup: Setup,
+    work: Floats,
+    g: int,
+    command: float,
+    w: float,
+    target: float,
 ) -> tuple[float, float]:
     """Solve v + w R(v) = target for one coordinate.
 
@@ -92,25 +179,25 @@ def settle(
         The mean velocity v [rad/s] and R(v) [N m]; v is exactly zero where the resistance
         holds the coordinate.
     """
-    up, _ = resistance(p, setup, g, command, 0.0, 1.0)
-    down, _ = resistance(p, setup, g, command, 0.0, -1.0)
+    up, _ = resistance(p, memory, setup, work, g, command, 0.0, 1.0)
+    down, _ = resistance(p, memory, setup, work, g, command, 0.0, -1.0)
     if w * down <= target <= w * up:
         return 0.0, target / w
     side = 1.0 if target > w * up else -1.0
-    v = side * max(0.0, side * target - w * coulomb_sum(p, setup.groups, g, side))
+    v = side * max(0.0, side * target - w * dry_sum(p, memory, setup.groups, g, side))
     low, high = 0.0, math.inf
     torque = 0.0
     for _ in range(ITERATIONS):
-        torque, slope = resistance(p, setup, g, command, v, side)
+        torque, slope = resistance(p, memory, setup, work, g, command, v, side)
         rest = v + w * torque - target
         if rest * side < 0.0:
             low = abs(v)
         else:
             high = abs(v)
-        step = rest / (1.0 + w * slope)
+        step = rest / (1.0 + w * slope) if 1.0 + w * slope > 0.0 else math.inf
         new = v - step
         if not low <= new * side <= high:
-            new = side * 0.5 * (low + min(high, 2.0 * low + abs(step)))
+            new = side * 0.5 * (low + min(high, 2.0 * low + abs(rest)))
         if abs(new - v) <= 1e-14 * (abs(new) + abs(target)):
             v = new
             break
@@ -119,11 +206,38 @@ def settle(
 
 
 @compiled
+def stretch(
+    p: Any, memory: Floats, setup: Setup, which: int, start: float, w: float, target: float
+) -> tuple[float, float]:
+    """Solve u + w T(u) = target for the rate u of one spring and its added torque T."""
+    u = target
+    low, high = -math.inf, math.inf
+    torque = 0.0
+    for _ in range(ITERATIONS):
+        torque, slope = added_torque(p, memory, setup.groups, which, start, u, setup.h, False)
+        rest = u + w * torque - target
+        if rest < 0.0:
+            low = max(low, u)
+        else:
+            high = min(high, u)
+        step = rest / (1.0 + w * slope) if 1.0 + w * slope > 1e-3 else rest
+        new = u - step
+        if not low <= new <= high:
+            open_ended = math.isinf(low) or math.isinf(high)
+            new = u - 2.0 * rest if open_ended else 0.5 * (low + high)
+        if abs(new - u) <= 1e-14 * (abs(new) + abs(target)):
+            u = new
+            break
+        u = new
+    return u, (target - u) / w
+
+
+@compiled
 def eliminate(work: Floats, n: int) -> None:
     """Solve the Jacobian's equations for the residuals, in place in both.
 
-    The Jacobian is the identity plus a positive definite matrix times non-negative slopes, so
-    that no pivoting is needed.
+    The Jacobian is the identity plus a positive definite matrix times slopes that hardly ever
+    outweigh it, so that no pivoting is needed.
     """
     for k in range(n):
         for i in range(k + 1, n):
@@ -138,11 +252,13 @@ def eliminate(work: Floats, n: int) -> None:
 
 
 @compiled
-def search(p: Any, setup: Setup, b: Floats, command: float, work: Floats) -> bool:
+def search(
+    p: Any, memory: Floats, setup: Setup, b: Floats, command: float, load: float, work: Floats
+) -> bool:
     """Try Newton's method from the mean velocities of the substep before.
 
     Returns:
-        Whether it converged; then rows SPEED and RESIST hold the solution.
+        Whether it converged; then rows SPEED, RESIST and SPRING hold the solution.
     """
     size = setup.size
     for g in range(size):
@@ -156,12 +272,26 @@ def search(p: Any, setup: Setup, b: Floats, command: float, work: Floats) -> boo
             if work[ACTIVE, other] == 1.0:
                 v = work[SPEED, other]
                 side = 1.0 if v >= 0.0 else -1.0
-                torque, slope = resistance(p, setup, other, command, v, side)
+                torque, slope = resistance(p, memory, setup, work, other, command, v, side)
                 work[RESIST, other], work[SLOPE, other] = torque, slope
                 for g in range(size):
                     w = b[g, 2 + other] / setup.h
                     work[REST, g] += w * torque
                     work[JACOBIAN + g, other] += w * slope
+        for which in range(2):
+            if work[SPRING_ON, which] == 1.0:
+                one, other = setup.groups[which], setup.groups[which + 1]
+                start, rate = deflection(setup, which, load, work, SPEED)
+                torque, slope = added_torque(
+                    p, memory, setup.groups, which, start, rate, setup.h, False
+                )
+                work[SPRING, which], work[SPRING_SLOPE, which] = torque, slope
+                for g in range(size):
+                    w = mobility(setup, b, g, which)
+                    work[REST, g] += w * torque
+                    work[JACOBIAN + g, one] += w * slope
+                    if other >= 0:
+                        work[JACOBIAN + g, other] -= w * slope
         eliminate(work, size)
         largest = 0.0
         for g in range(size):
@@ -169,71 +299,152 @@ def search(p: Any, setup: Setup, b: Floats, command: float, work: Floats) -> boo
             if work[ACTIVE, g] == 1.0:
                 work[RESIST, g] -= work[SLOPE, g] * work[REST, g]
                 largest = max(largest, abs(work[REST, g]) - 1e-9 * abs(work[SPEED, g]))
-        if largest <= 1e-7 * p.dq_0:
+        for which in range(2):
+            if work[SPRING_ON, which] == 1.0:
+                one, other = setup.groups[which], setup.groups[which + 1]
+                change = work[REST, one]
+                if other >= 0:
+                    change -= work[REST, other]
+                work[SPRING, which] -= work[SPRING_SLOPE, which] * change
+        if not largest < math.inf:
+            return False
+        if largest <= 1e-10 + 1e-7 * p.dq_0:
             return True
     return False
 
 
 @compiled
-def descend(p: Any, setup: Setup, b: Floats, command: float, work: Floats) -> None:
-    """Minimise one coordinate after the other; it converges whatever the coupling."""
+def descend(
+    p: Any, memory: Floats, setup: Setup, b: Floats, command: float, load: float, work: Floats
+) -> None:
+    """Solve for one coordinate or spring after the other; it converges whatever the coupling."""
     work[RESIST, :] = 0.0
+    work[SPRING, :] = 0.0
     for _ in range(SWEEPS):
         change = 0.0
         for g in range(setup.size):
             if work[ACTIVE, g] == 0.0:
                 continue
-            target, w = work[FREE_SPEED, g], b[g, 2 + g] / setup.h
-            for other in range(setup.size):
-                if other != g:
-                    target -= b[g, 2 + other] / setup.h * work[RESIST, other]
-            v, torque = settle(p, setup, g, command, w, target)
+            w = b[g, 2 + g] / setup.h
+            target = reached(setup, b, work, g) + w * work[RESIST, g]
+            v, torque = settle(p, memory, setup, work, g, command, w, target)
             change = max(change, abs(torque - work[RESIST, g]) * w - 1e-13 * abs(target))
             work[SPEED, g], work[RESIST, g] = v, torque
+        for which in range(2):
+            if work[SPRING_ON, which] == 0.0:
+                continue
+            one, other = setup.groups[which], setup.groups[which + 1]
+            w, target = mobility(setup, b, one, which), reached(setup, b, work, one)
+            if other >= 0:
+                w -= mobility(setup, b, other, which)
+                target -= reached(setup, b, work, other)
+                start = work[X, one] - work[X, other]
+            else:
+                target -= load
+                start = work[X, one] - work[X, setup.size]
+            target += w * work[SPRING, which]
+            _, torque = stretch(p, memory, setup, which, start, w, target)
+            change = max(change, abs(torque - work[SPRING, which]) * w - 1e-13 * abs(target))
+            work[SPRING, which] = torque
         if change <= 1e-15:
             break
 
 
 @compiled
-def resist(p: Any, setup: Setup, b: Floats, command: float, work: Floats) -> bool:
+def reached(setup: Setup, b: Floats, work: Floats, g: int) -> float:
+    """Return the mean velocity of coordinate g under the torques found so far."""
+    v = work[FREE_SPEED, g]
+    for other in range(setup.size):
+        v -= b[g, 2 + other] / setup.h * work[RESIST, other]
+    for which in range(2):
+        if work[SPRING_ON, which] == 1.0:
+            v -= mobility(setup, b, g, which) * work[SPRING, which]
+    return float(v)
+
+
+@compiled
+def is_sharp(p: Any, memory: Floats, setup: Setup) -> bool:
+    """Whether set-valued friction acts on any coordinate."""
+    if p.dq_0 > 0.0:
+        return False
+    for body in range(3):
+        if setup.groups[body] >= 0 and (
+            dry_level(p, memory, body, 1.0) > 0.0 or dry_level(p, memory, body, -1.0) > 0.0
+        ):
+            return True
+    return False
+
+
+@compiled
+def resist(
+    p: Any, memory: Floats, setup: Setup, b: Floats, command: float, load: float, work: Floats
+) -> bool:
     """Find mean velocities and resisting torques from the free ones; False if none resists."""
     active = 0.0
     for g in range(setup.size):
         active += work[ACTIVE, g]
     if active == 0.0:
         return False
-    if p.dq_0 == 0.0 or not search(p, setup, b, command, work):
-        descend(p, setup, b, command, work)
+    if is_sharp(p, memory, setup) or not search(p, memory, setup, b, command, load, work):
+        descend(p, memory, setup, b, command, load, work)
     for g in range(setup.size):
         work[GUESS, g] = work[SPEED, g]
     return True
 
 
 @compiled
-def come_to_rest(p: Any, setup: Setup, b: Floats, work: Floats) -> None:
+def come_to_rest(p: Any, memory: Floats, setup: Setup, b: Floats, work: Floats) -> None:
     """Hold the coordinates that sharp friction has stopped: exact position, no velocity.
 
     A coordinate is held if it did not move in the mean, or if it turned within the substep
     although friction could have held it. Both only take kinetic energy away.
     """
     for g in range(setup.size):
-        up = coulomb_sum(p, setup.groups, g, 1.0)
-        down = coulomb_sum(p, setup.groups, g, -1.0)
+        up = dry_sum(p, memory, setup.groups, g, 1.0)
+        down = dry_sum(p, memory, setup.groups, g, -1.0)
         if up + down == 0.0:
             continue
         row = setup.order - setup.size + g
         if work[SPEED, g] == 0.0:
             work[FREE, g], work[FREE, row] = work[X, g], 0.0
         elif work[FREE, row] * work[SPEED, g] < 0.0:
-            needed = (work[FREE, row] - work[X, row]) / b[row, 2 + g] + work[RESIST, g]
+            dry = up if work[SPEED, g] > 0.0 else -down
+            needed = (work[FREE, row] - work[X, row]) / b[row, 2 + g] + dry
             if -down <= needed <= up:
                 work[FREE, row] = 0.0
 
 
 @compiled
 def shift(b: Floats, setup: Setup, sign: float, work: Floats) -> None:
-    """Add the effect of the resisting torques in row RESIST to the end of the substep."""
+    """Add the effect of the torques in rows RESIST and SPRING to the end of the substep."""
     for g in range(setup.size):
         if work[ACTIVE, g] == 1.0:
+            torque = work[RESIST, g]
+            for which in range(2):
+                if work[SPRING_ON, which] == 1.0:
+                    if setup.groups[which] == g:
+                        torque += work[SPRING, which]
+                    elif setup.groups[which + 1] == g:
+                        torque -= work[SPRING, which]
             for i in range(setup.order):
-                work[FREE, i] += sign * b[i, 2 + g] * work[RESIST, g]
+                work[FREE, i] += sign * b[i, 2 + g] * torque
+
+
+@compiled
+def remember(p: Any, memory: Floats, setup: Setup, work: Floats) -> None:
+    """Move bristles and hysteresis on along the motion of the substep."""
+    for body in range(3):
+        g = setup.groups[body]
+        if g >= 0 and bristle_stiffness(p, body) > 0.0:
+            v = (work[FREE, g] - work[X, g]) / setup.h
+            side = 1.0 if v >= 0.0 else -1.0
+            z = memory[BRISTLE + body]
+            _, _, z = bristles(p, body, z, v, side, memory[MESH], setup.h)
+            memory[BRISTLE + body] = z
+    if work[SPRING_ON, BAR] == 1.0 and p.tau_h > 0.0:
+        one, other = setup.groups[BAR], setup.groups[BAR + 1]
+        if other < 0:
+            other = setup.size
+        start = work[X, one] - work[X, other]
+        rate = (work[FREE, one] - work[FREE, other] - start) / setup.h
+        added_torque(p, memory, setup.groups, BAR, start, rate, setup.h, True)

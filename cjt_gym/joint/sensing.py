@@ -10,6 +10,9 @@ from cjt_gym.joint.arrays import (
     DQ_G,
     DQ_L,
     DQ_M,
+    DRIFT,
+    LATE,
+    LATE_SUB,
     Q_G,
     Q_L,
     Q_M,
@@ -17,22 +20,35 @@ from cjt_gym.joint.arrays import (
     Batch,
     Floats,
     Setup,
+    X,
 )
 from cjt_gym.joint.compiled import compiled
-from cjt_gym.joint.random_stream import normal
+from cjt_gym.joint.random_stream import normal, uniform
+from cjt_gym.joint.springs import BAR, is_nonlinear, spring_torque
 from cjt_gym.joint.substep import store_state
 
 
 @compiled
 def write_channels(
-    p: Any, setup: Setup, x: Floats, currents: Floats, tau: float, load: float, out: Floats
+    p: Any,
+    memory: Floats,
+    setup: Setup,
+    x: Floats,
+    currents: Floats,
+    tau: float,
+    load: float,
+    out: Floats,
 ) -> None:
     """Write the true values of all channels, shape (8,)."""
     store_state(setup, x, load, out[Q_M:TAU])
     out[CURRENT_I] = currents[0]
     out[TAU] = tau
     if setup.groups[1] != setup.groups[2]:
-        out[TAU] = p.k_b * (out[Q_G] - out[Q_L]) + p.d_gl * (out[DQ_G] - out[DQ_L])
+        bend, rate = out[Q_G] - out[Q_L], out[DQ_G] - out[DQ_L]
+        if is_nonlinear(p, setup.groups, BAR):
+            out[TAU] = spring_torque(p, memory, setup.groups, BAR, bend, rate)
+        else:
+            out[TAU] = p.k_b * bend + p.d_gl * rate
 
 
 @compiled
@@ -40,6 +56,67 @@ def lateness(delay: float, setup: Setup) -> tuple[int, int]:
     """Split a delay [s] into whole control steps and substeps, rounded to a substep."""
     total = round(delay / setup.h)
     return total // setup.substeps, total % setup.substeps
+
+
+@compiled
+def is_late(p: Any) -> bool:
+    """Whether any measurement arrives late."""
+    return bool(
+        p.measurement_delay + p.late_i + p.late_q_m + p.late_q_g + p.late_q_l + p.late_tau > 0.0
+    )
+
+
+@compiled
+def own_lateness(p: Any, channel: int) -> float:
+    """Return how late a channel is by itself [s]; a velocity comes with its angle."""
+    if channel == CURRENT_I:
+        return float(p.late_i)
+    if channel in (Q_M, DQ_M):
+        return float(p.late_q_m)
+    if channel in (Q_G, DQ_G):
+        return float(p.late_q_g)
+    if channel in (Q_L, DQ_L):
+        return float(p.late_q_l)
+    return float(p.late_tau)
+
+
+@compiled
+def plan_lateness(p: Any, setup: Setup, work: Floats) -> bool:
+    """Write by how many steps and substeps each channel is late; return whether any is."""
+    work[LATE], work[LATE_SUB] = 0.0, 0.0
+    if not is_late(p):
+        return False
+    for channel in range(8):
+        steps, rest = lateness(p.measurement_delay + own_lateness(p, channel), setup)
+        work[LATE, channel], work[LATE_SUB, channel] = steps, rest
+    return True
+
+
+@compiled
+def take_snapshot(
+    p: Any,
+    memory: Floats,
+    setup: Setup,
+    s: int,
+    currents: Floats,
+    tau: float,
+    load: float,
+    out: Floats,
+    snapshot: Floats,
+    work: Floats,
+) -> None:
+    """Keep the channels whose reported instant is the start of substep s.
+
+    `out` is scratch for all channels and `snapshot` the result, shape (8,) each.
+    """
+    wanted = False
+    for channel in range(8):
+        wanted = wanted or setup.substeps - work[LATE_SUB, channel] == s
+    if wanted:
+        write_channels(p, memory, setup, work[X], currents, tau, load, out)
+        for channel in range(8):
+            if setup.substeps - work[LATE_SUB, channel] == s:
+                snapshot[channel] = out[channel]
 
 
 @compiled
@@ -77,31 +154,95 @@ def low_pass(old: float, new: float, cutoff: float, dt: float) -> float:
 
 
 @compiled
-def measure(batch: Batch, setup: Setup, i: int, at: int, at_torque: int, first: bool) -> None:
-    """Write what the sensors report: late, noisy, quantized, differentiated, filtered.
+def distorts(p: Any) -> bool:
+    """Whether any sensor has a wrong gain or zero, drifts, or runs off centre."""
+    return bool(
+        p.gain_i != 1.0
+        or p.gain_q_m != 1.0
+        or p.gain_q_g != 1.0
+        or p.gain_q_l != 1.0
+        or p.gain_tau != 1.0
+        or p.bias_i != 0.0
+        or p.bias_q_m != 0.0
+        or p.bias_q_g != 0.0
+        or p.bias_q_l != 0.0
+        or p.bias_tau != 0.0
+        or p.drift_i + p.drift_q_m + p.drift_q_g + p.drift_q_l + p.drift_tau > 0.0
+        or p.eccentricity_q_m + p.eccentricity_q_g + p.eccentricity_q_l > 0.0
+    )
+
+
+@compiled
+def encoder(p: Any, body: int) -> tuple[float, float, float, float]:
+    """Return gain, eccentricity [rad], turns per revolution, and bias [rad] of an encoder."""
+    if body == 0:
+        return p.gain_q_m, p.eccentricity_q_m, p.eccentricity_turns, p.bias_q_m
+    if body == 1:
+        return p.gain_q_g, p.eccentricity_q_g, 1.0, p.bias_q_g
+    return p.gain_q_l, p.eccentricity_q_l, 1.0, p.bias_q_l
+
+
+@compiled
+def distort(p: Any, memory: Floats, new: Floats) -> None:
+    """Apply gain, eccentricity, bias and drift to all channels, in place."""
+    for body in range(3):
+        gain, off_centre, turns, bias = encoder(p, body)
+        q, dq = new[Q_M + body], new[DQ_M + body]
+        if off_centre > 0.0:
+            angle = turns * q + p.eccentricity_phase
+            q += off_centre * math.sin(angle)
+            dq += off_centre * turns * math.cos(angle) * dq
+        new[Q_M + body] = gain * q + bias + memory[DRIFT + 1 + body]
+        new[DQ_M + body] = gain * dq
+    new[CURRENT_I] = p.gain_i * new[CURRENT_I] + p.bias_i + memory[DRIFT]
+    new[TAU] = p.gain_tau * new[TAU] + p.bias_tau + memory[DRIFT + 4]
+
+
+@compiled
+def walk(batch: Batch, setup: Setup, i: int) -> None:
+    """Let the zeros of joint i drift over a control step."""
+    p, memory = batch.p[i], batch.memory[i]
+    root = math.sqrt(setup.dt)
+    rates = (p.drift_i, p.drift_q_m, p.drift_q_g, p.drift_q_l, p.drift_tau)
+    for j in range(5):
+        if rates[j] > 0.0:
+            memory[DRIFT + j] += rates[j] * root * normal(batch.rng, i)
+
+
+@compiled
+def measure(batch: Batch, setup: Setup, i: int, first: bool, work: Floats) -> None:
+    """Write what the sensors report: late, distorted, noisy, quantized, differentiated, filtered.
 
     Noise is added to the physical quantity and the sum is quantized. Where velocities are
-    differentiated they are the backward difference of the measured angle, low-pass filtered.
+    differentiated they are the backward difference of the measured angle, low-pass filtered. A
+    lost frame leaves the measurement as it was.
 
     Args:
         batch: All joints.
         setup: What they share.
         i: Which joint.
-        at: Place of the values in the ring of outputs.
-        at_torque: Place of the torque.
         first: Whether this is the first measurement after a reset.
+        work: Scratch rows, with the lateness of each channel in whole steps.
     """
-    p = batch.p[i]
-    new = batch.measured[i]
+    p, memory = batch.p[i], batch.memory[i]
+    distorted = distorts(p)
+    if distorted and not first:
+        walk(batch, setup, i)
+    if p.dropout > 0.0 and not first and uniform(batch.rng, i) < p.dropout:
+        return
+    new, depth = batch.measured[i], batch.outputs.shape[1]
     old = new.copy()
     for channel in range(8):
-        value = batch.outputs[i, at_torque if channel == TAU else at, channel]
+        at = 0 if first else int(batch.samples[i] - work[LATE, channel]) % depth
+        new[channel] = batch.outputs[i, at, channel]
+    if distorted:
+        distort(p, memory, new)
+    for channel in range(8):
         noise, resolution = sensor(p, channel)
         if noise > 0.0:
-            value += noise * normal(batch.rng, i)
+            new[channel] += noise * normal(batch.rng, i)
         if resolution > 0.0:
-            value = math.floor(value / resolution + 0.5) * resolution
-        new[channel] = value
+            new[channel] = math.floor(new[channel] / resolution + 0.5) * resolution
     if p.torque_cutoff > 0.0 and not first:
         new[TAU] = low_pass(old[TAU], new[TAU], p.torque_cutoff, setup.dt)
     if p.velocity_cutoff > 0.0:

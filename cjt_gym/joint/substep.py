@@ -10,11 +10,32 @@ from __future__ import annotations
 
 from typing import Any
 
-from cjt_gym.joint.arrays import FREE, FREE_SPEED, RESIST, RIPPLE, Floats, Setup, X
+from cjt_gym.joint.arrays import (
+    FREE,
+    FREE_SPEED,
+    K_M,
+    MESH,
+    R_W,
+    RESIST,
+    RIPPLE,
+    SPRING,
+    SPRING_ON,
+    Floats,
+    Setup,
+    X,
+)
 from cjt_gym.joint.compiled import compiled
-from cjt_gym.joint.drives import CURRENT, STATIC, advance_currents, clip, static_current
+from cjt_gym.joint.drives import (
+    CURRENT,
+    STATIC,
+    advance_currents,
+    clip,
+    shaped_command,
+    static_current,
+)
 from cjt_gym.joint.friction import LOAD, friction
-from cjt_gym.joint.resist import come_to_rest, coulomb_sum, resist, shift
+from cjt_gym.joint.load_forces import has_load_force, load_force
+from cjt_gym.joint.resist import come_to_rest, dry_sum, remember, resist, shift
 from cjt_gym.joint.ripple import ripple_torque
 
 RIGID_PASSES = 4
@@ -46,53 +67,68 @@ def store_state(setup: Setup, x: Floats, load: float, state: Floats) -> None:
 
 
 @compiled
-def rigid_torque(p: Any, setup: Setup, load: float, work: Floats) -> float:
+def rigid_torque(p: Any, memory: Floats, setup: Setup, load: float, work: Floats) -> float:
     """Return the mean torque that a rigid joint passed on to its load over a substep [N m]."""
     v = (work[FREE, 0] - work[X, 0]) / setup.h
     side = 1.0 if v >= 0.0 else -1.0
-    drag, _ = friction(p, LOAD, v, side)
+    drag, _ = friction(p, memory, LOAD, v, side, setup.h)
     if v == 0.0 and p.dq_0 == 0.0:
-        total = coulomb_sum(p, setup.groups, 0, side)
+        total = dry_sum(p, memory, setup.groups, 0, side)
         drag = work[RESIST, 0] * abs(drag) / total if total > 0.0 else 0.0
+    if has_load_force(p):
+        against, _ = load_force(p, work[X, 0], v, setup.h)
+        drag += against
     acceleration = (work[FREE, 1] - work[X, 1]) / setup.h
     return float(p.I_l * acceleration + p.d_l * v + drag - load)
 
 
 @compiled
-def mesh_torque(p: Any, setup: Setup, load: float, work: Floats) -> float:
+def mesh_torque(p: Any, memory: Floats, setup: Setup, load: float, work: Floats) -> float:
     """Return the torque that the gear transmits, averaged over the substep [N m].
 
     Row FREE holds the motion under the resisting torques of the substep before.
     """
-    one, other = setup.groups[0], setup.groups[1]
+    one, other, which = setup.groups[0], setup.groups[1], 0
     stiffness, damping = p.k_g, p.d_mg
     if one == other:
-        other = setup.groups[2]
+        other, which = setup.groups[2], 1
         stiffness, damping = p.k_b, p.d_gl
     if one == other:
-        return rigid_torque(p, setup, load, work)
+        return rigid_torque(p, memory, setup, load, work)
     if other < 0:
         other = setup.size
     start = work[X, one] - work[X, other]
     end = work[FREE, one] - work[FREE, other]
-    return float(stiffness * 0.5 * (start + end) + damping * (end - start) / setup.h)
+    torque = stiffness * 0.5 * (start + end) + damping * (end - start) / setup.h
+    if work[SPRING_ON, which] == 1.0:
+        torque += work[SPRING, which]
+    return float(torque)
 
 
 @compiled
-def position_torque(p: Any, ripple: Floats, setup: Setup, tau: float, work: Floats) -> float:
+def position_torque(
+    p: Any, ripple: Floats, setup: Setup, tau: float, tau_m: float, work: Floats
+) -> float:
     """Return the torque on the motor that depends on position, at the middle of the substep."""
     g = setup.groups[0]
     row = setup.order - setup.size + g
     middle = 0.5 * (work[X, g] + work[FREE, g])
     q_m = middle + 0.125 * setup.h * (work[X, row] - work[FREE, row])
-    return ripple_torque(ripple, q_m, tau, p.cogging_scale, p.gear_ripple_scale)
+    return ripple_torque(p, ripple, q_m, tau, tau_m)
 
 
 @compiled
-def settled_ripple(
-    p: Any, ripple: Floats, b: Floats, setup: Setup, load: float, work: Floats
-) -> float:
-    """Return the ripple torque of a substep [N m].
+def settle_mesh(
+    p: Any,
+    memory: Floats,
+    ripple: Floats,
+    b: Floats,
+    setup: Setup,
+    load: float,
+    tau_m: float,
+    work: Floats,
+) -> None:
+    """Find the torque that the gear transmits and the ripple of a substep, in memory and work.
 
     What the gear transmits depends on the motion that friction and ripple themselves cause; both
     are predicted by the substep before, and by a second pass where there was none. A rigid joint
@@ -108,17 +144,29 @@ def settled_ripple(
         shift(b, setup, -1.0, work)
         for i in range(setup.order):
             work[FREE, i] += b[i, 0] * before
-        torque = position_torque(p, ripple, setup, mesh_torque(p, setup, load, work), work)
+        memory[MESH] = mesh_torque(p, memory, setup, load, work)
+        torque = position_torque(p, ripple, setup, memory[MESH], tau_m, work)
         shift(b, setup, 1.0, work)
         for i in range(setup.order):
             work[FREE, i] -= b[i, 0] * before
         work[RIPPLE, 0] = torque
-    return float(work[RIPPLE, 0])
+
+
+@compiled
+def depends_on_mesh(p: Any, ripple: Floats) -> bool:
+    """Whether any torque depends on the motor's angle or on what the gear transmits."""
+    return bool(
+        ripple.shape[0] > 0
+        or p.offset_a != 0.0
+        or p.offset_b != 0.0
+        or p.mu_m + p.mu_g + p.mu_l > 0.0
+    )
 
 
 @compiled
 def substep(
     p: Any,
+    memory: Floats,
     ripple: Floats,
     a: Floats,
     b: Floats,
@@ -133,6 +181,7 @@ def substep(
 
     Args:
         p: Parameter record.
+        memory: What its effects remember.
         ripple: Its ripple rows, shape (rows, 4).
         a: Discrete system matrix, shape (order, order).
         b: Discrete inputs, shape (order, 2 + size).
@@ -145,38 +194,42 @@ def substep(
     """
     order, size, drive = setup.order, setup.size, setup.drive
     motor, half = order - size + setup.groups[0], 0.5 * setup.h
-    is_voltage = setup.is_voltage
+    is_voltage, k, r = setup.is_voltage, memory[K_M], memory[R_W]
+    if not is_voltage:
+        command = shaped_command(p, memory, command, setup.h)
     if drive == CURRENT:
         currents[0] = clip(command, p.i_p)
     elif drive != STATIC:
-        advance_currents(p, drive, currents, command, command_d, is_voltage, work[X, motor], half)
+        dq_m = work[X, motor]
+        advance_currents(p, k, r, drive, currents, command, command_d, is_voltage, dq_m, half)
     tau_m = p.torque_offset
     if drive != STATIC:
-        tau_m += p.k_t * p.n * currents[0]
+        tau_m += k * currents[0]
     for i in range(order):
         value = b[i, 0] * tau_m + b[i, 1] * load
         for j in range(order):
             value += a[i, j] * work[X, j]
         work[FREE, i] = value
-    if ripple.shape[0] > 0:
-        extra = settled_ripple(p, ripple, b, setup, load, work)
+    if depends_on_mesh(p, ripple):
+        settle_mesh(p, memory, ripple, b, setup, load, k * currents[0], work)
         for i in range(order):
-            work[FREE, i] += b[i, 0] * extra
+            work[FREE, i] += b[i, 0] * work[RIPPLE, 0]
     for g in range(size):
         work[FREE_SPEED, g] = (work[FREE, g] - work[X, g]) / setup.h
-    if resist(p, setup, b, command, work):
+    if resist(p, memory, setup, b, command, load, work):
         shift(b, setup, -1.0, work)
         if p.dq_0 == 0.0:
-            come_to_rest(p, setup, b, work)
+            come_to_rest(p, memory, setup, b, work)
     rigid = setup.groups[1] == setup.groups[2]
-    tau = rigid_torque(p, setup, load, work) if rigid else 0.0
+    tau = rigid_torque(p, memory, setup, load, work) if rigid else 0.0
     if drive == STATIC:
         g = setup.groups[0]
         v = (work[FREE, g] - work[X, g]) / setup.h
-        currents[0], _ = static_current(p, command, is_voltage, v)
+        currents[0], _ = static_current(p, k, r, command, is_voltage, v)
     elif drive != CURRENT:
         dq_m = work[FREE, motor]
-        advance_currents(p, drive, currents, command, command_d, is_voltage, dq_m, half)
+        advance_currents(p, k, r, drive, currents, command, command_d, is_voltage, dq_m, half)
+    remember(p, memory, setup, work)
     for i in range(order):
         work[X, i] = work[FREE, i]
     return tau

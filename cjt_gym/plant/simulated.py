@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cjt_gym.joint import Joint
 from cjt_gym.joint.arrays import CHANNELS, WORK_ROWS, WORK_WIDTH, Batch, Setup
-from cjt_gym.joint.batch import JointBatch
+from cjt_gym.joint.batch import DELAYS, JointBatch
 from cjt_gym.joint.compiled import compiled
 from cjt_gym.joint.configure import FIELDS
 from cjt_gym.joint.discretize import discretize
@@ -104,7 +104,7 @@ class SimulatedPlant:
     def _longest_delay(self, joint: Joint) -> float:
         record, _ = joint.packed()
         total = 0.0
-        for name in ("command_delay", "measurement_delay", "torque_delay"):
+        for name in DELAYS:
             value = float(record[name][0])
             for row in self.rows:
                 if FIELDS[int(row[0])] == name:

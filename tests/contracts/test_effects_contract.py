@@ -9,37 +9,71 @@ import numpy as np
 import pytest
 
 from cjt_gym.errors import ParameterError, UnknownNameError
-from cjt_gym.joint import EFFECTS, STAGES, Effect, EffectParameter, Joint, load_joint
-from cjt_gym.joint.configure import FIELDS
+from cjt_gym.joint import (
+    DRIVES,
+    EFFECTS,
+    STAGES,
+    STRUCTURES,
+    Effect,
+    EffectParameter,
+    Joint,
+    load_joint,
+    load_joint_file,
+)
+from cjt_gym.joint.configure import FIELDS, typical_value
+from cjt_gym.joint.effects import PLACES, body_of
 from cjt_gym.records import Record
 
 ROWS = pytest.mark.parametrize("effect", EFFECTS.values(), ids=lambda effect: effect.name)
-NAME, STRUCTURE = "generic", "full_dynamics"
+NAME = "orange_80_6000"
+LOADED = {"I_l": 0.5}
 MEASURED = ("i", "q_m", "q_g", "q_l", "dq_m", "dq_g", "dq_l", "tau")
+RATES = {"q_m": "dq_m", "q_g": "dq_g", "q_l": "dq_l"}
 WITH_BODIES = [(e.name, body) for e in EFFECTS.values() for body in e.bodies]
 WITH_CHANNELS = [(e.name, channel) for e in EFFECTS.values() for channel in e.channels]
 EXCLUSIONS = [(e.name, other) for e in EFFECTS.values() for other in e.excludes]
 
 
-def inside(parameter: EffectParameter) -> Any:
-    """Return a value well inside the plausible range, and not zero."""
-    value = parameter.low + 0.3 * (parameter.high - parameter.low)
-    return (value, value) if parameter.series else value
+def made(effect: Effect, effects: Any, **more: Any) -> Joint:
+    """Return a joint in which that effect can act, with these effects."""
+    drive = "static" if effect.needs == "voltage" else "current"
+    structure = "output_fixed" if effect.needs == "fixed_load" else "full_dynamics"
+    return load_joint(NAME, structure, drive, effects=effects, **more)
 
 
-def neutral(parameter: EffectParameter, joint: Joint) -> Any:
+def typical(effect: Effect) -> dict[str, Any]:
+    """Return the values with which `effects="all"` turns it on."""
+    p = load_joint_file(NAME).parameters
+    return {parameter.symbol: typical_value(parameter, p) for parameter in effect.parameters}
+
+
+def neutral(parameter: EffectParameter) -> Any:
     """Return the value that leaves the joint alone; a relative one is that of its partner."""
     value = parameter.neutral or 0.0
     if parameter.relative_to is not None:
-        value = joint.parameters.get(parameter.relative_to, 0.0)
+        p = load_joint_file(NAME).parameters.replace(**LOADED)
+        value = p.get(parameter.relative_to, 0.0)
     return (value, value) if parameter.series else value
 
 
-def driven(effects: Any) -> Record:
-    """Return 0.2 s of a joint that moves, turns and is loaded."""
+def at_rest(effect: Effect) -> dict[str, Any]:
+    """Return typical values with those that give the effect its size made neutral."""
+    off = {p.symbol: neutral(p) for p in effect.parameters if p.symbol in effect.size}
+    return {**typical(effect), **off}
+
+
+def driven(effect: Effect, effects: Any) -> Record:
+    """Return 0.2 s of a joint that moves, turns, is loaded and asks for its peak current."""
     t = np.arange(200) * 1e-3
-    tau_m, load = 60.0 * np.sin(2 * np.pi * 9.0 * t), 20.0 * np.cos(2 * np.pi * 6.0 * t)
-    return load_joint(NAME, STRUCTURE, effects=effects).simulate(tau_m, load, dt_physics=1e-4)
+    tau_m = 150.0 * np.sin(2 * np.pi * 9.0 * t)
+    joint = made(effect, effects, parameters=LOADED)
+    push = 0.2 if joint.structure_row.output_fixed else 20.0
+    return joint.simulate(tau_m, push * np.cos(2 * np.pi * 6.0 * t), dt_physics=1e-4)
+
+
+def linear_damping(joint: Joint) -> Any:
+    record, _ = joint.packed()
+    return np.array([record[name][0] for name in ("d_m", "d_g", "d_l")])
 
 
 def differs(one: Record, other: Record) -> bool:
@@ -73,57 +107,53 @@ def test_parameters_have_unit_neutral_value_and_range(effect: Effect) -> None:
         assert -math.inf < p.low < p.high < math.inf
         assert p.low >= 0.0 or p.low == -p.high, f"{p.symbol}: a signed range is symmetric"
         assert set(p.fields) <= set(FIELDS)
+    assert set(effect.size) <= {p.symbol for p in effect.parameters}
+    assert effect.needs in PLACES
 
 
 @ROWS
-def test_only_effects_that_exclude_each_other_share_a_field(effect: Effect) -> None:
-    def fields(of: Effect) -> set[str]:
-        return {field for p in of.parameters for field in p.fields}
+def test_a_typical_value_is_within_the_plausible_range(effect: Effect) -> None:
+    values = typical(effect)
+    for p in effect.parameters:
+        assert np.all(np.asarray(values[p.symbol]) >= p.low) or values[p.symbol] == neutral(p)
+        assert np.all(np.asarray(values[p.symbol]) <= p.high)
 
-    for other in EFFECTS.values():
-        if other is not effect:
-            shared = fields(effect) & fields(other)
-            assert bool(shared) == (other.name in effect.excludes), other.name
-            assert (other.name in effect.excludes) == (effect.name in other.excludes)
+
+def test_every_effect_that_can_act_is_in_all() -> None:
+    for structure in STRUCTURES.values():
+        for drive in DRIVES:
+            active = set(load_joint(NAME, structure.name, drive, effects="all").effects)
+            able = {e.name for e in EFFECTS.values() if e.acts_in(structure, drive)}
+            assert active == able - {"coulomb_asym"}
+
+
+@ROWS
+def test_an_effect_that_cannot_act_is_refused(effect: Effect) -> None:
+    for structure in STRUCTURES.values():
+        if not effect.acts_in(structure, "current"):
+            with pytest.raises(ParameterError, match=f"Effect {effect.name} .* needs a"):
+                load_joint(NAME, structure.name, effects={effect.name: typical(effect)})
 
 
 # ---------------------------------------------------------------------------- what they do
 
 
 @ROWS
-def test_a_plausible_value_changes_what_is_measured(effect: Effect) -> None:
-    values = {p.symbol: inside(p) for p in effect.parameters}
-    assert differs(driven({effect.name: values}), driven({}))
-
-
-def refusal(effects: Any) -> str | None:
-    """Return the message with which a joint with these effects is refused, if it is."""
-    try:
-        load_joint(NAME, STRUCTURE, effects=effects)
-    except ParameterError as error:
-        return str(error)
-    return None
+def test_a_typical_value_changes_what_is_measured(effect: Effect) -> None:
+    assert differs(driven(effect, {effect.name: typical(effect)}), driven(effect, {}))
 
 
 @ROWS
-def test_the_neutral_value_is_refused_or_changes_nothing(effect: Effect) -> None:
-    joint = load_joint(NAME, STRUCTURE, effects={})
-    spec = {effect.name: {p.symbol: neutral(p, joint) for p in effect.parameters}}
-    message = refusal(spec)
-    if message is not None:
-        assert f"Effect {effect.name} " in message
-        assert "would do nothing" in message
-    else:
-        record, ideal = driven(spec), driven({})
-        for name in MEASURED:
-            np.testing.assert_array_equal(record[name], ideal[name], err_msg=name)
+def test_the_neutral_value_changes_nothing(effect: Effect) -> None:
+    record, ideal = driven(effect, {effect.name: at_rest(effect)}), driven(effect, {})
+    for name in MEASURED:
+        np.testing.assert_array_equal(record[name], ideal[name], err_msg=name)
 
 
 @ROWS
 def test_it_acts_in_its_stage(effect: Effect) -> None:
     """Sensing leaves the motion alone; all other stages change it."""
-    values = {p.symbol: inside(p) for p in effect.parameters}
-    one, ideal = driven({effect.name: values}), driven({})
+    one, ideal = driven(effect, {effect.name: typical(effect)}), driven(effect, {})
     moved = not np.array_equal(one["true_q_m"], ideal["true_q_m"])
     assert moved == (effect.stage != "sensing")
 
@@ -131,9 +161,9 @@ def test_it_acts_in_its_stage(effect: Effect) -> None:
 @ROWS
 def test_a_joint_file_can_list_it(effect: Effect, tmp_path: Any) -> None:
     """A file with the effect gives the same joint as the argument."""
-    values = {p.symbol: inside(p) for p in effect.parameters}
-    lines = ['name = "listed"', 'source = "test"', "[parameters]"]
-    for symbol, q in load_joint(NAME, effects={}).parameters.quantities.items():
+    values = typical(effect)
+    lines = [f'name = "{NAME}"', 'source = "test"', "[parameters]"]
+    for symbol, q in load_joint_file(NAME).parameters.quantities.items():
         lines.append(f'{symbol} = {{ value = {q.value!r}, unit = "{q.unit}" }}')
     lines.append(f"[effects.{effect.name}]")
     for p in effect.parameters:
@@ -141,7 +171,8 @@ def test_a_joint_file_can_list_it(effect: Effect, tmp_path: Any) -> None:
         lines.append(f'{p.symbol} = {{ value = {value}, unit = "{p.unit}" }}')
     path = tmp_path / "listed.toml"
     path.write_text("\n".join(lines))
-    listed, given = load_joint(path), load_joint(NAME, effects={effect.name: values})
+    given = made(effect, {effect.name: values})
+    listed = load_joint(path, given.structure, given.drive)
     assert listed.effects == given.effects
 
 
@@ -150,34 +181,44 @@ def test_a_joint_file_can_list_it(effect: Effect, tmp_path: Any) -> None:
 
 @pytest.mark.parametrize(("name", "body"), WITH_BODIES)
 def test_friction_acts_on_the_body_that_is_chosen(name: str, body: str) -> None:
-    effect, letter = EFFECTS[name], body[0]
-    own = [p for p in effect.parameters if p.symbol.removesuffix("_n").endswith(letter)]
-    values = {p.symbol: inside(p) for p in own}
-    joint = load_joint(NAME, STRUCTURE, effects={name: {"body": body, **values}})
-    torque = joint.nonlinear_torque(np.zeros(3), np.array([-1.0, -1.0, -1.0]))
-    np.testing.assert_array_equal(torque > 0.0, [b == body for b in ("motor", "gear", "load")])
+    """A joint with friction on one body alone loses its speed there alone."""
+    effect = EFFECTS[name]
+    own = [p for p in effect.parameters if body_of(p.symbol) == body and p.low == 0.0]
+    values = {p.symbol: 0.3 * p.high for p in own if p.symbol[:2] != "si"}
+    values |= {p.symbol: 1e4 for p in own if p.symbol[:2] == "si"}
+    values |= {"v_s": 0.05} if effect.parameter("v_s") else {}
+    joint = load_joint(NAME, "full_dynamics", effects={name: {"body": body, **values}})
+    at, still = np.zeros(3), np.full(3, -1.0)
+    torque = joint.nonlinear_torque(at, still, tau=10.0)
+    changed = linear_damping(joint) - linear_damping(load_joint(NAME, effects={}))
+    np.testing.assert_array_equal(
+        (torque > 0.0) | (changed != 0.0), [b == body for b in ("motor", "gear", "load")]
+    )
 
 
 @pytest.mark.parametrize(("name", "channel"), WITH_CHANNELS)
 def test_a_sensor_effect_acts_on_the_channel_that_is_chosen(name: str, channel: str) -> None:
-    parameter = EFFECTS[name].parameter(channel)
+    effect = EFFECTS[name]
+    parameter = effect.parameter(channel)
     assert parameter is not None
-    record = driven({name: {"channel": channel, "value": inside(parameter)}})
-    ideal = driven({})
+    value = 0.3 * parameter.high if parameter.neutral == 0.0 else 1.1
+    record = driven(effect, {name: {"channel": channel, "value": value}})
+    ideal = driven(effect, {})
     changed = {c for c in MEASURED if not np.array_equal(record[c], ideal[c])}
-    assert changed == {channel}
+    assert channel in changed
+    assert changed <= {channel, RATES.get(channel, channel)}
 
 
 @pytest.mark.parametrize("name", sorted({name for name, _ in WITH_BODIES}))
 def test_an_unknown_body_is_refused(name: str) -> None:
-    with pytest.raises(UnknownNameError, match="Did you mean 'motor'"):
-        load_joint(NAME, STRUCTURE, effects={name: {"body": "moter"}})
+    with pytest.raises(UnknownNameError, match="body of effect"):
+        load_joint(NAME, "full_dynamics", effects={name: {"body": "moter"}})
 
 
 @pytest.mark.parametrize("name", sorted({name for name, _ in WITH_CHANNELS}))
 def test_an_unknown_channel_is_refused(name: str) -> None:
     with pytest.raises(UnknownNameError, match="Did you mean 'q_m'"):
-        load_joint(NAME, STRUCTURE, effects={name: {"channel": "q_mm", "value": 0.1}})
+        load_joint(NAME, effects={name: {"channel": "q_mm", "value": 0.1}})
 
 
 # --------------------------------------------------------------------------------- refusals
@@ -186,14 +227,14 @@ def test_an_unknown_channel_is_refused(name: str) -> None:
 @ROWS
 def test_a_misspelt_name_gets_a_suggestion(effect: Effect) -> None:
     with pytest.raises(UnknownNameError, match=f"Did you mean '{effect.name}'"):
-        load_joint(NAME, STRUCTURE, effects=[effect.name + "x"])
+        load_joint(NAME, effects=[effect.name + "x"])
 
 
 @ROWS
 def test_a_misspelt_parameter_gets_a_suggestion(effect: Effect) -> None:
     symbol = max((p.symbol for p in effect.parameters), key=len)
     with pytest.raises(UnknownNameError) as caught:
-        load_joint(NAME, STRUCTURE, effects={effect.name: {symbol + "x": 1.0}})
+        made(effect, {effect.name: {symbol + "x": 1.0}})
     assert effect.name in str(caught.value)
     assert symbol in str(caught.value)
 
@@ -202,25 +243,25 @@ def test_a_misspelt_parameter_gets_a_suggestion(effect: Effect) -> None:
 @pytest.mark.parametrize("bad", [math.nan, math.inf, "much"])
 def test_a_value_that_is_no_number_is_refused(effect: Effect, bad: Any) -> None:
     for p in effect.parameters:
-        values = {other.symbol: inside(other) for other in effect.parameters}
+        values = typical(effect)
         values[p.symbol] = (bad, bad) if p.series else bad
         with pytest.raises(ParameterError, match=f"{effect.name}.{p.symbol}"):
-            load_joint(NAME, STRUCTURE, effects={effect.name: values})
+            made(effect, {effect.name: values})
 
 
 @ROWS
 def test_a_negative_value_is_refused_where_none_can_be(effect: Effect) -> None:
     for p in effect.parameters:
         if p.low >= 0.0 and not p.series:
-            values = {other.symbol: inside(other) for other in effect.parameters}
+            values = typical(effect)
             with pytest.raises(ParameterError, match=f"{effect.name}.{p.symbol}.*>= 0.*got -"):
-                load_joint(NAME, STRUCTURE, effects={effect.name: values | {p.symbol: -1.0}})
+                made(effect, {effect.name: values | {p.symbol: -1.0}})
 
 
 @pytest.mark.parametrize(("name", "other"), EXCLUSIONS)
 def test_effects_that_set_the_same_levels_are_refused_together(name: str, other: str) -> None:
     with pytest.raises(ParameterError, match="Keep one"):
-        load_joint(NAME, STRUCTURE, effects=[name, other])
+        load_joint(NAME, effects=[name, other])
 
 
 def test_series_of_unequal_length_are_refused() -> None:
@@ -237,12 +278,13 @@ def test_no_damping_in_one_direction_is_an_effect() -> None:
     """Zero is far from neutral for a joint that has damping."""
     joint = load_joint(NAME, effects={"viscous_asym": {"d_m_n": 0.0, "d_g_n": 0.0, "d_l_n": 0.0}})
     torque = joint.nonlinear_torque(np.zeros(3), np.full(3, -1.0))
-    np.testing.assert_allclose(torque, [-joint.parameters.d_m, 0.0, 0.0], atol=1e-12)
+    p = joint.parameters
+    np.testing.assert_allclose(torque, [-p.d_m, -p.d_g, -p.d_l], atol=1e-12)
 
 
 def test_a_level_that_is_given_moves_the_other_direction_along() -> None:
     """The file's level for negative velocity is for its own positive one."""
-    given = load_joint(NAME, STRUCTURE, effects={"coulomb_asym": {"d_cm": 1.0}})
+    given = load_joint(NAME, effects={"coulomb_asym": {"d_cm": 1.0}})
     assert given.effects["coulomb_asym"]["d_cm_n"] == 1.0
-    both = load_joint(NAME, STRUCTURE, effects={"coulomb_asym": {"d_cm": 1.0, "d_cm_n": 2.0}})
+    both = load_joint(NAME, effects={"coulomb_asym": {"d_cm": 1.0, "d_cm_n": 2.0}})
     assert both.effects["coulomb_asym"]["d_cm_n"] == 2.0

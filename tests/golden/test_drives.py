@@ -67,7 +67,7 @@ def test_static_drive_gives_the_current_of_the_terminal_voltage(
     to_current, to_torque = electrical(name, "static", "D")
     np.testing.assert_allclose(to_current, electrical(name, "rl", "sys_dc")[0], rtol=1e-14)
     for voltage, speed in [(1.0, 0.0), (0.0, 1.0), (7.0, -2.0)]:
-        current, slope = static_current(p, voltage, True, speed)
+        current, slope = static_current(p, p.k_t * p.n, p.r, voltage, True, speed)
         assert current == pytest.approx(to_current @ [voltage, speed], rel=1e-14)
         assert slope == pytest.approx(to_current[1], rel=1e-14)
         torque = p.k_t * p.n * current
@@ -82,8 +82,8 @@ def test_slope_of_the_d_and_q_currents(name: str, joint_of: JointOf) -> None:
     h = 1e-8
     for k in range(20):
         (i_q, i_d), (v_q, v_d, speed) = x[:, k], u[:, k]
-        ahead = advance_dq(p, i_q, i_d, v_q, v_d, True, speed, h)
-        behind = advance_dq(p, i_q, i_d, v_q, v_d, True, speed, -h)
+        ahead = advance_dq(p, p.k_t * p.n, p.r, i_q, i_d, v_q, v_d, True, speed, h)
+        behind = advance_dq(p, p.k_t * p.n, p.r, i_q, i_d, v_q, v_d, True, speed, -h)
         slope = (np.array(ahead) - np.array(behind)) / (2.0 * h)
         golden = electrical(name, "dq", "x_dot")[:, k]
         np.testing.assert_allclose(slope, golden, rtol=0.0, atol=1e-6 * np.abs(golden).max())

@@ -1,0 +1,195 @@
+"""Effects between the true values and what is measured."""
+
+from __future__ import annotations
+
+from cjt_gym.joint.effects.row import Effect, EffectParameter, per_channel
+from cjt_gym.joint.effects.sources import CATALOGUE, RANDOM_WALK, TOOLBOX
+
+_SAMPLING = f"{TOOLBOX}, section Noise, Quantization, and Delays"
+_FILTERS = f"{TOOLBOX}, section Modeling (mechanical subsystem block)"
+_FINE = {"i": 0.5, "q_m": 1e-3, "q_g": 1e-3, "q_l": 1e-3, "tau": 1.0}
+_ENCODERS = {"q_m": 0.01, "q_g": 0.01, "q_l": 0.01}
+_OTHERS = {"i": 1.0, "q_m": 0.1, "q_g": 0.1, "q_l": 0.1}
+
+
+def _one(
+    symbol: str,
+    unit: str,
+    high: float,
+    text: str,
+    field: str,
+    typical: float,
+    *,
+    low: float = 0.0,
+    neutral: float = 0.0,
+) -> tuple[EffectParameter, ...]:
+    return (EffectParameter(symbol, unit, neutral, low, high, text, (field,), typical=typical),)
+
+
+SENSING_EFFECTS = (
+    Effect(
+        "torque_gain",
+        "sensing",
+        "The torque sensor's scale differs from one.",
+        CATALOGUE,
+        _one("gain", "-", 2.0, "Reading per true torque", "gain_tau", 1.1, low=0.5, neutral=1.0),
+        size=("gain",),
+    ),
+    Effect(
+        "torque_bias",
+        "sensing",
+        "The torque sensor's zero is off.",
+        CATALOGUE,
+        _one("bias", "N m", 10.0, "Reading at no torque", "bias_tau", 0.2, low=-10.0),
+        size=("bias",),
+    ),
+    Effect(
+        "torque_delay",
+        "sensing",
+        "The torque sensor is late, on top of the delay of all channels.",
+        _SAMPLING,
+        _one("delay", "s", 0.02, "Lateness of the torque sensor", "late_tau", 1.5e-3),
+        size=("delay",),
+    ),
+    Effect(
+        "sensor_gain",
+        "sensing",
+        "A channel's scale differs from one.",
+        CATALOGUE,
+        per_channel(
+            "gain",
+            "Reading per true value",
+            dict.fromkeys(_OTHERS, 2.0),
+            {"i": 1.05},
+            unit="-",
+            neutral=1.0,
+        ),
+        size=tuple(_OTHERS),
+    ),
+    Effect(
+        "sensor_bias",
+        "sensing",
+        "A channel's zero is off.",
+        CATALOGUE,
+        per_channel("bias", "Zero", _OTHERS, {"i": 0.1, "q_m": 1e-3, "q_l": -1e-3}, signed=True),
+        size=tuple(_OTHERS),
+    ),
+    Effect(
+        "channel_delay",
+        "sensing",
+        "A channel is late by itself, in fractions of a sample.",
+        _SAMPLING,
+        per_channel(
+            "late", "Lateness", dict.fromkeys(_OTHERS, 0.02), {"i": 5e-4, "q_l": 1e-3}, unit="s"
+        ),
+        size=tuple(_OTHERS),
+    ),
+    Effect(
+        "measurement_delay",
+        "sensing",
+        "All measurements arrive late.",
+        _SAMPLING,
+        _one("delay", "s", 0.02, "Lateness of all channels", "measurement_delay", 1e-3),
+        size=("delay",),
+    ),
+    Effect(
+        "noise",
+        "sensing",
+        "White noise on a measured channel.",
+        _SAMPLING,
+        per_channel(
+            "noise",
+            "Standard deviation per sample",
+            _FINE,
+            {"i": 0.02, "q_m": 1e-5, "q_g": 1e-5, "q_l": 1e-5, "tau": 0.05},
+            sensor_key="noise",
+        ),
+        size=tuple(_FINE),
+    ),
+    Effect(
+        "drift",
+        "sensing",
+        "The zero of a channel walks at random.",
+        RANDOM_WALK,
+        per_channel(
+            "drift",
+            "Standard deviation after one second",
+            _FINE,
+            {"i": 0.01, "tau": 0.05},
+            unit="{}/s^0.5",
+        ),
+        size=tuple(_FINE),
+    ),
+    Effect(
+        "quantization",
+        "sensing",
+        "Finite resolution of a measured channel; b bits per turn are 2 pi / 2^b rad.",
+        _SAMPLING,
+        per_channel(
+            "resolution",
+            "Step",
+            _FINE,
+            {"i": 0.01, "q_m": 1.2e-5, "q_g": 1.2e-5, "q_l": 2.4e-5, "tau": 0.05},
+            sensor_key="resolution",
+        ),
+        size=tuple(_FINE),
+    ),
+    Effect(
+        "eccentricity",
+        "sensing",
+        "An encoder's disc runs off centre: e sin(f q + phase), once per turn of its shaft.",
+        "Geometry of a disc whose centre is off its axis",
+        (
+            *per_channel("eccentricity", "Amplitude", _ENCODERS, {"q_m": 1e-4, "q_l": 5e-4}),
+            EffectParameter(
+                "phase",
+                "rad",
+                0.0,
+                -3.2,
+                3.2,
+                "Phase at q = 0",
+                ("eccentricity_phase",),
+                default=0.0,
+                typical=0.5,
+            ),
+            EffectParameter(
+                "turns",
+                "1/rev",
+                0.0,
+                1.0,
+                300.0,
+                "Turns of the shaft of q_m per revolution; n where the encoder is on the rotor",
+                ("eccentricity_turns",),
+                "n",
+                default=1.0,
+                typical=1.0,
+                typical_of="n",
+            ),
+        ),
+        size=tuple(_ENCODERS),
+    ),
+    Effect(
+        "dropout",
+        "sensing",
+        "Frames are lost or repeated: the measurement before is reported again.",
+        _SAMPLING,
+        _one("probability", "-", 1.0, "Share of frames that are lost", "dropout", 0.02),
+        size=("probability",),
+    ),
+    Effect(
+        "velocity_differentiation",
+        "sensing",
+        "Velocities are the filtered backward difference of the measured angles.",
+        _FILTERS,
+        _one("cutoff", "Hz", 1e4, "Cut-off of the low pass; 0 is off", "velocity_cutoff", 100.0),
+        size=("cutoff",),
+    ),
+    Effect(
+        "torque_filter",
+        "sensing",
+        "The measured torque passes a first-order low pass.",
+        _FILTERS,
+        _one("cutoff", "Hz", 1e4, "Cut-off of the low pass; 0 is off", "torque_cutoff", 200.0),
+        size=("cutoff",),
+    ),
+)

@@ -1,0 +1,123 @@
+"""Effects between the motor and the load: gear and torsion bar."""
+
+from __future__ import annotations
+
+from cjt_gym.joint.effects.row import Effect, EffectParameter
+from cjt_gym.joint.effects.sources import BOUC_WEN, CATALOGUE, MAXWELL_SLIP, NORDIN, TOOLBOX
+
+
+def _stiffness(symbol: str, text: str, factor: float) -> EffectParameter:
+    return EffectParameter(
+        symbol,
+        "N m/rad",
+        None,
+        10.0,
+        1e6,
+        text,
+        (symbol,),
+        relative_to=symbol,
+        typical=factor,
+        typical_of=symbol,
+    )
+
+
+TRANSMISSION_EFFECTS = (
+    Effect(
+        "backlash",
+        "transmission",
+        "Play in series with the gear's spring, or with the bar where the gear is rigid.",
+        NORDIN,
+        (
+            EffectParameter(
+                "gap", "rad", 0.0, 0.0, 0.02, "Total play", ("play_gap",), typical=1e-3
+            ),
+            EffectParameter(
+                "offset",
+                "rad",
+                0.0,
+                -0.02,
+                0.02,
+                "Deflection at the middle of the play",
+                ("play_offset",),
+                default=0.0,
+                typical=0.0,
+            ),
+        ),
+        size=("gap",),
+        needs="spring",
+    ),
+    Effect(
+        "stiffness",
+        "transmission",
+        "The torsion bar's stiffness differs from nominal.",
+        CATALOGUE,
+        (_stiffness("k_b", "Stiffness that the bar really has", 0.85),),
+        size=("k_b",),
+        needs="bar",
+    ),
+    Effect(
+        "gear_stiffness",
+        "transmission",
+        "The gearbox's stiffness differs from nominal.",
+        f"{CATALOGUE}; {TOOLBOX}, structures with a compliant gearbox",
+        (_stiffness("k_g", "Stiffness that the gearbox really has", 0.7),),
+        size=("k_g",),
+        needs="gear",
+    ),
+    Effect(
+        "hardening",
+        "transmission",
+        "The torsion bar stiffens with deflection: k_b x + k_3 x^3.",
+        "Duffing's spring",
+        (
+            EffectParameter(
+                "k_3", "N m/rad^3", 0.0, 0.0, 1e9, "Cubic stiffness", ("k_3",), typical=1e6
+            ),
+        ),
+        size=("k_3",),
+        needs="bar",
+    ),
+    Effect(
+        "spring_hysteresis",
+        "transmission",
+        "The bar's torque depends on its past: Bouc-Wen, or Maxwell slip with several elements.",
+        f"{BOUC_WEN}; {MAXWELL_SLIP}",
+        (
+            EffectParameter(
+                "tau_h",
+                "N m",
+                0.0,
+                0.0,
+                20.0,
+                "Half height of the large loop",
+                ("tau_h",),
+                typical=0.01,
+                typical_of="torque",
+            ),
+            EffectParameter(
+                "delta_h",
+                "rad",
+                0.0,
+                1e-5,
+                0.05,
+                "Deflection over which a new loop rises to 63 %",
+                ("delta_h",),
+                default=1e-3,
+                typical=1e-3,
+            ),
+            EffectParameter(
+                "elements",
+                "-",
+                0.0,
+                0.0,
+                8.0,
+                "Elements of the Maxwell slip model; 0 is Bouc-Wen",
+                ("slip_elements",),
+                default=0.0,
+                typical=0.0,
+            ),
+        ),
+        size=("tau_h",),
+        needs="bar",
+    ),
+)

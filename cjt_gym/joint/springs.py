@@ -1,0 +1,217 @@
+"""Springs of gear and torsion bar that are not linear: play, hardening, hysteresis.
+
+The linear joint contains both springs as if they were linear. What they really give is added
+here as a torque that is constant over the substep and equals the mean of the real torque along
+the substep's path. For the part with a potential this is the discrete gradient
+(V(x1) - V(x0)) / (d1 - d0), so that energy is conserved exactly; for hysteresis the mean is
+integrated along the path, so that a closed loop takes energy exactly as the law says.
+
+References:
+    Gonzalez (1996), Time integration and discrete Hamiltonian systems, Journal of Nonlinear
+    Science 6; Nordin, Gutman (2002), Automatica 38(10).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from cjt_gym.joint.arrays import LOOP, Floats
+from cjt_gym.joint.compiled import compiled
+
+GEAR_SPRING, BAR = 0, 1
+YIELD_SPAN = 3.0  # the last Maxwell element yields at this many delta_h
+TINY = 1e-13  # [rad]
+
+
+@compiled
+def plays(groups: tuple[int, int, int], which: int) -> bool:
+    """Whether the play is in series with this spring."""
+    return (which == GEAR_SPRING) == (groups[0] != groups[1])
+
+
+@compiled
+def is_nonlinear(p: Any, groups: tuple[int, int, int], which: int) -> bool:
+    """Whether a spring differs from its linear model."""
+    one, other = groups[which], groups[which + 1]
+    if one == other:
+        return False
+    if p.play_gap > 0.0 and plays(groups, which):
+        return True
+    return bool(which == BAR and (p.k_3 > 0.0 or p.tau_h > 0.0))
+
+
+@compiled
+def beyond_play(deflection: float, gap: float, offset: float) -> float:
+    """Return how far a spring is deflected beyond its play [rad]."""
+    x = deflection - offset
+    if x > 0.5 * gap:
+        return x - 0.5 * gap
+    if x < -0.5 * gap:
+        return x + 0.5 * gap
+    return 0.0
+
+
+@compiled
+def bouc_wen(zeta: float, dx: float, scale: float) -> tuple[float, float]:
+    """Advance the Bouc-Wen law with exponent 1 and beta = gamma = 1/2, exactly.
+
+        scale dzeta = dx - (|dx| zeta + dx |zeta|) / 2
+
+    Args:
+        zeta: State in [-1, 1].
+        dx: Change of deflection [rad].
+        scale: Deflection over which a loop rises to 63 % [rad].
+
+    Returns:
+        New state and its integral over the path [rad].
+
+    References:
+        Ismail, Ikhouane, Rodellar (2009), Archives of Computational Methods in Engineering 16.
+    """
+    side = 1.0 if dx >= 0.0 else -1.0
+    state, left, area = side * zeta, abs(dx), 0.0
+    if state < 0.0:
+        straight = min(left, -state * scale)
+        end = state + straight / scale
+        area += 0.5 * (state + end) * straight
+        state, left = end, left - straight
+    if left > 0.0:
+        gained = (1.0 - state) * -math.expm1(-left / scale)
+        area += left - scale * gained
+        state += gained
+    return side * state, area
+
+
+@compiled
+def slip_stiffness(p: Any, j: int, count: int) -> tuple[float, float]:
+    """Return yield deflection [rad] and stiffness [N m/rad] of Maxwell element j.
+
+    Together `count` elements follow tau_h (1 - exp(-x / delta_h)) at their yield deflections.
+    """
+    step = YIELD_SPAN * p.delta_h / count
+    here = math.exp(-step * j / p.delta_h)
+    slope = p.tau_h * here * -math.expm1(-step / p.delta_h) / step
+    after = 0.0
+    if j + 1 < count:
+        after = slope * math.exp(-step / p.delta_h)
+    return step * (j + 1), slope - after
+
+
+@compiled
+def hysteresis(p: Any, memory: Floats, dx: float, keep: bool) -> tuple[float, float]:
+    """Return the torque after a change of deflection and its integral over the path.
+
+    Args:
+        p: Parameter record.
+        memory: Memory of the joint.
+        dx: Change of deflection [rad].
+        keep: Whether to keep the new state.
+
+    Returns:
+        Torque [N m] and integral [N m rad].
+
+    References:
+        Al-Bender, Lampaert, Swevers (2005), IEEE Transactions on Automatic Control 50(11).
+    """
+    count = int(p.slip_elements)
+    if count == 0:
+        state, area = bouc_wen(memory[LOOP], dx, p.delta_h)
+        if keep:
+            memory[LOOP] = state
+        return p.tau_h * state, p.tau_h * area
+    torque, work = 0.0, 0.0
+    side = 1.0 if dx >= 0.0 else -1.0
+    for j in range(count):
+        limit, stiffness = slip_stiffness(p, j, count)
+        old = side * memory[LOOP + j]
+        new = min(old + abs(dx), limit)
+        stuck = new - old
+        torque += side * stiffness * new
+        work += stiffness * (0.5 * (old + new) * stuck + limit * (abs(dx) - stuck))
+        if keep:
+            memory[LOOP + j] = side * new
+    return torque, work
+
+
+@compiled
+def spring_torque(
+    p: Any, memory: Floats, groups: tuple[int, int, int], which: int, deflection: float, rate: float
+) -> float:
+    """Return the torque of a spring at an instant, damper included [N m]."""
+    stiffness, damping, x = p.k_g, p.d_mg, deflection
+    if which == BAR:
+        stiffness, damping = p.k_b, p.d_gl
+    gap = p.play_gap if plays(groups, which) else 0.0
+    if gap > 0.0:
+        x = beyond_play(deflection, gap, p.play_offset)
+        if x == 0.0:
+            return 0.0
+    torque = stiffness * x + damping * rate
+    if which == BAR:
+        torque += p.k_3 * x * x * x
+        if p.tau_h > 0.0:
+            loop, _ = hysteresis(p, memory, 0.0, False)
+            torque += loop
+    if gap > 0.0 and torque * x < 0.0:
+        return 0.0
+    return float(torque)
+
+
+@compiled
+def added_torque(
+    p: Any,
+    memory: Floats,
+    groups: tuple[int, int, int],
+    which: int,
+    start: float,
+    rate: float,
+    h: float,
+    keep: bool,
+) -> tuple[float, float]:
+    """Return the mean torque that a spring adds to its linear model over a substep.
+
+    Args:
+        p: Parameter record.
+        memory: Memory of the joint.
+        groups: Coordinates of the bodies.
+        which: GEAR_SPRING or BAR.
+        start: Deflection at the start [rad].
+        rate: Mean velocity of the deflection [rad/s].
+        h: Substep [s].
+        keep: Whether to keep the new state of the hysteresis.
+
+    Returns:
+        Torque [N m] and its slope over the rate [N m s/rad].
+    """
+    stiffness, damping = p.k_g, p.d_mg
+    k_3, is_loop = 0.0, False
+    if which == BAR:
+        stiffness, damping, k_3, is_loop = p.k_b, p.d_gl, p.k_3, p.tau_h > 0.0
+    gap = p.play_gap if plays(groups, which) else 0.0
+    offset = p.play_offset if gap > 0.0 else 0.0
+    end = start + h * rate
+    x0, x1 = beyond_play(start, gap, offset), beyond_play(end, gap, offset)
+    if gap == 0.0:
+        x0, x1 = start, end
+    touching = 1.0 if gap == 0.0 or x1 != 0.0 else 0.0
+    travel = end - start
+    share = (x1 - x0) / travel if abs(travel) > TINY else touching
+    torque = share * 0.5 * (x0 + x1) * (stiffness + 0.5 * k_3 * (x0 * x0 + x1 * x1))
+    local = stiffness * x1 + k_3 * x1 * x1 * x1
+    if is_loop:
+        loop, work = hysteresis(p, memory, x1 - x0, keep)
+        torque += work / travel if abs(travel) > TINY else share * loop
+        local += loop
+    if abs(travel) > 1e3 * TINY:
+        slope = (local * touching - torque) / rate
+    else:
+        slope = 0.5 * h * touching * (stiffness + 3.0 * k_3 * x1 * x1)
+    torque += damping * rate * share
+    slope += damping * touching
+    one_side = min(x0, x1) >= 0.0 or max(x0, x1) <= 0.0
+    if gap > 0.0 and one_side and torque * (x0 + x1) < 0.0:
+        torque, slope = 0.0, 0.0  # a contact does not pull
+    torque -= stiffness * 0.5 * (start + end) + damping * rate
+    slope -= stiffness * 0.5 * h + damping
+    return torque, slope
