@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import time
 
-from benchmarks import accuracy, costs, report, speed
+from benchmarks import accuracy, costs, redraw, report, speed
 
 
 def main() -> None:
     """Run all benchmarks, one after the other."""
     begin = time.perf_counter()
     tables = []
-    for measure in (accuracy.table, speed.table, costs.redraw_table, costs.effect_table):
+    for measure in (
+        accuracy.table,
+        speed.table,
+        redraw.table,
+        costs.redraw_table,
+        costs.effect_table,
+    ):
         tables.append(measure())
         print(tables[-1].markdown(), end="\n\n", flush=True)
     report.write(tables)

@@ -49,7 +49,6 @@ class Episodes:
         self.observation_space = spaces.Box(-CLIP, CLIP, (size,), np.float32)
         self.action_space = spaces.Box(-1.0, 1.0, (1,), np.float32)
         self.base, self.residual = np.zeros(num), np.zeros(num)
-        self._random_rows = self.plant.rows
         self._all = np.ones(num, dtype=np.bool_)
 
     def seed(self, seed: int | None, first: np.random.Generator | None) -> None:
@@ -70,9 +69,7 @@ class Episodes:
         fixed = given.pop("parameters", None)
         if given:
             raise unknown_name("reset option", next(iter(given)), ["parameters"])
-        self.plant.rows = self._random_rows if fixed is None else self._random_rows[:0]
-        self.plant.set_nominal(fixed or {})
-        self.fixed = dict(fixed or {})
+        self.plant.fix(fixed)
         self.begin(self._all)
 
     def begin(self, mask: NDArray[np.bool_]) -> None:
@@ -126,10 +123,13 @@ class Episodes:
         }
 
     def parameters(self) -> dict[str, Floats]:
-        """Return the parameters that were drawn or fixed, each of shape (num,)."""
-        names = (*self.settings.randomization, *self.fixed)
-        rows = [self.plant.parameters(i) for i in range(self.num)] if names else []
-        return {name: np.array([row[name] for row in rows]) for name in dict.fromkeys(names)}
+        """Return the present values of what is randomised or fixed, each of shape (num,)."""
+        return self.plant.drawn()
+
+    @property
+    def redrawn(self) -> NDArray[np.bool_]:
+        """Which episodes drew parameters anew within themselves in the last step, (num,)."""
+        return self.plant.changed
 
 
 def _controller(given: ControllerOrFactory | None, s: Settings) -> BaseController | None:

@@ -42,7 +42,7 @@ class TorqueTrackingVecEnv(VecEnv):
         """Begin all episodes; `seed` beforehand fixes what they draw."""
         if self._seeds[0] is not None:
             for i, seed in enumerate(self._seeds):
-                self.episodes.plant.batch.seed(i, int(seed or 0))
+                self.episodes.plant.seed_one(i, int(seed or 0))
         elif self._fresh:
             self.episodes.plant.seed(int(np.random.SeedSequence().generate_state(1)[0]))
         self._fresh = False

@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.joint import Joint, get_structure, load_joint, load_joint_file
 from cjt_gym.joint.parameters import JointParameters
-from cjt_gym.plant import Measurement
+from cjt_gym.plant import Measurement, Variation
+from cjt_gym.plant.randomization import Randomization, resolve_randomization
+from cjt_gym.plant.randomization.program import compile_plan
 from cjt_gym.signals import Signal, make_signals
 
 Floats = NDArray[np.float64]
@@ -54,7 +56,7 @@ class Settings:
         dt: Control step [s].
         dt_physics: Substep [s].
         reward_weights: Weight of each reward term.
-        randomization: What each episode draws anew.
+        randomization: What varies and how, fully spelt out.
     """
 
     joint: Joint
@@ -69,7 +71,7 @@ class Settings:
     dt: float
     dt_physics: float
     reward_weights: Mapping[str, float]
-    randomization: Mapping[str, Any] = field(default_factory=dict)
+    randomization: Mapping[str, Variation] = field(default_factory=dict)
 
 
 def default_load(name: str, structure: str, parameters: Mapping[str, float]) -> dict[str, float]:
@@ -110,7 +112,7 @@ def make_settings(
     drive: str,
     effects: Any,
     parameters: Mapping[str, float] | None,
-    randomization: Mapping[str, Any] | None,
+    randomization: Randomization,
     reference: Any,
     disturbance: Any,
     torque_amplitude: float | None,
@@ -149,8 +151,10 @@ def make_settings(
         raise ConfigurationError(
             f"preview must be >= 0 and episode_steps >= 1, got {preview} and {episode_steps}."
         )
-    late = _lateness(joint, dt_control)
-    history = max(4, late + 2) if history is None else history
+    variations = resolve_randomization(joint, randomization, dt_control)
+    late = _lateness(joint, {}, dt_control)
+    longest = _lateness(joint, variations, dt_control)
+    history = max(4, late + 2, longest) if history is None else history
     if history < late:
         raise ConfigurationError(
             f"history must be >= {late}, the delay of the joint in control steps, so that what is "
@@ -169,7 +173,7 @@ def make_settings(
         dt=dt_control,
         dt_physics=dt_physics,
         reward_weights=_weights(reward_weights),
-        randomization=dict(randomization or {}),
+        randomization=variations,
     )
 
 
@@ -197,8 +201,8 @@ def _velocity_scale(joint: Joint, amplitude: float, disturbances: tuple[Signal, 
     return p.get("dq_p", FREE_DRIFT * amplitude / inertia)
 
 
-def _lateness(joint: Joint, dt: float) -> int:
+def _lateness(joint: Joint, variations: Mapping[str, Variation], dt: float) -> int:
     """Return the longest loop delay in control steps."""
-    record, _ = joint.packed()
-    names = ("command_delay", "measurement_delay", "torque_delay")
-    return math.ceil(sum(float(record[name][0]) for name in names) / dt - 1e-9)
+    delays = compile_plan(joint, variations, dt).delays
+    names = ("command_delay", "measurement_delay", "late_tau")
+    return math.ceil(sum(delays[name] for name in names) / dt - 1e-9)

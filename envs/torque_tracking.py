@@ -15,6 +15,7 @@ from cjt_gym.envs.core import ControllerOrFactory, Episodes
 from cjt_gym.envs.strip_chart import StripChart
 from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.joint import Joint
+from cjt_gym.plant.randomization import Randomization
 
 Observation = NDArray[np.float32]
 Action = NDArray[np.float32]
@@ -82,7 +83,8 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
 
     Each step gives `tau` (true joint torque), `tau_measured`, `tau_reference`, `tau_command`,
     `base_action`, `residual` [N m] and `reward/<term>`; reset gives `parameters`, those that
-    were drawn or fixed.
+    were drawn or fixed, and so does a step before which some were drawn anew. A batch adds the
+    mask `_parameters` of the members for which that holds.
 
     ## Arguments
 
@@ -93,7 +95,7 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
     | `drive` | "current" | "current", "static", "rl" or "dq" |
     | `effects` | None | names or {name: values}; None for those that the joint file lists |
     | `parameters` | None | parameters that replace those of the joint file |
-    | `randomization` | None | {name: (low, high) factors or a mapping}, drawn at each reset |
+    | `randomization` | None | "mild", "wide", "identified" or {name: variation}, see below |
     | `base_controller` | None | controller, or function (joint, dt) -> controller |
     | `reference` | "mixed" | "step", "chirp", "multisine", "smooth", "mixed", file, `Signal` |
     | `disturbance` | None | the same for load torque [N m] or, output fixed, velocity [rad/s] |
@@ -112,6 +114,15 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
     Coulomb friction of motor and gear where that is more. Where the output is free and the joint
     file describes the bare actuator, the load is ten times I_m + I_g, unless `parameters` gives
     I_l.
+
+    ## Randomisation
+
+    `randomization` varies any base parameter ("k_b") and any scalar parameter of an active effect
+    ("coulomb.d_cm"): {name: (low, high)} draws factors at each reset; a mapping with the keys of
+    `Variation` chooses distribution ("uniform", "log_uniform", "normal", "choice"), operation
+    ("scale", "add", "set"), time ("reset", "once", "interval", "drift") and group. "mild" and
+    "wide" vary everything that acts, "identified" what the joint file gives a tolerance to;
+    {"preset": "mild", name: variation} changes a preset.
 
     ## Version history
 
@@ -132,7 +143,7 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
         drive: str = "current",
         effects: Any = None,
         parameters: Mapping[str, float] | None = None,
-        randomization: Mapping[str, Any] | None = None,
+        randomization: Randomization = None,
         base_controller: ControllerOrFactory | None = None,
         reference: Any = "mixed",
         disturbance: Any = None,
@@ -167,8 +178,7 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
         self.episodes.reset(options)
         if self._chart is not None:
             self._chart.clear()
-        drawn = {name: float(values[0]) for name, values in self.episodes.parameters().items()}
-        return self.episodes.task.observation[0].copy(), {"parameters": drawn}
+        return self.episodes.task.observation[0].copy(), {"parameters": self._parameters()}
 
     def step(self, action: Action) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Advance by one control step.
@@ -179,11 +189,15 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
         """
         self.episodes.step(np.asarray(action).reshape(1, -1))
         task = self.episodes.task
-        info = {name: float(values[0]) for name, values in self.episodes.info().items()}
+        info: dict[str, Any] = {
+            name: float(values[0]) for name, values in self.episodes.info().items()
+        }
         if self._chart is not None:
             self._chart.add(info["tau_reference"], info["tau"], info["tau_command"])
             if self.render_mode == "human":
                 self._chart.show()
+        if self.episodes.redrawn[0]:
+            info["parameters"] = self._parameters()
         return (
             task.observation[0].copy(),
             float(task.reward[0]),
@@ -191,6 +205,9 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
             bool(task.truncated[0]),
             info,
         )
+
+    def _parameters(self) -> dict[str, float]:
+        return {name: float(values[0]) for name, values in self.episodes.parameters().items()}
 
     def render(self) -> Any:
         """Return the strip chart as an image, shape (height, width, 3), for "rgb_array"."""
@@ -256,6 +273,7 @@ class TorqueTrackingVectorEnv(VectorEnv[Observation, Action, NDArray[Any]]):
         info: dict[str, Any] = self.episodes.info()
         terminated, truncated = task.terminated.copy(), task.truncated.copy()
         done = terminated | truncated
+        told = self.episodes.redrawn | done
         if done.any():
             final_obs = np.full(self.num_envs, None, dtype=object)
             for i in np.flatnonzero(done):
@@ -267,6 +285,8 @@ class TorqueTrackingVectorEnv(VectorEnv[Observation, Action, NDArray[Any]]):
             self.episodes.begin(done)
         else:
             reward = task.reward.copy()
+        if told.any() and self.episodes.settings.randomization:
+            info |= {"parameters": self.episodes.parameters(), "_parameters": told}
         return task.observation.copy(), reward, terminated, truncated, info
 
 

@@ -14,8 +14,10 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from cjt_gym.envs.torque_tracking import complete
 from cjt_gym.errors import CjtGymError, ConfigurationError, MissingFileError
 from cjt_gym.joint import Joint, load_joint_file
+from cjt_gym.plant.randomization import resolve_randomization
 from cjt_gym.training.config import VALIDATION_SEEDS, TrainConfig, load_config
 from cjt_gym.training.toml_text import to_toml
 
@@ -35,8 +37,9 @@ class TrainingError(CjtGymError, RuntimeError):
 class RunFolder:
     """A folder of ours.
 
-    It holds `config.toml` (and `joint.toml` if the joint came from a file), `run.json` (status,
-    seeds, versions, git revision, parameter hash), `model.zip` (the model that was best in
+    It holds `config.toml` (and `joint.toml` if the joint came from a file), `randomization.toml`
+    (every variation of the joint, fully spelt out, as [env.randomization] takes it), `run.json`
+    (status, seeds, versions, git revision, parameter hash), `model.zip` (the model that was best in
     validation), `normalization.npz` where observations or rewards were normalised, `progress.csv`,
     `tensorboard/` and `checkpoints/`.
 
@@ -141,8 +144,16 @@ def begin_run(path: str | Path, config: TrainConfig, joint: Joint) -> RunFolder:
         shutil.copyfile(str(name), folder / "joint.toml")
         config = replace(config, env={**config.env, "joint": "joint.toml"})
     _write_text(folder / "config.toml", to_toml(config.to_dict()))
+    _write_text(folder / "randomization.toml", to_toml(resolved_randomization(config, joint)))
     _write_text(folder / MARKER, json.dumps(_facts(config, joint), indent=2) + "\n")
     return RunFolder(folder)
+
+
+def resolved_randomization(config: TrainConfig, joint: Joint) -> dict[str, dict[str, Any]]:
+    """Return what varies in a training, by name, with all that a preset leaves unsaid."""
+    arguments = complete(config.env)
+    spec, dt = arguments["randomization"], arguments["dt_control"]
+    return {name: v.to_dict() for name, v in resolve_randomization(joint, spec, dt).items()}
 
 
 def _facts(config: TrainConfig, joint: Joint) -> dict[str, Any]:

@@ -14,7 +14,7 @@ Integers = NDArray[np.int64]
 CHANNELS = ("i", "q_m", "q_g", "q_l", "dq_m", "dq_g", "dq_l", "tau")
 CURRENT_I, Q_M, Q_G, Q_L, DQ_M, DQ_G, DQ_L, TAU = range(8)
 
-# Rows of the scratch array of one joint, shape (18, 8), so that none is allocated in a step.
+# Rows of the scratch array of one joint, shape (23, 8), so that none is allocated in a step.
 X = 0  # state at the start of the substep
 FREE = 1  # state at its end
 SPEED = 2  # mean velocities of the coordinates
@@ -23,7 +23,7 @@ RESIST = 4  # resisting torques
 GUESS = 5  # mean velocities of the substep before, from which the search starts
 REST = 6  # residuals of the search
 SLOPE = 7  # slopes of the resisting torques
-ACTIVE = 8  # 1 where anything resists a coordinate
+ACTIVE = 8  # what resists a coordinate: nothing, Coulomb friction alone, anything
 JACOBIAN = 9  # three rows
 RIPPLE = 12  # ripple torque of the substep before, and 1 where there was one
 SPRING = 13  # torques that gear and bar add to their linear ones
@@ -31,7 +31,12 @@ SPRING_SLOPE = 14  # their slopes over the mean velocity
 SPRING_ON = 15  # 1 where they add any
 LATE = 16  # whole control steps by which each channel is late
 LATE_SUB = 17  # substeps on top of them
-WORK_ROWS, WORK_WIDTH = 18, 8
+SWITCH = 18  # what a substep has to do beyond the linear motion, 1 or 0 in the columns below
+SHAPES, MESHES, RESISTS, REMEMBERS = 0, 1, 2, 3
+BODY = 19  # friction of motor, gear and load: three rows with the columns below
+UP, DOWN, EXCESS, MU, SIGMA, EXTRA, LAW = 0, 1, 2, 3, 4, 5, 6
+OLD = 22  # measured channels of the control step before
+WORK_ROWS, WORK_WIDTH = 23, 8
 
 # What a joint remembers beyond its mechanical state and its currents.
 BRISTLE = 0  # deflection of the bristles of motor, gear and load [rad]

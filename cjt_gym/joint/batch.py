@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cjt_gym.errors import ConfigurationError, SimulationError
 from cjt_gym.joint.arrays import MEMORY, WORK_ROWS, WORK_WIDTH, Batch, Setup
 from cjt_gym.joint.compiled import compiled
-from cjt_gym.joint.discretize import discretize
+from cjt_gym.joint.discretize import SCRATCH, discretize
 from cjt_gym.joint.drives import get_drive
 from cjt_gym.joint.kernel import restart, step_batch
 from cjt_gym.joint.random_stream import seed_state
@@ -49,8 +49,9 @@ def substeps_of(dt: float, dt_physics: float) -> int:
 @compiled
 def discretize_all(batch: Batch, setup: Setup) -> None:
     """Discretise every joint of a batch."""
+    scratch = np.empty(SCRATCH)
     for i in range(batch.a.shape[0]):
-        discretize(batch.p[i], setup.groups, setup.h, batch.a[i], batch.b[i])
+        discretize(batch.p[i], setup.groups, setup.h, batch.a[i], batch.b[i], scratch)
 
 
 @compiled

@@ -1,4 +1,8 @@
-"""The decorator of all compiled functions, and their cache on disk.
+"""The decorators of all compiled functions, and their cache on disk.
+
+`lean` is for functions that allocate nothing: their arrays are borrowed, so that no reference is
+counted (Numba's option `_nrt`), which makes small functions several times faster. All others are
+`compiled`.
 
 Numba renews a cached function when its own file changes, not when a function that it calls
 does. So the cache of the whole package is forgotten when any of its compiled files changes.
@@ -8,15 +12,25 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any, TypeVar
 
 from numba import njit
 
 PACKAGES = ("cjt_gym.joint", "cjt_gym.signals", "cjt_gym.plant", "cjt_gym.envs")
 STAMP = "compiled.stamp"
+BORROWED: Any = {"cache": True, "_nrt": False}
+Function = TypeVar("Function", bound=Callable[..., Any])
 
 compiled = njit(cache=True)
+
+
+def lean(function: Function) -> Function:
+    """Compile a function that allocates nothing, without counting references to its arrays."""
+    fast: Function = njit(function, **BORROWED)
+    return fast
 
 
 def _folders() -> list[Path]:
@@ -30,7 +44,7 @@ def forget_stale_code() -> None:
     states = [
         (path.name, path.stat().st_mtime_ns, path.stat().st_size)
         for folder in folders
-        for path in sorted(folder.glob("*.py"))
+        for path in sorted(folder.rglob("*.py"))
     ]
     stamp = hashlib.sha256(repr(states).encode()).hexdigest()
     home = Path(__file__).parent / "__pycache__" / STAMP
@@ -38,7 +52,7 @@ def forget_stale_code() -> None:
         if home.exists() and home.read_text() == stamp:
             return
         for folder in folders:
-            for path in (folder / "__pycache__").glob("*.nb[ic]"):
+            for path in folder.rglob("__pycache__/*.nb[ic]"):
                 path.unlink(missing_ok=True)
         home.parent.mkdir(exist_ok=True)
         home.write_text(stamp)

@@ -47,8 +47,9 @@ def resolve_effects(
 
     Args:
         spec: None for the effects listed in the joint file, as far as they can act in the
-            structure; "all" for all that can act, with typical values where nothing is known;
-            a name, names, or a mapping of names to values for exactly these.
+            structure; a name, names, or a mapping of names to values for exactly these. The
+            name "all" adds all others that can act, and takes typical values where nothing is
+            known.
         file: The joint file.
         structure: Where they act.
         drive: Name of the drive.
@@ -59,20 +60,22 @@ def resolve_effects(
             an effect cannot act in the structure.
     """
     given = _requested(spec, file)
+    everything = given.pop(ALL, None) is not None
     for name in given:
         if name not in EFFECTS:
             raise unknown_name("effect", name, EFFECTS)
     chosen = []
-    for name in (name for name in EFFECTS if name in given):
+    for name in EFFECTS if everything else [name for name in EFFECTS if name in given]:
         effect = EFFECTS[name]
         if not effect.acts_in(structure, drive):
-            if spec is None or spec == ALL:
+            if spec is None or name not in given:
                 continue
             raise ParameterError(
                 f"Effect {name} of {file.parameters.origin} needs {PLACES[effect.needs]}, got "
                 f"structure {structure.name} with drive {drive}. Leave it out or choose another."
             )
-        if spec == ALL and any(other in chosen for other in effect.excludes):
+        rivals = [other for other in effect.excludes if other in chosen or other in given]
+        if rivals and name not in given:
             continue
         chosen.append(name)
     resolved: dict[str, EffectValues] = {}
@@ -84,16 +87,20 @@ def resolve_effects(
                     f"Effects {name} and {other} of {file.parameters.origin} set the same levels. "
                     "Keep one of them."
                 )
-        resolved[name] = _resolve_one(effect, given[name], file, typical=spec == ALL)
-    _share({name: {**file.effects.get(name, {}), **given[name]} for name in chosen}, resolved, file)
+        resolved[name] = _resolve_one(effect, given.get(name, {}), file, typical=everything)
+    resolved = {
+        name: values
+        for name, values in resolved.items()
+        if name in given or not _is_idle(EFFECTS[name], values, file.parameters)
+    }
+    said = {name: {**file.effects.get(name, {}), **given.get(name, {})} for name in resolved}
+    _share(said, resolved, file)
     return resolved
 
 
 def _requested(spec: EffectSpec, file: JointFile) -> dict[str, Mapping[str, Any]]:
     if spec is None:
         spec = file.effects
-    elif spec == ALL:
-        spec = list(EFFECTS)
     elif isinstance(spec, str):
         spec = [spec]
     if isinstance(spec, Mapping):
@@ -141,7 +148,7 @@ def _resolve_one(
             if typical and np.all(np.asarray(value) == _off(parameter, file.parameters)):
                 value = typical_value(parameter, file.parameters)
         result[parameter.symbol] = _checked(effect, parameter, value, file)
-    _check_whole(effect, result, set(merged), file)
+    _check_whole(effect, result, set(effect.size) if typical else set(merged), file)
     return result
 
 
@@ -243,9 +250,18 @@ def _checked(
         ) from None
     if not math.isfinite(number):
         raise ParameterError(f"{where} must be finite {parameter.unit}, got {number}.")
-    if parameter.low >= 0.0 > number:
-        raise ParameterError(f"{where} must be >= 0 {parameter.unit}, got {number:g}.")
+    low, strict, high = effect.domain(parameter)
+    if number < low or (strict and number == low):
+        sign = ">" if strict else ">="
+        raise ParameterError(f"{where} must be {sign} {low:g} {parameter.unit}, got {number:g}.")
+    if number > high:
+        raise ParameterError(f"{where} must be <= {high:g} {parameter.unit}, got {number:g}.")
     return number
+
+
+def _is_idle(effect: Effect, values: EffectValues, p: JointParameters) -> bool:
+    size = [parameter for parameter in effect.parameters if parameter.symbol in effect.size]
+    return all(np.all(np.asarray(values[x.symbol]) == _off(x, p)) for x in size)
 
 
 def _check_whole(effect: Effect, values: EffectValues, given: set[str], file: JointFile) -> None:
@@ -257,9 +273,8 @@ def _check_whole(effect: Effect, values: EffectValues, given: set[str], file: Jo
         raise ParameterError(
             f"The series of effect {effect.name} of {owner} must be of equal length, got {lengths}."
         )
-    size = [p for p in effect.parameters if p.symbol in effect.size]
-    idle = all(np.all(np.asarray(values[p.symbol]) == _off(p, file.parameters)) for p in size)
-    if idle and not given & set(effect.size):
+    if _is_idle(effect, values, file.parameters) and not given & set(effect.size):
+        size = [p for p in effect.parameters if p.symbol in effect.size]
         names = ", ".join(f"{p.symbol} [{p.unit}]" for p in size)
         raise ParameterError(
             f"Effect {effect.name} of {owner} would do nothing: nothing is known of {names}. "

@@ -1,7 +1,17 @@
 """Exact discretisation of many joints at once, inside compiled code.
 
-The same zero-order hold as `linear.zero_order_hold`, by scaling and squaring of a Taylor
-series in a state scaled by the step, [z, h dz, q_l], which keeps every entry near one.
+The same zero-order hold as `linear.zero_order_hold`, in a state scaled by the step, [z, q_l, h dz],
+which keeps every entry near one. With X the scaled system matrix times the step,
+
+    phi(X) = X^-1 (exp(X) - 1) = sum_k X^k / (k + 1)!,
+    A = exp(X) = 1 + X phi(X),  B = phi(X) U,
+
+so that one series of the size of the state gives both, for a small X. It stops when it has
+converged, and is squared, exp(2 X) = exp(X)^2 and phi(2 X) = (exp(X) + 1) phi(X) / 2. The rows of
+positions in X only select velocities: multiplying by X costs the rows of velocities alone.
+
+References:
+    Higham (2008), Functions of Matrices, chapter 10.
 """
 
 from __future__ import annotations
@@ -11,42 +21,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.joint.compiled import compiled
+from cjt_gym.joint.compiled import lean
 
 Matrix = NDArray[np.float64]
-TERMS = 18
+MAX_ORDER = 6
+SCRATCH = (4, MAX_ORDER, MAX_ORDER)
+LARGEST_NORM = 0.5
+CONVERGED = 1e-20
+MAX_TERMS = 30
 
 
-@compiled
-def expm_small(m: Matrix) -> Matrix:
-    """Return the matrix exponential by a Taylor series of order 18, scaled and squared.
-
-    The truncation error after scaling to a norm below 1/2 is under 1e-22.
-    """
-    n = m.shape[0]
-    norm = 0.0
-    for j in range(n):
-        column = 0.0
-        for i in range(n):
-            column += abs(m[i, j])
-        norm = max(norm, column)
-    squarings = 0
-    while norm > 0.5:
-        norm *= 0.5
-        squarings += 1
-    scaled = m * 0.5**squarings
-    result = np.eye(n)
-    term = np.eye(n)
-    for k in range(1, TERMS + 1):
-        term = (term @ scaled) / k
-        result += term
-    for _ in range(squarings):
-        result = result @ result
-    return result
-
-
-@compiled
-def discretize(p: Any, groups: tuple[int, int, int], h: float, a: Matrix, b: Matrix) -> None:
+@lean
+def discretize(
+    p: Any, groups: tuple[int, int, int], h: float, a: Matrix, b: Matrix, scratch: Matrix
+) -> None:
     """Write the discrete A and B of one joint for a step h [s].
 
     Args:
@@ -55,70 +43,172 @@ def discretize(p: Any, groups: tuple[int, int, int], h: float, a: Matrix, b: Mat
         h: Step [s].
         a: Result, shape (order, order).
         b: Result, shape (order, 2 + size): motor torque, load input, torque per coordinate.
+        scratch: Space to work in, of the shape `SCRATCH`.
     """
     order, size = a.shape[0], b.shape[1] - 2
-    fixed = groups[2] < 0
     velocity = order - size
-    mass = np.zeros(3)
-    mass[groups[0]] += p.I_m
-    mass[groups[1]] += p.I_g
-    if not fixed:
-        mass[groups[2]] += p.I_l
-    inputs = 2 + size
-    m = np.zeros((order + inputs, order + inputs))
-    for g in range(size):
-        m[g, velocity + g] = 1.0
-        m[velocity + g, order + 2 + g] = h * h / mass[g]
-    m[velocity + groups[0], order] = h * h / mass[groups[0]]
-    if fixed:
-        m[size, order + 1] = h
-    else:
-        m[velocity + groups[2], order + 1] = h * h / mass[groups[2]]
-    _ground(m, velocity + groups[0], p.d_m * h / mass[groups[0]])
-    _ground(m, velocity + groups[1], p.d_g * h / mass[groups[1]])
-    if not fixed:
-        _ground(m, velocity + groups[2], p.d_l * h / mass[groups[2]])
-    _spring(m, groups[0], groups[1], velocity, size, order, mass, p.k_g, p.d_mg, h)
-    _spring(m, groups[1], groups[2], velocity, size, order, mass, p.k_b, p.d_gl, h)
-    exact = expm_small(m)
+    x, phi, one, other = scratch[0], scratch[1], scratch[2], scratch[3]
+    _fill(p, groups, h, order, size, x)
+    squarings = _scale(x, order)
+    _series(x, order, size, phi, one, other)
+    _advance(x, phi, order, size, one)
+    for i in range(order):
+        one[i, i] += 1.0
+    for _ in range(squarings):
+        _multiply(one, phi, order, other)
+        for i in range(order):
+            for j in range(order):
+                phi[i, j] = 0.5 * (phi[i, j] + other[i, j])
+        _multiply(one, one, order, other)
+        one, other = other, one
     for i in range(order):
         row = 1.0 / h if i >= velocity else 1.0
         for j in range(order):
-            a[i, j] = exact[i, j] * row * (h if j >= velocity else 1.0)
-        for j in range(inputs):
-            b[i, j] = exact[i, order + j] * row
+            a[i, j] = one[i, j] * row * (h if j >= velocity else 1.0)
+    _inputs(p, groups, h, phi, b)
 
 
-@compiled
-def _ground(m: Matrix, row: int, rate: float) -> None:
-    m[row, row] -= rate
+@lean
+def _mass(p: Any, groups: tuple[int, int, int], g: int) -> float:
+    """Return the inertia of a coordinate."""
+    mass = 0.0
+    if groups[0] == g:
+        mass += p.I_m
+    if groups[1] == g:
+        mass += p.I_g
+    if groups[2] == g:
+        mass += p.I_l
+    return mass
 
 
-@compiled
+@lean
+def _fill(p: Any, groups: tuple[int, int, int], h: float, order: int, size: int, x: Matrix) -> None:
+    """Write X."""
+    x[:order, :order] = 0.0
+    velocity = order - size
+    for g in range(size):
+        x[g, velocity + g] = 1.0
+        rate = 0.0
+        if groups[0] == g:
+            rate += p.d_m
+        if groups[1] == g:
+            rate += p.d_g
+        if groups[2] == g:
+            rate += p.d_l
+        x[velocity + g, velocity + g] = -rate * h / _mass(p, groups, g)
+    _spring(p, groups, 0, p.k_g, p.d_mg, h, velocity, size, x)
+    _spring(p, groups, 1, p.k_b, p.d_gl, h, velocity, size, x)
+
+
+@lean
 def _spring(
-    m: Matrix,
-    one: int,
-    other: int,
-    velocity: int,
-    size: int,
-    order: int,
-    mass: NDArray[np.float64],
+    p: Any,
+    groups: tuple[int, int, int],
+    which: int,
     k: float,
     d: float,
     h: float,
+    velocity: int,
+    size: int,
+    x: Matrix,
 ) -> None:
-    """Add a spring and damper between two coordinates; -1 is the prescribed load."""
-    if one == other:
+    """Add a spring and damper behind body `which`; q_l stands behind z where it is prescribed."""
+    if groups[which] == groups[which + 1]:
         return
-    for here, there in ((one, other), (other, one)):
+    for side in range(2):
+        here, there = groups[which + side], groups[which + 1 - side]
         if here < 0:
             continue
-        stiff, damp = k * h * h / mass[here], d * h / mass[here]
-        m[velocity + here, here] -= stiff
-        m[velocity + here, velocity + here] -= damp
+        mass = _mass(p, groups, here)
+        stiff, damp = k * h * h / mass, d * h / mass
+        x[velocity + here, here] -= stiff
+        x[velocity + here, velocity + here] -= damp
         if there >= 0:
-            m[velocity + here, there] += stiff
-            m[velocity + here, velocity + there] += damp
+            x[velocity + here, there] += stiff
+            x[velocity + here, velocity + there] += damp
         else:
-            m[velocity + here, size] += stiff
-            m[velocity + here, order + 1] += damp * h
+            x[velocity + here, size] += stiff
+
+
+@lean
+def _scale(x: Matrix, order: int) -> int:
+    """Halve X until its 1-norm is small, in place; return how often."""
+    norm = 0.0
+    for j in range(order):
+        column = 0.0
+        for i in range(order):
+            column += abs(x[i, j])
+        norm = max(norm, column)
+    squarings, factor = 0, 1.0
+    while norm * factor > LARGEST_NORM:
+        factor *= 0.5
+        squarings += 1
+    for i in range(order):
+        for j in range(order):
+            x[i, j] *= factor
+    return squarings
+
+
+@lean
+def _advance(x: Matrix, y: Matrix, order: int, size: int, out: Matrix) -> None:
+    """Write X y, shape (order, order)."""
+    velocity = order - size
+    for g in range(size):
+        select, row = x[g, velocity + g], velocity + g
+        for j in range(order):
+            out[g, j] = select * y[row, j]
+            out[row, j] = 0.0
+        for k in range(order):
+            entry = x[row, k]
+            for j in range(order):
+                out[row, j] += entry * y[k, j]
+    if velocity > size:
+        for j in range(order):
+            out[size, j] = 0.0
+
+
+@lean
+def _multiply(x: Matrix, y: Matrix, order: int, out: Matrix) -> None:
+    """Write the product of two matrices, shape (order, order)."""
+    for i in range(order):
+        for j in range(order):
+            out[i, j] = 0.0
+        for k in range(order):
+            entry = x[i, k]
+            for j in range(order):
+                out[i, j] += entry * y[k, j]
+
+
+@lean
+def _series(x: Matrix, order: int, size: int, phi: Matrix, term: Matrix, product: Matrix) -> None:
+    """Write phi(X) by its Taylor series, up to the term that no longer counts."""
+    for i in range(order):
+        for j in range(order):
+            phi[i, j] = term[i, j] = 1.0 if i == j else 0.0
+    for k in range(2, MAX_TERMS):
+        _advance(x, term, order, size, product)
+        largest = 0.0
+        for i in range(order):
+            for j in range(order):
+                value = product[i, j] / k
+                term[i, j] = value
+                phi[i, j] += value
+                largest = max(largest, abs(value))
+        if largest < CONVERGED:
+            return
+
+
+@lean
+def _inputs(p: Any, groups: tuple[int, int, int], h: float, phi: Matrix, b: Matrix) -> None:
+    """Write B from phi(X)."""
+    order, size = b.shape[0], b.shape[1] - 2
+    velocity = order - size
+    for i in range(order):
+        row = 1.0 / h if i >= velocity else 1.0
+        for g in range(size):
+            b[i, 2 + g] = phi[i, velocity + g] * row * h * h / _mass(p, groups, g)
+        b[i, 0] = b[i, 2 + groups[0]]
+        if groups[2] >= 0:
+            b[i, 1] = b[i, 2 + groups[2]]
+        else:
+            b[i, 1] = phi[i, size] * row * h + p.d_gl * b[i, 2 + groups[1]]

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from cjt_gym.errors import unknown_name
 from cjt_gym.joint.arrays import LAGGED, REFERENCE
-from cjt_gym.joint.compiled import compiled
+from cjt_gym.joint.compiled import lean
 
 CURRENT, STATIC, RL, DQ = 0, 1, 2, 3
 
@@ -50,13 +50,13 @@ def get_drive(name: str) -> int:
     return list(DRIVES).index(name)
 
 
-@compiled
+@lean
 def clip(x: float, limit: float) -> float:
     """Limit x to [-limit, limit]."""
     return min(max(x, -limit), limit)
 
 
-@compiled
+@lean
 def static_current(
     p: Any, k: float, r: float, command: float, is_voltage: bool, dq_m: float
 ) -> tuple[float, float]:
@@ -87,7 +87,7 @@ def static_current(
     return current, slope
 
 
-@compiled
+@lean
 def circle(v_q: float, v_d: float, limit: float) -> tuple[float, float]:
     """Shorten a voltage vector to the circle that the inverter can reach."""
     length = math.hypot(v_q, v_d)
@@ -96,7 +96,7 @@ def circle(v_q: float, v_d: float, limit: float) -> tuple[float, float]:
     return v_q * limit / length, v_d * limit / length
 
 
-@compiled
+@lean
 def advance_rl(
     p: Any,
     k: float,
@@ -116,7 +116,7 @@ def advance_rl(
     return clip(final + (current - final) * math.exp(-r * h / p.l_a), p.i_p)
 
 
-@compiled
+@lean
 def advance_dq(
     p: Any,
     k: float,
@@ -156,7 +156,7 @@ def advance_dq(
     return circle(z.real, z.imag, p.i_p)
 
 
-@compiled
+@lean
 def advance_currents(
     p: Any,
     k: float,
@@ -178,7 +178,7 @@ def advance_currents(
         )
 
 
-@compiled
+@lean
 def shaped_command(p: Any, memory: NDArray[np.float64], command: float, h: float) -> float:
     """Return the mean current that a drive follows over h [s], behind rate limit and lag.
 

@@ -14,58 +14,60 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from cjt_gym.joint.arrays import BRISTLE, MESH, Floats
-from cjt_gym.joint.compiled import compiled
+from cjt_gym.joint.arrays import (
+    BODY,
+    BRISTLE,
+    DOWN,
+    EXCESS,
+    EXTRA,
+    LAW,
+    MESH,
+    MU,
+    SIGMA,
+    UP,
+    Floats,
+)
+from cjt_gym.joint.compiled import lean
 
 MOTOR, GEAR, LOAD = 0, 1, 2
+LEAST = 1e-9  # level below which there is no friction [N m]
+NONE, COULOMB, SLIDING, BRISTLES = 0.0, 1.0, 2.0, 3.0  # laws, the dearer the higher
 
 
-@compiled
-def coulomb_levels(p: Any, body: int) -> tuple[float, float]:
-    """Return the Coulomb levels for positive and negative velocity [N m]."""
-    if body == MOTOR:
-        return p.d_cm, p.d_cm_n
-    if body == GEAR:
-        return p.d_cg, p.d_cg_n
-    return p.d_cl, p.d_cl_n
+@lean
+def note_friction(p: Any, work: Floats) -> None:
+    """Write the friction of the three bodies into the rows from BODY on."""
+    for body in range(3):
+        row = BODY + body
+        if body == MOTOR:
+            work[row, UP], work[row, DOWN], work[row, EXCESS] = p.d_cm, p.d_cm_n, p.d_sm
+            work[row, MU], work[row, SIGMA], work[row, EXTRA] = p.mu_m, p.sigma_m, p.d_m_extra_n
+        elif body == GEAR:
+            work[row, UP], work[row, DOWN], work[row, EXCESS] = p.d_cg, p.d_cg_n, p.d_sg
+            work[row, MU], work[row, SIGMA], work[row, EXTRA] = p.mu_g, p.sigma_g, p.d_g_extra_n
+        else:
+            work[row, UP], work[row, DOWN], work[row, EXCESS] = p.d_cl, p.d_cl_n, p.d_sl
+            work[row, MU], work[row, SIGMA], work[row, EXTRA] = p.mu_l, p.sigma_l, p.d_l_extra_n
+        is_dry = work[row, EXCESS] != 0.0 or work[row, MU] != 0.0
+        law = NONE
+        if work[row, UP] != 0.0 or work[row, DOWN] != 0.0 or work[row, EXTRA] != 0.0:
+            law = COULOMB
+        if is_dry:
+            law = SLIDING
+        if law != NONE and work[row, SIGMA] > 0.0:
+            law = BRISTLES
+        work[row, LAW] = law
 
 
-@compiled
-def breakaway(p: Any, body: int) -> tuple[float, float]:
-    """Return the breakaway above the Coulomb level [N m] and the friction per torque [-]."""
-    if body == MOTOR:
-        return p.d_sm, p.mu_m
-    if body == GEAR:
-        return p.d_sg, p.mu_g
-    return p.d_sl, p.mu_l
-
-
-@compiled
-def bristle_stiffness(p: Any, body: int) -> float:
-    """Return the stiffness of the bristles [N m/rad]; 0 where there are none."""
-    if body == MOTOR:
-        return float(p.sigma_m)
-    if body == GEAR:
-        return float(p.sigma_g)
-    return float(p.sigma_l)
-
-
-@compiled
-def extra_damping(p: Any, body: int) -> float:
-    """Return what the viscous damping gains at negative velocity [N m s/rad]."""
-    if body == MOTOR:
-        return float(p.d_m_extra_n)
-    if body == GEAR:
-        return float(p.d_g_extra_n)
-    return float(p.d_l_extra_n)
-
-
-@compiled
-def level(p: Any, body: int, dq: float, side: float, tau: float) -> tuple[float, float]:
+@lean
+def level(
+    p: Any, work: Floats, body: int, dq: float, side: float, tau: float
+) -> tuple[float, float]:
     """Return the level g of dry friction [N m] and its slope over velocity [N m s/rad].
 
     Args:
         p: Parameter record.
+        work: Scratch rows with the friction of the bodies.
         body: MOTOR, GEAR or LOAD.
         dq: Velocity of the body [rad/s].
         side: +1 or -1, the direction of motion.
@@ -74,21 +76,40 @@ def level(p: Any, body: int, dq: float, side: float, tau: float) -> tuple[float,
     References:
         Armstrong-Helouvry, Dupont, Canudas de Wit (1994), Automatica 30(7).
     """
-    up, down = coulomb_levels(p, body)
-    total, slope = up if side > 0.0 else down, 0.0
-    excess, mu = breakaway(p, body)
+    row = BODY + body
+    total, slope = work[row, UP] if side > 0.0 else work[row, DOWN], 0.0
+    if work[row, LAW] == COULOMB:
+        return total, slope
+    excess = work[row, EXCESS]
     if excess != 0.0 and p.v_s > 0.0:
         ratio = dq / p.v_s
         bump = excess * math.exp(-ratio * ratio)
         total += bump
         slope -= 2.0 * bump * ratio / p.v_s
-    if mu != 0.0:
-        total += mu * abs(tau)
-    return total, slope
+    return total + work[row, MU] * abs(tau), slope
 
 
-@compiled
-def sliding_friction(p: Any, body: int, dq: float, side: float, tau: float) -> tuple[float, float]:
+@lean
+def coulomb_friction(
+    dq_0: float, work: Floats, row: int, dq: float, side: float
+) -> tuple[float, float]:
+    """Return the friction of a body that has Coulomb and one-sided viscous friction alone."""
+    g = work[row, UP] if side > 0.0 else work[row, DOWN]
+    if dq_0 > 0.0:
+        s = math.tanh(dq / dq_0)
+        torque, slope = g * s, g * (1.0 - s * s) / dq_0
+    else:
+        torque, slope = g * side, 0.0
+    if dq < 0.0:
+        torque += work[row, EXTRA] * dq
+        slope += work[row, EXTRA]
+    return torque, slope
+
+
+@lean
+def sliding_friction(
+    p: Any, work: Floats, body: int, dq: float, side: float, tau: float
+) -> tuple[float, float]:
     """Return the friction of a sliding body and its slope over velocity.
 
     With dq_0 = 0 the sign is sharp: the slope of the jump is left out, and at dq = 0 the
@@ -96,6 +117,7 @@ def sliding_friction(p: Any, body: int, dq: float, side: float, tau: float) -> t
 
     Args:
         p: Parameter record.
+        work: Scratch rows with the friction of the bodies.
         body: MOTOR, GEAR or LOAD.
         dq: Velocity of the body [rad/s].
         side: +1 or -1, the direction of motion, which counts where dq = 0.
@@ -108,7 +130,7 @@ def sliding_friction(p: Any, body: int, dq: float, side: float, tau: float) -> t
         Malzahn, Roozing, Tsagarakis, The Compliant Joint Toolbox for MATLAB, section
         Nonlinear Dynamics.
     """
-    g, falling = level(p, body, dq, side, tau)
+    g, falling = level(p, work, body, dq, side, tau)
     if g == 0.0:
         torque, slope = 0.0, 0.0
     elif p.dq_0 > 0.0:
@@ -116,22 +138,15 @@ def sliding_friction(p: Any, body: int, dq: float, side: float, tau: float) -> t
         torque, slope = g * s, g * (1.0 - s * s) / p.dq_0 + falling * s
     else:
         torque, slope = g * side, falling * side
-    return with_damping(p, body, dq, torque, slope)
-
-
-@compiled
-def with_damping(p: Any, body: int, dq: float, torque: float, slope: float) -> tuple[float, float]:
-    """Add the viscous friction that a body has at negative velocity alone."""
     if dq < 0.0:
-        extra = extra_damping(p, body)
-        torque += extra * dq
-        slope += extra
+        torque += work[BODY + body, EXTRA] * dq
+        slope += work[BODY + body, EXTRA]
     return torque, slope
 
 
-@compiled
+@lean
 def bristles(
-    p: Any, body: int, z: float, dq: float, side: float, tau: float, h: float
+    p: Any, work: Floats, body: int, z: float, dq: float, side: float, tau: float, h: float
 ) -> tuple[float, float, float]:
     """Advance the bristles of a body at constant velocity over h [s], exactly.
 
@@ -142,6 +157,7 @@ def bristles(
 
     Args:
         p: Parameter record.
+        work: Scratch rows with the friction of the bodies.
         body: MOTOR, GEAR or LOAD.
         z: Deflection [rad].
         dq: Velocity of the body [rad/s].
@@ -156,9 +172,9 @@ def bristles(
         Canudas de Wit, Olsson, Astrom, Lischinsky (1995), IEEE Transactions on Automatic
         Control 40(3); Barahanov, Ortega (2000), IEEE Transactions on Automatic Control 45(4).
     """
-    stiffness = bristle_stiffness(p, body)
-    g, falling = level(p, body, dq, side, tau)
-    if g <= 0.0:
+    stiffness = work[BODY + body, SIGMA]
+    g, falling = level(p, work, body, dq, side, tau)
+    if g <= LEAST:
         return 0.0, 0.0, 0.0
     a = stiffness * abs(dq) * h / g
     rise = stiffness * h * side / g - a * falling / g
@@ -181,32 +197,28 @@ def bristles(
     return torque, slope, new
 
 
-@compiled
+@lean
 def friction(
-    p: Any, memory: Floats, body: int, dq: float, side: float, h: float
+    p: Any, memory: Floats, work: Floats, body: int, dq: float, side: float, h: float
 ) -> tuple[float, float]:
     """Return the mean friction of a body at constant velocity over h [s], and its slope.
 
     The memory holds the bristles' deflections and the transmitted torque.
     """
-    if bristle_stiffness(p, body) > 0.0:
-        torque, slope, _ = bristles(p, body, memory[BRISTLE + body], dq, side, memory[MESH], h)
-        return with_damping(p, body, dq, torque, slope)
-    return sliding_friction(p, body, dq, side, memory[MESH])
+    if work[BODY + body, LAW] != BRISTLES:
+        return sliding_friction(p, work, body, dq, side, memory[MESH])
+    z = memory[BRISTLE + body]
+    torque, slope, _ = bristles(p, work, body, z, dq, side, memory[MESH], h)
+    if dq < 0.0:
+        torque += work[BODY + body, EXTRA] * dq
+        slope += work[BODY + body, EXTRA]
+    return torque, slope
 
 
-@compiled
-def dry_level(p: Any, memory: Floats, body: int, side: float) -> float:
+@lean
+def dry_level(p: Any, memory: Floats, work: Floats, body: int, side: float) -> float:
     """Return the set-valued friction that can hold a body at rest [N m]; 0 with bristles."""
-    if bristle_stiffness(p, body) > 0.0:
+    if work[BODY + body, LAW] == BRISTLES:
         return 0.0
-    g, _ = level(p, body, 0.0, side, memory[MESH])
+    g, _ = level(p, work, body, 0.0, side, memory[MESH])
     return g
-
-
-@compiled
-def has_friction(p: Any, body: int) -> bool:
-    """Whether any friction beyond the linear damping acts on the body."""
-    up, down = coulomb_levels(p, body)
-    excess, mu = breakaway(p, body)
-    return up != 0.0 or down != 0.0 or extra_damping(p, body) != 0.0 or excess != 0.0 or mu != 0.0

@@ -15,19 +15,19 @@ from __future__ import annotations
 from typing import Any
 
 from cjt_gym.joint.arrays import HOUSING, K_M, R_W, WINDING, Floats
-from cjt_gym.joint.compiled import compiled
+from cjt_gym.joint.compiled import lean
 
 LEAST = 0.05  # share of torque constant that is left at any temperature
 
 
-@compiled
+@lean
 def cool(p: Any, memory: Floats) -> None:
     """Start at the initial temperature."""
     memory[WINDING], memory[HOUSING] = p.heat_rise, 0.0
     temper(p, memory)
 
 
-@compiled
+@lean
 def temper(p: Any, memory: Floats) -> None:
     """Set torque per ampere and resistance for the present temperature."""
     memory[K_M], memory[R_W] = p.k_t * p.n, p.r
@@ -37,11 +37,9 @@ def temper(p: Any, memory: Floats) -> None:
         memory[R_W] *= max(LEAST, 1.0 + p.heat_a_CU * rise)
 
 
-@compiled
+@lean
 def warm(p: Any, memory: Floats, currents: Floats, dt: float) -> None:
     """Advance the temperatures by dt [s] under the present currents (backward Euler)."""
-    if p.derating == 0.0:
-        return
     rise = memory[WINDING]
     ohms = p.heat_r * max(LEAST, 1.0 + p.heat_a_CU * rise)
     power = ohms * (currents[0] * currents[0] + currents[1] * currents[1])

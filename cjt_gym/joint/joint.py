@@ -14,12 +14,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from cjt_gym.errors import ConfigurationError, ParameterError, SimulationError
 from cjt_gym.joint import linear
-from cjt_gym.joint.arrays import CHANNELS
+from cjt_gym.joint.arrays import CHANNELS, WORK_ROWS, WORK_WIDTH
 from cjt_gym.joint.batch import JointBatch
 from cjt_gym.joint.configure import EffectSpec, EffectValues, pack, resolve_effects
 from cjt_gym.joint.drives import DRIVES, get_drive
 from cjt_gym.joint.files import JointFile, load_joint_file
-from cjt_gym.joint.friction import LOAD, sliding_friction
+from cjt_gym.joint.friction import LOAD, note_friction, sliding_friction
 from cjt_gym.joint.kernel import simulate
 from cjt_gym.joint.load_forces import contact_torque
 from cjt_gym.joint.parameters import JointParameters
@@ -91,8 +91,8 @@ class Joint:
         """Return the torque that the effects add on motor, gear and load.
 
         Friction is negative at positive speed; bristles are taken as sliding. With sharp friction
-        (dq_0 = 0) a body at rest gets none here, as its torque follows from the others. What
-        springs add to their linear models is part of tau.
+        (dq_0 = 0) a body at rest gets none here, as its torque follows from the others. The
+        motor is without current. What springs add to their linear models is part of tau.
 
         Args:
             q: Angles of motor, gear and load [rad], shape (..., 3).
@@ -110,17 +110,20 @@ class Joint:
         tau_ = np.broadcast_to(np.asarray(tau, float), q_.shape[:-1])
         record, ripple = self.packed()
         p = record.view(np.recarray)[0]
-        out = np.zeros(q_.shape)
+        out, work = np.zeros(q_.shape), np.zeros((WORK_ROWS, WORK_WIDTH))
+        note_friction(p, work)
         for index in np.ndindex(q_.shape[:-1]):
             transmitted = float(tau_[index])
             for body in range(3):
                 speed = float(dq_[index][body])
                 if speed != 0.0 or p.dq_0 > 0.0:
                     side = 1.0 if speed >= 0.0 else -1.0
-                    drag, _ = sliding_friction(p, body, speed, side, transmitted)
+                    drag, _ = sliding_friction(p, work, body, speed, side, transmitted)
                     out[(*index, body)] = -drag
             q_m, q_l = float(q_[index][0]), float(q_[index][LOAD])
-            out[(*index, 0)] += p.torque_offset + ripple_torque(p, ripple, q_m, transmitted, 0.0)
+            out[(*index, 0)] += p.torque_offset + ripple_torque(
+                p, ripple, q_m, transmitted, p.k_t * p.n, 0.0
+            )
             out[(*index, LOAD)] -= p.weight * np.sin(q_l - p.weight_angle)
             out[(*index, LOAD)] -= contact_torque(p, q_l, float(dq_[index][LOAD]))
         return out
@@ -288,9 +291,9 @@ def load_joint(
         name: Name of a shipped joint, or path of a joint file.
         structure: One of `STRUCTURES`.
         drive: One of `DRIVES`.
-        effects: None for those the file lists; "all" for all that can act, with typical values
-            where nothing is known; names, or a mapping of names to values, for exactly these.
-            Values that are not given come from the joint file.
+        effects: None for those the file lists; names, or a mapping of names to values, for
+            exactly these. Values that are not given come from the joint file. The name "all"
+            adds all others that can act, and takes typical values where nothing is known.
         parameters: Parameters that replace those of the file.
 
     Raises:

@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
 from cjt_gym.joint.arrays import (
+    ACTIVE,
     LATE_SUB,
+    MESHES,
+    REMEMBERS,
+    RESISTS,
     RIPPLE,
+    SHAPES,
+    SWITCH,
     TAU,
     WORK_ROWS,
     WORK_WIDTH,
@@ -17,8 +24,8 @@ from cjt_gym.joint.arrays import (
     Setup,
     X,
 )
-from cjt_gym.joint.compiled import compiled
-from cjt_gym.joint.disturbance import disturbed_load
+from cjt_gym.joint.compiled import compiled, lean
+from cjt_gym.joint.disturbance import disturbed_load, is_disturbed
 from cjt_gym.joint.heat import cool, warm
 from cjt_gym.joint.resist import prepare
 from cjt_gym.joint.sensing import (
@@ -34,7 +41,28 @@ from cjt_gym.joint.substep import load_state, store_state, substep
 LARGEST = 1e12
 
 
-@compiled
+@lean
+def throw_switches(p: Any, ripple: Floats, setup: Setup, work: Floats) -> None:
+    """Note what the substeps have to do, so that an effect that is off costs nothing in them."""
+    for column in range(4):
+        work[SWITCH, column] = 0.0
+    if not setup.is_voltage and (p.current_rate > 0.0 or p.current_bandwidth > 0.0):
+        work[SWITCH, SHAPES] = 1.0
+    if (
+        ripple.shape[0] > 0
+        or p.offset_a != 0.0
+        or p.offset_b != 0.0
+        or p.mu_m + p.mu_g + p.mu_l > 0.0
+    ):
+        work[SWITCH, MESHES] = 1.0
+    if p.sigma_m + p.sigma_g + p.sigma_l > 0.0 or p.tau_h > 0.0:
+        work[SWITCH, REMEMBERS] = 1.0
+    for g in range(setup.size):
+        if work[ACTIVE, g] != 0.0:
+            work[SWITCH, RESISTS] = 1.0
+
+
+@lean
 def control_step(
     batch: Batch, setup: Setup, i: int, command: float, command_d: float, load: float, work: Floats
 ) -> bool:
@@ -61,10 +89,12 @@ def control_step(
     commands[k % depth, 1] = command_d
     late, late_sub = lateness(p.command_delay, setup)
     is_late = plan_lateness(p, setup, work)
-    warm(p, memory, currents, setup.dt)
+    if p.derating > 0.0:
+        warm(p, memory, currents, setup.dt)
     load_state(setup, batch.state[i], work[X])
     work[RIPPLE, :] = 0.0
     prepare(p, memory, setup, commands[k % depth, 0], load, work)
+    throw_switches(p, ripple, setup, work)
     tau = batch.tau[i]
     for s in range(setup.substeps):
         if is_late:
@@ -83,11 +113,11 @@ def control_step(
             if work[LATE_SUB, channel] > 0.0:
                 out[channel] = batch.snapshot[i, channel]
     batch.samples[i] = k + 1
-    measure(batch, setup, i, False, work)
+    measure(batch, setup, i, False, is_late, work)
     return True
 
 
-@compiled
+@lean
 def restart(batch: Batch, setup: Setup, i: int, load: float, work: Floats) -> None:
     """Fill the memory of joint i from its state, with the drive at rest, and measure."""
     p, memory = batch.p[i], batch.memory[i]
@@ -102,7 +132,7 @@ def restart(batch: Batch, setup: Setup, i: int, load: float, work: Floats) -> No
         out = batch.outputs[i, d]
         write_channels(p, memory, setup, work[X], batch.currents[i], 0.0, load, out)
     batch.tau[i] = batch.outputs[i, 0, TAU]
-    measure(batch, setup, i, True, work)
+    measure(batch, setup, i, True, False, work)
 
 
 @compiled
@@ -121,7 +151,10 @@ def step_batch(batch: Batch, setup: Setup, commands: Floats, load: Floats) -> in
     work = np.zeros((WORK_ROWS, WORK_WIDTH))
     failed = -1
     for i in range(batch.a.shape[0]):
-        pushed = disturbed_load(batch, setup, i, load[i])
+        pushed = load[i]
+        if is_disturbed(batch.p[i]):
+            memory, k = batch.memory[i], batch.samples[i]
+            pushed = disturbed_load(batch.p[i], memory, setup, batch.rng, i, k, pushed)
         good = control_step(batch, setup, i, commands[i, 0], commands[i, 1], pushed, work)
         if not good and failed < 0:
             failed = i
@@ -147,7 +180,8 @@ def simulate(
     """
     work = np.zeros((WORK_ROWS, WORK_WIDTH))
     for k in range(commands.shape[0]):
-        pushed = disturbed_load(batch, setup, 0, load[k])
+        p, memory = batch.p[0], batch.memory[0]
+        pushed = disturbed_load(p, memory, setup, batch.rng, 0, batch.samples[0], load[k])
         out[k] = batch.measured[0]
         true[k, :6] = batch.state[0]
         true[k, 6] = batch.tau[0]

@@ -9,18 +9,18 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from cjt_gym.joint.compiled import compiled
+from cjt_gym.joint.compiled import lean
 
 TINY = 1e-9  # [rad]
 
 
-@compiled
+@lean
 def has_load_force(p: Any) -> bool:
     """Whether gravity or a contact acts on the load."""
     return bool(p.weight > 0.0 or p.contact_stiffness > 0.0)
 
 
-@compiled
+@lean
 def mean_gravity(p: Any, start: float, rate: float, h: float) -> tuple[float, float]:
     """Return the mean of weight sin(q - angle) over a substep [N m] and its slope [N m s/rad]."""
     half = 0.5 * h * rate
@@ -29,7 +29,7 @@ def mean_gravity(p: Any, start: float, rate: float, h: float) -> tuple[float, fl
     return p.weight * math.sin(middle) * spread, p.weight * math.cos(middle) * spread * 0.5 * h
 
 
-@compiled
+@lean
 def contact_torque(p: Any, q: float, dq: float) -> float:
     """Return the torque of the contact at an instant [N m].
 
@@ -42,7 +42,7 @@ def contact_torque(p: Any, q: float, dq: float) -> float:
     )
 
 
-@compiled
+@lean
 def mean_contact(p: Any, start: float, rate: float, h: float) -> tuple[float, float]:
     """Return the mean torque of the contact over a substep [N m] and its slope [N m s/rad]."""
     end = start + h * rate
@@ -65,7 +65,7 @@ def mean_contact(p: Any, start: float, rate: float, h: float) -> tuple[float, fl
     return elastic * grip, slope * grip + elastic * p.contact_damping
 
 
-@compiled
+@lean
 def load_force(p: Any, start: float, rate: float, h: float) -> tuple[float, float]:
     """Return the mean torque against the load over a substep [N m] and its slope [N m s/rad]."""
     torque, slope = 0.0, 0.0

@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.joint.compiled import compiled
+from cjt_gym.joint.compiled import lean
 
 _STEP = np.uint64(0x9E3779B97F4A7C15)
 _MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
@@ -25,7 +25,7 @@ def seed_state(seed: int) -> np.uint64:
     return np.uint64(np.random.SeedSequence(seed).generate_state(1, np.uint64)[0])
 
 
-@compiled
+@lean
 def mix(x: np.uint64) -> np.uint64:
     """Return a well mixed 64-bit hash of x."""
     x = (x ^ (x >> np.uint64(30))) * _MIX_1
@@ -33,21 +33,21 @@ def mix(x: np.uint64) -> np.uint64:
     return x ^ (x >> np.uint64(31))
 
 
-@compiled
+@lean
 def uniform(states: NDArray[np.uint64], i: int) -> float:
     """Draw from [0, 1) with the stream of joint i."""
     states[i] += _STEP
     return float(mix(states[i]) >> np.uint64(11)) * _UNIT
 
 
-@compiled
+@lean
 def normal(states: NDArray[np.uint64], i: int) -> float:
     """Draw from the standard normal distribution (Box and Muller 1958)."""
     radius = math.sqrt(-2.0 * math.log(1.0 - uniform(states, i)))
     return radius * math.cos(2.0 * math.pi * uniform(states, i))
 
 
-@compiled
+@lean
 def hashed_uniform(key: np.uint64, index: int) -> float:
     """Return number `index` of the fixed sequence that belongs to `key`, in [0, 1)."""
     return float(mix(key + _STEP * np.uint64(index + 1)) >> np.uint64(11)) * _UNIT

@@ -19,12 +19,14 @@ from typing import Any
 
 from cjt_gym.joint.arrays import (
     ACTIVE,
+    BODY,
     BRISTLE,
     FREE,
     FREE_SPEED,
     GUESS,
     JACOBIAN,
     K_M,
+    LAW,
     MESH,
     R_W,
     RESIST,
@@ -38,15 +40,18 @@ from cjt_gym.joint.arrays import (
     Setup,
     X,
 )
-from cjt_gym.joint.compiled import compiled
+from cjt_gym.joint.compiled import lean
 from cjt_gym.joint.drives import STATIC, static_current
 from cjt_gym.joint.friction import (
+    BRISTLES,
+    COULOMB,
     LOAD,
-    bristle_stiffness,
+    NONE,
     bristles,
+    coulomb_friction,
     dry_level,
     friction,
-    has_friction,
+    note_friction,
 )
 from cjt_gym.joint.load_forces import has_load_force, load_force
 from cjt_gym.joint.springs import BAR, added_torque, is_nonlinear
@@ -54,9 +59,10 @@ from cjt_gym.joint.springs import BAR, added_torque, is_nonlinear
 SWEEPS = 100
 NEWTON = 12
 ITERATIONS = 60
+FREELY, PLAINLY, ANY = 0.0, 1.0, 2.0  # what resists a coordinate
 
 
-@compiled
+@lean
 def resistance(
     p: Any,
     memory: Floats,
@@ -70,8 +76,8 @@ def resistance(
     """Return the resisting torque on coordinate g at mean velocity v, and its slope."""
     torque, slope = 0.0, 0.0
     for body in range(3):
-        if setup.groups[body] == g:
-            t, s = friction(p, memory, body, v, side, setup.h)
+        if setup.groups[body] == g and work[BODY + body, LAW] != NONE:
+            t, s = friction(p, memory, work, body, v, side, setup.h)
             torque += t
             slope += s
     if setup.groups[LOAD] == g and has_load_force(p):
@@ -86,24 +92,46 @@ def resistance(
     return torque, slope
 
 
-@compiled
-def resists(p: Any, setup: Setup, g: int) -> bool:
-    """Whether anything resists the motion of coordinate g."""
+@lean
+def plain_resistance(
+    p: Any, setup: Setup, work: Floats, g: int, v: float, side: float
+) -> tuple[float, float]:
+    """Return what `resistance` does where Coulomb friction is all there is."""
+    torque, slope = 0.0, 0.0
     for body in range(3):
-        if setup.groups[body] == g and has_friction(p, body):
-            return True
+        if setup.groups[body] == g:
+            t, s = coulomb_friction(p.dq_0, work, BODY + body, v, side)
+            torque += t
+            slope += s
+    return torque, slope
+
+
+@lean
+def kind_of_resistance(p: Any, setup: Setup, work: Floats, g: int) -> float:
+    """Return whether nothing, Coulomb friction alone, or anything resists coordinate g."""
     if setup.groups[LOAD] == g and has_load_force(p):
-        return True
-    return bool(setup.drive == STATIC and setup.groups[0] == g)
+        return ANY
+    if setup.drive == STATIC and setup.groups[0] == g:
+        return ANY
+    kind = FREELY
+    for body in range(3):
+        if setup.groups[body] == g:
+            law = work[BODY + body, LAW]
+            if law > COULOMB:
+                return ANY
+            if law == COULOMB:
+                kind = PLAINLY
+    return kind
 
 
-@compiled
+@lean
 def prepare(
     p: Any, memory: Floats, setup: Setup, command: float, load: float, work: Floats
 ) -> None:
     """Note what resists, and guess mean velocities and torques from the present state."""
+    note_friction(p, work)
     for g in range(setup.size):
-        work[ACTIVE, g] = 1.0 if resists(p, setup, g) else 0.0
+        work[ACTIVE, g] = kind_of_resistance(p, setup, work, g)
         work[GUESS, g] = work[X, setup.order - setup.size + g]
     for which in range(2):
         on = is_nonlinear(p, setup.groups, which)
@@ -111,14 +139,14 @@ def prepare(
         work[SPRING, which] = 0.0
         if on:
             one, other = setup.groups[which], setup.groups[which + 1]
-            work[ACTIVE, one] = 1.0
+            work[ACTIVE, one] = max(work[ACTIVE, one], PLAINLY)
             if other >= 0:
-                work[ACTIVE, other] = 1.0
+                work[ACTIVE, other] = max(work[ACTIVE, other], PLAINLY)
             start, rate = deflection(setup, which, load, work, GUESS)
             added, _ = added_torque(p, memory, setup.groups, which, start, rate, setup.h, False)
             work[SPRING, which] = added
     for g in range(setup.size):
-        if work[ACTIVE, g] == 1.0:
+        if work[ACTIVE, g] != FREELY:
             v = work[GUESS, g]
             up, down = 1.0 if v >= 0.0 else -1.0, 1.0 if v > 0.0 else -1.0
             ahead, _ = resistance(p, memory, setup, work, g, command, v, up)
@@ -128,7 +156,7 @@ def prepare(
             work[RESIST, g] = 0.0
 
 
-@compiled
+@lean
 def deflection(
     setup: Setup, which: int, load: float, work: Floats, row: int
 ) -> tuple[float, float]:
@@ -139,7 +167,7 @@ def deflection(
     return work[X, one] - work[X, other], work[row, one] - work[row, other]
 
 
-@compiled
+@lean
 def mobility(setup: Setup, b: Floats, g: int, which: int) -> float:
     """Return the mean velocity that a unit torque of a spring takes from coordinate g."""
     one, other = setup.groups[which], setup.groups[which + 1]
@@ -149,17 +177,19 @@ def mobility(setup: Setup, b: Floats, g: int, which: int) -> float:
     return float(w / setup.h)
 
 
-@compiled
-def dry_sum(p: Any, memory: Floats, groups: tuple[int, int, int], g: int, side: float) -> float:
+@lean
+def dry_sum(
+    p: Any, memory: Floats, work: Floats, groups: tuple[int, int, int], g: int, side: float
+) -> float:
     """Return the set-valued friction that can hold coordinate g [N m]."""
     total = 0.0
     for body in range(3):
         if groups[body] == g:
-            total += dry_level(p, memory, body, side)
+            total += dry_level(p, memory, work, body, side)
     return total
 
 
-@compiled
+@lean
 def settle(
     p: Any,
     memory: Floats,
@@ -184,7 +214,7 @@ def settle(
     if w * down <= target <= w * up:
         return 0.0, target / w
     side = 1.0 if target > w * up else -1.0
-    v = side * max(0.0, side * target - w * dry_sum(p, memory, setup.groups, g, side))
+    v = side * max(0.0, side * target - w * dry_sum(p, memory, work, setup.groups, g, side))
     low, high = 0.0, math.inf
     torque = 0.0
     for _ in range(ITERATIONS):
@@ -194,7 +224,7 @@ def settle(
             low = abs(v)
         else:
             high = abs(v)
-        step = rest / (1.0 + w * slope) if 1.0 + w * slope > 0.0 else math.inf
+        step = rest / (1.0 + w * slope) if 1.0 + w * slope > 0.0 else math.nan
         new = v - step
         if not low <= new * side <= high:
             new = side * 0.5 * (low + min(high, 2.0 * low + abs(rest)))
@@ -205,7 +235,7 @@ def settle(
     return v, (target - v) / w
 
 
-@compiled
+@lean
 def stretch(
     p: Any, memory: Floats, setup: Setup, which: int, start: float, w: float, target: float
 ) -> tuple[float, float]:
@@ -232,7 +262,7 @@ def stretch(
     return u, (target - u) / w
 
 
-@compiled
+@lean
 def eliminate(work: Floats, n: int) -> None:
     """Solve the Jacobian's equations for the residuals, in place in both.
 
@@ -251,7 +281,7 @@ def eliminate(work: Floats, n: int) -> None:
         work[REST, k] /= work[JACOBIAN + k, k]
 
 
-@compiled
+@lean
 def search(
     p: Any, memory: Floats, setup: Setup, b: Floats, command: float, load: float, work: Floats
 ) -> bool:
@@ -262,17 +292,20 @@ def search(
     """
     size = setup.size
     for g in range(size):
-        work[SPEED, g] = work[GUESS, g] if work[ACTIVE, g] == 1.0 else work[FREE_SPEED, g]
+        work[SPEED, g] = work[GUESS, g] if work[ACTIVE, g] != FREELY else work[FREE_SPEED, g]
     for _ in range(NEWTON):
         for g in range(size):
             work[REST, g] = work[SPEED, g] - work[FREE_SPEED, g]
             for other in range(size):
                 work[JACOBIAN + g, other] = 1.0 if g == other else 0.0
         for other in range(size):
-            if work[ACTIVE, other] == 1.0:
+            if work[ACTIVE, other] != FREELY:
                 v = work[SPEED, other]
                 side = 1.0 if v >= 0.0 else -1.0
-                torque, slope = resistance(p, memory, setup, work, other, command, v, side)
+                if work[ACTIVE, other] == PLAINLY:
+                    torque, slope = plain_resistance(p, setup, work, other, v, side)
+                else:
+                    torque, slope = resistance(p, memory, setup, work, other, command, v, side)
                 work[RESIST, other], work[SLOPE, other] = torque, slope
                 for g in range(size):
                     w = b[g, 2 + other] / setup.h
@@ -296,7 +329,7 @@ def search(
         largest = 0.0
         for g in range(size):
             work[SPEED, g] -= work[REST, g]
-            if work[ACTIVE, g] == 1.0:
+            if work[ACTIVE, g] != FREELY:
                 work[RESIST, g] -= work[SLOPE, g] * work[REST, g]
                 largest = max(largest, abs(work[REST, g]) - 1e-9 * abs(work[SPEED, g]))
         for which in range(2):
@@ -313,7 +346,7 @@ def search(
     return False
 
 
-@compiled
+@lean
 def descend(
     p: Any, memory: Floats, setup: Setup, b: Floats, command: float, load: float, work: Floats
 ) -> None:
@@ -323,7 +356,7 @@ def descend(
     for _ in range(SWEEPS):
         change = 0.0
         for g in range(setup.size):
-            if work[ACTIVE, g] == 0.0:
+            if work[ACTIVE, g] == FREELY:
                 continue
             w = b[g, 2 + g] / setup.h
             target = reached(setup, b, work, g) + w * work[RESIST, g]
@@ -350,7 +383,7 @@ def descend(
             break
 
 
-@compiled
+@lean
 def reached(setup: Setup, b: Floats, work: Floats, g: int) -> float:
     """Return the mean velocity of coordinate g under the torques found so far."""
     v = work[FREE_SPEED, g]
@@ -362,37 +395,32 @@ def reached(setup: Setup, b: Floats, work: Floats, g: int) -> float:
     return float(v)
 
 
-@compiled
-def is_sharp(p: Any, memory: Floats, setup: Setup) -> bool:
+@lean
+def is_sharp(p: Any, memory: Floats, setup: Setup, work: Floats) -> bool:
     """Whether set-valued friction acts on any coordinate."""
     if p.dq_0 > 0.0:
         return False
     for body in range(3):
         if setup.groups[body] >= 0 and (
-            dry_level(p, memory, body, 1.0) > 0.0 or dry_level(p, memory, body, -1.0) > 0.0
+            dry_level(p, memory, work, body, 1.0) > 0.0
+            or dry_level(p, memory, work, body, -1.0) > 0.0
         ):
             return True
     return False
 
 
-@compiled
+@lean
 def resist(
     p: Any, memory: Floats, setup: Setup, b: Floats, command: float, load: float, work: Floats
-) -> bool:
-    """Find mean velocities and resisting torques from the free ones; False if none resists."""
-    active = 0.0
-    for g in range(setup.size):
-        active += work[ACTIVE, g]
-    if active == 0.0:
-        return False
-    if is_sharp(p, memory, setup) or not search(p, memory, setup, b, command, load, work):
+) -> None:
+    """Find mean velocities and resisting torques from the free ones."""
+    if is_sharp(p, memory, setup, work) or not search(p, memory, setup, b, command, load, work):
         descend(p, memory, setup, b, command, load, work)
     for g in range(setup.size):
         work[GUESS, g] = work[SPEED, g]
-    return True
 
 
-@compiled
+@lean
 def come_to_rest(p: Any, memory: Floats, setup: Setup, b: Floats, work: Floats) -> None:
     """Hold the coordinates that sharp friction has stopped: exact position, no velocity.
 
@@ -400,8 +428,8 @@ def come_to_rest(p: Any, memory: Floats, setup: Setup, b: Floats, work: Floats) 
     although friction could have held it. Both only take kinetic energy away.
     """
     for g in range(setup.size):
-        up = dry_sum(p, memory, setup.groups, g, 1.0)
-        down = dry_sum(p, memory, setup.groups, g, -1.0)
+        up = dry_sum(p, memory, work, setup.groups, g, 1.0)
+        down = dry_sum(p, memory, work, setup.groups, g, -1.0)
         if up + down == 0.0:
             continue
         row = setup.order - setup.size + g
@@ -414,11 +442,11 @@ def come_to_rest(p: Any, memory: Floats, setup: Setup, b: Floats, work: Floats) 
                 work[FREE, row] = 0.0
 
 
-@compiled
+@lean
 def shift(b: Floats, setup: Setup, sign: float, work: Floats) -> None:
     """Add the effect of the torques in rows RESIST and SPRING to the end of the substep."""
     for g in range(setup.size):
-        if work[ACTIVE, g] == 1.0:
+        if work[ACTIVE, g] != FREELY:
             torque = work[RESIST, g]
             for which in range(2):
                 if work[SPRING_ON, which] == 1.0:
@@ -430,16 +458,16 @@ def shift(b: Floats, setup: Setup, sign: float, work: Floats) -> None:
                 work[FREE, i] += sign * b[i, 2 + g] * torque
 
 
-@compiled
+@lean
 def remember(p: Any, memory: Floats, setup: Setup, work: Floats) -> None:
     """Move bristles and hysteresis on along the motion of the substep."""
     for body in range(3):
         g = setup.groups[body]
-        if g >= 0 and bristle_stiffness(p, body) > 0.0:
+        if g >= 0 and work[BODY + body, LAW] == BRISTLES:
             v = (work[FREE, g] - work[X, g]) / setup.h
             side = 1.0 if v >= 0.0 else -1.0
             z = memory[BRISTLE + body]
-            _, _, z = bristles(p, body, z, v, side, memory[MESH], setup.h)
+            _, _, z = bristles(p, work, body, z, v, side, memory[MESH], setup.h)
             memory[BRISTLE + body] = z
     if work[SPRING_ON, BAR] == 1.0 and p.tau_h > 0.0:
         one, other = setup.groups[BAR], setup.groups[BAR + 1]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.joint.compiled import compiled
+from cjt_gym.joint.compiled import lean
 
 FREQUENCY, COSINE, SINE, KIND = 0, 1, 2, 3
 COGGING, GEAR, COMMUTATION = 0.0, 1.0, 2.0
@@ -26,13 +26,13 @@ def ripple_rows(effects: Mapping[str, Mapping[str, Any]]) -> NDArray[np.float64]
     return np.array(rows, dtype=np.float64).reshape(-1, 4)
 
 
-@compiled
+@lean
 def ripple_torque(
-    p: Any, table: NDArray[np.float64], q_m: float, tau: float, tau_m: float
+    p: Any, table: NDArray[np.float64], q_m: float, tau: float, k: float, current: float
 ) -> float:
     """Return the ripple torque that is added to the motor torque [N m].
 
-        sum_j (a_j cos(f_j q) + b_j sin(f_j q)) * (1, tau or tau_m)
+        sum_j (a_j cos(f_j q) + b_j sin(f_j q)) * (1, tau or k i)
 
     and that of the current sensors' offsets. The spatial frequency counts periods per revolution
     of q_m, which is the rotor angle divided by n: f = n k for the k-th harmonic of the rotor.
@@ -43,7 +43,8 @@ def ripple_torque(
             are shares of the transmitted torque and of the motor torque.
         q_m: Motor angle on the link side [rad].
         tau: Transmitted torque [N m].
-        tau_m: Torque of the current [N m].
+        k: Torque per ampere [N m/A].
+        current: Current [A].
     """
     total = 0.0
     for j in range(table.shape[0]):
@@ -54,9 +55,9 @@ def ripple_torque(
         elif table[j, KIND] == GEAR:
             total += value * p.gear_ripple_scale * tau
         else:
-            total += value * p.commutation_scale * tau_m
+            total += value * p.commutation_scale * k * current
     if p.offset_a != 0.0 or p.offset_b != 0.0:
         angle = p.offset_p * p.n * q_m
         amperes = p.offset_a * math.cos(angle) + p.offset_b * math.sin(angle)
-        total += p.k_t * p.n * amperes
+        total += k * amperes
     return total

@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from cjt_gym.joint.arrays import (
     CURRENT_I,
     DQ_G,
@@ -13,6 +16,7 @@ from cjt_gym.joint.arrays import (
     DRIFT,
     LATE,
     LATE_SUB,
+    OLD,
     Q_G,
     Q_L,
     Q_M,
@@ -22,13 +26,13 @@ from cjt_gym.joint.arrays import (
     Setup,
     X,
 )
-from cjt_gym.joint.compiled import compiled
+from cjt_gym.joint.compiled import lean
 from cjt_gym.joint.random_stream import normal, uniform
 from cjt_gym.joint.springs import BAR, is_nonlinear, spring_torque
 from cjt_gym.joint.substep import store_state
 
 
-@compiled
+@lean
 def write_channels(
     p: Any,
     memory: Floats,
@@ -51,14 +55,14 @@ def write_channels(
             out[TAU] = p.k_b * bend + p.d_gl * rate
 
 
-@compiled
+@lean
 def lateness(delay: float, setup: Setup) -> tuple[int, int]:
     """Split a delay [s] into whole control steps and substeps, rounded to a substep."""
     total = round(delay / setup.h)
     return total // setup.substeps, total % setup.substeps
 
 
-@compiled
+@lean
 def is_late(p: Any) -> bool:
     """Whether any measurement arrives late."""
     return bool(
@@ -66,7 +70,7 @@ def is_late(p: Any) -> bool:
     )
 
 
-@compiled
+@lean
 def own_lateness(p: Any, channel: int) -> float:
     """Return how late a channel is by itself [s]; a velocity comes with its angle."""
     if channel == CURRENT_I:
@@ -80,10 +84,9 @@ def own_lateness(p: Any, channel: int) -> float:
     return float(p.late_tau)
 
 
-@compiled
+@lean
 def plan_lateness(p: Any, setup: Setup, work: Floats) -> bool:
     """Write by how many steps and substeps each channel is late; return whether any is."""
-    work[LATE], work[LATE_SUB] = 0.0, 0.0
     if not is_late(p):
         return False
     for channel in range(8):
@@ -92,7 +95,7 @@ def plan_lateness(p: Any, setup: Setup, work: Floats) -> bool:
     return True
 
 
-@compiled
+@lean
 def take_snapshot(
     p: Any,
     memory: Floats,
@@ -119,7 +122,7 @@ def take_snapshot(
                 snapshot[channel] = out[channel]
 
 
-@compiled
+@lean
 def condition_command(batch: Batch, setup: Setup, i: int, command: float) -> float:
     """Return the command as the drive receives it: with noise, quantized."""
     p = batch.p[i]
@@ -131,7 +134,7 @@ def condition_command(batch: Batch, setup: Setup, i: int, command: float) -> flo
     return command
 
 
-@compiled
+@lean
 def sensor(p: Any, channel: int) -> tuple[float, float]:
     """Return noise (standard deviation) and resolution of a channel, in its unit."""
     if channel == CURRENT_I:
@@ -147,13 +150,13 @@ def sensor(p: Any, channel: int) -> tuple[float, float]:
     return 0.0, 0.0
 
 
-@compiled
+@lean
 def low_pass(old: float, new: float, cutoff: float, dt: float) -> float:
     """Advance a first-order low pass with unit gain and cut-off [Hz], exact for held input."""
     return old + (1.0 - math.exp(-2.0 * math.pi * cutoff * dt)) * (new - old)
 
 
-@compiled
+@lean
 def distorts(p: Any) -> bool:
     """Whether any sensor has a wrong gain or zero, drifts, or runs off centre."""
     return bool(
@@ -172,7 +175,7 @@ def distorts(p: Any) -> bool:
     )
 
 
-@compiled
+@lean
 def encoder(p: Any, body: int) -> tuple[float, float, float, float]:
     """Return gain, eccentricity [rad], turns per revolution, and bias [rad] of an encoder."""
     if body == 0:
@@ -182,7 +185,7 @@ def encoder(p: Any, body: int) -> tuple[float, float, float, float]:
     return p.gain_q_l, p.eccentricity_q_l, 1.0, p.bias_q_l
 
 
-@compiled
+@lean
 def distort(p: Any, memory: Floats, new: Floats) -> None:
     """Apply gain, eccentricity, bias and drift to all channels, in place."""
     for body in range(3):
@@ -198,19 +201,18 @@ def distort(p: Any, memory: Floats, new: Floats) -> None:
     new[TAU] = p.gain_tau * new[TAU] + p.bias_tau + memory[DRIFT + 4]
 
 
-@compiled
-def walk(batch: Batch, setup: Setup, i: int) -> None:
+@lean
+def walk(p: Any, memory: Floats, dt: float, rng: NDArray[np.uint64], i: int) -> None:
     """Let the zeros of joint i drift over a control step."""
-    p, memory = batch.p[i], batch.memory[i]
-    root = math.sqrt(setup.dt)
+    root = math.sqrt(dt)
     rates = (p.drift_i, p.drift_q_m, p.drift_q_g, p.drift_q_l, p.drift_tau)
     for j in range(5):
         if rates[j] > 0.0:
-            memory[DRIFT + j] += rates[j] * root * normal(batch.rng, i)
+            memory[DRIFT + j] += rates[j] * root * normal(rng, i)
 
 
-@compiled
-def measure(batch: Batch, setup: Setup, i: int, first: bool, work: Floats) -> None:
+@lean
+def measure(batch: Batch, setup: Setup, i: int, first: bool, late: bool, work: Floats) -> None:
     """Write what the sensors report: late, distorted, noisy, quantized, differentiated, filtered.
 
     Noise is added to the physical quantity and the sum is quantized. Where velocities are
@@ -222,19 +224,22 @@ def measure(batch: Batch, setup: Setup, i: int, first: bool, work: Floats) -> No
         setup: What they share.
         i: Which joint.
         first: Whether this is the first measurement after a reset.
+        late: Whether any channel is late.
         work: Scratch rows, with the lateness of each channel in whole steps.
     """
     p, memory = batch.p[i], batch.memory[i]
     distorted = distorts(p)
     if distorted and not first:
-        walk(batch, setup, i)
+        walk(p, memory, setup.dt, batch.rng, i)
     if p.dropout > 0.0 and not first and uniform(batch.rng, i) < p.dropout:
         return
     new, depth = batch.measured[i], batch.outputs.shape[1]
-    old = new.copy()
+    old = work[OLD]
+    newest = batch.samples[i]
     for channel in range(8):
-        at = 0 if first else int(batch.samples[i] - work[LATE, channel]) % depth
-        new[channel] = batch.outputs[i, at, channel]
+        old[channel] = new[channel]
+        at = newest - int(work[LATE, channel]) if late else newest
+        new[channel] = batch.outputs[i, at % depth, channel]
     if distorted:
         distort(p, memory, new)
     for channel in range(8):

@@ -17,20 +17,21 @@ import math
 from typing import Any
 
 from cjt_gym.joint.arrays import LOOP, Floats
-from cjt_gym.joint.compiled import compiled
+from cjt_gym.joint.compiled import lean
 
 GEAR_SPRING, BAR = 0, 1
 YIELD_SPAN = 3.0  # the last Maxwell element yields at this many delta_h
+MOST_ELEMENTS = 8  # of Maxwell slip
 TINY = 1e-13  # [rad]
 
 
-@compiled
+@lean
 def plays(groups: tuple[int, int, int], which: int) -> bool:
     """Whether the play is in series with this spring."""
     return (which == GEAR_SPRING) == (groups[0] != groups[1])
 
 
-@compiled
+@lean
 def is_nonlinear(p: Any, groups: tuple[int, int, int], which: int) -> bool:
     """Whether a spring differs from its linear model."""
     one, other = groups[which], groups[which + 1]
@@ -41,7 +42,7 @@ def is_nonlinear(p: Any, groups: tuple[int, int, int], which: int) -> bool:
     return bool(which == BAR and (p.k_3 > 0.0 or p.tau_h > 0.0))
 
 
-@compiled
+@lean
 def beyond_play(deflection: float, gap: float, offset: float) -> float:
     """Return how far a spring is deflected beyond its play [rad]."""
     x = deflection - offset
@@ -52,7 +53,7 @@ def beyond_play(deflection: float, gap: float, offset: float) -> float:
     return 0.0
 
 
-@compiled
+@lean
 def bouc_wen(zeta: float, dx: float, scale: float) -> tuple[float, float]:
     """Advance the Bouc-Wen law with exponent 1 and beta = gamma = 1/2, exactly.
 
@@ -83,7 +84,7 @@ def bouc_wen(zeta: float, dx: float, scale: float) -> tuple[float, float]:
     return side * state, area
 
 
-@compiled
+@lean
 def slip_stiffness(p: Any, j: int, count: int) -> tuple[float, float]:
     """Return yield deflection [rad] and stiffness [N m/rad] of Maxwell element j.
 
@@ -98,7 +99,7 @@ def slip_stiffness(p: Any, j: int, count: int) -> tuple[float, float]:
     return step * (j + 1), slope - after
 
 
-@compiled
+@lean
 def hysteresis(p: Any, memory: Floats, dx: float, keep: bool) -> tuple[float, float]:
     """Return the torque after a change of deflection and its integral over the path.
 
@@ -134,7 +135,7 @@ def hysteresis(p: Any, memory: Floats, dx: float, keep: bool) -> tuple[float, fl
     return torque, work
 
 
-@compiled
+@lean
 def spring_torque(
     p: Any, memory: Floats, groups: tuple[int, int, int], which: int, deflection: float, rate: float
 ) -> float:
@@ -158,7 +159,7 @@ def spring_torque(
     return float(torque)
 
 
-@compiled
+@lean
 def added_torque(
     p: Any,
     memory: Floats,
@@ -210,8 +211,11 @@ def added_torque(
     torque += damping * rate * share
     slope += damping * touching
     one_side = min(x0, x1) >= 0.0 or max(x0, x1) <= 0.0
-    if gap > 0.0 and one_side and torque * (x0 + x1) < 0.0:
+    pulls = one_side and torque * (x0 + x1) < 0.0
+    if gap > 0.0 and pulls:
         torque, slope = 0.0, 0.0  # a contact does not pull
+    if keep and gap > 0.0 and (pulls or x1 == 0.0):
+        memory[LOOP : LOOP + MOST_ELEMENTS] = 0.0  # a spring without torque has relaxed
     torque -= stiffness * 0.5 * (start + end) + damping * rate
     slope -= stiffness * 0.5 * h + damping
     return torque, slope

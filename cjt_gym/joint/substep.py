@@ -15,16 +15,21 @@ from cjt_gym.joint.arrays import (
     FREE_SPEED,
     K_M,
     MESH,
+    MESHES,
     R_W,
+    REMEMBERS,
     RESIST,
+    RESISTS,
     RIPPLE,
+    SHAPES,
     SPRING,
     SPRING_ON,
+    SWITCH,
     Floats,
     Setup,
     X,
 )
-from cjt_gym.joint.compiled import compiled
+from cjt_gym.joint.compiled import lean
 from cjt_gym.joint.drives import (
     CURRENT,
     STATIC,
@@ -41,10 +46,13 @@ from cjt_gym.joint.ripple import ripple_torque
 RIGID_PASSES = 4
 
 
-@compiled
+@lean
 def load_state(setup: Setup, state: Floats, x: Floats) -> None:
-    """Copy the bodies' state, shape (6,), into the structure's own, shape (order,)."""
-    for body in range(3):
+    """Copy the bodies' state, shape (6,), into the structure's own, shape (order,).
+
+    Of bodies that are one mass the first counts.
+    """
+    for body in (2, 1, 0):
         g = setup.groups[body]
         if g >= 0:
             x[g] = state[body]
@@ -53,7 +61,7 @@ def load_state(setup: Setup, state: Floats, x: Floats) -> None:
             x[setup.size] = state[body]
 
 
-@compiled
+@lean
 def store_state(setup: Setup, x: Floats, load: float, state: Floats) -> None:
     """Copy the structure's state back to the bodies; `load` is the velocity of a fixed one."""
     for body in range(3):
@@ -66,14 +74,14 @@ def store_state(setup: Setup, x: Floats, load: float, state: Floats) -> None:
             state[3 + body] = load
 
 
-@compiled
+@lean
 def rigid_torque(p: Any, memory: Floats, setup: Setup, load: float, work: Floats) -> float:
     """Return the mean torque that a rigid joint passed on to its load over a substep [N m]."""
     v = (work[FREE, 0] - work[X, 0]) / setup.h
     side = 1.0 if v >= 0.0 else -1.0
-    drag, _ = friction(p, memory, LOAD, v, side, setup.h)
+    drag, _ = friction(p, memory, work, LOAD, v, side, setup.h)
     if v == 0.0 and p.dq_0 == 0.0:
-        total = dry_sum(p, memory, setup.groups, 0, side)
+        total = dry_sum(p, memory, work, setup.groups, 0, side)
         drag = work[RESIST, 0] * abs(drag) / total if total > 0.0 else 0.0
     if has_load_force(p):
         against, _ = load_force(p, work[X, 0], v, setup.h)
@@ -82,7 +90,7 @@ def rigid_torque(p: Any, memory: Floats, setup: Setup, load: float, work: Floats
     return float(p.I_l * acceleration + p.d_l * v + drag - load)
 
 
-@compiled
+@lean
 def mesh_torque(p: Any, memory: Floats, setup: Setup, load: float, work: Floats) -> float:
     """Return the torque that the gear transmits, averaged over the substep [N m].
 
@@ -105,19 +113,19 @@ def mesh_torque(p: Any, memory: Floats, setup: Setup, load: float, work: Floats)
     return float(torque)
 
 
-@compiled
+@lean
 def position_torque(
-    p: Any, ripple: Floats, setup: Setup, tau: float, tau_m: float, work: Floats
+    p: Any, ripple: Floats, setup: Setup, tau: float, k: float, current: float, work: Floats
 ) -> float:
     """Return the torque on the motor that depends on position, at the middle of the substep."""
     g = setup.groups[0]
     row = setup.order - setup.size + g
     middle = 0.5 * (work[X, g] + work[FREE, g])
     q_m = middle + 0.125 * setup.h * (work[X, row] - work[FREE, row])
-    return ripple_torque(p, ripple, q_m, tau, tau_m)
+    return ripple_torque(p, ripple, q_m, tau, k, current)
 
 
-@compiled
+@lean
 def settle_mesh(
     p: Any,
     memory: Floats,
@@ -125,7 +133,7 @@ def settle_mesh(
     b: Floats,
     setup: Setup,
     load: float,
-    tau_m: float,
+    current: float,
     work: Floats,
 ) -> None:
     """Find the torque that the gear transmits and the ripple of a substep, in memory and work.
@@ -145,25 +153,14 @@ def settle_mesh(
         for i in range(setup.order):
             work[FREE, i] += b[i, 0] * before
         memory[MESH] = mesh_torque(p, memory, setup, load, work)
-        torque = position_torque(p, ripple, setup, memory[MESH], tau_m, work)
+        torque = position_torque(p, ripple, setup, memory[MESH], memory[K_M], current, work)
         shift(b, setup, 1.0, work)
         for i in range(setup.order):
             work[FREE, i] -= b[i, 0] * before
         work[RIPPLE, 0] = torque
 
 
-@compiled
-def depends_on_mesh(p: Any, ripple: Floats) -> bool:
-    """Whether any torque depends on the motor's angle or on what the gear transmits."""
-    return bool(
-        ripple.shape[0] > 0
-        or p.offset_a != 0.0
-        or p.offset_b != 0.0
-        or p.mu_m + p.mu_g + p.mu_l > 0.0
-    )
-
-
-@compiled
+@lean
 def substep(
     p: Any,
     memory: Floats,
@@ -195,7 +192,7 @@ def substep(
     order, size, drive = setup.order, setup.size, setup.drive
     motor, half = order - size + setup.groups[0], 0.5 * setup.h
     is_voltage, k, r = setup.is_voltage, memory[K_M], memory[R_W]
-    if not is_voltage:
+    if work[SWITCH, SHAPES] == 1.0:
         command = shaped_command(p, memory, command, setup.h)
     if drive == CURRENT:
         currents[0] = clip(command, p.i_p)
@@ -210,13 +207,14 @@ def substep(
         for j in range(order):
             value += a[i, j] * work[X, j]
         work[FREE, i] = value
-    if depends_on_mesh(p, ripple):
-        settle_mesh(p, memory, ripple, b, setup, load, k * currents[0], work)
+    if work[SWITCH, MESHES] == 1.0:
+        settle_mesh(p, memory, ripple, b, setup, load, currents[0], work)
         for i in range(order):
             work[FREE, i] += b[i, 0] * work[RIPPLE, 0]
-    for g in range(size):
-        work[FREE_SPEED, g] = (work[FREE, g] - work[X, g]) / setup.h
-    if resist(p, memory, setup, b, command, load, work):
+    if work[SWITCH, RESISTS] == 1.0:
+        for g in range(size):
+            work[FREE_SPEED, g] = (work[FREE, g] - work[X, g]) / setup.h
+        resist(p, memory, setup, b, command, load, work)
         shift(b, setup, -1.0, work)
         if p.dq_0 == 0.0:
             come_to_rest(p, memory, setup, b, work)
@@ -229,7 +227,8 @@ def substep(
     elif drive != CURRENT:
         dq_m = work[FREE, motor]
         advance_currents(p, k, r, drive, currents, command, command_d, is_voltage, dq_m, half)
-    remember(p, memory, setup, work)
+    if work[SWITCH, REMEMBERS] == 1.0:
+        remember(p, memory, setup, work)
     for i in range(order):
         work[X, i] = work[FREE, i]
     return tau

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import Joint
 from cjt_gym.joint.arrays import CHANNELS, WORK_ROWS, WORK_WIDTH, Batch, Setup
 from cjt_gym.joint.batch import DELAYS, JointBatch
 from cjt_gym.joint.compiled import compiled
 from cjt_gym.joint.configure import FIELDS
-from cjt_gym.joint.discretize import discretize
+from cjt_gym.joint.discretize import SCRATCH, discretize
+from cjt_gym.joint.heat import temper
 from cjt_gym.joint.kernel import restart
 from cjt_gym.plant.measurement import Limits, Measurement
-from cjt_gym.plant.randomization import compile_draws, fields_of, redraw
+from cjt_gym.plant.randomization import Randomization, resolve_randomization
+from cjt_gym.plant.randomization.draw import LINEAR, NOTHING, Draws, Program, refresh, write
+from cjt_gym.plant.randomization.program import Plan, compile_plan, exact_plan
 
 Floats = NDArray[np.float64]
 DT_CONTROL, DT_PHYSICS = 1e-3, 1e-4
@@ -24,23 +27,58 @@ DEFAULT_TORQUE = 1000.0
 
 
 @compiled
-def renew(
-    batch: Batch,
-    setup: Setup,
-    p: Floats,
-    nominal: Floats,
-    rows: Floats,
-    mask: NDArray[np.bool_],
-    start: Floats,
-    load: Floats,
+def redraw_one(
+    batch: Batch, setup: Setup, program: Program, draws: Draws, i: int, step: int, scratch: Floats
+) -> bool:
+    """Draw what is due of joint i, leaving its state alone; return whether anything was.
+
+    Args:
+        batch: All joints.
+        setup: What they share.
+        program: What varies.
+        draws: What has been drawn.
+        i: Which joint.
+        step: Control steps since its episode began; 0 begins one.
+        scratch: Scratch of the discretisation.
+    """
+    found = refresh(program, draws, batch.rng, i, step)
+    if found == NOTHING and step > 0:
+        return False
+    write(program, draws, i)
+    if found == LINEAR or (step == 0 and program.is_linear):
+        discretize(batch.p[i], setup.groups, setup.h, batch.a[i], batch.b[i], scratch)
+    temper(batch.p[i], batch.memory[i])
+    return True
+
+
+@compiled
+def redraw_some(
+    batch: Batch, setup: Setup, program: Program, draws: Draws, mask: NDArray[np.bool_]
 ) -> None:
-    """Redraw, rediscretise and restart the joints in a mask."""
+    """Draw the parameters of the joints in a mask as a new episode does."""
+    scratch = np.empty(SCRATCH)
+    for i in range(mask.shape[0]):
+        if mask[i]:
+            redraw_one(batch, setup, program, draws, i, 0, scratch)
+
+
+@compiled
+def redraw_within(batch: Batch, setup: Setup, program: Program, draws: Draws) -> None:
+    """Draw what is due within the episodes, and note for which joints that was."""
+    scratch = np.empty(SCRATCH)
+    for i in range(draws.changed.shape[0]):
+        k = batch.samples[i]
+        draws.changed[i] = k > 0 and redraw_one(batch, setup, program, draws, i, k, scratch)
+
+
+@compiled
+def restart_some(
+    batch: Batch, setup: Setup, mask: NDArray[np.bool_], start: Floats, load: Floats
+) -> None:
+    """Restart the joints in a mask."""
     work = np.zeros((WORK_ROWS, WORK_WIDTH))
     for i in range(mask.shape[0]):
         if mask[i]:
-            if rows.shape[0] > 0:
-                redraw(p, nominal, rows, batch.rng, i)
-                discretize(batch.p[i], setup.groups, setup.h, batch.a[i], batch.b[i])
             batch.state[i] = start[i]
             restart(batch, setup, i, load[i], work)
 
@@ -64,6 +102,7 @@ class SimulatedPlant:
     Attributes:
         joint: The nominal joint.
         num: How many.
+        randomization: Every variation, fully spelt out.
         batch: Arrays and compiled steps.
     """
 
@@ -73,7 +112,7 @@ class SimulatedPlant:
         num: int = 1,
         dt: float = DT_CONTROL,
         dt_physics: float = DT_PHYSICS,
-        randomization: Mapping[str, Any] | None = None,
+        randomization: Randomization = None,
     ) -> None:
         """Prepare `num` joints.
 
@@ -82,35 +121,40 @@ class SimulatedPlant:
             num: How many.
             dt: Control step [s].
             dt_physics: Substep [s]; dt is a whole multiple of it.
-            randomization: What each reset draws anew, see `Variation`.
+            randomization: What varies and how: the name of a preset, or a mapping of names to
+                variations; see `resolve_randomization`.
 
         Raises:
             ConfigurationError: The steps do not fit, or a range is not valid.
             UnknownNameError: A randomised name is not known.
         """
         self.joint, self.num = joint, num
-        self.rows = compile_draws(joint, randomization)
-        self.batch = JointBatch(
-            joint, num, dt, dt_physics, longest_delay=self._longest_delay(joint)
-        )
+        self.randomization = resolve_randomization(joint, randomization, dt)
+        self._random = compile_plan(joint, self.randomization, dt)
+        longest = sum(self._random.delays[name] for name in DELAYS)
+        self.batch = JointBatch(joint, num, dt, dt_physics, longest_delay=longest)
         self._p = self.batch.arrays.p.view(np.float64).reshape(num, -1)
         self._nominal = self._p[0].copy()
+        self._random_draws = self._no_draws(self._random)
+        self._plan, self._draws = self._random, self._random_draws
         self._limits = limits_of(joint)
         self._torque_per_ampere = joint.parameters.k_t * joint.parameters.n
         self._commands = np.zeros((num, 2))
         self._no_load = np.zeros(num)
-        self._randomization = dict(randomization or {})
 
-    def _longest_delay(self, joint: Joint) -> float:
-        record, _ = joint.packed()
-        total = 0.0
-        for name in DELAYS:
-            value = float(record[name][0])
-            for row in self.rows:
-                if FIELDS[int(row[0])] == name:
-                    value = (row[2], value * row[2], value + row[2])[int(row[4])]
-            total += value
-        return total
+    def _no_draws(self, plan: Plan) -> Draws:
+        """Return the state of a plan before it has drawn anything."""
+        rows = plan.program.rows.shape[0]
+        values = np.zeros((self.num, rows))
+        values[:, : len(plan.names)] = plan.nominal
+        return Draws(
+            p=self._p,
+            nominal=self._nominal,
+            scores=np.zeros((self.num, plan.program.sources.shape[0])),
+            values=values,
+            fresh=np.ones(self.num, dtype=np.bool_),
+            changed=np.zeros(self.num, dtype=np.bool_),
+        )
 
     @property
     def dt(self) -> float:
@@ -122,26 +166,47 @@ class SimulatedPlant:
         """What may be commanded and borne."""
         return self._limits
 
+    @property
+    def changed(self) -> NDArray[np.bool_]:
+        """Which joints drew parameters within the episode in the last control step, (num,)."""
+        return self._draws.changed
+
     def seed(self, seed: int) -> None:
         """Give joint i the random stream of seed + i."""
         for i in range(self.num):
-            self.batch.seed(i, seed + i)
+            self.seed_one(i, seed + i)
 
-    def set_nominal(self, values: Mapping[str, float]) -> None:
-        """Fix exact parameters for all joints; randomised ones vary around them.
+    def seed_one(self, i: int, seed: int) -> None:
+        """Give joint i the random stream of a seed; what it draws once it draws anew."""
+        self.batch.seed(i, seed)
+        self._random_draws.fresh[i] = True
+
+    def fix(self, values: Mapping[str, float] | None) -> None:
+        """Give all joints exact parameters instead of randomised ones, from the next reset.
 
         Args:
-            values: Parameters such as "k_b" or "coulomb.d_cm", with their values.
+            values: Parameters such as "k_b" or "coulomb.d_cm", with their values; those that are
+                not named are nominal. None goes back to the randomisation.
 
         Raises:
             UnknownNameError: A name is not a parameter of the joint or of an active effect.
+            ConfigurationError: A value is out of its domain, or a delay too long to be kept.
         """
-        record, _ = self.joint.packed()
-        for name, value in values.items():
-            fields, relative_to = fields_of(self.joint, name)
-            offset = float(record[relative_to][0]) if relative_to else 0.0
-            for field in fields:
-                self._nominal[FIELDS.index(field)] = float(value) - offset
+        if values is None:
+            plan, draws = self._random, self._random_draws
+        else:
+            plan = exact_plan(self.joint, values, self.dt)
+            draws = self._no_draws(plan)
+        if plan is self._plan:
+            return
+        longest = (self.batch.arrays.commands.shape[1] - 2) * self.dt
+        if plan.longest > longest + 1e-9 * self.dt:
+            raise ConfigurationError(
+                f"The delays of {self.joint.parameters.name} must be at most {longest:g} s together"
+                f", the longest that was set or randomised at the start, got {plan.longest:g} s. "
+                "Begin with a randomization that includes the delay."
+            )
+        self._plan, self._draws = plan, draws
         self._p[:] = self._nominal
         self.batch.discretize()
 
@@ -169,8 +234,19 @@ class SimulatedPlant:
 
     def restart(self, mask: NDArray[np.bool_], start: Floats, load: Floats) -> None:
         """Do what `reset` does, without building a measurement."""
-        batch = self.batch
-        renew(batch.arrays, batch.setup, self._p, self._nominal, self.rows, mask, start, load)
+        self.redraw(mask)
+        restart_some(self.batch.arrays, self.batch.setup, mask, start, load)
+
+    def redraw(self, mask: NDArray[np.bool_] | None = None) -> None:
+        """Draw the parameters of joints anew, without restarting them.
+
+        Args:
+            mask: Which joints, shape (num,); all if absent.
+        """
+        mask = np.ones(self.num, dtype=np.bool_) if mask is None else mask
+        if self._plan.program.rows.shape[0] > 0:
+            batch, program = self.batch, self._plan.program
+            redraw_some(batch.arrays, batch.setup, program, self._draws, mask)
 
     def step(self, command: Floats, load: Floats | None = None) -> Measurement:
         """Command motor torques for one control step; they are clipped to the limits.
@@ -188,6 +264,9 @@ class SimulatedPlant:
 
     def advance(self, command: Floats, load: Floats) -> None:
         """Do what `step` does with commands that are within the limits already."""
+        if self._plan.within:
+            program = self._plan.program
+            redraw_within(self.batch.arrays, self.batch.setup, program, self._draws)
         # The drive is told a current by someone who knows the nominal torque constant.
         self._commands[:, 0] = command / self._torque_per_ampere
         self.batch.step(self._commands, load)
@@ -198,14 +277,20 @@ class SimulatedPlant:
         columns = {name: arrays.measured[:, j].copy() for j, name in enumerate(CHANNELS)}
         return Measurement(t=np.asarray(arrays.samples * self.dt, np.float64), **columns)
 
+    def drawn(self) -> dict[str, Floats]:
+        """Return the present values of what is randomised or fixed, by name, each of (num,)."""
+        random, plan = self._random, self._plan
+        values = {
+            name: np.full(self.num, nominal)
+            for name, nominal in zip(random.names, random.nominal, strict=True)
+        }
+        columns = self._draws.values.T
+        return values | {n: columns[k].copy() for k, n in enumerate(plan.names)}
+
     def parameters(self, i: int) -> dict[str, float]:
-        """Return the present parameters of joint i by their names."""
+        """Return the present kernel parameters of joint i, and what is randomised or fixed."""
         values = dict(zip(FIELDS, self._p[i].tolist(), strict=True))
-        drawn = {name: values[name] for name in FIELDS}
-        for name in self._randomization:
-            fields, relative_to = fields_of(self.joint, name)
-            drawn[name] = values[fields[0]] + (values[relative_to] if relative_to else 0.0)
-        return drawn
+        return values | {name: float(column[i]) for name, column in self.drawn().items()}
 
     def close(self) -> None:
         """Release nothing: a simulation holds no device."""

@@ -127,6 +127,13 @@ def test_every_effect_that_can_act_is_in_all() -> None:
             assert active == able - {"coulomb_asym"}
 
 
+def test_all_can_be_given_beside_values() -> None:
+    joint = load_joint(NAME, effects={"all": {}, "coulomb_asym": {"d_cm": 1.5}})
+    assert joint.effects["coulomb_asym"]["d_cm"] == 1.5
+    assert "coulomb" not in joint.effects
+    assert {"stribeck", "cogging", "noise"} <= set(joint.effects)
+
+
 @ROWS
 def test_an_effect_that_cannot_act_is_refused(effect: Effect) -> None:
     for structure in STRUCTURES.values():
@@ -254,7 +261,7 @@ def test_a_negative_value_is_refused_where_none_can_be(effect: Effect) -> None:
     for p in effect.parameters:
         if p.low >= 0.0 and not p.series:
             values = typical(effect)
-            with pytest.raises(ParameterError, match=f"{effect.name}.{p.symbol}.*>= 0.*got -"):
+            with pytest.raises(ParameterError, match=f"{effect.name}.{p.symbol}.*>=? 0.*got -"):
                 made(effect, {effect.name: values | {p.symbol: -1.0}})
 
 

@@ -192,7 +192,7 @@ def test_nothing_hidden_is_observed() -> None:
         ({"dt_physics": 3e-4}, ConfigurationError, "whole multiple"),
         ({"torque_amplitude": -1.0}, ConfigurationError, "> 0 N m"),
         ({"effects": {"command_delay": {"delay": 8e-3}}, "history": 3}, ConfigurationError, ">= 8"),
-        ({"randomization": {"k_b": (-1.0, 1.0)}}, ConfigurationError, ">= 0"),
+        ({"randomization": {"k_b": (-1.0, 1.0)}}, ConfigurationError, "> 0"),
         ({"randomization": {"coulomb.d_cm": (0.5, 1.0)}}, UnknownNameError, "active effect"),
         ({"reward_weights": {"trackin": 1.0}}, UnknownNameError, "tracking"),
         ({"base_controller": 3}, ConfigurationError, "base_controller"),

@@ -97,7 +97,7 @@ def test_a_delay_may_be_randomised_up_to_its_longest() -> None:
         ({"coulomb.d_cx": (0.9, 1.1)}, UnknownNameError, "d_cm"),
         ({"k_b": (1.1, 0.9)}, ConfigurationError, "low <= high"),
         ({"k_b": 3}, ConfigurationError, "factors or a mapping"),
-        ({"k_b": {"lo": 1, "high": 2}}, ConfigurationError, "low, high"),
+        ({"k_b": {"lo": 1, "high": 2}}, ConfigurationError, "Did you mean 'low'"),
         ({"I_m": (0.0, 1.0)}, ConfigurationError, "> 0"),
         ({"k_b": {"low": 1, "high": 2, "distribution": "gauss"}}, UnknownNameError, "uniform"),
     ],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from cjt_gym.joint.structures import Structure
@@ -40,6 +41,7 @@ class EffectParameter:
         relative_to: Kernel parameter whose value is neutral.
         series: Whether it is a series of numbers.
         shared: Whether it is one number per joint, which all effects that name it share.
+        maximum: Value beyond which it has no meaning.
         typical: A material value for studies over all effects, in units of `typical_of`.
         typical_of: "torque" (peak motor torque), "current" (peak current), a joint parameter, or
             "" for the unit itself.
@@ -57,6 +59,7 @@ class EffectParameter:
     relative_to: str | None = None
     series: bool = False
     shared: bool = False
+    maximum: float = math.inf
     typical: float | tuple[float, ...] = 0.0
     typical_of: str = ""
 
@@ -109,6 +112,17 @@ class Effect:
     def parameter(self, symbol: str) -> EffectParameter | None:
         """Return the parameter of that symbol, or None."""
         return next((p for p in self.parameters if p.symbol == symbol), None)
+
+    def domain(self, parameter: EffectParameter) -> tuple[float, bool, float]:
+        """Return the least value of a parameter, whether it is excluded, and the greatest.
+
+        A number that is never zero in its range must be positive where it only shapes the effect
+        or takes the place of a parameter of the joint.
+        """
+        if parameter.signed:
+            return -math.inf, False, parameter.maximum
+        shapes = parameter.symbol not in self.size
+        return 0.0, (shapes or parameter.replaces) and parameter.low > 0.0, parameter.maximum
 
     def acts_in(self, structure: Structure, drive: str) -> bool:
         """Whether it can act in that structure with that drive."""

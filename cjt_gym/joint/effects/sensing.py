@@ -173,7 +173,19 @@ SENSING_EFFECTS = (
         "sensing",
         "Frames are lost or repeated: the measurement before is reported again.",
         _SAMPLING,
-        _one("probability", "-", 1.0, "Share of frames that are lost", "dropout", 0.02),
+        (
+            EffectParameter(
+                "probability",
+                "-",
+                0.0,
+                0.0,
+                1.0,
+                "Share of frames that are lost",
+                ("dropout",),
+                maximum=1.0,
+                typical=0.02,
+            ),
+        ),
         size=("probability",),
     ),
     Effect(

@@ -114,6 +114,7 @@ TRANSMISSION_EFFECTS = (
                 "Elements of the Maxwell slip model; 0 is Bouc-Wen",
                 ("slip_elements",),
                 default=0.0,
+                maximum=8.0,
                 typical=0.0,
             ),
         ),

@@ -1,0 +1,188 @@
+"""The compiled draws: random scores, values, and the kernel's parameters from them.
+
+A joint draws from its own random stream, so that a member of a batch draws what it would alone.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cjt_gym.joint.compiled import compiled
+from cjt_gym.joint.random_stream import normal, uniform
+
+Floats = NDArray[np.float64]
+
+# Columns of a source of randomness.
+WHEN, EVERY, KEEP, IS_LINEAR = range(4)
+ONCE, RESET, INTERVAL, DRIFT = range(4)
+
+# Columns of a row, one number that varies.
+SOURCE, OWN, LOADING = 0, 1, 2  # common score (-1: none), own score, correlation with the common
+SHAPE, LOW, HIGH, MEAN, STD = 3, 4, 5, 6, 7
+FROM, TO = 8, 9  # normal: quantiles of low and high; choice: first and last entry of the table
+OPERATION, NOMINAL = 10, 11
+MODE, RELATIVE, FIRST, LAST = 12, 13, 14, 15  # how fields follow; which, in the list of fields
+COLUMNS = 16
+UNIFORM, LOG_UNIFORM, NORMAL, CHOICE = range(4)
+SET, SCALE, ADD = range(3)
+REPLACES, ADDS, COUNTS_FROM = range(3)
+NOTHING, SOME, LINEAR = range(3)
+TINIEST = 1e-300
+
+
+class Program(NamedTuple):
+    """What varies and how, for compiled code.
+
+    Attributes:
+        sources: Independent scores, shape (sources, 4).
+        rows: Numbers that vary, shape (rows, COLUMNS).
+        fields: Kernel parameters that they change, one row's after the other's.
+        table: Values and cumulative probabilities of choices, shape (entries, 2).
+        is_linear: Whether any of them enters the discretisation.
+    """
+
+    sources: Floats
+    rows: Floats
+    fields: NDArray[np.int64]
+    table: Floats
+    is_linear: bool
+
+
+class Draws(NamedTuple):
+    """What has been drawn for n joints.
+
+    Attributes:
+        p: Parameter records as plain numbers, shape (n, fields).
+        nominal: Record without randomisation, shape (fields,).
+        scores: Present score of each source, uniform, or normal for a drift; (n, sources).
+        values: Present value of each row, shape (n, rows).
+        fresh: Which joints have been seeded since they drew last, shape (n,).
+        changed: Which joints drew within the episode in the last control step, shape (n,).
+    """
+
+    p: Floats
+    nominal: Floats
+    scores: Floats
+    values: Floats
+    fresh: NDArray[np.bool_]
+    changed: NDArray[np.bool_]
+
+
+@compiled
+def normal_share(z: float) -> float:
+    """Return the probability that a standard normal number is below z."""
+    return 0.5 * math.erfc(-z * math.sqrt(0.5))
+
+
+@compiled
+def normal_quantile(u: float) -> float:
+    """Return the z with `normal_share(z)` = u, to rounding.
+
+    A rational approximation and two steps of Halley's method.
+
+    References:
+        Abramowitz, Stegun (1964), Handbook of Mathematical Functions, 26.2.23.
+    """
+    tail = max(min(u, 1.0 - u), TINIEST)
+    t = math.sqrt(-2.0 * math.log(tail))
+    top = 2.515517 + t * (0.802853 + t * 0.010328)
+    z = top / (1.0 + t * (1.432788 + t * (0.189269 + t * 0.001308))) - t
+    for _ in range(2):
+        step = (normal_share(z) - tail) * math.sqrt(2.0 * math.pi) * math.exp(0.5 * z * z)
+        z -= step / (1.0 + 0.5 * z * step)
+    return z if u < 0.5 else -z
+
+
+@compiled
+def refresh(program: Program, draws: Draws, rng: NDArray[np.uint64], i: int, step: int) -> int:
+    """Draw the scores of joint i that are due.
+
+    Args:
+        program: What varies.
+        draws: What has been drawn.
+        rng: Random streams, shape (n,).
+        i: Which joint.
+        step: Control steps since the episode began; 0 begins one.
+
+    Returns:
+        NOTHING, SOME, or LINEAR if a parameter that enters the discretisation changes.
+    """
+    found, scores = NOTHING, draws.scores[i]
+    for k in range(program.sources.shape[0]):
+        source = program.sources[k]
+        when = int(source[WHEN])
+        if step == 0:
+            due = when != ONCE or draws.fresh[i]
+        else:
+            due = when >= INTERVAL and step % int(source[EVERY]) == 0
+        if not due:
+            continue
+        if when == DRIFT:
+            keep = 0.0 if step == 0 else source[KEEP]
+            scores[k] = keep * scores[k] + math.sqrt(1.0 - keep * keep) * normal(rng, i)
+        else:
+            scores[k] = uniform(rng, i)
+        found = max(found, LINEAR if source[IS_LINEAR] == 1.0 else SOME)
+    if step == 0:
+        draws.fresh[i] = False
+    return found
+
+
+@compiled
+def share_of(program: Program, scores: Floats, row: Floats) -> float:
+    """Return the uniform score of a row."""
+    k, own, loading = int(row[SOURCE]), int(row[OWN]), row[LOADING]
+    if k < 0:
+        return 0.0
+    drifts = program.sources[k, WHEN] == DRIFT
+    if own < 0:
+        u = normal_share(scores[k]) if drifts else scores[k]
+        return u if loading > 0.0 else 1.0 - u
+    common, alone = scores[k], scores[own]
+    if not drifts:
+        common, alone = normal_quantile(common), normal_quantile(alone)
+    return normal_share(loading * common + math.sqrt(1.0 - loading * loading) * alone)
+
+
+@compiled
+def quantile(program: Program, row: Floats, u: float) -> float:
+    """Return the draw of a row at a uniform score, before the operation."""
+    shape, low, high = int(row[SHAPE]), float(row[LOW]), float(row[HIGH])
+    if shape == UNIFORM:
+        return low + (high - low) * u
+    if shape == LOG_UNIFORM:
+        return min(max(low * math.exp(u * math.log(high / low)), low), high)
+    if shape == NORMAL:
+        z = normal_quantile(row[FROM] + (row[TO] - row[FROM]) * u)
+        return min(max(float(row[MEAN] + row[STD] * z), low), high)
+    k, last = int(row[FROM]), int(row[TO])
+    while k < last and u >= program.table[k, 1]:
+        k += 1
+    return float(program.table[k, 0])
+
+
+@compiled
+def write(program: Program, draws: Draws, i: int) -> None:
+    """Write values and parameters of joint i from its scores."""
+    p = draws.p[i]
+    p[:] = draws.nominal
+    for k in range(program.rows.shape[0]):
+        row = program.rows[k]
+        value = quantile(program, row, share_of(program, draws.scores[i], row))
+        nominal, mode = row[NOMINAL], int(row[MODE])
+        if row[OPERATION] == SCALE:
+            value *= nominal
+        elif row[OPERATION] == ADD:
+            value += nominal
+        draws.values[i, k] = value
+        for f in range(int(row[FIRST]), int(row[LAST])):
+            if mode == REPLACES:
+                p[program.fields[f]] = value
+            elif mode == ADDS:
+                p[program.fields[f]] += value - nominal
+            else:
+                p[program.fields[f]] = value - p[int(row[RELATIVE])]

@@ -1,0 +1,191 @@
+"""Randomisations by name: what varies follows from the joint and the effect table."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from cjt_gym.errors import ConfigurationError
+from cjt_gym.joint import EFFECTS, Joint
+from cjt_gym.joint.batch import DELAYS
+from cjt_gym.joint.effects import Effect, EffectParameter
+from cjt_gym.joint.quantity import Quantity
+from cjt_gym.plant.randomization.target import Target, find_target
+from cjt_gym.plant.randomization.variation import TAILS, Variation
+
+Variations = dict[str, Variation]
+LEAST = 0.05  # share of its nominal value that a number keeps however wide its tolerance
+HALF = 0.5  # the same where the size of an effect is a difference from nominal
+SPEEDS = ("Hz", "A/s")  # units of sizes of which less is the stronger effect, and 0 is none
+COUNTED = ("n", "p")  # exact by their nature, unless the joint file gives a tolerance
+NOISY_KEYS = ("std", "noise", "resolution", "value")
+
+
+@dataclass(frozen=True)
+class Width:
+    """How wide a preset is.
+
+    Attributes:
+        base: Factors on base parameters.
+        size: Factors on how far an effect is from being off.
+        speed: Factors on bandwidths, cut-offs and rate limits.
+        samples: Control steps that delays gain at most.
+        by_tolerance: Whether a tolerance in the joint file goes before `base`.
+    """
+
+    base: tuple[float, float]
+    size: tuple[float, float]
+    speed: Variation
+    samples: float
+    by_tolerance: bool
+
+
+MILD = Width((0.9, 1.1), (0.7, 1.3), Variation(0.7, 1.3), 1.0, True)
+WIDE = Width((0.7, 1.4), (0.0, 2.0), Variation(0.5, 2.0, "log_uniform"), 2.0, False)
+
+
+def used_parameters(joint: Joint) -> tuple[str, ...]:
+    """Return the base parameters that structure and drive use.
+
+    What the joint does not have, and what an active effect replaces, is left out.
+    """
+    motor, gear, load = joint.structure_row.groups
+    used = {
+        "I_m": True,
+        "I_g": True,
+        "I_l": load >= 0,
+        "k_g": motor != gear,
+        "k_b": gear != load,
+        "d_m": True,
+        "d_g": True,
+        "d_l": load >= 0,
+        "d_mg": motor != gear,
+        "d_gl": gear != load,
+        "k_t": True,
+        "r": joint.drive != "current",
+        "l_a": joint.drive in ("rl", "dq"),
+        "v_0": joint.drive != "current",
+        "i_p": True,
+        "n": True,
+        "p": joint.drive == "dq",
+    }
+    replaced = {p.relative_to for e in joint.effects for p in EFFECTS[e].parameters if p.replaces}
+    p = joint.parameters
+    return tuple(n for n, is_used in used.items() if is_used and n not in replaced and p.get(n, 0))
+
+
+def preset(joint: Joint, width: Width, dt: float) -> Variations:
+    """Return the variations of every base parameter in use and of the size of every effect."""
+    found = {}
+    for name in used_parameters(joint):
+        tolerance = joint.parameters.quantities[name].tolerance
+        if width.by_tolerance and tolerance is not None:
+            found[name] = within_tolerance(tolerance, signed=False)
+        elif name not in COUNTED:
+            found[name] = Variation(*width.base)
+    for name in joint.effects:
+        for parameter in _sizes(EFFECTS[name]):
+            target = find_target(joint, f"{name}.{parameter.symbol}")
+            variation = _sized(joint, target, parameter, width, dt)
+            if variation is not None:
+                found[target.name] = variation
+    return found
+
+
+def identified(joint: Joint) -> Variations:
+    """Return a normal variation of every number to which the joint file gives a tolerance.
+
+    A tolerance is one sigma, relative. That of the amplitudes of a ripple becomes one of its scale;
+    frequencies of ripples count as exact. A value that replaces that of the file has no tolerance.
+
+    Raises:
+        ConfigurationError: The file gives no tolerance to anything that acts.
+    """
+    found = {}
+    for name, quantity in joint.parameters.quantities.items():
+        if name in used_parameters(joint) and quantity.tolerance:
+            found[name] = within_tolerance(quantity.tolerance, signed=False)
+    for name, values in joint.effects.items():
+        for parameter in EFFECTS[name].parameters:
+            source = _source_of(joint, name, parameter)
+            same = source is not None and source.value == values[parameter.symbol]
+            if source is None or not source.tolerance or not same or parameter.symbol == "f":
+                continue
+            symbol = "scale" if parameter.series else parameter.symbol
+            known = found.get(f"{name}.{symbol}")
+            if known is None or (known.std or 0.0) < source.tolerance:
+                found[f"{name}.{symbol}"] = within_tolerance(source.tolerance, parameter.signed)
+    if not found:
+        raise ConfigurationError(
+            f'randomization = "identified" needs tolerances, and {joint.parameters.origin} gives '
+            "none to what acts in this joint. Add  tolerance = ...  (one sigma, relative) to its "
+            'values, as an identification knows them, or use "mild".'
+        )
+    return found
+
+
+def within_tolerance(tolerance: float, signed: bool) -> Variation:
+    """Return the normal variation of one sigma, relative; one that is not signed stays positive."""
+    low = 1.0 - TAILS * tolerance
+    return Variation(
+        distribution="normal", mean=1.0, std=tolerance, low=low if signed else max(low, LEAST)
+    )
+
+
+def _sizes(effect: Effect) -> list[EffectParameter]:
+    """Return the numbers that make an effect larger or smaller; of series, their common factor."""
+    sizes = [p for p in effect.parameters if p.symbol in effect.size and p.fields]
+    if any(p.series and p.symbol in effect.size for p in effect.parameters):
+        sizes += [p for p in effect.parameters if p.symbol == "scale"]
+    return sizes
+
+
+def _sized(
+    joint: Joint, target: Target, parameter: EffectParameter, width: Width, dt: float
+) -> Variation | None:
+    """Return how the size of an effect varies; None where it is off."""
+    off = parameter.neutral or 0.0
+    if parameter.symbol == "scale":
+        off = 0.0
+    elif parameter.relative_to is not None:
+        off = joint.parameters.get(parameter.relative_to, 0.0)
+    excess = target.nominal - off
+    if excess == 0.0:
+        return None
+    if parameter.replaces and parameter.relative_to not in joint.parameters:
+        return Variation(*width.base)
+    if set(target.fields) & set(DELAYS):
+        return Variation(0.0, width.samples * dt, operation="add")
+    if off == 0.0 and parameter.unit in SPEEDS:
+        return width.speed
+    ends = sorted(off + factor * excess for factor in width.size)
+    low, high = ends[0], min(ends[1], target.domain.high)
+    if off == 0.0 and high == ends[1]:
+        return Variation(*width.size)
+    if not parameter.signed:
+        low = max(low, HALF * min(target.nominal, high))
+    return Variation(low, high, operation="set")
+
+
+def _source_of(joint: Joint, effect: str, parameter: EffectParameter) -> Quantity | None:
+    """Return the quantity of the joint file that a parameter of an effect comes from."""
+    listed = joint.file.effects.get(effect, {})
+    key = parameter.symbol
+    if listed.get("channel") == key:
+        key = next((k for k in NOISY_KEYS if k in listed), key)
+    quantity = listed.get(key)
+    if quantity is None and parameter.joint_parameter is not None:
+        source = parameter.joint_parameter
+        if source.startswith("sensors."):
+            _, channel, entry = source.split(".")
+            quantity = joint.file.sensors.get(channel, {}).get(entry)
+        else:
+            quantity = joint.parameters.quantities.get(source)
+    return quantity if isinstance(quantity, Quantity) else None
+
+
+PRESETS: Mapping[str, Callable[[Joint, float], Variations]] = {
+    "mild": lambda joint, dt: preset(joint, MILD, dt),
+    "wide": lambda joint, dt: preset(joint, WIDE, dt),
+    "identified": lambda joint, dt: identified(joint),
+}

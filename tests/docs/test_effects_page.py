@@ -1,0 +1,123 @@
+"""The page of effects is what the table says; its snippets work; its figures can be drawn."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+
+from cjt_gym.cli import main as cjt_gym
+from cjt_gym.joint import EFFECTS, Effect, Joint, load_joint, load_joint_file, to_toml
+from cjt_gym.joint.configure import resolve_effects
+
+pytest.importorskip("matplotlib")
+ROOT = Path(__file__).parents[2]
+sys.path.append(str(ROOT))  # tools are not installed
+
+from tools.effects_page import page  # noqa: E402
+from tools.effects_page.__main__ import main  # noqa: E402
+from tools.effects_page.bench import JOINT  # noqa: E402
+from tools.effects_page.plots import PLOTS  # noqa: E402
+from tools.effects_page.snippets import python_snippet, toml_snippet  # noqa: E402
+from tools.effects_page.style import LARGEST, save  # noqa: E402
+
+ROWS = pytest.mark.parametrize("effect", EFFECTS.values(), ids=lambda effect: effect.name)
+FAST = ("current_saturation", "torque_gain", "eccentricity", "load_coulomb")
+
+
+def test_every_effect_has_a_figure_with_equation_and_caption() -> None:
+    assert set(PLOTS) == set(EFFECTS)
+    for plot in PLOTS.values():
+        assert plot.equation
+        assert plot.caption.endswith(".")
+
+
+def test_the_committed_page_is_what_the_table_says(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--check"]) == 0, capsys.readouterr().err
+
+
+def test_the_check_notices_a_changed_page_and_a_missing_figure(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(page, "PAGE", tmp_path / "effects.md")
+    monkeypatch.setattr(page, "FIGURES", tmp_path / "figures")
+    page.write_page()
+    (tmp_path / "figures").mkdir()
+    for name in EFFECTS:
+        (tmp_path / "figures" / f"{name}.svg").touch()
+    assert page.differences() == []
+    (tmp_path / "figures" / "drift.svg").unlink()
+    (tmp_path / "effects.md").write_text(page.page_text().replace("Coulomb", "Culomb"))
+    assert main(["--check"]) == 1
+    said = capsys.readouterr().err
+    assert "no figure of drift" in said
+    assert "docs/effects.md is not what the table says" in said
+
+
+@ROWS
+def test_the_page_names_all_parameters_of_an_effect(effect: Effect) -> None:
+    section = page.page_text().split(f"\n### {effect.name}\n")[1].split("\n### ")[0]
+    for p in effect.parameters:
+        assert f"`{p.symbol}`" in section
+        assert p.description.replace("*", "\\*").replace("|", "\\|") in section
+    assert effect.source in section
+
+
+@ROWS
+def test_both_snippets_give_the_same_joint(effect: Effect, tmp_path: Path) -> None:
+    names: dict[str, Joint] = {}
+    exec(python_snippet(effect), {"load_joint": load_joint}, names)
+    joint = names["joint"]
+    assert list(joint.effects) == [effect.name]
+    path = tmp_path / "mine.toml"
+    path.write_text(f"{to_toml(load_joint_file(JOINT))}\n{toml_snippet(effect)}", encoding="utf-8")
+    file = load_joint_file(path)
+    assert resolve_effects(None, file, joint.structure_row, joint.drive) == joint.effects
+
+
+def test_figures_are_small_and_say_no_date() -> None:
+    for name in EFFECTS:
+        path = page.FIGURES / f"{name}.svg"
+        if path.exists():
+            text = path.read_text(encoding="utf-8")
+            assert len(text) <= LARGEST
+            assert "date" not in text
+        else:
+            assert path.with_suffix(".png").stat().st_size < 200_000
+
+
+@pytest.mark.parametrize("name", FAST)
+def test_a_figure_can_be_drawn_with_units_on_every_axis(name: str, tmp_path: Path) -> None:
+    figure = PLOTS[name].draw()
+    for axes in figure.axes:
+        for text in (axes.get_xlabel(), axes.get_ylabel()):
+            assert text.endswith("]")
+    assert save(figure, tmp_path / name).stat().st_size > 10_000
+
+
+def test_a_figure_is_the_same_each_time(tmp_path: Path) -> None:
+    draw = PLOTS["spring_hysteresis"].draw
+    one, again = (save(draw(), tmp_path / name).read_text(encoding="utf-8") for name in "ab")
+    assert one == again
+
+
+def test_joints_prints_strict_json_and_narrow_text(capsys: pytest.CaptureFixture[str]) -> None:
+    def refuse(constant: str) -> None:
+        raise AssertionError(constant)
+
+    assert cjt_gym(["joints", "--json"]) == 0
+    tables = json.loads(capsys.readouterr().out, parse_constant=refuse)
+    for row, effect in zip(tables["effects"], EFFECTS.values(), strict=True):
+        assert row["size"] == list(effect.size)
+        assert row["structures"]
+        assert row["drives"]
+        for said, p in zip(row["parameters"], effect.parameters, strict=True):
+            assert (said["minimum"] is None) == p.signed
+            for key in ("default", "joint_parameter", "typical_of", "shared", "relative_to"):
+                assert said[key] == getattr(p, key)
+    assert cjt_gym(["joints"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 100
+    assert not any(line != line.rstrip() for line in lines)

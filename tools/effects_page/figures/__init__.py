@@ -1,0 +1,1 @@
+"""The figures, by topic; each module has a table `PLOTS`."""

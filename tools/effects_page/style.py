@@ -1,0 +1,144 @@
+"""How all figures look, and how they are written."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+WIDTH = 7.0  # inches, 672 px
+LARGEST = 60_000  # bytes of an SVG
+BLUE, RED, GREEN, GOLD, GREY, BLACK = (
+    "#0072B2",
+    "#D55E00",
+    "#009E73",
+    "#B8860B",
+    "#8A8A8A",
+    "#222222",
+)
+SEQUENCE = (BLUE, RED, GREEN, GOLD)
+
+POINTS: dict[str, Any] = {"ls": "none", "marker": "o", "ms": 3.4, "mew": 0.0}
+LAW: dict[str, Any] = {"color": BLACK, "lw": 1.0}
+NOMINAL: dict[str, Any] = {"color": GREY, "lw": 1.0, "ls": (0, (4, 2))}
+
+STYLE: Any = {
+    "font.size": 9.0,
+    "font.family": "DejaVu Sans",
+    "axes.titlesize": 9.0,
+    "axes.titlelocation": "left",
+    "axes.labelsize": 9.0,
+    "axes.linewidth": 0.7,
+    "axes.edgecolor": "#444444",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.unicode_minus": True,
+    "axes.formatter.useoffset": False,
+    "grid.color": "#E4E4E4",
+    "grid.linewidth": 0.6,
+    "xtick.labelsize": 8.5,
+    "ytick.labelsize": 8.5,
+    "xtick.major.width": 0.7,
+    "ytick.major.width": 0.7,
+    "legend.fontsize": 8.5,
+    "legend.frameon": True,
+    "legend.framealpha": 0.85,
+    "legend.edgecolor": "none",
+    "legend.borderpad": 0.2,
+    "legend.handlelength": 1.6,
+    "lines.linewidth": 1.3,
+    "figure.constrained_layout.use": True,
+    "figure.facecolor": "white",
+    "svg.fonttype": "path",
+    "svg.hashsalt": "cjt-gym",
+    "path.simplify_threshold": 0.2,
+}
+
+
+def mosaic(layout: str, height: float = 2.7, **more: Any) -> tuple[Figure, dict[str, Axes]]:
+    """Return a figure with axes by letter, such as "ab" or "ag;ap".
+
+    Args:
+        layout: Rows of letters, separated by semicolons.
+        height: Height of the figure [inch].
+        **more: Arguments of `Figure.subplot_mosaic`.
+    """
+    mpl.rcParams.update(STYLE)
+    figure = Figure(figsize=(WIDTH, height), layout="constrained")
+    axes: dict[str, Axes] = figure.subplot_mosaic(layout, **more)
+    return figure, axes
+
+
+def bode(height: float = 3.0) -> tuple[Figure, dict[str, Axes]]:
+    """Return a figure with a panel "a" and a gain "g" over a phase "p" against log frequency."""
+    figure, axes = mosaic("ag;ap", height)
+    axes["g"].set_xscale("log")
+    axes["p"].set_xscale("log")
+    axes["g"].sharex(axes["p"])
+    axes["g"].tick_params(labelbottom=False)
+    axes["p"].set_xlabel("frequency [Hz]")
+    return figure, axes
+
+
+def label(axes: Axes, x: str, y: str, title: str = "", legend: Any = None) -> None:
+    """Name the axes, and place a legend where one is asked for."""
+    axes.set_xlabel(x)
+    axes.set_ylabel(y)
+    if title:
+        axes.set_title(title)
+    if legend is not None:
+        axes.legend(loc=legend)
+
+
+def save(figure: Figure, stem: Path, png: Path | None = None) -> Path:
+    """Write a figure as SVG, or as PNG where that would be too large; return its path.
+
+    Args:
+        figure: The figure.
+        stem: Path without ending.
+        png: Folder for a copy as PNG, to look at.
+    """
+    mpl.rcParams.update(STYLE)
+    stem.parent.mkdir(parents=True, exist_ok=True)
+    nothing = {"Date": None, "Creator": None, "Format": None, "Type": None}
+    path, other = stem.with_suffix(".svg"), stem.with_suffix(".png")
+    figure.savefig(path, metadata=nothing)
+    text = compact(path.read_text(encoding="utf-8"))
+    path.write_text(text, encoding="utf-8")
+    if png is not None:
+        png.mkdir(parents=True, exist_ok=True)
+        figure.savefig(png / other.name, dpi=100)
+    if len(text) <= LARGEST:
+        other.unlink(missing_ok=True)
+        return path
+    path.unlink()
+    figure.savefig(other, dpi=160, metadata={"Software": None})
+    return other
+
+
+def compact(text: str) -> str:
+    """Return an SVG with coordinates to a hundredth of a point and without what is not drawn."""
+    text = re.sub(r"(?<!scale\()-?\d+\.\d{3,}", _short, text)
+    text = re.sub(r"(translate\(-?\d+)\.\d+( 0\)\"/>)", r"\1\2", text)
+    text = re.sub(r"<!--.*?-->|<metadata>.*?</metadata>", "", text, flags=re.S)
+    text = re.sub(r' id="[A-Za-z.]*2?d?[A-Za-z]*_\d+"', "", text)
+    text = re.sub(r"\s*\n\s*", "\n", text).replace("DejaVuSans-", "s")
+    for k, name in enumerate(dict.fromkeys(re.findall(r"url\(#(\w+)\)", text))):
+        text = text.replace(name, f"k{k}")
+    rules = []
+    for k, style in enumerate(dict.fromkeys(re.findall(r'style="([^"]*)"', text))):
+        if text.count(f'style="{style}"') > 2:
+            text = text.replace(f'style="{style}"', f'class="c{k}"')
+            rules.append(f".c{k}{{{style}}}")
+    text = text.replace("</style>", "".join(rules) + "</style>", 1)
+    return re.sub(r"\n(?=[MLQCSz] ?[\d.-]*|\")", " ", text).strip() + "\n"
+
+
+def _short(match: re.Match[str]) -> str:
+    return f"{float(match[0]):.2f}".rstrip("0").rstrip(".")
