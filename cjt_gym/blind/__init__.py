@@ -1,0 +1,28 @@
+"""Joints whose effects are hidden, from a simulator that shares nothing with the package's own.
+
+A diagnosis that is tried on data of the simulator it fits with proves little. Here the bodies, the
+laws of force, the integrator and the drive are written anew; only the format of the records is
+shared.
+
+Example:
+    >>> case = draw_case(7, effects=["coulomb"], structure="output_fixed", duration=2.0)
+    >>> case.label["effects"], sorted(case.diagnose.columns)
+    (['coulomb'], ['i', 'i_cmd', 'q_l', 'q_m', 't', 'tau'])
+"""
+
+from cjt_gym.blind.case import Case, Log, draw_case
+from cjt_gym.blind.files import write_case, write_labels
+from cjt_gym.blind.known import KNOWN
+from cjt_gym.blind.outside import OUTSIDE
+from cjt_gym.blind.variants import VARIANTS
+
+__all__ = [
+    "KNOWN",
+    "OUTSIDE",
+    "VARIANTS",
+    "Case",
+    "Log",
+    "draw_case",
+    "write_case",
+    "write_labels",
+]

@@ -1,0 +1,90 @@
+"""Files of a case: what a diagnosis may see, and apart from it the key."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from cjt_gym.blind.case import Case, Log
+from cjt_gym.blind.plant import CHANNELS
+from cjt_gym.records import default_units
+
+UNITS = {"I": "kg m^2", "k": "N m/rad", "d": "N m s/rad"}
+ORDER = ("I_m", "I_g", "I_l", "k_g", "k_b", "d_mg", "d_gl", "d_m", "d_g", "d_l", "n", "k_t")
+OUTPUTS = {
+    True: "locked: q_l is measured and nearly constant",
+    False: "free: no external load torque, inertia I_l",
+}
+
+
+def write_case(case: Case, folder: str | Path) -> Path:
+    """Write nominal.toml, diagnose.npz, validate.npz and their .toml; return the folder.
+
+    Nothing in them tells what is hidden; the joint is named after the folder.
+    """
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "nominal.toml").write_text(nominal_text(case, folder.name), encoding="utf-8")
+    for name, log in (("diagnose", case.diagnose), ("validate", case.validate)):
+        np.savez_compressed(folder / f"{name}.npz", **log.columns)  # type: ignore[arg-type]
+        (folder / f"{name}.toml").write_text(log_text(case, log), encoding="utf-8")
+    return folder
+
+
+def write_labels(labels: dict[str, Case], path: str | Path) -> Path:
+    """Write the key to some cases, by the names of their folders, as JSON; return its path."""
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    table = {name: case.label for name, case in labels.items()}
+    path.write_text(json.dumps(table, indent=1) + "\n", encoding="utf-8")
+    return path
+
+
+def nominal_text(case: Case, name: str) -> str:
+    """Return the joint file with what is stated of the joint."""
+    sheet = case.sheet
+    lines = [
+        f'name = "{name}"',
+        'source = "datasheet of the joint; tolerance is one sigma, relative"',
+        "",
+        "[parameters]",
+    ]
+    for symbol in ORDER:
+        tolerance = sheet.tolerances.get(symbol)
+        unit = {"n": "-", "k_t": "N m/A"}.get(symbol) or UNITS[symbol[0]]
+        lines.append(_entry(symbol, sheet.values[symbol], unit, tolerance))
+    lines.append(_entry("i_p", sheet.i_p, "A"))
+    lines += ["", "[effects.current_lag]", _entry("bandwidth", sheet.bandwidth, "Hz"), ""]
+    units = default_units(CHANNELS)
+    for channel, resolution, noise in zip(CHANNELS, sheet.resolution, sheet.noise, strict=True):
+        if channel in sheet.channels:
+            lines += [f"[sensors.{channel}]"]
+            lines += [_entry("resolution", resolution, units[channel])] if resolution else []
+            lines += [_entry("noise", noise, units[channel])]
+    lines += ["", "[sampling]", _entry("dt", sheet.dt, "s"), _entry("jitter", sheet.jitter, "s")]
+    return "\n".join(lines) + "\n"
+
+
+def _entry(key: str, value: float, unit: str, tolerance: float | None = None) -> str:
+    more = "" if tolerance is None else f", tolerance = {tolerance}"
+    return f'{key} = {{ value = {value:.6g}, unit = "{unit}"{more} }}'
+
+
+def log_text(case: Case, log: Log) -> str:
+    """Return the file beside a record."""
+    units = default_units(tuple(log.columns))
+    locked = case.structure.startswith("output_fixed")
+    lines = [
+        f"dt = {case.sheet.dt}",
+        'joint = "nominal.toml"',
+        f'structure = "{case.structure}"',
+        f'mode = "{log.mode}"',
+        f'excitation = "{log.excitation}"',
+        f'output = "{OUTPUTS[locked]}"',
+        "",
+        "[units]",
+        *(f'{name} = "{unit}"' for name, unit in units.items()),
+    ]
+    return "\n".join(lines) + "\n"

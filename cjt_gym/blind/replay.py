@@ -1,0 +1,67 @@
+"""How far models of a joint are from what it did: the true shrink of the gap.
+
+The commands of a record drive a model in an open loop, and its clean channels are compared with
+the clean channels of the record, which are free of noise, rounding and calibration errors.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cjt_gym.blind.control import Gains
+from cjt_gym.blind.plant import Floats, World
+from cjt_gym.blind.run import Run, no_chances, run
+from cjt_gym.blind.state import Q, V
+
+WINDOW = 0.5
+"""Time after which the windowed replay restarts from the true state [s]."""
+REPLAY_STEP = 2e-5
+"""Step of the integrator in a replay [s]."""
+
+Errors = dict[str, float]
+
+
+def replay_errors(model: World, truth: Run, window: float | None) -> Errors:
+    """Return the replay error of each signal, relative to the spread of the true one.
+
+    Args:
+        model: The model.
+        truth: The record, with its clean channels and states.
+        window: Time between restarts from the true state [s]; None for a replay without.
+    """
+    samples = len(truth.command)
+    every = 0 if window is None else max(round(window / model.sampling), 1)
+    result = run(
+        model,
+        truth.command,
+        Gains(),
+        no_chances(model, samples),
+        restarts=truth.states,
+        every=every,
+        fine_step=REPLAY_STEP,
+    )
+    one, other = _signals(truth), _signals(result)
+    return {name: _relative(other[name], one[name]) for name in one}
+
+
+def true_gap(models: dict[str, World], truth: Run) -> dict[str, dict[str, Errors]]:
+    """Return the replay errors of models by kind of replay ("windows", "free_run") and name."""
+    return {
+        kind: {name: replay_errors(model, truth, window) for name, model in models.items()}
+        for kind, window in (("windows", WINDOW), ("free_run", None))
+    }
+
+
+def _signals(result: Run) -> dict[str, Floats]:
+    return {
+        "tau": result.clean[:, 4],
+        "i": result.clean[:, 0],
+        "q_m": result.states[:, Q],
+        "dq_m": result.states[:, V],
+        "dq_l": result.states[:, V + 2],
+    }
+
+
+def _relative(values: Floats, truth: Floats) -> float:
+    spread = float(np.std(truth))
+    return float(np.sqrt(np.mean((values - truth) ** 2))) / spread if spread > 0.0 else 0.0

@@ -1,0 +1,216 @@
+"""One run of a joint: sample, decide, move on to the next sample."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from cjt_gym.blind.compiled import jit
+from cjt_gym.blind.control import Gains, decide
+from cjt_gym.blind.laws import dampings, inertias, selection
+from cjt_gym.blind.plant import GEAR, LOAD, Drive, Floats, Ints, Plant, Sensing, World, packed
+from cjt_gym.blind.sensors import clean_channels, measure
+from cjt_gym.blind.state import SIZE, Q, initial_state
+from cjt_gym.blind.stepper import mobility, sensed_torque, step
+
+FINE_STEP = 1e-5
+"""Longest step of the integrator [s]."""
+PAST = 8192
+"""Fine steps of torque that are remembered for a late torque sensor; a power of two."""
+
+
+class Chances(NamedTuple):
+    """Random numbers of a run, drawn beforehand.
+
+    Attributes:
+        channels: Noise of the measurements [their units], shape (n, 5).
+        process: Torque on the motor, held from sample to sample [N m], shape (n,).
+        times: Instants at which samples are taken [s], shape (n,).
+        lost: Encoder counts that go missing at each sample, shape (n,).
+    """
+
+    channels: Floats
+    process: Floats
+    times: Floats
+    lost: Floats
+
+
+class Frame(NamedTuple):
+    """The parts of a run that do not depend on time.
+
+    Attributes:
+        leads: The body whose motion each body shares, shape (4,).
+        attach: Body that the mount is attached to.
+        mass: Inertias, shape (4, 4).
+        damping: Dampings with open and with closed contact, shape (2, 4, 4).
+        s: Selection of the free coordinates, shape (4, coordinates).
+    """
+
+    leads: Ints
+    attach: int
+    mass: Floats
+    damping: Floats
+    s: Floats
+
+
+@dataclass(frozen=True)
+class Run:
+    """What came out of a run.
+
+    Attributes:
+        command: Command at every sample [A], shape (n,).
+        measured: Measurements of CHANNELS, shape (n, 5).
+        clean: The same without noise, rounding and calibration errors, shape (n, 5).
+        states: States, shape (n, SIZE).
+    """
+
+    command: Floats
+    measured: Floats
+    clean: Floats
+    states: Floats
+
+
+def frame_of(world: World) -> Frame:
+    """Return the parts of a run that do not depend on time."""
+    p, structure = world.plant, world.structure
+    attach = GEAR if structure.is_locked else LOAD
+    soft = structure.gear_is_soft
+    open_contact = dampings(p, attach, gear=False, bar=soft)
+    closed = dampings(p, attach, gear=True, bar=True)
+    return Frame(
+        structure.lead_array,
+        attach,
+        inertias(p),
+        np.stack([open_contact, closed]),
+        selection(structure.leads),
+    )
+
+
+def instants(world: World, samples: int) -> Floats:
+    """Return the nominal instants of the samples [s], shape (samples,)."""
+    return np.arange(samples, dtype=np.float64) * world.sampling
+
+
+def draw_chances(world: World, samples: int, rng: np.random.Generator) -> Chances:
+    """Return the random numbers of a run of a world."""
+    noise = rng.standard_normal((samples, 5)) * np.array(world.noise)
+    process = rng.standard_normal(samples) * world.process
+    jitter = np.clip(rng.standard_normal(samples), -3.0, 3.0) * world.jitter
+    times = np.maximum(instants(world, samples) + jitter, 0.0)
+    missing = rng.random(samples) < world.lost * world.sampling
+    lost = np.where(missing, rng.integers(1, 12, samples), 0) * world.sensing.counts
+    return Chances(noise, process, times, lost)
+
+
+def no_chances(world: World, samples: int) -> Chances:
+    """Return the random numbers of a run where nothing is left to chance."""
+    zero = np.zeros(samples)
+    return Chances(np.zeros((samples, 5)), zero, instants(world, samples), zero)
+
+
+def run(
+    world: World,
+    reference: Floats,
+    gains: Gains,
+    chances: Chances,
+    restarts: Floats | None = None,
+    every: int = 0,
+    fine_step: float = FINE_STEP,
+) -> Run:
+    """Run a joint.
+
+    Args:
+        world: The joint.
+        reference: Reference of the joint torque [N m], or the current [A] where the loop is open;
+            shape (n,).
+        gains: Controller.
+        chances: Random numbers for as many samples.
+        restarts: States to restart from, shape (n, SIZE).
+        every: Number of samples after which the run restarts from there; 0 for never.
+        fine_step: Longest step of the integrator [s].
+    """
+    samples = len(reference)
+    given = np.zeros((1, SIZE)) if restarts is None else restarts
+    x = initial_state(world) if restarts is None else restarts[0].copy()
+    command, states = np.zeros(samples), np.zeros((samples, SIZE))
+    measured, clean = np.zeros((samples, 5)), np.zeros((samples, 5))
+    _advance(
+        (packed(world.plant), packed(world.drive), packed(world.sensing)),
+        frame_of(world),
+        gains,
+        chances,
+        (np.array(world.resolution), reference, given),
+        every,
+        fine_step,
+        x,
+        (command, measured, clean, states),
+    )
+    return Run(command, measured, clean, states)
+
+
+@jit
+def _advance(
+    joint: tuple[Plant, Drive, Sensing],
+    frame: Frame,
+    gains: Gains,
+    chances: Chances,
+    given: tuple[Floats, Floats, Floats],
+    every: int,
+    fine_step: float,
+    x: Floats,
+    out: tuple[Floats, Floats, Floats, Floats],
+) -> None:
+    """Run all samples; results go to `out` in place."""
+    p, d, s = joint
+    resolution, reference, restarts = given
+    command, measured, clean, states = out
+    samples = len(reference)
+    past, memory = np.zeros((2, PAST)), np.zeros(3)
+    head, applied, shift = 0, -1, 0.0
+    w, work = np.zeros((2, 4, 4)), np.zeros((4, 4))
+    for k in range(samples):
+        if every > 0 and k > 0 and k % every == 0:
+            x[:] = restarts[k]
+        t = chances.times[k]
+        tau, _ = sensed_torque(p, frame.leads, x)
+        if k == 0:
+            past[0, :], past[1, :] = t - 1.0, tau
+        tau = late_torque(past, head, t - s.delay, tau) if s.delay > 0.0 else tau
+        shift -= chances.lost[k] * np.sign(x[Q + 4])
+        clean_channels(s, x, tau, t, clean[k])
+        measure(s, clean[k], chances.channels[k], resolution, shift, measured[k])
+        states[k] = x
+        command[k] = decide(gains, memory, reference, k, measured[k, 4])
+        if k + 1 == samples:
+            return
+        length = chances.times[k + 1] - t
+        steps = max(int(np.ceil(length / fine_step - 1e-6)), 1)
+        h = length / steps
+        for contact in range(2):
+            w[contact] = mobility(frame.mass, frame.damping[contact], frame.s, h)
+        for j in range(steps):
+            now = t + j * h
+            while applied < k and chances.times[applied + 1] + d.delay <= now + 0.5 * h:
+                applied += 1
+            value = command[applied] if applied >= 0 else 0.0
+            noise = chances.process[k]
+            tau = step(p, d, frame.leads, frame.attach, w, x, work, value, noise, now, h)
+            head = (head + 1) % PAST
+            past[0, head], past[1, head] = now + 0.5 * h, tau
+
+
+@jit
+def late_torque(past: Floats, head: int, t: float, latest: float) -> float:
+    """Return the torque at an earlier instant, between the fine steps [N m]."""
+    after_t, after = t + 1.0, latest
+    for back in range(PAST):
+        j = (head - back) % PAST
+        if past[0, j] <= t:
+            if back == 0:
+                return latest if t > past[0, j] + FINE_STEP else past[1, j]
+            share = (t - past[0, j]) / (after_t - past[0, j])
+            return float(past[1, j] + share * (after - past[1, j]))
+        after_t, after = past[0, j], past[1, j]
+    return after

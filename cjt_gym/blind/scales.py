@@ -1,0 +1,65 @@
+"""How large the signals of a joint are, so that effects can be made a material share of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cjt_gym.blind.plant import Floats, World
+from cjt_gym.blind.run import Run
+from cjt_gym.blind.state import CURRENT, Q, V
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Sizes of the signals of a joint without effects.
+
+    Attributes:
+        current: Root mean square of the current [A].
+        peak: Largest command [A].
+        rush: 95th percentile of the rate of the command, of samples where it changes [A/s].
+        motor_torque: Root mean square of the motor torque [N m].
+        joint_torque: Root mean square of the joint torque [N m].
+        speed: Root mean square of the velocities of motor, gear and load [rad/s].
+        travel: Distance between the extreme angles of the motor [rad].
+        path: Way that the motor goes per second [rad/s].
+        twist: Root mean square of the joint torque over the softest spring's stiffness [rad].
+        bend: 98th percentile of the twist of the bar [rad].
+    """
+
+    current: float
+    peak: float
+    rush: float
+    motor_torque: float
+    joint_torque: float
+    speed: tuple[float, float, float]
+    travel: float
+    path: float
+    twist: float
+    bend: float
+
+
+def scales_of(world: World, run: Run) -> Scales:
+    """Return the sizes of the signals of a run."""
+    p, x = world.plant, run.states
+    current, tau = _rms(x[:, CURRENT]), _rms(run.clean[:, 4])
+    change = np.abs(np.diff(run.command)) / world.sampling
+    q_m, speed = x[:, Q], [_rms(x[:, V + body]) for body in range(3)]
+    spring = p.k_g if world.structure.gear_is_soft else p.k_b
+    return Scales(
+        current=current,
+        peak=float(np.abs(run.command).max()),
+        rush=float(np.percentile(change[change > 0.0], 95)) if change.any() else 1.0,
+        motor_torque=p.k_t * p.n * current,
+        joint_torque=tau,
+        speed=(speed[0], speed[1], speed[2]),
+        travel=float(np.ptp(q_m)),
+        path=float(np.abs(x[:, V]).mean()),
+        twist=tau / spring,
+        bend=float(np.percentile(np.abs(run.clean[:, 4]), 98)) / p.k_b,
+    )
+
+
+def _rms(values: Floats) -> float:
+    return float(np.sqrt(np.mean(values**2)))
