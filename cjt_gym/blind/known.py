@@ -307,10 +307,10 @@ def load_coulomb(world: World, draw: Draw) -> Outcome:
 def gravity(world: World, draw: Draw) -> Outcome:
     """Return a load that weighs -m_g_l sin(q_l - q_0) over the measured angle.
 
-    Half of the joints start where it hangs straight down.
+    Three joints in ten start where it hangs straight down.
     """
     size = draw.size(0.2, 0.8) * draw.scales.joint_torque
-    q_0 = 0.0 if draw.rng.random() < 0.5 else float(draw.rng.uniform(-0.7, 0.7))
+    q_0 = 0.0 if draw.rng.random() < 0.3 else float(draw.rng.uniform(-0.7, 0.7))
     return on_plant(world, m_g_l=size, q_0=q_0), {"m_g_l": size, "q_0": q_0 + world.sensing.zero_l}
 
 

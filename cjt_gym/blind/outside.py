@@ -87,7 +87,7 @@ def current_slew(world: World, draw: Draw) -> Outcome:
 @row("creep", "transmission", with_spring, share="-", time="s")
 def creep(world: World, draw: Draw) -> Outcome:
     """Return a bar that gives way by a share of its twist over time."""
-    share, time = draw.size(0.06, 0.25), draw.plain(0.1, 2.0)
+    share, time = draw.size(0.1, 0.4), draw.plain(0.05, 1.5)
     return on_plant(world, creep=share, creep_time=time), {"share": share, "time": time}
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from cjt_gym.blind.control import Gains
 from cjt_gym.blind.plant import Floats, World
 from cjt_gym.blind.run import Run, no_chances, run
-from cjt_gym.blind.state import Q, V
+from cjt_gym.blind.state import V
 
 WINDOW = 0.5
 """Time after which the windowed replay restarts from the true state [s]."""
@@ -56,7 +56,8 @@ def _signals(result: Run) -> dict[str, Floats]:
     return {
         "tau": result.clean[:, 4],
         "i": result.clean[:, 0],
-        "q_m": result.states[:, Q],
+        "q_m": result.clean[:, 1],
+        "q_l": result.clean[:, 3],
         "dq_m": result.states[:, V],
         "dq_l": result.states[:, V + 2],
     }
