@@ -154,7 +154,7 @@ def missing_counts(world: World, draw: Draw) -> Outcome:
     least = world.resolution[1]
     scale = draw.scales.twist if world.structure.bar_is_soft else 100.0 * least
     counts = least * round(max(draw.size(0.02, 0.1) * scale / least, draw.strength))
-    rate = draw.plain(0.5, 3.0) if counts > 0.0 else 0.0
+    rate = draw.plain(1.5, 6.0) if counts > 0.0 else 0.0
     return replace(on_sensing(world, counts=counts), lost=rate), {"counts": counts, "rate": rate}
 
 

@@ -24,39 +24,17 @@ WHERE = [
     for structure in STRUCTURES
     for place in effect.places(STRUCTURES[structure])
 ]
-SAMPLES = 600
-CONTRACT = [
-    "command_delay",
-    "current_lag",
-    "current_saturation",
-    "command_quantization",
-    "torque_constant",
-    "thermal_derating",
-    "torque_offset",
-    "inertia",
-    "damping",
-    "coulomb",
-    "coulomb_asym",
-    "viscous_asym",
-    "stribeck",
-    "presliding",
-    "load_friction",
-    "cogging",
-    "gear_ripple",
-    "backlash",
-    "stiffness",
-    "gear_stiffness",
-    "hardening",
-    "spring_hysteresis",
-    "torque_gain",
-    "torque_bias",
-    "torque_delay",
-    "quantization",
-    "noise",
-    "load_inertia",
-    "load_coulomb",
-    "gravity",
-]
+SAMPLES = 400
+# fmt: off
+CONTRACT = (
+    "command_delay", "current_lag", "current_saturation", "command_quantization",
+    "torque_constant", "thermal_derating", "torque_offset", "inertia", "damping", "coulomb",
+    "coulomb_asym", "viscous_asym", "stribeck", "presliding", "load_friction", "cogging",
+    "gear_ripple", "backlash", "stiffness", "gear_stiffness", "hardening", "spring_hysteresis",
+    "torque_gain", "torque_bias", "torque_delay", "quantization", "noise", "load_inertia",
+    "load_coulomb", "gravity",
+)
+# fmt: on
 
 
 def driven(joint: World, sheet: Datasheet) -> Run:
