@@ -17,13 +17,14 @@ from cjt_gym.blind.known import KNOWN
 from cjt_gym.blind.outside import OUTSIDE
 from cjt_gym.blind.plant import CHANNELS, STRUCTURES, Floats, Structure, World
 from cjt_gym.blind.replay import true_gap
-from cjt_gym.blind.run import Run, draw_chances, run
+from cjt_gym.blind.run import Run, draw_chances, instants, run
 from cjt_gym.blind.scales import Scales, scales_of
 from cjt_gym.blind.tracking import closed_loop, first_gains
 from cjt_gym.errors import ConfigurationError, unknown_name
 
 DURATION: Final = 10.0
 SMALL: Final = 0.1
+"""Strength of effects that are hard to see."""
 STRUCTURE_SHARES: Final = {
     "output_fixed_rigid_gearbox": 0.3,
     "output_fixed": 0.15,
@@ -119,7 +120,7 @@ def draw_case(
         structure: Name of the structure; None draws one that the effects can have.
         excitation: Kind of excitation of the first record; None draws it.
         closed_loop: Whether the first record is taken in a closed loop; None draws it.
-        strength: Factor on the magnitudes of the effects; 0.1 makes them small.
+        strength: Factor on the magnitudes of the effects, such as SMALL.
         variant: A disorder of the records, one of VARIANTS.
         duration: Of each record [s]; tripled in the variant "long".
 
@@ -261,7 +262,8 @@ def _case(
     runs = [
         _record(true, sheet, plan.closed[turn], signals[turn], seeds[1 + turn]) for turn in range(2)
     ]
-    logs = [_log(plan, sheet, result, turn, seeds[3]) for turn, result in enumerate(runs)]
+    order = int(seeds[3].integers(2**32))
+    logs = [_log(plan, sheet, result, turn, order) for turn, result in enumerate(runs)]
     models = {
         "stated": as_stated(world, sheet),
         "no_effects": replace(world, resolution=(0.0,) * 5),
@@ -329,17 +331,19 @@ def _record(
     return run(world, signal, Gains(limit=sheet.i_p), chances, fine_step=fine_step)
 
 
-def _log(plan: Plan, sheet: Datasheet, result: Run, turn: int, rng: np.random.Generator) -> Log:
-    """Return what is recorded of a run."""
-    samples = len(result.command)
-    columns = {"t": np.arange(samples, dtype=np.float64) * plan.dt, "i_cmd": result.command}
+def _log(plan: Plan, sheet: Datasheet, result: Run, turn: int, order: int) -> Log:
+    """Return what is recorded of a run.
+
+    Rows are lost at random in each record, but both lack the same channels: `order` seeds that.
+    """
+    columns = {"t": instants(sheet.dt, len(result.command)), "i_cmd": result.command}
     columns |= {name: result.measured[:, CHANNELS.index(name)] for name in sheet.channels}
-    change = {
-        "dropped_rows": variants.drop_rows,
-        "stale_rows": variants.repeat_rows,
-        "missing_channels": variants.without_channels,
-    }.get(plan.variant or "")
-    columns = columns if change is None else change(columns, rng)
+    if plan.variant == "dropped_rows":
+        columns = variants.drop_rows(columns, np.random.default_rng((order, turn)))
+    elif plan.variant == "stale_rows":
+        columns = variants.repeat_rows(columns, np.random.default_rng((order, turn)))
+    elif plan.variant == "missing_channels":
+        columns = variants.without_channels(columns, np.random.default_rng(order))
     mode = "closed loop" if plan.closed[turn] else "open loop"
     return Log(columns, mode, plan.excitations[turn])
 

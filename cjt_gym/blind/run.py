@@ -88,9 +88,9 @@ def frame_of(world: World) -> Frame:
     )
 
 
-def instants(world: World, samples: int) -> Floats:
+def instants(dt: float, samples: int) -> Floats:
     """Return the nominal instants of the samples [s], shape (samples,)."""
-    return np.arange(samples, dtype=np.float64) * world.sampling
+    return np.arange(samples, dtype=np.float64) * dt
 
 
 def draw_chances(world: World, samples: int, rng: np.random.Generator) -> Chances:
@@ -98,7 +98,7 @@ def draw_chances(world: World, samples: int, rng: np.random.Generator) -> Chance
     noise = rng.standard_normal((samples, 5)) * np.array(world.noise)
     process = rng.standard_normal(samples) * world.process
     jitter = np.clip(rng.standard_normal(samples), -3.0, 3.0) * world.jitter
-    times = np.maximum(instants(world, samples) + jitter, 0.0)
+    times = np.maximum(instants(world.sampling, samples) + jitter, 0.0)
     missing = rng.random(samples) < world.lost * world.sampling
     lost = np.where(missing, rng.integers(1, 12, samples), 0) * world.sensing.counts
     return Chances(noise, process, times, lost)
@@ -107,7 +107,7 @@ def draw_chances(world: World, samples: int, rng: np.random.Generator) -> Chance
 def no_chances(world: World, samples: int) -> Chances:
     """Return the random numbers of a run where nothing is left to chance."""
     zero = np.zeros(samples)
-    return Chances(np.zeros((samples, 5)), zero, instants(world, samples), zero)
+    return Chances(np.zeros((samples, 5)), zero, instants(world.sampling, samples), zero)
 
 
 def run(
@@ -177,7 +177,7 @@ def _advance(
         tau, _ = sensed_torque(p, frame.leads, x)
         if k == 0:
             past[0, :], past[1, :] = t - 1.0, tau
-        tau = late_torque(past, head, t - s.delay, tau) if s.delay > 0.0 else tau
+        tau = late_torque(past, head, t, s.delay, tau) if s.delay > 0.0 else tau
         shift -= chances.lost[k] * np.sign(x[Q + 4])
         clean_channels(s, x, tau, t, clean[k])
         measure(s, clean[k], chances.channels[k], resolution, shift, measured[k])
@@ -202,15 +202,21 @@ def _advance(
 
 
 @jit
-def late_torque(past: Floats, head: int, t: float, latest: float) -> float:
-    """Return the torque at an earlier instant, between the fine steps [N m]."""
-    after_t, after = t + 1.0, latest
+def late_torque(past: Floats, head: int, now: float, delay: float, latest: float) -> float:
+    """Return the torque some time ago, between the fine steps [N m].
+
+    Args:
+        past: Times [s] and torques [N m] of the latest fine steps, a ring of shape (2, PAST).
+        head: Index of the last one.
+        now: Time [s].
+        delay: How long ago [s].
+        latest: Torque now [N m].
+    """
+    after_t, after = now, latest
     for back in range(PAST):
         j = (head - back) % PAST
-        if past[0, j] <= t:
-            if back == 0:
-                return latest if t > past[0, j] + FINE_STEP else past[1, j]
-            share = (t - past[0, j]) / (after_t - past[0, j])
+        if past[0, j] <= now - delay:
+            share = (now - delay - past[0, j]) / (after_t - past[0, j])
             return float(past[1, j] + share * (after - past[1, j]))
         after_t, after = past[0, j], past[1, j]
     return after

@@ -20,6 +20,9 @@ VARIANTS: Final = (
 DISORDER: Final = 0.01
 """Share of rows that get lost or repeat the one before."""
 
+MISSING: Final = (("i",), ("tau",), ("q_l",), ("i", "q_l"), ("i", "tau"), ("q_m",))
+"""Channels that a record may lack."""
+
 Columns = dict[str, Floats]
 
 
@@ -47,6 +50,3 @@ def without_channels(columns: Columns, rng: np.random.Generator) -> Columns:
     """Return the record without one or two of its measured channels."""
     gone = MISSING[int(rng.integers(len(MISSING)))]
     return {name: values for name, values in columns.items() if name not in gone}
-
-
-MISSING: Final = (("i",), ("tau",), ("q_l",), ("i", "q_l"), ("i", "tau"), ("q_m",))

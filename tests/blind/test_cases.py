@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cjt_gym.blind import VARIANTS, Case, draw_case, write_case, write_labels
+from cjt_gym.blind import SMALL, VARIANTS, Case, draw_case, write_case, write_labels
 from cjt_gym.blind.excitation import DRAWN, excitation
+from cjt_gym.blind.plant import STRUCTURES
 from cjt_gym.errors import ConfigurationError, UnknownNameError
 from cjt_gym.joint.files import load_joint_file
 from cjt_gym.records import read_record
@@ -96,6 +97,7 @@ def test_variants_load(variant: str, tmp_path: Path) -> None:
         assert np.mean(np.abs(record["i_cmd"]) >= case.sheet.i_p) > 0.02
     if variant == "missing_channels":
         assert len(record.columns) < 6
+        assert list(case.validate.columns) == list(record.columns)
 
 
 @pytest.mark.parametrize("kind", DRAWN)
@@ -114,6 +116,32 @@ def test_noise_is_as_stated() -> None:
         step, std = case.sheet.resolution[j], case.sheet.noise[j]
         spread = np.diff(case.diagnose.columns[channel][still], 3).std() / np.sqrt(20.0)
         assert spread == pytest.approx(np.hypot(std, step / np.sqrt(12.0)), rel=0.35)
+
+
+@pytest.mark.parametrize("structure", STRUCTURES)
+def test_closed_loop_follows_its_reference(structure: str) -> None:
+    """The loop neither lives at its limits nor swings up, whatever the joint."""
+    case = draw_case(
+        8, effects=[], structure=structure, excitation="steps", closed_loop=True, duration=2.0
+    )
+    command = case.diagnose.columns["i_cmd"]
+    assert np.mean(np.abs(command) >= case.sheet.i_p) < 0.02
+    assert case.diagnose.mode == "closed loop"
+    assert case.label["gap"]["windows"]["true"]["tau"] < 0.05
+
+
+def test_small_effects_are_a_tenth() -> None:
+    small = draw_case(
+        4,
+        effects=["coulomb"],
+        structure="output_fixed_rigid_gearbox",
+        excitation="composite",
+        closed_loop=False,
+        strength=SMALL,
+        duration=2.0,
+    )
+    whole = short().label["parameters"]["coulomb"]["d_cm"]
+    assert small.label["parameters"]["coulomb"]["d_cm"] == pytest.approx(0.1 * whole)
 
 
 def test_mistakes_are_named() -> None:

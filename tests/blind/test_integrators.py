@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 from scipy.linalg import expm
 
 from cjt_gym.blind.control import Gains
@@ -208,6 +210,25 @@ def test_backlash_lets_the_motor_move_freely() -> None:
     t = free * 1e-3 - lag
     assert run_.states[free, Q] == pytest.approx(0.5 * a * (t * t + lag * lag), rel=1e-3)
     assert np.all(run_.clean[: free + 1, 4] == 0.0)
+
+
+@pytest.mark.parametrize("delay", [2e-6, 1.5e-3, 7.25e-3])
+def test_late_torque_is_the_earlier_one(delay: float) -> None:
+    joint, command = world("output_fixed_rigid_gearbox"), two_tones(200)
+    late = replace(joint, sensing=joint.sensing._replace(delay=delay))
+    now, then = fine(joint, command).clean[:, 4], fine(late, command).clean[:, 4]
+    t = np.arange(200) * 1e-3
+    expected = CubicSpline(t, now)(t - delay)
+    np.testing.assert_allclose(then[20:], expected[20:], atol=2e-3 * np.abs(now).max())
+
+
+@pytest.mark.parametrize("delay", [1e-3, 4e-3])
+def test_late_command_shifts_everything(delay: float) -> None:
+    joint, command = world("full_dynamics"), two_tones(200)
+    late = replace(joint, drive=joint.drive._replace(delay=delay))
+    shift = round(delay * 1e3)
+    now, then = fine(joint, command).states[:, Q], fine(late, command).states[:, Q]
+    np.testing.assert_allclose(then[shift:], now[:-shift], atol=1e-9)
 
 
 def test_state_has_its_size() -> None:
