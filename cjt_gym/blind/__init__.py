@@ -10,10 +10,11 @@ Example:
     (['coulomb'], ['i', 'i_cmd', 'q_l', 'q_m', 't', 'tau'])
 """
 
-from cjt_gym.blind.case import SMALL, Case, Log, draw_case
+from cjt_gym.blind.case import Case, Log, draw_case
 from cjt_gym.blind.files import write_case, write_labels
 from cjt_gym.blind.known import KNOWN
 from cjt_gym.blind.outside import OUTSIDE
+from cjt_gym.blind.plan import SMALL
 from cjt_gym.blind.variants import VARIANTS
 
 __all__ = [

@@ -13,6 +13,8 @@ from cjt_gym.records import default_units
 
 UNITS = {"I": "kg m^2", "k": "N m/rad", "d": "N m s/rad"}
 ORDER = ("I_m", "I_g", "I_l", "k_g", "k_b", "d_mg", "d_gl", "d_m", "d_g", "d_l", "n", "k_t")
+SENSORS = ("q_m", "q_g", "q_l", "tau", "i")
+"""Order of the sensors in a joint file."""
 OUTPUTS = {
     True: "locked: q_l is measured and nearly constant",
     False: "free: no external load torque, inertia I_l",
@@ -57,9 +59,11 @@ def nominal_text(case: Case, name: str) -> str:
         lines.append(_entry(symbol, sheet.values[symbol], unit, tolerance))
     lines.append(_entry("i_p", sheet.i_p, "A"))
     lines += ["", "[effects.current_lag]", _entry("bandwidth", sheet.bandwidth, "Hz"), ""]
-    units = default_units(CHANNELS)
-    for channel, resolution, noise in zip(CHANNELS, sheet.resolution, sheet.noise, strict=True):
+    units = default_units(SENSORS)
+    for channel in SENSORS:
         if channel in sheet.channels:
+            j = CHANNELS.index(channel)
+            resolution, noise = sheet.resolution[j], sheet.noise[j]
             lines += [f"[sensors.{channel}]"]
             lines += [_entry("resolution", resolution, units[channel])] if resolution else []
             lines += [_entry("noise", noise, units[channel])]
@@ -69,7 +73,8 @@ def nominal_text(case: Case, name: str) -> str:
 
 def _entry(key: str, value: float, unit: str, tolerance: float | None = None) -> str:
     more = "" if tolerance is None else f", tolerance = {tolerance}"
-    return f'{key} = {{ value = {value:.6g}, unit = "{unit}"{more} }}'
+    number = float(f"{value:.6g}")
+    return f'{key} = {{ value = {number!r}, unit = "{unit}"{more} }}'
 
 
 def log_text(case: Case, log: Log) -> str:

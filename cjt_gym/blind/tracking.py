@@ -55,7 +55,7 @@ def halved(gains: Gains) -> Gains:
     return gains._replace(kp=0.5 * gains.kp, ki=0.5 * gains.ki, kd=0.5 * gains.kd)
 
 
-def closed_loop(
+def under_control(
     world: World,
     reference: Floats,
     gains: Gains,

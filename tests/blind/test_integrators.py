@@ -37,6 +37,7 @@ CASES = {
         PLANT._replace(slip_torque=3.0, slip_width=2e-3, wen_torque=2.0, wen_width=1e-3),
         1e-4,
     ),
+    "rigid with weight": ("rigid", PLANT._replace(up_m=3.0, down_m=3.0, m_g_l=5.0), 1e-4),
     "presliding": ("output_fixed", PLANT._replace(bristle_m=3.0, z_s=3e-4), 1e-4),
     "all that is smooth": (
         "rigid_gearbox",

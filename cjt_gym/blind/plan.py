@@ -1,0 +1,178 @@
+"""What is settled of a blind case before its joint is drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from cjt_gym.blind import variants
+from cjt_gym.blind.excitation import DRAWN
+from cjt_gym.blind.hidden import Effect
+from cjt_gym.blind.known import KNOWN
+from cjt_gym.blind.outside import OUTSIDE
+from cjt_gym.blind.plant import STRUCTURES, Structure
+from cjt_gym.errors import ConfigurationError, unknown_name
+
+SMALL: Final = 0.1
+"""Strength of effects that are hard to see."""
+STRUCTURE_SHARES: Final = {
+    "output_fixed_rigid_gearbox": 0.3,
+    "output_fixed": 0.15,
+    "full_dynamics": 0.3,
+    "rigid_gearbox": 0.15,
+    "rigid": 0.1,
+}
+COUNTS: Final = {(0, 0): 0.14, (1, 0): 0.46, (2, 0): 0.22, (0, 1): 0.12, (1, 1): 0.06}
+"""How often a case has how many effects of the table and outside it."""
+ONE_OF: Final = frozenset({"coulomb", "coulomb_asym", "stribeck", "presliding", "load_coulomb"})
+"""Dry friction comes in one of these kinds per joint."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is settled of a case before its joint is drawn.
+
+    Attributes:
+        structure: Structure of the joint.
+        effects: Effects of the table and outside it, with the place where each acts.
+        strength: Factor on their magnitudes.
+        excitations: Kinds of excitation of the two records.
+        closed: Whether the loop is closed in the two records.
+        variant: One of VARIANTS, or None for orderly records.
+        duration: Of each record [s].
+    """
+
+    structure: Structure
+    effects: tuple[tuple[Effect, str], ...]
+    strength: float
+    excitations: tuple[str, str]
+    closed: tuple[bool, bool]
+    variant: str | None
+    duration: float
+
+    @property
+    def dt(self) -> float:
+        """Time between samples [s]."""
+        return 0.01 if self.variant == "slow_sampling" else 1e-3
+
+
+def draw_plan(
+    effects: Iterable[str] | None,
+    structure: str | None,
+    excitation: str | None,
+    closed_loop: bool | None,
+    strength: float,
+    variant: str | None,
+    duration: float,
+    of_joint: np.random.Generator,
+    of_records: np.random.Generator,
+) -> Plan:
+    """Return a plan; None leaves a choice to chance. See `draw_case` for the arguments."""
+    _check(structure, excitation, variant, strength, duration)
+    named = None if effects is None else tuple(effects)
+    form = _structure(structure, named, of_joint)
+    return Plan(
+        structure=form,
+        effects=_effects(named, form, of_joint),
+        strength=strength,
+        excitations=_excitations(excitation, of_records),
+        closed=_loops(closed_loop, of_records),
+        variant=variant,
+        duration=3.0 * duration if variant == "long" else duration,
+    )
+
+
+def _check(
+    structure: str | None,
+    kind: str | None,
+    variant: str | None,
+    strength: float,
+    duration: float,
+) -> None:
+    for what, name, names in (
+        ("structure", structure, STRUCTURES),
+        ("excitation", kind, DRAWN),
+        ("variant", variant, variants.VARIANTS),
+    ):
+        if name is not None and name not in names:
+            raise unknown_name(what, name, names)
+    if not 0.0 <= strength <= 3.0:
+        raise ConfigurationError(f"strength must be within 0 and 3, got {strength:g}.")
+    if not duration >= 2.0:
+        raise ConfigurationError(f"duration must be >= 2 s, got {duration:g} s.")
+
+
+def _row(name: str) -> Effect:
+    both = KNOWN | OUTSIDE
+    if name not in both:
+        raise unknown_name("effect", name, both)
+    return both[name]
+
+
+def _structure(
+    structure: str | None, named: tuple[str, ...] | None, rng: np.random.Generator
+) -> Structure:
+    if structure is not None:
+        return STRUCTURES[structure]
+    rows = [(_row(name.split(":")[0]), name.partition(":")[2]) for name in named or ()]
+    shares = {
+        name: share
+        for name, share in STRUCTURE_SHARES.items()
+        if all(_can_have(effect, place, STRUCTURES[name]) for effect, place in rows)
+    }
+    if not shares:
+        raise ConfigurationError(
+            f"No structure can have the effects {', '.join(named or ())} together. "
+            "Leave one of them out."
+        )
+    weights = np.array(list(shares.values()))
+    return STRUCTURES[str(rng.choice(list(shares), p=weights / weights.sum()))]
+
+
+def _can_have(effect: Effect, place: str, structure: Structure) -> bool:
+    places = effect.places(structure)
+    return place in places if place else bool(places)
+
+
+def _effects(
+    named: tuple[str, ...] | None, structure: Structure, rng: np.random.Generator
+) -> tuple[tuple[Effect, str], ...]:
+    names = _draw_names(structure, rng) if named is None else named
+    found = []
+    for name in names:
+        kind, _, place = name.partition(":")
+        effect = _row(kind)
+        places = effect.places(structure)
+        if not _can_have(effect, place, structure):
+            raise ConfigurationError(
+                f"A joint of structure {structure.name} cannot have the effect '{name}'. "
+                f"Places there: {', '.join(filter(None, places)) or 'none'}."
+            )
+        found.append((effect, place or str(rng.choice(places))))
+    return tuple(found)
+
+
+def _draw_names(structure: Structure, rng: np.random.Generator) -> tuple[str, ...]:
+    counts = list(COUNTS)
+    known, outside = counts[int(rng.choice(len(counts), p=list(COUNTS.values())))]
+    names = [n for n, effect in KNOWN.items() if effect.places(structure)]
+    others = [n for n, effect in OUTSIDE.items() if effect.places(structure)]
+    while True:
+        drawn = [str(name) for name in rng.choice(names, known, replace=False)]
+        if len(ONE_OF.intersection(drawn)) <= 1:
+            return (*drawn, *(str(name) for name in rng.choice(others, outside, replace=False)))
+
+
+def _excitations(kind: str | None, rng: np.random.Generator) -> tuple[str, str]:
+    shares = np.array([0.4, 0.2, 0.1, 0.1, 0.1, 0.1])
+    first = str(rng.choice(DRAWN, p=shares)) if kind is None else kind
+    second = [name for name in ("composite", "multisine", "steps", "chirp") if name != first]
+    return first, str(rng.choice(second))
+
+
+def _loops(closed: bool | None, rng: np.random.Generator) -> tuple[bool, bool]:
+    first, second = rng.random() < 0.2, rng.random() < 0.85
+    return (bool(first) if closed is None else closed), bool(second)
