@@ -5,7 +5,7 @@ laws of force, the integrator and the drive are written anew; only the format of
 shared.
 
 Example:
-    >>> case = draw_case(7, effects=["coulomb"], structure="output_fixed", duration=2.0)
+    >>> case = draw_case(7, effects=["coulomb"], structure="rigid_gearbox", duration=2.0)
     >>> case.label["effects"], sorted(case.diagnose.columns)
     (['coulomb'], ['i', 'i_cmd', 'q_l', 'q_m', 't', 'tau'])
 """

@@ -60,14 +60,9 @@ def measured(name: str, structure: str, place: str, strength: float) -> np.ndarr
 
 
 @pytest.mark.parametrize(("name", "structure", "place"), WHERE)
-def test_effect_changes_the_log(name: str, structure: str, place: str) -> None:
+def test_effect_changes_the_log_by_its_strength(name: str, structure: str, place: str) -> None:
     plain = without(structure)[2].measured
     assert not np.array_equal(measured(name, structure, place, 1.0), plain)
-
-
-@pytest.mark.parametrize(("name", "structure", "place"), WHERE)
-def test_without_strength_nothing_changes(name: str, structure: str, place: str) -> None:
-    plain = without(structure)[2].measured
     np.testing.assert_allclose(measured(name, structure, place, 0.0), plain, rtol=0, atol=1e-9)
 
 

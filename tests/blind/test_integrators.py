@@ -17,7 +17,7 @@ from cjt_gym.blind.run import Run, no_chances, run
 from cjt_gym.blind.state import BRISTLE, CURRENT, SIZE, SLIP, SLIPS, WEN, Q, V, initial_state
 from tests.blind.joints import LOSSLESS, PLANT, two_tones, world
 
-SAMPLES = 30
+SAMPLES = 24
 CASES = {
     "stick-slip, locked": (
         "output_fixed_rigid_gearbox",
