@@ -24,6 +24,8 @@ from cjt_gym.blind.tracking import first_gains, under_control
 
 DURATION: Final = 10.0
 """Usual length of a record [s]."""
+ROUGH_STEP: Final = 4e-5
+"""Step of the integrator where only the sizes of signals are asked for [s]."""
 
 
 @dataclass(frozen=True)
@@ -150,7 +152,7 @@ def _scales(
     world: World, sheet: Datasheet, plan: Plan, signal: Floats, rng: np.random.Generator
 ) -> Scales:
     """Return the sizes of the signals of the first record, were there no effect."""
-    return scales_of(world, _record(world, sheet, plan.closed[0], signal, rng, 2e-5))
+    return scales_of(world, _record(world, sheet, plan.closed[0], signal, rng, ROUGH_STEP))
 
 
 def _hide(

@@ -9,7 +9,7 @@ from cjt_gym.blind.joints import Datasheet
 from cjt_gym.blind.plant import Floats, Structure, World
 from cjt_gym.blind.run import FINE_STEP, Chances, Run, draw_chances, run
 
-TRIED, TRIAL_STEP = 2.0, 2e-5
+TRIED, TRIAL_STEP = 2.0, 4e-5
 """Length of a trial of gains, and its fine step [s]."""
 TRIALS = 6
 """How often the gains are halved before the loop is left to its feedforward."""
