@@ -51,6 +51,17 @@ def test_a_run_folder_holds_what_is_needed_to_repeat_it(
     assert all(row["validation_rmse"] > 0.0 and row["rmse"] > 0.0 for row in rows)
 
 
+@pytest.mark.parametrize("structure", ["output_fixed_rigid_gearbox", "full_dynamics"])
+def test_a_joint_with_all_effects_and_everything_randomised_trains(
+    structure: str, tiny: TrainConfig, tmp_path: Path
+) -> None:
+    env = {**tiny.env, "structure": structure, "effects": "all", "randomization": "mild"}
+    run = train(replace(tiny, env=env), tmp_path / "run", quiet=True)
+    assert run.facts["status"] == "finished"
+    assert all(np.isfinite(row["validation_rmse"]) for row in run.progress())
+    assert "spring_hysteresis.tau_h" in (run.path / "randomization.toml").read_text()
+
+
 def test_a_finished_run_says_so_and_stays_as_it_is(
     finished: RunFolder, tiny: TrainConfig, capsys: pytest.CaptureFixture[str]
 ) -> None:
