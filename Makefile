@@ -1,7 +1,7 @@
 # Everything runs in .venv, which is made on demand; only Python >= 3.11 and make are needed.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help install demo test test-all lint format bench clean
+.PHONY: help install demo test test-all soak lint format bench clean
 
 PYTHON ?= $(shell for name in python3.11 python3.12 python3.13 python3 python; do \
 	if $$name -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1; then \
@@ -10,11 +10,14 @@ BIN := .venv/bin
 STAMP := .venv/.installed
 WORKERS ?= 2
 PYTEST_ARGS ?=
+SUBSTEPS ?= 1e8
+SEED ?= 0
 
 help:
 	@echo "make demo    train, compare and write demo/report.html"
 	@echo "make test    run the tests (WORKERS=$(WORKERS), PYTEST_ARGS=...)"
 	@echo "make test-all  and the slow ones"
+	@echo "make soak    run random joints with random effects (SUBSTEPS=$(SUBSTEPS), SEED=$(SEED))"
 	@echo "make lint    ruff, mypy and import-linter"
 	@echo "make format  let ruff rewrite the code"
 	@echo "make bench   run the benchmarks"
@@ -36,6 +39,9 @@ test: $(STAMP)
 
 test-all: $(STAMP)
 	$(BIN)/python -m pytest -n $(WORKERS) $(PYTEST_ARGS)
+
+soak: $(STAMP)
+	$(BIN)/python -m tests.physics.soak --substeps $(SUBSTEPS) --seed $(SEED)
 
 lint: $(STAMP)
 	$(BIN)/ruff check .

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from cjt_gym.joint.joint import Joint
 
 Floats = NDArray[np.float64]
+INERTIAS = ("I_m", "I_g", "I_l")
 CHANNEL_DELAYS = ("late_i", "late_q_m", "late_q_g", "late_q_l", "late_tau")
 DELAYS = ("command_delay", "measurement_delay", *CHANNEL_DELAYS)
 
@@ -44,6 +45,21 @@ def substeps_of(dt: float, dt_physics: float) -> int:
             f"{dt_physics:g} s. Take {dt / max(1, math.ceil(dt / dt_physics - 1e-9)):g} s."
         )
     return count
+
+
+def longest_substep(joint: Joint) -> float:
+    """Return the substep below which the exchange between inductance and motor is stable [s].
+
+    The currents of a drive with inductance advance apart from the mechanics, which is stable for
+    h k_t n / sqrt(l_a I) < 2. Other drives know no limit.
+    """
+    if joint.drive not in ("rl", "dq"):
+        return math.inf
+    p, groups = joint.packed()[0][0], joint.structure_row.groups
+    inertia = sum(
+        float(p[name]) for name, g in zip(INERTIAS, groups, strict=True) if g == groups[0]
+    )
+    return 2.0 * math.sqrt(float(p["l_a"]) * inertia) / (float(p["k_t"]) * float(p["n"]))
 
 
 @compiled
@@ -90,10 +106,20 @@ class JointBatch:
             dt_physics: Substep [s]; dt is a whole multiple of it.
             voltage: Whether commands are voltages [V] instead of currents [A].
             longest_delay: Longest delay that will be set later [s].
+
+        Raises:
+            ConfigurationError: The steps do not fit, or the substep is too long for the drive.
         """
         structure = joint.structure_row
         substeps = substeps_of(dt, dt_physics)
         record, ripple = joint.packed()
+        longest = longest_substep(joint)
+        if dt / substeps >= longest:
+            raise ConfigurationError(
+                f"dt_physics must be < {longest:.3g} s for drive {joint.drive} of "
+                f"{joint.file.parameters.name} (k_t n, l_a and the motor's inertia), got "
+                f"{dt / substeps:g} s."
+            )
         delay = max(longest_delay, float(sum(record[name][0] for name in DELAYS)))
         depth = math.ceil(delay / dt - 1e-9) + 2
         order, size = structure.order, structure.size

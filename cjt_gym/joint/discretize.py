@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.joint.compiled import lean
+from cjt_gym.joint.springs import BAR, has_play
 
 Matrix = NDArray[np.float64]
 MAX_ORDER = 6
@@ -113,7 +114,7 @@ def _spring(
     x: Matrix,
 ) -> None:
     """Add a spring and damper behind body `which`; q_l stands behind z where it is prescribed."""
-    if groups[which] == groups[which + 1]:
+    if groups[which] == groups[which + 1] or has_play(p, groups, which):
         return
     for side in range(2):
         here, there = groups[which + side], groups[which + 1 - side]
@@ -211,4 +212,6 @@ def _inputs(p: Any, groups: tuple[int, int, int], h: float, phi: Matrix, b: Matr
         if groups[2] >= 0:
             b[i, 1] = b[i, 2 + groups[2]]
         else:
-            b[i, 1] = phi[i, size] * row * h + p.d_gl * b[i, 2 + groups[1]]
+            b[i, 1] = phi[i, size] * row * h
+            if not has_play(p, groups, BAR):
+                b[i, 1] += p.d_gl * b[i, 2 + groups[1]]

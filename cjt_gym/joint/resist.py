@@ -28,6 +28,7 @@ from cjt_gym.joint.arrays import (
     K_M,
     LAW,
     MESH,
+    MODE,
     R_W,
     RESIST,
     REST,
@@ -57,7 +58,8 @@ from cjt_gym.joint.load_forces import has_load_force, load_force
 from cjt_gym.joint.springs import BAR, added_torque, is_nonlinear
 
 SWEEPS = 100
-NEWTON = 12
+NEWTON = 20
+HELD, SMOOTH = 0.0, 2.0  # modes of a coordinate; else the direction in which it slides
 ITERATIONS = 60
 FREELY, PLAINLY, ANY = 0.0, 1.0, 2.0  # what resists a coordinate
 
@@ -293,15 +295,23 @@ def search(
     size = setup.size
     for g in range(size):
         work[SPEED, g] = work[GUESS, g] if work[ACTIVE, g] != FREELY else work[FREE_SPEED, g]
+        work[MODE, g] = guessed_mode(p, memory, setup, work, g)
     for _ in range(NEWTON):
         for g in range(size):
             work[REST, g] = work[SPEED, g] - work[FREE_SPEED, g]
             for other in range(size):
                 work[JACOBIAN + g, other] = 1.0 if g == other else 0.0
         for other in range(size):
-            if work[ACTIVE, other] != FREELY:
+            if work[MODE, other] == HELD:  # the torque is unknown in place of the velocity
+                for g in range(size):
+                    w = b[g, 2 + other] / setup.h
+                    work[REST, g] += w * work[RESIST, other]
+                    work[JACOBIAN + g, other] = w
+            elif work[ACTIVE, other] != FREELY:
                 v = work[SPEED, other]
                 side = 1.0 if v >= 0.0 else -1.0
+                if work[MODE, other] != SMOOTH:
+                    side = work[MODE, other]
                 if work[ACTIVE, other] == PLAINLY:
                     torque, slope = plain_resistance(p, setup, work, other, v, side)
                 else:
@@ -322,14 +332,18 @@ def search(
                 for g in range(size):
                     w = mobility(setup, b, g, which)
                     work[REST, g] += w * torque
-                    work[JACOBIAN + g, one] += w * slope
-                    if other >= 0:
+                    if work[MODE, one] != HELD:
+                        work[JACOBIAN + g, one] += w * slope
+                    if other >= 0 and work[MODE, other] != HELD:
                         work[JACOBIAN + g, other] -= w * slope
         eliminate(work, size)
         largest = 0.0
         for g in range(size):
+            if work[MODE, g] == HELD:
+                work[RESIST, g] -= work[REST, g]
+                work[REST, g] = 0.0
             work[SPEED, g] -= work[REST, g]
-            if work[ACTIVE, g] != FREELY:
+            if work[ACTIVE, g] != FREELY and work[MODE, g] != HELD:
                 work[RESIST, g] -= work[SLOPE, g] * work[REST, g]
                 largest = max(largest, abs(work[REST, g]) - 1e-9 * abs(work[SPEED, g]))
         for which in range(2):
@@ -341,9 +355,46 @@ def search(
                 work[SPRING, which] -= work[SPRING_SLOPE, which] * change
         if not largest < math.inf:
             return False
+        if changes_mode(p, memory, setup, work, command):
+            continue
         if largest <= 1e-10 + 1e-7 * p.dq_0:
             return True
     return False
+
+
+@lean
+def guessed_mode(p: Any, memory: Floats, setup: Setup, work: Floats, g: int) -> float:
+    """Return whether sharp friction holds coordinate g, as in the substep before."""
+    if (
+        p.dq_0 > 0.0
+        or dry_sum(p, memory, work, setup.groups, g, 1.0)
+        + dry_sum(p, memory, work, setup.groups, g, -1.0)
+        == 0.0
+    ):
+        return SMOOTH
+    v = work[SPEED, g]
+    if v == 0.0:
+        return HELD
+    return 1.0 if v > 0.0 else -1.0
+
+
+@lean
+def changes_mode(p: Any, memory: Floats, setup: Setup, work: Floats, command: float) -> bool:
+    """Let go what needs more torque than friction has, and hold what would slide backwards."""
+    changed = False
+    for g in range(setup.size):
+        if work[MODE, g] == SMOOTH:
+            continue
+        if work[MODE, g] == HELD:
+            up, _ = resistance(p, memory, setup, work, g, command, 0.0, 1.0)
+            down, _ = resistance(p, memory, setup, work, g, command, 0.0, -1.0)
+            if work[RESIST, g] > up:
+                work[MODE, g], changed = 1.0, True
+            elif work[RESIST, g] < down:
+                work[MODE, g], changed = -1.0, True
+        elif work[SPEED, g] * work[MODE, g] < 0.0:
+            work[MODE, g], work[SPEED, g], changed = HELD, 0.0, True
+    return changed
 
 
 @lean
@@ -414,7 +465,7 @@ def resist(
     p: Any, memory: Floats, setup: Setup, b: Floats, command: float, load: float, work: Floats
 ) -> None:
     """Find mean velocities and resisting torques from the free ones."""
-    if is_sharp(p, memory, setup, work) or not search(p, memory, setup, b, command, load, work):
+    if not search(p, memory, setup, b, command, load, work):
         descend(p, memory, setup, b, command, load, work)
     for g in range(setup.size):
         work[GUESS, g] = work[SPEED, g]

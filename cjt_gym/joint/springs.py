@@ -32,12 +32,18 @@ def plays(groups: tuple[int, int, int], which: int) -> bool:
 
 
 @lean
+def has_play(p: Any, groups: tuple[int, int, int], which: int) -> bool:
+    """Whether this spring has play; then it is no part of the linear joint."""
+    return bool(p.play_gap > 0.0 and plays(groups, which))
+
+
+@lean
 def is_nonlinear(p: Any, groups: tuple[int, int, int], which: int) -> bool:
     """Whether a spring differs from its linear model."""
     one, other = groups[which], groups[which + 1]
     if one == other:
         return False
-    if p.play_gap > 0.0 and plays(groups, which):
+    if has_play(p, groups, which):
         return True
     return bool(which == BAR and (p.k_3 > 0.0 or p.tau_h > 0.0))
 
@@ -88,11 +94,13 @@ def bouc_wen(zeta: float, dx: float, scale: float) -> tuple[float, float]:
 def slip_stiffness(p: Any, j: int, count: int) -> tuple[float, float]:
     """Return yield deflection [rad] and stiffness [N m/rad] of Maxwell element j.
 
-    Together `count` elements follow tau_h (1 - exp(-x / delta_h)) at their yield deflections.
+    Together `count` elements follow c tau_h (1 - exp(-x / delta_h)) at their yield deflections,
+    with c such that the last of them yields at tau_h.
     """
     step = YIELD_SPAN * p.delta_h / count
     here = math.exp(-step * j / p.delta_h)
-    slope = p.tau_h * here * -math.expm1(-step / p.delta_h) / step
+    height = p.tau_h / -math.expm1(-YIELD_SPAN)
+    slope = height * here * -math.expm1(-step / p.delta_h) / step
     after = 0.0
     if j + 1 < count:
         after = slope * math.exp(-step / p.delta_h)
@@ -216,6 +224,7 @@ def added_torque(
         torque, slope = 0.0, 0.0  # a contact does not pull
     if keep and gap > 0.0 and (pulls or x1 == 0.0):
         memory[LOOP : LOOP + MOST_ELEMENTS] = 0.0  # a spring without torque has relaxed
-    torque -= stiffness * 0.5 * (start + end) + damping * rate
-    slope -= stiffness * 0.5 * h + damping
+    if gap == 0.0:
+        torque -= stiffness * 0.5 * (start + end) + damping * rate
+        slope -= stiffness * 0.5 * h + damping
     return torque, slope

@@ -42,6 +42,7 @@ from cjt_gym.joint.friction import LOAD, friction
 from cjt_gym.joint.load_forces import has_load_force, load_force
 from cjt_gym.joint.resist import come_to_rest, dry_sum, remember, resist, shift
 from cjt_gym.joint.ripple import ripple_torque
+from cjt_gym.joint.springs import has_play
 
 RIGID_PASSES = 4
 
@@ -107,7 +108,9 @@ def mesh_torque(p: Any, memory: Floats, setup: Setup, load: float, work: Floats)
         other = setup.size
     start = work[X, one] - work[X, other]
     end = work[FREE, one] - work[FREE, other]
-    torque = stiffness * 0.5 * (start + end) + damping * (end - start) / setup.h
+    torque = 0.0
+    if not has_play(p, setup.groups, which):
+        torque = stiffness * 0.5 * (start + end) + damping * (end - start) / setup.h
     if work[SPRING_ON, which] == 1.0:
         torque += work[SPRING, which]
     return float(torque)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from cjt_gym.joint import STRUCTURES, Joint, load_joint_file
+from cjt_gym.joint.arrays import BRISTLE, LOOP
+from cjt_gym.joint.batch import JointBatch
 from cjt_gym.records import Record
 
 Floats = NDArray[np.float64]
@@ -119,3 +122,121 @@ def excitation(joint: Joint, samples: int) -> tuple[Floats, Floats]:
     if joint.structure_row.output_fixed:
         return tau_m, 0.5 * np.sin(2 * np.pi * 1.7 * t)
     return tau_m, 0.1 * peak * np.sin(2 * np.pi * 5.0 * t)
+
+
+@dataclass(frozen=True)
+class Trace:
+    """A joint at the start and after every control step.
+
+    Attributes:
+        x: [q_m q_g q_l dq_m dq_g dq_l] [rad, rad/s], shape (steps + 1, 6).
+        memory: What its effects remember, shape (steps + 1, MEMORY).
+        currents: [i_q, i_d] [A], shape (steps + 1, 2).
+        energy: Kinetic and stored energy [J], shape (steps + 1,).
+    """
+
+    x: Floats
+    memory: Floats
+    currents: Floats
+    energy: Floats
+
+
+def traced(
+    joint: Joint,
+    commands: Floats,
+    load: Floats | None = None,
+    *,
+    dt: float = DT,
+    h: float | None = None,
+    x0: Floats | None = None,
+    seed: int = 0,
+    voltage: bool = False,
+) -> Trace:
+    """Step a joint by hand, so that what its effects remember is seen too.
+
+    Args:
+        joint: The joint.
+        commands: Currents [A], or voltages [V], shape (steps,).
+        load: Load torque [N m] or load velocity [rad/s], shape (steps,); zero if absent.
+        dt: Control step [s].
+        h: Substep [s]; the control step if absent.
+        x0: Initial state, shape (6,); zero if absent.
+        seed: Seed of the random stream.
+        voltage: Whether the commands are voltages.
+    """
+    steps = len(commands)
+    loads = np.zeros(steps) if load is None else load
+    batch = JointBatch(joint, 1, dt, dt if h is None else h, voltage=voltage)
+    batch.seed(0, seed)
+    if x0 is not None:
+        batch.arrays.state[0] = x0
+    batch.restart(np.ones(1, dtype=np.bool_), loads[:1])
+    arrays = batch.arrays
+    x, memory, currents = (np.empty((steps + 1, size)) for size in (6, arrays.memory.shape[1], 2))
+    inputs = np.column_stack([commands, np.zeros(steps)])
+    for k in range(steps + 1):
+        x[k], memory[k], currents[k] = arrays.state[0], arrays.memory[0], arrays.currents[0]
+        if k < steps:
+            batch.step(inputs[k : k + 1], loads[k : k + 1])
+    return Trace(x, memory, currents, total_energy(joint, x, memory))
+
+
+def total_energy(joint: Joint, x: Floats, memory: Floats | None = None) -> Floats:
+    """Return what a joint holds with all its effects [J], shape (n,).
+
+    Kinetic energy, springs with play and hardening, weight, contact, and what bristles and
+    hysteresis could give back: sigma z^2 / 2, sum_j k_j z_j^2 / 2, tau_h delta_h zeta^2 / 2.
+
+    Args:
+        joint: The joint.
+        x: States, shape (n, 6).
+        memory: What effects remember, shape (n, MEMORY); nothing if absent.
+    """
+    p, (motor, gear, load) = joint.packed()[0][0], joint.structure_row.groups
+    energy = 0.5 * (p["I_m"] * x[:, 3] ** 2 + p["I_g"] * x[:, 4] ** 2)
+    if load >= 0:
+        energy += 0.5 * p["I_l"] * x[:, 5] ** 2
+        energy += p["weight"] * (1.0 - np.cos(x[:, 2] - p["weight_angle"]))
+        depth, e = np.maximum(x[:, 2] - p["contact_position"], 0.0), p["contact_exponent"] + 1.0
+        energy += p["contact_stiffness"] * depth**e / e
+    if motor != gear:
+        energy += 0.5 * p["k_g"] * beyond(x[:, 0] - x[:, 1], p) ** 2
+    if gear != load:
+        bend = x[:, 1] - x[:, 2]
+        bend = beyond(bend, p) if motor == gear else bend
+        energy += 0.5 * p["k_b"] * bend**2 + 0.25 * p["k_3"] * bend**4
+    if memory is not None:
+        energy += remembered_energy(p, memory)
+    return np.asarray(energy)
+
+
+def beyond(x: Floats, p: Any) -> Floats:
+    """Return the deflection beyond the play [rad]."""
+    y = x - (p["play_offset"] if p["play_gap"] > 0.0 else 0.0)
+    return np.asarray(np.sign(y) * np.maximum(np.abs(y) - 0.5 * p["play_gap"], 0.0))
+
+
+def slip_elements(p: Any) -> tuple[Floats, Floats]:
+    """Return yield deflections [rad] and stiffnesses [N m/rad] of the Maxwell slip elements.
+
+    They fit c tau_h (1 - exp(-x / delta_h)) at deflections evenly spread up to 3 delta_h, where
+    they reach tau_h.
+    """
+    count = int(p["slip_elements"])
+    at = np.linspace(0.0, 3.0 * p["delta_h"], count + 1)
+    height = p["tau_h"] / -np.expm1(-3.0)
+    slopes = np.diff(height * -np.expm1(-at / p["delta_h"])) / np.diff(at)
+    return at[1:], slopes - np.append(slopes[1:], 0.0)
+
+
+def remembered_energy(p: Any, memory: Floats) -> Floats:
+    """Return the energy of bristles and hysteresis [J], shape (n,)."""
+    energy = np.zeros(len(memory))
+    for body, letter in enumerate("mgl"):
+        energy += 0.5 * p[f"sigma_{letter}"] * memory[:, BRISTLE + body] ** 2
+    if p["tau_h"] > 0.0 and p["slip_elements"] >= 1.0:
+        _, stiffness = slip_elements(p)
+        energy += 0.5 * (memory[:, LOOP : LOOP + len(stiffness)] ** 2) @ stiffness
+    elif p["tau_h"] > 0.0:
+        energy += 0.5 * p["tau_h"] * p["delta_h"] * memory[:, LOOP] ** 2
+    return energy

@@ -10,13 +10,14 @@ Compiled right-hand side: about 1 to 3 s for one second of a stiff joint.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
-from scipy.integrate import ode
+from scipy.integrate import ode, solve_ivp
 
 FloatArray = NDArray[np.float64]
 Groups = NDArray[np.int64]
@@ -224,3 +225,128 @@ def _slope(
     else:
         dx[size] = bar_rate
     return dx
+
+
+@dataclass
+class EffectJoint:
+    """Three bodies with bristles, play, hardening, hysteresis, weight and contact, in plain Python.
+
+    The state holds angles and speeds of motor, gear and load, three bristle deflections and the
+    Bouc-Wen state. Bodies that are one mass add up their forces and inertias.
+
+    Attributes:
+        parameters: Symbols and values of the joint, SI.
+        structure: One of the five structures.
+        level: Dry friction of each body with bristles over its speed [N m].
+        sigma: Stiffness of the bristles of each body, none where zero [N m/rad].
+        sigma_1: Their damping [N m s/rad].
+        gap: Play of gear spring, or of the bar where the gear is rigid [rad].
+        k_3: Cubic stiffness of the bar [N m/rad^3].
+        tau_h: Height of the Bouc-Wen loop [N m].
+        delta_h: Its deflection [rad].
+        weight: Weight times arm of the load [N m].
+        contact: Stiffness, exponent, damping, position of what the load meets.
+        mu: Friction of each body per torque of the first spring, smoothed over dq_0.
+        dq_0: Width of that smoothing [rad/s].
+    """
+
+    parameters: Mapping[str, Any]
+    structure: str
+    level: tuple[Callable[[float], float], ...] = (float, float, float)
+    sigma: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    sigma_1: float = 0.0
+    gap: float = 0.0
+    k_3: float = 0.0
+    tau_h: float = 0.0
+    delta_h: float = 1.0
+    weight: float = 0.0
+    contact: tuple[float, float, float, float] = (0.0, 1.0, 0.0, 0.0)
+    mu: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    dq_0: float = 0.002
+
+    def states(
+        self, tau_m: ArrayLike, load: ArrayLike, dt: float, x0: ArrayLike, rtol: float = 1e-10
+    ) -> FloatArray:
+        """Return states, bristles and Bouc-Wen state at every sample, shape (n, 10).
+
+        Inputs are held over a sample; samples of equal input are integrated in one go.
+        """
+        torque, loads = np.asarray(tau_m, float), np.asarray(load, float)
+        y = np.concatenate([np.asarray(x0, float), np.zeros(4)])
+        out, k = np.empty((len(torque), 10)), 0
+        while k < len(torque):
+            end = k + 1
+            while end < len(torque) and torque[end] == torque[k] and loads[end] == loads[k]:
+                end += 1
+            found = solve_ivp(
+                self._slope,
+                (0.0, (end - k) * dt),
+                y,
+                "DOP853",
+                np.arange(end - k + 1) * dt,
+                args=(torque[k], loads[k]),
+                rtol=rtol,
+                atol=1e-13,
+                max_step=dt,
+            )
+            out[k:end], y = found.y.T[:-1], found.y[:, -1]
+            if COORDINATES[self.structure][2] < 0:
+                out[k:end, 5] = loads[k]
+            k = end
+        return out
+
+    def _spring(self, which: int, x: float, rate: float, zeta: float) -> tuple[float, float]:
+        """Return the torque of a spring and the speed of its hysteresis."""
+        p, first = self.parameters, COORDINATES[self.structure][0] != COORDINATES[self.structure][1]
+        k, d = (p["k_g"], p["d_mg"]) if which == 0 else (p["k_b"], p["d_gl"])
+        if self.gap > 0.0 and (which == 0) == first:
+            if abs(x) <= 0.5 * self.gap:
+                return 0.0, 0.0
+            side = 1.0 if x > 0.0 else -1.0
+            return side * max(0.0, side * (k * (x - side * 0.5 * self.gap) + d * rate)), 0.0
+        torque, turn = k * x + d * rate, 0.0
+        if which == 1:
+            torque += self.k_3 * x**3 + self.tau_h * zeta
+            turn = (rate - 0.5 * (abs(rate) * zeta + rate * abs(zeta))) / self.delta_h
+        return torque, turn
+
+    def _slope(self, t: float, y: FloatArray, tau_m: float, load: float) -> FloatArray:
+        p, groups = self.parameters, COORDINATES[self.structure]
+        q, v, z, dy = y[:3], y[3:6].copy(), y[6:9], np.zeros(10)
+        if groups[2] < 0:
+            v[2] = load
+        force = np.array([tau_m, 0.0, load if groups[2] >= 0 else 0.0])
+        transmitted = 0.0
+        for which in (0, 1):
+            if groups[which] != groups[which + 1]:
+                pull, turn = self._spring(
+                    which, q[which] - q[which + 1], v[which] - v[which + 1], y[9]
+                )
+                force[which] -= pull
+                force[which + 1] += pull
+                dy[9] += turn
+                if which == 0 or groups[0] == groups[1]:
+                    transmitted = pull
+        for body, letter in enumerate("mgl"):
+            speed = v[body]
+            force[body] -= p[f"d_{letter}"] * speed
+            force[body] -= self.mu[body] * abs(transmitted) * np.tanh(speed / self.dq_0)
+            if self.sigma[body] > 0.0:
+                g = self.level[body](speed)
+                dz = speed - self.sigma[body] * abs(speed) * z[body] / g
+                damping = self.sigma_1
+                if damping * abs(speed) > 4.0 * g:
+                    damping = 4.0 * g / abs(speed)
+                force[body] -= self.sigma[body] * z[body] + damping * dz
+                dy[6 + body] = dz
+        force[2] -= self.weight * np.sin(q[2])
+        stiffness, exponent, damping, position = self.contact
+        depth = max(0.0, q[2] - position)
+        force[2] -= stiffness * depth**exponent * max(0.0, 1.0 + damping * v[2])
+        inertia = np.array([p["I_m"], p["I_g"], p["I_l"]])
+        for body in range(3):
+            group = [b for b in range(3) if groups[b] == groups[body] and groups[b] >= 0]
+            if group:
+                dy[3 + body] = force[group].sum() / inertia[group].sum()
+        dy[:3] = v
+        return dy

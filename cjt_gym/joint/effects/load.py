@@ -17,7 +17,7 @@ LOAD_EFFECTS = (
                 "I_l",
                 "kg m^2",
                 None,
-                1e-6,
+                1e-4,
                 1000.0,
                 "Inertia that the load really has",
                 ("I_l",),

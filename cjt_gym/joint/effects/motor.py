@@ -73,7 +73,7 @@ def _viscous() -> tuple[EffectParameter, ...]:
             (f"d_{key}_extra_n",),
             f"d_{key}_n",
             relative_to=f"d_{key}",
-            typical=0.02 if key == "m" else 0.0,
+            typical=0.03 if key == "m" else 0.0,
             typical_of="torque" if key == "m" else "",
         )
         for key, body in BODIES.items()
@@ -81,7 +81,7 @@ def _viscous() -> tuple[EffectParameter, ...]:
 
 
 def _ripple(unit: str, scale: str, base: str, typical: float) -> tuple[EffectParameter, ...]:
-    of = "torque" if unit == "N m" else ""
+    of, high = ("torque", 5.0) if unit == "N m" else ("", 0.5)
     text = f"Periods per revolution of q_m ({base})"
     return (
         EffectParameter(
@@ -91,8 +91,8 @@ def _ripple(unit: str, scale: str, base: str, typical: float) -> tuple[EffectPar
             "a",
             unit,
             0.0,
-            -5.0,
-            5.0,
+            -high,
+            high,
             "Amplitudes of cos(f q_m)",
             series=True,
             typical=(typical, 0.3 * typical),
@@ -102,8 +102,8 @@ def _ripple(unit: str, scale: str, base: str, typical: float) -> tuple[EffectPar
             "b",
             unit,
             0.0,
-            -5.0,
-            5.0,
+            -high,
+            high,
             "Amplitudes of sin(f q_m)",
             series=True,
             typical=(-0.5 * typical, 0.2 * typical),
@@ -230,7 +230,7 @@ MOTOR_EFFECTS = (
                 "I_m",
                 "kg m^2",
                 None,
-                1e-6,
+                1e-4,
                 100.0,
                 "Inertia that the rotor really has, link side",
                 ("I_m",),

@@ -28,7 +28,7 @@ from cjt_gym.plant.randomization.variation import (
     constant,
 )
 
-DISCRETISED = (*BODY_INERTIAS, "k_g", "k_b", "d_m", "d_g", "d_l", "d_mg", "d_gl")
+DISCRETISED = (*BODY_INERTIAS, "k_g", "k_b", "d_m", "d_g", "d_l", "d_mg", "d_gl", "play_gap")
 DRIFT_STEPS = 1000  # updates of a drift per time constant, at most one per control step
 Span = tuple[float, float]
 
