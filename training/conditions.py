@@ -44,7 +44,7 @@ class Conditions:
     structure: str = "output_fixed_rigid_gearbox"
     drive: str = "current"
     effects: Any = None
-    randomization: Mapping[str, Any] | str = field(default_factory=dict)
+    randomization: Mapping[str, Any] = field(default_factory=dict)
     torque_amplitude: float | None = None
     dt_control: float = 1e-3
     dt_physics: float = 1e-4

@@ -14,7 +14,7 @@ Integers = NDArray[np.int64]
 CHANNELS = ("i", "q_m", "q_g", "q_l", "dq_m", "dq_g", "dq_l", "tau")
 CURRENT_I, Q_M, Q_G, Q_L, DQ_M, DQ_G, DQ_L, TAU = range(8)
 
-# Rows of the scratch array of one joint, shape (24, 8), so that none is allocated in a step.
+# Rows of the scratch array of one joint, shape (55, 8), so that none is allocated in a step.
 X = 0  # state at the start of the substep
 FREE = 1  # state at its end
 SPEED = 2  # mean velocities of the coordinates
@@ -32,12 +32,14 @@ SPRING_ON = 15  # 1 where they add any
 LATE = 16  # whole control steps by which each channel is late
 LATE_SUB = 17  # substeps on top of them
 SWITCH = 18  # what a substep has to do beyond the linear motion, 1 or 0 in the columns below
-SHAPES, MESHES, RESISTS, REMEMBERS = 0, 1, 2, 3
+SHAPES, MESHES, RESISTS, REMEMBERS, UNSOLVED, LINEAR = 0, 1, 2, 3, 4, 5
 BODY = 19  # friction of motor, gear and load: three rows with the columns below
 UP, DOWN, EXCESS, MU, SIGMA, EXTRA, LAW = 0, 1, 2, 3, 4, 5, 6
 OLD = 22  # measured channels of the control step before
 MODE = 23  # of coordinates with sharp friction: held, or sliding one way; or not sharp
-WORK_ROWS, WORK_WIDTH = 24, 8
+SAVED = 24  # what a substep may have to undo
+FINE, FINE_ROWS = 25, 30  # matrices of shorter substeps and space to compute them
+WORK_ROWS, WORK_WIDTH = 55, 8
 
 # What a joint remembers beyond its mechanical state and its currents.
 BRISTLE = 0  # deflection of the bristles of motor, gear and load [rad]

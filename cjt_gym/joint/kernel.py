@@ -10,6 +10,7 @@ import numpy as np
 from cjt_gym.joint.arrays import (
     ACTIVE,
     LATE_SUB,
+    LINEAR,
     MESHES,
     REMEMBERS,
     RESISTS,
@@ -17,6 +18,7 @@ from cjt_gym.joint.arrays import (
     SHAPES,
     SWITCH,
     TAU,
+    UNSOLVED,
     WORK_ROWS,
     WORK_WIDTH,
     Batch,
@@ -26,6 +28,7 @@ from cjt_gym.joint.arrays import (
 )
 from cjt_gym.joint.compiled import compiled, lean
 from cjt_gym.joint.disturbance import disturbed_load, is_disturbed
+from cjt_gym.joint.drives import CURRENT
 from cjt_gym.joint.heat import cool, warm
 from cjt_gym.joint.resist import prepare
 from cjt_gym.joint.sensing import (
@@ -36,7 +39,8 @@ from cjt_gym.joint.sensing import (
     take_snapshot,
     write_channels,
 )
-from cjt_gym.joint.substep import load_state, store_state, substep
+from cjt_gym.joint.splitting import careful_substep
+from cjt_gym.joint.substep import linear_substep, load_state, store_state
 
 LARGEST = 1e12
 
@@ -44,7 +48,7 @@ LARGEST = 1e12
 @lean
 def throw_switches(p: Any, ripple: Floats, setup: Setup, work: Floats) -> None:
     """Note what the substeps have to do, so that an effect that is off costs nothing in them."""
-    for column in range(4):
+    for column in range(UNSOLVED + 1):
         work[SWITCH, column] = 0.0
     if not setup.is_voltage and (p.current_rate > 0.0 or p.current_bandwidth > 0.0):
         work[SWITCH, SHAPES] = 1.0
@@ -60,6 +64,9 @@ def throw_switches(p: Any, ripple: Floats, setup: Setup, work: Floats) -> None:
     for g in range(setup.size):
         if work[ACTIVE, g] != 0.0:
             work[SWITCH, RESISTS] = 1.0
+    busy = work[SWITCH, SHAPES] + work[SWITCH, MESHES] + work[SWITCH, RESISTS]
+    springy = setup.groups[1] != setup.groups[2]
+    work[SWITCH, LINEAR] = 1.0 if busy == 0.0 and springy and setup.drive == CURRENT else 0.0
 
 
 @lean
@@ -101,7 +108,12 @@ def control_step(
             take_snapshot(p, memory, setup, s, currents, tau, load, out, batch.snapshot[i], work)
         at = (k - late - (1 if s < late_sub else 0)) % depth
         wanted, wanted_d = commands[at, 0], commands[at, 1]
-        tau = substep(p, memory, ripple, a, b, setup, currents, wanted, wanted_d, load, work)
+        if work[SWITCH, LINEAR] == 1.0:
+            linear_substep(p, memory, a, b, setup, currents, wanted, load, work)
+        else:
+            tau = careful_substep(
+                p, memory, ripple, a, b, setup, currents, wanted, wanted_d, load, work
+            )
     for j in range(setup.order):
         if not abs(work[X, j]) < LARGEST:
             return False

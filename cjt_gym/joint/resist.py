@@ -57,10 +57,14 @@ from cjt_gym.joint.friction import (
 from cjt_gym.joint.load_forces import has_load_force, load_force
 from cjt_gym.joint.springs import BAR, added_torque, is_nonlinear
 
-SWEEPS = 100
+SWEEPS = 40
 NEWTON = 20
 HELD, SMOOTH = 0.0, 2.0  # modes of a coordinate; else the direction in which it slides
 ITERATIONS = 60
+STEEPEST = 1e-3  # least slope of the equations that Newton's method is trusted with
+TINIEST_PIVOT = 1e-12  # of the Jacobian
+FASTEST = 1e6  # change of speed beyond which Newton's method has gone astray [rad/s]
+SOLVED = 1e-9  # change of speed in the last sweep [rad/s]
 FREELY, PLAINLY, ANY = 0.0, 1.0, 2.0  # what resists a coordinate
 
 
@@ -226,9 +230,9 @@ def settle(
             low = abs(v)
         else:
             high = abs(v)
-        step = rest / (1.0 + w * slope) if 1.0 + w * slope > 0.0 else math.nan
+        step = rest / (1.0 + w * slope) if 1.0 + w * slope > STEEPEST else math.nan
         new = v - step
-        if not low <= new * side <= high:
+        if not low < new * side < high:
             new = side * 0.5 * (low + min(high, 2.0 * low + abs(rest)))
         if abs(new - v) <= 1e-14 * (abs(new) + abs(target)):
             v = new
@@ -252,9 +256,9 @@ def stretch(
             low = max(low, u)
         else:
             high = min(high, u)
-        step = rest / (1.0 + w * slope) if 1.0 + w * slope > 1e-3 else rest
+        step = rest / (1.0 + w * slope) if 1.0 + w * slope > STEEPEST else rest
         new = u - step
-        if not low <= new <= high:
+        if not low < new < high:
             open_ended = math.isinf(low) or math.isinf(high)
             new = u - 2.0 * rest if open_ended else 0.5 * (low + high)
         if abs(new - u) <= 1e-14 * (abs(new) + abs(target)):
@@ -265,13 +269,15 @@ def stretch(
 
 
 @lean
-def eliminate(work: Floats, n: int) -> None:
+def eliminate(work: Floats, n: int) -> bool:
     """Solve the Jacobian's equations for the residuals, in place in both.
 
     The Jacobian is the identity plus a positive definite matrix times slopes that hardly ever
-    outweigh it, so that no pivoting is needed.
+    outweigh it, so that no pivoting is needed; return whether that holds.
     """
     for k in range(n):
+        if not abs(work[JACOBIAN + k, k]) > TINIEST_PIVOT:
+            return False
         for i in range(k + 1, n):
             factor = work[JACOBIAN + i, k] / work[JACOBIAN + k, k]
             for j in range(k + 1, n):
@@ -281,6 +287,7 @@ def eliminate(work: Floats, n: int) -> None:
         for j in range(k + 1, n):
             work[REST, k] -= work[JACOBIAN + k, j] * work[REST, j]
         work[REST, k] /= work[JACOBIAN + k, k]
+    return True
 
 
 @lean
@@ -336,7 +343,8 @@ def search(
                         work[JACOBIAN + g, one] += w * slope
                     if other >= 0 and work[MODE, other] != HELD:
                         work[JACOBIAN + g, other] -= w * slope
-        eliminate(work, size)
+        if not eliminate(work, size):
+            return False
         largest = 0.0
         for g in range(size):
             if work[MODE, g] == HELD:
@@ -353,7 +361,7 @@ def search(
                 if other >= 0:
                     change -= work[REST, other]
                 work[SPRING, which] -= work[SPRING_SLOPE, which] * change
-        if not largest < math.inf:
+        if not largest < FASTEST:
             return False
         if changes_mode(p, memory, setup, work, command):
             continue
@@ -400,10 +408,11 @@ def changes_mode(p: Any, memory: Floats, setup: Setup, work: Floats, command: fl
 @lean
 def descend(
     p: Any, memory: Floats, setup: Setup, b: Floats, command: float, load: float, work: Floats
-) -> None:
-    """Solve for one coordinate or spring after the other; it converges whatever the coupling."""
+) -> bool:
+    """Solve for one coordinate or spring after the other; return whether that converged."""
     work[RESIST, :] = 0.0
     work[SPRING, :] = 0.0
+    change = 0.0
     for _ in range(SWEEPS):
         change = 0.0
         for g in range(setup.size):
@@ -432,6 +441,7 @@ def descend(
             work[SPRING, which] = torque
         if change <= 1e-15:
             break
+    return change <= SOLVED
 
 
 @lean
@@ -463,12 +473,13 @@ def is_sharp(p: Any, memory: Floats, setup: Setup, work: Floats) -> bool:
 @lean
 def resist(
     p: Any, memory: Floats, setup: Setup, b: Floats, command: float, load: float, work: Floats
-) -> None:
-    """Find mean velocities and resisting torques from the free ones."""
-    if not search(p, memory, setup, b, command, load, work):
-        descend(p, memory, setup, b, command, load, work)
+) -> bool:
+    """Find mean velocities and resisting torques from the free ones; return whether it could."""
+    found = search(p, memory, setup, b, command, load, work)
+    found = found or descend(p, memory, setup, b, command, load, work)
     for g in range(setup.size):
         work[GUESS, g] = work[SPEED, g]
+    return found
 
 
 @lean

@@ -108,7 +108,7 @@ def slip_stiffness(p: Any, j: int, count: int) -> tuple[float, float]:
 
 
 @lean
-def hysteresis(p: Any, memory: Floats, dx: float, keep: bool) -> tuple[float, float]:
+def hysteresis(p: Any, memory: Floats, dx: float, keep: bool, held: float) -> tuple[float, float]:
     """Return the torque after a change of deflection and its integral over the path.
 
     Args:
@@ -116,6 +116,7 @@ def hysteresis(p: Any, memory: Floats, dx: float, keep: bool) -> tuple[float, fl
         memory: Memory of the joint.
         dx: Change of deflection [rad].
         keep: Whether to keep the new state.
+        held: 1 to start from the state in memory, 0 to start relaxed.
 
     Returns:
         Torque [N m] and integral [N m rad].
@@ -125,7 +126,7 @@ def hysteresis(p: Any, memory: Floats, dx: float, keep: bool) -> tuple[float, fl
     """
     count = int(p.slip_elements)
     if count == 0:
-        state, area = bouc_wen(memory[LOOP], dx, p.delta_h)
+        state, area = bouc_wen(held * memory[LOOP], dx, p.delta_h)
         if keep:
             memory[LOOP] = state
         return p.tau_h * state, p.tau_h * area
@@ -133,7 +134,7 @@ def hysteresis(p: Any, memory: Floats, dx: float, keep: bool) -> tuple[float, fl
     side = 1.0 if dx >= 0.0 else -1.0
     for j in range(count):
         limit, stiffness = slip_stiffness(p, j, count)
-        old = side * memory[LOOP + j]
+        old = side * held * memory[LOOP + j]
         new = min(old + abs(dx), limit)
         stuck = new - old
         torque += side * stiffness * new
@@ -160,11 +161,91 @@ def spring_torque(
     if which == BAR:
         torque += p.k_3 * x * x * x
         if p.tau_h > 0.0:
-            loop, _ = hysteresis(p, memory, 0.0, False)
+            loop, _ = hysteresis(p, memory, 0.0, False, 1.0)
             torque += loop
     if gap > 0.0 and torque * x < 0.0:
         return 0.0
     return float(torque)
+
+
+@lean
+def path_torque(
+    p: Any,
+    memory: Floats,
+    which: int,
+    x0: float,
+    x1: float,
+    rate: float,
+    h: float,
+    touching: bool,
+    keep: bool,
+    held: float,
+) -> tuple[float, float]:
+    """Return the mean torque of a spring over a substep that deflects it from x0 to x1.
+
+    Args:
+        p: Parameter record.
+        memory: Memory of the joint.
+        which: GEAR_SPRING or BAR.
+        x0: Deflection of the spring itself at the start [rad].
+        x1: The same at the end; less than h rate apart where play takes a part of the way.
+        rate: Mean velocity [rad/s].
+        h: Substep [s].
+        touching: Whether the spring is deflected at the end.
+        keep: Whether to keep the new state of the hysteresis.
+        held: 1 to start from the state of the hysteresis in memory, 0 to start relaxed.
+
+    Returns:
+        Torque [N m] and its slope over the rate [N m s/rad].
+    """
+    stiffness, damping, k_3, is_loop = p.k_g, p.d_mg, 0.0, False
+    if which == BAR:
+        stiffness, damping, k_3, is_loop = p.k_b, p.d_gl, p.k_3, p.tau_h > 0.0
+    contact, travel = 1.0 if touching else 0.0, h * rate
+    share = (x1 - x0) / travel if abs(travel) > TINY else contact
+    torque = share * 0.5 * (x0 + x1) * (stiffness + 0.5 * k_3 * (x0 * x0 + x1 * x1))
+    local = stiffness * x1 + k_3 * x1 * x1 * x1
+    if is_loop:
+        loop, work = hysteresis(p, memory, x1 - x0, keep, held)
+        torque += work / travel if abs(travel) > TINY else share * loop
+        local += loop
+    if abs(travel) > 1e3 * TINY:
+        slope = (local * contact - torque) / rate
+    else:
+        slope = 0.5 * h * contact * (stiffness + 3.0 * k_3 * x1 * x1)
+    return torque + damping * rate * share, slope + damping * contact
+
+
+@lean
+def played_torque(
+    p: Any, memory: Floats, which: int, start: float, rate: float, h: float, keep: bool
+) -> tuple[float, float]:
+    """Return the mean torque of a spring with play: one side after the other, neither pulls."""
+    x0 = beyond_play(start, p.play_gap, p.play_offset)
+    x1 = beyond_play(start + h * rate, p.play_gap, p.play_offset)
+    torque, slope = 0.0, 0.0
+    side = 1.0 if rate <= 0.0 else -1.0
+    for _ in range(2):
+        begin, end = side * max(0.0, side * x0), side * max(0.0, side * x1)
+        if begin != 0.0 or end != 0.0:
+            held = 1.0 if begin != 0.0 else 0.0
+            t, s = path_torque(p, memory, which, begin, end, rate, h, end != 0.0, keep, held)
+            if t * side > 0.0:
+                torque += t
+                slope += s
+            elif keep:
+                relax(memory)
+        side = -side
+    if keep and x1 == 0.0:
+        relax(memory)
+    return torque, slope
+
+
+@lean
+def relax(memory: Floats) -> None:
+    """Forget the hysteresis of a spring that bears no torque."""
+    for j in range(MOST_ELEMENTS):
+        memory[LOOP + j] = 0.0
 
 
 @lean
@@ -178,7 +259,7 @@ def added_torque(
     h: float,
     keep: bool,
 ) -> tuple[float, float]:
-    """Return the mean torque that a spring adds to its linear model over a substep.
+    """Return the mean torque that a spring adds to the linear joint over a substep.
 
     Args:
         p: Parameter record.
@@ -193,38 +274,12 @@ def added_torque(
     Returns:
         Torque [N m] and its slope over the rate [N m s/rad].
     """
-    stiffness, damping = p.k_g, p.d_mg
-    k_3, is_loop = 0.0, False
-    if which == BAR:
-        stiffness, damping, k_3, is_loop = p.k_b, p.d_gl, p.k_3, p.tau_h > 0.0
-    gap = p.play_gap if plays(groups, which) else 0.0
-    offset = p.play_offset if gap > 0.0 else 0.0
+    if has_play(p, groups, which):
+        return played_torque(p, memory, which, start, rate, h, keep)
     end = start + h * rate
-    x0, x1 = beyond_play(start, gap, offset), beyond_play(end, gap, offset)
-    if gap == 0.0:
-        x0, x1 = start, end
-    touching = 1.0 if gap == 0.0 or x1 != 0.0 else 0.0
-    travel = end - start
-    share = (x1 - x0) / travel if abs(travel) > TINY else touching
-    torque = share * 0.5 * (x0 + x1) * (stiffness + 0.5 * k_3 * (x0 * x0 + x1 * x1))
-    local = stiffness * x1 + k_3 * x1 * x1 * x1
-    if is_loop:
-        loop, work = hysteresis(p, memory, x1 - x0, keep)
-        torque += work / travel if abs(travel) > TINY else share * loop
-        local += loop
-    if abs(travel) > 1e3 * TINY:
-        slope = (local * touching - torque) / rate
-    else:
-        slope = 0.5 * h * touching * (stiffness + 3.0 * k_3 * x1 * x1)
-    torque += damping * rate * share
-    slope += damping * touching
-    one_side = min(x0, x1) >= 0.0 or max(x0, x1) <= 0.0
-    pulls = one_side and torque * (x0 + x1) < 0.0
-    if gap > 0.0 and pulls:
-        torque, slope = 0.0, 0.0  # a contact does not pull
-    if keep and gap > 0.0 and (pulls or x1 == 0.0):
-        memory[LOOP : LOOP + MOST_ELEMENTS] = 0.0  # a spring without torque has relaxed
-    if gap == 0.0:
-        torque -= stiffness * 0.5 * (start + end) + damping * rate
-        slope -= stiffness * 0.5 * h + damping
-    return torque, slope
+    torque, slope = path_torque(p, memory, which, start, end, rate, h, True, keep, 1.0)
+    stiffness, damping = p.k_g, p.d_mg
+    if which == BAR:
+        stiffness, damping = p.k_b, p.d_gl
+    torque -= stiffness * 0.5 * (start + end) + damping * rate
+    return torque, slope - stiffness * 0.5 * h - damping

@@ -25,6 +25,7 @@ from cjt_gym.joint.arrays import (
     SPRING,
     SPRING_ON,
     SWITCH,
+    UNSOLVED,
     Floats,
     Setup,
     X,
@@ -164,6 +165,37 @@ def settle_mesh(
 
 
 @lean
+def free_motion(
+    a: Floats, b: Floats, setup: Setup, tau_m: float, load: float, work: Floats
+) -> None:
+    """Advance the linear joint from row X to row FREE."""
+    for i in range(setup.order):
+        value = b[i, 0] * tau_m + b[i, 1] * load
+        for j in range(setup.order):
+            value += a[i, j] * work[X, j]
+        work[FREE, i] = value
+
+
+@lean
+def linear_substep(
+    p: Any,
+    memory: Floats,
+    a: Floats,
+    b: Floats,
+    setup: Setup,
+    currents: Floats,
+    command: float,
+    load: float,
+    work: Floats,
+) -> None:
+    """Do what `substep` does where a current source drives a linear joint with a spring."""
+    currents[0] = clip(command, p.i_p)
+    free_motion(a, b, setup, p.torque_offset + memory[K_M] * currents[0], load, work)
+    for i in range(setup.order):
+        work[X, i] = work[FREE, i]
+
+
+@lean
 def substep(
     p: Any,
     memory: Floats,
@@ -176,8 +208,12 @@ def substep(
     command_d: float,
     load: float,
     work: Floats,
+    last: bool,
 ) -> float:
     """Advance one joint by h, in place (row X, currents); return the torque if it is rigid.
+
+    Where the equations are not solved, it says so in work and leaves the state as it was, unless
+    it is told to take what it has.
 
     Args:
         p: Parameter record.
@@ -191,6 +227,7 @@ def substep(
         command_d: Voltage on the d axis [V].
         load: Load torque [N m] or, where the output is fixed, load velocity [rad/s].
         work: Scratch rows, with the state in row X.
+        last: Whether to go on without a solution.
     """
     order, size, drive = setup.order, setup.size, setup.drive
     motor, half = order - size + setup.groups[0], 0.5 * setup.h
@@ -205,11 +242,7 @@ def substep(
     tau_m = p.torque_offset
     if drive != STATIC:
         tau_m += k * currents[0]
-    for i in range(order):
-        value = b[i, 0] * tau_m + b[i, 1] * load
-        for j in range(order):
-            value += a[i, j] * work[X, j]
-        work[FREE, i] = value
+    free_motion(a, b, setup, tau_m, load, work)
     if work[SWITCH, MESHES] == 1.0:
         settle_mesh(p, memory, ripple, b, setup, load, currents[0], work)
         for i in range(order):
@@ -217,7 +250,10 @@ def substep(
     if work[SWITCH, RESISTS] == 1.0:
         for g in range(size):
             work[FREE_SPEED, g] = (work[FREE, g] - work[X, g]) / setup.h
-        resist(p, memory, setup, b, command, load, work)
+        solved = resist(p, memory, setup, b, command, load, work)
+        work[SWITCH, UNSOLVED] = 0.0 if solved else 1.0
+        if not (solved or last):
+            return 0.0
         shift(b, setup, -1.0, work)
         if p.dq_0 == 0.0:
             come_to_rest(p, memory, setup, b, work)

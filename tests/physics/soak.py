@@ -269,7 +269,10 @@ def excess(case: Case, trace: Trace, kind: str) -> float:
     work = tau_m * moved[:, 0] + pushed * moved[:, 2] if kind == "driven" else np.zeros(STEPS)
     forces = np.abs(tau_m).max() + np.abs(pushed).max() + p["weight"]
     slack = (
-        max(allowed, SOLVED) * (energy.max() + np.abs(work).max()) + 64 * angles * forces + 1e-18
+        max(allowed, SOLVED) * (energy.max() + np.abs(work).max())
+        + 64 * angles * forces
+        + 64 * EPS * p["weight"]
+        + 1e-18
     )
     return float(((np.diff(energy) - work) / slack).max())
 

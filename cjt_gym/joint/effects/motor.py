@@ -81,7 +81,7 @@ def _viscous() -> tuple[EffectParameter, ...]:
 
 
 def _ripple(unit: str, scale: str, base: str, typical: float) -> tuple[EffectParameter, ...]:
-    of, high = ("torque", 5.0) if unit == "N m" else ("", 0.5)
+    of, high = ("torque", 5.0) if unit == "N m" else ("", 0.1)
     text = f"Periods per revolution of q_m ({base})"
     return (
         EffectParameter(
