@@ -1,0 +1,1 @@
+"""Diagnosis of the gap between a recorded joint and its simulation."""

@@ -1,0 +1,244 @@
+"""Fitting a model: datasheet values, offsets and effects, by their concentrated likelihood.
+
+The cost of a model is sum over stages of N/10 log(mean square) + |z|^2/2, where z are the
+coordinates of its numbers (prior N(0, 1)). The factor 10, where white Gaussian residuals would have
+2, pays for residuals that are never quite white. Steps are those of Levenberg and Marquardt with
+the weights that the logarithm implies.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cjt_gym.gap.fields import Fields
+from cjt_gym.gap.hypotheses import Hypothesis
+from cjt_gym.gap.nuisances import Nuisance, nuisances
+from cjt_gym.gap.stages import Stages
+from cjt_gym.gap.unknowns import Unknown
+
+Floats = NDArray[np.float64]
+DEFLATION = 10.0
+FLOOR = 1.05
+"""Root mean square of a normalised residual below which a better fit is no better."""
+STEP = 1e-3
+MOVES = 12
+
+
+@dataclass(frozen=True)
+class Model:
+    """A set of effects.
+
+    Attributes:
+        effects: The hypotheses that are taken to hold.
+    """
+
+    effects: tuple[Hypothesis, ...] = ()
+
+    def fields(self, base: Fields, shared: Sequence[Nuisance], z: Floats) -> Fields:
+        """Return the fields at coordinates z: first the nuisances', then each effect's."""
+        fields = dict(base)
+        for nuisance, value in zip(shared, z, strict=False):
+            fields[nuisance.field] = nuisance.unknown.value(value)
+        at = len(shared)
+        for effect in self.effects:
+            values = {}
+            for unknown in effect.unknowns:
+                values[unknown.symbol] = unknown.value(z[at])
+                at += 1
+            effect.apply(fields, values)
+        return fields
+
+
+@dataclass(eq=False)
+class Fit:
+    """A fitted model.
+
+    Attributes:
+        model: What was fitted.
+        z: Coordinates of nuisances, then effects, shape (p,).
+        cost: Its cost.
+        mean_square: Mean square of each stage's normalised residual.
+        residuals: Normalised residuals by stage.
+        jacobian: Derivatives of each stage's residual, shape (N, p), where they were computed.
+    """
+
+    model: Model
+    z: Floats
+    cost: float
+    mean_square: dict[str, float]
+    residuals: dict[str, Floats]
+    jacobian: dict[str, Floats] = field(default_factory=dict)
+
+
+@dataclass(eq=False)
+class Problem:
+    """Everything needed to fit any model to one record.
+
+    Attributes:
+        stages: The record's stages, tuned.
+        shared: Nuisances.
+        counts: Number of samples that count, by stage.
+    """
+
+    stages: Stages
+    shared: tuple[Nuisance, ...] = ()
+    counts: dict[str, int] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, stages: Stages) -> Problem:
+        """Return the problem of a record; its predictors are tuned to the nominal joint."""
+        problem = cls(stages, nuisances(stages.setting, stages.names))
+        fields = problem.fields(Model(), np.zeros(len(problem.shared)))
+        stages.tune(fields)
+        problem.counts = {
+            name: int(np.count_nonzero(stages.residual(name, fields))) for name in stages.names
+        }
+        return problem
+
+    # ---- the model as a function of its coordinates
+    def unknowns(self, model: Model) -> list[Unknown]:
+        """Return all numbers of a model in the order of its coordinates."""
+        found = [n.unknown for n in self.shared]
+        return found + [u for effect in model.effects for u in effect.unknowns]
+
+    def touches(self, model: Model) -> list[tuple[str, ...]]:
+        """Return the stages that each coordinate changes."""
+        found = [n.stages for n in self.shared]
+        return found + [effect.touches for effect in model.effects for _ in effect.unknowns]
+
+    def fields(self, model: Model, z: Floats) -> Fields:
+        """Return the fields of a model."""
+        return model.fields(self.stages.setting.nominal, self.shared, z)
+
+    def residuals(
+        self, model: Model, z: Floats, names: Sequence[str] | None = None
+    ) -> dict[str, Floats]:
+        """Return normalised residuals by stage."""
+        fields = self.fields(model, z)
+        wanted = self.stages.names if names is None else names
+        return {name: self.stages.residual(name, fields) for name in wanted}
+
+    def mean_square(self, residuals: dict[str, Floats]) -> dict[str, float]:
+        """Return the mean square of each stage's residual."""
+        return {n: float(r @ r) / max(self.counts[n], 1) for n, r in residuals.items()}
+
+    def cost(self, mean_square: dict[str, float], z: Floats, flat: NDArray[np.bool_]) -> float:
+        """Return the cost of a fit; below the floor it goes on falling, but only linearly."""
+        total = 0.5 * float(np.sum(z[~flat] ** 2))
+        for name, ms in mean_square.items():
+            if not np.isfinite(ms):
+                return np.inf
+            ratio = ms / FLOOR**2
+            total += self.counts[name] / DEFLATION * (np.log(ratio) if ratio > 1 else ratio - 1)
+        return total
+
+    # ---- fitting
+    def fit(
+        self,
+        model: Model,
+        z: Floats,
+        moves: int = MOVES,
+        tolerance: float = 0.05,
+    ) -> Fit:
+        """Return the model fitted from the coordinates z.
+
+        Args:
+            model: The effects.
+            z: Start, shape (p,).
+            moves: Largest number of steps.
+            tolerance: Gain in cost below which it ends.
+        """
+        unknowns = self.unknowns(model)
+        flat = np.array([u.flat for u in unknowns], dtype=bool)
+        z = z.copy()
+        residuals = self.residuals(model, z)
+        ms = self.mean_square(residuals)
+        cost = self.cost(ms, z, flat)
+        jacobian: dict[str, Floats] = {}
+        damping = 1e-3
+        for _ in range(moves):
+            jacobian = self.jacobian(model, z, residuals)
+            hessian, gradient = self._normal(jacobian, residuals, ms, z, flat)
+            gain, damping, step = self._search(
+                model, z, cost, hessian, gradient, damping, unknowns, flat
+            )
+            if step is None:
+                break
+            z, residuals, ms, cost = step
+            if gain < tolerance:
+                break
+        return Fit(model, z, cost, ms, residuals, jacobian)
+
+    def _search(
+        self,
+        model: Model,
+        z: Floats,
+        cost: float,
+        hessian: Floats,
+        gradient: Floats,
+        damping: float,
+        unknowns: list[Unknown],
+        flat: NDArray[np.bool_],
+    ) -> tuple[float, float, tuple[Floats, dict[str, Floats], dict[str, float], float] | None]:
+        diagonal = np.diag(hessian).copy()
+        for _ in range(6):
+            matrix = hessian + np.diag(damping * diagonal + 1e-12)
+            move = -np.linalg.solve(matrix, gradient)
+            new = z + np.clip(move, -20.0, 20.0)
+            for j, unknown in enumerate(unknowns):
+                if unknown.at_bound(new[j]):
+                    new[j] = unknown.coordinate(unknown.value(new[j]))
+            residuals = self.residuals(model, new)
+            ms = self.mean_square(residuals)
+            better = self.cost(ms, new, flat)
+            if better < cost:
+                return cost - better, max(damping / 10.0, 1e-9), (new, residuals, ms, better)
+            damping = max(damping * 10.0, 1e-3)
+        return 0.0, damping, None
+
+    def jacobian(
+        self, model: Model, z: Floats, residuals: dict[str, Floats]
+    ) -> dict[str, Floats]:
+        """Return the derivatives of the residuals by forward differences, shape (N, p) by stage."""
+        size = len(z)
+        out = {name: np.zeros((len(r), size), order="F") for name, r in residuals.items()}
+        unknowns, touches = self.unknowns(model), self.touches(model)
+        for j in range(size):
+            step = _step(unknowns[j], z[j])
+            moved = z.copy()
+            moved[j] += step
+            for name, r in self.residuals(model, moved, touches[j]).items():
+                out[name][:, j] = (r - residuals[name]) / step
+        return out
+
+    def _normal(
+        self,
+        jacobian: dict[str, Floats],
+        residuals: dict[str, Floats],
+        ms: dict[str, float],
+        z: Floats,
+        flat: NDArray[np.bool_],
+    ) -> tuple[Floats, Floats]:
+        prior = np.where(flat, 0.0, 1.0)
+        hessian, gradient = np.diag(prior + 1e-9), prior * z
+        for name, r in residuals.items():
+            weight = 2.0 / DEFLATION / max(ms[name], FLOOR**2)
+            j = jacobian[name]
+            hessian = hessian + weight * (j.T @ j)
+            gradient = gradient + weight * (j.T @ r)
+        return hessian, gradient
+
+
+def _step(unknown: Unknown, z: float) -> float:
+    """Return the step of a finite difference, away from a bound."""
+    return -STEP if unknown.at_bound(z + STEP) else STEP
+
+
+def retuned(problem: Problem, fit: Fit) -> Fit:
+    """Tune the predictors to a fitted model and fit it again."""
+    problem.stages.tune(problem.fields(fit.model, fit.z))
+    return problem.fit(fit.model, fit.z)

@@ -1,0 +1,130 @@
+"""How much each channel scatters when nothing is wrong.
+
+Three sources for the standard deviation of a sample: what the joint file specifies, half a step of
+the channel's resolution (a uniform error of one step has step / sqrt(12)), and what the data show
+at frequencies that no joint reaches (differences of high order). The largest counts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import comb
+
+from cjt_gym.gap.series import Series
+from cjt_gym.joint import JointFile
+
+Floats = NDArray[np.float64]
+ORDER = 8
+WINDOW = 50
+QUIET = 0.25
+"""Share of windows, the quietest ones, from which the noise of a channel is read."""
+
+
+@dataclass(frozen=True)
+class ChannelNoise:
+    """What is known of the scatter of one channel.
+
+    Attributes:
+        specified: Deviation that the joint file allows, with its resolution; 0 if unknown.
+        observed: Deviation that the data show at high frequency.
+        lattice: Step of the values found in the data; 0 if they lie on no lattice.
+        resolution: Step that the joint file states; 0 if unknown.
+        std: Deviation that counts.
+        jitter: Deviation of the sampling times that this channel shows [s].
+    """
+
+    specified: float
+    observed: float
+    lattice: float
+    resolution: float
+    std: float
+    jitter: float
+
+
+def channel_noise(series: Series, joint: JointFile, name: str, slope: float) -> ChannelNoise:
+    """Return the scatter of a channel.
+
+    Args:
+        series: The record.
+        joint: The joint, for what is specified.
+        name: The channel.
+        slope: Jitter of the sampling times [s], whose share is not the channel's own noise.
+    """
+    known = joint.sensors.get(name, {})
+    resolution = known["resolution"].number if "resolution" in known else 0.0
+    noise = known["noise"].number if "noise" in known else 0.0
+    specified = float(np.hypot(noise, resolution / np.sqrt(12.0)))
+    x = series[name]
+    lattice = lattice_step(x[series.valid[name]])
+    observed = high_frequency_std(x, series.valid[name], slope * np.abs(series.speed(name)))
+    floor = lattice / np.sqrt(12.0)
+    std = max(specified, floor)
+    if specified == 0.0:
+        std = max(std, observed)
+    shown = observed_jitter(x, series.valid[name], series.speed(name), 2.0 * slope)
+    return ChannelNoise(specified, observed, lattice, resolution, max(std, 1e-12), shown)
+
+
+def observed_jitter(x: Floats, valid: NDArray[np.bool_], speed: Floats, limit: float) -> float:
+    """Return the deviation of the sampling times [s], up to a limit.
+
+    Where times jitter, the scatter grows with the slope of the signal: the fastest tenth of the
+    samples is compared with the slower half.
+    """
+    if limit <= 0.0 or len(x) < 4 * WINDOW:
+        return 0.0
+    d = np.diff(x, ORDER) / np.sqrt(float(comb(2 * ORDER, ORDER)))
+    half = ORDER // 2
+    v, good = np.abs(speed[half:-half]), valid[half:-half]
+    fast, slow = good & (v >= np.quantile(v, 0.9)), good & (v <= np.quantile(v, 0.5))
+    if not fast.any() or not slow.any() or not np.any(v[fast] > 0.0):
+        return 0.0
+    excess = np.median(d[fast] ** 2) / 0.455 - np.median(d[slow] ** 2) / 0.455
+    return float(min(np.sqrt(max(excess, 0.0) / np.median(v[fast] ** 2)), limit))
+
+
+def high_frequency_std(x: Floats, valid: NDArray[np.bool_], jitter: Floats) -> float:
+    """Return the deviation of white noise under a smooth signal.
+
+    The eighth difference passes white noise with a known gain and stops what is slow. Windows are
+    ranked by how steep the signal is, as steep ones carry the jitter; the median of the flattest
+    quarter counts.
+    """
+    if len(x) < 4 * WINDOW:
+        return 0.0
+    gain = np.sqrt(float(comb(2 * ORDER, ORDER)))
+    d = np.diff(x, ORDER) / gain
+    good = np.convolve(~valid, np.ones(ORDER + 1), "valid") == 0
+    count = len(d) // WINDOW
+    d = np.where(good, d, np.nan)[: count * WINDOW].reshape(count, WINDOW)
+    steep = jitter[: count * WINDOW].reshape(count, WINDOW).max(axis=1)
+    with np.errstate(all="ignore"):
+        power = np.nanmean(d * d, axis=1) if np.isfinite(d).any() else np.zeros(count)
+    order = np.argsort(steep)[: max(int(QUIET * count), 4)]
+    chosen = power[order]
+    chosen = chosen[np.isfinite(chosen)]
+    return float(np.sqrt(np.median(chosen))) if chosen.size else 0.0
+
+
+def lattice_step(x: Floats) -> float:
+    """Return the step of the lattice on which all values lie, 0 if there is none.
+
+    The step is the smallest distance between two different values, where nearly all distances are
+    whole multiples of it.
+    """
+    distinct = np.unique(x)
+    if distinct.size < 4:
+        return 0.0
+    gaps = np.diff(distinct)
+    scale = max(float(np.abs(distinct).max()), 1e-300)
+    gaps = gaps[gaps > 1e-9 * scale]
+    if gaps.size < 3:
+        return 0.0
+    step = float(np.quantile(gaps, 0.05))
+    step = float(np.median(gaps[gaps < 1.5 * step]))
+    ratio = gaps / step
+    off = np.abs(ratio - np.round(ratio)) / np.maximum(1.0, np.round(ratio))
+    return step if float(np.mean(off < 0.02)) > 0.9 else 0.0

@@ -1,0 +1,155 @@
+"""Where the residual of the motor repeats with the angle, and where the command moves in steps.
+
+A torque that is periodic in the angle is found without fitting: the gradient of the squared
+innovations with respect to the torque at every sample is one filtered signal, and its transform
+over the angle shows the spatial frequencies at once.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import fftconvolve, find_peaks
+
+from cjt_gym.gap.chain import MOTOR
+from cjt_gym.gap.fields import Fields
+from cjt_gym.gap.signals import joint_torque
+from cjt_gym.gap.stages import Stages
+
+Floats = NDArray[np.float64]
+RESPONSE = 200
+HIGHEST = 20_000.0
+CELLS = 1 << 20
+PEAKS = 3
+
+
+def torque_response(stages: Stages, fields: Fields, body: int = MOTOR) -> Floats:
+    """Return the innovations that one newton metre over one sample causes, shape (200,).
+
+    In units of the innovations' deviation; value 0 belongs to the sample in which it acts.
+    """
+    chain = stages._chain("motor", fields)
+    gain = stages.gains["motor"]
+    x = chain.torque[:, body].copy()
+    out = np.zeros(RESPONSE)
+    for k in range(1, RESPONSE):
+        e = x[0]
+        out[k] = e / gain.std[0]
+        x = chain.a @ (x - gain.k[:, 0] * e)
+    return out
+
+
+def filtered(response: Floats, torque: Floats) -> Floats:
+    """Return the normalised innovations that a torque causes, shape (N,) or (N, columns)."""
+    if torque.ndim == 1:
+        return np.asarray(fftconvolve(torque, response)[: len(torque)])
+    return np.asarray(fftconvolve(torque, response[:, None], axes=0)[: len(torque)])
+
+
+def periodic_starts(
+    stages: Stages, fields: Fields, residual: Floats, kind: str
+) -> tuple[tuple[float, float, float], ...]:
+    """Return starting values (f, a, b) of cogging (kind "cog") or gear ripple ("rip").
+
+    Args:
+        stages: The record.
+        fields: The model that left the residual.
+        residual: Normalised innovations of the motor, shape (N,).
+        kind: "cog" or "rip".
+    """
+    s = stages.setting
+    q, v = s.series["q_m"], s.series.speed("q_m")
+    if kind == "rip" and "tau" not in s.series:
+        return ()
+    tau = joint_torque(fields, s.series) if "tau" in s.series else np.zeros(len(q))
+    weight = tau if kind == "rip" else np.ones(len(q))
+    response = torque_response(stages, fields)
+    left = _without_trends(residual, response, v, tau)
+    frequencies, power = _spectrum(left, response, q, v * s.series.dt, weight)
+    if frequencies.size == 0:
+        return ()
+    peaks, _ = find_peaks(power)
+    peaks = peaks[np.argsort(power[peaks])[::-1][:PEAKS]]
+    found = []
+    for f in frequencies[peaks]:
+        waves = np.column_stack([np.cos(f * q), np.sin(f * q)]) * weight[:, None]
+        fine = filtered(response, waves)
+        a, b = np.linalg.lstsq(fine, left, rcond=None)[0]
+        found.append((float(f), float(a), float(b)))
+    return tuple(found)
+
+
+def _without_trends(residual: Floats, response: Floats, v: Floats, tau: Floats) -> Floats:
+    """Return the residual without what friction, damping, stiffness and gain would explain."""
+    rough = np.tanh(v / max(0.02 * float(np.std(v)), 1e-12))
+    features = np.column_stack([np.ones(len(v)), rough, v, tau, tau * rough, np.gradient(v)])
+    features /= np.maximum(np.abs(features).max(axis=0), 1e-12)
+    x = filtered(response, features)
+    good = residual != 0.0
+    x[~good] = 0.0
+    return np.asarray(residual - x @ np.linalg.lstsq(x, residual, rcond=None)[0])
+
+
+def _spectrum(
+    residual: Floats, response: Floats, q: Floats, v: Floats, weight: Floats
+) -> tuple[Floats, Floats]:
+    """Return spatial frequencies [rad/rad] and the share of squares that a wave explains."""
+    travel = float(np.ptp(q))
+    fast = float(np.quantile(np.abs(v), 0.9))
+    if travel <= 0.0 or fast <= 0.0:
+        return np.zeros(0), np.zeros(0)
+    gradient = fftconvolve(residual, response[::-1])[len(response) - 1 :][: len(q)] * weight
+    low, high = 2.0 * np.pi * 3.0 / travel, HIGHEST
+    cell = max(2.0 * np.pi / high / 6.0, travel / CELLS * 4.0)
+    index = np.minimum(((q - q.min()) / cell).astype(np.int64), CELLS - 1)
+    size = int(2 ** np.ceil(np.log2(index.max() + 1))) * 4
+    binned = np.bincount(index, weights=gradient, minlength=size)
+    transform = np.abs(np.fft.rfft(binned)) ** 2
+    f = 2.0 * np.pi * np.arange(transform.size) / (size * cell)
+    good = (f >= low) & (f <= min(high, np.pi / cell / 2.0))
+    f, transform = f[good], transform[good]
+    if f.size == 0:
+        return f, transform
+    power = transform / _wave_power(f, response, v, weight)
+    return f, power
+
+
+def _wave_power(f: Floats, response: Floats, v: Floats, weight: Floats) -> Floats:
+    """Return the sum of squares of the innovations that a unit wave of each frequency causes."""
+    gain = np.abs(np.fft.rfft(response, 4096)) ** 2
+    cycles = np.linspace(0.0, 0.5, gain.size)
+    some = slice(None, None, max(len(v) // 1500, 1))
+    # A sample moves the angle by v dt; `v` comes in rad per sample here.
+    coarse = np.geomspace(f[0], f[-1] * (1 + 1e-9), 150)
+    step = np.abs(v[some])
+    share = np.square(weight[some])
+    table = np.array(
+        [np.sum(share * np.interp(x * step / (2.0 * np.pi), cycles, gain)) for x in coarse]
+    )
+    table = np.maximum(table, 1e-3 * table.max())
+    return np.asarray(np.exp(np.interp(np.log(f), np.log(coarse), np.log(table))))
+
+
+def command_steps(current: Floats, noise: float) -> tuple[tuple[float], ...]:
+    """Return candidates for the step [A] on whose multiples a current lies.
+
+    The characteristic function of values on a lattice has a peak at one over its step.
+
+    Args:
+        current: Samples [A], shape (N,).
+        noise: Their deviation [A].
+    """
+    if noise <= 0.0 or np.ptp(current) <= 0.0:
+        return ()
+    cell = noise / 4.0
+    index = ((current - current.min()) / cell).astype(np.int64)
+    size = int(2 ** np.ceil(np.log2(index.max() + 1))) * 8
+    if size > CELLS * 4:
+        return ()
+    transform = np.abs(np.fft.rfft(np.bincount(index, minlength=size))) / len(current)
+    rate = np.arange(transform.size) / (size * cell)
+    good = (rate > 4.0 / np.ptp(current)) & (rate < 1.0 / (2.0 * noise))
+    height = np.where(good, transform, 0.0)
+    peaks, _ = find_peaks(height, height=5.0 / np.sqrt(len(current)))
+    peaks = peaks[np.argsort(height[peaks])[::-1][:PEAKS]]
+    return tuple((float(1.0 / rate[p]),) for p in peaks)

@@ -1,0 +1,171 @@
+"""A quick look at one more effect: only its own derivatives are computed, the others are kept.
+
+For one record and one fitted model the derivatives of all residuals with respect to the numbers of
+that model are computed once. A candidate then costs one run of the stages that it touches per
+starting point and number; the rest is algebra on sums of squares.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from cjt_gym.gap.fit import DEFLATION, FLOOR, STEP, Fit, Floats, Problem
+from cjt_gym.gap.hypotheses import Hypothesis
+
+RELINEARISED = 3
+
+
+@dataclass(eq=False)
+class Square:
+    """A sum of squares as a function of a small move: ss + 2 g.d + d.H d."""
+
+    ss: float
+    g: Floats
+    h: Floats
+
+    def at(self, d: Floats) -> float:
+        """Return the sum of squares after a move."""
+        return float(self.ss + 2.0 * self.g @ d + d @ self.h @ d)
+
+
+@dataclass(eq=False)
+class Look:
+    """The place from which candidates are judged.
+
+    Attributes:
+        problem: The record.
+        fit: The model so far, with the derivatives of its residuals.
+    """
+
+    problem: Problem
+    fit: Fit
+    _products: dict[str, Floats] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self._products = {n: j.T @ j for n, j in self.fit.jacobian.items()}
+
+    def try_effect(self, effect: Hypothesis, starts: tuple[tuple[float, ...], ...]) -> Fit | None:
+        """Return a rough fit of one more effect from the best of its starts."""
+        best: tuple[float, Floats] | None = None
+        for start in starts:
+            unknowns = effect.unknowns
+            e = [u.coordinate(x) for u, x in zip(unknowns, start, strict=True)]
+            found = self._improve(effect, np.concatenate([self.fit.z, e]))
+            if best is None or found[0] < best[0]:
+                best = found
+        if best is None:
+            return None
+        for _ in range(RELINEARISED):
+            found = self._improve(effect, best[1])
+            if found[0] > best[0] - 0.5:
+                best = min(best, found, key=lambda pair: pair[0])
+                break
+            best = found
+        return self._as_fit(effect, best[1])
+
+    def _as_fit(self, effect: Hypothesis, z: Floats) -> Fit:
+        model = replace(self.fit.model, effects=(*self.fit.model.effects, effect))
+        residuals = self.problem.residuals(model, z)
+        ms = self.problem.mean_square(residuals)
+        flat = np.array([u.flat for u in self.problem.unknowns(model)], dtype=bool)
+        return Fit(model, z, self.problem.cost(ms, z, flat), ms, residuals)
+
+    def _improve(self, effect: Hypothesis, z: Floats) -> tuple[float, Floats]:
+        """Return the cost and the coordinates after one step from z, with the cost checked."""
+        squares = self._squares(effect, z)
+        model = replace(self.fit.model, effects=(*self.fit.model.effects, effect))
+        unknowns = self.problem.unknowns(model)
+        flat = np.array([u.flat for u in unknowns], dtype=bool)
+        here = self._cost({n: s.ss for n, s in squares.items()}, z, flat)
+        move = self._solve(squares, z, flat)
+        for shrink in (1.0, 0.3, 0.1):
+            new = z + shrink * move
+            for j, unknown in enumerate(unknowns):
+                if unknown.at_bound(new[j]):
+                    new[j] = unknown.coordinate(unknown.value(new[j]))
+            cost = self._checked(effect, squares, z, new, flat)
+            if cost < here:
+                return cost, new
+        return here, z
+
+    def _checked(
+        self,
+        effect: Hypothesis,
+        squares: dict[str, Square],
+        z: Floats,
+        new: Floats,
+        flat: np.ndarray[tuple[int], np.dtype[np.bool_]],
+    ) -> float:
+        model = replace(self.fit.model, effects=(*self.fit.model.effects, effect))
+        true = self.problem.residuals(model, new, effect.touches)
+        sums = {n: s.at(new - z) for n, s in squares.items()}
+        sums |= {n: float(r @ r) for n, r in true.items()}
+        return self._cost(sums, new, flat)
+
+    def _cost(
+        self,
+        sums: dict[str, float],
+        z: Floats,
+        flat: np.ndarray[tuple[int], np.dtype[np.bool_]],
+    ) -> float:
+        ms = {n: ss / max(self.problem.counts[n], 1) for n, ss in sums.items()}
+        return self.problem.cost(ms, z, flat)
+
+    def _squares(self, effect: Hypothesis, z: Floats) -> dict[str, Square]:
+        """Return the sums of squares around z."""
+        model = replace(self.fit.model, effects=(*self.fit.model.effects, effect))
+        old, extra = len(self.fit.z), len(effect.unknowns)
+        shift = z[:old] - self.fit.z
+        residuals = self.problem.residuals(model, z, effect.touches)
+        columns = {n: np.zeros((len(r), extra)) for n, r in residuals.items()}
+        for j, unknown in enumerate(effect.unknowns):
+            step = -STEP if unknown.at_bound(z[old + j] + STEP) else STEP
+            moved = z.copy()
+            moved[old + j] += step
+            for n, r in self.problem.residuals(model, moved, effect.touches).items():
+                columns[n][:, j] = (r - residuals[n]) / step
+        out = {}
+        for n, jacobian in self.fit.jacobian.items():
+            h = np.zeros((old + extra, old + extra))
+            g = np.zeros(old + extra)
+            h[:old, :old] = self._products[n]
+            if n in residuals:
+                r, c = residuals[n], columns[n]
+                h[:old, old:] = jacobian.T @ c
+                h[old:, :old] = h[:old, old:].T
+                h[old:, old:] = c.T @ c
+                g[:old], g[old:] = jacobian.T @ r, c.T @ r
+                out[n] = Square(float(r @ r), g, h)
+            else:
+                r = self.fit.residuals[n]
+                base = Square(float(r @ r), jacobian.T @ r, self._products[n])
+                g[:old] = base.g + base.h @ shift
+                out[n] = Square(base.at(shift), g, h)
+        return out
+
+    def _solve(
+        self,
+        squares: dict[str, Square],
+        z: Floats,
+        flat: np.ndarray[tuple[int], np.dtype[np.bool_]],
+    ) -> Floats:
+        """Return the move that lowers the cost most, the residuals being linear."""
+        prior = np.where(flat, 0.0, 1.0)
+        move = np.zeros(len(z))
+        cost = self._cost({n: s.ss for n, s in squares.items()}, z, flat)
+        for _ in range(8):
+            hessian, gradient = np.diag(prior + 1e-9), prior * z
+            for n, s in squares.items():
+                ms = s.at(move) / max(self.problem.counts[n], 1)
+                weight = 2.0 / DEFLATION / max(ms, FLOOR**2)
+                hessian = hessian + weight * s.h
+                gradient = gradient + weight * s.g
+            new = -np.linalg.solve(hessian + np.diag(1e-6 * np.diag(hessian)), gradient)
+            new = np.clip(new, -30.0, 30.0)
+            better = self._cost({n: max(s.at(new), 0.0) for n, s in squares.items()}, z + new, flat)
+            if better > cost - 0.01:
+                break
+            move, cost = new, better
+        return move

@@ -1,0 +1,159 @@
+"""Which effects: forward selection with a beam, then leave one out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cjt_gym.gap.fit import DEFLATION, FLOOR, Fit, Model, Problem
+from cjt_gym.gap.hypotheses import Hypothesis
+from cjt_gym.gap.periodic import command_steps, periodic_starts
+from cjt_gym.gap.quick import Look
+
+PRICE = 14.0
+PRICE_PER_NUMBER = 3.0
+BEAM = 2
+MOST = 3
+SHORT_LIST = 4
+NEAR = 60.0
+"""Evidence by which a rough fit may trail the best one and still be fitted in full."""
+
+
+def price(model: Model) -> float:
+    """Return what a model's effects cost."""
+    return sum(PRICE + PRICE_PER_NUMBER * (len(e.unknowns) - 1) for e in model.effects)
+
+
+def evidence(problem: Problem, fit: Fit) -> float:
+    """Return the deflated log evidence of a fit, less the price of its effects."""
+    flat = np.array([u.flat for u in problem.unknowns(fit.model)], dtype=bool)
+    total = -0.5 * float(np.sum(fit.z[~flat] ** 2)) - price(fit.model)
+    for name, ms in fit.mean_square.items():
+        total -= problem.counts[name] / DEFLATION * np.log(max(ms / FLOOR**2, 1.0))
+    return total
+
+
+@dataclass(eq=False)
+class Selection:
+    """The search over the effects of one record.
+
+    Attributes:
+        problem: The record.
+        candidates: All effects that it can show.
+        base: The fit without any effect.
+    """
+
+    problem: Problem
+    candidates: tuple[Hypothesis, ...]
+    base: Fit
+
+    def run(self) -> Fit:
+        """Return the best model after forward selection."""
+        best = self.base
+        for stages in self._groups():
+            best = self._search(best, stages)
+        return best
+
+    def _groups(self) -> list[tuple[str, ...]]:
+        """Return the stages that can be searched apart: a measured current separates the drive."""
+        names = self.problem.stages.names
+        rest = tuple(n for n in names if n != "drive")
+        return [("drive",), rest] if "drive" in names else [rest]
+
+    def _search(self, start: Fit, stages: tuple[str, ...]) -> Fit:
+        pool = [h for h in self.candidates if set(h.touches) & set(stages)]
+        beam, best = [start], start
+        for _ in range(MOST - len(start.model.effects)):
+            if self.potential(best, stages) < PRICE:
+                break
+            grown: list[Fit] = []
+            for fit in beam:
+                grown += self.expand(fit, pool)
+            grown.sort(key=lambda f: -evidence(self.problem, f))
+            beam = _distinct(grown)[:BEAM]
+            if not beam or evidence(self.problem, beam[0]) <= evidence(self.problem, best):
+                break
+            best = beam[0]
+        return best
+
+    def potential(self, fit: Fit, stages: Sequence[str]) -> float:
+        """Return how much evidence one more effect could add at most."""
+        gap = sum(
+            self.problem.counts[n] / DEFLATION * np.log(max(fit.mean_square[n] / FLOOR**2, 1.0))
+            for n in stages
+        )
+        far = fit.z[: len(self.problem.shared)]
+        flat = np.array([n.unknown.flat for n in self.problem.shared], dtype=bool)
+        own = np.array([bool(set(n.stages) & set(stages)) for n in self.problem.shared])
+        strain = np.square(far[own & ~flat])
+        return float(gap + 0.5 * np.sum(strain[strain > 4.0]))
+
+    # ---- one more effect
+    def expand(self, fit: Fit, pool: Sequence[Hypothesis]) -> list[Fit]:
+        """Return the best fits with one effect more than a fit has."""
+        used = {h.key for h in fit.model.effects}
+        free = [h for h in pool if h.key not in used and compatible(fit.model, h)]
+        look = self._look(fit)
+        quick = [q for h in free if (q := look.try_effect(h, self._starts(fit, h))) is not None]
+        quick.sort(key=lambda f: -evidence(self.problem, f))
+        return [self.problem.fit(f.model, f.z) for f in self._short_list(quick)]
+
+    def _short_list(self, quick: list[Fit]) -> list[Fit]:
+        """Return the leading fits, and the whole friction family where one of them leads."""
+        if not quick:
+            return []
+        top = evidence(self.problem, quick[0])
+        base = evidence(self.problem, self.base)
+        near = max(NEAR, 0.05 * (top - base))
+        chosen = [f for f in quick[:SHORT_LIST] if evidence(self.problem, f) > top - near]
+        first = quick[0].model.effects[-1]
+        if first.family == "friction":
+            chosen += [
+                f
+                for f in quick
+                if f not in chosen
+                and f.model.effects[-1].family == "friction"
+                and f.model.effects[-1].body == first.body
+            ]
+        return chosen
+
+    def _look(self, fit: Fit) -> Look:
+        self.problem.stages.tune(self.problem.fields(fit.model, fit.z))
+        again = self.problem.fit(fit.model, fit.z)
+        again.jacobian = self.problem.jacobian(fit.model, again.z, again.residuals)
+        return Look(self.problem, again)
+
+    def _starts(self, fit: Fit, effect: Hypothesis) -> tuple[tuple[float, ...], ...]:
+        fields = self.problem.fields(fit.model, fit.z)
+        stages = self.problem.stages
+        if effect.search == "step":
+            channel = "i" if "i" in stages.setting.series else "i_cmd"
+            return command_steps(stages.setting.series[channel], stages.setting.std("i"))
+        if effect.search is not None:
+            return periodic_starts(stages, fields, fit.residuals["motor"], effect.search)
+        return effect.starts
+
+
+def compatible(model: Model, effect: Hypothesis) -> bool:
+    """Return whether an effect may stand beside those of a model: one friction law per body."""
+    for other in model.effects:
+        if other.family == effect.family == "friction" and other.body == effect.body:
+            plain = {"load_friction", "viscous_asym"}
+            if other.name not in plain and effect.name not in plain:
+                return False
+        if other.releases is not None and other.releases == effect.releases:
+            return False
+    return True
+
+
+def _distinct(fits: Sequence[Fit]) -> list[Fit]:
+    seen: set[frozenset[object]] = set()
+    out = []
+    for fit in fits:
+        key = frozenset(h.key for h in fit.model.effects)
+        if key not in seen:
+            seen.add(key)
+            out.append(fit)
+    return out

@@ -1,0 +1,79 @@
+"""What all stages of one diagnosis share: the record, the structure, the noise, the nominal joint."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cjt_gym.gap.fields import Fields, nominal_fields
+from cjt_gym.gap.noise import ChannelNoise, channel_noise
+from cjt_gym.gap.series import Series, to_series
+from cjt_gym.joint import JointFile, Structure
+from cjt_gym.records import Record
+
+Floats = NDArray[np.float64]
+PROCESS_TORQUE = 0.2
+"""Torque noise on the motor, as a share of what the noise of its torque signals amounts to."""
+SETTLE = 0.05
+"""Time that a predictor is given to settle before its residuals count [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """One record, ready to be predicted.
+
+    Attributes:
+        series: The record's channels.
+        structure: How the bodies are joined.
+        joint: The nominal joint.
+        nominal: Its fields.
+        noise: Scatter of each channel.
+        jitter: Deviation of the sampling times [s].
+    """
+
+    series: Series
+    structure: Structure
+    joint: JointFile
+    nominal: Fields
+    noise: Mapping[str, ChannelNoise]
+    jitter: float
+
+    def std(self, channel: str) -> float:
+        """Return the deviation of one sample of a channel; 0 where it is not measured."""
+        return self.noise[channel].std if channel in self.noise else 0.0
+
+    @property
+    def has_spring(self) -> bool:
+        """Whether a torsion bar separates motor side and load."""
+        return self.structure.groups[1] != self.structure.groups[2]
+
+    @property
+    def has_gear(self) -> bool:
+        """Whether the gearbox is compliant."""
+        return self.structure.groups[0] != self.structure.groups[1]
+
+    @property
+    def cut_at_spring(self) -> bool:
+        """Whether the measured torque separates the motor side from the load."""
+        return self.has_spring and "tau" in self.series
+
+    @property
+    def settle(self) -> int:
+        """Number of samples before residuals count."""
+        return max(int(SETTLE / self.series.dt), 5)
+
+
+def make_setting(record: Record, joint: JointFile, structure: Structure) -> Setting:
+    """Return the setting of a record."""
+    series = to_series(record, joint)
+    sampling = joint.sampling.get("jitter")
+    jitter = sampling.number if sampling is not None else 0.0
+    noise = {
+        name: channel_noise(series, joint, name, jitter)
+        for name in series.columns
+        if name != "i_cmd"
+    }
+    return Setting(series, structure, joint, nominal_fields(joint, structure), noise, jitter)

@@ -1,0 +1,122 @@
+"""Torque and current between the samples, as the bodies feel them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from cjt_gym.gap.fields import Fields
+from cjt_gym.gap.series import Series
+
+Floats = NDArray[np.float64]
+
+
+def ahead(x: Floats) -> Floats:
+    """Return the next sample of each, the last one repeated; shape (N,)."""
+    return np.concatenate([x[1:], x[-1:]])
+
+
+def interval_mean(x: Floats, weight: float) -> Floats:
+    """Return the mean over the interval that begins at each sample.
+
+    Args:
+        x: Samples, shape (N,).
+        weight: Share of the newer sample: 0.5 for a straight line, 1 for a step that follows the
+            older sample at once.
+    """
+    return (1.0 - weight) * x + weight * ahead(x)
+
+
+def shifted(x: Floats, samples: float) -> Floats:
+    """Return the signal that much earlier (samples > 0), interpolated by a cubic; shape (N,).
+
+    Value k of the result is the signal at k + samples.
+    """
+    if samples == 0.0:
+        return x
+    whole = int(np.floor(samples))
+    at = np.arange(len(x)) + whole
+    near = (x[np.clip(at + j, 0, len(x) - 1)] for j in (-1, 0, 1, 2))
+    return np.asarray(sum(w * y for w, y in zip(_cubic(samples - whole), near, strict=True)))
+
+
+def shift_noise(samples: float) -> float:
+    """Return by which factor `shifted` changes the deviation of white noise."""
+    return float(np.linalg.norm(_cubic(samples - np.floor(samples))))
+
+
+def _cubic(f: float) -> tuple[float, float, float, float]:
+    return (
+        -f * (1 - f) * (2 - f) / 6.0,
+        (1 + f) * (1 - f) * (2 - f) / 2.0,
+        (1 + f) * f * (2 - f) / 2.0,
+        -(1 + f) * f * (1 - f) / 6.0,
+    )
+
+
+def motor_current(fields: Fields, series: Series) -> Floats:
+    """Return the current over each interval [A], measured or else from the command; shape (N,)."""
+    if "i" in series:
+        return interval_mean(series["i"], fields["w_i"]) - fields["i_0"]
+    return interval_mean(commanded_current(fields, series), 1.0) - fields["i_0"]
+
+
+def commanded_current(fields: Fields, series: Series) -> Floats:
+    """Return the current that the drive makes of its command, at the samples [A]; shape (N,).
+
+    The command is held over a sample, delayed, rounded, limited, and passes a first-order lag.
+    """
+    c = series["i_cmd"]
+    if fields["step"] > 0.0:
+        c = np.round(c / fields["step"]) * fields["step"]
+    if np.isfinite(fields["i_max"]):
+        c = np.clip(c, -fields["i_max"], fields["i_max"])
+    dt, lag = series.dt, fields["lag"]
+    total = max(fields["delay"], 0.0) / dt
+    whole = int(total)
+    late = (total - whole) * dt
+    older, newer = _held(c, whole + 1), _held(c, whole)
+    a = np.exp(-dt / lag) if lag > 0.0 else 0.0
+    reach = np.exp(-(dt - late) / lag) if lag > 0.0 else 0.0
+    drive = (reach - a) * older + (1.0 - reach) * newer
+    start = newer[0]
+    y, _ = lfilter([1.0], [1.0, -a], drive[:-1], zi=[a * start])
+    return np.concatenate([[start], y])
+
+
+def _held(c: Floats, samples: int) -> Floats:
+    if samples <= 0:
+        return c
+    samples = min(samples, len(c) - 1)
+    return np.concatenate([np.full(samples, c[0]), c[: len(c) - samples]])
+
+
+def joint_torque(fields: Fields, series: Series) -> Floats:
+    """Return the true joint torque at the samples, from the measured one [N m]; shape (N,)."""
+    tau = shifted(series["tau"], fields["late"] / series.dt)
+    return (tau - fields["tau_0"]) / fields["gain"]
+
+
+def motor_torque(fields: Fields, series: Series) -> Floats:
+    """Return the torque on the motor over each interval [N m], shape (N,)."""
+    i = motor_current(fields, series)
+    torque = fields["n"] * fields["k_t"] * i
+    if fields["derate"] != 0.0:
+        a = np.exp(-series.dt / fields["heat"])
+        warm = lfilter([0.0, 1.0 - a], [1.0, -a], i * i)
+        torque = torque * (1.0 - fields["derate"] * warm)
+    return np.asarray(torque + fields["offset"])
+
+
+def periodic_torque(fields: Fields, series: Series, transmitted: Floats) -> Floats:
+    """Return cogging and gear ripple at the samples [N m], shape (N,)."""
+    q = series["q_m"]
+    torque = np.zeros(len(q))
+    if fields["cog_f"] != 0.0:
+        x = fields["cog_f"] * q
+        torque += fields["cog_a"] * np.cos(x) + fields["cog_b"] * np.sin(x)
+    if fields["rip_f"] != 0.0:
+        x = fields["rip_f"] * q
+        torque += (fields["rip_a"] * np.cos(x) + fields["rip_b"] * np.sin(x)) * transmitted
+    return torque

@@ -1,0 +1,381 @@
+"""The four stages of a joint, cut where it is measured.
+
+========  ===================  ===================================
+stage     from                 to
+========  ===================  ===================================
+drive     command              current
+motor     current, torque      motor angle (innovations)
+trans.    both angles          torque
+load      torque               load angle (innovations)
+========  ===================  ===================================
+
+Each stage is driven by what was measured on both of its sides, so that an error in one does not
+reach the next. Where the torque was not measured, motor, spring and load are one stage.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cjt_gym.gap.chain import GEAR, LOAD, MOTOR, Chain, Link, build_chain, kalman_gain
+from cjt_gym.gap.fields import CHAIN, Fields, friction_law, has_friction
+from cjt_gym.gap.kernel import predict
+from cjt_gym.gap.setting import PROCESS_TORQUE, Setting
+from cjt_gym.gap.signals import (
+    ahead,
+    commanded_current,
+    interval_mean,
+    joint_torque,
+    motor_torque,
+    periodic_torque,
+    shift_noise,
+    shifted,
+)
+from cjt_gym.gap.spring import spring_torque
+
+Floats = NDArray[np.float64]
+STAGES = ("drive", "motor", "transmission", "load")
+PULSE = 800
+
+
+@dataclass(eq=False)
+class Gain:
+    """A predictor's gain, held fixed while parameters are fitted.
+
+    Attributes:
+        k: Gain, shape (n, m).
+        std: Deviation of the innovations, shape (m,).
+    """
+
+    k: Floats
+    std: Floats
+
+
+@dataclass(eq=False)
+class Prediction:
+    """What a stage predicts.
+
+    Attributes:
+        residual: Normalised residual, shape (N,); zero where it does not count.
+        states: Predicted states, shape (N, n); n = 0 for a stage without states.
+        friction: Torque of friction on each body [N m], shape (N, bodies).
+    """
+
+    residual: Floats
+    states: Floats
+    friction: Floats
+
+
+@dataclass(eq=False)
+class Stages:
+    """All stages of one record.
+
+    Attributes:
+        setting: The record and its joint.
+        gains: Predictor gains by stage, for the fields given to `tune`.
+    """
+
+    setting: Setting
+    gains: dict[str, Gain] = field(default_factory=dict)
+    _chains: dict[tuple[object, ...], Chain] = field(default_factory=dict)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Stages that this record allows."""
+        s = self.setting
+        there = {
+            "drive": "i" in s.series and "i_cmd" in s.series,
+            "motor": True,
+            "transmission": s.cut_at_spring and ("q_l" in s.series or s.structure.output_fixed),
+            "load": s.cut_at_spring and not s.structure.output_fixed and "q_l" in s.series,
+        }
+        return tuple(name for name in STAGES if there[name])
+
+    def tune(self, fields: Fields) -> None:
+        """Compute the predictors' gains for these fields."""
+        for name in self.names:
+            if name in ("motor", "load"):
+                self.gains[name] = self._gain(name, fields)
+
+    def predict(self, name: str, fields: Fields) -> Prediction:
+        """Return the prediction of a stage."""
+        return getattr(self, f"_{name}")(fields)  # type: ignore[no-any-return]
+
+    def residual(self, name: str, fields: Fields) -> Floats:
+        """Return the normalised residual of a stage, shape (N,)."""
+        return self.predict(name, fields).residual
+
+    # ---- drive
+    def _drive(self, fields: Fields) -> Prediction:
+        s = self.setting
+        error = s.series["i"] - commanded_current(fields, s.series) - fields["i_0"]
+        std = np.full(len(s.series), s.std("i"))
+        return _direct(error, std, s, ("i", "i_cmd"))
+
+    # ---- motor
+    def _motor(self, fields: Fields) -> Prediction:
+        s = self.setting
+        series = s.series
+        chain = self._chain("motor", fields)
+        transmitted = joint_torque(fields, series) if "tau" in series else np.zeros(len(series))
+        ripple = periodic_torque(fields, series, transmitted)
+        torque = motor_torque(fields, series) + interval_mean(ripple, 0.5)
+        forced = torque[:, None] * chain.torque[:, MOTOR]
+        if s.cut_at_spring:
+            mean = interval_mean(transmitted, fields["w_tau"])
+            forced -= mean[:, None] * chain.torque[:, GEAR]
+        elif s.has_spring and chain.groups[LOAD] < 0:
+            forced += self._prescribed(chain, self._load_angle() + fields["q_0"])
+        bodies = (("m", MOTOR),) if not s.has_gear else (("m", MOTOR), ("g", GEAR))
+        if chain.groups[LOAD] >= 0:
+            bodies = (*bodies, ("l", LOAD))
+        return self._innovations("motor", "q_m", fields, chain, forced, bodies, transmitted)
+
+    # ---- transmission
+    def _transmission(self, fields: Fields) -> Prediction:
+        s = self.setting
+        series = s.series
+        q_l = self._load_angle()
+        q_g, states, friction = self._gear_angle(fields)
+        torque = spring_torque(fields, q_g - q_l - fields["q_0"], series.dt)
+        model = fields["gain"] * torque + fields["tau_0"]
+        own, angles = self.spring_noise
+        if fields["late"] != 0.0:
+            model = shifted(model, -fields["late"] / series.dt)
+            angles *= shift_noise(-fields["late"] / series.dt)
+        model = model - fields["skew"] * series.speed("tau")
+        slope = series.speed("tau") * s.noise["tau"].jitter
+        std = np.sqrt(own**2 + angles**2 + slope**2)
+        result = _direct(series["tau"] - model, std, s, ("tau", "q_m", "q_l"))
+        return Prediction(result.residual, states, friction)
+
+    @cached_property
+    def spring_noise(self) -> tuple[float, float]:
+        """Deviation of the transmission's error from the torque's noise and from the angles' [N m].
+
+        Where the gear is compliant its angle is computed from the measured torque, so that the
+        torque's noise enters twice; responses to a single wrong sample tell how much.
+        """
+        s, f, dt = self.setting, self.setting.nominal, self.setting.series.dt
+        pulse = np.zeros(PULSE)
+        pulse[PULSE // 4] = 1.0
+
+        def bar(angle: Floats) -> Floats:
+            return f["k_b"] * angle + f["d_gl"] * np.gradient(angle, dt)
+
+        if not s.has_gear:
+            angle = float(np.linalg.norm(bar(pulse)))
+            return s.std("tau"), angle * float(np.hypot(s.std("q_m"), s.std("q_l")))
+        chain = self._chain("transmission", f)
+        drives = (
+            -interval_mean(pulse, 0.5)[:, None] * chain.torque[:, GEAR],
+            self._prescribed(chain, pulse),
+        )
+        nothing = np.zeros(PULSE)
+        by_torque, by_motor = (
+            _run(f, chain, drive, (), None, None, np.zeros(2), nothing, dt)[1][:, 0]
+            for drive in drives
+        )
+        own = s.std("tau") * float(np.linalg.norm(pulse - bar(by_torque)))
+        motor = s.std("q_m") * float(np.linalg.norm(bar(by_motor)))
+        return own, float(np.hypot(motor, s.std("q_l") * np.linalg.norm(bar(pulse))))
+
+    def _load_angle(self) -> Floats:
+        series = self.setting.series
+        return series["q_l"] if "q_l" in series else np.zeros(len(series))
+
+    def _gear_angle(self, fields: Fields) -> tuple[Floats, Floats, Floats]:
+        """Return the gear's angle [rad] from motor angle and torque, its states and friction."""
+        s = self.setting
+        series = s.series
+        q_m = series["q_m"]
+        if not s.has_gear:
+            return q_m, np.zeros((len(q_m), 0)), np.zeros((len(q_m), 0))
+        chain = self._chain("transmission", fields)
+        transmitted = joint_torque(fields, series)
+        mean = interval_mean(transmitted, fields["w_tau"])
+        forced = self._prescribed(chain, q_m) - mean[:, None] * chain.torque[:, GEAR]
+        x0 = np.array([q_m[0] - transmitted[0] / fields["k_g"], 0.0])
+        _, states, friction = _run(
+            fields, chain, forced, (("g", GEAR),), None, None, x0, np.abs(transmitted), series.dt
+        )
+        return states[:, 0], states, friction
+
+    # ---- load
+    def _load(self, fields: Fields) -> Prediction:
+        s = self.setting
+        series = s.series
+        chain = self._chain("load", fields)
+        torque = interval_mean(joint_torque(fields, series), fields["w_tau"])
+        if fields["grav_a"] != 0.0 or fields["grav_b"] != 0.0:
+            q = series["q_l"]
+            torque = torque - fields["grav_a"] * np.cos(q) - fields["grav_b"] * np.sin(q)
+        if "tau_l" in series:
+            torque = torque + interval_mean(series["tau_l"], 0.5)
+        forced = torque[:, None] * chain.torque[:, LOAD]
+        return self._innovations(
+            "load", "q_l", fields, chain, forced, (("l", LOAD),), np.abs(torque)
+        )
+
+    # ---- shared
+    def _prescribed(self, chain: Chain, q: Floats) -> Floats:
+        """Return what a prescribed angle adds over each sample, shape (N, n)."""
+        rate = (ahead(q) - q) / self.setting.series.dt
+        return q[:, None] * chain.start + rate[:, None] * chain.slope
+
+    def _chain(self, name: str, fields: Fields) -> Chain:
+        key = (name, *(fields[f] for f in CHAIN))
+        if key not in self._chains:
+            if len(self._chains) > 64:
+                self._chains.clear()
+            self._chains[key] = self._build(name, fields)
+        return self._chains[key]
+
+    def _build(self, name: str, fields: Fields) -> Chain:
+        s = self.setting
+        inertia = [fields[f] for f in ("I_m", "I_g", "I_l")]
+        damping = [fields[f] for f in ("d_m", "d_g", "d_l")]
+        gear = Link(MOTOR, GEAR, fields["k_g"], fields["d_mg"])
+        dt = s.series.dt
+        if name == "load":
+            return build_chain((-1, -1, 0), inertia, damping, (), dt)
+        if name == "transmission":
+            entry = Link(GEAR, None, fields["k_g"], fields["d_mg"])
+            return build_chain((-1, 0, -1), inertia, damping, (entry,), dt)
+        gear_group = 1 if s.has_gear else 0
+        links = (gear,) if s.has_gear else ()
+        if s.cut_at_spring:
+            return build_chain((0, gear_group, -1), inertia, damping, links, dt)
+        if not s.has_spring:
+            return build_chain((0, gear_group, gear_group), inertia, damping, links, dt)
+        if s.structure.output_fixed or "q_l" in s.series:
+            bar = Link(GEAR, None, fields["k_b"], fields["d_gl"])
+            return build_chain((0, gear_group, -1), inertia, damping, (*links, bar), dt)
+        bar = Link(GEAR, LOAD, fields["k_b"], fields["d_gl"])
+        return build_chain((0, gear_group, gear_group + 1), inertia, damping, (*links, bar), dt)
+
+    def _gain(self, name: str, fields: Fields) -> Gain:
+        s = self.setting
+        chain = self._chain(name, fields)
+        current = s.std("i") if "i" in s.series else 0.0
+        own = abs(fields["n"] * fields["k_t"]) * current
+        tau = s.std("tau") / abs(fields["gain"]) if s.cut_at_spring else 0.0
+        extra = PROCESS_TORQUE * np.hypot(own, tau)
+        torque = (np.hypot(own, extra), tau, tau) if name == "motor" else (0.0, 0.0, tau)
+        channel = "q_m" if name == "motor" else "q_l"
+        jitter = s.noise[channel].jitter * float(np.sqrt(np.mean(s.series.speed(channel) ** 2)))
+        noise = float(np.hypot(s.std(channel), jitter))
+        if not any(torque):
+            torque = (1e3 * noise / s.series.dt**2 * max(fields["I_m"], 1e-9) * 1e-3,) * 3
+        k, _ = kalman_gain(chain, (0,), torque, (noise,))
+        return Gain(k, _std(chain, k, torque, s.std(channel)))
+
+    def _innovations(
+        self,
+        name: str,
+        channel: str,
+        fields: Fields,
+        chain: Chain,
+        forced: Floats,
+        bodies: tuple[tuple[str, int], ...],
+        transmitted: Floats,
+    ) -> Prediction:
+        s = self.setting
+        y = s.series[channel][:, None]
+        x0 = self._initial(channel, chain, fields, transmitted)
+        gain = self.gains[name]
+        valid = s.series.valid[channel]
+        e, states, friction = _run(
+            fields, chain, forced, bodies, gain.k, (y, valid), x0, np.abs(transmitted), s.series.dt
+        )
+        std = np.hypot(gain.std[0], s.noise[channel].jitter * s.series.speed(channel))
+        residual = np.where(valid, e[:, 0] / std, 0.0)
+        residual[: s.settle] = 0.0
+        return Prediction(residual, states, friction)
+
+    def _initial(self, channel: str, chain: Chain, fields: Fields, torque: Floats) -> Floats:
+        """Return the first state: at the measured angle, at the velocity of the first samples."""
+        y = self.setting.series[channel]
+        count = min(10, len(y))
+        speed = float(np.polyfit(np.arange(count) * self.setting.series.dt, y[:count], 1)[0])
+        x0 = np.zeros(chain.a.shape[0])
+        x0[: chain.size], x0[chain.size :] = y[0], speed
+        if self.setting.has_gear and channel == "q_m":
+            x0[1] -= torque[0] / fields["k_g"]
+        return x0
+
+
+def _std(chain: Chain, k: Floats, torque: tuple[float, ...], noise: float) -> Floats:
+    """Return the innovations' deviation under a gain, shape (1,), without jitter."""
+    n = chain.a.shape[0]
+    c = np.zeros((1, n))
+    c[0, 0] = 1.0
+    keep = np.eye(n) - k @ c
+    effect = chain.torque * np.array(torque)
+    drive = effect @ effect.T + chain.a @ k @ k.T @ chain.a.T * noise**2
+    p = drive.copy()
+    step = chain.a @ keep
+    for _ in range(40):  # doubling: the sum over 2^40 samples
+        p = p + step @ p @ step.T
+        step = step @ step
+        if np.abs(step).max() < 1e-12:
+            break
+    return np.sqrt(np.array([p[0, 0] + noise**2]))
+
+
+def _direct(error: Floats, std: Floats, s: Setting, channels: tuple[str, ...]) -> Prediction:
+    residual = np.where(s.series.measured(*channels), error / std, 0.0)
+    residual[: s.settle] = 0.0
+    empty = np.zeros((len(error), 0))
+    return Prediction(residual, empty, empty)
+
+
+def _run(
+    fields: Fields,
+    chain: Chain,
+    forced: Floats,
+    bodies: tuple[tuple[str, int], ...],
+    k: Floats | None,
+    measured: tuple[Floats, NDArray[np.bool_]] | None,
+    x0: Floats,
+    load: Floats,
+    dt: float,
+) -> tuple[Floats, Floats, Floats]:
+    """Run the kernel with friction on those of the bodies that have any."""
+    rough = [(letter, body) for letter, body in bodies if has_friction(fields, letter)]
+    laws = np.zeros((len(rough), 9))
+    g = np.zeros((chain.a.shape[0], len(rough)))
+    for row, (letter, body) in enumerate(rough):
+        laws[row] = friction_law(fields, letter)
+        g[:, row] = chain.torque[:, body]
+    velocities = np.array([chain.velocity(body) for _, body in rough], dtype=np.int64)
+    if measured is None or k is None:
+        y, valid = np.zeros((len(forced), 0)), np.zeros(len(forced), dtype=bool)
+        k, outputs = np.zeros((len(x0), 0)), np.zeros(0, dtype=np.int64)
+    else:
+        y, valid = measured
+        outputs = np.zeros(1, dtype=np.int64)
+    return predict(  # type: ignore[no-any-return]
+        np.ascontiguousarray(chain.a),
+        g,
+        np.ascontiguousarray(k),
+        np.ascontiguousarray(forced),
+        outputs,
+        np.ascontiguousarray(y),
+        valid,
+        x0,
+        laws,
+        velocities,
+        load,
+        dt,
+    )
+
+
+def rms(residuals: Mapping[str, Floats]) -> dict[str, float]:
+    """Return the root mean square of each residual over the samples that count."""
+    return {name: float(np.sqrt(np.mean(r[r != 0.0] ** 2))) for name, r in residuals.items()}

@@ -1,0 +1,51 @@
+"""Numbers that a fit may change: what they are called, where they start, how far they may go."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """One number of a fit, worked on as a coordinate z with the prior N(0, 1).
+
+    Attributes:
+        symbol: Its name in reports.
+        unit: Its unit.
+        start: Value at z = 0 [unit].
+        scale: Deviation of the prior: relative (`log`) or in the unit.
+        log: Whether the value is start * exp(scale z) rather than start + scale z.
+        low: Smallest value [unit].
+        high: Largest value [unit].
+        flat: Whether the prior is left out.
+    """
+
+    symbol: str
+    unit: str
+    start: float
+    scale: float
+    log: bool = False
+    low: float = -np.inf
+    high: float = np.inf
+    flat: bool = False
+
+    def value(self, z: float) -> float:
+        """Return the value [unit] at a coordinate."""
+        if self.log:
+            raw = self.start * float(np.exp(np.clip(self.scale * z, -20.0, 20.0)))
+        else:
+            raw = self.start + self.scale * z
+        return min(max(raw, self.low), self.high)
+
+    def coordinate(self, value: float) -> float:
+        """Return the coordinate of a value [unit]."""
+        if self.log:
+            return float(np.log(max(value / self.start, 1e-9)) / self.scale)
+        return (value - self.start) / self.scale
+
+    def at_bound(self, z: float) -> bool:
+        """Return whether the value is stuck at one of its ends."""
+        value = self.value(z)
+        return value <= self.low or value >= self.high
