@@ -19,14 +19,13 @@ from cjt_gym.joint.quantity import Quantity
 Fields = dict[str, float]
 
 CHAIN: Final = ("I_m", "I_g", "I_l", "k_g", "k_b", "d_m", "d_g", "d_l", "d_mg", "d_gl")
-LAW: Final = ("c_p", "c_n", "s_p", "s_n", "v_s", "d_n", "z_s", "mu", "dq_0")
+LAW: Final = ("c_p", "c_n", "s_p", "s_n", "v_s", "d_p", "d_n", "z_s", "mu", "dq_0")
 """Fields of a friction law, each followed by ``_m``, ``_g`` or ``_l``; see the kernel's columns."""
 NEUTRAL: Final[Mapping[str, float]] = {
     "i_0": 0.0,  # offset of the current sensor [A]
     "tau_0": 0.0,  # offset of the torque sensor [N m]
     "q_0": 0.0,  # deflection at which the spring is relaxed [rad]
     "w_i": 0.8,  # weight of the newer of two current samples in the mean between them
-    "w_tau": 0.5,  # the same for the torque
     "delay": 0.0,  # dead time of the command [s]
     "lag": 0.0,  # time constant of the current loop [s]
     "i_max": np.inf,  # limit of the current [A]
@@ -40,10 +39,13 @@ NEUTRAL: Final[Mapping[str, float]] = {
     "rip_f": 0.0,
     "rip_a": 0.0,
     "rip_b": 0.0,  # gear ripple: the same, amplitudes relative to the torque
-    "play": 0.0,  # width of the backlash [rad]
+    "play": 0.0,  # width of a backlash at the torsion bar [rad]
+    "play_g": 0.0,  # width of a backlash in the compliant gear [rad]
+    "centre_g": 0.0,  # its middle, from the gear's first angle [rad]
     "hard": 0.0,  # cubic stiffness over linear stiffness [1/rad^2]
     "hyst": 0.0,  # torque of the hysteresis [N m]
     "hyst_z": 1e-3,  # its displacement [rad]
+    "hyst_n": 2.0,  # how sharply it yields: the exponent of Bouc-Wen, 0 for Maxwell slip
     "gain": 1.0,  # torque sensor: measured over true
     "late": 0.0,  # torque sensor: delay [s]
     "skew": 0.0,  # a small part of it, within the tolerance of the sampling [s]
@@ -98,7 +100,7 @@ def _add_known_effects(fields: Fields, joint: JointFile) -> None:
 
 
 def friction_law(fields: Fields, body: str) -> NDArray[np.float64]:
-    """Return a body's friction law as the kernel takes it, shape (9,); body is m, g or l."""
+    """Return a body's friction law as the kernel takes it, shape (10,); body is m, g or l."""
     law = np.empty(LAW_SIZE)
     for column, name in enumerate(LAW):
         law[column] = fields[f"{name}_{body}"]
@@ -107,4 +109,4 @@ def friction_law(fields: Fields, body: str) -> NDArray[np.float64]:
 
 def has_friction(fields: Fields, body: str) -> bool:
     """Return whether a body has more than viscous friction."""
-    return any(fields[f"{name}_{body}"] != 0.0 for name in ("c_p", "c_n", "s_p", "s_n", "d_n", "mu"))
+    return any(fields[f"{name}_{body}"] != 0.0 for name in ("c_p", "c_n", "s_p", "s_n", "d_p", "d_n", "mu"))

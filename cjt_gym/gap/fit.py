@@ -26,6 +26,8 @@ FLOOR = 1.05
 """Root mean square of a normalised residual below which a better fit is no better."""
 STEP = 1e-3
 MOVES = 12
+LONGEST = 100.0
+"""Longest step of a coordinate."""
 
 
 @dataclass(frozen=True)
@@ -142,7 +144,8 @@ class Problem:
         model: Model,
         z: Floats,
         moves: int = MOVES,
-        tolerance: float = 0.05,
+        known: dict[str, Floats] | None = None,
+        tolerance: float = 0.1,
     ) -> Fit:
         """Return the model fitted from the coordinates z.
 
@@ -150,6 +153,7 @@ class Problem:
             model: The effects.
             z: Start, shape (p,).
             moves: Largest number of steps.
+            known: Derivatives for the first numbers, from a similar fit, shape (N, some) by stage.
             tolerance: Gain in cost below which it ends.
         """
         unknowns = self.unknowns(model)
@@ -158,19 +162,20 @@ class Problem:
         residuals = self.residuals(model, z)
         ms = self.mean_square(residuals)
         cost = self.cost(ms, z, flat)
-        jacobian: dict[str, Floats] = {}
-        damping = 1e-3
+        jacobian = self.jacobian(model, z, residuals, known)
+        fresh, damping = known is None, 1e-3
         for _ in range(moves):
-            jacobian = self.jacobian(model, z, residuals)
             hessian, gradient = self._normal(jacobian, residuals, ms, z, flat)
             gain, damping, step = self._search(
                 model, z, cost, hessian, gradient, damping, unknowns, flat
             )
-            if step is None:
+            if step is not None:
+                z, residuals, ms, cost = step
+            small = step is None or gain < tolerance
+            if small and fresh:
                 break
-            z, residuals, ms, cost = step
-            if gain < tolerance:
-                break
+            fresh = small  # derivatives of nuisances are renewed only where the old ones do no more
+            jacobian = self.jacobian(model, z, residuals, None if small else jacobian)
         return Fit(model, z, cost, ms, residuals, jacobian)
 
     def _search(
@@ -188,7 +193,7 @@ class Problem:
         for _ in range(6):
             matrix = hessian + np.diag(damping * diagonal + 1e-12)
             move = -np.linalg.solve(matrix, gradient)
-            new = z + np.clip(move, -20.0, 20.0)
+            new = z + move * min(1.0, LONGEST / max(float(np.abs(move).max()), 1e-12))
             for j, unknown in enumerate(unknowns):
                 if unknown.at_bound(new[j]):
                     new[j] = unknown.coordinate(unknown.value(new[j]))
@@ -201,13 +206,24 @@ class Problem:
         return 0.0, damping, None
 
     def jacobian(
-        self, model: Model, z: Floats, residuals: dict[str, Floats]
+        self,
+        model: Model,
+        z: Floats,
+        residuals: dict[str, Floats],
+        known: dict[str, Floats] | None = None,
     ) -> dict[str, Floats]:
-        """Return the derivatives of the residuals by forward differences, shape (N, p) by stage."""
-        size = len(z)
+        """Return the derivatives of the residuals by forward differences, shape (N, p) by stage.
+
+        Where some are known already, only those of the effects are computed.
+        """
+        size, first = len(z), 0
         out = {name: np.zeros((len(r), size), order="F") for name, r in residuals.items()}
+        if known is not None:
+            first = len(self.shared)
+            for name, columns in known.items():
+                out[name][:, :first] = columns[:, :first]
         unknowns, touches = self.unknowns(model), self.touches(model)
-        for j in range(size):
+        for j in range(first, size):
             step = _step(unknowns[j], z[j])
             moved = z.copy()
             moved[j] += step

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from cjt_gym.gap.nuisances import active_parameters, stages_of
 from cjt_gym.gap.setting import Setting
 from cjt_gym.gap.unknowns import Unknown
 
+HYSTERESES = {"Bouc-Wen": 2.0, "Dahl": 1.0, "Maxwell slip": 0.0}
 Values = Mapping[str, float]
 Apply = Callable[[Fields, Values], None]
 BODIES = {"m": "motor", "g": "gear", "l": "load"}
@@ -37,6 +39,7 @@ class Hypothesis:
         family: Effects that are compared among each other when one of them leads.
         releases: Field of the datasheet that it sets free, where it does only that.
         search: Kind of periodic torque whose frequency is searched in the residual, if any.
+        variant: Which of several laws of the same effect.
     """
 
     name: str
@@ -50,11 +53,17 @@ class Hypothesis:
     family: str = ""
     releases: str | None = None
     search: str | None = None
+    variant: str = ""
 
     @property
-    def key(self) -> tuple[str, str | None, str | None]:
+    def strained(self) -> bool:
+        """Whether a model without it could take its place by straining the datasheet."""
+        return self.releases is not None or self.name in ("torque_gain", "torque_bias")
+
+    @property
+    def key(self) -> tuple[str, str | None, str | None, str]:
         """What tells it from the others."""
-        return (self.name, self.body, self.channel)
+        return (self.name, self.body, self.channel, self.variant)
 
 
 @dataclass(frozen=True)
@@ -279,15 +288,15 @@ def _friction_of(
     setting: Setting, size: Scales, body: str, stage: str, touches: tuple[str, ...]
 ) -> list[Hypothesis]:
     torque, speed = size.torque, size.speed
-    p, n, s = f"d_c{body}", f"d_c{body}_n", f"d_s{body}"
+    p, n = f"d_c{body}", f"d_c{body}_n"
     force = Unknown(p, "N m", 0.0, torque, low=0.0)
     force_n = Unknown(n, "N m", 0.0, torque, low=0.0)
     breakaway = Unknown("d_s", "N m", 0.0, torque, low=0.0)
     stribeck = Unknown("v_s", "rad/s", 0.1 * speed, 1.2, log=True, low=1e-4 * speed, high=20 * speed)
     slide = Unknown("z_s", "rad", 1e-3, 2.0, log=True, low=1e-6, high=0.3)
     mu = Unknown("mu", "-", 0.0, 0.2, low=0.0, high=1.0)
+    d_p = Unknown(f"d_{body}", "N m s/rad", 0.0, torque / speed)
     d_n = Unknown(f"d_{body}_n", "N m s/rad", 0.0, torque / speed)
-    base_d = setting.nominal[f"d_{body}"]
     guess = 0.05 * torque
     travel = max(float(np.std(setting.series["q_m"])), 1e-9)
 
@@ -316,7 +325,6 @@ def _friction_of(
         add(f, c_p=v[p], c_n=v[p])
         f[f"z_s_{body}"] = v["z_s"]
 
-    del s, base_d
     name_c = "load_coulomb" if body == "l" else "coulomb"
     rows = [row(name_c, (force,), lambda f, v: add(f, c_p=v[p], c_n=v[p]), ((guess,),))]
     if body == "l":
@@ -341,12 +349,21 @@ def _friction_of(
             tuple((guess, x * travel) for x in (0.003, 0.02, 0.12, 0.5)),
         ),
         row("load_friction", (mu,), lambda f, v: add(f, mu=v["mu"]), ((0.05,),)),
-        row("viscous_asym", (d_n,), lambda f, v: add(f, d_n=v[f"d_{body}_n"]), ((0.0,),)),
+        row(
+            "viscous_asym",
+            (d_p, d_n),
+            lambda f, v: add(f, d_p=v[f"d_{body}"], d_n=v[f"d_{body}_n"]),
+            ((0.0, 0.0),),
+        ),
     ]
     return rows
 
 
 # ---- transmission
+def _hysteresis(exponent: float, f: Fields, v: Values) -> None:
+    f["hyst"], f["hyst_z"], f["hyst_n"] = v["h"], v["z_h"], exponent
+
+
 def _transmission(setting: Setting, size: Scales) -> list[Hypothesis]:
     touches = ("transmission",) if setting.cut_at_spring else ("motor",)
     rows = [_released(setting, "k_b", "stiffness", "transmission", "k_b")]
@@ -362,9 +379,8 @@ def _transmission(setting: Setting, size: Scales) -> list[Hypothesis]:
     def apply_play(f: Fields, v: Values) -> None:
         f["play"], f["q_0"] = v["b"], f["q_0"] + v["centre"]
 
-    def apply_hysteresis(f: Fields, v: Values) -> None:
-        f["hyst"], f["hyst_z"] = v["h"], v["z_h"]
-
+    if setting.has_gear and setting.cut_at_spring:
+        rows.append(_gear_play(setting, play, centre, x))
     rows += [
         Hypothesis(
             "backlash",
@@ -374,6 +390,7 @@ def _transmission(setting: Setting, size: Scales) -> list[Hypothesis]:
             touches,
             starts=tuple((w * x, c * w * x) for w in (0.03, 0.2) for c in (-0.4, 0.0, 0.4)),
             family="spring",
+            variant="bar",
         ),
         Hypothesis(
             "hardening",
@@ -384,17 +401,40 @@ def _transmission(setting: Setting, size: Scales) -> list[Hypothesis]:
             starts=((0.0,),),
             family="spring",
         ),
-        Hypothesis(
-            "spring_hysteresis",
-            "transmission",
-            (torque, width),
-            apply_hysteresis,
-            touches,
-            starts=tuple((0.02 * torque.scale, w * x) for w in (0.03, 0.2, 1.0)),
-            family="spring",
+        *(
+            Hypothesis(
+                "spring_hysteresis",
+                "transmission",
+                (torque, width),
+                partial(_hysteresis, exponent),
+                touches,
+                starts=tuple((0.02 * torque.scale, w * x) for w in (0.05, 0.3, 1.0)),
+                family="spring",
+                variant=variant,
+            )
+            for variant, exponent in HYSTERESES.items()
         ),
     ]
     return rows
+
+
+def _gear_play(setting: Setting, play: Unknown, centre: Unknown, x: float) -> Hypothesis:
+    def apply(f: Fields, v: Values) -> None:
+        f["play_g"] = v["b"]
+        f["centre_g"] = min(max(v["centre"], -0.5 * v["b"]), 0.5 * v["b"])
+        f["q_0"] -= f["centre_g"]
+
+    del setting
+    return Hypothesis(
+        "backlash",
+        "transmission",
+        (play, centre),
+        apply,
+        ("motor", "transmission"),
+        starts=tuple((w * x, c * w * x) for w in (0.05, 0.25) for c in (-0.4, 0.0, 0.4)),
+        family="spring",
+        variant="gear",
+    )
 
 
 # ---- torque sensor

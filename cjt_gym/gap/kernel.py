@@ -2,7 +2,9 @@
 
 Friction is solved implicitly over the sample, so that a body which friction can hold comes to rest
 exactly (set-valued law): v+ = v_free - clip(v_free, -g F-, g F+), with g the velocity that one
-newton metre adds over the sample. Smooth and elastic (Dahl) laws are solved implicitly as well.
+newton metre adds over the sample. Where the body turns round within the sample, friction turns
+round with it: the sample is split where the velocity is zero. Smooth and elastic (Dahl) laws are
+solved implicitly.
 """
 
 from __future__ import annotations
@@ -16,11 +18,11 @@ from cjt_gym.joint.compiled import compiled
 
 Floats = NDArray[np.float64]
 
-LEVEL_P, LEVEL_N, EXTRA_P, EXTRA_N, SPEED, VISCOUS_N, ELASTIC, LOADED, SMOOTH = range(9)
+LEVEL_P, LEVEL_N, EXTRA_P, EXTRA_N, SPEED, VISCOUS_P, VISCOUS_N, ELASTIC, LOADED, SMOOTH = range(10)
 """Columns of a friction law: Coulomb levels for both directions [N m], what breakaway adds to them
-[N m], Stribeck velocity [rad/s], damping added at negative velocity [N m s/rad], presliding
-displacement [rad], friction per transmitted torque [-], smoothing velocity [rad/s]."""
-LAW_SIZE = 9
+[N m], Stribeck velocity [rad/s], damping added at positive and negative velocity [N m s/rad],
+presliding displacement [rad], friction per transmitted torque [-], smoothing velocity [rad/s]."""
+LAW_SIZE = 10
 
 
 @compiled
@@ -48,30 +50,63 @@ def smooth_speed(free: float, gain: float, force: float, width: float) -> float:
 
 
 @compiled
-def elastic_speed(free: float, gain: float, force: float, z: float, width: float, h: float) -> float:
-    """Solve the implicit Dahl step v + gain z+(v) = free for v.
+def elastic_step(
+    start: float, free: float, gain: float, force: float, z: float, width: float, h: float
+) -> tuple[float, float]:
+    """Solve a step of Dahl's bristle; return the velocity at its end and the bristle's new torque.
 
-    z+ = (z + force h v / width) / (1 + h |v| / width), the bristle's torque at the end.
+    z+ = (z + force x / width) / (1 + |x| / width) after a motion x = h (start + end) / 2, and the
+    mean of z and z+ acts over the step. The motion in units of the width is the positive root of a
+    quadratic.
     """
-    excess = free - gain * z
-    side = 1.0 if excess >= 0.0 else -1.0
-    a = h / width
-    w, f, y = 1.0, side * free, side * z
-    # (w - f)(1 + a w) + gain (y + force a w) = 0 for the speed w >= 0
-    b = 1.0 - a * f + gain * force * a
-    c = gain * y - f
-    w = (-b + math.sqrt(max(b * b - 4.0 * a * c, 0.0))) / (2.0 * a)
-    return side * max(w, 0.0)
+    total = start + free
+    side = 1.0 if total >= gain * z else -1.0
+    v, y, c = side * total, side * z, 2.0 * width / h
+    b = c - v + 0.5 * gain * (y + force)
+    u = (-b + math.sqrt(max(b * b + 4.0 * c * (v - gain * y), 0.0))) / (2.0 * c)
+    u = max(u, 0.0)
+    new = (y + force * u) / (1.0 + u)
+    return free - 0.5 * gain * side * (y + new), side * new
+
+
+@compiled
+def turning(
+    law: Floats, start: float, free: float, gain: float, load: float, h: float
+) -> tuple[float, float]:
+    """Return end velocity and lost motion [rad] of a body that comes to zero within the sample.
+
+    Args:
+        law: Friction law, shape (10,).
+        start: Velocity at the start [rad/s].
+        free: Velocity at the end without friction [rad/s].
+        gain: Velocity that one newton metre adds over the sample.
+        load: Size of the transmitted torque [N m].
+        h: Sample time [s].
+    """
+    side = 1.0 if start >= 0.0 else -1.0
+    push = free - start
+    slowing = push - side * gain * level(law, side, abs(start), load)
+    share = 0.0 if slowing == 0.0 else min(max(-start / slowing, 0.0), 1.0)
+    side = 1.0 if push >= 0.0 else -1.0
+    rest = abs(push) - gain * level(law, side, 0.0, load)
+    if rest > 0.0:
+        rest = max(abs(push) - gain * level(law, side, 0.5 * rest, load), 0.0)
+    end = side * max(rest, 0.0) * (1.0 - share)
+    return end, 0.5 * h * (start * share + end * (1.0 - share) - start - end)
 
 
 @compiled
 def friction_torque(
-    law: Floats, free: float, gain: float, load: float, h: float, bristle: float
-) -> tuple[float, float]:
-    """Return the torque [N m] that friction adds over a sample, and the bristle's new torque.
+    law: Floats, start: float, free: float, gain: float, load: float, h: float, bristle: float
+) -> tuple[float, float, float]:
+    """Return what friction does over a sample.
+
+    The three values are the torque that it adds [N m], the bristle's new torque [N m], and the
+    motion [rad] by which the path differs from that under a torque which stays the same.
 
     Args:
-        law: Friction law, shape (9,).
+        law: Friction law, shape (10,).
+        start: Velocity at the start [rad/s].
         free: Velocity at the end of the sample without friction [rad/s].
         gain: Velocity that one newton metre adds over the sample [rad/(s N m)].
         load: Size of the transmitted torque [N m].
@@ -79,27 +114,87 @@ def friction_torque(
         bristle: Torque of the elastic bristle [N m].
     """
     side = 1.0 if free >= 0.0 else -1.0
-    damping = law[VISCOUS_N] if side < 0.0 else 0.0
-    shrink = 1.0 / (1.0 + gain * damping)
-    v_free, g = free * shrink, gain * shrink
+    damping = law[VISCOUS_P] if side > 0.0 else law[VISCOUS_N]
+    shrink = 1.0 / (1.0 + 0.5 * gain * damping)
+    v_free, g = shrink * (free - 0.5 * gain * damping * start), gain * shrink
     if law[ELASTIC] > 0.0:
         towards = 1.0 if v_free >= g * bristle else -1.0
         force = level(law, towards, abs(v_free), load)
         if force <= 0.0:
-            return (v_free - free) / gain, 0.0
-        v = elastic_speed(v_free, g, force, bristle, law[ELASTIC], h)
-        a = h / law[ELASTIC]
-        return (v - free) / gain, (bristle + force * a * v) / (1.0 + a * abs(v))
-    hold = level(law, side, 0.0, load)
+            return (v_free - free) / gain, 0.0, 0.0
+        v, z = elastic_step(start, v_free, g, force, bristle, law[ELASTIC], h)
+        return (v - free) / gain, z, 0.0
     if law[SMOOTH] > 0.0:
         force = level(law, side, abs(v_free), load)
-        return (smooth_speed(v_free, g, force, law[SMOOTH]) - free) / gain, 0.0
-    if abs(v_free) <= g * hold:
-        return -free / gain, 0.0
-    v = abs(v_free)
-    for _ in range(3):
-        v = max(abs(v_free) - g * level(law, side, v, load), 0.0)
-    return (side * v - free) / gain, 0.0
+        return (smooth_speed(v_free, g, force, law[SMOOTH]) - free) / gain, 0.0, 0.0
+    v, lost = 0.0, 0.0
+    moved = abs(v_free) - g * level(law, side, 0.5 * abs(start + v_free), load)
+    if start * side > 0.0 and moved > 0.0:
+        v = side * moved
+        for _ in range(2):
+            middle = 0.5 * abs(start + v)
+            v = side * max(abs(v_free) - g * level(law, side, middle, load), 0.0)
+    else:
+        v, lost = turning(law, start, v_free, g, load, h)
+    return (v - free) / gain, 0.0, lost
+
+
+@compiled
+def touching(start: float, end: float, half: float) -> tuple[float, float]:
+    """Return the share of a sample in which the teeth of a gear touch, and on which side.
+
+    Args:
+        start: Deflection of the gear at the start [rad].
+        end: Deflection at the end, as if the state of touch stayed that of the start [rad].
+        half: Half the play [rad].
+    """
+    if abs(start) >= half:
+        side = 1.0 if start > 0.0 else -1.0
+        if side * end >= half:
+            return 1.0, side
+        return (abs(start) - half) / max(abs(start - end), 1e-15), side
+    side = 1.0 if end > 0.0 else -1.0
+    if abs(end) <= half:
+        return 0.0, side
+    return (abs(end) - half) / max(abs(end - start), 1e-15), side
+
+
+@compiled
+def pass_through(
+    play: Floats, loose: Floats, adrift: Floats, entry: Floats, x: Floats, new: Floats, t: int
+) -> float:
+    """Correct the new state, computed for a gear in touch, for its play; return the share in touch.
+
+    For the arguments see `predict`.
+    """
+    n = x.size
+    start = in_touch = apart = 0.0
+    free = np.zeros(n)
+    for i in range(n):
+        value = adrift[t, i]
+        for j in range(n):
+            value += loose[i, j] * x[j]
+        free[i] = value
+        start += play[1 + i] * x[i]
+        in_touch += play[1 + i] * new[i]
+        apart += play[1 + i] * free[i]
+    if entry.size > 0:
+        after = entry[min(t + 1, entry.size - 1)]
+        start += entry[t]
+        in_touch += after
+        apart += after
+    half = play[0]
+    end = apart
+    if abs(start) >= half:
+        side = 1.0 if start > 0.0 else -1.0
+        end = in_touch
+        for i in range(n):
+            end += side * play[1 + i] * play[1 + n + i]
+    share, side = touching(start, end, half)
+    for i in range(n):
+        touched = new[i] + side * play[1 + n + i]
+        new[i] = share * touched + (1.0 - share) * free[i]
+    return share
 
 
 @compiled
@@ -115,6 +210,11 @@ def predict(
     laws: Floats,
     bodies: NDArray[np.int64],
     load: Floats,
+    play: Floats,
+    loose: Floats,
+    adrift: Floats,
+    slack_g: Floats,
+    entry: Floats,
     h: float,
 ) -> tuple[Floats, Floats, Floats]:
     """Run the predictor over a record.
@@ -128,9 +228,16 @@ def predict(
         y: Measured outputs, shape (N, m).
         valid: Whether the sample was measured, shape (N,).
         x0: State at the first sample, shape (n,).
-        laws: Friction laws, shape (bodies, 9).
+        laws: Friction laws, shape (bodies, 10).
         bodies: Index of each body's velocity in the state, shape (bodies,).
         load: Size of the transmitted torque at each sample [N m], shape (N,).
+        play: Backlash in the gear, shape (1 + 2 n,): half its width [rad], then the signs with which
+            the state makes the gear's deflection, then what the gear's spring adds to the state for
+            a deflection of half the width. Shape (0,) for none.
+        loose: Transition matrix while the teeth do not touch, shape (n, n), or (0, 0).
+        adrift: What the known inputs add meanwhile, shape (N, n), or (0, 0).
+        slack_g: What `g` is meanwhile, shape (n, bodies), or (0, 0).
+        entry: Prescribed part of the gear's deflection [rad], shape (N,), or (0,).
         h: Sample time [s].
 
     Returns:
@@ -143,8 +250,11 @@ def predict(
     states = np.zeros((size, n))
     torque = np.zeros((size, nb))
     bristle = np.zeros(nb)
+    slack = np.zeros(nb)
     x = x0.copy()
     new = np.zeros(n)
+    firm = g
+    g = g.copy()
     for t in range(size):
         states[t] = x
         if valid[t]:
@@ -158,14 +268,23 @@ def predict(
             for j in range(n):
                 value += a[i, j] * x[j]
             new[i] = value
+        if play.size > 0:
+            share = pass_through(play, loose, adrift, entry, x, new, t)
+            for i in range(n):
+                for b in range(nb):
+                    g[i, b] = share * firm[i, b] + (1.0 - share) * slack_g[i, b]
         for sweep in range(1 if nb < 2 else 3):
             for b in range(nb):
                 row = bodies[b]
                 before = torque[t, b] if sweep else 0.0
                 free = new[row] - g[row, b] * before
-                lam, z = friction_torque(laws[b], free, g[row, b], load[t], h, bristle[b])
+                lam, z, lost = friction_torque(
+                    laws[b], x[row], free, g[row, b], load[t], h, bristle[b]
+                )
                 for i in range(n):
                     new[i] += g[i, b] * (lam - before)
+                new[row - n // 2] += lost - slack[b] if sweep else lost
+                slack[b] = lost
                 torque[t, b] = lam
                 if sweep == (0 if nb < 2 else 2):
                     bristle[b] = z

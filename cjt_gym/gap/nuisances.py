@@ -115,7 +115,8 @@ def _offsets(setting: Setting) -> list[Nuisance]:
         limit = p["i_max"] if np.isfinite(p["i_max"]) else float(np.ptp(series["i_cmd"]))
         rows.append(_offset("i_0", "A", 0.0, 1e-3 * limit, ("motor",)))
     if "i" in series and "i_cmd" in series and setting.nominal["lag"] > 0.0:
-        lag = Unknown("lag", "s", setting.nominal["lag"], LAG_TOLERANCE, log=True)
+        start, far = setting.nominal["lag"], float(np.exp(3.0 * LAG_TOLERANCE))
+        lag = Unknown("lag", "s", start, LAG_TOLERANCE, True, low=start / far, high=start * far)
         rows.append(Nuisance("lag", lag, ("drive",)))
     if setting.cut_at_spring:
         scale = setting.std("tau")

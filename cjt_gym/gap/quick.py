@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from cjt_gym.gap.fit import DEFLATION, FLOOR, STEP, Fit, Floats, Problem
+from cjt_gym.gap.fit import DEFLATION, FLOOR, LONGEST, STEP, Fit, Floats, Problem
 from cjt_gym.gap.hypotheses import Hypothesis
 
 RELINEARISED = 3
@@ -163,7 +163,7 @@ class Look:
                 hessian = hessian + weight * s.h
                 gradient = gradient + weight * s.g
             new = -np.linalg.solve(hessian + np.diag(1e-6 * np.diag(hessian)), gradient)
-            new = np.clip(new, -30.0, 30.0)
+            new *= min(1.0, LONGEST / max(float(np.abs(new).max()), 1e-12))
             better = self._cost({n: max(s.at(new), 0.0) for n, s in squares.items()}, z + new, flat)
             if better > cost - 0.01:
                 break

@@ -3,27 +3,37 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from cjt_gym.gap.fit import DEFLATION, FLOOR, Fit, Model, Problem
+from cjt_gym.gap.fit import DEFLATION, FLOOR, Fit, Model, Problem, retuned
 from cjt_gym.gap.hypotheses import Hypothesis
 from cjt_gym.gap.periodic import command_steps, periodic_starts
 from cjt_gym.gap.quick import Look
 
 PRICE = 14.0
 PRICE_PER_NUMBER = 3.0
+RELEASE = 6.0
 BEAM = 2
+CLOSE = 0.8
+"""Share of the best gain in evidence from which a second branch is followed."""
 MOST = 3
+MARGIN = 3.0
+"""Evidence that one more effect must add to what it costs."""
+LEAST = 0.03
+"""Share of what is left that one more effect must explain."""
 SHORT_LIST = 4
 NEAR = 60.0
 """Evidence by which a rough fit may trail the best one and still be fitted in full."""
 
 
 def price(model: Model) -> float:
-    """Return what a model's effects cost."""
-    return sum(PRICE + PRICE_PER_NUMBER * (len(e.unknowns) - 1) for e in model.effects)
+    """Return what a model's effects cost; a datasheet value set free shows its cost in its prior."""
+    return sum(
+        (RELEASE if e.strained else PRICE) + PRICE_PER_NUMBER * (len(e.unknowns) - 1)
+        for e in model.effects
+    )
 
 
 def evidence(problem: Problem, fit: Fit) -> float:
@@ -43,18 +53,20 @@ class Selection:
         problem: The record.
         candidates: All effects that it can show.
         base: The fit without any effect.
+        seen: All fits made in full.
     """
 
     problem: Problem
     candidates: tuple[Hypothesis, ...]
     base: Fit
+    seen: list[Fit] = field(default_factory=list)
 
     def run(self) -> Fit:
         """Return the best model after forward selection."""
         best = self.base
         for stages in self._groups():
             best = self._search(best, stages)
-        return best
+        return retuned(self.problem, best)
 
     def _groups(self) -> list[tuple[str, ...]]:
         """Return the stages that can be searched apart: a measured current separates the drive."""
@@ -66,14 +78,18 @@ class Selection:
         pool = [h for h in self.candidates if set(h.touches) & set(stages)]
         beam, best = [start], start
         for _ in range(MOST - len(start.model.effects)):
-            if self.potential(best, stages) < PRICE:
+            if self.potential(best, stages) < RELEASE + MARGIN:
                 break
             grown: list[Fit] = []
             for fit in beam:
                 grown += self.expand(fit, pool)
             grown.sort(key=lambda f: -evidence(self.problem, f))
-            beam = _distinct(grown)[:BEAM]
-            if not beam or evidence(self.problem, beam[0]) <= evidence(self.problem, best):
+            self.seen += grown
+            beam = self._promising(_distinct(grown), best)
+            if not beam:
+                break
+            gain = evidence(self.problem, beam[0]) - evidence(self.problem, best)
+            if gain < max(MARGIN, LEAST * self.potential(best, stages)):
                 break
             best = beam[0]
         return best
@@ -90,6 +106,13 @@ class Selection:
         strain = np.square(far[own & ~flat])
         return float(gap + 0.5 * np.sum(strain[strain > 4.0]))
 
+    def _promising(self, fits: list[Fit], before: Fit) -> list[Fit]:
+        """Return the fits to go on from: the best, and the next if it is nearly as good."""
+        if len(fits) < 2:
+            return fits
+        worth = [evidence(self.problem, f) - evidence(self.problem, before) for f in fits[:BEAM]]
+        return [f for f, w in zip(fits, worth, strict=False) if w > CLOSE * worth[0]]
+
     # ---- one more effect
     def expand(self, fit: Fit, pool: Sequence[Hypothesis]) -> list[Fit]:
         """Return the best fits with one effect more than a fit has."""
@@ -98,7 +121,8 @@ class Selection:
         look = self._look(fit)
         quick = [q for h in free if (q := look.try_effect(h, self._starts(fit, h))) is not None]
         quick.sort(key=lambda f: -evidence(self.problem, f))
-        return [self.problem.fit(f.model, f.z) for f in self._short_list(quick)]
+        known = look.fit.jacobian
+        return [self.problem.fit(f.model, f.z, known=known) for f in self._short_list(quick)]
 
     def _short_list(self, quick: list[Fit]) -> list[Fit]:
         """Return the leading fits, and the whole friction family where one of them leads."""

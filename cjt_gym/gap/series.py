@@ -7,7 +7,7 @@ interpolation and marked as not measured, so that no residual is taken from it.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,13 +33,13 @@ class Series:
         columns: Channels by name, each of shape (N,), finite.
         valid: For each channel whether the sample was measured, shape (N,).
         zero: What was taken off each angle, so that it starts at zero [rad].
-        drive_known: Whether both the command and the current were measured.
     """
 
     dt: float
     columns: Mapping[str, Floats]
     valid: Mapping[str, NDArray[np.bool_]]
     zero: Mapping[str, float]
+    _speeds: dict[str, Floats] = field(default_factory=dict)
 
     def __contains__(self, name: str) -> bool:
         return name in self.columns
@@ -65,9 +65,16 @@ class Series:
 
     def speed(self, name: str) -> Floats:
         """Return the slope of a channel over four samples [unit/s], shape (N,)."""
-        x = self.columns[name]
-        padded = np.pad(x, 2, mode="edge")
-        return np.asarray((padded[4:] - padded[:-4]) / (4.0 * self.dt))
+        if name not in self._speeds:
+            padded = np.pad(self.columns[name], 2, mode="edge")
+            self._speeds[name] = (padded[4:] - padded[:-4]) / (4.0 * self.dt)
+        return self._speeds[name]
+
+    def first_speed(self, name: str) -> float:
+        """Return the slope of a channel over its first ten samples [unit/s]."""
+        y = self.columns[name][:10]
+        k = np.arange(len(y)) - 0.5 * (len(y) - 1)
+        return float(k @ y / (k @ k) / self.dt)
 
 
 def to_series(record: Record, joint: JointFile) -> Series:

@@ -28,6 +28,12 @@ def interval_mean(x: Floats, weight: float) -> Floats:
     return (1.0 - weight) * x + weight * ahead(x)
 
 
+def smooth_mean(x: Floats) -> Floats:
+    """Return the mean over the interval after each sample of a smooth signal, by a cubic."""
+    before, after = np.concatenate([x[:1], x[:-1]]), ahead(x)
+    return (13.0 * (x + after) - before - ahead(after)) / 24.0
+
+
 def shifted(x: Floats, samples: float) -> Floats:
     """Return the signal that much earlier (samples > 0), interpolated by a cubic; shape (N,).
 

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import savgol_filter
 
 from cjt_gym.gap.fields import Fields
 from cjt_gym.joint.compiled import compiled
 
 Floats = NDArray[np.float64]
+PATH = 17
+"""Samples over which the path of a hysteresis is smoothed."""
 
 
 def spring_torque(fields: Fields, deflection: Floats, dt: float) -> Floats:
@@ -31,24 +34,42 @@ def spring_torque(fields: Fields, deflection: Floats, dt: float) -> Floats:
     if fields["d_gl"] != 0.0:
         torque = torque + fields["d_gl"] * np.gradient(x, dt)
     if fields["hyst"] != 0.0:
-        torque = torque + fields["hyst"] * slip(np.diff(x, prepend=x[0]), fields["hyst_z"])
+        # Noise in the path would wear a memory down: where it yields, steps forth and back differ.
+        path = savgol_filter(x, PATH, 3)
+        torque = torque + fields["hyst"] * slip(path, fields["hyst_z"], fields["hyst_n"])
     return np.asarray(torque)
 
 
 @compiled
-def slip(steps: Floats, width: float) -> Floats:
-    """Return the state of a hysteresis in [-1, 1] that follows increments of deflection.
+def slip(path: Floats, width: float, exponent: float) -> Floats:
+    """Return the state of a hysteresis in [-1, 1] that follows a path.
 
-    dz = dx (1 - z sign(dx)) / width, solved exactly for each increment.
+    Bouc-Wen: dz = dx (1 - |z|^exponent (1 + sign(z dx)) / 2) / width. Exponent 0 stands for Maxwell
+    slip: dz = dx / width, held within [-1, 1].
 
     Args:
-        steps: Increments [rad], shape (N,).
+        path: Deflection without noise [rad], shape (N,).
         width: Deflection over which it turns round [rad].
+        exponent: How sharply it yields.
     """
-    z = np.zeros(steps.size)
+    z = np.zeros(path.size)
     state = 0.0
-    for t in range(steps.size):
-        side = 1.0 if steps[t] >= 0.0 else -1.0
-        state = side + (state - side) * np.exp(-abs(steps[t]) / width)
+    for t in range(1, path.size):
+        move = (path[t] - path[t - 1]) / width
+        if exponent > 0.0:
+            pieces = 1 + int(abs(move) / 0.05)
+            for _ in range(pieces):
+                middle = state + 0.5 * yielding(state, move / pieces, exponent)
+                state += yielding(middle, move / pieces, exponent)
+        else:
+            state = min(max(state + move, -1.0), 1.0)
         z[t] = state
     return z
+
+
+@compiled
+def yielding(z: float, move: float, exponent: float) -> float:
+    """Return the change of a Bouc-Wen state over a move in units of its width."""
+    if z * move <= 0.0:
+        return move
+    return move * (1.0 - min(abs(z), 1.0) ** exponent)

@@ -15,32 +15,33 @@ reach the next. Where the torque was not measured, motor, spring and load are on
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import savgol_filter
 
 from cjt_gym.gap.chain import GEAR, LOAD, MOTOR, Chain, Link, build_chain, kalman_gain
 from cjt_gym.gap.fields import CHAIN, Fields, friction_law, has_friction
-from cjt_gym.gap.kernel import predict
+from cjt_gym.gap.kernel import LAW_SIZE, predict
 from cjt_gym.gap.setting import PROCESS_TORQUE, Setting
 from cjt_gym.gap.signals import (
     ahead,
     commanded_current,
-    interval_mean,
     joint_torque,
     motor_torque,
     periodic_torque,
     shift_noise,
     shifted,
+    smooth_mean,
 )
 from cjt_gym.gap.spring import spring_torque
 
 Floats = NDArray[np.float64]
 STAGES = ("drive", "motor", "transmission", "load")
 PULSE = 800
+SMOOTH = 21
 
 
 @dataclass(eq=False)
@@ -69,6 +70,19 @@ class Prediction:
     residual: Floats
     states: Floats
     friction: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Play:
+    """Backlash in the gear as the kernel takes it; see `cjt_gym.gap.kernel.predict`."""
+
+    play: Floats
+    loose: Chain
+    adrift: Floats
+    entry: Floats
+
+
+NO_PLAY = (np.zeros(0), *(np.zeros((0, 0)) for _ in range(3)), np.zeros(0))
 
 
 @dataclass(eq=False)
@@ -123,18 +137,37 @@ class Stages:
         series = s.series
         chain = self._chain("motor", fields)
         transmitted = joint_torque(fields, series) if "tau" in series else np.zeros(len(series))
-        ripple = periodic_torque(fields, series, transmitted)
-        torque = motor_torque(fields, series) + interval_mean(ripple, 0.5)
+        ripple = periodic_torque(fields, series, transmitted + self._gear_inertia(fields))
+        torque = motor_torque(fields, series) + smooth_mean(ripple)
         forced = torque[:, None] * chain.torque[:, MOTOR]
         if s.cut_at_spring:
-            mean = interval_mean(transmitted, fields["w_tau"])
+            mean = smooth_mean(transmitted)
             forced -= mean[:, None] * chain.torque[:, GEAR]
         elif s.has_spring and chain.groups[LOAD] < 0:
             forced += self._prescribed(chain, self._load_angle() + fields["q_0"])
         bodies = (("m", MOTOR),) if not s.has_gear else (("m", MOTOR), ("g", GEAR))
         if chain.groups[LOAD] >= 0:
             bodies = (*bodies, ("l", LOAD))
-        return self._innovations("motor", "q_m", fields, chain, forced, bodies, transmitted)
+        play = None
+        if fields["play_g"] > 0.0 and s.has_gear and s.cut_at_spring:
+            loose = self._chain("motor loose", fields)
+            adrift = torque[:, None] * loose.torque[:, MOTOR] - mean[:, None] * loose.torque[:, GEAR]
+            bite = (chain.torque[:, MOTOR] - chain.torque[:, GEAR]) * fields["k_g"]
+            play = _play(fields, np.array([1.0, -1.0, 0.0, 0.0]), bite, loose, adrift, None)
+        return self._innovations("motor", "q_m", fields, chain, forced, bodies, transmitted, play)
+
+    def _gear_inertia(self, fields: Fields) -> Floats | float:
+        """Return what a compliant gear carries on top of the joint torque, to move itself [N m]."""
+        if not self.setting.has_gear or (fields["cog_f"] == 0.0 and fields["rip_f"] == 0.0):
+            return 0.0
+        speed, acceleration = self._motion
+        return np.asarray(fields["I_g"] * acceleration + fields["d_g"] * speed)
+
+    @cached_property
+    def _motion(self) -> tuple[Floats, Floats]:
+        """Velocity and acceleration of the motor, smoothed, each of shape (N,)."""
+        q, dt = self.setting.series["q_m"], self.setting.series.dt
+        return tuple(savgol_filter(q, SMOOTH, 3, deriv=d, delta=dt) for d in (1, 2))  # type: ignore[return-value]
 
     # ---- transmission
     def _transmission(self, fields: Fields) -> Prediction:
@@ -173,7 +206,7 @@ class Stages:
             return s.std("tau"), angle * float(np.hypot(s.std("q_m"), s.std("q_l")))
         chain = self._chain("transmission", f)
         drives = (
-            -interval_mean(pulse, 0.5)[:, None] * chain.torque[:, GEAR],
+            -smooth_mean(pulse)[:, None] * chain.torque[:, GEAR],
             self._prescribed(chain, pulse),
         )
         nothing = np.zeros(PULSE)
@@ -198,11 +231,18 @@ class Stages:
             return q_m, np.zeros((len(q_m), 0)), np.zeros((len(q_m), 0))
         chain = self._chain("transmission", fields)
         transmitted = joint_torque(fields, series)
-        mean = interval_mean(transmitted, fields["w_tau"])
+        mean = smooth_mean(transmitted)
         forced = self._prescribed(chain, q_m) - mean[:, None] * chain.torque[:, GEAR]
-        x0 = np.array([q_m[0] - transmitted[0] / fields["k_g"], 0.0])
+        x0 = np.array([q_m[0] - transmitted[0] / fields["k_g"] - fields["centre_g"], 0.0])
+        play = None
+        if fields["play_g"] > 0.0:
+            loose = self._chain("transmission loose", fields)
+            adrift = -mean[:, None] * loose.torque[:, GEAR]
+            bite = -chain.torque[:, GEAR] * fields["k_g"]
+            play = _play(fields, np.array([-1.0, 0.0]), bite, loose, adrift, q_m)
+        load, bodies = np.abs(transmitted), (("g", GEAR),)
         _, states, friction = _run(
-            fields, chain, forced, (("g", GEAR),), None, None, x0, np.abs(transmitted), series.dt
+            fields, chain, forced, bodies, None, None, x0, load, series.dt, play
         )
         return states[:, 0], states, friction
 
@@ -211,12 +251,12 @@ class Stages:
         s = self.setting
         series = s.series
         chain = self._chain("load", fields)
-        torque = interval_mean(joint_torque(fields, series), fields["w_tau"])
+        torque = smooth_mean(joint_torque(fields, series))
         if fields["grav_a"] != 0.0 or fields["grav_b"] != 0.0:
             q = series["q_l"]
             torque = torque - fields["grav_a"] * np.cos(q) - fields["grav_b"] * np.sin(q)
         if "tau_l" in series:
-            torque = torque + interval_mean(series["tau_l"], 0.5)
+            torque = torque + smooth_mean(series["tau_l"])
         forced = torque[:, None] * chain.torque[:, LOAD]
         return self._innovations(
             "load", "q_l", fields, chain, forced, (("l", LOAD),), np.abs(torque)
@@ -244,6 +284,10 @@ class Stages:
         dt = s.series.dt
         if name == "load":
             return build_chain((-1, -1, 0), inertia, damping, (), dt)
+        if name == "transmission loose":
+            return build_chain((-1, 0, -1), inertia, damping, (), dt)
+        if name == "motor loose":
+            return build_chain((0, 1, -1), inertia, damping, (), dt)
         if name == "transmission":
             entry = Link(GEAR, None, fields["k_g"], fields["d_mg"])
             return build_chain((-1, 0, -1), inertia, damping, (entry,), dt)
@@ -284,14 +328,16 @@ class Stages:
         forced: Floats,
         bodies: tuple[tuple[str, int], ...],
         transmitted: Floats,
+        play: Play | None = None,
     ) -> Prediction:
         s = self.setting
         y = s.series[channel][:, None]
         x0 = self._initial(channel, chain, fields, transmitted)
         gain = self.gains[name]
         valid = s.series.valid[channel]
+        load, dt = np.abs(transmitted), s.series.dt
         e, states, friction = _run(
-            fields, chain, forced, bodies, gain.k, (y, valid), x0, np.abs(transmitted), s.series.dt
+            fields, chain, forced, bodies, gain.k, (y, valid), x0, load, dt, play
         )
         std = np.hypot(gain.std[0], s.noise[channel].jitter * s.series.speed(channel))
         residual = np.where(valid, e[:, 0] / std, 0.0)
@@ -301,13 +347,26 @@ class Stages:
     def _initial(self, channel: str, chain: Chain, fields: Fields, torque: Floats) -> Floats:
         """Return the first state: at the measured angle, at the velocity of the first samples."""
         y = self.setting.series[channel]
-        count = min(10, len(y))
-        speed = float(np.polyfit(np.arange(count) * self.setting.series.dt, y[:count], 1)[0])
+        speed = self.setting.series.first_speed(channel)
         x0 = np.zeros(chain.a.shape[0])
         x0[: chain.size], x0[chain.size :] = y[0], speed
         if self.setting.has_gear and channel == "q_m":
-            x0[1] -= torque[0] / fields["k_g"]
+            x0[1] -= torque[0] / fields["k_g"] + fields["centre_g"]
         return x0
+
+
+def _play(
+    fields: Fields,
+    signs: Floats,
+    bite: Floats,
+    loose: Chain,
+    adrift: Floats,
+    entry: Floats | None,
+) -> Play:
+    half = 0.5 * fields["play_g"]
+    play = np.concatenate([[half], signs, bite * half])
+    nothing = np.zeros(0)
+    return Play(play, loose, adrift, nothing if entry is None else entry)
 
 
 def _std(chain: Chain, k: Floats, torque: tuple[float, ...], noise: float) -> Floats:
@@ -345,10 +404,11 @@ def _run(
     x0: Floats,
     load: Floats,
     dt: float,
+    play: Play | None = None,
 ) -> tuple[Floats, Floats, Floats]:
     """Run the kernel with friction on those of the bodies that have any."""
     rough = [(letter, body) for letter, body in bodies if has_friction(fields, letter)]
-    laws = np.zeros((len(rough), 9))
+    laws = np.zeros((len(rough), LAW_SIZE))
     g = np.zeros((chain.a.shape[0], len(rough)))
     for row, (letter, body) in enumerate(rough):
         laws[row] = friction_law(fields, letter)
@@ -360,6 +420,13 @@ def _run(
     else:
         y, valid = measured
         outputs = np.zeros(1, dtype=np.int64)
+    gap = NO_PLAY
+    if play is not None:
+        slack = np.zeros_like(g)
+        for row, (_, body) in enumerate(rough):
+            slack[:, row] = play.loose.torque[:, body]
+        loose = np.ascontiguousarray(play.loose.a)
+        gap = (play.play, loose, np.ascontiguousarray(play.adrift), slack, play.entry)
     return predict(  # type: ignore[no-any-return]
         np.ascontiguousarray(chain.a),
         g,
@@ -372,10 +439,6 @@ def _run(
         laws,
         velocities,
         load,
+        *gap,
         dt,
     )
-
-
-def rms(residuals: Mapping[str, Floats]) -> dict[str, float]:
-    """Return the root mean square of each residual over the samples that count."""
-    return {name: float(np.sqrt(np.mean(r[r != 0.0] ** 2))) for name, r in residuals.items()}

@@ -1,0 +1,122 @@
+"""What of a selected model is needed: leave one out, and the simplest of equivalent laws."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cjt_gym.gap.fit import FLOOR, Fit, Model, Problem, retuned
+from cjt_gym.gap.hypotheses import Hypothesis
+from cjt_gym.gap.select import MARGIN, evidence
+
+LOG_SHARE = 0.08
+"""Least part of a stage's residual, in log, that an effect must take away."""
+STRAIN = 8.0
+"""Or least relief of the datasheet's priors: four standard deviations."""
+SAME = 0.03
+"""Part of a residual, in log, by which a more complicated law must do better."""
+SLACK = 10.0
+"""Evidence that the simpler law may lose."""
+SIMPLER: Mapping[str, tuple[str, ...]] = {
+    "stribeck": ("coulomb",),
+    "presliding": ("coulomb",),
+    "coulomb_asym": ("coulomb",),
+    "load_friction": (),
+    "viscous_asym": ("damping",),
+}
+
+
+@dataclass(frozen=True)
+class Need:
+    """What a model loses without one of its effects.
+
+    Attributes:
+        evidence: Loss of evidence.
+        log_share: Largest part of a stage's residual that comes back, in log.
+        stage: That stage.
+        strain: Rise of the priors' cost.
+        without: The fit without it.
+    """
+
+    evidence: float
+    log_share: float
+    stage: str
+    strain: float
+    without: Fit
+
+    @property
+    def material(self) -> bool:
+        """Whether the effect is worth its name."""
+        return self.evidence > MARGIN and (self.log_share > LOG_SHARE or self.strain > STRAIN)
+
+
+def without(problem: Problem, fit: Fit, index: int) -> Fit:
+    """Return the fit of a model less one of its effects."""
+    effects = fit.model.effects
+    at = len(problem.shared) + sum(len(e.unknowns) for e in effects[:index])
+    z = np.delete(fit.z, slice(at, at + len(effects[index].unknowns)))
+    model = replace(fit.model, effects=effects[:index] + effects[index + 1 :])
+    return problem.fit(model, z, known=fit.jacobian)
+
+
+def need(problem: Problem, fit: Fit, index: int) -> Need:
+    """Return what a model loses without one of its effects."""
+    less = without(problem, fit, index)
+    shares = {
+        n: 0.5 * float(np.log(max(less.mean_square[n], 1.0) / max(ms, 1.0)))
+        for n, ms in fit.mean_square.items()
+    }
+    stage = max(shares, key=lambda n: shares[n])
+    strain = _strain(problem, less) - _strain(problem, fit)
+    loss = evidence(problem, fit) - evidence(problem, less)
+    return Need(loss, shares[stage], stage, strain, less)
+
+
+def _strain(problem: Problem, fit: Fit) -> float:
+    flat = np.array([n.unknown.flat for n in problem.shared], dtype=bool)
+    return 0.5 * float(np.sum(fit.z[: len(problem.shared)][~flat] ** 2))
+
+
+def prune(problem: Problem, fit: Fit) -> tuple[Fit, list[Need]]:
+    """Return the model without the effects that it can do without, and the need of the others."""
+    while fit.model.effects:
+        needs = [need(problem, fit, k) for k in range(len(fit.model.effects))]
+        weakest = min(range(len(needs)), key=lambda k: (needs[k].material, needs[k].evidence))
+        if needs[weakest].material:
+            return fit, needs
+        fit = retuned(problem, needs[weakest].without)
+    return fit, []
+
+
+def simplify(problem: Problem, fit: Fit, candidates: tuple[Hypothesis, ...]) -> Fit:
+    """Return the model with simpler laws of friction where they do as well."""
+    for index, effect in enumerate(fit.model.effects):
+        for name in SIMPLER.get(effect.name, ()):
+            match = [h for h in candidates if h.name == name and h.body == effect.body]
+            if match and not any(h.key == match[0].key for h in fit.model.effects):
+                trial = _swapped(problem, fit, index, match[0])
+                if _as_good(trial, fit) and loss(problem, trial, fit) < SLACK:
+                    return simplify(problem, trial, candidates)
+    return fit
+
+
+def _swapped(problem: Problem, fit: Fit, index: int, effect: Hypothesis) -> Fit:
+    less = without(problem, fit, index)
+    start = [u.coordinate(x) for u, x in zip(effect.unknowns, effect.starts[0], strict=True)]
+    model = Model((*less.model.effects, effect))
+    return problem.fit(model, np.concatenate([less.z, start]), known=less.jacobian)
+
+
+def loss(problem: Problem, less: Fit, more: Fit) -> float:
+    """Return the evidence that the first fit lacks against the second."""
+    return evidence(problem, more) - evidence(problem, less)
+
+
+def _as_good(simple: Fit, full: Fit) -> bool:
+    floor = FLOOR**2
+    return all(
+        0.5 * np.log(max(ms, floor) / max(full.mean_square[n], floor)) < SAME
+        for n, ms in simple.mean_square.items()
+    )
