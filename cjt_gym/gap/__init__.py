@@ -1,1 +1,28 @@
-"""Diagnosis of the gap between a recorded joint and its simulation."""
+"""Diagnosis of the gap between a recorded joint and its simulation: where, why, how far.
+
+The way through the package, in the order of the work:
+
+=================  ================================================================
+`series`, `noise`  a record becomes even arrays with a known scatter
+`setting`          the record together with its nominal joint
+`fields`           the numbers that make a model, at their nominal values
+`stages`           the joint cut where it is measured; one residual per stage
+`kernel`, `chain`  the predictor: linear chain, steady gain, friction that may stick
+`nuisances`        what is free in every fit
+`hypotheses`       one row per effect that may explain a gap
+`fit`, `quick`     Levenberg-Marquardt, and a quick look at one more effect
+`periodic`         frequencies of ripple, steps of a command
+`select`, `prune`  which effects: beam search, leave one out
+`sensing`          channels that are worse than specified
+`unknown`          is the rest explained? what may be named
+`localize`         where the gap lies
+`replay`, `shrink` how far it shrinks on held-out data
+`intervals`        how sure the numbers are
+`confusable`       what the record leaves open
+=================  ================================================================
+"""
+
+from cjt_gym.gap.diagnose import diagnose
+from cjt_gym.gap.diagnosis import Diagnosis, NamedEffect
+
+__all__ = ["Diagnosis", "NamedEffect", "diagnose"]

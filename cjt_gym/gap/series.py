@@ -77,8 +77,15 @@ class Series:
         return float(k @ y / (k @ k) / self.dt)
 
 
-def to_series(record: Record, joint: JointFile) -> Series:
+def to_series(
+    record: Record, joint: JointFile, zero_at: Mapping[str, float] | None = None
+) -> Series:
     """Return the channels of a record on an even grid.
+
+    Args:
+        record: The record.
+        joint: The joint, for the current that belongs to a torque.
+        zero_at: What to take off each angle [rad]; left out, its first value.
 
     Raises:
         RecordError: The record is too short, has no motor angle, or nothing drives it.
@@ -96,7 +103,7 @@ def to_series(record: Record, joint: JointFile) -> Series:
         out[name] = x.copy() if good.all() and even else np.interp(grid, t[good], x[good])
         valid[name] = good if even else _near(grid, t[good], dt)
         if name.startswith("q_"):
-            zero[name] = float(out[name][0])
+            zero[name] = (zero_at or {}).get(name, float(out[name][0]))
             out[name] = out[name] - zero[name]
     return Series(dt, out, valid, zero)
 

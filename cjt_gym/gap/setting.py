@@ -66,9 +66,14 @@ class Setting:
         return max(int(SETTLE / self.series.dt), 5)
 
 
-def make_setting(record: Record, joint: JointFile, structure: Structure) -> Setting:
-    """Return the setting of a record."""
-    series = to_series(record, joint)
+def make_setting(
+    record: Record,
+    joint: JointFile,
+    structure: Structure,
+    zero_at: Mapping[str, float] | None = None,
+) -> Setting:
+    """Return the setting of a record; `zero_at` makes its angles count from another one's zeros."""
+    series = to_series(record, joint, zero_at)
     sampling = joint.sampling.get("jitter")
     jitter = sampling.number if sampling is not None else 0.0
     noise = {

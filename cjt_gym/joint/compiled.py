@@ -19,7 +19,13 @@ from typing import Any, TypeVar
 
 from numba import njit
 
-PACKAGES = ("cjt_gym.joint", "cjt_gym.signals", "cjt_gym.plant", "cjt_gym.envs")
+PACKAGES = (
+    "cjt_gym.joint",
+    "cjt_gym.signals",
+    "cjt_gym.plant",
+    "cjt_gym.envs",
+    "cjt_gym.gap",
+)
 STAMP = "compiled.stamp"
 BORROWED: Any = {"cache": True, "_nrt": False}
 Function = TypeVar("Function", bound=Callable[..., Any])

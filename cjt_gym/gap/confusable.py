@@ -1,0 +1,65 @@
+"""What a record leaves open, and which experiment would tell."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from cjt_gym.gap.fit import Fit, Problem
+from cjt_gym.gap.select import evidence
+
+NEAR = 25.0
+"""Evidence within which another explanation counts as nearly as good."""
+SHARE = 0.02
+"""Or share of the evidence that the explanation gained."""
+SEPARATED_BY: dict[frozenset[str], str] = {
+    frozenset(pair): text
+    for *pair, text in (
+        ("coulomb", "stribeck", "many slow reversals: ramps through zero velocity both ways"),
+        ("coulomb", "presliding", "small oscillations inside the stuck region"),
+        ("coulomb", "coulomb_asym", "slow ramps in both directions, and a rest without current"),
+        ("stribeck", "presliding", "small oscillations inside the stuck region, then slow ramps"),
+        ("coulomb", "load_friction", "the same slow motion under two different loads"),
+        ("damping", "viscous_asym", "fast motion for the same time in both directions"),
+        ("torque_bias", "torque_offset", "a rest at zero current with the spring relaxed"),
+        ("torque_constant", "inertia", "a constant current held at rest, then a fast chirp"),
+        ("torque_constant", "torque_gain", "a known weight, or a second torque reference"),
+        ("stiffness", "torque_gain", "a known weight, or a second torque reference"),
+        ("command_delay", "current_lag", "steps of different sizes in the command"),
+        ("cogging", "gear_ripple", "the same angles under different transmitted torques"),
+        ("stiffness", "hardening", "small and large deflections of the spring"),
+        ("stiffness", "backlash", "small deflections of the spring through zero"),
+        ("gear_stiffness", "inertia", "excitation above the resonance of the gearbox"),
+        ("damping", "coulomb", "constant velocities, slow and fast"),
+    )
+}
+DEFAULT = "a second record with other excitation: slow ramps through zero, steps, and a chirp"
+
+
+def rivals(problem: Problem, base: Fit, fit: Fit, index: int, seen: Sequence[Fit]) -> list[str]:
+    """Return effects that could stand in the place of one effect of a fit, the best first."""
+    effects = fit.model.effects
+    rest = {e.key for k, e in enumerate(effects) if k != index}
+    own = evidence(problem, fit)
+    limit = max(NEAR, SHARE * (own - evidence(problem, base)))
+    names: dict[str, float] = {}
+    for other in seen:
+        extra = [e for e in other.model.effects if e.key not in rest]
+        if len(extra) != 1 or len(other.model.effects) != len(effects):
+            continue
+        gap = own - evidence(problem, other)
+        if extra[0].name != effects[index].name and gap < limit:
+            names[extra[0].name] = min(gap, names.get(extra[0].name, gap))
+    return sorted(names, key=lambda name: names[name])
+
+
+def best_rival(problem: Problem, fit: Fit, index: int, seen: Sequence[Fit]) -> float:
+    """Return the evidence of the best fit without one of a model's effects."""
+    key = fit.model.effects[index].key
+    others = [evidence(problem, f) for f in seen if all(e.key != key for e in f.model.effects)]
+    return max(others, default=-1e9)
+
+
+def advice(name: str, rival: str) -> str:
+    """Return which experiment separates two effects."""
+    how = SEPARATED_BY.get(frozenset((name, rival)), DEFAULT)
+    return f"To tell {name} from {rival}, record {how}."

@@ -1,0 +1,312 @@
+"""From records to a diagnosis."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cjt_gym.errors import CjtGymError, ConfigurationError, RecordError
+from cjt_gym.gap.confusable import advice, best_rival, rivals
+from cjt_gym.gap.diagnosis import (
+    Diagnosis,
+    Evidence,
+    GapSize,
+    Interval,
+    NamedEffect,
+    StageGap,
+    Suggestion,
+    Unexplained,
+)
+from cjt_gym.gap.fields import Fields
+from cjt_gym.gap.fit import Fit, Model, Problem, retuned
+from cjt_gym.gap.hypotheses import hypotheses
+from cjt_gym.gap.intervals import covariance, effect_intervals
+from cjt_gym.gap.localize import regimes
+from cjt_gym.gap.prune import Need, prune, simplify
+from cjt_gym.gap.select import Selection, evidence
+from cjt_gym.gap.sensing import SensorFinding, sensor_findings
+from cjt_gym.gap.setting import Setting, make_setting
+from cjt_gym.gap.shrink import Gap, measure_gap
+from cjt_gym.gap.stages import Stages
+from cjt_gym.gap.unknown import Leftover, leftovers, status, verdict
+from cjt_gym.joint import Joint, JointFile, get_structure, load_joint_file
+from cjt_gym.joint.structures import Structure
+from cjt_gym.records import Record
+
+TAIL = 0.2
+"""Share of a record, its end, that is kept for the replay where there is no second record."""
+WITHIN = 2.5
+"""Deviations of a datasheet value that count as its tolerance."""
+CERTAINTY = 8.0
+"""Evidence that makes a name e times as likely."""
+
+
+@dataclass(frozen=True, eq=False)
+class Explanation:
+    """The fitted explanation of one record.
+
+    Attributes:
+        problem: The record.
+        base: The fit without effects.
+        fit: The fit with those that are needed.
+        needs: What each of them is needed for.
+        seen: All other fits.
+        left: Stages that are not explained.
+        sensors: Channels that are worse than specified.
+    """
+
+    problem: Problem
+    base: Fit
+    fit: Fit
+    needs: tuple[Need, ...]
+    seen: tuple[Fit, ...]
+    left: tuple[Leftover, ...]
+    sensors: tuple[SensorFinding, ...]
+
+
+def diagnose(
+    records: Record | Sequence[Record],
+    joint: str | Joint | JointFile | None = None,
+    structure: str | None = None,
+    validate: Record | Sequence[Record] = (),
+) -> Diagnosis:
+    """Return where the gap between a joint and its simulation is, why, and how far it shrinks.
+
+    Args:
+        records: What was recorded. The first is explained; the others serve as held-out data.
+        joint: The nominal joint, or its name or path; left out, the one that the record names.
+        structure: How its bodies are joined; left out, what the record or the joint says.
+        validate: Further records, with other excitation, on which the explanation is tested.
+
+    Raises:
+        CjtGymError: The records, the joint or the structure cannot be used; the message says why.
+
+    Example:
+        >>> from cjt_gym.records import read_record
+        >>> diagnose(read_record("emps").slice(0, 6000)).to_dict()["schema"]
+        1
+    """
+    started = time.perf_counter()
+    first, *others = _as_list(records)
+    held = [*others, *_as_list(validate)]
+    file, shape = _joint(first, joint, structure)
+    fitted = first if held else first.slice(0, int((1.0 - TAIL) * len(first)))
+    setting = make_setting(fitted, file, shape)
+    tested = held if held else [first.slice(int((1.0 - TAIL) * len(first)), None)]
+    try:
+        explanation = explain(setting)
+        replayed = [make_setting(r, file, shape, setting.series.zero) for r in _long(tested)]
+        return _report(explanation, replayed or [setting], bool(replayed), started)
+    except (np.linalg.LinAlgError, FloatingPointError, ValueError) as error:
+        if isinstance(error, CjtGymError):
+            raise
+        raise RecordError(
+            f"{first.owner} could not be diagnosed with {file.name} as {shape.name}: {error}. "
+            "Check that its units are SI on the link side and that the structure is right."
+        ) from error
+
+
+def explain(setting: Setting) -> Explanation:
+    """Return the explanation of one record."""
+    problem = Problem.of(Stages(setting))
+    base = retuned(problem, problem.fit(Model(), np.zeros(len(problem.shared))))
+    selection = Selection(problem, hypotheses(setting, problem.stages.names), base)
+    fit = simplify(problem, selection.run(), selection.candidates)
+    fit, needs = prune(problem, fit)
+    left = leftovers(base, fit)
+    return Explanation(
+        problem, base, fit, tuple(needs), tuple(selection.seen), left, sensor_findings(setting)
+    )
+
+
+def _as_list(records: Record | Sequence[Record]) -> list[Record]:
+    found = [records] if isinstance(records, Record) else list(records)
+    for record in found:
+        if not isinstance(record, Record):
+            raise ConfigurationError(
+                f"diagnose takes records of type Record, got {type(record).__name__}. "
+                "Read a file with cjt_gym.records.read_record."
+            )
+    return found
+
+
+def _long(records: Sequence[Record]) -> list[Record]:
+    return [record for record in records if len(record) >= 500]
+
+
+def _joint(
+    record: Record, joint: str | Joint | JointFile | None, structure: str | None
+) -> tuple[JointFile, Structure]:
+    """Return the nominal joint and the structure, given or named by the record."""
+    if isinstance(joint, Joint):
+        return joint.file, get_structure(structure or joint.structure)
+    if joint is None and record.joint_file is None:
+        raise ConfigurationError(
+            f"{record.owner} names no joint. Give the nominal joint: a name, a file or a Joint."
+        )
+    source = joint if joint is not None else record.joint_file
+    file = source if isinstance(source, JointFile) else load_joint_file(source)  # type: ignore[arg-type]
+    name = structure or record.structure
+    if name is None:
+        raise ConfigurationError(
+            f"{record.owner} names no structure. Give one, such as structure='output_fixed'."
+        )
+    return file, get_structure(name)
+
+
+# ---- report
+def _report(
+    found: Explanation, settings: Sequence[Setting], held_out: bool, started: float
+) -> Diagnosis:
+    problem, fit = found.problem, found.fit
+    named = _named(found)
+    before = _nominal_residuals(found)
+    gap = _gap(found, settings, held_out)
+    worst = max(before, key=lambda name: float(np.mean(before[name] ** 2)))
+    left = found.left
+    seconds = time.perf_counter() - started
+    return Diagnosis(
+        verdict=verdict(len(named), left),
+        stages=_stages(found, before, named),
+        regimes=regimes(problem.stages.setting, worst, before[worst]),
+        effects=named,
+        gap=GapSize(**{k: v for k, v in vars(gap).items() if k != "replays"}),
+        unexplained=_unexplained(left),
+        suggestion=_suggestion(named, left),
+        seconds=seconds,
+        evidence=Evidence(
+            problem.stages.setting.series.t, before, fit.residuals, gap.replays, _steps(found)
+        ),
+    )
+
+
+def _steps(found: Explanation) -> tuple[tuple[str, dict[str, float]], ...]:
+    return tuple(
+        (effect.name, {n: ms**0.5 for n, ms in need.without.mean_square.items()})
+        for effect, need in zip(found.fit.model.effects, found.needs, strict=True)
+    )
+
+
+def _nominal_residuals(found: Explanation) -> dict[str, np.ndarray]:
+    """Return the residuals of the nominal joint, its values no further off than their tolerance."""
+    problem = found.problem
+    held = [n.field in problem.stages.setting.joint.parameters.quantities for n in problem.shared]
+    sensor = [n.field in ("tau_0", "i_0") for n in problem.shared]
+    z = found.base.z.copy()
+    limited = np.array(held) | np.array(sensor)
+    z[limited] = np.clip(z[limited], -WITHIN, WITHIN)
+    return problem.residuals(Model(), z)
+
+
+def _named(found: Explanation) -> tuple[NamedEffect, ...]:
+    problem, fit = found.problem, found.fit
+    rows = []
+    spread = covariance(problem, fit) if fit.model.effects else None
+    for index, (effect, need) in enumerate(zip(fit.model.effects, found.needs, strict=True)):
+        state = status(need, effect.touches, found.left)
+        if state is None or spread is None:
+            continue
+        lead = evidence(problem, fit) - best_rival(problem, fit, index, found.seen)
+        lead = min(lead, need.evidence)
+        confidence = 1.0 / (1.0 + float(np.exp(-np.clip(lead / CERTAINTY, -20.0, 20.0))))
+        if state == "tentative":
+            confidence *= 0.5
+        rows.append(
+            NamedEffect(
+                effect.name,
+                effect.stage,
+                effect.body,
+                effect.channel,
+                effect_intervals(problem, fit, index, spread),
+                state,
+                confidence,
+                _removed(found, need),
+                tuple(rivals(problem, found.base, fit, index, found.seen)),
+            )
+        )
+    rows += [_sensor_row(finding, problem.stages.setting) for finding in found.sensors]
+    return tuple(sorted(rows, key=lambda row: -row.gap_removed))
+
+
+def _removed(found: Explanation, need: Need) -> float:
+    """Return the share of the whole gap that an effect removes, in log of the cost.
+
+    The gap is measured by its evidence, in which residuals and strained datasheet values count
+    alike.
+    """
+    total = evidence(found.problem, found.fit) - evidence(found.problem, found.base)
+    return float(np.clip(need.evidence / max(total, need.evidence, 1e-9), 0.0, 1.0))
+
+
+def _sensor_row(finding: SensorFinding, setting: Setting) -> NamedEffect:
+    unit = setting.joint.sensors[finding.channel]
+    symbol = next(iter(unit.values())).unit
+    key = "resolution" if finding.name == "quantization" else "noise"
+    value = Interval(finding.value, finding.low, finding.high, symbol)
+    return NamedEffect(
+        finding.name,
+        "sensing",
+        None,
+        finding.channel,
+        {key: value},
+        "confirmed",
+        0.95,
+        1.0 - 1.0 / finding.factor,
+    )
+
+
+def _stages(
+    found: Explanation, before: dict[str, np.ndarray], named: Sequence[NamedEffect]
+) -> dict[str, StageGap]:
+    problem = found.problem
+    ms = problem.mean_square(before)
+    blamed = {effect.stage for effect in named} | {item.stage for item in found.left}
+    out = {}
+    for name in ("drive", "motor", "transmission", "load"):
+        if name in ms:
+            after = found.fit.mean_square[name] ** 0.5
+            out[name] = StageGap(ms[name] ** 0.5, after, name in blamed)
+        else:
+            out[name] = StageGap(0.0, 0.0, name in blamed)
+    factor = max([finding.factor for finding in found.sensors], default=1.0)
+    out["sensing"] = StageGap(factor, 1.0, "sensing" in blamed)
+    return out
+
+
+def _gap(found: Explanation, settings: Sequence[Setting], held_out: bool) -> Gap:
+    problem = found.problem
+    shared = len(problem.shared)
+    z = np.zeros(shared)
+    offsets = ("q_0", "w_i")
+    for k, nuisance in enumerate(problem.shared):
+        if nuisance.field in offsets:
+            z[k] = found.base.z[k]
+    nominal: Fields = problem.fields(Model(), z)
+    explained = problem.fields(found.fit.model, found.fit.z)
+    return measure_gap(settings, nominal, explained, held_out)
+
+
+def _unexplained(left: Sequence[Leftover]) -> Unexplained:
+    if not left:
+        return Unexplained(0.0, None, "Nothing material is left.")
+    worst = left[0]
+    text = (
+        f"In the {worst.stage} stage {100 * worst.share:.0f} % of the gap is left. "
+        "No effect of the table explains it."
+    )
+    return Unexplained(worst.share, worst.stage, text)
+
+
+def _suggestion(named: Sequence[NamedEffect], left: Sequence[Leftover]) -> Suggestion:
+    for effect in named:
+        if effect.confusable_with:
+            return Suggestion(advice(effect.name, effect.confusable_with[0]))
+    if left:
+        return Suggestion(
+            f"The {left[0].stage} stage has a gap outside the effect table. Look at the regimes in "
+            "which it lies, and record it again with one input at a time: slow ramps, steps, chirp."
+        )
+    return Suggestion("No further record is needed.")

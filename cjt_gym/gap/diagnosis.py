@@ -1,0 +1,222 @@
+"""What a diagnosis says, as frozen data and as JSON."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+SCHEMA = 1
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A number with its 95 % interval.
+
+    Attributes:
+        value: The number.
+        low: Low end.
+        high: High end.
+        unit: Unit of all three.
+    """
+
+    value: float
+    low: float
+    high: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class NamedEffect:
+    """An effect that explains part of the gap.
+
+    Attributes:
+        name: Name in the effect table.
+        stage: Where it shows itself.
+        body: motor, gear or load, or None.
+        channel: Channel, or None.
+        parameters: Its numbers.
+        status: "confirmed" or "tentative".
+        confidence: Chance that the name is right.
+        gap_removed: Share of its stage's gap that it takes away.
+        confusable_with: Effects that explain nearly as much.
+    """
+
+    name: str
+    stage: str
+    body: str | None
+    channel: str | None
+    parameters: Mapping[str, Interval]
+    status: str
+    confidence: float
+    gap_removed: float
+    confusable_with: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class StageGap:
+    """A stage's normalised residual: 1 is what the specified noise explains.
+
+    Attributes:
+        before: Its rms with the nominal joint.
+        after: Its rms with the named effects.
+        significant: Whether there is a gap that tolerances do not explain.
+    """
+
+    before: float
+    after: float
+    significant: bool
+
+
+@dataclass(frozen=True)
+class Regime:
+    """Where in its operating range a stage's gap lies.
+
+    Attributes:
+        stage: The stage.
+        variable: Column, "t" or "frequency".
+        low: Low end of the range.
+        high: High end of the range.
+        unit: Unit of both.
+        share: Share of the stage's excess residual; over one variable they add up to 1.
+    """
+
+    stage: str
+    variable: str
+    low: float
+    high: float
+    unit: str
+    share: float
+
+
+@dataclass(frozen=True)
+class Unexplained:
+    """What is left.
+
+    Attributes:
+        share: Largest share of a stage's gap that is left.
+        stage: That stage, or None.
+        text: In words.
+    """
+
+    share: float
+    stage: str | None
+    text: str
+
+
+@dataclass(frozen=True)
+class Suggestion:
+    """What to record next.
+
+    Attributes:
+        text: In words.
+        record: Excitation file, or None.
+    """
+
+    text: str
+    record: str | None = None
+
+
+@dataclass(frozen=True)
+class GapSize:
+    """The replay error on held-out data; see `cjt_gym.gap.shrink`."""
+
+    before: float
+    after: float
+    floor: float
+    removed: float
+    low: float
+    high: float
+    held_out: bool
+    by_channel: Mapping[str, Mapping[str, float]]
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """What a report draws.
+
+    Attributes:
+        t: Time of the samples [s], shape (N,).
+        before: Normalised residuals of the nominal joint by stage, each of shape (N,).
+        after: The same with the named effects.
+        replays: Measured, nominal and explained signals by channel.
+        steps: Names of the effects and the residuals' rms after each, in the order of discovery.
+    """
+
+    t: Floats
+    before: Mapping[str, Floats]
+    after: Mapping[str, Floats]
+    replays: Mapping[str, Mapping[str, Floats]] = field(default_factory=dict)
+    steps: tuple[tuple[str, Mapping[str, float]], ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """Where the gap is, why, and how far it shrinks.
+
+    Attributes:
+        verdict: "no_gap", "explained", "partly_explained" or "unexplained".
+        stages: Residuals of drive, motor, transmission, sensing and load.
+        regimes: Where the gap lies in the operating range.
+        effects: What explains it, by the share of the gap removed.
+        gap: How far it shrinks on held-out data.
+        unexplained: What is left.
+        suggestion: What to record next.
+        seconds: Time that the diagnosis took [s].
+        evidence: Arrays for a report.
+    """
+
+    verdict: str
+    stages: Mapping[str, StageGap]
+    regimes: tuple[Regime, ...]
+    effects: tuple[NamedEffect, ...]
+    gap: GapSize
+    unexplained: Unexplained
+    suggestion: Suggestion
+    seconds: float
+    evidence: Evidence
+
+    def to_dict(self) -> dict[str, object]:
+        """Return the content of diagnosis.json: plain types, finite numbers."""
+        plain = {
+            "schema": SCHEMA,
+            "verdict": self.verdict,
+            "where": {
+                "stages": {name: vars(stage) for name, stage in self.stages.items()},
+                "regimes": [vars(regime) for regime in self.regimes],
+            },
+            "effects": [_effect(effect) for effect in self.effects],
+            "gap": vars(self.gap),
+            "unexplained": vars(self.unexplained),
+            "suggestion": vars(self.suggestion),
+            "seconds": self.seconds,
+        }
+        cleaned = _plain(plain)
+        assert isinstance(cleaned, dict)
+        return cleaned
+
+
+def _effect(effect: NamedEffect) -> dict[str, object]:
+    row = dict(vars(effect))
+    row["parameters"] = {name: vars(p) for name, p in effect.parameters.items()}
+    row["confusable_with"] = list(effect.confusable_with)
+    return row
+
+
+def _plain(value: object) -> object:
+    """Return a value with NumPy's scalars made Python's, and no number that is not finite."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, np.bool_ | bool):
+        return bool(value)
+    if isinstance(value, np.integer | int):
+        return int(value)
+    if isinstance(value, np.floating | float):
+        return float(value) if math.isfinite(value) else 0.0
+    return value

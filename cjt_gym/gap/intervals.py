@@ -1,0 +1,83 @@
+"""How sure the numbers are: parameter covariance from blocks of residuals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cjt_gym.gap.diagnosis import Interval
+from cjt_gym.gap.fit import Fit, Floats, Problem
+
+BLOCKS = 40
+NORMAL = 1.96
+INFLATION = 1.5
+"""For what no covariance of a fitted model sees: that the model is not exactly true."""
+
+
+@dataclass(frozen=True)
+class Covariance:
+    """Covariance of a fit's coordinates.
+
+    Attributes:
+        matrix: Shape (p, p).
+    """
+
+    matrix: Floats
+
+    def std(self, index: int) -> float:
+        """Return the deviation of a coordinate."""
+        return float(np.sqrt(max(self.matrix[index, index], 0.0)))
+
+
+def covariance(problem: Problem, fit: Fit) -> Covariance:
+    """Return the covariance of a fit.
+
+    Curvature of the likelihood with the residuals' own mean square, corrected ("sandwich") by how
+    much its gradient scatters from block to block, which also counts colour in the residuals.
+    """
+    jacobian = problem.jacobian(fit.model, fit.z, fit.residuals)
+    flat = np.array([u.flat for u in problem.unknowns(fit.model)], dtype=bool)
+    prior = np.diag(np.where(flat, 1e-9, 1.0))
+    curvature, scatter = prior.copy(), prior.copy()
+    for name, j in jacobian.items():
+        weight = 1.0 / max(fit.mean_square[name], 1.0)
+        curvature += weight * (j.T @ j)
+        plain = weight * (j.T @ j)
+        pieces = np.array_split(j * fit.residuals[name][:, None], BLOCKS)
+        sums = np.array([piece.sum(axis=0) for piece in pieces]) * weight
+        blocked = sums.T @ sums
+        # Whichever is larger along each coordinate: few blocks may by chance scatter too little.
+        grow = np.sqrt(np.maximum(np.diag(blocked) / np.maximum(np.diag(plain), 1e-300), 1.0))
+        scatter += plain * np.outer(grow, grow)
+    inverse = np.linalg.pinv(curvature, hermitian=True)
+    return Covariance(inverse @ scatter @ inverse * INFLATION**2)
+
+
+def effect_intervals(
+    problem: Problem, fit: Fit, index: int, spread: Covariance
+) -> dict[str, Interval]:
+    """Return the numbers of one effect of a fit with their 95 % intervals."""
+    effects = fit.model.effects
+    at = len(problem.shared) + sum(len(e.unknowns) for e in effects[:index])
+    out = {}
+    for k, unknown in enumerate(effects[index].unknowns):
+        z, std = fit.z[at + k], spread.std(at + k)
+        value = unknown.value(z)
+        ends = sorted((unknown.value(z - NORMAL * std), unknown.value(z + NORMAL * std)))
+        out[unknown.symbol] = Interval(value, ends[0], ends[1], unknown.unit)
+    released = effects[index].releases
+    if released is not None and released in out:
+        out[released] = _with_tolerance(problem, fit, released, out[released])
+    return out
+
+
+def _with_tolerance(problem: Problem, fit: Fit, field: str, interval: Interval) -> Interval:
+    """Return the value that the model uses: of an effect and its nuisance together."""
+    total = problem.fields(fit.model, fit.z)[field]
+    if interval.value == 0.0:
+        return interval
+    factor = total / interval.value
+    if not 0.5 < factor < 2.0:
+        return interval
+    return Interval(total, interval.low * factor, interval.high * factor, interval.unit)

@@ -1,0 +1,65 @@
+"""Is what remains explained? What may be named, how firmly, and the verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from cjt_gym.gap.fit import Fit
+from cjt_gym.gap.prune import Need
+
+LEFT = 1.3
+"""Normalised residual above which a stage is not explained."""
+LEFT_SHARE = 0.005
+"""And least share of its gap that must be left."""
+FIRM = 1.5
+"""Part of a residual, in log, from which an effect is confirmed although something is left."""
+WEAK = 0.5
+"""Part of it below which an effect is not even named where something is left."""
+
+
+@dataclass(frozen=True)
+class Leftover:
+    """A stage that is not explained.
+
+    Attributes:
+        stage: Its name.
+        share: Share of its squared excess residual that is left.
+    """
+
+    stage: str
+    share: float
+
+
+def leftovers(base: Fit, fit: Fit) -> tuple[Leftover, ...]:
+    """Return the stages in which a material part of the gap is left, the worst first."""
+    found = []
+    for name, ms in fit.mean_square.items():
+        excess = max(base.mean_square[name] - 1.0, ms - 1.0, 1e-12)
+        share = max(ms - 1.0, 0.0) / excess
+        if ms > LEFT**2 and share > LEFT_SHARE:
+            found.append(Leftover(name, share))
+    return tuple(sorted(found, key=lambda left: -left.share))
+
+
+def status(need: Need, touches: Sequence[str], left: Sequence[Leftover]) -> str | None:
+    """Return "confirmed" or "tentative" for an effect, None where it should not be named.
+
+    An effect in stages that are explained is confirmed. Where something is left, it could be the
+    shadow of what is missing: then it must have taken a large part of the residual.
+    """
+    open_stages = {item.stage for item in left}
+    if not open_stages & set(touches):
+        return "confirmed"
+    if need.stage not in open_stages and need.log_share > WEAK:
+        return "confirmed"
+    if need.log_share >= FIRM:
+        return "confirmed"
+    return "tentative" if need.log_share >= WEAK else None
+
+
+def verdict(named: int, left: Sequence[Leftover]) -> str:
+    """Return the verdict for a number of named effects and the stages that are left over."""
+    if left:
+        return "partly_explained" if named else "unexplained"
+    return "explained" if named else "no_gap"
