@@ -1,4 +1,4 @@
-"""Score the diagnosis on a folder of blind cases: `python benchmarks/score_blind.py FOLDER [CASE...]`.
+"""Score the diagnosis on blind cases: `python benchmarks/score_blind.py FOLDER [CASE...]`.
 
 FOLDER holds one folder per case (nominal.toml, diagnose.npz, validate.npz) and labels.json.
 """

@@ -34,7 +34,7 @@ class Chain:
     @property
     def size(self) -> int:
         """Number of coordinates."""
-        return self.a.shape[0] // 2
+        return int(self.a.shape[0] // 2)
 
     def velocity(self, body: int) -> int:
         """Index of a body's velocity in the state."""

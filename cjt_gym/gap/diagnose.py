@@ -25,7 +25,7 @@ from cjt_gym.gap.fit import Fit, Model, Problem, retuned
 from cjt_gym.gap.hypotheses import hypotheses
 from cjt_gym.gap.intervals import covariance, effect_intervals
 from cjt_gym.gap.localize import regimes
-from cjt_gym.gap.prune import Need, prune, simplify
+from cjt_gym.gap.prune import COARSE_STRAIN, STRAIN, Need, prune, simplify
 from cjt_gym.gap.select import Selection, evidence
 from cjt_gym.gap.sensing import SensorFinding, sensor_findings
 from cjt_gym.gap.setting import Setting, make_setting
@@ -115,11 +115,11 @@ def explain(setting: Setting) -> Explanation:
     base = retuned(problem, problem.fit(Model(), np.zeros(len(problem.shared))))
     selection = Selection(problem, hypotheses(setting, problem.stages.names), base)
     fit = simplify(problem, selection.run(), selection.candidates)
-    fit, needs = prune(problem, fit)
+    sensors = sensor_findings(setting)
+    coarse = any(finding.name == "quantization" for finding in sensors)
+    fit, needs = prune(problem, fit, COARSE_STRAIN if coarse else STRAIN)
     left = leftovers(base, fit)
-    return Explanation(
-        problem, base, fit, tuple(needs), tuple(selection.seen), left, sensor_findings(setting)
-    )
+    return Explanation(problem, base, fit, tuple(needs), tuple(selection.seen), left, sensors)
 
 
 def _as_list(records: Record | Sequence[Record]) -> list[Record]:
@@ -264,7 +264,7 @@ def _stages(
     problem = found.problem
     ms = problem.mean_square(before)
     blamed = {effect.stage for effect in named} | {item.stage for item in found.left}
-    out = {}
+    out: dict[str, StageGap] = {}
     for name in ("drive", "motor", "transmission", "load"):
         if name in ms:
             after = found.fit.mean_square[name] ** 0.5

@@ -109,4 +109,6 @@ def friction_law(fields: Fields, body: str) -> NDArray[np.float64]:
 
 def has_friction(fields: Fields, body: str) -> bool:
     """Return whether a body has more than viscous friction."""
-    return any(fields[f"{name}_{body}"] != 0.0 for name in ("c_p", "c_n", "s_p", "s_n", "d_p", "d_n", "mu"))
+    return any(
+        fields[f"{name}_{body}"] != 0.0 for name in ("c_p", "c_n", "s_p", "s_n", "d_p", "d_n", "mu")
+    )

@@ -207,7 +207,9 @@ def _motor(setting: Setting, size: Scales) -> list[Hypothesis]:
     rows.append(_released(setting, "I_m", "inertia", "motor", "I_m"))
     if "I_g" in active:
         rows.append(_released(setting, "I_g", "inertia", "motor", "I_g"))
-    rows += [_damping(setting, size, body) for body in ("m", "g") if body == "m" or setting.has_gear]
+    rows += [
+        _damping(setting, size, body) for body in ("m", "g") if body == "m" or setting.has_gear
+    ]
     heat = Unknown("time_constant", "s", 5.0, 0.8, log=True, low=0.2, high=500.0)
     derate = Unknown("loss", "1/A^2", 0.0, 0.3 / size.current**2, low=0.0)
     rows.append(
@@ -233,7 +235,10 @@ def _motor(setting: Setting, size: Scales) -> list[Hypothesis]:
             family="offset",
         )
     )
-    rows += [_periodic("cogging", "cog", size.torque, "N m"), _periodic("gear_ripple", "rip", 1.0, "-")]
+    rows += [
+        _periodic("cogging", "cog", size.torque, "N m"),
+        _periodic("gear_ripple", "rip", 1.0, "-"),
+    ]
     return rows
 
 
@@ -269,9 +274,7 @@ def _periodic(name: str, prefix: str, scale: float, unit: str) -> Hypothesis:
     def apply(fields: Fields, v: Values) -> None:
         fields[f"{prefix}_f"], fields[f"{prefix}_a"], fields[f"{prefix}_b"] = v["f"], v["a"], v["b"]
 
-    return Hypothesis(
-        name, "motor", (f, a, b), apply, ("motor",), family="periodic", search=prefix
-    )
+    return Hypothesis(name, "motor", (f, a, b), apply, ("motor",), family="periodic", search=prefix)
 
 
 # ---- friction
@@ -292,7 +295,9 @@ def _friction_of(
     force = Unknown(p, "N m", 0.0, torque, low=0.0)
     force_n = Unknown(n, "N m", 0.0, torque, low=0.0)
     breakaway = Unknown("d_s", "N m", 0.0, torque, low=0.0)
-    stribeck = Unknown("v_s", "rad/s", 0.1 * speed, 1.2, log=True, low=1e-4 * speed, high=20 * speed)
+    stribeck = Unknown(
+        "v_s", "rad/s", 0.1 * speed, 1.2, log=True, low=1e-4 * speed, high=20 * speed
+    )
     slide = Unknown("z_s", "rad", 1e-3, 2.0, log=True, low=1e-6, high=0.3)
     mu = Unknown("mu", "-", 0.0, 0.2, low=0.0, high=1.0)
     d_p = Unknown(f"d_{body}", "N m s/rad", 0.0, torque / speed)
@@ -476,8 +481,7 @@ def _load(setting: Setting, size: Scales) -> list[Hypothesis]:
     if not setting.cut_at_spring:
         if not setting.has_spring:
             return []
-        rows = [_released(setting, "I_l", "load_inertia", "load", "I_l")]
-        return rows
+        return [_released(setting, "I_l", "load_inertia", "load", "I_l")]
     rows = [_released(setting, "I_l", "load_inertia", "load", "I_l")]
     rows += _friction_of(setting, size, "l", "load", touches)
     torque = max(float(np.std(setting.series["tau"])), 1e-9)

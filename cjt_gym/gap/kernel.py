@@ -33,7 +33,7 @@ def level(law: Floats, side: float, speed: float, load: float) -> float:
         base, extra = law[LEVEL_N], law[EXTRA_N]
     if extra != 0.0 and law[SPEED] > 0.0:
         base += extra * math.exp(-((speed / law[SPEED]) ** 2))
-    return max(base + law[LOADED] * load, 0.0)
+    return float(max(base + law[LOADED] * load, 0.0))
 
 
 @compiled
@@ -231,9 +231,9 @@ def predict(
         laws: Friction laws, shape (bodies, 10).
         bodies: Index of each body's velocity in the state, shape (bodies,).
         load: Size of the transmitted torque at each sample [N m], shape (N,).
-        play: Backlash in the gear, shape (1 + 2 n,): half its width [rad], then the signs with which
-            the state makes the gear's deflection, then what the gear's spring adds to the state for
-            a deflection of half the width. Shape (0,) for none.
+        play: Backlash in the gear, shape (1 + 2 n,): half its width [rad], then the signs with
+            which the state makes the gear's deflection, then what the gear's spring adds to the
+            state for a deflection of half the width. Shape (0,) for none.
         loose: Transition matrix while the teeth do not touch, shape (n, n), or (0, 0).
         adrift: What the known inputs add meanwhile, shape (N, n), or (0, 0).
         slack_g: What `g` is meanwhile, shape (n, bodies), or (0, 0).

@@ -75,8 +75,8 @@ def _shares(
 
 
 def _spectrum(setting: Setting, stage: str, residual: Floats) -> tuple[float, list[Regime]]:
-    power = np.abs(np.fft.rfft(residual - residual.mean())) ** 2
-    f = np.fft.rfftfreq(len(residual), setting.series.dt)
+    power = np.asarray(np.abs(np.fft.rfft(residual - residual.mean())) ** 2, dtype=np.float64)
+    f = np.asarray(np.fft.rfftfreq(len(residual), setting.series.dt), dtype=np.float64)
     edges = np.concatenate([[0.0], np.geomspace(1.0, f[-1], BINS)]) if f[-1] > 1.0 else _even(f)
     counted = np.ones(len(f), dtype=bool)
     shares, occupancy = _shares(power, counted, f, edges)

@@ -14,6 +14,8 @@ DEFAULT_TOLERANCE = {"k_t": 0.02, "I": 0.05, "k": 0.05, "d": 0.3}
 LATE = 2e-5
 """Deviation of the lateness of one channel against another [s]."""
 LAG_TOLERANCE = 0.2
+HELD = 0.3
+"""Deviation of the instant at which a drive takes its command over, in samples."""
 
 
 @dataclass(frozen=True)
@@ -73,9 +75,7 @@ def active_parameters(setting: Setting) -> tuple[str, ...]:
         names[2] = "d_g"
     if setting.has_spring:
         names += ["k_b", "d_gl"]
-        if not setting.structure.output_fixed and ("q_l" in setting.series):
-            names += ["I_l", "d_l"]
-        elif not setting.structure.output_fixed:
+        if not setting.structure.output_fixed:
             names += ["I_l", "d_l"]
     return tuple(name for name in names if setting.nominal[name] > 0.0)
 
@@ -109,7 +109,9 @@ def _offsets(setting: Setting) -> list[Nuisance]:
     if "i" in series:
         scale = 0.5 * setting.std("i")
         rows.append(_offset("i_0", "A", 0.0, scale, ("drive", "motor")))
-        rows.append(_offset("w_i", "-", _current_weight(setting.nominal, series.dt), 0.3, ("motor",)))
+        rows.append(
+            _offset("w_i", "-", _current_weight(setting.nominal, series.dt), 0.3, ("motor",))
+        )
     else:
         p = setting.nominal
         limit = p["i_max"] if np.isfinite(p["i_max"]) else float(np.ptp(series["i_cmd"]))
@@ -118,6 +120,10 @@ def _offsets(setting: Setting) -> list[Nuisance]:
         start, far = setting.nominal["lag"], float(np.exp(3.0 * LAG_TOLERANCE))
         lag = Unknown("lag", "s", start, LAG_TOLERANCE, True, low=start / far, high=start * far)
         rows.append(Nuisance("lag", lag, ("drive",)))
+    if "i_cmd" in series:
+        dt, start = series.dt, setting.nominal["delay"]
+        delay = Unknown("delay", "s", start, HELD * dt, low=start, high=start + dt)
+        rows.append(Nuisance("delay", delay, ("drive",) if "i" in series else ("motor",)))
     if setting.cut_at_spring:
         scale = setting.std("tau")
         rows.append(_offset("tau_0", "N m", 0.0, scale, ("motor", "transmission", "load")))
@@ -137,7 +143,9 @@ def _relaxed(setting: Setting, stage: str) -> Nuisance:
     series, f = setting.series, setting.nominal
     stiffness = f["k_b"] if not setting.has_gear else f["k_b"] * f["k_g"] / (f["k_b"] + f["k_g"])
     start = 0.0
-    deflection = series["q_m"] - (series["q_l"] if "q_l" in series else 0.0)
+    deflection = series["q_m"].copy()
+    if "q_l" in series:
+        deflection -= series["q_l"]
     if setting.cut_at_spring:
         start = float(np.median(deflection - series["tau"] / stiffness))
     scale = max(float(np.std(deflection)), setting.std("q_m")) * 0.1

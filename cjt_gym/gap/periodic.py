@@ -104,14 +104,13 @@ def _spectrum(
     index = np.minimum(((q - q.min()) / cell).astype(np.int64), CELLS - 1)
     size = int(2 ** np.ceil(np.log2(index.max() + 1))) * 4
     binned = np.bincount(index, weights=gradient, minlength=size)
-    transform = np.abs(np.fft.rfft(binned)) ** 2
-    f = 2.0 * np.pi * np.arange(transform.size) / (size * cell)
+    transform = np.asarray(np.abs(np.fft.rfft(binned)) ** 2, dtype=np.float64)
+    f = np.asarray(2.0 * np.pi * np.arange(transform.size) / (size * cell), dtype=np.float64)
     good = (f >= low) & (f <= min(high, np.pi / cell / 2.0))
     f, transform = f[good], transform[good]
     if f.size == 0:
         return f, transform
-    power = transform / _wave_power(f, response, v, weight)
-    return f, power
+    return f, np.asarray(transform / _wave_power(f, response, v, weight))
 
 
 def _wave_power(f: Floats, response: Floats, v: Floats, weight: Floats) -> Floats:

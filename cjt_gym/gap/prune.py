@@ -15,6 +15,8 @@ LOG_SHARE = 0.08
 """Least part of a stage's residual, in log, that an effect must take away."""
 STRAIN = 8.0
 """Or least relief of the datasheet's priors: four standard deviations."""
+COARSE_STRAIN = 24.0
+"""The same where a channel is coarse, whose rounding errors are no white noise."""
 SAME = 0.03
 """Part of a residual, in log, by which a more complicated law must do better."""
 SLACK = 10.0
@@ -46,10 +48,9 @@ class Need:
     strain: float
     without: Fit
 
-    @property
-    def material(self) -> bool:
+    def material(self, strain: float) -> bool:
         """Whether the effect is worth its name."""
-        return self.evidence > MARGIN and (self.log_share > LOG_SHARE or self.strain > STRAIN)
+        return self.evidence > MARGIN and (self.log_share > LOG_SHARE or self.strain > strain)
 
 
 def without(problem: Problem, fit: Fit, index: int) -> Fit:
@@ -79,12 +80,19 @@ def _strain(problem: Problem, fit: Fit) -> float:
     return 0.5 * float(np.sum(fit.z[: len(problem.shared)][~flat] ** 2))
 
 
-def prune(problem: Problem, fit: Fit) -> tuple[Fit, list[Need]]:
-    """Return the model without the effects that it can do without, and the need of the others."""
+def prune(problem: Problem, fit: Fit, strain: float = STRAIN) -> tuple[Fit, list[Need]]:
+    """Return the model without the effects that it can do without, and the need of the others.
+
+    Args:
+        problem: The record.
+        fit: The model.
+        strain: Least relief of the datasheet's priors that makes an effect material.
+    """
     while fit.model.effects:
         needs = [need(problem, fit, k) for k in range(len(fit.model.effects))]
-        weakest = min(range(len(needs)), key=lambda k: (needs[k].material, needs[k].evidence))
-        if needs[weakest].material:
+        material = [n.material(strain) for n in needs]
+        weakest = min(range(len(needs)), key=lambda k: (material[k], needs[k].evidence))
+        if material[weakest]:
             return fit, needs
         fit = retuned(problem, needs[weakest].without)
     return fit, []

@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cjt_gym.gap.fit import DEFLATION, FLOOR, LONGEST, STEP, Fit, Floats, Problem
 from cjt_gym.gap.hypotheses import Hypothesis
@@ -96,7 +97,7 @@ class Look:
         squares: dict[str, Square],
         z: Floats,
         new: Floats,
-        flat: np.ndarray[tuple[int], np.dtype[np.bool_]],
+        flat: NDArray[np.bool_],
     ) -> float:
         model = replace(self.fit.model, effects=(*self.fit.model.effects, effect))
         true = self.problem.residuals(model, new, effect.touches)
@@ -108,7 +109,7 @@ class Look:
         self,
         sums: dict[str, float],
         z: Floats,
-        flat: np.ndarray[tuple[int], np.dtype[np.bool_]],
+        flat: NDArray[np.bool_],
     ) -> float:
         ms = {n: ss / max(self.problem.counts[n], 1) for n, ss in sums.items()}
         return self.problem.cost(ms, z, flat)
@@ -149,11 +150,11 @@ class Look:
         self,
         squares: dict[str, Square],
         z: Floats,
-        flat: np.ndarray[tuple[int], np.dtype[np.bool_]],
+        flat: NDArray[np.bool_],
     ) -> Floats:
         """Return the move that lowers the cost most, the residuals being linear."""
         prior = np.where(flat, 0.0, 1.0)
-        move = np.zeros(len(z))
+        move: Floats = np.zeros(len(z))
         cost = self._cost({n: s.ss for n, s in squares.items()}, z, flat)
         for _ in range(8):
             hessian, gradient = np.diag(prior + 1e-9), prior * z
@@ -162,7 +163,8 @@ class Look:
                 weight = 2.0 / DEFLATION / max(ms, FLOOR**2)
                 hessian = hessian + weight * s.h
                 gradient = gradient + weight * s.g
-            new = -np.linalg.solve(hessian + np.diag(1e-6 * np.diag(hessian)), gradient)
+            damped = hessian + np.diag(1e-6 * np.diag(hessian))
+            new = np.asarray(-np.linalg.solve(damped, gradient), dtype=np.float64)
             new *= min(1.0, LONGEST / max(float(np.abs(new).max()), 1e-12))
             better = self._cost({n: max(s.at(new), 0.0) for n, s in squares.items()}, z + new, flat)
             if better > cost - 0.01:

@@ -16,6 +16,10 @@ PRICE = 14.0
 PRICE_PER_NUMBER = 3.0
 RELEASE = 6.0
 BEAM = 2
+TRIAL_MOVES = 6
+"""Steps of a full fit of a candidate; the winner is fitted to the end."""
+FAMILY_SHARE = 0.4
+"""Share of the leader's gain that a law of the same family must show in a rough fit."""
 CLOSE = 0.8
 """Share of the best gain in evidence from which a second branch is followed."""
 MOST = 3
@@ -29,7 +33,7 @@ NEAR = 60.0
 
 
 def price(model: Model) -> float:
-    """Return what a model's effects cost; a datasheet value set free shows its cost in its prior."""
+    """Return what a model's effects cost; one that only frees a datasheet value costs less."""
     return sum(
         (RELEASE if e.strained else PRICE) + PRICE_PER_NUMBER * (len(e.unknowns) - 1)
         for e in model.effects
@@ -122,14 +126,16 @@ class Selection:
         quick = [q for h in free if (q := look.try_effect(h, self._starts(fit, h))) is not None]
         quick.sort(key=lambda f: -evidence(self.problem, f))
         known = look.fit.jacobian
-        return [self.problem.fit(f.model, f.z, known=known) for f in self._short_list(quick)]
+        return [
+            self.problem.fit(f.model, f.z, TRIAL_MOVES, known) for f in self._short_list(quick, fit)
+        ]
 
-    def _short_list(self, quick: list[Fit]) -> list[Fit]:
+    def _short_list(self, quick: list[Fit], before: Fit) -> list[Fit]:
         """Return the leading fits, and the whole friction family where one of them leads."""
         if not quick:
             return []
         top = evidence(self.problem, quick[0])
-        base = evidence(self.problem, self.base)
+        base = evidence(self.problem, before)
         near = max(NEAR, 0.05 * (top - base))
         chosen = [f for f in quick[:SHORT_LIST] if evidence(self.problem, f) > top - near]
         first = quick[0].model.effects[-1]
@@ -140,6 +146,7 @@ class Selection:
                 if f not in chosen
                 and f.model.effects[-1].family == "friction"
                 and f.model.effects[-1].body == first.body
+                and evidence(self.problem, f) > base + FAMILY_SHARE * (top - base)
             ]
         return chosen
 

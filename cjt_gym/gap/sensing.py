@@ -44,9 +44,8 @@ def sensor_findings(setting: Setting) -> tuple[SensorFinding, ...]:
         noise = setting.noise.get(channel)
         if noise is None or noise.specified == 0.0:
             continue
-        if (finding := _coarse(channel, noise)) is not None:
-            found.append(finding)
-        elif (finding := _noisy(channel, noise, setting)) is not None:
+        finding = _coarse(channel, noise) or _noisy(channel, noise)
+        if finding is not None:
             found.append(finding)
     return tuple(found)
 
@@ -59,14 +58,13 @@ def _coarse(channel: str, noise: ChannelNoise) -> SensorFinding | None:
     return None
 
 
-def _noisy(channel: str, noise: ChannelNoise, setting: Setting) -> SensorFinding | None:
+def _noisy(channel: str, noise: ChannelNoise) -> SensorFinding | None:
     """Return the finding where the scatter in quiet windows exceeds what is specified."""
     if channel == "i":  # its command may be noise itself: what the drive's model leaves tells
         return None
     if noise.observed < NOISIER * noise.specified:
         return None
     own = float(np.sqrt(max(noise.observed**2 - noise.resolution**2 / 12.0, 0.0)))
-    del setting
     return SensorFinding(
         "noise", channel, own, 0.9 * own, 1.1 * own, noise.observed / noise.specified
     )

@@ -1,4 +1,4 @@
-"""From a record to arrays that the stages can use: evenly sampled, without gaps, references removed.
+"""From a record to arrays that the stages can use: evenly sampled, without gaps.
 
 A sample that is missing (NaN), or that repeats the time of the one before, is filled by
 interpolation and marked as not measured, so that no residual is taken from it.
@@ -53,7 +53,7 @@ class Series:
     @property
     def t(self) -> Floats:
         """Time from the first sample [s], shape (N,)."""
-        return np.arange(len(self)) * self.dt
+        return np.asarray(np.arange(len(self)) * self.dt, dtype=np.float64)
 
     def measured(self, *names: str) -> NDArray[np.bool_]:
         """Return where all the named channels were measured, shape (N,)."""
@@ -67,7 +67,9 @@ class Series:
         """Return the slope of a channel over four samples [unit/s], shape (N,)."""
         if name not in self._speeds:
             padded = np.pad(self.columns[name], 2, mode="edge")
-            self._speeds[name] = (padded[4:] - padded[:-4]) / (4.0 * self.dt)
+            self._speeds[name] = np.asarray(
+                (padded[4:] - padded[:-4]) / (4.0 * self.dt), dtype=np.float64
+            )
         return self._speeds[name]
 
     def first_speed(self, name: str) -> float:

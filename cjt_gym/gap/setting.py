@@ -1,4 +1,4 @@
-"""What all stages of one diagnosis share: the record, the structure, the noise, the nominal joint."""
+"""What all stages of one diagnosis share: the record, the nominal joint and the noise."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How far the gap shrinks: replay of data that the fit has not seen, without and with the effects."""
+"""How far the gap shrinks: replay of unseen data, without and with the effects."""
 
 from __future__ import annotations
 

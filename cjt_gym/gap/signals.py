@@ -25,13 +25,13 @@ def interval_mean(x: Floats, weight: float) -> Floats:
         weight: Share of the newer sample: 0.5 for a straight line, 1 for a step that follows the
             older sample at once.
     """
-    return (1.0 - weight) * x + weight * ahead(x)
+    return np.asarray((1.0 - weight) * x + weight * ahead(x))
 
 
 def smooth_mean(x: Floats) -> Floats:
     """Return the mean over the interval after each sample of a smooth signal, by a cubic."""
     before, after = np.concatenate([x[:1], x[:-1]]), ahead(x)
-    return (13.0 * (x + after) - before - ahead(after)) / 24.0
+    return np.asarray((13.0 * (x + after) - before - ahead(after)) / 24.0)
 
 
 def shifted(x: Floats, samples: float) -> Floats:

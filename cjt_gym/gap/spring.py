@@ -72,4 +72,4 @@ def yielding(z: float, move: float, exponent: float) -> float:
     """Return the change of a Bouc-Wen state over a move in units of its width."""
     if z * move <= 0.0:
         return move
-    return move * (1.0 - min(abs(z), 1.0) ** exponent)
+    return float(move * (1.0 - min(abs(z), 1.0) ** exponent))

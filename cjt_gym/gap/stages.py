@@ -15,6 +15,7 @@ reach the next. Where the torque was not measured, motor, spring and load are on
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -118,7 +119,13 @@ class Stages:
 
     def predict(self, name: str, fields: Fields) -> Prediction:
         """Return the prediction of a stage."""
-        return getattr(self, f"_{name}")(fields)  # type: ignore[no-any-return]
+        run: dict[str, Callable[[Fields], Prediction]] = {
+            "drive": self._drive,
+            "motor": self._motor,
+            "transmission": self._transmission,
+            "load": self._load,
+        }
+        return run[name](fields)
 
     def residual(self, name: str, fields: Fields) -> Floats:
         """Return the normalised residual of a stage, shape (N,)."""
@@ -151,7 +158,9 @@ class Stages:
         play = None
         if fields["play_g"] > 0.0 and s.has_gear and s.cut_at_spring:
             loose = self._chain("motor loose", fields)
-            adrift = torque[:, None] * loose.torque[:, MOTOR] - mean[:, None] * loose.torque[:, GEAR]
+            adrift = (
+                torque[:, None] * loose.torque[:, MOTOR] - mean[:, None] * loose.torque[:, GEAR]
+            )
             bite = (chain.torque[:, MOTOR] - chain.torque[:, GEAR]) * fields["k_g"]
             play = _play(fields, np.array([1.0, -1.0, 0.0, 0.0]), bite, loose, adrift, None)
         return self._innovations("motor", "q_m", fields, chain, forced, bodies, transmitted, play)
@@ -167,7 +176,8 @@ class Stages:
     def _motion(self) -> tuple[Floats, Floats]:
         """Velocity and acceleration of the motor, smoothed, each of shape (N,)."""
         q, dt = self.setting.series["q_m"], self.setting.series.dt
-        return tuple(savgol_filter(q, SMOOTH, 3, deriv=d, delta=dt) for d in (1, 2))  # type: ignore[return-value]
+        speed, acceleration = (savgol_filter(q, SMOOTH, 3, deriv=d, delta=dt) for d in (1, 2))
+        return speed, acceleration
 
     # ---- transmission
     def _transmission(self, fields: Fields) -> Prediction:
@@ -420,14 +430,15 @@ def _run(
     else:
         y, valid = measured
         outputs = np.zeros(1, dtype=np.int64)
-    gap = NO_PLAY
+    gap: tuple[Floats, ...] = NO_PLAY
     if play is not None:
         slack = np.zeros_like(g)
         for row, (_, body) in enumerate(rough):
             slack[:, row] = play.loose.torque[:, body]
         loose = np.ascontiguousarray(play.loose.a)
         gap = (play.play, loose, np.ascontiguousarray(play.adrift), slack, play.entry)
-    return predict(  # type: ignore[no-any-return]
+    run: Callable[..., tuple[Floats, Floats, Floats]] = predict
+    return run(
         np.ascontiguousarray(chain.a),
         g,
         np.ascontiguousarray(k),
