@@ -14,29 +14,12 @@ from scipy.signal import fftconvolve, find_peaks
 from cjt_gym.gap.chain import MOTOR
 from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.signals import joint_torque
-from cjt_gym.gap.stages import Stages
+from cjt_gym.gap.stages import Stages, torque_response
 
 Floats = NDArray[np.float64]
-RESPONSE = 200
 HIGHEST = 20_000.0
 CELLS = 1 << 20
 PEAKS = 3
-
-
-def torque_response(stages: Stages, fields: Fields, body: int = MOTOR) -> Floats:
-    """Return the innovations that one newton metre over one sample causes, shape (200,).
-
-    In units of the innovations' deviation; value 0 belongs to the sample in which it acts.
-    """
-    chain = stages._chain("motor", fields)
-    gain = stages.gains["motor"]
-    x = chain.torque[:, body].copy()
-    out = np.zeros(RESPONSE)
-    for k in range(1, RESPONSE):
-        e = x[0]
-        out[k] = e / gain.std[0]
-        x = chain.a @ (x - gain.k[:, 0] * e)
-    return out
 
 
 def filtered(response: Floats, torque: Floats) -> Floats:
@@ -63,7 +46,8 @@ def periodic_starts(
         return ()
     tau = joint_torque(fields, s.series) if "tau" in s.series else np.zeros(len(q))
     weight = tau if kind == "rip" else np.ones(len(q))
-    response = torque_response(stages, fields)
+    gain = stages.gains["motor"]
+    response = torque_response(stages.chain("motor", fields), gain.k, MOTOR) / gain.std[0]
     left = _without_trends(residual, response, v, tau)
     frequencies, power = _spectrum(left, response, q, v * s.series.dt, weight)
     if frequencies.size == 0:

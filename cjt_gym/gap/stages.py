@@ -21,7 +21,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import savgol_filter
+from scipy.signal import fftconvolve, savgol_filter
 
 from cjt_gym.gap.chain import GEAR, LOAD, MOTOR, Chain, Link, build_chain, kalman_gain
 from cjt_gym.gap.fields import CHAIN, Fields, friction_law, has_friction
@@ -43,6 +43,8 @@ Floats = NDArray[np.float64]
 STAGES = ("drive", "motor", "transmission", "load")
 PULSE = 800
 SMOOTH = 21
+RESPONSE = 200
+"""Samples after which a predictor has forgotten a torque."""
 
 
 @dataclass(eq=False)
@@ -52,10 +54,12 @@ class Gain:
     Attributes:
         k: Gain, shape (n, m).
         std: Deviation of the innovations, shape (m,).
+        scatter: Deviation at every sample, with what jitter of the sampling adds, shape (N,).
     """
 
     k: Floats
     std: Floats
+    scatter: Floats
 
 
 @dataclass(eq=False)
@@ -142,7 +146,7 @@ class Stages:
     def _motor(self, fields: Fields) -> Prediction:
         s = self.setting
         series = s.series
-        chain = self._chain("motor", fields)
+        chain = self.chain("motor", fields)
         transmitted = joint_torque(fields, series) if "tau" in series else np.zeros(len(series))
         ripple = periodic_torque(fields, series, transmitted + self._gear_inertia(fields))
         torque = motor_torque(fields, series) + smooth_mean(ripple)
@@ -157,7 +161,7 @@ class Stages:
             bodies = (*bodies, ("l", LOAD))
         play = None
         if fields["play_g"] > 0.0 and s.has_gear and s.cut_at_spring:
-            loose = self._chain("motor loose", fields)
+            loose = self.chain("motor loose", fields)
             adrift = (
                 torque[:, None] * loose.torque[:, MOTOR] - mean[:, None] * loose.torque[:, GEAR]
             )
@@ -214,7 +218,7 @@ class Stages:
         if not s.has_gear:
             angle = float(np.linalg.norm(bar(pulse)))
             return s.std("tau"), angle * float(np.hypot(s.std("q_m"), s.std("q_l")))
-        chain = self._chain("transmission", f)
+        chain = self.chain("transmission", f)
         drives = (
             -smooth_mean(pulse)[:, None] * chain.torque[:, GEAR],
             self._prescribed(chain, pulse),
@@ -239,14 +243,14 @@ class Stages:
         q_m = series["q_m"]
         if not s.has_gear:
             return q_m, np.zeros((len(q_m), 0)), np.zeros((len(q_m), 0))
-        chain = self._chain("transmission", fields)
+        chain = self.chain("transmission", fields)
         transmitted = joint_torque(fields, series)
         mean = smooth_mean(transmitted)
         forced = self._prescribed(chain, q_m) - mean[:, None] * chain.torque[:, GEAR]
         x0 = np.array([q_m[0] - transmitted[0] / fields["k_g"] - fields["centre_g"], 0.0])
         play = None
         if fields["play_g"] > 0.0:
-            loose = self._chain("transmission loose", fields)
+            loose = self.chain("transmission loose", fields)
             adrift = -mean[:, None] * loose.torque[:, GEAR]
             bite = -chain.torque[:, GEAR] * fields["k_g"]
             play = _play(fields, np.array([-1.0, 0.0]), bite, loose, adrift, q_m)
@@ -260,7 +264,7 @@ class Stages:
     def _load(self, fields: Fields) -> Prediction:
         s = self.setting
         series = s.series
-        chain = self._chain("load", fields)
+        chain = self.chain("load", fields)
         torque = smooth_mean(joint_torque(fields, series))
         if fields["grav_a"] != 0.0 or fields["grav_b"] != 0.0:
             q = series["q_l"]
@@ -278,7 +282,8 @@ class Stages:
         rate = (ahead(q) - q) / self.setting.series.dt
         return q[:, None] * chain.start + rate[:, None] * chain.slope
 
-    def _chain(self, name: str, fields: Fields) -> Chain:
+    def chain(self, name: str, fields: Fields) -> Chain:
+        """Return the chain of a stage."""
         key = (name, *(fields[f] for f in CHAIN))
         if key not in self._chains:
             if len(self._chains) > 64:
@@ -315,7 +320,7 @@ class Stages:
 
     def _gain(self, name: str, fields: Fields) -> Gain:
         s = self.setting
-        chain = self._chain(name, fields)
+        chain = self.chain(name, fields)
         current = s.std("i") if "i" in s.series else 0.0
         own = abs(fields["n"] * fields["k_t"]) * current
         tau = s.std("tau") / abs(fields["gain"]) if s.cut_at_spring else 0.0
@@ -327,7 +332,14 @@ class Stages:
         if not any(torque):
             torque = (1e3 * noise / s.series.dt**2 * max(fields["I_m"], 1e-9) * 1e-3,) * 3
         k, _ = kalman_gain(chain, (0,), torque, (noise,))
-        return Gain(k, _std(chain, k, torque, s.std(channel)))
+        std = _std(chain, k, torque, s.std(channel))
+        own = s.noise[channel].jitter * s.series.speed(channel)
+        variance = std[0] ** 2 + own**2
+        if s.cut_at_spring:
+            late = s.noise["tau"].jitter * s.series.speed("tau")
+            response = torque_response(chain, k, GEAR if name == "motor" else LOAD)
+            variance += fftconvolve(late**2, response**2)[: len(late)]
+        return Gain(k, std, np.sqrt(np.maximum(variance, 1e-300)))
 
     def _innovations(
         self,
@@ -349,8 +361,7 @@ class Stages:
         e, states, friction = _run(
             fields, chain, forced, bodies, gain.k, (y, valid), x0, load, dt, play
         )
-        std = np.hypot(gain.std[0], s.noise[channel].jitter * s.series.speed(channel))
-        residual = np.where(valid, e[:, 0] / std, 0.0)
+        residual = np.where(valid, e[:, 0] / gain.scatter, 0.0)
         residual[: s.settle] = 0.0
         return Prediction(residual, states, friction)
 
@@ -377,6 +388,19 @@ def _play(
     play = np.concatenate([[half], signs, bite * half])
     nothing = np.zeros(0)
     return Play(play, loose, adrift, nothing if entry is None else entry)
+
+
+def torque_response(chain: Chain, k: Floats, body: int) -> Floats:
+    """Return the innovations that one newton metre over one sample causes, shape (200,).
+
+    Value 0 belongs to the sample in which it acts.
+    """
+    x = chain.torque[:, body].copy()
+    out = np.zeros(RESPONSE)
+    for t in range(1, RESPONSE):
+        out[t] = x[0]
+        x = chain.a @ (x - k[:, 0] * out[t])
+    return out
 
 
 def _std(chain: Chain, k: Floats, torque: tuple[float, ...], noise: float) -> Floats:
