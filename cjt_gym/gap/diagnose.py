@@ -27,7 +27,12 @@ from cjt_gym.gap.intervals import covariance, effect_intervals
 from cjt_gym.gap.localize import regimes
 from cjt_gym.gap.prune import COARSE_STRAIN, STRAIN, Need, prune, simplify
 from cjt_gym.gap.select import Selection, evidence
-from cjt_gym.gap.sensing import SensorFinding, sensor_findings
+from cjt_gym.gap.sensing import (
+    SensorFinding,
+    noisy_current,
+    sensor_findings,
+    with_findings,
+)
 from cjt_gym.gap.setting import Setting, make_setting
 from cjt_gym.gap.shrink import Gap, measure_gap
 from cjt_gym.gap.stages import Stages
@@ -111,15 +116,26 @@ def diagnose(
 
 def explain(setting: Setting) -> Explanation:
     """Return the explanation of one record."""
-    problem = Problem.of(Stages(setting))
-    base = retuned(problem, problem.fit(Model(), np.zeros(len(problem.shared))))
+    problem, base = _without_effects(setting)
+    sensors = sensor_findings(setting, base.residuals)
+    if any(finding.name == "noise" for finding in sensors):
+        problem, base = _without_effects(with_findings(setting, sensors))
     selection = Selection(problem, hypotheses(setting, problem.stages.names), base)
     fit = simplify(problem, selection.run(), selection.candidates)
-    sensors = sensor_findings(setting)
+    if "drive" in fit.residuals and (noisy := noisy_current(setting, fit.residuals["drive"])):
+        sensors = (*sensors, noisy)
+        problem, base = _without_effects(with_findings(setting, sensors))
+        fit = retuned(problem, fit)
     coarse = any(finding.name == "quantization" for finding in sensors)
     fit, needs = prune(problem, fit, COARSE_STRAIN if coarse else STRAIN)
     left = leftovers(base, fit)
     return Explanation(problem, base, fit, tuple(needs), tuple(selection.seen), left, sensors)
+
+
+def _without_effects(setting: Setting) -> tuple[Problem, Fit]:
+    """Return the problem of a record, and its fit without any effect."""
+    problem = Problem.of(Stages(setting))
+    return problem, retuned(problem, problem.fit(Model(), np.zeros(len(problem.shared))))
 
 
 def _as_list(records: Record | Sequence[Record]) -> list[Record]:

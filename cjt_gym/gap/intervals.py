@@ -43,15 +43,15 @@ def covariance(problem: Problem, fit: Fit) -> Covariance:
     for name, j in jacobian.items():
         weight = 1.0 / max(fit.mean_square[name], 1.0)
         curvature += weight * (j.T @ j)
-        plain = weight * (j.T @ j)
         pieces = np.array_split(j * fit.residuals[name][:, None], BLOCKS)
         sums = np.array([piece.sum(axis=0) for piece in pieces]) * weight
-        blocked = sums.T @ sums
-        # Whichever is larger along each coordinate: few blocks may by chance scatter too little.
-        grow = np.sqrt(np.maximum(np.diag(blocked) / np.maximum(np.diag(plain), 1e-300), 1.0))
-        scatter += plain * np.outer(grow, grow)
-    inverse = np.linalg.pinv(curvature, hermitian=True)
-    return Covariance(inverse @ scatter @ inverse * INFLATION**2)
+        scatter += sums.T @ sums
+    scale = 1.0 / np.sqrt(np.diag(curvature))  # for the inversion: columns differ by far in size
+    inverse = np.linalg.inv(curvature * np.outer(scale, scale)) * np.outer(scale, scale)
+    sandwich = inverse @ scatter @ inverse
+    # Few blocks may by chance scatter too little: the larger of the two deviations counts.
+    grow = np.sqrt(np.maximum(np.diag(sandwich) / np.diag(inverse), 1.0)) * INFLATION
+    return Covariance(inverse * np.outer(grow, grow))
 
 
 def effect_intervals(
@@ -69,7 +69,17 @@ def effect_intervals(
     released = effects[index].releases
     if released is not None and released in out:
         out[released] = _with_tolerance(problem, fit, released, out[released])
+    if effects[index].name == "command_delay":
+        out["delay"] = _whole_delay(problem, fit, out["delay"])
     return out
+
+
+def _whole_delay(problem: Problem, fit: Fit, interval: Interval) -> Interval:
+    """Return the dead time with the part below a sample that every fit leaves free."""
+    nominal = problem.stages.setting.nominal["delay"]
+    total = problem.fields(fit.model, fit.z)["delay"] - nominal
+    half = 0.5 * min(interval.high - interval.low, problem.stages.setting.series.dt)
+    return Interval(total, total - half, total + half, interval.unit)
 
 
 def _with_tolerance(problem: Problem, fit: Fit, field: str, interval: Interval) -> Interval:

@@ -13,6 +13,8 @@ from cjt_gym.gap.unknowns import Unknown
 DEFAULT_TOLERANCE = {"k_t": 0.02, "I": 0.05, "k": 0.05, "d": 0.3}
 LATE = 2e-5
 """Deviation of the lateness of one channel against another [s]."""
+CURRENT_OFFSET, TORQUE_OFFSET = 0.35, 0.75
+"""Deviation of a sensor's offset, in units of its noise."""
 LAG_TOLERANCE = 0.2
 HELD = 0.3
 """Deviation of the instant at which a drive takes its command over, in samples."""
@@ -107,7 +109,7 @@ def _offsets(setting: Setting) -> list[Nuisance]:
     series = setting.series
     rows = []
     if "i" in series:
-        scale = 0.5 * setting.std("i")
+        scale = CURRENT_OFFSET * setting.std("i")
         rows.append(_offset("i_0", "A", 0.0, scale, ("drive", "motor")))
         rows.append(
             _offset("w_i", "-", _current_weight(setting.nominal, series.dt), 0.3, ("motor",))
@@ -125,7 +127,7 @@ def _offsets(setting: Setting) -> list[Nuisance]:
         delay = Unknown("delay", "s", start, HELD * dt, low=start, high=start + dt)
         rows.append(Nuisance("delay", delay, ("drive",) if "i" in series else ("motor",)))
     if setting.cut_at_spring:
-        scale = setting.std("tau")
+        scale = TORQUE_OFFSET * setting.std("tau")
         rows.append(_offset("tau_0", "N m", 0.0, scale, ("motor", "transmission", "load")))
         rows.append(_offset("skew", "s", 0.0, LATE, ("transmission",)))
     if setting.has_spring:

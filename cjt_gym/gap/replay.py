@@ -119,7 +119,7 @@ def _remember(c: Floats, z: float, move: float) -> float:
     if c[HYST] == 0.0:
         return 0.0
     if c[HYST_N] == 0.0:
-        return min(max(z + move / c[HYST_Z], -1.0), 1.0)
+        return float(min(max(z + move / c[HYST_Z], -1.0), 1.0))
     step = move / c[HYST_Z]
     middle = z + 0.5 * yielding(z, step, c[HYST_N])
     return float(z + yielding(middle, step, c[HYST_N]))

@@ -25,7 +25,7 @@ CLOSE = 0.8
 MOST = 3
 MARGIN = 3.0
 """Evidence that one more effect must add to what it costs."""
-LEAST = 0.03
+LEAST = 0.1
 """Share of what is left that one more effect must explain."""
 SHORT_LIST = 4
 NEAR = 60.0

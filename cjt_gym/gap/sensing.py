@@ -1,19 +1,42 @@
-"""Channels that are coarser or noisier than specified: read off the data, not fitted."""
+"""Channels that are coarser or noisier than specified: read off the data, not fitted.
+
+A coarse channel shows the lattice of its values. A noisy one scatters at high frequency and, unlike
+a signal that merely is fast, raises the residual of its stage even where that is quietest.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cjt_gym.gap.noise import ChannelNoise
 from cjt_gym.gap.setting import Setting
 
+Floats = NDArray[np.float64]
 COARSER = 1.8
 """Factor between found and stated resolution from which a channel is called coarse."""
-NOISIER = 1.5
-"""Factor between found and stated scatter from which a channel is called noisy."""
-MEASURED = ("i", "q_m", "q_l", "tau")
+NOISIER = 1.3
+"""Factor between found and stated scatter from which a channel may be called noisy."""
+RAISED = 1.15
+"""Residual in the quietest windows of its stage from which it is."""
+STAGES_OF = {
+    "q_m": ("motor", "transmission"),
+    "q_l": ("load", "transmission"),
+    "tau": ("transmission", "load", "motor"),
+}
+WINDOW = 100
+QUIETEST = 0.25
+COLOURED = 0.25
+"""Correlation of neighbouring samples from which a residual is not noise."""
+WHITE = 0.08
+"""The same for the current, over a whole record."""
+GAUSSIAN_TAILS = 3.6
+"""Fourth moment over the squared second, 3 for Gaussian noise, up to which it is noise."""
+GAUSSIAN = 0.925
+"""Rms of the quietest quarter of windows of white Gaussian noise."""
 
 
 @dataclass(frozen=True)
@@ -37,34 +60,94 @@ class SensorFinding:
     factor: float
 
 
-def sensor_findings(setting: Setting) -> tuple[SensorFinding, ...]:
-    """Return the channels that are coarser or noisier than the joint file states."""
+def sensor_findings(setting: Setting, residuals: Mapping[str, Floats]) -> tuple[SensorFinding, ...]:
+    """Return the channels that are coarser or noisier than the joint file states.
+
+    Args:
+        setting: The record.
+        residuals: Normalised residuals of its stages under the specified noise.
+    """
     found = []
-    for channel in MEASURED:
+    floors = {stage: quiet_rms(r) for stage, r in residuals.items() if stage != "drive"}
+    for channel, stages in STAGES_OF.items():
         noise = setting.noise.get(channel)
         if noise is None or noise.specified == 0.0:
             continue
-        finding = _coarse(channel, noise) or _noisy(channel, noise)
+        stage = next((name for name in stages if name in floors), None)
+        finding = _coarse(channel, noise)
+        if finding is None and stage is not None and floors[stage] > RAISED:
+            finding = _noisy(channel, noise, noise.observed)
         if finding is not None:
             found.append(finding)
     return tuple(found)
+
+
+def with_findings(setting: Setting, findings: tuple[SensorFinding, ...]) -> Setting:
+    """Return the setting with the scatter that was found."""
+    noise = dict(setting.noise)
+    for finding in findings:
+        if finding.name == "noise":
+            known = noise[finding.channel]
+            total = float(np.hypot(finding.value, known.resolution / np.sqrt(12.0)))
+            noise[finding.channel] = replace(known, std=max(known.std, total))
+    return replace(setting, noise=noise)
+
+
+def noisy_current(setting: Setting, residual: Floats) -> SensorFinding | None:
+    """Return the finding that the current is noisy, where what its drive's model leaves is noise.
+
+    Unlike the other channels the current has no quiet windows to be read from: its command may be
+    as rough as noise. So this is asked of the residual of a fitted model.
+
+    Args:
+        setting: The record.
+        residual: Normalised residual of the drive, shape (N,).
+    """
+    noise = setting.noise["i"]
+    counted = residual[residual != 0.0]
+    rms = float(np.sqrt(np.mean(counted**2))) if counted.size else 1.0
+    if noise.specified == 0.0 or rms < RAISED:
+        return None
+    tails = float(np.mean(counted**4)) / rms**4
+    if tails > GAUSSIAN_TAILS or abs(_memory(counted)) > WHITE:
+        return None
+    return _noisy("i", noise, rms * noise.specified)
+
+
+def _memory(x: Floats) -> float:
+    """Return the correlation of neighbouring samples."""
+    return float(np.mean(x[1:] * x[:-1]) / max(float(np.mean(x * x)), 1e-300))
+
+
+def quiet_rms(residual: Floats) -> float:
+    """Return the rms of a residual in its quietest windows, 1 for white Gaussian noise.
+
+    Where these windows are not white it is no noise that fills them, and 1 is returned.
+    """
+    counted = residual[residual != 0.0]
+    count = len(counted) // WINDOW
+    if count < 8:
+        return 1.0
+    windows = counted[: count * WINDOW].reshape(count, WINDOW)
+    power = np.mean(windows**2, axis=1)
+    few = np.argsort(power)[: max(int(QUIETEST * count), 2)]
+    if np.mean([_memory(windows[k]) for k in few]) > COLOURED:
+        return 1.0
+    return float(np.sqrt(power[few].mean())) / GAUSSIAN
 
 
 def _coarse(channel: str, noise: ChannelNoise) -> SensorFinding | None:
     stated = max(noise.resolution, 1e-300)
     if noise.lattice > COARSER * stated and noise.lattice > 2.0 * noise.specified:
         step = noise.lattice
-        return SensorFinding("quantization", channel, step, 0.99 * step, 1.01 * step, step / stated)
+        factor = step / max(stated, noise.specified)
+        return SensorFinding("quantization", channel, step, 0.99 * step, 1.01 * step, factor)
     return None
 
 
-def _noisy(channel: str, noise: ChannelNoise) -> SensorFinding | None:
-    """Return the finding where the scatter in quiet windows exceeds what is specified."""
-    if channel == "i":  # its command may be noise itself: what the drive's model leaves tells
+def _noisy(channel: str, noise: ChannelNoise, observed: float) -> SensorFinding | None:
+    if observed < NOISIER * noise.specified:
         return None
-    if noise.observed < NOISIER * noise.specified:
-        return None
-    own = float(np.sqrt(max(noise.observed**2 - noise.resolution**2 / 12.0, 0.0)))
-    return SensorFinding(
-        "noise", channel, own, 0.9 * own, 1.1 * own, noise.observed / noise.specified
-    )
+    own = float(np.sqrt(max(observed**2 - noise.resolution**2 / 12.0, 0.0)))
+    factor = observed / noise.specified
+    return SensorFinding("noise", channel, own, 0.88 * own, 1.12 * own, factor)

@@ -197,9 +197,22 @@ class Stages:
             angles *= shift_noise(-fields["late"] / series.dt)
         model = model - fields["skew"] * series.speed("tau")
         slope = series.speed("tau") * s.noise["tau"].jitter
-        std = np.sqrt(own**2 + angles**2 + slope**2)
+        std = np.sqrt(own**2 + angles**2 + slope**2 + self._shaken_angles)
         result = _direct(series["tau"] - model, std, s, ("tau", "q_m", "q_l"))
         return Prediction(result.residual, states, friction)
+
+    @cached_property
+    def _shaken_angles(self) -> Floats:
+        """Variance of the spring's torque that jittering angles cause [N^2 m^2], shape (N,)."""
+        s, f = self.setting, self.setting.nominal
+        stiffness = {"q_m": f["k_b"], "q_l": f["k_b"]}
+        if s.has_gear:
+            stiffness["q_m"] = f["k_b"] * f["k_g"] / (f["k_b"] + f["k_g"])
+        total: Floats = np.zeros(len(s.series))
+        for channel, k in stiffness.items():
+            if channel in s.series:
+                total += (k * s.noise[channel].jitter * s.series.speed(channel)) ** 2
+        return total
 
     @cached_property
     def spring_noise(self) -> tuple[float, float]:
@@ -333,8 +346,8 @@ class Stages:
             torque = (1e3 * noise / s.series.dt**2 * max(fields["I_m"], 1e-9) * 1e-3,) * 3
         k, _ = kalman_gain(chain, (0,), torque, (noise,))
         std = _std(chain, k, torque, s.std(channel))
-        own = s.noise[channel].jitter * s.series.speed(channel)
-        variance = std[0] ** 2 + own**2
+        shaken = s.noise[channel].jitter * s.series.speed(channel)
+        variance = std[0] ** 2 + shaken**2
         if s.cut_at_spring:
             late = s.noise["tau"].jitter * s.series.speed("tau")
             response = torque_response(chain, k, GEAR if name == "motor" else LOAD)
@@ -418,7 +431,7 @@ def _std(chain: Chain, k: Floats, torque: tuple[float, ...], noise: float) -> Fl
         step = step @ step
         if np.abs(step).max() < 1e-12:
             break
-    return np.sqrt(np.array([p[0, 0] + noise**2]))
+    return np.array([float(np.sqrt(p[0, 0] + noise**2))])
 
 
 def _direct(error: Floats, std: Floats, s: Setting, channels: tuple[str, ...]) -> Prediction:
