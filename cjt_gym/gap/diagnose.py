@@ -45,6 +45,8 @@ TAIL = 0.2
 """Share of a record, its end, that is kept for the replay where there is no second record."""
 WITHIN = 2.5
 """Deviations of a datasheet value that count as its tolerance."""
+PATIENCE = 60.0
+"""Time after which the search for effects ends with what it has [s]."""
 CERTAINTY = 8.0
 """Evidence that makes a name e times as likely."""
 
@@ -120,7 +122,8 @@ def explain(setting: Setting) -> Explanation:
     sensors = sensor_findings(setting, base.residuals)
     if any(finding.name == "noise" for finding in sensors):
         problem, base = _without_effects(with_findings(setting, sensors))
-    selection = Selection(problem, hypotheses(setting, problem.stages.names), base)
+    until = time.perf_counter() + PATIENCE
+    selection = Selection(problem, hypotheses(setting, problem.stages.names), base, until=until)
     fit = simplify(problem, selection.run(), selection.candidates)
     if "drive" in fit.residuals and (noisy := noisy_current(setting, fit.residuals["drive"])):
         sensors = (*sensors, noisy)
@@ -180,7 +183,7 @@ def _report(
     problem, fit = found.problem, found.fit
     named = _named(found)
     before = _nominal_residuals(found)
-    gap = _gap(found, settings, held_out)
+    gap = _gap(found, settings, held_out, bool(named) or not found.left)
     worst = max(before, key=lambda name: float(np.mean(before[name] ** 2)))
     left = found.left
     seconds = time.perf_counter() - started
@@ -292,7 +295,8 @@ def _stages(
     return out
 
 
-def _gap(found: Explanation, settings: Sequence[Setting], held_out: bool) -> Gap:
+def _gap(found: Explanation, settings: Sequence[Setting], held_out: bool, explains: bool) -> Gap:
+    """Return how far the gap shrinks; where nothing is explained the nominal joint stays."""
     problem = found.problem
     shared = len(problem.shared)
     z = np.zeros(shared)
@@ -302,7 +306,7 @@ def _gap(found: Explanation, settings: Sequence[Setting], held_out: bool) -> Gap
             z[k] = found.base.z[k]
     nominal: Fields = problem.fields(Model(), z)
     explained = problem.fields(found.fit.model, found.fit.z)
-    return measure_gap(settings, nominal, explained, held_out)
+    return measure_gap(settings, nominal, explained if explains else nominal, held_out)
 
 
 def _unexplained(left: Sequence[Leftover]) -> Unexplained:

@@ -93,7 +93,9 @@ def scales(setting: Setting) -> Scales:
     speed = max(float(np.std(s.speed("q_m"))), 1e-9)
     bar = max(setting.nominal["k_b"], 1e-9)
     load = float(np.std(s["tau"])) if "tau" in s else torque
-    return Scales(torque, speed, max(load, 1e-9) / bar, current, len(s) * s.dt)
+    # A deflection below what the encoder resolves is no scale to work with.
+    deflection = max(load / bar, setting.std("q_m"), 1e-12)
+    return Scales(torque, speed, deflection, current, len(s) * s.dt)
 
 
 def hypotheses(setting: Setting, stages: tuple[str, ...]) -> tuple[Hypothesis, ...]:

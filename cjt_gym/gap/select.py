@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -58,12 +59,14 @@ class Selection:
         candidates: All effects that it can show.
         base: The fit without any effect.
         seen: All fits made in full.
+        until: Time of the performance counter after which no further effect is sought [s].
     """
 
     problem: Problem
     candidates: tuple[Hypothesis, ...]
     base: Fit
     seen: list[Fit] = field(default_factory=list)
+    until: float = np.inf
 
     def run(self) -> Fit:
         """Return the best model after forward selection."""
@@ -82,6 +85,8 @@ class Selection:
         pool = [h for h in self.candidates if set(h.touches) & set(stages)]
         beam, best = [start], start
         for _ in range(MOST - len(start.model.effects)):
+            if time.perf_counter() > self.until:
+                break
             if self.potential(best, stages) < RELEASE + MARGIN:
                 break
             grown: list[Fit] = []
@@ -123,7 +128,12 @@ class Selection:
         used = {h.key for h in fit.model.effects}
         free = [h for h in pool if h.key not in used and compatible(fit.model, h)]
         look = self._look(fit)
-        quick = [q for h in free if (q := look.try_effect(h, self._starts(fit, h))) is not None]
+        quick = []
+        for effect in free:
+            if time.perf_counter() > self.until and quick:
+                break
+            rough = look.try_effect(effect, self._starts(fit, effect))
+            quick += [] if rough is None else [rough]
         quick.sort(key=lambda f: -evidence(self.problem, f))
         known = look.fit.jacobian
         return [

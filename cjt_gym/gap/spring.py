@@ -10,6 +10,7 @@ from cjt_gym.gap.fields import Fields
 from cjt_gym.joint.compiled import compiled
 
 Floats = NDArray[np.float64]
+MOST_PIECES = 50.0
 PATH = 17
 """Samples over which the path of a hysteresis is smoothed."""
 
@@ -57,7 +58,7 @@ def slip(path: Floats, width: float, exponent: float) -> Floats:
     for t in range(1, path.size):
         move = (path[t] - path[t - 1]) / width
         if exponent > 0.0:
-            pieces = 1 + int(abs(move) / 0.05)
+            pieces = 1 + int(min(abs(move) / 0.05, MOST_PIECES))
             for _ in range(pieces):
                 middle = state + 0.5 * yielding(state, move / pieces, exponent)
                 state += yielding(middle, move / pieces, exponent)

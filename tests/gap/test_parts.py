@@ -1,0 +1,204 @@
+"""The parts of the diagnosis: friction in the predictor, noise, memory, frames, matrices."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from cjt_gym.errors import RecordError
+from cjt_gym.gap.chain import GEAR, LOAD, MOTOR, Link, build_chain, kalman_gain
+from cjt_gym.gap.fields import NEUTRAL, friction_law
+from cjt_gym.gap.fit import Model, Problem
+from cjt_gym.gap.kernel import LAW_SIZE, friction_torque
+from cjt_gym.gap.noise import high_frequency_std, lattice_step, observed_jitter
+from cjt_gym.gap.replay import replay
+from cjt_gym.gap.series import to_series
+from cjt_gym.gap.setting import make_setting
+from cjt_gym.gap.signals import shifted, smooth_mean
+from cjt_gym.gap.spring import slip, spring_torque
+from cjt_gym.gap.stages import Stages
+from cjt_gym.joint import get_structure
+from cjt_gym.records import Record
+from tests.gap.simulator import nominal, simulate
+
+FIXED = "output_fixed_rigid_gearbox"
+GAIN, STEP = 1e-3 / 0.3, 1e-3
+
+
+def law(**values: float) -> np.ndarray:
+    fields = dict(NEUTRAL) | {f"{name}_m": value for name, value in values.items()}
+    return friction_law(fields, "m")
+
+
+def step(rule: np.ndarray, start: float, free: float, bristle: float = 0.0) -> float:
+    torque, _, _ = friction_torque(rule, start, free, GAIN, 0.0, STEP, bristle)
+    return free + GAIN * torque
+
+
+def test_a_law_has_a_column_for_every_field() -> None:
+    assert law().shape == (LAW_SIZE,)
+
+
+def test_sharp_friction_holds_a_body_exactly_at_rest() -> None:
+    assert step(law(c_p=1.0, c_n=1.0), 0.0, 0.9 * GAIN) == 0.0
+    assert step(law(c_p=1.0, c_n=1.0), 0.0, -0.9 * GAIN) == 0.0
+
+
+def test_sharp_friction_slows_a_moving_body_by_its_level() -> None:
+    assert step(law(c_p=1.0, c_n=2.0), 1.0, 1.0) == pytest.approx(1.0 - GAIN)
+    assert step(law(c_p=1.0, c_n=2.0), -1.0, -1.0) == pytest.approx(-1.0 + 2.0 * GAIN)
+
+
+def test_friction_turns_round_with_the_body_within_a_sample() -> None:
+    start, push = 2e-3, -8e-3  # without friction it would end at -6e-3
+    level = 0.5 * GAIN
+    share = start / (-push + level)
+    expected = -(-push - level) * (1.0 - share)
+    assert step(law(c_p=0.5, c_n=0.5), start, start + push) == pytest.approx(expected, rel=1e-9)
+
+
+def test_breakaway_lies_above_the_level_in_motion() -> None:
+    rule = law(c_p=1.0, c_n=1.0, s_p=0.5, s_n=0.5, v_s=0.01)
+    assert step(rule, 0.0, 1.4 * GAIN) == 0.0
+    assert step(rule, 1.0, 1.0) == pytest.approx(1.0 - GAIN, rel=1e-6)
+
+
+def test_presliding_springs_back_and_ends_at_coulombs_level() -> None:
+    rule, bristle, v = law(c_p=1.0, c_n=1.0, z_s=1e-4), 0.0, 0.1
+    for _ in range(200):
+        torque, bristle, _ = friction_torque(rule, v, v, GAIN, 0.0, STEP, bristle)
+    assert -torque == pytest.approx(1.0, rel=0.02)
+    assert step(rule, 0.0, 0.0, bristle) < 0.0
+
+
+def test_smooth_friction_creeps_where_sharp_friction_holds() -> None:
+    held = step(law(c_p=1.0, c_n=1.0, dq_0=0.002), 0.0, 0.5 * GAIN)
+    assert 0.0 < held < 0.5 * GAIN
+
+
+def test_a_chain_matches_the_matrix_exponential_of_a_hand_written_one() -> None:
+    chain = build_chain(
+        (0, 1, -1), (0.2, 0.1, 0.0), (0.5, 1.0, 0.0), (Link(0, 1, 9e3, 50.0),), 1e-3
+    )
+    a = np.array(
+        [
+            [0, 0, 1, 0],
+            [0, 0, 0, 1],
+            [-9e3 / 0.2, 9e3 / 0.2, -50.5 / 0.2, 50 / 0.2],
+            [9e3 / 0.1, -9e3 / 0.1, 50 / 0.1, -51 / 0.1],
+        ]
+    )
+    assert chain.a == pytest.approx(expm(a * 1e-3), rel=1e-9, abs=1e-12)
+    assert not chain.torque[:, LOAD].any()
+    assert chain.torque[chain.velocity(MOTOR), MOTOR] > chain.torque[chain.velocity(GEAR), MOTOR]
+
+
+def test_the_gain_makes_the_predictor_stable() -> None:
+    chain = build_chain((0, 0, -1), (0.2, 0.1, 0.0), (0.5, 1.0, 0.0), (), 1e-3)
+    k, std = kalman_gain(chain, (0,), (0.1, 0.1, 0.0), (2e-6,))
+    closed = chain.a @ (np.eye(2) - k @ np.array([[1.0, 0.0]]))
+    assert np.abs(np.linalg.eigvals(closed)).max() < 1.0
+    assert std[0] > 2e-6
+
+
+def test_noise_is_read_under_a_moving_signal() -> None:
+    t = np.arange(8000) * 1e-3
+    x = 5.0 * np.sin(2 * np.pi * 3.0 * t) + 0.02 * np.random.default_rng(0).standard_normal(8000)
+    good = np.ones(8000, dtype=bool)
+    assert high_frequency_std(x, good, np.abs(np.gradient(x))) == pytest.approx(0.02, rel=0.15)
+
+
+def test_jitter_is_read_off_the_slope() -> None:
+    rng = np.random.default_rng(0)
+    t = np.arange(20000) * 1e-3
+    clean = np.sin(2 * np.pi * 2.0 * t)
+    speed = 2 * np.pi * 2.0 * np.cos(2 * np.pi * 2.0 * t)
+    x = clean + speed * 1e-5 * rng.standard_normal(len(t)) + 1e-6 * rng.standard_normal(len(t))
+    good = np.ones(len(t), dtype=bool)
+    assert observed_jitter(x, good, speed, 1e-3) == pytest.approx(1e-5, rel=0.2)
+
+
+def test_the_lattice_of_a_coarse_channel_is_found() -> None:
+    x = np.cumsum(np.random.default_rng(0).standard_normal(4000)) * 1e-3
+    assert lattice_step(2.5e-3 * np.round(x / 2.5e-3)) == pytest.approx(2.5e-3, rel=1e-6)
+    assert lattice_step(x) == 0.0
+
+
+def test_noise_in_the_path_does_not_wear_the_memory_of_a_spring_down() -> None:
+    t = np.arange(4000) * 1e-3
+    path = 2e-3 * np.sin(2 * np.pi * 1.5 * t)
+    noisy = path + 7e-6 * np.random.default_rng(0).standard_normal(len(t))
+    fields = dict(NEUTRAL) | {"k_b": 0.0, "d_gl": 0.0, "hyst": 1.0, "hyst_z": 5e-4}
+    expected = slip(path, 5e-4, 2.0)
+    assert np.std(spring_torque(fields, noisy, 1e-3) - expected) < 0.03
+
+
+@pytest.mark.parametrize("exponent", [0.0, 1.0, 2.0])
+def test_a_hysteresis_stays_within_its_limits_and_encloses_an_area(exponent: float) -> None:
+    x = 3e-3 * np.sin(np.linspace(0, 4 * np.pi, 4000))
+    z = slip(x, 5e-4, exponent)
+    assert np.abs(z).max() <= 1.0 + 1e-9
+    assert np.trapezoid(z[2000:], x[2000:]) > 0.0
+
+
+def test_a_shift_by_whole_samples_is_exact_and_by_parts_nearly() -> None:
+    x = np.sin(np.arange(300) * 0.05)
+    assert shifted(x, 3.0)[:250] == pytest.approx(x[3:253])
+    assert shifted(x, 0.5)[5:250] == pytest.approx(
+        np.sin((np.arange(5, 250) + 0.5) * 0.05), abs=1e-6
+    )
+
+
+def test_the_mean_over_an_interval_of_a_sine_is_its_integral() -> None:
+    t = np.arange(200) * 1e-3
+    w = 2 * np.pi * 40.0
+    exact = (np.cos(w * t) - np.cos(w * (t + 1e-3))) / (w * 1e-3)
+    assert smooth_mean(np.sin(w * t))[2:190] == pytest.approx(exact[2:190], abs=1e-4)
+
+
+def test_angles_of_a_second_record_count_from_the_zeros_of_the_first() -> None:
+    record = simulate(seconds=1.0)
+    moved = record.with_columns({"q_m": record["q_m"] + 0.7})
+    first = to_series(record, nominal())
+    second = to_series(moved, nominal(), first.zero)
+    assert second["q_m"][0] - first["q_m"][0] == pytest.approx(0.7)
+
+
+def test_uneven_times_are_put_on_an_even_grid() -> None:
+    record = simulate(seconds=1.0)
+    keep = np.ones(len(record), dtype=bool)
+    keep[400:420] = False
+    columns = {name: record[name][keep] for name in record.columns}
+    t = (np.arange(len(record)) * 1e-3)[keep]
+    uneven = Record(columns | {"t": t}, dict(record.units) | {"t": "s"}, dt=1e-3)
+    series = to_series(uneven, nominal())
+    assert len(series) == len(record)
+    assert not series.valid["q_m"][405:415].any()
+
+
+def test_a_record_driven_by_nothing_is_refused() -> None:
+    record = simulate(seconds=1.0)
+    bare = Record({"q_m": record["q_m"]}, {"q_m": "rad"}, dt=1e-3)
+    with pytest.raises(RecordError, match="drives the joint"):
+        to_series(bare, nominal())
+
+
+def test_derivatives_only_fill_the_stages_that_a_number_touches() -> None:
+    setting = make_setting(simulate(seconds=1.0), nominal(), get_structure(FIXED))
+    problem = Problem.of(Stages(setting))
+    z = np.zeros(len(problem.shared))
+    residuals = problem.residuals(Model(), z)
+    jacobian = problem.jacobian(Model(), z, residuals)
+    for column, nuisance in enumerate(problem.shared):
+        for stage in problem.stages.names:
+            if stage not in nuisance.stages:
+                assert not jacobian[stage][:, column].any()
+
+
+def test_a_replay_follows_an_independent_simulation() -> None:
+    record = simulate(seconds=2.0)
+    setting = make_setting(record, nominal(), get_structure(FIXED))
+    fields = dict(setting.nominal) | {"w_i": 1.0}
+    error = replay(setting, fields)["tau"] - record["tau"]
+    assert np.std(error) < 0.02 * np.std(record["tau"])
