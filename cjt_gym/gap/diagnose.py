@@ -125,14 +125,26 @@ def explain(setting: Setting) -> Explanation:
     until = time.perf_counter() + PATIENCE
     selection = Selection(problem, hypotheses(setting, problem.stages.names), base, until=until)
     fit = simplify(problem, selection.run(), selection.candidates)
-    if "drive" in fit.residuals and (noisy := noisy_current(setting, fit.residuals["drive"])):
-        sensors = (*sensors, noisy)
+    late = _found_late(setting, fit, sensors)
+    if late:
+        sensors = (*sensors, *late)
         problem, base = _without_effects(with_findings(setting, sensors))
         fit = retuned(problem, fit)
     coarse = any(finding.name == "quantization" for finding in sensors)
     fit, needs = prune(problem, fit, COARSE_STRAIN if coarse else STRAIN)
     left = leftovers(base, fit)
     return Explanation(problem, base, fit, tuple(needs), tuple(selection.seen), left, sensors)
+
+
+def _found_late(
+    setting: Setting, fit: Fit, known: tuple[SensorFinding, ...]
+) -> tuple[SensorFinding, ...]:
+    """Return noisy channels that show themselves only when the effects are out of the way."""
+    found = list(sensor_findings(setting, fit.residuals))
+    if "drive" in fit.residuals and (noisy := noisy_current(setting, fit.residuals["drive"])):
+        found.append(noisy)
+    channels = {finding.channel for finding in known}
+    return tuple(f for f in found if f.name == "noise" and f.channel not in channels)
 
 
 def _without_effects(setting: Setting) -> tuple[Problem, Fit]:

@@ -348,6 +348,11 @@ class Stages:
         std = _std(chain, k, torque, s.std(channel))
         shaken = s.noise[channel].jitter * s.series.speed(channel)
         variance = std[0] ** 2 + shaken**2
+        if name == "motor" and "i" in s.series:
+            torque_slope = fields["n"] * fields["k_t"] * s.series.speed("i")
+            response = torque_response(chain, k, MOTOR)
+            early = s.noise["i"].jitter * torque_slope
+            variance += fftconvolve(early**2, response**2)[: len(early)]
         if s.cut_at_spring:
             late = s.noise["tau"].jitter * s.series.speed("tau")
             response = torque_response(chain, k, GEAR if name == "motor" else LOAD)
