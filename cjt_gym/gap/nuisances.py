@@ -15,6 +15,8 @@ LATE = 2e-5
 """Deviation of the lateness of one channel against another [s]."""
 CURRENT_OFFSET, TORQUE_OFFSET = 0.35, 0.75
 """Deviation of a sensor's offset, in units of its noise."""
+USUAL_CURRENT, USUAL_TORQUE = 0.004, 0.03
+"""Deviation that the offsets of current [A] and torque [N m] have at least."""
 LAG_TOLERANCE = 0.2
 HELD = 0.3
 """Deviation of the instant at which a drive takes its command over, in samples."""
@@ -109,7 +111,7 @@ def _offsets(setting: Setting) -> list[Nuisance]:
     series = setting.series
     rows = []
     if "i" in series:
-        scale = CURRENT_OFFSET * setting.std("i")
+        scale = max(CURRENT_OFFSET * setting.std("i"), USUAL_CURRENT)
         rows.append(_offset("i_0", "A", 0.0, scale, ("drive", "motor")))
         rows.append(
             _offset("w_i", "-", _current_weight(setting.nominal, series.dt), 0.3, ("motor",))
@@ -127,7 +129,7 @@ def _offsets(setting: Setting) -> list[Nuisance]:
         delay = Unknown("delay", "s", start, HELD * dt, low=start, high=start + dt)
         rows.append(Nuisance("delay", delay, ("drive",) if "i" in series else ("motor",)))
     if setting.cut_at_spring:
-        scale = TORQUE_OFFSET * setting.std("tau")
+        scale = max(TORQUE_OFFSET * setting.std("tau"), USUAL_TORQUE)
         rows.append(_offset("tau_0", "N m", 0.0, scale, ("motor", "transmission", "load")))
         rows.append(_offset("skew", "s", 0.0, LATE, ("transmission",)))
     if setting.has_spring:

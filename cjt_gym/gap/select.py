@@ -128,7 +128,7 @@ class Selection:
         used = {h.key for h in fit.model.effects}
         free = [h for h in pool if h.key not in used and compatible(fit.model, h)]
         look = self._look(fit)
-        quick = []
+        quick: list[Fit] = []
         for effect in free:
             if time.perf_counter() > self.until and quick:
                 break
