@@ -7,6 +7,7 @@ from cjt_gym.joint.configure import EffectValue, typical_value
 from tools.effects_page.bench import JOINT
 
 FILE = load_joint_file(JOINT)
+LONGEST = 100  # characters of a line
 
 
 def values(effect: Effect) -> dict[str, EffectValue]:
@@ -36,10 +37,13 @@ def python_snippet(effect: Effect) -> str:
     if effect.needs == "fixed_load":
         words.append('structure="output_fixed"')
     inside = ", ".join(f'"{symbol}": {_number(x)}' for symbol, x in values(effect).items())
-    words.append(f'effects={{"{effect.name}": {{{inside}}}}}')
+    chosen = f'"{effect.name}": {{{inside}}}'
+    words.append(f"effects={{{chosen}}}")
     line = f"joint = load_joint({', '.join(words)})"
     if len(line) <= 80:
         return f"{line}\n"
+    if len(words[-1]) + 5 > LONGEST:
+        words[-1] = f"effects={{\n        {chosen}\n    }}"
     return "joint = load_joint(\n" + "".join(f"    {word},\n" for word in words) + ")\n"
 
 
