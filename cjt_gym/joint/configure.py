@@ -17,6 +17,7 @@ from cjt_gym.errors import ParameterError, unknown_name
 from cjt_gym.joint.drives import NEEDED_PARAMETERS
 from cjt_gym.joint.effects import EFFECTS, PLACES, Effect, EffectParameter, body_of
 from cjt_gym.joint.files import JointFile
+from cjt_gym.joint.parameter_table import axis_units
 from cjt_gym.joint.parameters import JointParameters, Quantity
 from cjt_gym.joint.ripple import ripple_rows
 from cjt_gym.joint.structures import Structure
@@ -74,6 +75,8 @@ def resolve_effects(
                 f"Effect {name} of {file.parameters.origin} needs {PLACES[effect.needs]}, got "
                 f"structure {structure.name} with drive {drive}. Leave it out or choose another."
             )
+        if name not in given and _lacks_nominal(effect, file.parameters):
+            continue
         rivals = [other for other in effect.excludes if other in chosen or other in given]
         if rivals and name not in given:
             continue
@@ -98,12 +101,24 @@ def resolve_effects(
     return resolved
 
 
+def _lacks_nominal(effect: Effect, p: JointParameters) -> bool:
+    """Whether it replaces a parameter that the joint does not have."""
+    replaced = [x.relative_to for x in effect.parameters if x.replaces and x.low > 0.0]
+    return any(p.get(name or "", 0.0) == 0.0 for name in replaced)
+
+
 def _requested(spec: EffectSpec, file: JointFile) -> dict[str, Mapping[str, Any]]:
     if spec is None:
         spec = file.effects
     elif isinstance(spec, str):
         spec = [spec]
     if isinstance(spec, Mapping):
+        for name, values in spec.items():
+            if not isinstance(values or {}, Mapping):
+                raise ParameterError(
+                    f"Effect {name} of {file.parameters.origin} takes a mapping of its parameters "
+                    f"to values, got {values!r}. Write {{'{name}': {{'parameter': value}}}}."
+                )
         return {name: values or {} for name, values in spec.items()}
     return {name: {} for name in spec}
 
@@ -129,6 +144,7 @@ def _share(
 def _resolve_one(
     effect: Effect, values: Mapping[str, Any], file: JointFile, *, typical: bool
 ) -> EffectValues:
+    _check_units(effect, file)
     merged = {**_plain(effect, file.effects.get(effect.name, {})), **_plain(effect, values)}
     body = merged.pop("body", None)
     if body is not None and (body not in effect.bodies):
@@ -150,6 +166,20 @@ def _resolve_one(
         result[parameter.symbol] = _checked(effect, parameter, value, file)
     _check_whole(effect, result, set(effect.size) if typical else set(merged), file)
     return result
+
+
+def _check_units(effect: Effect, file: JointFile) -> None:
+    """Refuse a value of the joint file in another unit than the table's."""
+    for symbol, quantity in file.effects.get(effect.name, {}).items():
+        parameter = effect.parameter(symbol)
+        if parameter is None or not isinstance(quantity, Quantity):
+            continue
+        allowed = {parameter.unit, *axis_units(parameter.unit, file.parameters.axis)}
+        if quantity.unit not in allowed:
+            raise ParameterError(
+                f"{effect.name}.{symbol} of {file.parameters.origin} must be in "
+                f"{' or '.join(sorted(allowed))}, got {quantity.unit!r}. Convert it."
+            )
 
 
 def _plain(effect: Effect, values: Mapping[str, Any]) -> dict[str, Any]:
@@ -188,6 +218,8 @@ def typical_value(parameter: EffectParameter, p: JointParameters) -> EffectValue
     }.get(parameter.typical_of)
     if scale is None:
         scale = p.get(parameter.typical_of, 1.0)
+    if parameter.relative_to is not None and parameter.typical == 0.0:
+        return p.get(parameter.relative_to, 0.0)
     if isinstance(parameter.typical, tuple):
         return tuple(scale * x for x in parameter.typical)
     return scale * parameter.typical

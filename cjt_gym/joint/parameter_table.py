@@ -17,6 +17,7 @@ __all__ = [
     "SAMPLING_UNITS",
     "SENSOR_KEYS",
     "ParameterSpec",
+    "axis_units",
     "sensor_unit",
     "sensor_units",
 ]
@@ -167,6 +168,11 @@ _CHANNEL_UNITS: Mapping[str, str] = {
     "i": "A",
     "v": "V",
 }
+
+
+def axis_units(unit: str, axis: str) -> tuple[str, ...]:
+    """Return what a unit of a rotary joint may be on this kind of axis."""
+    return _axis_units(unit)[axis]
 
 
 def sensor_units(axis: str) -> dict[str, tuple[str, ...]]:

@@ -57,7 +57,7 @@ from cjt_gym.joint.friction import (
 from cjt_gym.joint.load_forces import has_load_force, load_force
 from cjt_gym.joint.springs import BAR, added_torque, is_nonlinear
 
-SWEEPS = 40
+SWEEPS = 30
 NEWTON = 20
 HELD, SMOOTH = 0.0, 2.0  # modes of a coordinate; else the direction in which it slides
 ITERATIONS = 60

@@ -27,7 +27,7 @@ from cjt_gym.joint.discretize import SCRATCH, discretize
 from cjt_gym.joint.resist import prepare
 from cjt_gym.joint.substep import substep
 
-HALVINGS = 8
+HALVINGS = 5
 MATRIX = 48  # numbers of a matrix in the scratch rows, of 6 x 6 at most
 
 

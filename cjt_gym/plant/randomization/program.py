@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.joint import Joint
+from cjt_gym.joint import EFFECTS, Joint
 from cjt_gym.joint.batch import CHANNEL_DELAYS, DELAYS
 from cjt_gym.joint.configure import FIELDS
 from cjt_gym.plant.randomization import draw as columns
@@ -115,8 +115,18 @@ def exact_plan(joint: Joint, values: Mapping[str, float], dt: float) -> Plan:
         UnknownNameError: A name is not a parameter of the joint or of an active effect.
         ConfigurationError: A value is not finite or out of its domain.
     """
+    if not isinstance(values, Mapping):
+        raise ConfigurationError(
+            f"Exact parameters are a mapping of names to values, got {values!r}."
+        )
     variations = {}
     for name, value in values.items():
+        for effect in joint.effects:
+            if any(p.replaces and p.symbol == name for p in EFFECTS[effect].parameters):
+                raise ConfigurationError(
+                    f"{name} of {joint.parameters.name} is replaced by effect {effect}. Give "
+                    f"{effect}.{name}."
+                )
         try:
             variations[name] = constant(value)
         except ConfigurationError:
