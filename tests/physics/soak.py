@@ -35,6 +35,7 @@ from cjt_gym.joint.arrays import K_M, TREMOR, VOLUNTARY
 from cjt_gym.joint.batch import longest_substep
 from tests.physics.cases import DT, EPS, Floats, Trace, traced
 
+MOST_SUBSTEPS = 100  # of a drive with inductance that asks for more, another joint is drawn
 STEPS = 500
 LINEAR_ONLY = ("emps",)  # no spring is known of it
 FEEDBACK = ("gear_ripple",)  # a share of the transmitted torque comes back, of either sign
@@ -199,6 +200,8 @@ def random_case(rng: Random) -> Case:
         x0[5] = 0.0
     seed = int(rng.integers(2**31))
     substeps = max(int(rng.integers(1, 11)), math.ceil(1.5 * DT / longest_substep(joint)))
+    if substeps > MOST_SUBSTEPS:
+        return random_case(rng)
     return Case(joint, substeps, commands, load, x0, seed, voltage)
 
 
