@@ -5,13 +5,15 @@ counted (Numba's option `_nrt`), which makes small functions several times faste
 `compiled`.
 
 Numba renews a cached function when its own file changes, not when a function that it calls
-does. So the cache of the whole package is forgotten when any of its compiled files changes.
+does. So the cache of the whole package is forgotten when a file with compiled functions changes,
+or one whose constants they read.
 """
 
 from __future__ import annotations
 
 import contextlib
 import hashlib
+import re
 from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
@@ -44,13 +46,24 @@ def _folders() -> list[Path]:
     return [Path(spec.origin).parent for spec in found if spec is not None and spec.origin]
 
 
+def _sources(folders: list[Path]) -> list[Path]:
+    """Return the files with compiled functions, and all those from which these import."""
+    texts = {path: path.read_text("utf-8") for folder in folders for path in folder.rglob("*.py")}
+    names = {".".join(path.with_suffix("").parts[-2:]): path for path in texts}
+    found = [path for path, text in texts.items() if f"from {__name__} import" in text]
+    for path in found:  # grows while it is read
+        for module in re.findall(r"^from (cjt_gym[.\w]+) import", texts[path], re.MULTILINE):
+            other = names.get(".".join(module.split(".")[-2:]))
+            if other is not None and other not in found:
+                found.append(other)
+    return sorted(found)
+
+
 def forget_stale_code() -> None:
     """Delete the cached code if a source file differs from when it was written."""
     folders = _folders()
     states = [
-        (path.name, path.stat().st_mtime_ns, path.stat().st_size)
-        for folder in folders
-        for path in sorted(folder.rglob("*.py"))
+        (path.name, path.stat().st_mtime_ns, path.stat().st_size) for path in _sources(folders)
     ]
     stamp = hashlib.sha256(repr(states).encode()).hexdigest()
     home = Path(__file__).parent / "__pycache__" / STAMP
