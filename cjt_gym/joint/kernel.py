@@ -11,6 +11,7 @@ from cjt_gym.joint.arrays import (
     ACTIVE,
     LATE_SUB,
     LINEAR,
+    LOOPS,
     MESHES,
     REMEMBERS,
     RESISTS,
@@ -30,6 +31,7 @@ from cjt_gym.joint.compiled import compiled, lean
 from cjt_gym.joint.disturbance import disturbed_load, is_disturbed
 from cjt_gym.joint.drives import CURRENT
 from cjt_gym.joint.heat import cool, warm
+from cjt_gym.joint.mesh import loops, meshes
 from cjt_gym.joint.resist import prepare
 from cjt_gym.joint.sensing import (
     condition_command,
@@ -52,13 +54,10 @@ def throw_switches(p: Any, ripple: Floats, setup: Setup, work: Floats) -> None:
         work[SWITCH, column] = 0.0
     if not setup.is_voltage and (p.current_rate > 0.0 or p.current_bandwidth > 0.0):
         work[SWITCH, SHAPES] = 1.0
-    if (
-        ripple.shape[0] > 0
-        or p.offset_a != 0.0
-        or p.offset_b != 0.0
-        or p.mu_m + p.mu_g + p.mu_l > 0.0
-    ):
+    if meshes(p, ripple):
         work[SWITCH, MESHES] = 1.0
+    if loops(p, ripple, setup):
+        work[SWITCH, LOOPS] = work[SWITCH, RESISTS] = 1.0
     if p.sigma_m + p.sigma_g + p.sigma_l > 0.0 or p.tau_h > 0.0:
         work[SWITCH, REMEMBERS] = 1.0
     for g in range(setup.size):

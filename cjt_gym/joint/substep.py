@@ -14,16 +14,12 @@ from cjt_gym.joint.arrays import (
     FREE,
     FREE_SPEED,
     K_M,
-    MESH,
+    LOOPS,
     MESHES,
     R_W,
     REMEMBERS,
-    RESIST,
     RESISTS,
-    RIPPLE,
     SHAPES,
-    SPRING,
-    SPRING_ON,
     SWITCH,
     UNSOLVED,
     Floats,
@@ -39,14 +35,8 @@ from cjt_gym.joint.drives import (
     shaped_command,
     static_current,
 )
-from cjt_gym.joint.friction import LOAD, friction
-from cjt_gym.joint.load_forces import has_load_force, load_force
-from cjt_gym.joint.resist import come_to_rest, dry_sum, remember, resist, shift
-from cjt_gym.joint.ripple import ripple_torque
-from cjt_gym.joint.springs import has_play
-
-RIGID_PASSES = 4
-
+from cjt_gym.joint.mesh import rigid_torque, settle_mesh, settle_rigid
+from cjt_gym.joint.resist import come_to_rest, remember, resist, shift
 
 @lean
 def load_state(setup: Setup, state: Floats, x: Floats) -> None:
@@ -74,94 +64,6 @@ def store_state(setup: Setup, x: Floats, load: float, state: Floats) -> None:
         else:
             state[body] = x[setup.size]
             state[3 + body] = load
-
-
-@lean
-def rigid_torque(p: Any, memory: Floats, setup: Setup, load: float, work: Floats) -> float:
-    """Return the mean torque that a rigid joint passed on to its load over a substep [N m]."""
-    v = (work[FREE, 0] - work[X, 0]) / setup.h
-    side = 1.0 if v >= 0.0 else -1.0
-    drag, _ = friction(p, memory, work, LOAD, v, side, setup.h)
-    if v == 0.0 and p.dq_0 == 0.0:
-        total = dry_sum(p, memory, work, setup.groups, 0, side)
-        drag = work[RESIST, 0] * abs(drag) / total if total > 0.0 else 0.0
-    if has_load_force(p):
-        against, _ = load_force(p, work[X, 0], v, setup.h)
-        drag += against
-    acceleration = (work[FREE, 1] - work[X, 1]) / setup.h
-    return float(p.I_l * acceleration + p.d_l * v + drag - load)
-
-
-@lean
-def mesh_torque(p: Any, memory: Floats, setup: Setup, load: float, work: Floats) -> float:
-    """Return the torque that the gear transmits, averaged over the substep [N m].
-
-    Row FREE holds the motion under the resisting torques of the substep before.
-    """
-    one, other, which = setup.groups[0], setup.groups[1], 0
-    stiffness, damping = p.k_g, p.d_mg
-    if one == other:
-        other, which = setup.groups[2], 1
-        stiffness, damping = p.k_b, p.d_gl
-    if one == other:
-        return rigid_torque(p, memory, setup, load, work)
-    if other < 0:
-        other = setup.size
-    start = work[X, one] - work[X, other]
-    end = work[FREE, one] - work[FREE, other]
-    torque = 0.0
-    if not has_play(p, setup.groups, which):
-        torque = stiffness * 0.5 * (start + end) + damping * (end - start) / setup.h
-    if work[SPRING_ON, which] == 1.0:
-        torque += work[SPRING, which]
-    return float(torque)
-
-
-@lean
-def position_torque(
-    p: Any, ripple: Floats, setup: Setup, tau: float, k: float, current: float, work: Floats
-) -> float:
-    """Return the torque on the motor that depends on position, at the middle of the substep."""
-    g = setup.groups[0]
-    row = setup.order - setup.size + g
-    middle = 0.5 * (work[X, g] + work[FREE, g])
-    q_m = middle + 0.125 * setup.h * (work[X, row] - work[FREE, row])
-    return ripple_torque(p, ripple, q_m, tau, k, current)
-
-
-@lean
-def settle_mesh(
-    p: Any,
-    memory: Floats,
-    ripple: Floats,
-    b: Floats,
-    setup: Setup,
-    load: float,
-    current: float,
-    work: Floats,
-) -> None:
-    """Find the torque that the gear transmits and the ripple of a substep, in memory and work.
-
-    What the gear transmits depends on the motion that friction and ripple themselves cause; both
-    are predicted by the substep before, and by a second pass where there was none. A rigid joint
-    transmits a torque that depends on this one at the same instant: it takes more passes, each of
-    which reduces the error by the ripple's share of the torque.
-    """
-    passes = 1 if work[RIPPLE, 1] == 1.0 else 2
-    if setup.groups[0] == setup.groups[2]:
-        passes = RIGID_PASSES
-    work[RIPPLE, 1] = 1.0
-    for _ in range(passes):
-        before = work[RIPPLE, 0]
-        shift(b, setup, -1.0, work)
-        for i in range(setup.order):
-            work[FREE, i] += b[i, 0] * before
-        memory[MESH] = mesh_torque(p, memory, setup, load, work)
-        torque = position_torque(p, ripple, setup, memory[MESH], memory[K_M], current, work)
-        shift(b, setup, 1.0, work)
-        for i in range(setup.order):
-            work[FREE, i] -= b[i, 0] * before
-        work[RIPPLE, 0] = torque
 
 
 @lean
@@ -243,22 +145,26 @@ def substep(
     if drive != STATIC:
         tau_m += k * currents[0]
     free_motion(a, b, setup, tau_m, load, work)
-    if work[SWITCH, MESHES] == 1.0:
-        settle_mesh(p, memory, ripple, b, setup, load, currents[0], work)
-        for i in range(order):
-            work[FREE, i] += b[i, 0] * work[RIPPLE, 0]
-    if work[SWITCH, RESISTS] == 1.0:
-        for g in range(size):
-            work[FREE_SPEED, g] = (work[FREE, g] - work[X, g]) / setup.h
-        solved = resist(p, memory, setup, b, command, load, work)
-        work[SWITCH, UNSOLVED] = 0.0 if solved else 1.0
-        if not (solved or last):
-            return 0.0
-        shift(b, setup, -1.0, work)
-        if p.dq_0 == 0.0:
-            come_to_rest(p, memory, setup, b, work)
-    rigid = setup.groups[1] == setup.groups[2]
-    tau = rigid_torque(p, memory, setup, load, work) if rigid else 0.0
+    if work[SWITCH, LOOPS] == 1.0:
+        solved = settle_rigid(p, memory, ripple, b, setup, command, load, currents[0], work)
+    else:
+        if work[SWITCH, MESHES] == 1.0:
+            settle_mesh(p, memory, ripple, b, setup, currents[0], work)
+        solved = True
+        if work[SWITCH, RESISTS] == 1.0:
+            for g in range(size):
+                work[FREE_SPEED, g] = (work[FREE, g] - work[X, g]) / setup.h
+            solved = resist(p, memory, setup, b, command, load, work)
+            shift(b, setup, -1.0, work)
+    work[SWITCH, UNSOLVED] = 0.0 if solved else 1.0
+    if not (solved or last):
+        return 0.0
+    if work[SWITCH, RESISTS] == 1.0 and p.dq_0 == 0.0:
+        come_to_rest(p, memory, setup, b, work)
+    tau = 0.0
+    if setup.groups[1] == setup.groups[2]:
+        v = (work[FREE, 0] - work[X, 0]) / setup.h
+        tau = rigid_torque(p, memory, setup, command, load, v, work)
     if drive == STATIC:
         g = setup.groups[0]
         v = (work[FREE, g] - work[X, g]) / setup.h

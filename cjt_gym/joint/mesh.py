@@ -1,0 +1,219 @@
+"""The torque that the gear transmits, and what depends on it: ripple and friction under load.
+
+With a spring in the joint the torque follows from its deflection, so that it is known before the
+forces of the substep are. A rigid joint transmits what accelerates its load, which depends on
+friction and ripple at the same instant: an algebraic loop, which is solved.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from cjt_gym.joint.arrays import (
+    FREE,
+    FREE_SPEED,
+    K_M,
+    MESH,
+    RESIST,
+    RIPPLE,
+    SPEED,
+    SPRING,
+    SPRING_ON,
+    Floats,
+    Setup,
+    X,
+)
+from cjt_gym.joint.compiled import lean
+from cjt_gym.joint.friction import LOAD, dry_level, friction
+from cjt_gym.joint.load_forces import has_load_force, load_force
+from cjt_gym.joint.resist import dry_sum, resist, resistance, shift
+from cjt_gym.joint.ripple import GEAR, KIND, ripple_torque
+from cjt_gym.joint.springs import has_play
+
+PASSES = 40
+SETTLED, LEAST = 1e-9, 1e-9  # error of the transmitted torque, relative and in [N m]
+
+
+@lean
+def meshes(p: Any, ripple: Floats) -> bool:
+    """Whether there is a ripple, or friction that grows with the transmitted torque."""
+    return bool(
+        ripple.shape[0] > 0
+        or p.offset_a != 0.0
+        or p.offset_b != 0.0
+        or p.mu_m + p.mu_g + p.mu_l > 0.0
+    )
+
+
+@lean
+def loops(p: Any, ripple: Floats, setup: Setup) -> bool:
+    """Whether the transmitted torque depends on itself: the joint is rigid."""
+    if setup.groups[0] != setup.groups[2]:
+        return False
+    feeds_back = bool(p.mu_m + p.mu_g + p.mu_l > 0.0)
+    for row in range(ripple.shape[0]):
+        feeds_back = feeds_back or ripple[row, KIND] == GEAR
+    return feeds_back
+
+
+@lean
+def held_friction(p: Any, memory: Floats, setup: Setup, command: float, work: Floats) -> float:
+    """Return the load's part in the dry friction that holds a rigid joint at rest [N m].
+
+    Friction at rest is known only as a sum; the bodies share it in proportion to their levels.
+    """
+    rest, _ = resistance(p, memory, setup, work, 0, command, 0.0, 1.0)
+    hold = work[RESIST, 0] - rest + dry_sum(p, memory, work, setup.groups, 0, 1.0)
+    side = 1.0 if hold >= 0.0 else -1.0
+    own = dry_level(p, memory, work, LOAD, side)
+    if own == 0.0:
+        drag, _ = friction(p, memory, work, LOAD, 0.0, side, setup.h)
+        return float(drag)
+    return float(hold * own / dry_sum(p, memory, work, setup.groups, 0, side))
+
+
+@lean
+def rigid_torque(
+    p: Any, memory: Floats, setup: Setup, command: float, load: float, v: float, work: Floats
+) -> float:
+    """Return the mean torque that a rigid joint passed on to its load over a substep [N m].
+
+    Args:
+        p: Parameter record.
+        memory: What its effects remember.
+        setup: What the batch shares.
+        command: Current [A] or voltage [V].
+        load: Load torque [N m].
+        v: Mean velocity, exactly zero where friction holds the joint [rad/s].
+        work: Scratch rows, with the end of the substep in row FREE.
+    """
+    if v == 0.0 and p.dq_0 == 0.0:
+        drag = held_friction(p, memory, setup, command, work)
+    else:
+        drag, _ = friction(p, memory, work, LOAD, v, 1.0 if v >= 0.0 else -1.0, setup.h)
+    if has_load_force(p):
+        against, _ = load_force(p, work[X, 0], v, setup.h)
+        drag += against
+    acceleration = (work[FREE, 1] - work[X, 1]) / setup.h
+    return float(p.I_l * acceleration + p.d_l * v + drag - load)
+
+
+@lean
+def mesh_torque(p: Any, setup: Setup, work: Floats) -> float:
+    """Return the torque that a gear with a spring transmits, averaged over the substep [N m].
+
+    Row FREE holds the motion under the resisting torques of the substep before.
+    """
+    one, other, which = setup.groups[0], setup.groups[1], 0
+    stiffness, damping = p.k_g, p.d_mg
+    if one == other:
+        other, which = setup.groups[2], 1
+        stiffness, damping = p.k_b, p.d_gl
+    if one == other:
+        return 0.0
+    if other < 0:
+        other = setup.size
+    start = work[X, one] - work[X, other]
+    end = work[FREE, one] - work[FREE, other]
+    torque = 0.0
+    if not has_play(p, setup.groups, which):
+        torque = stiffness * 0.5 * (start + end) + damping * (end - start) / setup.h
+    if work[SPRING_ON, which] == 1.0:
+        torque += work[SPRING, which]
+    return float(torque)
+
+
+@lean
+def middle_angle(setup: Setup, work: Floats) -> float:
+    """Return the motor angle in the middle of the substep [rad]."""
+    g = setup.groups[0]
+    row = setup.order - setup.size + g
+    middle = 0.5 * (work[X, g] + work[FREE, g])
+    return float(middle + 0.125 * setup.h * (work[X, row] - work[FREE, row]))
+
+
+@lean
+def settle_mesh(
+    p: Any, memory: Floats, ripple: Floats, b: Floats, setup: Setup, current: float, work: Floats
+) -> None:
+    """Find the torque that the gear transmits and the ripple, in memory and work; add the ripple.
+
+    What the gear transmits depends on the motion that friction and ripple themselves cause; both
+    are predicted by the substep before, and by a second pass where there was none.
+    """
+    for _ in range(1 if work[RIPPLE, 1] == 1.0 else 2):
+        before = work[RIPPLE, 0]
+        shift(b, setup, -1.0, work)
+        for i in range(setup.order):
+            work[FREE, i] += b[i, 0] * before
+        memory[MESH] = mesh_torque(p, setup, work)
+        q_m = middle_angle(setup, work)
+        work[RIPPLE, 0] = ripple_torque(p, ripple, q_m, memory[MESH], memory[K_M], current)
+        work[RIPPLE, 1] = 1.0
+        shift(b, setup, 1.0, work)
+        for i in range(setup.order):
+            work[FREE, i] -= b[i, 0] * before
+    for i in range(setup.order):
+        work[FREE, i] += b[i, 0] * work[RIPPLE, 0]
+
+
+@lean
+def settle_rigid(
+    p: Any,
+    memory: Floats,
+    ripple: Floats,
+    b: Floats,
+    setup: Setup,
+    command: float,
+    load: float,
+    current: float,
+    work: Floats,
+) -> bool:
+    """Find the motion of a rigid joint together with the torque that it transmits.
+
+    Let T(tau) be what the joint transmits when friction and ripple are those of a torque tau.
+    Friction of a large tau holds the joint, and ripple is less than all of it, so that T(tau) - tau
+    changes sign; secant steps within a bracket find where it vanishes. There it falls
+    with a slope of -1 -+ mu, so that the solution is the only one while the bodies' mu add up to
+    less than 1. Beyond that the joint may both jam and slide (the paradox of Painleve); what is
+    found then is near the torque of the substep before. The ripple is that of the angle which the
+    first pass finds.
+
+    Returns:
+        Whether it was found; then row FREE holds the end of the substep.
+
+    References:
+        Brent (1973), Algorithms for Minimization without Derivatives, chapter 4; Genot,
+        Brogliato (1999), European Journal of Mechanics A/Solids 18(4).
+    """
+    q, dq = work[FREE, 0], work[FREE, 1]
+    shift(b, setup, -1.0, work)
+    low, high = -math.inf, math.inf
+    tau = memory[MESH]
+    last_tau, last_gap, q_m = tau, 0.0, 0.0
+    for n in range(PASSES):
+        memory[MESH] = tau
+        if n < 2:
+            q_m = middle_angle(setup, work)
+        torque = ripple_torque(p, ripple, q_m, tau, memory[K_M], current)
+        work[FREE, 0], work[FREE, 1] = q + b[0, 0] * torque, dq + b[1, 0] * torque
+        work[FREE_SPEED, 0] = (work[FREE, 0] - work[X, 0]) / setup.h
+        if not resist(p, memory, setup, b, command, load, work):
+            return False
+        shift(b, setup, -1.0, work)
+        gap = rigid_torque(p, memory, setup, command, load, work[SPEED, 0], work) - tau
+        if n > 0 and abs(gap) <= SETTLED * abs(tau) + LEAST:
+            return True
+        if n > 0 and gap > 0.0:
+            low = tau
+        elif n > 0:
+            high = tau
+        slope = -1.0
+        if n > 0 and tau != last_tau:
+            slope = (gap - last_gap) / (tau - last_tau)
+        new = tau - gap / slope if slope < 0.0 else tau + gap
+        if not low < new < high or n % 4 == 3:
+            new = 0.5 * (low + high) if high - low < math.inf else tau + 2.0 * gap
+        last_tau, last_gap, tau = tau, gap, new
+    return False
