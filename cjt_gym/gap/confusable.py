@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from cjt_gym.gap.fit import Fit, Problem
+from cjt_gym.gap.prune import SIMPLER
 from cjt_gym.gap.select import evidence
 
 NEAR = 25.0
@@ -43,8 +44,9 @@ def rivals(problem: Problem, base: Fit, fit: Fit, index: int, seen: Sequence[Fit
     limit = max(NEAR, SHARE * (own - evidence(problem, base)))
     names: dict[str, float] = {}
     for other in seen:
+        keys = {e.key for e in other.model.effects}
         extra = [e for e in other.model.effects if e.key not in rest]
-        if len(extra) != 1 or len(other.model.effects) != len(effects):
+        if len(extra) != 1 or effects[index].key in keys or len(rest - keys) > 1:
             continue
         gap = own - evidence(problem, other)
         if extra[0].name != effects[index].name and gap < limit:
@@ -53,9 +55,19 @@ def rivals(problem: Problem, base: Fit, fit: Fit, index: int, seen: Sequence[Fit
 
 
 def best_rival(problem: Problem, fit: Fit, index: int, seen: Sequence[Fit]) -> float:
-    """Return the evidence of the best fit without one of a model's effects."""
-    key = fit.model.effects[index].key
-    others = [evidence(problem, f) for f in seen if all(e.key != key for e in f.model.effects)]
+    """Return the evidence of the best fit without one of a model's effects.
+
+    A law that contains the effect as a special case, and was found to do no better, is no rival.
+    """
+    effect = fit.model.effects[index]
+    split = problem.stages.setting.current_unspecified and effect.name == "torque_offset"
+    richer = {name for name, simpler in SIMPLER.items() if effect.name in simpler}
+    richer |= {"coulomb_asym", "viscous_asym"} if split else set()
+    others = [
+        evidence(problem, f)
+        for f in seen
+        if all(e.key != effect.key and e.name not in richer for e in f.model.effects)
+    ]
     return max(others, default=-1e9)
 
 

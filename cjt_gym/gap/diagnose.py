@@ -25,7 +25,8 @@ from cjt_gym.gap.fit import Fit, Model, Problem, retuned
 from cjt_gym.gap.hypotheses import hypotheses
 from cjt_gym.gap.intervals import covariance, effect_intervals
 from cjt_gym.gap.localize import regimes
-from cjt_gym.gap.prune import COARSE_STRAIN, STRAIN, Need, prune, simplify
+from cjt_gym.gap.process import allow_for_colour
+from cjt_gym.gap.prune import COARSE_STRAIN, STRAIN, Need, prune, simplify, split_asymmetry
 from cjt_gym.gap.select import Selection, evidence
 from cjt_gym.gap.sensing import (
     SensorFinding,
@@ -125,6 +126,9 @@ def explain(setting: Setting) -> Explanation:
     until = time.perf_counter() + PATIENCE
     selection = Selection(problem, hypotheses(setting, problem.stages.names), base, until=until)
     fit = simplify(problem, selection.run(), selection.candidates)
+    if setting.current_unspecified:
+        fit = split_asymmetry(problem, fit, selection.candidates)
+        selection.seen.append(fit)
     late = _found_late(setting, fit, sensors)
     if late:
         sensors = (*sensors, *late)
@@ -150,7 +154,11 @@ def _found_late(
 def _without_effects(setting: Setting) -> tuple[Problem, Fit]:
     """Return the problem of a record, and its fit without any effect."""
     problem = Problem.of(Stages(setting))
-    return problem, retuned(problem, problem.fit(Model(), np.zeros(len(problem.shared))))
+    base = retuned(problem, problem.fit(Model(), np.zeros(len(problem.shared))))
+    if setting.current_unspecified:
+        allow_for_colour(problem.stages, base.mean_square["motor"])
+        base = retuned(problem, base)
+    return problem, base
 
 
 def _as_list(records: Record | Sequence[Record]) -> list[Record]:

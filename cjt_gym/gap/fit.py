@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.hypotheses import Hypothesis
 from cjt_gym.gap.nuisances import Nuisance, nuisances
+from cjt_gym.gap.process import process_torque
 from cjt_gym.gap.stages import Stages
 from cjt_gym.gap.unknowns import Unknown
 
@@ -95,7 +96,10 @@ class Problem:
         """Return the problem of a record; its predictors are tuned to the nominal joint."""
         problem = cls(stages, nuisances(stages.setting, stages.names))
         fields = problem.fields(Model(), np.zeros(len(problem.shared)))
-        stages.tune(fields)
+        if stages.setting.current_unspecified:
+            process_torque(stages, fields)
+        else:
+            stages.tune(fields)
         problem.counts = {
             name: int(np.count_nonzero(stages.residual(name, fields))) for name in stages.names
         }

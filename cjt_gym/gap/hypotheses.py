@@ -250,6 +250,7 @@ def _damping(setting: Setting, size: Scales, body: str) -> Hypothesis:
     start = setting.nominal[f"d_{body}"]
     if body == "m" and not setting.has_gear:
         start += setting.nominal["d_g"]
+        start += 0.0 if setting.has_spring else setting.nominal["d_l"]
     total = Unknown(f"d_{body}", unit, start, typical, low=-start)
 
     def apply(f: Fields, v: Values) -> None:
@@ -482,21 +483,22 @@ def _load(setting: Setting, size: Scales) -> list[Hypothesis]:
     touches = ("load",) if setting.cut_at_spring else ("motor",)
     if not setting.cut_at_spring:
         if not setting.has_spring:
-            return []
+            turns = setting.joint.parameters.axis == "revolute"
+            return [_gravity(size.torque, touches)] if turns else []
         return [_released(setting, "I_l", "load_inertia", "load", "I_l")]
     rows = [_released(setting, "I_l", "load_inertia", "load", "I_l")]
     rows += _friction_of(setting, size, "l", "load", touches)
     torque = max(float(np.std(setting.series["tau"])), 1e-9)
-    a, b = Unknown("a", "N m", 0.0, torque), Unknown("b", "N m", 0.0, torque)
-    rows.append(
-        Hypothesis(
-            "gravity",
-            "load",
-            (a, b),
-            lambda f, v: f.update(grav_a=v["a"], grav_b=v["b"]),
-            touches,
-            starts=((0.0, 0.0),),
-            family="load",
-        )
+    return [*rows, _gravity(torque, touches)]
+
+
+def _gravity(torque: float, touches: tuple[str, ...]) -> Hypothesis:
+    return Hypothesis(
+        "gravity",
+        "load",
+        (Unknown("a", "N m", 0.0, torque), Unknown("b", "N m", 0.0, torque)),
+        lambda f, v: f.update(grav_a=v["a"], grav_b=v["b"]),
+        touches,
+        starts=((0.0, 0.0),),
+        family="load",
     )
-    return rows

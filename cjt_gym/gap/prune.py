@@ -19,6 +19,8 @@ COARSE_STRAIN = 24.0
 """The same where a channel is coarse, whose rounding errors are no white noise."""
 SAME = 0.03
 """Part of a residual, in log, by which a more complicated law must do better."""
+NEAR = 25.0
+"""Evidence within which two explanations are equally good."""
 SLACK = 10.0
 """Evidence that the simpler law may lose."""
 SIMPLER: Mapping[str, tuple[str, ...]] = {
@@ -110,10 +112,34 @@ def simplify(problem: Problem, fit: Fit, candidates: tuple[Hypothesis, ...]) -> 
     return fit
 
 
-def _swapped(problem: Problem, fit: Fit, index: int, effect: Hypothesis) -> Fit:
+def split_asymmetry(problem: Problem, fit: Fit, candidates: tuple[Hypothesis, ...]) -> Fit:
+    """Return the model with equal Coulomb levels and an offset where these do as well.
+
+    While a body moves, unequal levels are equal ones and a constant torque. Where nothing states
+    how exact the command is, an offset of the amplifier is the likelier of the two.
+    """
+    for index, effect in enumerate(fit.model.effects):
+        if effect.name == "coulomb_asym":
+            pair = [
+                h
+                for h in candidates
+                if (h.name == "coulomb" and h.body == effect.body) or h.name == "torque_offset"
+            ]
+            if len(pair) == 2 and not any(h in fit.model.effects for h in pair):
+                trial = _swapped(problem, fit, index, *pair)
+                if loss(problem, trial, fit) < NEAR:
+                    return trial
+    return fit
+
+
+def _swapped(problem: Problem, fit: Fit, index: int, *effects: Hypothesis) -> Fit:
     less = without(problem, fit, index)
-    start = [u.coordinate(x) for u, x in zip(effect.unknowns, effect.starts[0], strict=True)]
-    model = Model((*less.model.effects, effect))
+    start = [
+        u.coordinate(x)
+        for effect in effects
+        for u, x in zip(effect.unknowns, effect.starts[0], strict=True)
+    ]
+    model = Model((*less.model.effects, *effects))
     return problem.fit(model, np.concatenate([less.z, start]), known=less.jacobian)
 
 

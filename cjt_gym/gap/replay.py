@@ -6,8 +6,6 @@ it shows how far simulation and record are apart, and why it is not used to find
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
@@ -30,7 +28,7 @@ CONSTANTS = (
  COG_F, COG_A, COG_B, RIP_F, RIP_A, RIP_B, GRAV_A, GRAV_B, Q_0) = range(19)  # fmt: skip
 
 
-def replay(setting: Setting, fields: Fields) -> Mapping[str, Floats]:
+def replay(setting: Setting, fields: Fields) -> dict[str, Floats]:
     """Return the channels that the model gives for the recorded command, each of shape (N,).
 
     Channels are q_m, q_l, dq_m and, where there is a spring, tau.

@@ -61,6 +61,11 @@ class Setting:
         return self.has_spring and "tau" in self.series
 
     @property
+    def current_unspecified(self) -> bool:
+        """Whether nothing says how far the motor's torque is known."""
+        return "i" not in self.series or "i" not in self.joint.sensors
+
+    @property
     def settle(self) -> int:
         """Number of samples before residuals count."""
         return max(int(SETTLE / self.series.dt), 5)

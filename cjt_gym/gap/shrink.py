@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.gap.fields import Fields
+from cjt_gym.gap.force import torque_noise, torques
 from cjt_gym.gap.replay import replay
 from cjt_gym.gap.setting import Setting
 
@@ -50,14 +51,18 @@ def measure_gap(
 ) -> Gap:
     """Return how far the gap shrinks over records that a fit has not seen.
 
-    The error of a channel is taken over all records; the joint torque counts where there is one,
-    else the motor's velocity, because an angle without a spring to ground drifts in any replay.
+    The error of a channel is taken over all records. The joint torque counts where there is one;
+    without a spring the drive torque that the measured motion needs, because nothing else keeps a
+    replay from drifting; else the motor's velocity.
     """
     errors: dict[str, list[tuple[Floats, Floats, Floats]]] = {}
     replays: dict[str, dict[str, Floats]] = {}
     for setting in settings:
         truth = _measured(setting)
         one, two = replay(setting, nominal), replay(setting, explained)
+        if not setting.has_spring:
+            truth["tau_m"], one["tau_m"] = torques(setting, nominal)
+            _, two["tau_m"] = torques(setting, explained)
         for name, signal in truth.items():
             if name in one and np.isfinite(one[name]).all() and np.isfinite(two[name]).all():
                 errors.setdefault(name, []).append((one[name] - signal, two[name] - signal, signal))
@@ -65,10 +70,10 @@ def measure_gap(
     if not errors:
         return Gap(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, held_out, {})
     table = {name: _relative(parts) for name, parts in errors.items()}
-    main = "tau" if "tau" in table else "dq_m"
+    main = next(name for name in ("tau", "tau_m", "dq_m") if name in table)
     before, after = table[main]
     low, high = _interval(errors[main], settings[0].series.dt)
-    noise = settings[0].std("tau") if main == "tau" else _speed_noise(settings[0])
+    noise = _noise(settings[0], main, explained)
     rms = float(np.sqrt(np.mean(np.concatenate([s for _, _, s in errors[main]]) ** 2)))
     channels = {name: {"before": b, "after": a} for name, (b, a) in table.items()}
     floor = noise / max(rms, 1e-300)
@@ -83,7 +88,11 @@ def _measured(setting: Setting) -> dict[str, Floats]:
     return signals
 
 
-def _speed_noise(setting: Setting) -> float:
+def _noise(setting: Setting, channel: str, fields: Fields) -> float:
+    if channel == "tau":
+        return setting.std("tau")
+    if channel == "tau_m":
+        return torque_noise(setting, fields)
     return setting.std("q_m") * float(np.sqrt(2.0)) / (4.0 * setting.series.dt)
 
 

@@ -126,3 +126,8 @@ def periodic_torque(fields: Fields, series: Series, transmitted: Floats) -> Floa
         x = fields["rip_f"] * q
         torque += (fields["rip_a"] * np.cos(x) + fields["rip_b"] * np.sin(x)) * transmitted
     return torque
+
+
+def weight(fields: Fields, q: Floats) -> Floats:
+    """Return the torque that gravity needs at each angle of the load [N m], shape (N,)."""
+    return np.asarray(fields["grav_a"] * np.cos(q) + fields["grav_b"] * np.sin(q))

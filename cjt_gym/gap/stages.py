@@ -36,6 +36,7 @@ from cjt_gym.gap.signals import (
     shift_noise,
     shifted,
     smooth_mean,
+    weight,
 )
 from cjt_gym.gap.spring import spring_torque
 
@@ -97,10 +98,14 @@ class Stages:
     Attributes:
         setting: The record and its joint.
         gains: Predictor gains by stage, for the fields given to `tune`.
+        process: Torque noise on the motor beyond what is specified [N m].
+        allowance: Factor by which the motor's residual may exceed what white noise explains.
     """
 
     setting: Setting
     gains: dict[str, Gain] = field(default_factory=dict)
+    process: float = 0.0
+    allowance: float = 1.0
     _chains: dict[tuple[object, ...], Chain] = field(default_factory=dict)
 
     @property
@@ -151,6 +156,8 @@ class Stages:
         ripple = periodic_torque(fields, series, transmitted + self._gear_inertia(fields))
         torque = motor_torque(fields, series) + smooth_mean(ripple)
         forced = torque[:, None] * chain.torque[:, MOTOR]
+        if chain.groups[LOAD] >= 0:
+            forced += smooth_mean(self._on_load(fields))[:, None] * chain.torque[:, LOAD]
         if s.cut_at_spring:
             mean = smooth_mean(transmitted)
             forced -= mean[:, None] * chain.torque[:, GEAR]
@@ -168,6 +175,14 @@ class Stages:
             bite = (chain.torque[:, MOTOR] - chain.torque[:, GEAR]) * fields["k_g"]
             play = _play(fields, np.array([1.0, -1.0, 0.0, 0.0]), bite, loose, adrift, None)
         return self._innovations("motor", "q_m", fields, chain, forced, bodies, transmitted, play)
+
+    def _on_load(self, fields: Fields) -> Floats:
+        """Return what acts on a load that is part of the motor's stage [N m]."""
+        series = self.setting.series
+        outside: Floats = series["tau_l"] if "tau_l" in series else np.zeros(len(series))
+        if self.setting.has_spring:
+            return outside
+        return np.asarray(outside - weight(fields, series["q_m"]))
 
     def _gear_inertia(self, fields: Fields) -> Floats | float:
         """Return what a compliant gear carries on top of the joint torque, to move itself [N m]."""
@@ -280,8 +295,7 @@ class Stages:
         chain = self.chain("load", fields)
         torque = smooth_mean(joint_torque(fields, series))
         if fields["grav_a"] != 0.0 or fields["grav_b"] != 0.0:
-            q = series["q_l"]
-            torque = torque - fields["grav_a"] * np.cos(q) - fields["grav_b"] * np.sin(q)
+            torque = torque - weight(fields, series["q_l"])
         if "tau_l" in series:
             torque = torque + smooth_mean(series["tau_l"])
         forced = torque[:, None] * chain.torque[:, LOAD]
@@ -337,13 +351,11 @@ class Stages:
         current = s.std("i") if "i" in s.series else 0.0
         own = abs(fields["n"] * fields["k_t"]) * current
         tau = s.std("tau") / abs(fields["gain"]) if s.cut_at_spring else 0.0
-        extra = PROCESS_TORQUE * np.hypot(own, tau)
+        extra = max(PROCESS_TORQUE * float(np.hypot(own, tau)), self.process)
         torque = (np.hypot(own, extra), tau, tau) if name == "motor" else (0.0, 0.0, tau)
         channel = "q_m" if name == "motor" else "q_l"
         jitter = s.noise[channel].jitter * float(np.sqrt(np.mean(s.series.speed(channel) ** 2)))
         noise = float(np.hypot(s.std(channel), jitter))
-        if not any(torque):
-            torque = (1e3 * noise / s.series.dt**2 * max(fields["I_m"], 1e-9) * 1e-3,) * 3
         k, _ = kalman_gain(chain, (0,), torque, (noise,))
         std = _std(chain, k, torque, s.std(channel))
         shaken = s.noise[channel].jitter * s.series.speed(channel)
@@ -357,6 +369,8 @@ class Stages:
             late = s.noise["tau"].jitter * s.series.speed("tau")
             response = torque_response(chain, k, GEAR if name == "motor" else LOAD)
             variance += fftconvolve(late**2, response**2)[: len(late)]
+        if name == "motor":
+            variance *= self.allowance**2
         return Gain(k, std, np.sqrt(np.maximum(variance, 1e-300)))
 
     def _innovations(

@@ -1,0 +1,78 @@
+"""The drive torque that a joint without a spring needs for its measured motion.
+
+Without a spring to ground the position of a replay is an integral of all its errors and ranks
+models wrongly. What a model says of the torque does not drift: its inertia times the measured
+acceleration, its friction along the measured motion, against the torque that was applied. Both are
+low-pass filtered alike, forwards and backwards.
+
+References:
+    Gautier, M. (1997), Dynamic identification of robots with power model, ICRA: inverse dynamics
+    and parallel filtering.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import butter, sosfiltfilt
+
+from cjt_gym.gap.fields import Fields
+from cjt_gym.gap.process import process_torque
+from cjt_gym.gap.setting import Setting
+from cjt_gym.gap.signals import motor_torque, periodic_torque, smooth_mean, weight
+from cjt_gym.gap.stages import Stages
+
+Floats = NDArray[np.float64]
+CUTOFF, SHARE = 100.0, 0.2
+"""Cut-off of the filter [Hz], and its largest share of the sampling frequency."""
+ORDER = 4
+
+
+def torques(setting: Setting, fields: Fields) -> tuple[Floats, Floats]:
+    """Return the torque that was applied and the one that the model needs [N m], each shape (N,).
+
+    Args:
+        setting: The record of a joint without a spring.
+        fields: The model.
+    """
+    stages, dt = Stages(setting), setting.series.dt
+    if setting.current_unspecified:
+        process_torque(stages, fields)
+    else:
+        stages.tune(fields)
+    friction = stages.predict("motor", fields).friction.sum(axis=1)
+    series = setting.series
+    current = motor_torque(fields, series) - fields["offset"]
+    q = series["q_m"]
+    outside = periodic_torque(fields, series, np.zeros(len(q))) - weight(fields, q)
+    if "tau_l" in series:
+        outside = outside + series["tau_l"]
+    known = friction + smooth_mean(outside) + fields["offset"]
+    q = low_pass(q, dt)
+    speed = np.gradient(q, dt)
+    acceleration = np.gradient(speed, dt)
+    inertia = sum(fields[f"I_{b}"] for b in "mgl")
+    damping = sum(fields[f"d_{b}"] for b in "mgl")
+    needed = inertia * acceleration + damping * speed - low_pass(_centred(known), dt)
+    return low_pass(_centred(current), dt), needed
+
+
+def _centred(torque: Floats) -> Floats:
+    """Return the mean of the intervals before and after each sample."""
+    return np.asarray(0.5 * (torque + np.concatenate([torque[:1], torque[:-1]])))
+
+
+def low_pass(x: Floats, dt: float) -> Floats:
+    """Return a signal without what is faster than the motion of a drive, shape (N,)."""
+    sos = butter(ORDER, min(CUTOFF, SHARE / dt), fs=1.0 / dt, output="sos")
+    return np.asarray(sosfiltfilt(sos, x))
+
+
+def torque_noise(setting: Setting, fields: Fields) -> float:
+    """Return the error of the torque [N m] that noise of encoder and current alone would leave."""
+    rng, dt = np.random.default_rng(0), setting.series.dt
+    white = rng.standard_normal((2, max(len(setting.series), 1000)))
+    inertia = sum(fields[f"I_{b}"] for b in "mgl")
+    moved = np.gradient(np.gradient(low_pass(setting.std("q_m") * white[0], dt), dt), dt)
+    current = fields["n"] * fields["k_t"] * setting.std("i") * low_pass(white[1], dt)
+    return float(np.hypot(inertia * np.std(moved), np.std(current)))
