@@ -1,19 +1,41 @@
-"""Records: the one time series that simulation, hardware, evaluation and diagnosis exchange."""
+"""Records: the one time series that simulation, hardware, evaluation and diagnosis exchange.
+
+A file in order is a record (:func:`read_record`); a log as machines write it becomes one or several
+(:func:`read_log`), with a list of everything that was repaired.
+"""
 
 from cjt_gym.records.checks import FloatArray
 from cjt_gym.records.columns import COLUMNS, TRUE_PREFIX, Column, default_units
-from cjt_gym.records.files import FORMATS, read_record, record_names, write_record
-from cjt_gym.records.record import Record
+from cjt_gym.records.files import read_record, record_names, write_record
+from cjt_gym.records.formats import FORMATS
+from cjt_gym.records.logs import iter_record, read_log
+from cjt_gym.records.mapping import load_mapping
+from cjt_gym.records.record import Record, concat
+from cjt_gym.records.repair import clean, clean_pieces
+from cjt_gym.records.repairs import Repair
+from cjt_gym.records.units import UNITS, convert, units_of
+from cjt_gym.records.windows import informative_windows
 
 __all__ = [
     "COLUMNS",
     "FORMATS",
     "TRUE_PREFIX",
+    "UNITS",
     "Column",
     "FloatArray",
     "Record",
+    "Repair",
+    "clean",
+    "clean_pieces",
+    "concat",
+    "convert",
     "default_units",
+    "informative_windows",
+    "iter_record",
+    "load_mapping",
+    "read_log",
     "read_record",
     "record_names",
+    "units_of",
     "write_record",
 ]

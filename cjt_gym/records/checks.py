@@ -124,7 +124,7 @@ def sample_time(owner: str, columns: Mapping[str, FloatArray], dt: float | None)
         raise RecordError(
             f"The time t of {owner} must increase from sample to sample, got "
             f"{columns['t'][where]} s and then {columns['t'][where + 1]} s at sample {where + 1}. "
-            "Sort the samples and drop repeated ones."
+            "Sort the samples and drop repeated ones, as read_log does."
         )
     median = float(np.median(steps))
     if dt is not None and not dt / DT_FACTOR <= median <= dt * DT_FACTOR:

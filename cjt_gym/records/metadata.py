@@ -50,17 +50,29 @@ def read_metadata(path: Path) -> dict[str, Any]:
         RecordError: The file is absent or is not TOML, has a key that looks like a misspelt one, or
             a value of a wrong type.
     """
-    facts = _parse(path)
+    return checked_facts(str(path), _parse(path))
+
+
+def checked_facts(owner: str, facts: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the facts of a record, out of a document, as keyword arguments of :class:`Record`.
+
+    Args:
+        owner: What error messages call the document.
+        facts: Its tables and values.
+
+    Raises:
+        RecordError: As for :func:`read_metadata`.
+    """
     known = (*SCALARS, *TABLES)
     for key in facts:
-        _refuse_misspelt(path, key, facts, known)
+        _refuse_misspelt(owner, key, facts, known)
     for key, types in SCALARS.items():
-        _check_type(path, key, facts.get(key), types)
+        _check_type(owner, key, facts.get(key), types)
     for key in TABLES:
-        _check_type(path, key, facts.get(key), (dict,))
+        _check_type(owner, key, facts.get(key), (dict,))
     result = {key: facts[key] for key in (*SCALARS, "units", "versions") if key in facts}
     result.setdefault("units", {})
-    result["sensors"] = _sensors(path, facts.get("sensors", {}))
+    result["sensors"] = _sensors(owner, facts.get("sensors", {}))
     result["provenance"] = facts.get("provenance", {}) | {
         key: value for key, value in facts.items() if key not in known
     }
@@ -101,29 +113,29 @@ def _parse(path: Path) -> dict[str, Any]:
 
 
 def _refuse_misspelt(
-    path: Path, key: str, facts: Mapping[str, Any], known: tuple[str, ...]
+    owner: str, key: str, facts: Mapping[str, Any], known: tuple[str, ...]
 ) -> None:
     missing = [name for name in known if name not in facts]
     if key not in known and difflib.get_close_matches(key, missing, n=1, cutoff=0.85):
         raise RecordError(
-            f"{unknown_name('key', key, known)} (in {path}; facts of your own go under "
+            f"{unknown_name('key', key, known)} (in {owner}; facts of your own go under "
             "[provenance])"
         )
 
 
-def _check_type(path: Path, key: str, value: object, types: tuple[type, ...]) -> None:
+def _check_type(owner: str, key: str, value: object, types: tuple[type, ...]) -> None:
     if value is None or (isinstance(value, types) and not isinstance(value, bool)):
         return
     wanted = {float: "a number", int: "a whole number", str: "a string", dict: "a table"}[types[0]]
-    raise RecordError(f"{key} of {path} must be {wanted}, got {value!r}.")
+    raise RecordError(f"{key} of {owner} must be {wanted}, got {value!r}.")
 
 
-def _sensors(path: Path, sensors: Mapping[str, Any]) -> dict[str, dict[str, SensorQuantity]]:
+def _sensors(owner: str, sensors: Mapping[str, Any]) -> dict[str, dict[str, SensorQuantity]]:
     for channel, known in sensors.items():
-        _check_type(path, f"sensors.{channel}", known, (dict,))
+        _check_type(owner, f"sensors.{channel}", known, (dict,))
     return {
         channel: {
-            key: _quantity(f"sensors.{channel}.{key} of {path}", given)
+            key: _quantity(f"sensors.{channel}.{key} of {owner}", given)
             for key, given in known.items()
         }
         for channel, known in sensors.items()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import KeysView, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -116,6 +116,10 @@ class Record:
     def __contains__(self, name: object) -> bool:
         return name in self.columns
 
+    def keys(self) -> KeysView[str]:
+        """Return the names of the columns, so that ``dict(record)`` gives them all."""
+        return self.columns.keys()
+
     def __len__(self) -> int:
         return len(self[next(iter(self.columns))])
 
@@ -206,6 +210,27 @@ class Record:
         from cjt_gym.records.files import write_record
 
         return write_record(self, Path(path).with_suffix(".npz"))
+
+
+def concat(records: Sequence[Record]) -> Record:
+    """Return records that follow each other as one; what is known is taken from the first.
+
+    Raises:
+        RecordError: There is none, they differ in their columns or units, or the time of one does
+            not follow that of the one before.
+    """
+    if not records:
+        raise RecordError("concat needs at least one record, got none.")
+    first = records[0]
+    for record in records[1:]:
+        if dict(record.units) != dict(first.units):
+            raise RecordError(
+                f"Records that are joined must have the same columns and units, got "
+                f"{dict(first.units)} in {first.owner} and {dict(record.units)} in {record.owner}."
+            )
+    columns = {name: np.concatenate([record[name] for record in records]) for name in first.columns}
+    allow_nan = any(record.allow_nan for record in records)
+    return replace(first, columns=columns, allow_nan=allow_nan)
 
 
 def _facts(record: Record) -> tuple[object, ...]:

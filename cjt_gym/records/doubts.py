@@ -1,0 +1,154 @@
+"""What looks wrong in a record but is not for the record to change: limits, units, signs, lateness.
+
+Everything here follows from the columns alone. What takes a model of the joint is left to those
+who have one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import pi
+
+import numpy as np
+
+from cjt_gym.records.checks import FloatArray
+from cjt_gym.records.repairs import Repair, share
+
+MANY_TURNS = 20.0 * pi
+"""Range of an angle on the link side over which it is hardly in radians of the link [rad]."""
+SLOW_LOG = 0.3
+"""Sample time [s] from which times are hardly in seconds."""
+STRONG = 300.0
+"""Current from which it is hardly in ampere [A]."""
+FACTORS = {180.0 / pi: "deg/s", 30.0 / pi: "rpm", 1e3: "mrad/s", 0.5 / pi: "rev/s"}
+"""Ratio of a velocity to the slope of its angle, with the unit that makes it."""
+PAIRS = (("q_m", "dq_m"), ("q_g", "dq_g"), ("q_l", "dq_l"))
+ALIKE = 0.8
+"""Correlation of a velocity and the slope of its angle from which they are the same motion."""
+MOST_LATE = 50
+"""Samples up to which a channel may be late."""
+LATE = 0.7
+"""Samples from which lateness is worth saying."""
+CLIPPED = 20
+"""Samples at the very end of a channel's range from which it looks cut off."""
+
+Columns = Mapping[str, FloatArray]
+
+
+def doubts(columns: Columns, dt: float) -> list[Repair]:
+    """Return what looks wrong in the columns of a record.
+
+    Args:
+        columns: Columns in SI units, each of shape (n,); NaN where a sample is missing.
+        dt: Sample time [s].
+    """
+    found = [_clipped(name, columns[name]) for name in ("tau", "i", "v") if name in columns]
+    found += [_many_turns(name, columns[name]) for name in columns if name.startswith("q_")]
+    found += [_too_strong(name, columns[name]) for name in ("i", "i_cmd") if name in columns]
+    if dt > SLOW_LOG:
+        text = f"t: a sample every {dt:.3g} s. If these are milliseconds, map t with unit = 'ms'."
+        found.append(Repair("unit", "t", len(next(iter(columns.values()))), False, text))
+    for angle, velocity in PAIRS:
+        if angle in columns and velocity in columns:
+            found.append(_against_slope(angle, velocity, columns, dt))
+    return [repair for repair in found if repair is not None]
+
+
+def _clipped(name: str, x: FloatArray) -> Repair | None:
+    """Return that a channel stays at the very end of its range, where it is not at rest there."""
+    known = x[np.isfinite(x)]
+    if len(known) < 10 * CLIPPED:
+        return None
+    count = 0
+    for end in (known.max(), known.min()):
+        there = known == end
+        beside = np.abs(known - end) < 0.02 * np.ptp(known)
+        runs = there[1:] & there[:-1]
+        elsewhere = np.mean((np.diff(known) == 0.0)[~runs]) if not runs.all() else 1.0
+        if there.sum() >= CLIPPED and elsewhere < 0.05 and there.sum() > 0.5 * beside.sum():
+            count += int(there.sum())
+    if not count:
+        return None
+    text = (
+        f"{name}: stays at an end of its range, {known.min():.4g} or {known.max():.4g}, in "
+        f"{share(count, len(x))} of the samples; it looks cut off there."
+    )
+    return Repair("saturation", name, count, False, text)
+
+
+def _many_turns(name: str, x: FloatArray) -> Repair | None:
+    known = x[np.isfinite(x)]
+    if name == "q_ref" or not len(known) or np.ptp(known) <= MANY_TURNS:
+        return None
+    text = (
+        f"{name}: spans {np.ptp(known):.4g} rad. If these are degrees or the rotor's angle, map "
+        "the column with unit = 'deg' or side = 'motor'."
+    )
+    return Repair("unit", name, len(x), False, text)
+
+
+def _too_strong(name: str, x: FloatArray) -> Repair | None:
+    known = x[np.isfinite(x)]
+    if not len(known) or np.abs(known).max() <= STRONG:
+        return None
+    text = (
+        f"{name}: reaches {np.abs(known).max():.4g} A. If these are milliampere, map the column "
+        "with unit = 'mA'."
+    )
+    return Repair("unit", name, len(x), False, text)
+
+
+def _against_slope(angle: str, velocity: str, columns: Columns, dt: float) -> Repair | None:
+    """Return how a velocity contradicts the slope of its angle: in sign, unit or lateness."""
+    q, v = _filled(columns[angle]), _filled(columns[velocity])
+    if q is None or v is None or len(q) < 4 * MOST_LATE:
+        return None
+    t = columns["t"] if "t" in columns else np.arange(len(q)) * dt
+    slope = np.gradient(q, t)
+    lag, alike = _lag(slope, v)
+    if abs(alike) < ALIKE:
+        return None
+    ratio = float(np.sign(alike) * np.sqrt(np.var(v) / max(np.var(slope), 1e-300)))
+    if alike < 0.0:
+        text = f"{velocity}: has the sign against the slope of {angle}. Map it with sign = -1."
+        return Repair("sign", velocity, len(v), False, text)
+    for factor, unit in FACTORS.items():
+        if abs(ratio / factor - 1.0) < 0.1:
+            text = (
+                f"{velocity}: is {ratio:.4g} times the slope of {angle}, as if in {unit}. Map it "
+                f"with unit = '{unit}'."
+            )
+            return Repair("unit", velocity, len(v), False, text)
+    if abs(lag) > LATE:
+        when = "late" if lag > 0 else "early"
+        text = (
+            f"{velocity}: {1e3 * abs(lag) * dt:.3g} ms {when} against the slope of {angle} "
+            f"({abs(lag):.2g} samples)."
+        )
+        return Repair("lateness", velocity, len(v), False, text)
+    return None
+
+
+def _filled(x: FloatArray) -> FloatArray | None:
+    """Return a channel with its missing samples interpolated; None where it does not move."""
+    known = np.isfinite(x)
+    if known.sum() < 2 or np.ptp(x[known]) == 0.0:
+        return None
+    index = np.arange(len(x))
+    return x if known.all() else np.interp(index, index[known], x[known])
+
+
+def _lag(x: FloatArray, y: FloatArray) -> tuple[float, float]:
+    """Return by how many samples y follows x, and how alike they then are, -1 to 1."""
+    x, y = x - x.mean(), y - y.mean()
+    size = 1 << (2 * len(x) - 1).bit_length()
+    product = np.fft.rfft(y, size) * np.conj(np.fft.rfft(x, size))
+    cross = np.fft.irfft(product, size)
+    lags = np.arange(-MOST_LATE, MOST_LATE + 1)
+    near = cross[lags] / np.sqrt(max(float((x @ x) * (y @ y)), 1e-300))
+    k = int(np.argmax(np.abs(near)))
+    if 0 < k < len(near) - 1:
+        a, b, c = np.abs(near[k - 1 : k + 2])
+        bend = a - 2.0 * b + c
+        return float(lags[k] + (0.5 * (a - c) / bend if bend else 0.0)), float(near[k])
+    return float(lags[k]), float(near[k])

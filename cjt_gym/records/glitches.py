@@ -1,0 +1,209 @@
+"""Samples of one channel that cannot be what they say: glitches, repeated ones, turns of a counter.
+
+Commands are never touched: a command may do anything.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+
+from cjt_gym.records.checks import FloatArray
+
+LONGEST_GLITCH = 4
+"""Samples that a glitch may last."""
+WINDOW = 401
+"""Samples around a glitch with which it is compared."""
+OUTSTANDING = 8.0
+"""Factor by which its edges exceed those around it."""
+RETURN = 0.35
+"""Share of the edge up to which a channel has to come back after it."""
+COMMON = 0.02
+"""Share of samples above which they are no glitches but how the channel is."""
+FEWEST = 20
+"""Samples without which nothing can be told."""
+STEEP = 3.0
+"""Steps of a channel's lattice per sample over which one that stands still is stale."""
+FINE = 30.0
+"""Steps of the lattice beside which two equal samples are no chance."""
+SLOWEST = 100
+"""Samples of the log, for one of the sensor, up to which a sensor is called slow."""
+
+
+def glitches(x: FloatArray) -> NDArray[np.bool_]:
+    """Return which samples are glitches: off and back again within a few samples, and far.
+
+    The edges of a glitch exceed nearly all changes of the channel in the samples around it, its
+    steady slope taken off, and lead back to where the channel came from. A step stays where it is;
+    so it is none.
+
+    Args:
+        x: The channel, shape (n,); NaN where a sample is missing.
+    """
+    out = np.zeros(len(x), dtype=bool)
+    known = np.flatnonzero(np.isfinite(x))
+    if len(known) < FEWEST:
+        return out
+    y = x[known]
+    edges = np.diff(y)
+    edges = edges - median_filter(edges, 9, mode="nearest")
+    high = np.flatnonzero(np.abs(edges) > _limit(edges, y))
+    for begin, end in _runs(high, edges, y):
+        out[known[begin:end]] = True
+    return out if out.sum() <= COMMON * len(known) else np.zeros(len(x), dtype=bool)
+
+
+def _limit(edges: FloatArray, y: FloatArray) -> FloatArray:
+    """Return the size from which an edge stands out, shape of `edges`."""
+    size = np.abs(edges)
+    count = max(len(size) // WINDOW, 1)
+    blocks = np.array_split(size, count)
+    usual = np.array([np.quantile(block, 0.95) for block in blocks])
+    usual = np.maximum.reduce([usual, np.roll(usual, 1), np.roll(usual, -1)])
+    steps = np.abs(np.diff(np.unique(y)))
+    lattice = float(np.median(steps)) if len(steps) else 0.0
+    everywhere = float(np.quantile(size, 0.5))
+    limit = OUTSTANDING * np.maximum(usual, max(everywhere, lattice))
+    return np.repeat(limit, [len(block) for block in blocks])
+
+
+def _runs(high: NDArray[np.intp], edges: FloatArray, y: FloatArray) -> list[tuple[int, int]]:
+    """Return begin and end of every excursion that comes back."""
+    found: list[tuple[int, int]] = []
+    k = 0
+    while k < len(high):
+        up = high[k]
+        back = next(
+            (
+                down
+                for down in high[k + 1 : k + 2 + LONGEST_GLITCH]
+                if down - up <= LONGEST_GLITCH
+                and edges[down] * edges[up] < 0.0
+                and _returns(y, edges, int(up), int(down))
+            ),
+            None,
+        )
+        if back is None:
+            k += 1
+            continue
+        found.append((int(up) + 1, int(back) + 1))
+        k = int(np.searchsorted(high, back, side="right"))
+    return found
+
+
+def _returns(y: FloatArray, edges: FloatArray, up: int, down: int) -> bool:
+    """Return whether the channel after the edge `down` goes on from before the edge `up`."""
+    slope = float(np.median(np.diff(y[max(up - 4, 0) : up + 1]))) if up >= 2 else 0.0
+    across = y[down + 1] - y[up] - slope * (down + 1 - up)
+    return abs(across) < RETURN * min(abs(edges[up]), abs(edges[down]))
+
+
+def stale(x: FloatArray) -> NDArray[np.bool_]:
+    """Return which samples repeat the one before although the channel has moved on.
+
+    That is so for a few equal samples between two of a steady motion, where the change after them
+    makes up for what was missed, and for any few equal samples of a channel so finely resolved
+    that chance does not make them equal.
+
+    Args:
+        x: The channel, shape (n,); NaN where a sample is missing.
+    """
+    out = np.zeros(len(x), dtype=bool)
+    known = np.flatnonzero(np.isfinite(x))
+    if len(known) < FEWEST:
+        return out
+    y = x[known]
+    d = np.diff(y)
+    moves = np.flatnonzero(d != 0.0)
+    if len(moves) < FEWEST or len(moves) == len(d):
+        return out
+    lattice, fine = _lattice(y)
+    if not _more_than_chance(d, lattice):
+        return out
+    still = np.diff(moves) - 1  # samples that repeat, between one change and the next
+    before, after = np.abs(d[moves[:-1]]), np.abs(d[moves[1:]])
+    rate = after / (still + 1.0)
+    onward = (d[moves[:-1]] * d[moves[1:]] > 0.0) & (rate > STEEP * lattice)
+    onward &= (after > 1.5 * before) & (rate > 0.4 * before) & (rate < 2.5 * before)
+    chance = np.maximum(before, after) < FINE * lattice
+    repeats = (still > 0) & (still <= LONGEST_GLITCH) & (onward | (fine & ~chance))
+    for k in np.flatnonzero(repeats):
+        out[known[moves[k] + 2 : moves[k + 1] + 1]] = True
+    return out
+
+
+def _more_than_chance(d: FloatArray, lattice: float) -> bool:
+    """Return whether more samples of a moving channel are equal than a few steps apart."""
+    size = np.abs(d)
+    moving = np.minimum(size[:-2], size[2:]) > STEEP * lattice
+    steps = np.round(size[1:-1][moving] / lattice) if lattice else size[1:-1][moving]
+    equal = int(np.sum(steps == 0.0))
+    beside = sum(int(np.sum(steps == k)) for k in (1, 2, 3)) / 6.0
+    return bool(equal > 3.0 * beside + 5.0)
+
+
+def held(x: FloatArray) -> tuple[NDArray[np.bool_], int]:
+    """Return which samples only hold the last one of a sensor slower than the log, and its period.
+
+    Args:
+        x: The channel, shape (n,); NaN where a sample is missing.
+
+    Returns:
+        Whether a sample is held, shape (n,), and after how many samples a new one comes; 1 where
+        the sensor keeps up.
+    """
+    out = np.zeros(len(x), dtype=bool)
+    known = np.flatnonzero(np.isfinite(x))
+    moves = np.flatnonzero(np.diff(x[known]) != 0.0) + 1
+    if len(moves) < FEWEST:
+        return out, 1
+    y = x[known]
+    lattice, _ = _lattice(y)
+    apart = np.diff(moves)
+    large = np.abs(y[moves[1:]] - y[moves[1:] - 1]) > STEEP * lattice
+    if large.sum() < max(FEWEST, 0.2 * len(apart)):
+        return out, 1
+    period = int(np.median(apart[large]))
+    regular = np.abs(apart[large] / period - np.round(apart[large] / period).clip(1)) < 0.01
+    if not 2 <= period <= SLOWEST or regular.mean() < 0.9 or (apart[large] < period).mean() > 0.02:
+        return out, 1
+    out[known] = True
+    out[known[moves]] = False
+    return out, period
+
+
+def _lattice(y: FloatArray) -> tuple[float, bool]:
+    """Return the step of a channel's values, and whether most samples have one of their own."""
+    distinct = np.unique(y)
+    gaps = np.diff(distinct)
+    gaps = gaps[gaps > 1e-12 * float(np.abs(distinct).max())]
+    step = float(np.quantile(gaps, 0.01)) if len(gaps) else 0.0
+    return step, len(distinct) > 0.5 * len(y)
+
+
+def unwrapped(x: FloatArray, turn: float) -> tuple[FloatArray, int]:
+    """Return an angle without the jumps of a counter that begins anew every turn, and their number.
+
+    Jumps are taken for those of a counter where each is a turn long and the angle stays within a
+    turn. Otherwise the angle comes back as it is.
+
+    Args:
+        x: The angle, shape (n,); NaN where a sample is missing.
+        turn: What the counter covers, in the unit of the angle.
+    """
+    known = np.isfinite(x)
+    y = x[known]
+    if len(y) < FEWEST or np.ptp(y) > 1.02 * turn or np.ptp(y) < 0.7 * turn:
+        return x, 0
+    d = np.diff(y)
+    jumps = np.abs(d) > 0.5 * turn
+    if not jumps.any() or np.median(np.abs(d)) > 0.25 * turn:
+        return x, 0
+    over = -np.sign(d) * jumps
+    rest = np.abs(d[jumps] + turn * over[jumps])
+    if np.quantile(rest, 0.9) > 0.3 * turn:
+        return x, 0
+    out = x.copy()
+    out[known] = y + turn * np.concatenate([[0.0], np.cumsum(over)])
+    return out, int(jumps.sum())

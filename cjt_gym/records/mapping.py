@@ -1,0 +1,210 @@
+"""Logs with other names, units and signs: a TOML file that says which column is which.
+
+A mapping has a table per column of the record. All of its keys are optional:
+
+==================  ===========================================================================
+`source`            its name in the log (left out, the same), for MCAP ``/topic:field``
+`unit`              its unit in the log, one of :data:`cjt_gym.records.units.UNITS`
+`sign`              1 or -1
+`scale`             a further factor, such as that of a sensor
+`offset`            what the log shows where the value is zero, in the log's unit
+`side`              "motor" where it is taken before the gear: angles and velocities are divided
+                    by `n`, torques multiplied by it
+`counts_per_rev`    counts of the encoder per revolution, for the units counts and counts/s
+`time`              the log's column with the time of these samples, where they have their own
+`time_unit`         its unit; left out, that of ``t``
+==================  ===========================================================================
+
+Beside the table `columns` stand the gear ratio `n` and whatever the TOML file of a record may hold:
+`dt`, `joint`, `structure`, `sensors`, `provenance`.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import isfinite
+from pathlib import Path
+from typing import Any, Final
+
+from cjt_gym.errors import RecordError, unknown_name
+from cjt_gym.records.columns import check_one_axis, column_of
+from cjt_gym.records.metadata import checked_facts
+from cjt_gym.records.units import COUNTS, UNITS, unit_of, units_of
+
+SUFFIX: Final = ".map.toml"
+"""Ending of the mapping that is found beside a log of that name."""
+GEARED: Final = {"rad": -1, "rad/s": -1, "N m": 1}
+"""Power of the gear ratio that takes a unit from the motor's side to the link's."""
+SIDES: Final = ("link", "motor")
+
+
+@dataclass(frozen=True)
+class ColumnSource:
+    """Where a column of the record comes from: ``gain * (value - offset)`` of a log's column.
+
+    Attributes:
+        source: Name of the column in the log.
+        unit: SI unit of the result.
+        gain: Factor from the log's values.
+        offset: What the log shows where the value is zero, in the log's unit.
+        turn: One revolution of an encoder in the record's unit; 0 where it is no angle.
+        time: Name of the log's column with its time; None for that of the record.
+        time_unit: Unit of that time; None for that of the record's.
+    """
+
+    source: str
+    unit: str
+    gain: float
+    offset: float
+    turn: float
+    time: str | None
+    time_unit: str | None
+
+
+@dataclass(frozen=True)
+class ColumnMapping:
+    """Which columns of a log make the columns of a record.
+
+    Attributes:
+        owner: What error messages call it.
+        columns: For each column of the record where it comes from.
+        facts: Arguments of the record other than its columns and units.
+    """
+
+    owner: str
+    columns: Mapping[str, ColumnSource]
+    facts: Mapping[str, Any]
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Unit of every column of the record."""
+        return {name: column.unit for name, column in self.columns.items()}
+
+
+def load_mapping(mapping: str | Path | Mapping[str, Any]) -> ColumnMapping:
+    """Return a mapping, from its TOML file or as the same nested dictionaries.
+
+    Raises:
+        RecordError: The file is absent or is not TOML, or a key or its value is not valid.
+
+    Example:
+        >>> load_mapping({"columns": {"q_m": {"source": "pos", "unit": "deg"}}}).units
+        {'q_m': 'rad'}
+    """
+    if isinstance(mapping, Mapping):
+        return _mapping("the mapping", dict(mapping))
+    path = Path(mapping)
+    try:
+        return _mapping(str(path), tomllib.loads(path.read_text(encoding="utf-8")))
+    except OSError as error:
+        raise RecordError(f"There is no mapping {path}: {error.strerror}.") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise RecordError(f"{path} must be a TOML file in UTF-8: {error}.") from error
+
+
+def _mapping(owner: str, document: dict[str, Any]) -> ColumnMapping:
+    columns, n = document.pop("columns", None), document.pop("n", None)
+    if not isinstance(columns, dict) or not columns:
+        raise RecordError(
+            f"{owner} must have a table per column, such as  [columns.q_m]  with  "
+            f'source = "motor_pos_deg"  and  unit = "deg", got {columns!r}.'
+        )
+    if n is not None:
+        n = _number(f"n of {owner}", n)
+    if "units" in document:
+        raise RecordError(f"{owner} must give the units under [columns], not under [units].")
+    made = {name: _column(owner, name, given, n) for name, given in columns.items()}
+    check_one_axis(owner, {name: column.unit for name, column in made.items()})
+    return ColumnMapping(owner, made, checked_facts(owner, document))
+
+
+KEYS: Final = (
+    "source",
+    "unit",
+    "sign",
+    "scale",
+    "offset",
+    "side",
+    "counts_per_rev",
+    "time",
+    "time_unit",
+)
+
+
+def _column(owner: str, name: str, given: object, n: float | None) -> ColumnSource:
+    column_of(name)
+    what = f"columns.{name} of {owner}"
+    if isinstance(given, str):
+        given = {"source": given}
+    if not isinstance(given, dict):
+        raise RecordError(
+            f'{what} must be a name or a table such as {{ source = "pos", unit = "deg" }}, '
+            f"got {given!r}."
+        )
+    if wrong := [key for key in given if key not in KEYS]:
+        raise RecordError(f"{unknown_name('key', wrong[0], KEYS)} (in {what})")
+    for key in ("source", "unit", "side", "time", "time_unit"):
+        if not isinstance(given.get(key, ""), str):
+            raise RecordError(f"{key} of {what} must be a string, got {given[key]!r}.")
+    unit_name = given.get("unit", units_of(name)[0])
+    unit = unit_of(name, unit_name, f"unit of {what}")
+    gain = unit.factor * _sign(what, given) * _number(f"scale of {what}", given.get("scale", 1.0))
+    turn = UNITS["rev"].factor if unit.si == "rad" else 0.0
+    if unit_name in COUNTS:
+        gain /= _counts(what, unit_name, given)
+    geared = _gear(what, given, unit.si, n)
+    if given.get("time_unit") is not None:
+        unit_of("t", given["time_unit"], f"time_unit of {what}")
+    return ColumnSource(
+        source=given.get("source", name),
+        unit=unit.si,
+        gain=gain * geared,
+        offset=_number(f"offset of {what}", given.get("offset", 0.0), zero=True),
+        turn=turn * geared,
+        time=given.get("time"),
+        time_unit=given.get("time_unit"),
+    )
+
+
+def _number(what: str, value: object, zero: bool = False) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
+        raise RecordError(f"{what} must be a number, got {value!r}.")
+    if value == 0 and not zero:
+        raise RecordError(f"{what} must not be 0.")
+    return float(value)
+
+
+def _sign(what: str, given: Mapping[str, Any]) -> float:
+    sign = given.get("sign", 1)
+    if isinstance(sign, bool) or sign not in (1, -1):
+        raise RecordError(f"sign of {what} must be 1 or -1, got {sign!r}.")
+    return float(sign)
+
+
+def _counts(what: str, unit: str, given: Mapping[str, Any]) -> float:
+    if "counts_per_rev" not in given:
+        raise RecordError(
+            f"{what} has the unit {unit!r} and needs  counts_per_rev = ...  (counts of the encoder "
+            "per revolution)."
+        )
+    return _number(f"counts_per_rev of {what}", given["counts_per_rev"])
+
+
+def _gear(what: str, given: Mapping[str, Any], si: str, n: float | None) -> float:
+    side = given.get("side", "link")
+    if side not in SIDES:
+        raise RecordError(f"side of {what} must be 'link' or 'motor', got {side!r}.")
+    if side == "link":
+        return 1.0
+    if si not in GEARED:
+        raise RecordError(
+            f"side of {what} says 'motor', which is for angles, velocities and torques of rotary "
+            f"joints; this column has the unit {si!r}. Leave it out."
+        )
+    if n is None:
+        raise RecordError(
+            f"{what} is on the motor's side and needs the gear ratio: a line  n = ...  at the top."
+        )
+    return float(n ** GEARED[si])

@@ -1,0 +1,265 @@
+"""Logs made into records: rows in order, false samples marked as missing, and every change listed.
+
+No value is invented. What cannot be what it says becomes NaN, which whoever uses the record treats
+as not measured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from math import pi
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cjt_gym.errors import RecordError
+from cjt_gym.records.checks import FloatArray
+from cjt_gym.records.columns import TRUE_PREFIX
+from cjt_gym.records.doubts import doubts
+from cjt_gym.records.glitches import glitches, held, stale, unwrapped
+from cjt_gym.records.record import Record
+from cjt_gym.records.repairs import Repair, counted, share
+from cjt_gym.records.timing import Piece, ordered_rows
+
+MEASURED = ("i", "i_d", "q_m", "q_g", "q_l", "dq_m", "dq_g", "dq_l", "tau")
+"""Channels of sensors, in which a single false sample can be told."""
+INERT = ("q_m", "q_g", "q_l", "dq_m", "dq_g", "dq_l", "tau")
+"""Those that masses keep from jumping."""
+PULSED_BY = ("i_cmd", "tau_cmd", "v")
+"""Columns whose pulses make those of the current."""
+SHORTEST = 100
+"""Samples below which a piece of a log is left out."""
+NOTE = "repairs"
+"""Entry of a record's provenance with the sentences of what was done to it."""
+
+Columns = dict[str, FloatArray]
+Bools = NDArray[np.bool_]
+
+
+def clean(record: Record) -> tuple[Record, tuple[Repair, ...]]:
+    """Return a record without what cannot be true, and what was done.
+
+    Of a record with long gaps the longest piece is returned; :func:`clean_pieces` returns all.
+    A record that needs nothing comes back as it is.
+
+    Example:
+        >>> t = np.arange(400) * 1e-3
+        >>> q_m = np.sin(10 * t)
+        >>> q_m[200] = 7.0
+        >>> record, repairs = clean(Record({"t": t, "q_m": q_m}, {"t": "s", "q_m": "rad"}))
+        >>> record["q_m"][200], repairs[0].text
+        (nan, 'q_m: 1 glitch (0.25 %) marked as missing.')
+    """
+    pieces, repairs = clean_pieces(record)
+    longest = max(pieces, key=len)
+    if len(pieces) > 1:
+        text = f"Of {len(pieces)} pieces the longest is kept, {longest.t[-1] - longest.t[0]:.4g} s."
+        repairs = (*repairs, Repair("cut", None, len(pieces) - 1, True, text))
+    return longest, repairs
+
+
+def clean_pieces(record: Record) -> tuple[tuple[Record, ...], tuple[Repair, ...]]:
+    """Return the pieces of a record between its gaps, without what cannot be true."""
+    columns = {name: record[name] for name in record.columns}
+    return make_records(columns, record, {})
+
+
+def make_records(
+    columns: Columns, like: Record | Mapping[str, object], turns: Mapping[str, float]
+) -> tuple[tuple[Record, ...], tuple[Repair, ...]]:
+    """Return records of columns as a log has them, and what was done to them.
+
+    Args:
+        columns: Columns in SI units, whatever their times and values.
+        like: A record with the same columns, or the arguments of :class:`Record` but for them.
+        turns: What the counters of angles cover, where they are known.
+
+    Raises:
+        RecordError: Nothing that can be used is left.
+    """
+    pieces, repairs = _in_order(columns)
+    marked = [_marked(piece, turns) for piece in pieces]
+    repairs += _summed([repair for _, found in marked for repair in found])
+    longest = max((piece for piece, _ in marked), key=_length)
+    repairs += doubts(longest, _dt(longest, like))
+    unchanged = len(marked) == 1 and not any(repair.changed for repair in repairs)
+    if unchanged and isinstance(like, Record):
+        return (like,), tuple(repairs)
+    texts = [repair.text for repair in repairs]
+    return tuple(_record(piece, like, texts) for piece, _ in marked), tuple(repairs)
+
+
+def _record(columns: Columns, like: Record | Mapping[str, object], texts: list[str]) -> Record:
+    missing = any(np.isnan(values).any() for values in columns.values())
+    if isinstance(like, Record):
+        allow_nan, known = like.allow_nan or missing, like.provenance
+    else:
+        allow_nan, known = missing, dict(like.get("provenance", {}))  # type: ignore[call-overload]
+    before = [text for text in known.get(NOTE, []) if text not in texts]
+    changes = {"columns": columns, "allow_nan": allow_nan}
+    if before or texts:
+        changes["provenance"] = {**known, NOTE: [*before, *texts]}
+    if isinstance(like, Record):
+        return replace(like, **changes)  # type: ignore[arg-type]
+    return Record(**{**like, **changes})  # type: ignore[arg-type]
+
+
+def _length(columns: Columns) -> int:
+    return len(next(iter(columns.values())))
+
+
+def _dt(columns: Columns, like: Record | Mapping[str, object]) -> float:
+    if "t" in columns and len(columns["t"]) > 1:
+        return float(np.median(np.diff(columns["t"])))
+    dt = like.dt if isinstance(like, Record) else like.get("dt")
+    return float(dt) if isinstance(dt, int | float) else 1.0
+
+
+def _in_order(columns: Columns) -> tuple[list[Columns], list[Repair]]:
+    """Return the columns with their rows in order, one set per piece."""
+    if "t" not in columns:
+        return [dict(columns)], []
+    found, repairs = ordered_rows(columns["t"], _same_rows(columns))
+    used = [piece for piece in found if len(piece.t) >= SHORTEST]
+    if not used:
+        used = [max(found, key=lambda piece: len(piece.t), default=Piece(np.empty(0, int), _NONE))]
+    if not len(used[0].t):
+        raise RecordError(
+            "The time t of the log has no finite value. Name its column, or leave it out and give "
+            "dt = ...  [s]."
+        )
+    if lost := sum(len(piece.t) for piece in found) - sum(len(piece.t) for piece in used):
+        text = f"{counted(lost, 'row')} in pieces of fewer than {SHORTEST} left out."
+        repairs.append(Repair("cut", None, lost, True, text))
+    if len(used) == 1 and np.array_equal(used[0].t, columns["t"]):
+        return [dict(columns)], repairs
+    return [
+        {name: piece.t if name == "t" else values[piece.rows] for name, values in columns.items()}
+        for piece in used
+    ], repairs
+
+
+_NONE = np.empty(0)
+
+
+def _same_rows(columns: Columns) -> Bools:
+    """Return which rows repeat the one before in every value."""
+    same = np.ones(_length(columns), dtype=bool)
+    for values in columns.values():
+        same[1:] &= values[1:] == values[:-1]
+    same[0] = False
+    return same
+
+
+def _marked(columns: Columns, turns: Mapping[str, float]) -> tuple[Columns, list[Repair]]:
+    """Return the columns of a piece with false samples marked as missing."""
+    out, repairs = dict(columns), []
+    for name, values in columns.items():
+        if name == "t":
+            continue
+        if count := int(np.sum(np.isinf(values))):
+            out[name] = np.where(np.isinf(values), np.nan, values)
+            repairs.append(_repair("unreadable", name, count, len(values), "infinite value"))
+        elif count := int(np.sum(np.isnan(values))):
+            text = f"{name}: {share(count, len(values))} of the samples are missing."
+            repairs.append(Repair("missing", name, count, False, text))
+    for name in sorted(set(INERT) & set(out)):
+        if name.startswith("q_"):
+            out[name], repair = _unwrapped(name, out[name], turns)
+            repairs += repair
+    for name in sorted(set(MEASURED) & set(out)):
+        false = glitches(out[name]) & ~_pulses(name, out)
+        if count := int(false.sum()):
+            out[name] = np.where(false, np.nan, out[name])
+            repairs.append(_repair("glitch", name, count, len(false), "glitch"))
+    return out, repairs + _mark_stale(out)
+
+
+def _repair(kind: str, name: str, count: int, total: int, one: str) -> Repair:
+    what = counted(count, one).replace("glitchs", "glitches")
+    text = f"{name}: {what} ({share(count, total)}) marked as missing."
+    return Repair(kind, name, count, True, text)
+
+
+def _unwrapped(
+    name: str, values: FloatArray, turns: Mapping[str, float]
+) -> tuple[FloatArray, list[Repair]]:
+    for turn in (turns.get(name, 0.0), 2.0 * pi):
+        if turn > 0.0:
+            result, jumps = unwrapped(values, turn)
+            if jumps:
+                text = f"{name}: {counted(jumps, 'jump')} of a turn ({turn:.4g}) taken out."
+                return result, [Repair("wrap", name, jumps, True, text)]
+    return values, []
+
+
+def _pulses(name: str, columns: Columns) -> Bools:
+    """Return where a current may well be off for a moment, as its command is."""
+    near = np.zeros(_length(columns), dtype=bool)
+    if name not in INERT:
+        for command in set(PULSED_BY) & set(columns):
+            changes = np.flatnonzero(np.diff(columns[command], prepend=columns[command][0]) != 0.0)
+            for lag in range(-1, 8):
+                near[np.clip(changes + lag, 0, len(near) - 1)] = True
+    return near
+
+
+def _mark_stale(columns: Columns) -> list[Repair]:
+    """Mark repeated samples of the columns as missing, in place; return what was done."""
+    repairs: list[Repair] = []
+    flagged: dict[str, Bools] = {}
+    for name in sorted(set(MEASURED) & set(columns)):
+        if name in INERT:
+            slow, period = held(columns[name])
+            if period > 1:
+                columns[name] = np.where(slow, np.nan, columns[name])
+                text = (
+                    f"{name}: a new value only every {period} samples; those in between "
+                    f"({share(int(slow.sum()), len(slow))}) marked as missing."
+                )
+                repairs.append(Repair("stale", name, int(slow.sum()), True, text))
+                continue
+        flagged[name] = stale(columns[name])
+    whole = _stale_rows(columns, flagged)
+    if count := int(whole.sum()):
+        for name in flagged:
+            flagged[name] &= ~whole
+        for name, values in columns.items():
+            if name != "t" and not name.startswith(TRUE_PREFIX):
+                columns[name] = np.where(whole, np.nan, values)
+        text = (
+            f"{counted(count, 'row')} ({share(count, len(whole))}) that repeat the one before "
+            "while the joint moves marked as missing."
+        )
+        repairs.append(Repair("stale", None, count, True, text))
+    for name, repeats in flagged.items():
+        if count := int(repeats.sum()):
+            columns[name] = np.where(repeats, np.nan, columns[name])
+            repairs.append(_repair("stale", name, count, len(repeats), "repeated sample"))
+    return repairs
+
+
+def _stale_rows(columns: Columns, flagged: Mapping[str, Bools]) -> Bools:
+    """Return which rows repeat the one before in everything but their time."""
+    rest = {name: values for name, values in columns.items() if name != "t"}
+    votes = np.sum(list(flagged.values()), axis=0) if flagged else np.zeros(_length(columns))
+    rows: Bools = np.asarray(votes >= 2)
+    return rows & _same_rows(rest) if rest else rows
+
+
+def _summed(repairs: list[Repair]) -> list[Repair]:
+    """Return the repairs of several pieces, those of one kind and channel as one."""
+    first: dict[tuple[str, str | None, bool], list[Repair]] = {}
+    for repair in repairs:
+        first.setdefault((repair.kind, repair.channel, repair.changed), []).append(repair)
+    return [
+        group[0]
+        if len(group) == 1
+        else replace(
+            max(group, key=lambda repair: repair.count),
+            count=sum(repair.count for repair in group),
+            text=f"{max(group, key=lambda r: r.count).text[:-1]} (worst of {len(group)} pieces).",
+        )
+        for group in first.values()
+    ]

@@ -1,0 +1,161 @@
+"""From the table of a log to the columns of a record, as a mapping says."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cjt_gym.errors import RecordError, unknown_name
+from cjt_gym.records.checks import FloatArray
+from cjt_gym.records.columns import TRUE_PREFIX
+from cjt_gym.records.mapping import ColumnMapping, ColumnSource
+from cjt_gym.records.tables.mcap_table import LOG_TIME, clock_of
+from cjt_gym.records.units import UNITS
+
+COMMANDS = ("i_cmd", "i_extra", "tau_cmd", "tau_ref", "q_ref")
+"""Columns whose value holds until the next one; the others are measured, and move in between."""
+LONGEST_HOLE = 2.5
+"""Distance of samples, in their median, over which a value in between is missing."""
+EPOCH = 1e6
+"""Time [s] above which the first sample's is taken for a date and counts as zero."""
+
+Table = Mapping[str, NDArray[Any]]
+
+
+@dataclass(frozen=True)
+class Clock:
+    """The time base of a record.
+
+    Attributes:
+        name: Column of the log that holds it; None where the log has none.
+        unit: Its unit.
+        origin: Date that counts as zero [s].
+    """
+
+    name: str | None
+    unit: str
+    origin: float
+
+
+def clock(mapping: ColumnMapping, table: Table, owner: str) -> Clock:
+    """Return the time base of a log: that of ``t``, or else of the topic with most messages.
+
+    Raises:
+        RecordError: The column that the mapping names is not there.
+    """
+    if "t" in mapping.columns:
+        source = mapping.columns["t"]
+        first = _source(mapping, "t", source.source, table, owner)
+        unit = next(name for name, unit in UNITS.items() if unit.factor == abs(source.gain))
+        return Clock(source.source, unit, _origin(first, unit))
+    names = {clock_of(column.source) for column in mapping.columns.values()} - {None}
+    clocks = [name for name in names if name in table]
+    if not clocks:
+        return Clock(None, "s", 0.0)
+    busiest = max(sorted(filter(None, clocks)), key=lambda name: len(table[name]))
+    return Clock(busiest, "ns", _origin(table[busiest], "ns"))
+
+
+def mapped(mapping: ColumnMapping, table: Table, base: Clock, owner: str) -> dict[str, FloatArray]:
+    """Return the columns of a record, in SI units on the link side.
+
+    A column with a clock of its own is brought to the record's: commands hold their value, what is
+    measured is interpolated between neighbours, and missing (NaN) where these are far apart.
+
+    Args:
+        mapping: Which column is which.
+        table: Columns of the log.
+        base: Time base of the record.
+        owner: What error messages call the log.
+
+    Raises:
+        RecordError: A column that the mapping names is not there, or the lengths do not fit.
+    """
+    columns: dict[str, FloatArray] = {}
+    t = None if base.name is None else _seconds(table[base.name], base.unit, base.origin)
+    if t is not None:
+        columns["t"] = t
+    for name, column in mapping.columns.items():
+        if name == "t":
+            continue
+        raw = _source(mapping, name, column.source, table, owner)
+        values = column.gain * (np.asarray(raw, dtype=np.float64) - column.offset)
+        own = _own_clock(column, base, table)
+        if own is not None and t is not None:
+            stamps = _source(mapping, name, own, table, owner)
+            unit = column.time_unit or base.unit
+            values = _on_clock(name, _seconds(stamps, unit, base.origin), values, t)
+        columns[name] = values
+    return columns
+
+
+def needed(mapping: ColumnMapping, available: Collection[str]) -> set[str]:
+    """Return the names of a log's columns that a mapping reads."""
+    names = {column.source for column in mapping.columns.values()}
+    names |= {column.time for column in mapping.columns.values() if column.time}
+    return names & set(available)
+
+
+def _source(
+    mapping: ColumnMapping, name: str, source: str, table: Table, owner: str
+) -> NDArray[Any]:
+    if source not in table:
+        raise RecordError(
+            f"columns.{name} of {mapping.owner}: {owner} has no such column. "
+            f"{unknown_name('column', source, table)}"
+        )
+    return table[source]
+
+
+def _own_clock(column: ColumnSource, base: Clock, table: Table) -> str | None:
+    """Return the log's column with the time of a column; None where it is that of the record."""
+    if column.time is not None:
+        return column.time if column.time != base.name else None
+    default = clock_of(column.source)
+    if default is None or base.name is None or default == clock_of(base.name):
+        return None
+    topic = default.removesuffix(LOG_TIME)
+    alike = topic + base.name.rpartition(":")[2]
+    return alike if alike in table else default
+
+
+def _seconds(stamps: NDArray[Any], unit: str, origin: float) -> FloatArray:
+    """Return times [s] from an origin; whole numbers lose nothing where they are large."""
+    factor = UNITS[unit].factor
+    if stamps.dtype.kind in "iu":
+        start = round(origin / factor)
+        whole = np.asarray(stamps.astype(np.int64) - start, dtype=np.float64)
+        return np.asarray(whole * factor, dtype=np.float64)
+    return np.asarray(np.asarray(stamps, dtype=np.float64) * factor - origin, dtype=np.float64)
+
+
+def _origin(stamps: NDArray[Any], unit: str) -> float:
+    finite = stamps[np.isfinite(stamps)] if stamps.dtype.kind == "f" else stamps
+    first = float(finite[0]) * UNITS[unit].factor if len(finite) else 0.0
+    return first if abs(first) > EPOCH else 0.0
+
+
+def _on_clock(name: str, own: FloatArray, values: FloatArray, t: FloatArray) -> FloatArray:
+    """Return values, taken at times of their own, at the times of the record."""
+    if len(own) != len(values):
+        raise RecordError(
+            f"The time of column {name!r} has {len(own)} samples and the column {len(values)}. "
+            "They must be as many."
+        )
+    good = np.isfinite(own) & np.isfinite(values)
+    own, first = np.unique(own[good], return_index=True)
+    values = values[good][first]
+    if len(own) < 2:
+        return np.full(len(t), np.nan)
+    before = np.clip(np.searchsorted(own, t, side="right") - 1, 0, len(own) - 2)
+    outside = ~((t >= own[0]) & (t <= own[-1]))
+    if name.removeprefix(TRUE_PREFIX) in COMMANDS:
+        last = np.clip(np.searchsorted(own, t, side="right") - 1, 0, len(own) - 1)
+        return np.where(t >= own[0], values[last], np.nan)
+    hole = np.diff(own)[before] > LONGEST_HOLE * np.median(np.diff(own))
+    exact = np.isin(t, own)
+    return np.where(outside | (hole & ~exact), np.nan, np.interp(t, own, values))

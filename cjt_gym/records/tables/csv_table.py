@@ -1,0 +1,164 @@
+"""Tables as text: a line of names, then a line of numbers per row.
+
+The separator is a comma, a semicolon, a tab or blanks, whichever the line of names shows. Where it
+is not a comma, a comma within a number is a decimal point.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator, Mapping
+from itertools import islice
+from pathlib import Path
+from typing import TextIO
+
+import numpy as np
+
+from cjt_gym.errors import RecordError
+from cjt_gym.records.checks import FloatArray
+
+SEPARATORS = (",", ";", "\t")
+ROWS = 100_000
+"""Rows that are parsed at a time."""
+
+
+def read(path: Path) -> dict[str, FloatArray]:
+    """Return all columns; every line must hold as many numbers as there are names.
+
+    Raises:
+        RecordError: A line does not; the message gives its number.
+    """
+    return _joined(path, ROWS, strict=True)
+
+
+def stream(path: Path, rows: int) -> Iterator[dict[str, FloatArray]]:
+    """Yield pieces of so many rows. What is not a number is NaN, a damaged line a row of NaN.
+
+    Raises:
+        RecordError: There is no line of names, or a name is there twice.
+    """
+    return _pieces(path, rows, strict=False)
+
+
+def write(columns: Mapping[str, FloatArray], path: Path) -> None:
+    """Write columns with 17 digits, which is what a float has."""
+    np.savetxt(
+        path,
+        np.column_stack(list(columns.values())),
+        fmt="%.17g",
+        delimiter="\t" if path.suffix.lower() == ".tsv" else ",",
+        header=("\t" if path.suffix.lower() == ".tsv" else ",").join(columns),
+        comments="",
+        encoding="utf-8",
+    )
+
+
+def _joined(path: Path, rows: int, strict: bool) -> dict[str, FloatArray]:
+    pieces = list(_pieces(path, rows, strict))
+    return {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
+
+
+def _pieces(path: Path, rows: int, strict: bool) -> Iterator[dict[str, FloatArray]]:
+    with path.open(encoding="utf-8-sig", newline="", errors="strict" if strict else "replace") as f:
+        number, separator, names = _header(path, f)
+        _check_names(path, names)
+        first = True
+        while (lines := list(islice(f, rows))) or first:
+            table = _numbers(path, number + 1, lines, separator, len(names), strict)
+            yield dict(zip(names, table.T, strict=True))
+            number += len(lines)
+            first = False
+
+
+def _header(path: Path, file: TextIO) -> tuple[int, str | None, list[str]]:
+    """Return the number of the line of names, the separator, and the names.
+
+    Lines that begin with # or % are comments, except that the last of them holds the names where
+    numbers follow it at once, as NumPy writes them.
+    """
+    number, comment = 0, ""
+    while line := file.readline():
+        number += 1
+        text = line.strip()
+        if text[:1] in ("#", "%"):
+            comment = text.lstrip("#% ")
+        elif text:
+            separator = _separator(text)
+            cells = _cells(text, separator)
+            if not comment or not all(map(_is_number, cells)):
+                return number, separator, cells
+            separator = _separator(comment)
+            file.seek(0)
+            for _ in range(number - 1):
+                file.readline()
+            return number - 1, separator, _cells(comment, separator)
+    raise RecordError(f"{path} must begin with a line of column names, got an empty file.")
+
+
+def _separator(text: str) -> str | None:
+    best = max(SEPARATORS, key=text.count)
+    if best in text:
+        return best
+    return None if " " in text else ","
+
+
+def _cells(text: str, separator: str | None) -> list[str]:
+    if separator is None:
+        return text.split()
+    return [cell.strip() for cell in next(csv.reader([text], delimiter=separator), [])]
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell.replace(",", "."))
+    except ValueError:
+        return False
+    return True
+
+
+def _check_names(path: Path, names: list[str]) -> None:
+    if repeated := [name for name in names if names.count(name) > 1]:
+        raise RecordError(
+            f"Every column of {path} must have a name of its own, got {repeated[0]!r} twice."
+        )
+
+
+def _numbers(
+    path: Path, number: int, lines: list[str], separator: str | None, width: int, strict: bool
+) -> FloatArray:
+    """Return the numbers of some lines, shape (rows, width); at first as fast as can be."""
+    if separator != ",":
+        lines = [line.replace(",", ".") for line in lines]
+    try:
+        if not any(map(str.strip, lines)):
+            return np.empty((0, width))
+        table: FloatArray = np.loadtxt(lines, delimiter=separator, comments=None, ndmin=2)
+        if table.shape[1] == width:
+            return table
+    except ValueError:
+        pass
+    rows = [
+        _row(path, number + k, _cells(line.strip("\r\n"), separator), width, strict)
+        for k, line in enumerate(lines)
+        if line.strip()
+    ]
+    return np.array(rows, dtype=np.float64).reshape(-1, width)
+
+
+def _row(path: Path, number: int, cells: list[str], width: int, strict: bool) -> list[float]:
+    if len(cells) != width:
+        if strict:
+            raise RecordError(
+                f"Line {number} of {path} must have {width} values like its header, "
+                f"got {len(cells)}."
+            )
+        return [np.nan] * width
+    try:
+        return [float(cell or "nan") for cell in cells]
+    except ValueError:
+        if not strict:
+            return [float(cell) if _is_number(cell) else np.nan for cell in cells]
+        raise RecordError(
+            f"Line {number} of {path} must hold numbers with a decimal point, "
+            f"got {','.join(cells)!r}."
+        ) from None

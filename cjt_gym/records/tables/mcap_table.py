@@ -1,0 +1,156 @@
+"""Tables out of MCAP files: every number of every message, by topic and field.
+
+A column is called ``/topic:field``, and ``/topic:log_time`` is the time at which the messages of a
+topic were logged [ns]. Messages are read where they are encoded as JSON or by ROS 2.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import struct
+from collections import defaultdict
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cjt_gym.errors import RecordError
+from cjt_gym.records.tables.flat import flat_numbers, sliced
+
+LOG_TIME: Final = "log_time"
+Decode = Callable[[bytes], Any]
+
+
+def read(path: Path) -> dict[str, NDArray[Any]]:
+    """Return every number of the messages; a field that a message lacks is NaN there.
+
+    A file that ends too early, because its recorder was stopped, is read as far as it goes.
+
+    Raises:
+        RecordError: mcap is not installed, this is no MCAP file, or no topic can be read.
+    """
+    topics: dict[str, Topic] = {}
+    decoders: dict[int, Decode | None] = {}
+    encodings = set()
+    for schema, channel, message in _messages(path):
+        if channel.id not in decoders:
+            decoders[channel.id] = _decoder(schema, channel, path)
+            encodings.add(f"{channel.topic} ({channel.message_encoding or 'unknown'})")
+        decode = decoders[channel.id]
+        if decode is not None:
+            topic = topics.setdefault(channel.topic, Topic([], defaultdict(list)))
+            topic.add(message.log_time, _decoded(decode, message.data, channel.topic, path))
+    if not topics:
+        raise RecordError(
+            f"{path} must have a topic with messages in JSON or of ROS 2 (cdr), "
+            f"found {', '.join(sorted(encodings)) or 'no messages'}. Convert the file, or export "
+            "the topics you need as CSV."
+        )
+    return {
+        f"{name}:{field}": values
+        for name, topic in topics.items()
+        for field, values in topic.columns()
+    }
+
+
+def stream(path: Path, rows: int) -> Iterator[dict[str, NDArray[Any]]]:
+    """Yield the columns; topics have clocks of their own, so the file is read as a whole."""
+    return sliced(read(path), rows)
+
+
+def clock_of(source: str) -> str | None:
+    """Return the column with the time of a column, or None where it is not one of a topic.
+
+    Example:
+        >>> clock_of("/joint_states:position[elbow]"), clock_of("q_m")
+        ('/joint_states:log_time', None)
+    """
+    topic, colon, _ = source.rpartition(":")
+    return f"{topic}:{LOG_TIME}" if colon and topic.startswith("/") else None
+
+
+@dataclass(frozen=True)
+class Topic:
+    """What the messages of a topic hold.
+
+    Attributes:
+        stamps: Time at which each was logged [ns].
+        fields: For each number in them, the messages that have it, and its values there.
+    """
+
+    stamps: list[int]
+    fields: dict[str, list[tuple[int, float]]]
+
+    def add(self, stamp: int, content: Any) -> None:
+        """Add a message."""
+        for name, number in flat_numbers("", content):
+            self.fields[name].append((len(self.stamps), number))
+        self.stamps.append(stamp)
+
+    def columns(self) -> Iterator[tuple[str, NDArray[Any]]]:
+        """Yield the time, and every number, of shape (messages,)."""
+        yield LOG_TIME, np.array(self.stamps, dtype=np.int64)
+        for name, pairs in self.fields.items():
+            values = np.full(len(self.stamps), np.nan)
+            rows, numbers = zip(*pairs, strict=True)
+            values[list(rows)] = numbers
+            yield name, values
+
+
+def _messages(path: Path) -> Iterator[tuple[Any, Any, Any]]:
+    """Yield schema, channel and message, up to the end or to where the file is damaged."""
+    reader = _import("mcap.reader", path)
+    errors = _import("mcap.exceptions", path)
+    begun = False
+    try:
+        with path.open("rb") as file:
+            for found in reader.NonSeekingReader(file).iter_messages(log_time_order=False):
+                begun = True
+                yield found
+    except (errors.McapError, OSError, struct.error, EOFError) as error:
+        if not begun:
+            raise RecordError(f"{path} must be an MCAP file: {error!r}.") from error
+
+
+def _decoded(decode: Decode, data: bytes, topic: str, path: Path) -> Any:
+    try:
+        return decode(data)
+    except (ValueError, struct.error) as error:
+        raise RecordError(f"A message of {topic} in {path} cannot be read: {error}.") from error
+
+
+def _decoder(schema: Any, channel: Any, path: Path) -> Decode | None:
+    """Return what turns the messages of a channel into mappings; None where nothing can."""
+    if channel.message_encoding == "json":
+        return json.loads
+    if channel.message_encoding == "cdr" and schema is not None:
+        factory = _import("mcap_ros2.decoder", path).DecoderFactory()
+        decode = factory.decoder_for(channel.message_encoding, schema)
+        return None if decode is None else lambda data: _plain(decode(data))
+    return None
+
+
+def _plain(value: Any) -> Any:
+    """Return a ROS 2 message as mappings and lists."""
+    slots = getattr(value, "__slots__", None)
+    if slots:
+        return {name.lstrip("_"): _plain(getattr(value, name)) for name in slots}
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return value
+
+
+def _import(name: str, path: Path) -> Any:
+    try:
+        return importlib.import_module(name)
+    except ImportError as error:
+        package = {"mcap": "mcap", "mcap_ros2": "mcap-ros2-support"}[name.split(".")[0]]
+        raise RecordError(
+            f"{path} needs {package}, which is not installed: pip install cjt-gym[logs]."
+        ) from error

@@ -1,0 +1,77 @@
+"""Tables as Parquet files."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+from cjt_gym.errors import RecordError
+from cjt_gym.records.checks import FloatArray
+from cjt_gym.records.tables.flat import NUMBERS
+
+
+def read(path: Path) -> dict[str, NDArray[Any]]:
+    """Return all columns.
+
+    Raises:
+        RecordError: pyarrow is not installed, or this is no Parquet file.
+    """
+    arrow, parquet = _pyarrow()
+    try:
+        table = parquet.read_table(path)
+    except (arrow.ArrowException, OSError) as error:
+        raise _no_parquet(path, error) from error
+    return {name: table.column(name).to_numpy() for name in table.column_names}
+
+
+def stream(path: Path, rows: int) -> Iterator[dict[str, NDArray[Any]]]:
+    """Yield the columns of numbers in pieces of so many rows, without holding the others.
+
+    Raises:
+        RecordError: pyarrow is not installed, or this is no Parquet file.
+    """
+    arrow, parquet = _pyarrow()
+    try:
+        with parquet.ParquetFile(path) as file:
+            for batch in file.iter_batches(batch_size=rows):
+                columns = zip(batch.schema.names, batch.columns, strict=True)
+                arrays = {name: _array(arrow, values) for name, values in columns}
+                yield {n: values for n, values in arrays.items() if values.dtype.kind in NUMBERS}
+    except (arrow.ArrowException, OSError) as error:
+        raise _no_parquet(path, error) from error
+
+
+def write(columns: Mapping[str, FloatArray], path: Path) -> None:
+    """Write columns.
+
+    Raises:
+        RecordError: pyarrow is not installed.
+    """
+    arrow, parquet = _pyarrow()
+    parquet.write_table(arrow.table(dict(columns)), path)
+
+
+def _array(arrow: Any, values: Any) -> NDArray[Any]:
+    """Return an Arrow array as a NumPy array, times as whole nanoseconds."""
+    if arrow.types.is_timestamp(values.type):
+        values = values.cast(arrow.timestamp("ns")).cast(arrow.int64())
+    array: NDArray[Any] = values.to_numpy(zero_copy_only=False)
+    return array
+
+
+def _no_parquet(path: Path, error: BaseException) -> RecordError:
+    return RecordError(f"{path} must be a Parquet file: {error}.")
+
+
+def _pyarrow() -> tuple[Any, Any]:
+    try:
+        return importlib.import_module("pyarrow"), importlib.import_module("pyarrow.parquet")
+    except ImportError as error:
+        raise RecordError(
+            "Parquet files need pyarrow, which is not installed. Use .csv or .npz, or "
+            "pip install cjt-gym[parquet]."
+        ) from error
