@@ -23,7 +23,8 @@ from cjt_gym.gap.diagnosis import (
 from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.fit import Fit, Model, Problem, retuned
 from cjt_gym.gap.hypotheses import hypotheses
-from cjt_gym.gap.intervals import covariance, effect_intervals
+from cjt_gym.gap.intervals import Covariance, covariance, effect_intervals
+from cjt_gym.gap.joint_file import identified_joint
 from cjt_gym.gap.localize import regimes
 from cjt_gym.gap.process import allow_for_colour
 from cjt_gym.gap.prune import COARSE_STRAIN, STRAIN, Need, prune, simplify, split_asymmetry
@@ -50,6 +51,8 @@ PATIENCE = 60.0
 """Time after which the search for effects ends with what it has [s]."""
 CERTAINTY = 8.0
 """Evidence that makes a name e times as likely."""
+KNOWN = 0.7
+"""Share of its tolerance within which a fit must know a datasheet value to refine it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +110,7 @@ def diagnose(
     try:
         explanation = explain(setting)
         replayed = [make_setting(r, file, shape, setting.series.zero) for r in _long(tested)]
-        return _report(explanation, replayed or [setting], bool(replayed), started)
+        return _report(explanation, replayed or [setting], bool(replayed), started, _title(first))
     except (np.linalg.LinAlgError, FloatingPointError, ValueError) as error:
         if isinstance(error, CjtGymError):
             raise
@@ -196,14 +199,21 @@ def _joint(
     return file, get_structure(name)
 
 
+def _title(record: Record) -> str:
+    """Return a short name of a record: that of its file."""
+    return record.owner if record.origin is None else record.origin.stem
+
+
 # ---- report
 def _report(
-    found: Explanation, settings: Sequence[Setting], held_out: bool, started: float
+    found: Explanation, settings: Sequence[Setting], held_out: bool, started: float, record: str
 ) -> Diagnosis:
     problem, fit = found.problem, found.fit
-    named = _named(found)
+    spread = covariance(problem, fit)
+    named = _named(found, spread)
     before = _nominal_residuals(found)
-    gap = _gap(found, settings, held_out, bool(named) or not found.left)
+    explains = bool(named) or not found.left
+    gap = _gap(found, settings, held_out, explains)
     worst = max(before, key=lambda name: float(np.mean(before[name] ** 2)))
     left = found.left
     seconds = time.perf_counter() - started
@@ -219,7 +229,27 @@ def _report(
         evidence=Evidence(
             problem.stages.setting.series.t, before, fit.residuals, gap.replays, _steps(found)
         ),
+        joint=identified_joint(
+            problem.stages.setting,
+            problem.fields(fit.model, fit.z),
+            named,
+            _refined(found, spread) if explains else {},
+            record,
+        ),
     )
+
+
+def _refined(found: Explanation, spread: Covariance) -> dict[str, tuple[float, float]]:
+    """Return the datasheet values that the record tells, each with its relative deviation."""
+    fit, shared = found.fit, found.problem.shared
+    known = found.problem.stages.setting.joint.parameters.quantities
+    released = {effect.releases for effect in fit.model.effects}
+    return {
+        n.field: (n.unknown.value(fit.z[k]), n.unknown.scale * spread.std(k))
+        for k, n in enumerate(shared)
+        if (n.field in known or n.field == "lag") and n.field not in released
+        if n.unknown.log and spread.std(k) < KNOWN
+    }
 
 
 def _steps(found: Explanation) -> tuple[tuple[str, dict[str, float]], ...]:
@@ -240,13 +270,12 @@ def _nominal_residuals(found: Explanation) -> dict[str, np.ndarray]:
     return problem.residuals(Model(), z)
 
 
-def _named(found: Explanation) -> tuple[NamedEffect, ...]:
+def _named(found: Explanation, spread: Covariance) -> tuple[NamedEffect, ...]:
     problem, fit = found.problem, found.fit
     rows = []
-    spread = covariance(problem, fit) if fit.model.effects else None
     for index, (effect, need) in enumerate(zip(fit.model.effects, found.needs, strict=True)):
         state = status(need, effect.touches, found.left)
-        if state is None or spread is None:
+        if state is None:
             continue
         lead = evidence(problem, fit) - best_rival(problem, fit, index, found.seen)
         lead = min(lead, need.evidence)

@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from cjt_gym.joint import JointFile
+
 Floats = NDArray[np.float64]
 SCHEMA = 1
 
@@ -168,6 +170,7 @@ class Diagnosis:
         suggestion: What to record next.
         seconds: Time that the diagnosis took [s].
         evidence: Arrays for a report.
+        joint: The nominal joint with the effects added; `cjt_gym.joint.to_toml` writes it.
     """
 
     verdict: str
@@ -179,6 +182,7 @@ class Diagnosis:
     suggestion: Suggestion
     seconds: float
     evidence: Evidence
+    joint: JointFile
 
     def to_dict(self) -> dict[str, object]:
         """Return the content of diagnosis.json: plain types, finite numbers."""

@@ -12,7 +12,7 @@ from cjt_gym.errors import ParameterError, did_you_mean
 __all__ = ["FrozenMapping", "Quantity", "Setting", "parse_quantity"]
 
 Value = TypeVar("Value")
-QUANTITY_KEYS = ("value", "unit", "source", "tolerance", "asymmetric")
+QUANTITY_KEYS = ("value", "unit", "source", "tolerance", "asymmetric", "low", "high")
 
 
 class FrozenMapping(Mapping[str, Value]):
@@ -51,6 +51,8 @@ class Quantity:
         source: Where the value comes from; empty where the source of the whole file holds.
         tolerance: One sigma of the value, relative; None if unknown.
         asymmetric: For a negative-direction value only: it is meant to differ from its partner.
+        low: Low end of the 95 % interval of the value, in `unit` and of its shape; None if unknown.
+        high: High end of it.
     """
 
     value: float | tuple[float, ...]
@@ -58,6 +60,8 @@ class Quantity:
     source: str = ""
     tolerance: float | None = None
     asymmetric: bool = False
+    low: float | tuple[float, ...] | None = None
+    high: float | tuple[float, ...] | None = None
 
     @property
     def number(self) -> float:
@@ -91,12 +95,16 @@ def parse_quantity(entry: object, owner: str) -> Quantity:
             f'{owner} must be written as {{ value = ..., unit = "..." }}, got {entry!r}.'
         )
     _check_keys(entry, owner)
+    value = _parse_value(entry["value"], owner)
+    low, high = _parse_interval(entry, value, owner)
     return Quantity(
-        value=_parse_value(entry["value"], owner),
+        value=value,
         unit=_parse_text(entry["unit"], f"unit of {owner}"),
         source=_parse_text(entry["source"], f"source of {owner}") if "source" in entry else "",
         tolerance=_parse_tolerance(entry["tolerance"], owner) if "tolerance" in entry else None,
         asymmetric=_parse_flag(entry.get("asymmetric", False), owner),
+        low=low,
+        high=high,
     )
 
 
@@ -118,6 +126,27 @@ def _parse_value(value: object, owner: str) -> float | tuple[float, ...]:
     if isinstance(value, list):
         return tuple(_parse_number(item, owner) for item in value)
     return _parse_number(value, owner)
+
+
+def _parse_interval(
+    entry: Mapping[str, object], value: float | tuple[float, ...], owner: str
+) -> tuple[float | tuple[float, ...], float | tuple[float, ...]] | tuple[None, None]:
+    """Return both ends of the interval around a value; both must be given, or neither."""
+    given = [key for key in ("low", "high") if key in entry]
+    if not given:
+        return None, None
+    if len(given) == 1:
+        raise ParameterError(
+            f"{owner} must have both low and high, or neither, got only {given[0]}. Add the other."
+        )
+    low, high = _parse_value(entry["low"], owner), _parse_value(entry["high"], owner)
+    rows = [x if isinstance(x, tuple) else (x,) for x in (low, value, high)]
+    same = len({len(row) for row in rows}) == 1
+    if not same or any(not a <= x <= b for a, x, b in zip(*rows, strict=True)):
+        raise ParameterError(
+            f"{owner} must lie from its low to its high, got low {low}, value {value}, high {high}."
+        )
+    return low, high
 
 
 def _parse_number(value: object, owner: str) -> float:

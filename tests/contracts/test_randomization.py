@@ -430,7 +430,7 @@ def test_identified_varies_what_has_a_tolerance(tmp_path: Path) -> None:
 
 
 def test_identified_without_tolerances_says_what_to_do() -> None:
-    with pytest.raises(ConfigurationError, match=r"needs tolerances.*Add  tolerance"):
+    with pytest.raises(ConfigurationError, match=r"needs intervals or tolerances.*tolerance = "):
         resolve_randomization(joint(), "identified")
     emps = load_joint("emps", "rigid")
     assert set(resolve_randomization(emps, "identified")) == {"I_m"}

@@ -11,7 +11,7 @@ A randomisation is a mapping of names to variations, the name of a preset, or bo
 `mild` varies every base parameter in use by 10 % (by its tolerance where the joint file gives
 one), the size of every active effect by 30 %, and makes delays up to a control step longer. `wide`
 takes 0.7 to 1.4, 0 to 2, and two control steps. `identified` varies what the joint file gives a
-tolerance to, as a diagnosis of recordings writes it.
+95 % interval or a tolerance to, as a diagnosis of recordings writes it.
 """
 
 from __future__ import annotations

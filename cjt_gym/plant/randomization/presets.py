@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import EFFECTS, Joint
 from cjt_gym.joint.batch import DELAYS
@@ -18,6 +20,7 @@ LEAST = 0.05  # share of its nominal value that a number keeps however wide its 
 HALF = 0.5  # the same where the size of an effect is a difference from nominal
 SPEEDS = ("Hz", "A/s")  # units of sizes of which less is the stronger effect, and 0 is none
 COUNTED = ("n", "p")  # exact by their nature, unless the joint file gives a tolerance
+NORMAL = 1.96  # standard deviations on either side of the middle that hold 95 %
 NOISY_KEYS = ("std", "noise", "resolution", "value")
 
 
@@ -93,35 +96,60 @@ def preset(joint: Joint, width: Width, dt: float) -> Variations:
 
 
 def identified(joint: Joint) -> Variations:
-    """Return a normal variation of every number to which the joint file gives a tolerance.
+    """Return a normal variation of every number of which the joint file says how sure it is.
 
-    A tolerance is one sigma, relative. That of the amplitudes of a ripple becomes one of its scale;
-    frequencies of ripples count as exact. A value that replaces that of the file has no tolerance.
+    A 95 % interval (low, high) is where the draws stay; a tolerance is one sigma, relative. That of
+    the amplitudes of a ripple becomes one of its scale; frequencies of ripples count as exact. A
+    value that replaces that of the file has neither.
 
     Raises:
-        ConfigurationError: The file gives no tolerance to anything that acts.
+        ConfigurationError: The file gives neither to anything that acts.
     """
     found = {}
     for name, quantity in joint.parameters.quantities.items():
-        if name in used_parameters(joint) and quantity.tolerance:
-            found[name] = within_tolerance(quantity.tolerance, signed=False)
+        if name in used_parameters(joint) and (variation := as_sure_as(quantity, signed=False)):
+            found[name] = variation
     for name, values in joint.effects.items():
         for parameter in EFFECTS[name].parameters:
             source = _source_of(joint, name, parameter)
             same = source is not None and source.value == values[parameter.symbol]
-            if source is None or not source.tolerance or not same or parameter.symbol == "f":
+            if source is None or not same or parameter.symbol == "f":
                 continue
+            variation = as_sure_as(source, parameter.signed)
             symbol = "scale" if parameter.series else parameter.symbol
             known = found.get(f"{name}.{symbol}")
-            if known is None or (known.std or 0.0) < source.tolerance:
-                found[f"{name}.{symbol}"] = within_tolerance(source.tolerance, parameter.signed)
+            if variation and (known is None or (known.std or 0.0) < (variation.std or 0.0)):
+                found[f"{name}.{symbol}"] = variation
     if not found:
         raise ConfigurationError(
-            f'randomization = "identified" needs tolerances, and {joint.parameters.origin} gives '
-            "none to what acts in this joint. Add  tolerance = ...  (one sigma, relative) to its "
-            'values, as an identification knows them, or use "mild".'
+            f'randomization = "identified" needs intervals or tolerances, and '
+            f"{joint.parameters.origin} gives none to what acts in this joint. Add  low = ..., "
+            "high = ...  (95 %), or  tolerance = ...  (one sigma, relative) to its values, as an "
+            'identification knows them, or use "mild".'
         )
     return found
+
+
+def as_sure_as(quantity: Quantity, signed: bool) -> Variation | None:
+    """Return the variation that a quantity's interval or tolerance calls for; None without."""
+    if quantity.low is not None and quantity.high is not None:
+        return _within(quantity)
+    return within_tolerance(quantity.tolerance, signed) if quantity.tolerance else None
+
+
+def _within(quantity: Quantity) -> Variation | None:
+    """Return a normal variation cut off at the ends of the interval; of series, of their scale."""
+    rows = np.atleast_1d(np.array([quantity.low, quantity.value, quantity.high]).T)
+    table = rows.reshape(-1, 3)
+    std = (table[:, 2] - table[:, 0]) / (2.0 * NORMAL)
+    if not std.any():
+        return None
+    if isinstance(quantity.value, tuple):
+        half = 0.5 * (table[:, 2] - table[:, 0])
+        share = float(np.min(half / np.maximum(np.abs(table[:, 1]), 1e-300)))
+        return Variation(max(1.0 - share, 0.0), 1.0 + share, "normal", "set", 1.0, share / NORMAL)
+    low, value, high = (float(x) for x in table[0])
+    return Variation(low, high, "normal", "set", value, float(std[0]))
 
 
 def within_tolerance(tolerance: float, signed: bool) -> Variation:

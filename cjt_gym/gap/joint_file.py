@@ -1,0 +1,176 @@
+"""The joint that a diagnosis found: the nominal joint file with the named effects added.
+
+The named numbers become rows of the effect table, each with its 95 % interval. Datasheet values
+that the record knows better than their tolerance are refined: value and tolerance are then those of
+the fit. Angles count as in the record, not from its first sample.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from cjt_gym.gap.diagnosis import NamedEffect
+from cjt_gym.gap.fields import Fields
+from cjt_gym.gap.rows import ROWS, Found, Number
+from cjt_gym.gap.setting import Setting
+from cjt_gym.joint import EFFECTS, Effect, EffectParameter, JointFile
+from cjt_gym.joint.effects import body_of
+from cjt_gym.joint.parameter_table import axis_units
+from cjt_gym.joint.quantity import Quantity
+from cjt_gym.joint.quantity import Setting as Entry
+
+ASYMMETRIC, SMOOTHED = "coulomb_asym", "dq_0"
+NORMAL = 1.96
+Refined = Mapping[str, tuple[float, float]]
+Table = dict[str, dict[str, Entry]]
+
+
+def identified_joint(
+    setting: Setting,
+    fields: Fields,
+    named: Sequence[NamedEffect],
+    refined: Refined,
+    record: str,
+) -> JointFile:
+    """Return the nominal joint with the named effects added.
+
+    Args:
+        setting: The record that was explained, with the nominal joint.
+        fields: The model that explains it.
+        named: The effects to add.
+        refined: Datasheet values by symbol, each with its deviation, relative, as the fit has them;
+            "lag" [s] is that of a current loop whose bandwidth the file states.
+        record: Name of the record, for the entries' sources.
+    """
+    joint, source = setting.joint, f"identified from {record}"
+    table: Table = {name: dict(entries) for name, entries in joint.effects.items()}
+    asymmetric = ASYMMETRIC in table or any(effect.name == ASYMMETRIC for effect in named)
+    if asymmetric and "coulomb" in table:
+        table[ASYMMETRIC] = _both_ways(table.pop("coulomb"))
+    sensors = {channel: dict(entries) for channel, entries in joint.sensors.items()}
+    for effect in named:
+        if effect.name in ("noise", "quantization"):
+            _worsen(sensors, table, effect, source)
+            continue
+        found = Found(setting, fields, effect, asymmetric)
+        for name, numbers in ROWS[effect.name](found).items():
+            _put(table, EFFECTS[name], effect.body, numbers, joint, source)
+    _share_smoothing(table, joint)
+    if "lag" in refined and "current_lag" not in {effect.name for effect in named}:
+        _refine_lag(table, *refined["lag"], source)
+    p = joint.parameters
+    known = {symbol: row for symbol, row in refined.items() if symbol in p.quantities}
+    parameters = replace(
+        p,
+        name=f"{p.name}_identified",
+        source=f"{p.source}; effects {source}" if named else p.source,
+        quantities={**p.quantities, **_refined(p.quantities, known, source)},
+    )
+    return replace(joint, parameters=parameters, effects=table, sensors=sensors)
+
+
+def _both_ways(entries: Mapping[str, Entry]) -> dict[str, Entry]:
+    """Return symmetric Coulomb friction with its levels written for each direction."""
+    levels = {key: entry for key, entry in entries.items() if key.startswith("d_c")}
+    return {**entries, **{f"{key}_n": entry for key, entry in levels.items()}}
+
+
+def _put(
+    table: Table,
+    row: Effect,
+    body: str | None,
+    numbers: Mapping[str, Number],
+    joint: JointFile,
+    source: str,
+) -> None:
+    """Add the numbers of an effect to a table, with all else that the table says left as it is."""
+    entries = table.setdefault(row.name, {})
+    if row.bodies and body is not None:
+        if not entries:
+            entries["body"] = body
+        elif entries.get("body", "") not in ("", body):
+            _name_no_body(entries, row, {str(entries["body"]), body}, joint)
+    for symbol, number in numbers.items():
+        parameter = row.parameter(symbol)
+        assert parameter is not None
+        value, low, high = number.within(*row.domain(parameter))
+        text = f"{source}; {number.note}" if number.note else source
+        quantity = Quantity(value, _unit(parameter, joint), text)
+        if high > low:
+            quantity = replace(quantity, low=low, high=high)
+        entries[symbol] = _as_series(quantity) if parameter.series else quantity
+
+
+def _as_series(quantity: Quantity) -> Quantity:
+    """Return a quantity that holds a list of one number."""
+    whole = {"value": quantity.value, "low": quantity.low, "high": quantity.high}
+    return replace(quantity, **{k: (x,) for k, x in whole.items() if isinstance(x, float)})
+
+
+def _name_no_body(entries: dict[str, Entry], row: Effect, kept: set[str], joint: JointFile) -> None:
+    """Let an effect act on two bodies; the third stays without, whatever the joint file states."""
+    del entries["body"]
+    for parameter in row.parameters:
+        if body_of(parameter.symbol) in (None, *kept) or parameter.joint_parameter is None:
+            continue
+        off = joint.parameters.get(parameter.relative_to, 0.0) if parameter.relative_to else 0.0
+        entries[parameter.symbol] = Quantity(off, _unit(parameter, joint), "none of it")
+
+
+def _unit(parameter: EffectParameter, joint: JointFile) -> str:
+    """Return the unit of a number on the joint's kind of axis and with its kind of amplifier."""
+    p = joint.parameters
+    if parameter.symbol in p:
+        return p.unit(parameter.symbol)
+    units = axis_units(parameter.unit, p.axis)
+    volts = p.unit("k_t").endswith("/V")
+    return next((u for u in units if volts and u == "V"), units[0])
+
+
+def _share_smoothing(table: Table, joint: JointFile) -> None:
+    """Give all dry friction the same smoothing: that of the nominal joint where it has some."""
+    owners = [entries for entries in table.values() if SMOOTHED in entries]
+    known = [e[SMOOTHED] for e in joint.effects.values() if SMOOTHED in e]
+    for entries in owners:
+        entries[SMOOTHED] = known[0] if known else owners[0][SMOOTHED]
+
+
+def _worsen(
+    sensors: dict[str, dict[str, Quantity]], table: Table, effect: NamedEffect, source: str
+) -> None:
+    """Give a channel the noise or the resolution that it was found to have."""
+    key, found = next(iter(effect.parameters.items()))
+    channel = str(effect.channel)
+    quantity = Quantity(found.value, found.unit, source, low=found.low, high=found.high)
+    sensors.setdefault(channel, {})[key] = quantity
+    entries = table.setdefault(effect.name, {})
+    entries[channel] = quantity
+
+
+# ---- datasheet values
+def _refined(
+    quantities: Mapping[str, Quantity], refined: Refined, source: str
+) -> dict[str, Quantity]:
+    """Return values within their tolerance as the fit has them; both directions move together."""
+    found = {}
+    for symbol, (value, deviation) in refined.items():
+        old = quantities[symbol]
+        text = f"refined from {old.number:.6g} within its tolerance, {source}"
+        found[symbol] = replace(old, value=value, source=text, tolerance=deviation)
+        back = quantities.get(f"{symbol}_n")
+        if back is not None and back.number == old.number:
+            found[f"{symbol}_n"] = replace(back, value=value, source=text, tolerance=deviation)
+    return found
+
+
+def _refine_lag(table: Table, lag: float, deviation: float, source: str) -> None:
+    """Give a current loop whose bandwidth is stated the one that the fit has."""
+    entries = table.get("current_lag", {})
+    old = entries.get("bandwidth")
+    if isinstance(old, Quantity):
+        text = f"refined from {old.number:.6g}, {source}"
+        bandwidth = 1.0 / (2.0 * np.pi * lag)
+        entries["bandwidth"] = Quantity(float(bandwidth), old.unit, text, tolerance=deviation)

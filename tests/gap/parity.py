@@ -1,0 +1,136 @@
+"""The model of the diagnosis and the project's kernel, side by side under the same command."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cjt_gym.gap.diagnosis import Interval, NamedEffect
+from cjt_gym.gap.fields import Fields
+from cjt_gym.gap.hypotheses import Hypothesis
+from cjt_gym.gap.joint_file import identified_joint
+from cjt_gym.gap.replay import replay
+from cjt_gym.gap.setting import Setting, make_setting
+from cjt_gym.joint import Joint, JointFile, get_structure, load_joint, to_toml
+from cjt_gym.joint.parameters import JointParameters
+from cjt_gym.joint.quantity import Quantity
+from cjt_gym.records import Record
+
+Floats = NDArray[np.float64]
+VALUES = {
+    **{"I_m": 0.2, "I_g": 0.08, "I_l": 0.4, "k_g": 16000.0, "k_b": 6000.0, "n": 80.0, "k_t": 0.08},
+    **{"d_m": 1.0, "d_g": 2.0, "d_l": 0.5, "d_mg": 100.0, "d_gl": 0.5, "i_p": 30.0},
+}
+ZERO_M, ZERO_L = 0.35, -0.2
+"""Angles at which the encoders of the recorded joint begin [rad]."""
+
+
+def datasheet() -> JointFile:
+    sensors = {
+        "q_m": {"resolution": Quantity(5e-6, "rad")},
+        "q_l": {"resolution": Quantity(5e-6, "rad")},
+        "tau": {"noise": Quantity(0.04, "N m")},
+        "i": {"noise": Quantity(0.015, "A")},
+    }
+    return JointFile(JointParameters.from_values("stated", VALUES), sensors=sensors)
+
+
+def command(seconds: float, seed: int = 3) -> Floats:
+    """Return smooth noise with rests, about 2 A, shape (N,)."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(round(seconds / 1e-3)) * 1e-3
+    tones = rng.uniform(0.5, 12.0, 9)
+    waves = np.sin(2.0 * np.pi * np.outer(t, tones) + rng.uniform(0, 6.28, 9)).sum(axis=1)
+    return np.asarray(np.where(t < 0.1, 0.0, 1.2 * waves))
+
+
+def setting_of(structure: str, seconds: float = 2.0) -> Setting:
+    """Return a setting whose record is the nominal joint's own motion, encoders off zero."""
+    current = command(seconds)
+    joint = load(datasheet(), structure, Path("unused.toml"), write=False)
+    run = joint.simulate(current * VALUES["k_t"] * VALUES["n"], dt=1e-3, dt_physics=1e-4)
+    rng = np.random.default_rng(0)
+    columns = {
+        "i_cmd": current,
+        "i": current + 0.015 * rng.standard_normal(len(current)),
+        "q_m": run["true_q_m"] + ZERO_M,
+        "q_l": run["true_q_l"] + ZERO_L,
+        "tau": run["true_tau"] + 0.04 * rng.standard_normal(len(current)),
+    }
+    units = {"i_cmd": "A", "i": "A", "q_m": "rad", "q_l": "rad", "tau": "N m"}
+    record = Record(columns, units, dt=1e-3, structure=structure)
+    return make_setting(record, datasheet(), get_structure(structure))
+
+
+def load(file: JointFile, structure: str, path: Path, *, write: bool = True) -> Joint:
+    if not write:
+        return Joint(file, structure, "current", {})
+    path.write_text(to_toml(file), encoding="utf-8")
+    return load_joint(path, structure)
+
+
+def named(hypothesis: Hypothesis, values: Mapping[str, float]) -> NamedEffect:
+    """Return the effect as a diagnosis would name it, every number known to ten per cent."""
+    units = {unknown.symbol: unknown.unit for unknown in hypothesis.unknowns}
+    spans = {
+        s: Interval(x, x - 0.1 * abs(x) - 1e-9, x + 0.1 * abs(x) + 1e-9, units[s])
+        for s, x in values.items()
+    }
+    body, channel = hypothesis.body, hypothesis.channel
+    return NamedEffect(hypothesis.name, hypothesis.stage, body, channel, spans, "confirmed", 1.0, 1)
+
+
+@dataclass(frozen=True)
+class Pair:
+    """What both models give for one command.
+
+    Attributes:
+        joint: The joint that was loaded from the written file.
+        engine: Channels of the diagnosis' replay.
+        kernel: The same of the kernel.
+        nominal: Channels of the replay without the effect.
+    """
+
+    joint: Joint
+    engine: Mapping[str, Floats]
+    kernel: Mapping[str, Floats]
+    nominal: Mapping[str, Floats]
+
+    def error(self, channel: str) -> tuple[float, float]:
+        """Return how far the two are apart and how much the effect does, over the signal's rms."""
+        signal = self.engine[channel]
+        rms = float(np.sqrt(np.mean(signal**2)))
+        apart = float(np.sqrt(np.mean((self.kernel[channel] - signal) ** 2)))
+        does = float(np.sqrt(np.mean((self.nominal[channel] - signal) ** 2)))
+        return apart / rms, does / rms
+
+
+def _start(setting: Setting, fields: Fields) -> Floats:
+    """Return the relaxed joint's state as the replay begins, angles from the motor's, shape (6,)."""
+    tau = float(np.mean(setting.series["tau"][:5])) - fields["tau_0"] if setting.has_spring else 0.0
+    q_g = -tau / fields["k_g"] - fields["centre_g"] if setting.has_gear else 0.0
+    q_l = q_g - tau / fields["k_b"] if setting.has_spring else 0.0
+    if setting.structure.output_fixed:
+        q_l = fields["q_0"]
+    return np.array([0.0, q_g, q_l, 0.0, 0.0, 0.0])
+
+
+def compare(setting: Setting, hypothesis: Hypothesis, values: dict[str, float], path: Path) -> Pair:
+    """Return both models with an effect of these values."""
+    fields: Fields = dict(setting.nominal)
+    fields["w_i"] = 1.0  # the command is held over its sample, as the kernel holds it
+    nominal = replay(setting, fields)
+    hypothesis.apply(fields, values)
+    found = identified_joint(setting, fields, [named(hypothesis, values)], {}, "a record")
+    joint = load(found, setting.structure.name, path)
+    series, p = setting.series, VALUES
+    zero = ZERO_L if hypothesis.stage == "load" else ZERO_M
+    start = _start(setting, fields)
+    start[:3] += zero
+    run = joint.simulate(series["i_cmd"] * p["k_t"] * p["n"], dt=1e-3, x0=start, dt_physics=1e-4)
+    kernel = {"q_m": run["true_q_m"] - zero, "dq_m": run["true_dq_m"], "tau": run["tau"]}
+    return Pair(joint, replay(setting, fields), kernel, nominal)
