@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,20 +12,21 @@ from cjt_gym.errors import CjtGymError, ConfigurationError, RecordError
 from cjt_gym.gap.confusable import advice, best_rival, rivals
 from cjt_gym.gap.diagnosis import (
     Diagnosis,
-    Evidence,
     GapSize,
     Interval,
     NamedEffect,
+    Source,
     StageGap,
     Suggestion,
     Unexplained,
 )
+from cjt_gym.gap.evidence import gather, source_of
 from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.fit import Fit, Model, Problem, retuned
 from cjt_gym.gap.hypotheses import hypotheses
 from cjt_gym.gap.intervals import Covariance, covariance, effect_intervals
 from cjt_gym.gap.joint_file import identified_joint
-from cjt_gym.gap.localize import regimes
+from cjt_gym.gap.localize import where
 from cjt_gym.gap.process import allow_for_colour
 from cjt_gym.gap.prune import COARSE_STRAIN, STRAIN, Need, prune, simplify, split_asymmetry
 from cjt_gym.gap.select import Selection, evidence
@@ -110,7 +111,10 @@ def diagnose(
     try:
         explanation = explain(setting)
         replayed = [make_setting(r, file, shape, setting.series.zero) for r in _long(tested)]
-        return _report(explanation, replayed or [setting], bool(replayed), started, _title(first))
+        source = source_of(file, shape, [fitted], _long(tested))
+        return _report(
+            explanation, replayed or [setting], bool(replayed), started, source, _title(first)
+        )
     except (np.linalg.LinAlgError, FloatingPointError, ValueError) as error:
         if isinstance(error, CjtGymError):
             raise
@@ -206,29 +210,35 @@ def _title(record: Record) -> str:
 
 # ---- report
 def _report(
-    found: Explanation, settings: Sequence[Setting], held_out: bool, started: float, record: str
+    found: Explanation,
+    settings: Sequence[Setting],
+    held_out: bool,
+    started: float,
+    source: Source,
+    record: str,
 ) -> Diagnosis:
     problem, fit = found.problem, found.fit
     spread = covariance(problem, fit)
     named = _named(found, spread)
-    before = _nominal_residuals(found)
+    within = _within_tolerance(found)
+    before = {n: problem.stages.residual(n, within) for n in problem.stages.names}
     explains = bool(named) or not found.left
     gap = _gap(found, settings, held_out, explains)
-    worst = max(before, key=lambda name: float(np.mean(before[name] ** 2)))
-    left = found.left
-    seconds = time.perf_counter() - started
+    left, stages = found.left, _stages(found, before, named)
+    nominal = _nominal_fields(found)
+    drawn = gather(problem, fit, nominal, within, before, settings, named, explains)
+    lying = where(problem.stages.setting, stages, before, fit.residuals)
+    drawn = replace(drawn, regimes=lying, steps=_steps(found), source=source)
     return Diagnosis(
         verdict=verdict(len(named), left),
-        stages=_stages(found, before, named),
-        regimes=regimes(problem.stages.setting, worst, before[worst]),
+        stages=stages,
+        regimes=next(iter(lying.values()))[0],
         effects=named,
         gap=GapSize(**{k: v for k, v in vars(gap).items() if k != "replays"}),
         unexplained=_unexplained(left),
         suggestion=_suggestion(named, left),
-        seconds=seconds,
-        evidence=Evidence(
-            problem.stages.setting.series.t, before, fit.residuals, gap.replays, _steps(found)
-        ),
+        seconds=time.perf_counter() - started,
+        evidence=drawn,
         joint=identified_joint(
             problem.stages.setting,
             problem.fields(fit.model, fit.z),
@@ -259,15 +269,24 @@ def _steps(found: Explanation) -> tuple[tuple[str, dict[str, float]], ...]:
     )
 
 
-def _nominal_residuals(found: Explanation) -> dict[str, np.ndarray]:
-    """Return the residuals of the nominal joint, its values no further off than their tolerance."""
+def _within_tolerance(found: Explanation) -> Fields:
+    """Return the fields of the nominal joint, its values no further off than their tolerance."""
     problem = found.problem
     held = [n.field in problem.stages.setting.joint.parameters.quantities for n in problem.shared]
     sensor = [n.field in ("tau_0", "i_0") for n in problem.shared]
     z = found.base.z.copy()
     limited = np.array(held) | np.array(sensor)
     z[limited] = np.clip(z[limited], -WITHIN, WITHIN)
-    return problem.residuals(Model(), z)
+    return problem.fields(Model(), z)
+
+
+def _nominal_fields(found: Explanation) -> Fields:
+    """Return the fields of the nominal joint, with the record's offsets only."""
+    problem = found.problem
+    offsets = ("q_0", "w_i")
+    pairs = zip(problem.shared, found.base.z, strict=True)
+    z = np.array([value if nuisance.field in offsets else 0.0 for nuisance, value in pairs])
+    return problem.fields(Model(), z)
 
 
 def _named(found: Explanation, spread: Covariance) -> tuple[NamedEffect, ...]:
@@ -346,15 +365,8 @@ def _stages(
 
 def _gap(found: Explanation, settings: Sequence[Setting], held_out: bool, explains: bool) -> Gap:
     """Return how far the gap shrinks; where nothing is explained the nominal joint stays."""
-    problem = found.problem
-    shared = len(problem.shared)
-    z = np.zeros(shared)
-    offsets = ("q_0", "w_i")
-    for k, nuisance in enumerate(problem.shared):
-        if nuisance.field in offsets:
-            z[k] = found.base.z[k]
-    nominal: Fields = problem.fields(Model(), z)
-    explained = problem.fields(found.fit.model, found.fit.z)
+    nominal = _nominal_fields(found)
+    explained = found.problem.fields(found.fit.model, found.fit.z)
     return measure_gap(settings, nominal, explained if explains else nominal, held_out)
 
 

@@ -80,7 +80,7 @@ class Regime:
 
     Attributes:
         stage: The stage.
-        variable: Column, "t" or "frequency".
+        variable: Column, "t", "frequency" or "cycles_per_rev".
         low: Low end of the range.
         high: High end of the range.
         unit: Unit of both.
@@ -137,9 +137,109 @@ class GapSize:
     by_channel: Mapping[str, Mapping[str, float]]
 
 
+@dataclass(frozen=True)
+class Step:
+    """The replay error on held-out data of one model of the ladder from nominal to explained.
+
+    Attributes:
+        name: "nominal", "tolerances" or the effect that this model has more than the one before.
+        body: motor, gear or load, or None.
+        channel: Channel of the effect, or None.
+        error: Error relative to the rms of the signal.
+        low: Low end of its 95 % interval, by a bootstrap over blocks.
+        high: High end.
+    """
+
+    name: str
+    body: str | None
+    channel: str | None
+    error: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, eq=False)
+class FrictionMap:
+    """What a body's torque lacks, over its velocity.
+
+    Torques count as friction does: positive where they resist positive motion.
+
+    Attributes:
+        stage: motor or load.
+        speed: Velocity of the body [rad/s], shape (N,).
+        before: Torque that the nominal joint does not explain [N m], shape (N,).
+        after: Torque that the explained one does not [N m], shape (N,).
+        law_speed: Velocities of the law [rad/s], shape (M,).
+        law: Friction that the effects add [N m], shape (M,).
+    """
+
+    stage: str
+    speed: Floats
+    before: Floats
+    after: Floats
+    law_speed: Floats
+    law: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class RippleSpectrum:
+    """Torque on the motor that repeats with its angle.
+
+    Attributes:
+        cycles: Spatial frequency, cycles per revolution (per 2 pi m of a prismatic axis),
+            shape (F,).
+        before: Amplitude left by the nominal joint [N m], shape (F,).
+        after: Amplitude left by the explained one [N m], shape (F,).
+    """
+
+    cycles: Floats
+    before: Floats
+    after: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class SpringLoop:
+    """Transmitted torque over the deflection of the spring.
+
+    Attributes:
+        deflection: [rad], shape (N,).
+        measured: Measured torque [N m], shape (N,).
+        before: Torque of the nominal spring [N m], shape (N,).
+        after: Torque of the explained one [N m], shape (N,).
+        stiffness: Nominal stiffness [N m/rad].
+    """
+
+    deflection: Floats
+    measured: Floats
+    before: Floats
+    after: Floats
+    stiffness: float
+
+
+@dataclass(frozen=True)
+class Source:
+    """What the diagnosis was computed from.
+
+    Attributes:
+        joint: Name of the nominal joint.
+        structure: How its bodies are joined.
+        fitted: Records used for the fit, in words.
+        held_out: Records or parts kept from it, in words.
+        angle: Unit of its angles, "rad" or "m".
+        torque: Unit of its torques, "N m" or "N".
+    """
+
+    joint: str = ""
+    structure: str = ""
+    fitted: tuple[str, ...] = ()
+    held_out: tuple[str, ...] = ()
+    angle: str = "rad"
+    torque: str = "N m"
+
+
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """What a report draws.
+    """What a report draws; the maps are of the fitted record, the replays of the held-out one.
 
     Attributes:
         t: Time of the samples [s], shape (N,).
@@ -147,6 +247,14 @@ class Evidence:
         after: The same with the named effects.
         replays: Measured, nominal and explained signals by channel.
         steps: Names of the effects and the residuals' rms after each, in the order of discovery.
+        replay_dt: Sample time of the replays [s].
+        ladder: Replay errors from the nominal joint to the explained one.
+        regimes: For each stage with a gap its regimes before, and what is left of each as a share
+            of the same total; the stage with the largest gap first.
+        friction: Friction maps.
+        ripple: Torque that repeats with the motor's angle, if there is any motion.
+        spring: Torque over deflection, where there is a spring between measurements.
+        source: What it was computed from.
     """
 
     t: Floats
@@ -154,6 +262,15 @@ class Evidence:
     after: Mapping[str, Floats]
     replays: Mapping[str, Mapping[str, Floats]] = field(default_factory=dict)
     steps: tuple[tuple[str, Mapping[str, float]], ...] = ()
+    replay_dt: float = 1e-3
+    ladder: tuple[Step, ...] = ()
+    regimes: Mapping[str, tuple[tuple[Regime, ...], tuple[Regime, ...]]] = field(
+        default_factory=dict
+    )
+    friction: tuple[FrictionMap, ...] = ()
+    ripple: RippleSpectrum | None = None
+    spring: SpringLoop | None = None
+    source: Source = Source()
 
 
 @dataclass(frozen=True, eq=False)

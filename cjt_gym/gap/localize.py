@@ -2,62 +2,129 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.gap.diagnosis import Regime
+from cjt_gym.gap.diagnosis import Regime, StageGap
 from cjt_gym.gap.setting import Setting
 
 Floats = NDArray[np.float64]
-BINS = 6
+BINS = 8
 STILL = 0.02
 """Speeds below this share of the largest make one bin: that is where friction shows itself."""
+CELLS = 1 << 16
+"""Most cells of the angle, over which a residual is transformed."""
+NARROW = 1.5
+"""Half width of the bin round the highest line over the angle, in units of its resolution."""
+PAD = 4
+"""Factor by which the angle's range is padded, so that lines are drawn smooth."""
 
 
-def regimes(setting: Setting, stage: str, residual: Floats) -> tuple[Regime, ...]:
-    """Return the shares of a stage's squared excess residual over each variable's range.
+@dataclass(frozen=True, eq=False)
+class Axis:
+    """One variable over which a gap is spread.
 
-    Over the ranges of one variable the shares add up to 1. The variable over which the gap is most
-    uneven comes first.
+    Attributes:
+        name: Column, "t", "frequency" or "cycles_per_rev".
+        unit: Its unit.
+        edges: Bins, shape (B + 1,).
+        total: Sum of squares of a residual in each bin, and of noise that explains it, as a
+            function of the residual; each of shape (B,).
+    """
+
+    name: str
+    unit: str
+    edges: Floats
+    total: Callable[[Floats], tuple[Floats, Floats]]
+
+
+def where(
+    setting: Setting,
+    stages: Mapping[str, StageGap],
+    before: Mapping[str, Floats],
+    after: Mapping[str, Floats],
+) -> dict[str, tuple[tuple[Regime, ...], tuple[Regime, ...]]]:
+    """Return the regimes of each stage that has a gap, before and after, the worst stage first.
+
+    The stage with the largest residual is always among them.
+    """
+    ranked = sorted(before, key=lambda name: -stages[name].before)
+    kept = [name for k, name in enumerate(ranked) if k == 0 or stages[name].significant]
+    return {name: regimes(setting, name, before[name], after[name]) for name in kept}
+
+
+def regimes(
+    setting: Setting, stage: str, before: Floats, after: Floats
+) -> tuple[tuple[Regime, ...], tuple[Regime, ...]]:
+    """Return the shares of a stage's excess residual over each variable's range.
+
+    The excess is what the squared residual has more than specified noise would have. Over the
+    ranges of one variable the shares before add up to 1; those after are shares of the same total,
+    that is, what is left. The variable over which the gap is most uneven comes first.
 
     Args:
         setting: The record.
         stage: The stage.
-        residual: Its normalised residual before any effect, shape (N,).
+        before: Its normalised residual before any effect, shape (N,).
+        after: And with the effects, shape (N,).
     """
-    excess = np.square(residual)
-    counted = residual != 0.0
     tables = []
-    for name, unit, values, edges in _variables(setting, stage):
-        shares, occupancy = _shares(excess, counted, values, edges)
-        uneven = float(np.sum(np.abs(shares - occupancy)))
-        rows = [
-            Regime(stage, name, float(low), float(high), unit, float(share))
-            for low, high, share in zip(edges[:-1], edges[1:], shares, strict=True)
-        ]
-        tables.append((uneven, rows))
-    tables.append(_spectrum(setting, stage, residual))
-    tables.sort(key=lambda pair: -pair[0])
-    return tuple(row for _, rows in tables for row in rows)
+    for axis in _axes(setting, stage, before):
+        first, noise = axis.total(before)
+        last, _ = axis.total(after)
+        shares, whole = _excess(first, noise)
+        left = np.maximum(last - noise, 0.0) / whole
+        uneven = float(np.sum(np.abs(shares - noise / max(float(noise.sum()), 1e-300))))
+        tables.append((uneven, _rows(stage, axis, shares), _rows(stage, axis, left)))
+    tables.sort(key=lambda table: -table[0])
+    return (
+        tuple(row for _, rows, _ in tables for row in rows),
+        tuple(row for _, _, rows in tables for row in rows),
+    )
 
 
-def _variables(setting: Setting, stage: str) -> list[tuple[str, str, Floats, Floats]]:
+def _excess(squares: Floats, noise: Floats) -> tuple[Floats, float]:
+    """Return each bin's share of the excess, and the excess; of all squares where there is none."""
+    excess = np.maximum(squares - noise, 0.0)
+    if excess.sum() < 0.05 * noise.sum():
+        excess = squares
+    whole = max(float(excess.sum()), 1e-300)
+    return excess / whole, whole
+
+
+def _rows(stage: str, axis: Axis, shares: Floats) -> list[Regime]:
+    return [
+        Regime(stage, axis.name, float(low), float(high), axis.unit, float(share))
+        for low, high, share in zip(axis.edges[:-1], axis.edges[1:], shares, strict=True)
+    ]
+
+
+def _axes(setting: Setting, stage: str, residual: Floats) -> list[Axis]:
     series = setting.series
-    speed_of = "q_l" if stage == "load" else "q_m"
-    v = series.speed(speed_of)
+    angle_of = "q_l" if stage == "load" else "q_m"
+    v = series.speed(angle_of)
     top = max(float(np.abs(v).max()), 1e-12)
     inner = STILL * top
-    edges = np.array([-top, -10 * inner, -inner, inner, 10 * inner, top])
+    fast = [3 * inner, 10 * inner, 25 * inner, top]
     metre = setting.joint.parameters.axis == "prismatic"
     angle, torque = ("m", "N") if metre else ("rad", "N m")
-    rows = [("d" + speed_of, f"{angle}/s", v, edges)]
-    rows.append((speed_of, angle, series[speed_of], _even(series[speed_of])))
+    edges = np.array([*(-x for x in fast[::-1]), -inner, inner, *fast])
+    q = series[angle_of]
+    rows = [
+        _over("d" + angle_of, f"{angle}/s", v, edges),
+        _over(angle_of, angle, q, _even(q)),
+        _over("t", "s", series.t, _even(series.t)),
+        _frequency(series.dt, len(residual)),
+    ]
     if "tau" in series:
-        rows.append(("tau", torque, series["tau"], _even(series["tau"])))
+        rows.append(_over("tau", torque, series["tau"], _even(series["tau"])))
     name = "i" if "i" in series else "i_cmd"
-    rows.append((name, "A", series[name], _even(series[name])))
-    rows.append(("t", "s", series.t, _even(series.t)))
-    return rows
+    rows.append(_over(name, "A", series[name], _even(series[name])))
+    cycles = _cycles(q, v * series.dt, residual, metre)
+    return rows if cycles is None else [*rows, cycles]
 
 
 def _even(x: Floats) -> Floats:
@@ -65,23 +132,73 @@ def _even(x: Floats) -> Floats:
     return np.linspace(low, high if high > low else low + 1.0, BINS + 1)
 
 
-def _shares(
-    excess: Floats, counted: NDArray[np.bool_], values: Floats, edges: Floats
-) -> tuple[Floats, Floats]:
+def _over(name: str, unit: str, values: Floats, edges: Floats) -> Axis:
     index = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
-    sums = np.bincount(index[counted], weights=excess[counted], minlength=len(edges) - 1)
-    count = np.bincount(index[counted], minlength=len(edges) - 1)
-    return sums / max(sums.sum(), 1e-300), count / max(count.sum(), 1)
+
+    def total(residual: Floats) -> tuple[Floats, Floats]:
+        counted = residual != 0.0
+        squares = np.bincount(
+            index[counted], weights=residual[counted] ** 2, minlength=len(edges) - 1
+        )
+        count = np.bincount(index[counted], minlength=len(edges) - 1).astype(np.float64)
+        return np.asarray(squares, dtype=np.float64), count
+
+    return Axis(name, unit, edges, total)
 
 
-def _spectrum(setting: Setting, stage: str, residual: Floats) -> tuple[float, list[Regime]]:
-    power = np.asarray(np.abs(np.fft.rfft(residual - residual.mean())) ** 2, dtype=np.float64)
-    f = np.asarray(np.fft.rfftfreq(len(residual), setting.series.dt), dtype=np.float64)
-    edges = np.concatenate([[0.0], np.geomspace(1.0, f[-1], BINS)]) if f[-1] > 1.0 else _even(f)
-    counted = np.ones(len(f), dtype=bool)
-    shares, occupancy = _shares(power, counted, f, edges)
-    rows = [
-        Regime(stage, "frequency", float(low), float(high), "Hz", float(share))
-        for low, high, share in zip(edges[:-1], edges[1:], shares, strict=True)
-    ]
-    return float(np.sum(np.abs(shares - occupancy))), rows
+def _frequency(dt: float, size: int) -> Axis:
+    f = np.asarray(np.fft.rfftfreq(size, dt), dtype=np.float64)
+    start = min(1.0, f[-1] / 10.0)
+    edges = np.concatenate([[0.0], np.geomspace(start, f[-1], BINS)])
+    index = np.clip(np.searchsorted(edges, f, side="right") - 1, 0, BINS - 1)
+
+    def total(residual: Floats) -> tuple[Floats, Floats]:
+        power = np.abs(np.fft.rfft(residual)) ** 2 * 2.0 / size
+        squares = np.bincount(index, weights=power, minlength=BINS)
+        expected = np.count_nonzero(residual) / len(f)
+        noise = expected * np.bincount(index, minlength=BINS).astype(np.float64)
+        return np.asarray(squares, dtype=np.float64), noise
+
+    return Axis("frequency", "Hz", edges, total)
+
+
+def _cycles(q: Floats, moved: Floats, residual: Floats, metre: bool) -> Axis | None:
+    """Return the spatial frequency, with a narrow bin round the highest line of the residual.
+
+    Args:
+        q: Angle [rad], shape (N,).
+        moved: Its change over one sample [rad], shape (N,).
+        residual: Normalised residual before any effect, shape (N,).
+        metre: Whether the angle is a position in metres.
+    """
+    travel = float(np.ptp(q))
+    moving = np.abs(moved) > STILL * float(np.abs(moved).max())
+    if travel <= 0.0 or not moving.any():
+        return None
+    # Faster than a quarter of the sampling rate, at the usual speed, no line can be told.
+    cells = int(np.clip(0.5 * travel / np.median(np.abs(moved[moving])), 1, CELLS / PAD))
+    index = np.minimum(((q - q.min()) / travel * cells).astype(np.int64), cells - 1)
+    revolution = 1.0 if metre else 2.0 * np.pi
+    f = np.arange(cells * PAD // 2 + 1) / (PAD * travel) * revolution
+
+    def power(x: Floats) -> Floats:
+        transform = np.fft.rfft(np.bincount(index, weights=x, minlength=cells), cells * PAD)
+        return np.asarray(np.abs(transform) ** 2 / PAD)
+
+    # Slower than three cycles per travel nothing repeats: that is offset, stiffness and friction.
+    first, step = 3 * PAD, float(NARROW * PAD * f[1])
+    if first >= len(f) // 2:
+        return None
+    peak = float(f[first + int(np.argmax(power(residual)[first:]))])
+    wide = np.concatenate([[0.0], np.geomspace(f[first], f[-1], BINS - 2)])
+    outside = wide[np.abs(wide - peak) > step]
+    edges = np.sort(np.concatenate([outside, [peak - step, min(peak + step, f[-1])]]))
+    edges = np.unique(np.append(edges, f[-1]))
+    where = np.clip(np.searchsorted(edges, f, side="right") - 1, 0, len(edges) - 2)
+
+    def total(x: Floats) -> tuple[Floats, Floats]:
+        squares = np.bincount(where, weights=power(x), minlength=len(edges) - 1)
+        noise = np.bincount(where, minlength=len(edges) - 1) * np.count_nonzero(x) / PAD
+        return np.asarray(squares, dtype=np.float64), np.asarray(noise, dtype=np.float64)
+
+    return Axis("cycles_per_rev", "1/m" if metre else "1/rev", edges, total)

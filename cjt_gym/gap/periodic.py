@@ -20,6 +20,8 @@ Floats = NDArray[np.float64]
 HIGHEST = 20_000.0
 CELLS = 1 << 20
 PEAKS = 3
+SOME = 1500
+"""Samples over which the power of a wave is averaged."""
 
 
 def filtered(response: Floats, torque: Floats) -> Floats:
@@ -63,6 +65,33 @@ def periodic_starts(
     return tuple(found)
 
 
+def ripple_amplitudes(stages: Stages, fields: Fields, residual: Floats) -> tuple[Floats, Floats]:
+    """Return cycles per revolution and the amplitude of torque that repeats with them [N m].
+
+    Args:
+        stages: The record.
+        fields: The model that left the residual.
+        residual: Normalised innovations of the motor, shape (N,).
+    """
+    s = stages.setting
+    q, v = s.series["q_m"], s.series.speed("q_m")
+    tau = joint_torque(fields, s.series) if "tau" in s.series else np.zeros(len(q))
+    gain = stages.gains["motor"]
+    response = torque_response(stages.chain("motor", fields), gain.k, MOTOR) / gain.std[0]
+    left = _without_trends(residual, response, v, tau)
+    f, power = _spectrum(left, response, q, v * s.series.dt, np.ones(len(q)))
+    if f.size == 0:
+        return f, power
+    moved = np.abs(v * s.series.dt)
+    usual = float(np.median(moved[moved > 0.1 * moved.mean()]))
+    f, power = f[f < 0.5 * np.pi / usual], power[f < 0.5 * np.pi / usual]
+    if f.size == 0:
+        return f, power
+    part = _wave_power(f, response, v * s.series.dt, np.ones(len(q)))
+    squares = 0.5 * max(len(v) // SOME, 1) * part  # of a cosine, over all samples
+    return f, np.asarray(np.sqrt(power * part) / squares)
+
+
 def _without_trends(residual: Floats, response: Floats, v: Floats, tau: Floats) -> Floats:
     """Return the residual without what friction, damping, stiffness and gain would explain."""
     rough = np.tanh(v / max(0.02 * float(np.std(v)), 1e-12))
@@ -101,7 +130,7 @@ def _wave_power(f: Floats, response: Floats, v: Floats, weight: Floats) -> Float
     """Return the sum of squares of the innovations that a unit wave of each frequency causes."""
     gain = np.abs(np.fft.rfft(response, 4096)) ** 2
     cycles = np.linspace(0.0, 0.5, gain.size)
-    some = slice(None, None, max(len(v) // 1500, 1))
+    some = slice(None, None, max(len(v) // SOME, 1))
     # A sample moves the angle by v dt; `v` comes in rad per sample here.
     coarse = np.geomspace(f[0], f[-1] * (1 + 1e-9), 150)
     step = np.abs(v[some])

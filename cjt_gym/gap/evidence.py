@@ -1,0 +1,73 @@
+"""What a report draws, computed once an explanation is found."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cjt_gym.gap.diagnosis import Evidence, NamedEffect, Source
+from cjt_gym.gap.fields import Fields
+from cjt_gym.gap.fit import Fit, Problem
+from cjt_gym.gap.ladder import ladder, models, order_of, replays
+from cjt_gym.gap.maps import friction_maps, ripple, spring_loop
+from cjt_gym.gap.setting import Setting
+from cjt_gym.joint import JointFile, Structure
+from cjt_gym.records import Record
+
+Floats = NDArray[np.float64]
+
+
+def gather(
+    problem: Problem,
+    fit: Fit,
+    nominal: Fields,
+    within: Fields,
+    before: Mapping[str, Floats],
+    settings: Sequence[Setting],
+    named: Sequence[NamedEffect],
+    explains: bool,
+) -> Evidence:
+    """Return what a report draws.
+
+    Args:
+        problem: The record.
+        fit: Its explanation.
+        nominal: Fields of the nominal joint.
+        within: The same, its values no further off than their tolerance.
+        before: Residuals of the latter by stage, each of shape (N,).
+        settings: The held-out records.
+        named: What is named.
+        explains: Whether the explanation replaces the nominal joint.
+    """
+    stages, effects = problem.stages, fit.model.effects
+    after = problem.fields(fit.model, fit.z)
+    order = order_of(named, effects)
+    steps = models(problem, fit, nominal, order) if explains else [nominal]
+    last = settings[-1]
+    channel = "tau" if "tau" in last.series and last.has_spring else "dq_m"
+    return Evidence(
+        t=stages.setting.series.t,
+        before=before,
+        after=fit.residuals,
+        replays=replays(last, nominal, steps[-1]),
+        replay_dt=last.series.dt,
+        ladder=ladder(settings, steps, [effects[k] for k in order], channel),
+        friction=friction_maps(stages, within, after),
+        ripple=ripple(stages, (within, before["motor"]), (after, fit.residuals["motor"])),
+        spring=spring_loop(stages, within, after),
+    )
+
+
+def source_of(
+    file: JointFile, shape: Structure, fitted: Sequence[Record], held_out: Sequence[Record]
+) -> Source:
+    """Return what a diagnosis was computed from."""
+    units = ("m", "N") if file.parameters.axis == "prismatic" else ("rad", "N m")
+    return Source(file.name, shape.name, _described(fitted), _described(held_out), *units)
+
+
+def _described(records: Sequence[Record]) -> tuple[str, ...]:
+    """Return records in words: name, number of samples, duration."""
+    return tuple(f"{r.owner}: {len(r)} samples, {r.t[-1] - r.t[0]:.3g} s" for r in records)

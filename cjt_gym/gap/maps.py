@@ -1,0 +1,152 @@
+"""Maps of the fitted record: friction over velocity, ripple over the angle, loops of the spring."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import savgol_filter
+
+from cjt_gym.gap.diagnosis import FrictionMap, RippleSpectrum, SpringLoop
+from cjt_gym.gap.fields import Fields, friction_law, has_friction
+from cjt_gym.gap.kernel import ELASTIC, SMOOTH, VISCOUS_N, VISCOUS_P, level
+from cjt_gym.gap.periodic import ripple_amplitudes
+from cjt_gym.gap.setting import Setting
+from cjt_gym.gap.signals import joint_torque, motor_torque, periodic_torque
+from cjt_gym.gap.spring import spring_torque
+from cjt_gym.gap.stages import Stages
+
+Floats = NDArray[np.float64]
+WINDOW = 0.021
+"""Time over which velocities and accelerations are smoothed [s]."""
+
+
+def friction_maps(stages: Stages, before: Fields, after: Fields) -> tuple[FrictionMap, ...]:
+    """Return what the torques of motor and load lack, over their velocities."""
+    found = []
+    for stage in ("motor", "load"):
+        if stage not in stages.names or _transmitted(stages.setting, before) is None:
+            continue
+        speed, first = _lacking(stages, before, stage)
+        _, last = _lacking(stages, after, stage)
+        bodies = [
+            b for b, g in zip("mgl", _chain_groups(stages, stage, before), strict=True) if g >= 0
+        ]
+        at = _speeds(speed)
+        load = _load(stages.setting, before)
+        law = _friction(after, bodies, at, load) - _friction(before, bodies, at, load)
+        settle = stages.setting.settle
+        cut = slice(settle, -settle)
+        found.append(FrictionMap(stage, speed[cut], first[cut], last[cut], at, law))
+    return tuple(found)
+
+
+def _speeds(speed: Floats) -> Floats:
+    """Return velocities at which a law is drawn, dense round zero, shape (201,)."""
+    top = float(np.abs(speed).max())
+    half = top * np.geomspace(1e-4, 1.0, 100)
+    return np.concatenate([-half[::-1], [0.0], half])
+
+
+def _load(setting: Setting, fields: Fields) -> float:
+    transmitted = _transmitted(setting, fields)
+    return 0.0 if transmitted is None else float(np.mean(np.abs(transmitted)))
+
+
+def _transmitted(setting: Setting, fields: Fields) -> Floats | None:
+    """Return the joint torque [N m], shape (N,); None where nothing tells it."""
+    series = setting.series
+    if not setting.has_spring:
+        return np.zeros(len(series))
+    if "tau" in series:
+        return joint_torque(fields, series)
+    if "q_l" in series or setting.structure.output_fixed:
+        q_l = series.columns.get("q_l", 0.0)
+        return spring_torque(fields, series["q_m"] - q_l - fields["q_0"], series.dt)
+    return None
+
+
+def _chain_groups(stages: Stages, stage: str, fields: Fields) -> tuple[int, int, int]:
+    return stages.chain(stage, fields).groups
+
+
+def _lacking(stages: Stages, fields: Fields, stage: str) -> tuple[Floats, Floats]:
+    """Return the velocity, and the resisting torque that a model lacks, each of shape (N,)."""
+    setting = stages.setting
+    series, dt = setting.series, setting.series.dt
+    q = series["q_l" if stage == "load" else "q_m"]
+    transmitted = _transmitted(setting, fields)
+    assert transmitted is not None
+    if stage == "motor":
+        torque = motor_torque(fields, series) - transmitted
+        torque = torque + periodic_torque(fields, series, transmitted)
+    else:
+        torque = transmitted - fields["grav_a"] * np.cos(q) - fields["grav_b"] * np.sin(q)
+        torque = torque + series.columns.get("tau_l", 0.0)
+    friction = stages.predict(stage, fields).friction
+    torque = torque + (friction.sum(axis=1) if friction.size else 0.0)
+    groups = _chain_groups(stages, stage, fields)
+    bodies = [b for b, g in zip("mgl", groups, strict=True) if g >= 0]
+    inertia = sum(fields[f"I_{b}"] for b in bodies)
+    damping = sum(fields[f"d_{b}"] for b in bodies)
+    window = max(int(WINDOW / dt) // 2 * 2 + 1, 5)
+    speed, acceleration = (savgol_filter(q, window, 3, deriv=d, delta=dt) for d in (1, 2))
+    smooth = savgol_filter(torque, window, 3)
+    return speed, np.asarray(smooth - inertia * acceleration - damping * speed)
+
+
+def _friction(fields: Fields, bodies: Sequence[str], speed: Floats, load: float) -> Floats:
+    """Return the friction of bodies that move at one velocity [N m], shape (M,)."""
+    total = np.zeros(len(speed))
+    for body in bodies:
+        total += fields[f"d_{body}"] * speed
+        if not has_friction(fields, body):
+            continue
+        law = friction_law(fields, body)
+        side = np.sign(speed)
+        size = np.array([level(law, s, abs(v), load) for s, v in zip(side, speed, strict=True)])
+        width = law[SMOOTH] if law[ELASTIC] == 0.0 else 0.0
+        total += size * (np.tanh(speed / width) if width > 0.0 else side)
+        total += np.where(side > 0.0, law[VISCOUS_P], law[VISCOUS_N]) * speed
+    return total
+
+
+def ripple(
+    stages: Stages, before: tuple[Fields, Floats], after: tuple[Fields, Floats]
+) -> RippleSpectrum | None:
+    """Return the torque that repeats with the motor's angle.
+
+    Args:
+        stages: The record.
+        before: Fields of the nominal joint, and the motor's residual, shape (N,).
+        after: Those of the explained one.
+    """
+    cycles, first = ripple_amplitudes(stages, *before)
+    _, last = ripple_amplitudes(stages, *after)
+    return RippleSpectrum(cycles, first, last) if cycles.size else None
+
+
+def spring_loop(stages: Stages, before: Fields, after: Fields) -> SpringLoop | None:
+    """Return the torque of the spring over its deflection, as measured and by both models."""
+    if "transmission" not in stages.names:
+        return None
+    setting = stages.setting
+    models: list[tuple[Floats, Floats]] = [_bar(stages, fields) for fields in (before, after)]
+    cut = slice(setting.settle, None)
+    return SpringLoop(
+        models[1][0][cut],
+        setting.series["tau"][cut],
+        models[0][1][cut],
+        models[1][1][cut],
+        before["k_b"],
+    )
+
+
+def _bar(stages: Stages, fields: Fields) -> tuple[Floats, Floats]:
+    """Return the bar's deflection [rad] and the measured torque that belongs to it [N m]."""
+    series = stages.setting.series
+    states = stages.predict("transmission", fields).states
+    q_g = states[:, 0] if states.shape[1] else series["q_m"]
+    x = q_g - series.columns.get("q_l", 0.0) - fields["q_0"]
+    return x, fields["gain"] * spring_torque(fields, x, series.dt) + fields["tau_0"]
