@@ -217,14 +217,16 @@ def _report(
     source: Source,
     record: str,
 ) -> Diagnosis:
-    problem, fit = found.problem, found.fit
-    spread = covariance(problem, fit)
+    problem = found.problem
+    spread = covariance(problem, found.fit)
     named = _named(found, spread)
     within = _within_tolerance(found)
     before = {n: problem.stages.residual(n, within) for n in problem.stages.names}
+    # Where nothing can be named, nothing is said to explain: the nominal joint stays.
     explains = bool(named) or not found.left
+    fit = found.fit if explains else found.base
     gap = _gap(found, settings, held_out, explains)
-    left, stages = found.left, _stages(found, before, named)
+    left, stages = found.left, _stages(found, fit, before, named)
     nominal = _nominal_fields(found)
     drawn = gather(problem, fit, nominal, within, before, settings, named, explains)
     lying = where(problem.stages.setting, stages, before, fit.residuals)
@@ -241,7 +243,7 @@ def _report(
         evidence=drawn,
         joint=identified_joint(
             problem.stages.setting,
-            problem.fields(fit.model, fit.z),
+            problem.fields(found.fit.model, found.fit.z),
             named,
             _refined(found, spread) if explains else {},
             record,
@@ -346,7 +348,7 @@ def _sensor_row(finding: SensorFinding, setting: Setting) -> NamedEffect:
 
 
 def _stages(
-    found: Explanation, before: dict[str, np.ndarray], named: Sequence[NamedEffect]
+    found: Explanation, fit: Fit, before: dict[str, np.ndarray], named: Sequence[NamedEffect]
 ) -> dict[str, StageGap]:
     problem = found.problem
     ms = problem.mean_square(before)
@@ -354,7 +356,7 @@ def _stages(
     out: dict[str, StageGap] = {}
     for name in ("drive", "motor", "transmission", "load"):
         if name in ms:
-            after = found.fit.mean_square[name] ** 0.5
+            after = fit.mean_square[name] ** 0.5
             out[name] = StageGap(ms[name] ** 0.5, after, name in blamed)
         else:
             out[name] = StageGap(0.0, 0.0, name in blamed)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import PurePath
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,4 +71,7 @@ def source_of(
 
 def _described(records: Sequence[Record]) -> tuple[str, ...]:
     """Return records in words: name, number of samples, duration."""
-    return tuple(f"{r.owner}: {len(r)} samples, {r.t[-1] - r.t[0]:.3g} s" for r in records)
+    return tuple(
+        f"{'/'.join(PurePath(r.owner).parts[-2:])}: {len(r)} samples, {r.t[-1] - r.t[0]:.3g} s"
+        for r in records
+    )

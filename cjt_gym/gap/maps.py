@@ -23,22 +23,25 @@ WINDOW = 0.021
 
 
 def friction_maps(stages: Stages, before: Fields, after: Fields) -> tuple[FrictionMap, ...]:
-    """Return what the torques of motor and load lack, over their velocities."""
+    """Return what the torques of motor and load lack, over their velocities.
+
+    Only the calmer half of the samples counts, in which the velocity changes least.
+    """
     found = []
     for stage in ("motor", "load"):
         if stage not in stages.names or _transmitted(stages.setting, before) is None:
             continue
-        speed, first = _lacking(stages, before, stage)
-        _, last = _lacking(stages, after, stage)
+        speed, calm, first = _lacking(stages, before, stage)
+        _, _, last = _lacking(stages, after, stage)
         bodies = [
             b for b, g in zip("mgl", _chain_groups(stages, stage, before), strict=True) if g >= 0
         ]
+        calm[: stages.setting.settle] = calm[-stages.setting.settle :] = False
+        speed = speed[calm]
         at = _speeds(speed)
         load = _load(stages.setting, before)
         law = _friction(after, bodies, at, load) - _friction(before, bodies, at, load)
-        settle = stages.setting.settle
-        cut = slice(settle, -settle)
-        found.append(FrictionMap(stage, speed[cut], first[cut], last[cut], at, law))
+        found.append(FrictionMap(stage, speed, first[calm], last[calm], at, law))
     return tuple(found)
 
 
@@ -71,8 +74,14 @@ def _chain_groups(stages: Stages, stage: str, fields: Fields) -> tuple[int, int,
     return stages.chain(stage, fields).groups
 
 
-def _lacking(stages: Stages, fields: Fields, stage: str) -> tuple[Floats, Floats]:
-    """Return the velocity, and the resisting torque that a model lacks, each of shape (N,)."""
+def _lacking(
+    stages: Stages, fields: Fields, stage: str
+) -> tuple[Floats, NDArray[np.bool_], Floats]:
+    """Return velocity, whether it changes little, and the resisting torque that a model lacks.
+
+    Each has the shape (N,). Where the body accelerates, a small error of its inertia or of the
+    acceleration, which is computed from an encoder, would hide the friction.
+    """
     setting = stages.setting
     series, dt = setting.series, setting.series.dt
     q = series["q_l" if stage == "load" else "q_m"]
@@ -93,7 +102,8 @@ def _lacking(stages: Stages, fields: Fields, stage: str) -> tuple[Floats, Floats
     window = max(int(WINDOW / dt) // 2 * 2 + 1, 5)
     speed, acceleration = (savgol_filter(q, window, 3, deriv=d, delta=dt) for d in (1, 2))
     smooth = savgol_filter(torque, window, 3)
-    return speed, np.asarray(smooth - inertia * acceleration - damping * speed)
+    size = np.abs(acceleration)
+    return speed, size <= np.median(size), smooth - inertia * acceleration - damping * speed
 
 
 def _friction(fields: Fields, bodies: Sequence[str], speed: Floats, load: float) -> Floats:

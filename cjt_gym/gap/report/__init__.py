@@ -1,0 +1,16 @@
+"""A diagnosis to look at: one HTML file, and a few lines for a terminal or a notebook.
+
+=========  ================================================
+`words`    names, places, numbers, the verdict in a sentence
+`chart`    line and dot charts as inline SVG
+`bars`     bars and strips as HTML
+`figures`  which charts a diagnosis has
+`page`     the whole report
+`summary`  the terminal and the notebook
+=========  ================================================
+"""
+
+from cjt_gym.gap.report.page import write_report
+from cjt_gym.gap.report.summary import summary
+
+__all__ = ["summary", "write_report"]

@@ -1,0 +1,138 @@
+"""Bars and strips of a report, as plain HTML: the gap's steps, stages, regimes, confidences."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from html import escape
+from itertools import groupby
+
+from cjt_gym.gap.diagnosis import GapSize, Regime, StageGap, Step
+from cjt_gym.gap.report.words import SPACE, effect_name, number, percent, quantity
+
+VARIABLES: Mapping[str, str] = {
+    "dq_m": "motor velocity",
+    "dq_l": "load velocity",
+    "q_m": "motor position",
+    "q_l": "load position",
+    "tau": "transmitted torque",
+    "i": "current",
+    "i_cmd": "command",
+    "frequency": "frequency",
+    "cycles_per_rev": "cycles over the angle",
+    "t": "time",
+}
+STEPS: Mapping[str, str] = {
+    "nominal": "Datasheet joint",
+    "tolerances": "+ values fitted within tolerance",
+}
+
+
+def waterfall(steps: Sequence[Step], gap: GapSize) -> str:
+    """Return the replay error from the nominal joint to the explained one, above the floor."""
+    top = 1.05 * max([step.high for step in steps] + [gap.floor])
+    rows, last = [], None
+    for step in steps:
+        name = STEPS.get(step.name) or f"+ {effect_name(step.name, step.body, step.channel)}"
+        style = "before" if step.name == "nominal" else "after"
+        rows.append(_step(name, style, step, last, top))
+        last = step.error
+    floor = (
+        f"<div class='row floor'><div class=name>Noise floor</div><div class=track></div>"
+        f"<div class=value>{percent(gap.floor)}</div></div>"
+    )
+    at = f"--at:{gap.floor / top:.2%}"
+    return f"<div class='bars waterfall' style='{at}'>{''.join(rows)}{floor}</div>"
+
+
+def _step(name: str, style: str, step: Step, last: float | None, top: float) -> str:
+    width, low = f"{step.error / top:.2%}", f"{step.low / top:.2%}"
+    spread = f"{(step.high - step.low) / top:.2%}"
+    ghost = ""
+    if last is not None and last > step.error:
+        ghost = f"<i class=ghost style='left:{width};width:{(last - step.error) / top:.2%}'></i>"
+    change = "" if last is None else f" <small>{_change(last, step.error)}</small>"
+    return (
+        f"<div class=row><div class=name>{escape(name)}</div><div class=track>"
+        f"<i class='fill {style}' style='width:{width}'></i>{ghost}"
+        f"<i class=whisker style='left:{low};width:{spread}'></i></div>"
+        f"<div class=value>{percent(step.error)}{change}</div></div>"
+    )
+
+
+def _change(last: float, now: float) -> str:
+    change = 100.0 * (now - last)
+    sign = "+" if change > 0.0 else "\N{MINUS SIGN}"
+    return f"{sign}{number(abs(change), 2)} points" if abs(change) >= 0.005 else "±0 points"
+
+
+def stage_bars(stages: Mapping[str, StageGap]) -> str:
+    """Return each stage's residual before and after, on a logarithmic scale; 1 is noise."""
+    shown = {name: s for name, s in stages.items() if s.before > 0.0 and s.after > 0.0}
+    shown = {n: s for n, s in shown.items() if n != "sensing" or s.significant}
+    sizes = [1.0] + [x for s in shown.values() for x in (s.before, s.after)]
+    low, high = min(0.7, 0.9 * min(sizes)), max(3.0, 1.3 * max(sizes))
+
+    def at(value: float) -> float:
+        return math.log(max(value, low) / low) / math.log(high / low)
+
+    rows = [_stage(name, stage, at(stage.before), at(stage.after)) for name, stage in shown.items()]
+    ticks = [t for k in range(6) for t in (10.0**k, 3 * 10.0**k) if low <= t <= high]
+    texts = "".join(f"<span style='left:{at(t):.2%}'>{t:g}</span>" for t in ticks)
+    axis = f"<div class='row axis'><div class=name></div><div class=track>{texts}</div></div>"
+    return f"<div class='bars stages' style='--at:{at(1.0):.2%}'>{''.join(rows)}{axis}</div>"
+
+
+def _stage(name: str, stage: StageGap, before: float, after: float) -> str:
+    low, width = min(before, after), abs(before - after)
+    mark = "<b>gap</b>" if stage.significant else "no gap"
+    return (
+        f"<div class=row><div class=name>{escape(name)} <small>{mark}</small></div>"
+        f"<div class=track><i class=link style='left:{low:.2%};width:{width:.2%}'></i>"
+        f"<i class='dot before' style='left:{before:.2%}'></i>"
+        f"<i class='dot after' style='left:{after:.2%}'></i></div>"
+        f"<div class=value>{number(stage.before, 2)} → {number(stage.after, 2)}</div></div>"
+    )
+
+
+def regime_strips(before: Sequence[Regime], after: Sequence[Regime]) -> str:
+    """Return for each variable how a stage's gap is spread over it, and what is left of it."""
+    pairs = groupby(zip(before, after, strict=True), key=lambda pair: pair[0].variable)
+    strips = {variable: _strip(variable, list(group)) for variable, group in pairs}
+    ordered = sorted(strips, key=list(VARIABLES).index)
+    return f"<div class=strips>{''.join(strips[variable] for variable in ordered)}</div>"
+
+
+def _strip(variable: str, pairs: Sequence[tuple[Regime, Regime]]) -> str:
+    most = max(pairs, key=lambda pair: pair[0].share)[0]
+    top = max(max(a.share, b.share) for a, b in pairs) or 1.0
+    columns = "".join(
+        f"<span{' class=most' if a is most else ''} title='{escape(_range(a))}: {percent(a.share)}"
+        f" before, {percent(b.share)} left'><i class=before style='height:{a.share / top:.2%}'></i>"
+        f"<i class=after style='height:{min(b.share / top, 1.0):.2%}'></i></span>"
+        for a, b in pairs
+    )
+    half = pairs[len(pairs) // 2][0]
+    middle = half.low if len(pairs) % 2 == 0 else 0.5 * (half.low + half.high)
+    ends = (pairs[0][0].low, middle, pairs[-1][0].high)
+    axis = "".join(f"<span>{number(v, 2)}</span>" for v in ends)
+    name = VARIABLES.get(variable, variable)
+    left = next(b.share for a, b in pairs if a is most)
+    rest = f", {percent(left)} left" if any(a.share != b.share for a, b in pairs) else ""
+    return (
+        f"<div class=strip><h4>{escape(name)} <small>[{escape(most.unit)}]</small></h4>"
+        f"<div class=columns>{columns}</div><div class=ends>{axis}</div>"
+        f"<p>{percent(most.share)} in {escape(_range(most))}{rest}</p></div>"
+    )
+
+
+def _range(regime: Regime) -> str:
+    return f"{number(regime.low, 2)} … {quantity(regime.high, regime.unit, 2)}".replace(" ", SPACE)
+
+
+def confidence_bar(confidence: float) -> str:
+    """Return a confidence as a small bar with its number."""
+    return (
+        f"<div class=confidence><i style='width:{confidence:.0%}'></i></div>"
+        f"<span class=figure>{min(confidence, 0.999):.2f}</span>"
+    )

@@ -1,0 +1,249 @@
+"""The report as one self-contained HTML file."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Iterable, Sequence
+from html import escape
+from importlib import metadata, resources
+from pathlib import Path
+
+from cjt_gym.errors import ConfigurationError
+from cjt_gym.gap.confusable import advice
+from cjt_gym.gap.diagnosis import Diagnosis, NamedEffect
+from cjt_gym.gap.report.bars import confidence_bar, regime_strips, stage_bars, waterfall
+from cjt_gym.gap.report.chart import Chart, draw
+from cjt_gym.gap.report.figures import (
+    friction_charts,
+    replay_charts,
+    ripple_charts,
+    spring_charts,
+)
+from cjt_gym.gap.report.words import (
+    VERDICTS,
+    effect_name,
+    interval,
+    number,
+    percent,
+    verdict_sentence,
+)
+
+PACKAGES = ("cjt-gym", "numpy", "scipy", "numba")
+
+
+def write_report(
+    diagnosis: Diagnosis,
+    path: str | Path,
+    *,
+    title: str = "Diagnosis of the sim-to-real gap",
+    notes: Sequence[str] = (),
+) -> Path:
+    """Write a diagnosis as one HTML file that needs no network, and return its path.
+
+    Args:
+        diagnosis: What is shown.
+        path: The file; folders on the way are made.
+        title: Its heading.
+        notes: What was repaired in the records, or is else worth knowing; one line each.
+
+    Raises:
+        ConfigurationError: The file cannot be written.
+    """
+    path = Path(path)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(page(diagnosis, title, notes), encoding="utf-8")
+    except OSError as error:
+        raise ConfigurationError(
+            f"The report {path} cannot be written: {error.strerror}. Give another path."
+        ) from error
+    return path
+
+
+def page(diagnosis: Diagnosis, title: str, notes: Sequence[str] = ()) -> str:
+    """Return the whole page as text; the arguments are those of `write_report`."""
+    here = resources.files(__package__)
+    style = (here / "style.css").read_text(encoding="utf-8")
+    script = (here / "chart.js").read_text(encoding="utf-8")
+    sections = (
+        ("How far", "how-far", _how_far(diagnosis)),
+        ("Where", "where", _where(diagnosis)),
+        ("Which effect", "which", _which(diagnosis)),
+        ("See it", "signals", _signals(diagnosis)),
+        ("What it could be confused with", "confusable", _confusable(diagnosis)),
+        ("What remains unexplained", "left", _left(diagnosis)),
+        ("What to do next", "next", _paragraph(diagnosis.suggestion.text)),
+        ("Notes on the records", "notes", _list(notes)),
+        ("How it was computed", "computed", _computed(diagnosis)),
+    )
+    body = "".join(
+        f"<section id={key}><h2>{heading}</h2>{content}</section>"
+        for heading, key, content in sections
+        if content
+    )
+    return (
+        "<!doctype html><html lang=en><head><meta charset=utf-8>"
+        "<meta name=viewport content='width=device-width,initial-scale=1'>"
+        "<meta name=color-scheme content='light dark'>"
+        f"<title>{escape(title)}</title><style>{style}</style></head><body><main>"
+        f"{_head(diagnosis, title)}{body}</main><script>{script}</script></body></html>\n"
+    )
+
+
+def _head(diagnosis: Diagnosis, title: str) -> str:
+    gap, source = diagnosis.gap, diagnosis.evidence.source
+    figures = [
+        ("gap before", percent(gap.before)),
+        ("gap after", percent(gap.after)),
+        ("noise floor", percent(gap.floor)),
+    ]
+    if diagnosis.effects:
+        spread = f"{percent(gap.low)} … {percent(gap.high)}"
+        figures.append(("removed", f"{percent(gap.removed)}<small>{spread}</small>"))
+    tiles = "".join(f"<div><dt>{name}</dt><dd>{value}</dd></div>" for name, value in figures)
+    about = " · ".join(escape(text) for text in (source.joint, source.structure) if text)
+    return (
+        f"<header><h1>{escape(title)}</h1><p class=about>{about}</p>"
+        f"<div class='verdict {diagnosis.verdict}'><strong>{VERDICTS[diagnosis.verdict]}</strong>"
+        f"<p>{escape(verdict_sentence(diagnosis))}</p></div><dl class=tiles>{tiles}</dl></header>"
+    )
+
+
+def _how_far(diagnosis: Diagnosis) -> str:
+    steps = diagnosis.evidence.ladder
+    if not steps:
+        return ""
+    kept = "data that the fit has not seen" if diagnosis.gap.held_out else "the fitted data"
+    channel = "joint torque" if "tau" in diagnosis.gap.by_channel else "motor velocity"
+    aid = (
+        f"Error of the replayed {channel} on {kept}, relative to the signal. Each bar adds one "
+        "effect; hatched is what it removed, whiskers are 95 % intervals, the dashed line is what "
+        "noise alone leaves."
+    )
+    return _aid(aid) + waterfall(steps, diagnosis.gap)
+
+
+def _where(diagnosis: Diagnosis) -> str:
+    bars = _aid(
+        "Residual of each stage between measured ends, in units of what the specified noise "
+        "explains: 1, the dashed line, is a perfect model."
+    ) + stage_bars(diagnosis.stages)
+    if diagnosis.verdict == "no_gap":
+        return _key() + bars
+    maps = [
+        f"<h3>Inside the {escape(stage)} stage</h3>" + regime_strips(*pair)
+        for stage, pair in diagnosis.evidence.regimes.items()
+    ]
+    aid = _aid(
+        "Shares of the stage's gap over one variable at a time: the columns of a panel add up to "
+        "100 % before; what is left after is drawn in front."
+    )
+    return _key() + bars + aid + "".join(maps)
+
+
+def _key() -> str:
+    return (
+        "<div class=legend><span class=before data-dots>datasheet joint</span>"
+        "<span class=after data-dots>with the named effects</span></div>"
+    )
+
+
+def _which(diagnosis: Diagnosis) -> str:
+    if not diagnosis.effects:
+        return ""
+    rows = "".join(_effect(effect) for effect in diagnosis.effects)
+    return (
+        _aid(
+            "Numbers with their 95 % intervals; confidence is the chance that the name is right; "
+            "a tentative effect may be the shadow of something that the table lacks."
+        )
+        + "<div class=wide><table><thead><tr><th>effect</th><th>parameters</th><th>status</th>"
+        "<th>confidence</th><th>share removed</th></tr></thead>"
+        f"<tbody>{rows}</tbody></table></div>"
+    )
+
+
+def _effect(effect: NamedEffect) -> str:
+    at = " · ".join(x for x in (f"{effect.stage} stage", effect.channel) if x)
+    numbers = "".join(
+        f"<div><var>{escape(name)}</var> {escape(interval(p))}</div>"
+        for name, p in effect.parameters.items()
+    )
+    name = effect_name(effect.name, effect.body, effect.channel)
+    cells = (
+        ("", f"<b>{escape(effect.name)}</b><small>{escape(name)}<br>{escape(at)}</small>"),
+        ("", numbers),
+        ("status", f"<span class='pill {effect.status}'>{escape(effect.status)}</span>"),
+        ("confidence", confidence_bar(effect.confidence)),
+        ("share removed", percent(effect.gap_removed)),
+    )
+    row = "".join(
+        f"<td{f' data-head={head!r}' if head else ''}>{cell}</td>" for head, cell in cells
+    )
+    return f"<tr>{row}</tr>"
+
+
+def _signals(diagnosis: Diagnosis) -> str:
+    charts = replay_charts(diagnosis)
+    replayed = _charts("all", charts[:1]) + _charts("half", charts[1:])
+    if replayed:
+        aid = _aid(
+            "Open-loop replay of the recorded command. Drag over a stretch of time to enlarge it, "
+            "double-click to see all again."
+        )
+        replayed = f"<h3>Measured against replayed</h3>{aid}{replayed}"
+    maps = [*friction_charts(diagnosis), *ripple_charts(diagnosis), *spring_charts(diagnosis)]
+    drawn = _charts("half", maps)
+    return replayed + (f"<h3>Maps of the fitted record</h3>{drawn}" if drawn else "")
+
+
+def _charts(kind: str, charts: Iterable[Chart]) -> str:
+    drawn = "".join(draw(chart) for chart in charts)
+    return f"<div class='charts {kind}'>{drawn}</div>" if drawn else ""
+
+
+def _confusable(diagnosis: Diagnosis) -> str:
+    pairs = [(e, rival) for e in diagnosis.effects for rival in e.confusable_with]
+    items = [
+        f"<li><b>{escape(effect.name)}</b> or <b>{escape(rival)}</b> "
+        f"({escape(effect_name(rival))}): on this record both explain nearly as much. "
+        f"{escape(advice(effect.name, rival))}</li>"
+        for effect, rival in pairs
+    ]
+    return f"<ul>{''.join(items)}</ul>" if items else ""
+
+
+def _left(diagnosis: Diagnosis) -> str:
+    left = diagnosis.unexplained
+    return _paragraph(left.text) if left.stage is not None else ""
+
+
+def _computed(diagnosis: Diagnosis) -> str:
+    source = diagnosis.evidence.source
+    versions = ", ".join(f"{name} {metadata.version(name)}" for name in PACKAGES)
+    rows = [
+        ("fitted", source.fitted),
+        ("held out" if diagnosis.gap.held_out else "replayed, not held out", source.held_out),
+        ("nominal joint", (source.joint,)),
+        ("structure", (source.structure,)),
+        ("computed in", (f"{number(diagnosis.seconds)} s",)),
+        ("versions", (f"{versions}, Python {platform.python_version()}",)),
+    ]
+    cells = "".join(
+        f"<div><dt>{name}</dt><dd>{'<br>'.join(escape(line) for line in lines)}</dd></div>"
+        for name, lines in rows
+        if any(lines)
+    )
+    return f"<dl class=facts>{cells}</dl>"
+
+
+def _aid(text: str) -> str:
+    return f"<p class=aid>{escape(text)}</p>"
+
+
+def _paragraph(text: str) -> str:
+    return f"<p>{escape(text)}</p>" if text else ""
+
+
+def _list(lines: Sequence[str]) -> str:
+    return f"<ul>{''.join(f'<li>{escape(line)}</li>' for line in lines)}</ul>" if lines else ""

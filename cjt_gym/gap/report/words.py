@@ -1,0 +1,181 @@
+"""A diagnosis in words: names of effects, places, numbers, and the verdict in one sentence."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from cjt_gym.gap.diagnosis import Diagnosis, Interval, NamedEffect, Regime
+
+VERDICTS: Mapping[str, str] = {
+    "no_gap": "No gap",
+    "explained": "Explained",
+    "partly_explained": "Partly explained",
+    "unexplained": "Unexplained",
+}
+EFFECTS: Mapping[str, str] = {
+    "command_delay": "dead time of the command",
+    "current_lag": "a slow current loop",
+    "current_saturation": "a limited current",
+    "command_quantization": "a coarse command",
+    "torque_constant": "a different torque constant",
+    "thermal_derating": "torque lost as the windings warm",
+    "torque_offset": "a constant torque offset",
+    "inertia": "a different inertia",
+    "damping": "different viscous damping",
+    "coulomb": "Coulomb friction",
+    "coulomb_asym": "asymmetric Coulomb friction",
+    "viscous_asym": "asymmetric viscous friction",
+    "stribeck": "Stribeck friction",
+    "presliding": "friction with elastic presliding",
+    "load_friction": "friction that grows with the transmitted torque",
+    "cogging": "cogging",
+    "gear_ripple": "gear ripple",
+    "backlash": "backlash",
+    "stiffness": "a different stiffness of the torsion bar",
+    "gear_stiffness": "a different stiffness of the gearbox",
+    "hardening": "a spring that stiffens with deflection",
+    "spring_hysteresis": "hysteresis of the spring",
+    "torque_gain": "a wrong scale of the torque sensor",
+    "torque_bias": "an offset of the torque sensor",
+    "torque_delay": "a late torque sensor",
+    "quantization": "steps coarser than specified",
+    "noise": "noise above the specification",
+    "load_inertia": "a different inertia of the load",
+    "load_coulomb": "Coulomb friction of the load",
+    "gravity": "weight of the load",
+}
+WITH_BODY = ("coulomb", "coulomb_asym", "viscous_asym", "stribeck", "presliding", "damping")
+NOTABLE = 0.1
+"""Share of the replay error that must be gone for the verdict to say how much."""
+SPACE = "\N{NO-BREAK SPACE}"
+CONCENTRATED = 0.5
+"""Share of a stage's gap in one place from which the verdict names the place."""
+
+
+def number(value: float, digits: int = 3) -> str:
+    """Return a number with so many significant digits and no exponent where it can be avoided."""
+    if value == 0.0 or not math.isfinite(value):
+        return "0"
+    power = math.floor(math.log10(abs(value)))
+    if -4 <= power < 6:
+        return f"{value:.{max(digits - 1 - power, 0)}f}".replace("-", "\N{MINUS SIGN}")
+    exponent = str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    mantissa = f"{value / 10.0**power:.{digits - 1}f}".replace("-", "\N{MINUS SIGN}")
+    return f"{mantissa}·10{exponent}"
+
+
+def percent(share: float) -> str:
+    """Return a share in per cent."""
+    size = abs(100.0 * share)
+    if size < 0.005:
+        return f"0{SPACE}%"
+    return f"{number(100.0 * share, 2 if size < 99.5 else 3)}{SPACE}%"
+
+
+def interval(p: Interval) -> str:
+    """Return a number with its interval, to the digits that the interval leaves certain."""
+    width = p.high - p.low
+    if p.value == 0.0 or width <= 0.0:
+        return quantity(p.value, p.unit)
+    digits = math.ceil(math.log10(max(abs(p.value) / width, 0.1))) + 2
+    digits = min(max(digits, 2), 7)
+    return (
+        f"{quantity(p.value, p.unit, digits)} ({number(p.low, digits)} … {number(p.high, digits)})"
+    )
+
+
+def quantity(value: float, unit: str, digits: int = 3) -> str:
+    """Return a number with its unit."""
+    if unit in ("", "-"):
+        return number(value, digits)
+    return f"{number(value, digits)} {unit}".replace(" ", SPACE)
+
+
+def joined(words: Sequence[str]) -> str:
+    """Return words as a list in a sentence."""
+    return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " and " + words[-1]
+
+
+def effect_name(name: str, body: str | None = None, channel: str | None = None) -> str:
+    """Return an effect in words."""
+    text = EFFECTS.get(name, name.replace("_", " "))
+    if body and name in WITH_BODY:
+        text += f" of the {body}"
+    if channel and name in ("noise", "quantization"):
+        text += f" of {channel}"
+    return text
+
+
+def effect_sizes(effect: NamedEffect) -> str:
+    """Return the numbers of an effect, short enough for a sentence."""
+    p = dict(effect.parameters)
+    if {"f", "a", "b"} <= set(p):
+        size = math.hypot(p["a"].value, p["b"].value)
+        return f"{number(p['f'].value)} per revolution, {quantity(size, p['a'].unit, 2)}"
+    units = {item.unit for item in p.values()}
+    if len(units) == 1:
+        values = " / ".join(number(item.value, 2) for item in p.values())
+        unit = units.pop()
+        return values if unit == "-" else f"{values} {unit}".replace(" ", SPACE)
+    return ", ".join(quantity(item.value, item.unit, 2) for item in list(p.values())[:3])
+
+
+def in_words(effect: NamedEffect) -> str:
+    """Return an effect in words with its numbers."""
+    sizes = effect_sizes(effect)
+    text = effect_name(effect.name, effect.body, effect.channel)
+    return f"{text} ({sizes})" if sizes else text
+
+
+def place(regimes: Sequence[Regime]) -> str:
+    """Return where in its operating range a stage's gap lies, or nothing if it lies everywhere."""
+    speeds = [r for r in regimes if r.variable in ("dq_m", "dq_l")]
+    lines = [r for r in regimes if r.variable == "cycles_per_rev" and r.low > 0.0]
+    slow = sum(r.share for r in speeds if r.low < 0.0 < r.high)
+    if slow >= CONCENTRATED:
+        return "at low speed"
+    for r in lines:
+        if r.share >= CONCENTRATED and r.high - r.low < 0.1 * r.high:
+            return f"at {number(0.5 * (r.low + r.high))} cycles per revolution"
+    ends = [r.share for r in speeds[:1] + speeds[-1:]]
+    if sum(ends) >= CONCENTRATED:
+        return "at high speed"
+    for way, one in (("forward", 1.0), ("backward", -1.0)):
+        if sum(r.share for r in speeds if one * (r.low + r.high) > 0.0) >= 0.85:
+            return f"in {way} motion"
+    return ""
+
+
+def where(diagnosis: Diagnosis) -> str:
+    """Return the stages with a gap, the worst first, and the place of the worst."""
+    found = [name for name, stage in diagnosis.stages.items() if stage.significant]
+    found.sort(key=lambda name: -diagnosis.stages[name].before)
+    if not found:
+        return ""
+    stages = f"in the {joined(found)} stage{'s' if len(found) > 1 else ''}"
+    regimes = diagnosis.evidence.regimes.get(found[0])
+    spot = place(regimes[0]) if regimes else ""
+    return f"{stages}, {spot}" if spot and len(found) == 1 else stages
+
+
+def verdict_sentence(diagnosis: Diagnosis) -> str:
+    """Return the verdict in one plain sentence."""
+    gap = diagnosis.gap
+    if diagnosis.verdict == "no_gap":
+        return (
+            "There is no gap: within tolerances and sensor noise the joint does what its "
+            "datasheet says."
+        )
+    size = f" of {percent(gap.before)}" if gap.before else ""
+    lies = f"The gap{size} lies {where(diagnosis)}"
+    if diagnosis.verdict == "unexplained" or not diagnosis.effects:
+        return f"{lies}; no effect of the table explains it."
+    names = joined([in_words(effect) for effect in diagnosis.effects])
+    verb = "explain" if len(diagnosis.effects) > 1 else "explains"
+    share = f"{percent(gap.removed)} of it" if gap.removed >= NOTABLE else ""
+    left = diagnosis.unexplained
+    if left.stage is not None:
+        rest = f"{percent(left.share)} of the gap of the {left.stage} stage is left"
+        return f"{lies}; {names} {verb} {share or 'part of it'}, and {rest}."
+    return f"{lies}; {names} {verb} {share or 'it, although the replay hardly changes'}."
