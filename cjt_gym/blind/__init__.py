@@ -10,6 +10,7 @@ Example:
     (['coulomb'], ['i', 'i_cmd', 'q_l', 'q_m', 't', 'tau'])
 """
 
+from cjt_gym.blind.bench import Bench, make_bench
 from cjt_gym.blind.case import Case, Log, draw_case
 from cjt_gym.blind.files import write_case, write_labels
 from cjt_gym.blind.known import KNOWN
@@ -22,9 +23,11 @@ __all__ = [
     "OUTSIDE",
     "SMALL",
     "VARIANTS",
+    "Bench",
     "Case",
     "Log",
     "draw_case",
+    "make_bench",
     "write_case",
     "write_labels",
 ]

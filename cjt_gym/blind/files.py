@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from cjt_gym.blind.case import Case, Log
+from cjt_gym.blind.joints import Datasheet
 from cjt_gym.blind.plant import CHANNELS
 from cjt_gym.records import default_units
 
@@ -45,8 +46,12 @@ def write_labels(labels: dict[str, Case], path: str | Path) -> Path:
 
 
 def nominal_text(case: Case, name: str) -> str:
-    """Return the joint file with what is stated of the joint."""
-    sheet = case.sheet
+    """Return the joint file with what is stated of the joint of a case."""
+    return datasheet_text(case.sheet, name)
+
+
+def datasheet_text(sheet: Datasheet, name: str) -> str:
+    """Return the joint file with what a datasheet states."""
     lines = [
         f'name = "{name}"',
         'source = "datasheet of the joint; tolerance is one sigma, relative"',

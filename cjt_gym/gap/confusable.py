@@ -36,22 +36,29 @@ SEPARATED_BY: dict[frozenset[str], str] = {
 DEFAULT = "a second record with other excitation: slow ramps through zero, steps, and a chirp"
 
 
-def rivals(problem: Problem, base: Fit, fit: Fit, index: int, seen: Sequence[Fit]) -> list[str]:
-    """Return effects that could stand in the place of one effect of a fit, the best first."""
+def rival_fits(
+    problem: Problem, base: Fit, fit: Fit, index: int, seen: Sequence[Fit]
+) -> dict[str, Fit]:
+    """Return fits with another effect in the place of one of a fit, by its name, the best first."""
     effects = fit.model.effects
     rest = {e.key for k, e in enumerate(effects) if k != index}
     own = evidence(problem, fit)
     limit = max(NEAR, SHARE * (own - evidence(problem, base)))
-    names: dict[str, float] = {}
-    for other in seen:
+    found: dict[str, Fit] = {}
+    for other in sorted(seen, key=lambda f: -evidence(problem, f)):
         keys = {e.key for e in other.model.effects}
         extra = [e for e in other.model.effects if e.key not in rest]
         if len(extra) != 1 or effects[index].key in keys or len(rest - keys) > 1:
             continue
-        gap = own - evidence(problem, other)
-        if extra[0].name != effects[index].name and gap < limit:
-            names[extra[0].name] = min(gap, names.get(extra[0].name, gap))
-    return sorted(names, key=lambda name: names[name])
+        near = own - evidence(problem, other) < limit
+        if near and extra[0].name != effects[index].name:
+            found.setdefault(extra[0].name, other)
+    return found
+
+
+def rivals(problem: Problem, base: Fit, fit: Fit, index: int, seen: Sequence[Fit]) -> list[str]:
+    """Return effects that could stand in the place of one effect of a fit, the best first."""
+    return list(rival_fits(problem, base, fit, index, seen))
 
 
 def best_rival(problem: Problem, fit: Fit, index: int, seen: Sequence[Fit]) -> float:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cjt_gym.errors import CjtGymError, ConfigurationError, RecordError
-from cjt_gym.gap.confusable import advice, best_rival, rivals
+from cjt_gym.gap.confusable import best_rival, rivals
 from cjt_gym.gap.diagnosis import (
     Diagnosis,
     GapSize,
@@ -17,7 +17,6 @@ from cjt_gym.gap.diagnosis import (
     NamedEffect,
     Source,
     StageGap,
-    Suggestion,
     Unexplained,
 )
 from cjt_gym.gap.evidence import gather, source_of
@@ -39,6 +38,7 @@ from cjt_gym.gap.sensing import (
 from cjt_gym.gap.setting import Setting, make_setting
 from cjt_gym.gap.shrink import Gap, measure_gap
 from cjt_gym.gap.stages import Stages
+from cjt_gym.gap.suggest import suggest
 from cjt_gym.gap.unknown import Leftover, leftovers, status, verdict
 from cjt_gym.joint import Joint, JointFile, get_structure, load_joint_file
 from cjt_gym.joint.structures import Structure
@@ -238,7 +238,9 @@ def _report(
         effects=named,
         gap=GapSize(**{k: v for k, v in vars(gap).items() if k != "replays"}),
         unexplained=_unexplained(left),
-        suggestion=_suggestion(named, left),
+        suggestion=suggest(
+            problem, found.base, found.fit, found.needs, found.seen, named, left
+        ),
         seconds=time.perf_counter() - started,
         evidence=drawn,
         joint=identified_joint(
@@ -381,15 +383,3 @@ def _unexplained(left: Sequence[Leftover]) -> Unexplained:
         "No effect of the table explains it."
     )
     return Unexplained(worst.share, worst.stage, text)
-
-
-def _suggestion(named: Sequence[NamedEffect], left: Sequence[Leftover]) -> Suggestion:
-    for effect in named:
-        if effect.confusable_with:
-            return Suggestion(advice(effect.name, effect.confusable_with[0]))
-    if left:
-        return Suggestion(
-            f"The {left[0].stage} stage has a gap outside the effect table. Look at the regimes in "
-            "which it lies, and record it again with one input at a time: slow ramps, steps, chirp."
-        )
-    return Suggestion("No further record is needed.")

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.joint import JointFile
+from cjt_gym.records import Record, write_record
 
 Floats = NDArray[np.float64]
 SCHEMA = 1
@@ -117,10 +119,22 @@ class Suggestion:
     Attributes:
         text: In words.
         record: Excitation file, or None.
+        excitation: What that file holds: commands over time, or None.
     """
 
     text: str
     record: str | None = None
+    excitation: Record | None = field(default=None, repr=False)
+
+    def written(self, path: str | Path) -> Suggestion:
+        """Write the excitation, where there is one; return the suggestion that names its file.
+
+        Args:
+            path: File to write, such as ``next.npz``; its facts go to ``next.toml`` beside it.
+        """
+        if self.excitation is None:
+            return self
+        return replace(self, record=str(write_record(self.excitation, path)))
 
 
 @dataclass(frozen=True)
@@ -313,7 +327,7 @@ class Diagnosis:
             "effects": [_effect(effect) for effect in self.effects],
             "gap": vars(self.gap),
             "unexplained": vars(self.unexplained),
-            "suggestion": vars(self.suggestion),
+            "suggestion": {"text": self.suggestion.text, "record": self.suggestion.record},
             "seconds": self.seconds,
         }
         cleaned = _plain(plain)

@@ -1,0 +1,77 @@
+"""A joint on the test bench: whoever does not know it may record it again and again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cjt_gym.blind.control import Gains
+from cjt_gym.blind.files import datasheet_text
+from cjt_gym.blind.joints import Datasheet, draw_joint
+from cjt_gym.blind.plant import CHANNELS, STRUCTURES, Floats, World
+from cjt_gym.blind.run import draw_chances, instants, run
+from cjt_gym.errors import unknown_name
+from cjt_gym.records import Record, default_units
+
+
+@dataclass(frozen=True)
+class Bench:
+    """A joint that can be recorded, and its datasheet.
+
+    Attributes:
+        world: The joint as it is.
+        sheet: What is stated of it.
+    """
+
+    world: World
+    sheet: Datasheet
+
+    def datasheet(self, name: str = "bench") -> str:
+        """Return the text of the joint file: what a diagnosis may know."""
+        return datasheet_text(self.sheet, name)
+
+    def record(self, current: Floats, seed: int = 0) -> Record:
+        """Return the record of a run from rest.
+
+        Args:
+            current: Command at every sample [A], shape (n,).
+            seed: Seed of the noise and of the sampling instants.
+        """
+        chances = draw_chances(self.world, len(current), np.random.default_rng(seed))
+        result = run(self.world, current, Gains(limit=self.sheet.i_p), chances)
+        columns = {"t": instants(self.sheet.dt, len(current)), "i_cmd": result.command}
+        columns |= {name: result.measured[:, CHANNELS.index(name)] for name in self.sheet.channels}
+        return Record(
+            columns,
+            default_units(tuple(columns)),
+            dt=self.sheet.dt,
+            structure=self.world.structure.name,
+            provenance={"mode": "open loop"},
+        )
+
+
+def make_bench(seed: int, structure: str, **changed: float) -> Bench:
+    """Return a random joint, some of whose mechanics differ from what its datasheet assumes.
+
+    Args:
+        seed: Seed of the joint.
+        structure: Name of its structure.
+        **changed: Fields of `Plant` with their true values, such as `up_m` and `down_m`, the levels
+            of dry friction of the motor [N m].
+
+    Raises:
+        UnknownNameError: There is no such structure or field.
+
+    Example:
+        >>> bench = make_bench(3, "output_fixed_rigid_gearbox", up_m=1.5, down_m=1.5)
+        >>> len(bench.record(np.zeros(300)))
+        300
+    """
+    if structure not in STRUCTURES:
+        raise unknown_name("structure", structure, STRUCTURES)
+    world, sheet = draw_joint(STRUCTURES[structure], np.random.default_rng(seed))
+    for name in changed:
+        if name not in world.plant._fields:
+            raise unknown_name("field of Plant", name, world.plant._fields)
+    return Bench(replace(world, plant=world.plant._replace(**changed)), sheet)

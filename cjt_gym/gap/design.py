@@ -1,0 +1,284 @@
+"""The next experiment: the input under which what a record leaves open would differ the most.
+
+Each explanation that fits the record is simulated under every input of the menu, within the limits
+of the joint, and the others are fitted to what it gives. What the best of these fits still lacks is
+the cross-innovation: the input whose smaller cross-innovation is the largest tells the explanations
+apart whichever of them is true.
+
+References:
+    Hunter, Reiner (1965), Technometrics 7(3), for designs that discriminate between rival models.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import permutations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cjt_gym.gap.fields import Fields
+from cjt_gym.gap.fit import DEFLATION, FLOOR, Fit, Model, Problem
+from cjt_gym.gap.menu import MENU, Input
+from cjt_gym.gap.replay import replay
+from cjt_gym.gap.series import Series
+from cjt_gym.gap.setting import Setting
+from cjt_gym.gap.signals import commanded_current
+from cjt_gym.gap.stages import Stages
+
+Floats = NDArray[np.float64]
+SAMPLES, SHORTEST, LONGEST = 4000, 4.0, 20.0
+"""Samples of an input, and the least and the greatest time that they may take [s]."""
+MOVES = 5
+"""Steps of the fit of a rival."""
+RESERVE = 0.8
+"""Share of a limit of the joint file that an experiment uses."""
+BEYOND = 2.0
+"""How far beyond what was recorded an experiment goes at most."""
+TELLS = 14.0
+"""Margin of evidence from which an input tells two explanations apart."""
+BACK_OFF, TRIALS = 0.75, 12
+"""Factor by which an input that breaks a limit is made smaller, and how often."""
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """What an experiment keeps to.
+
+    Attributes:
+        current: Largest current [A].
+        speed: Largest speed of the motor [rad/s].
+        torque: Largest joint torque [N m].
+        travel: Largest distance of the motor from where it starts [rad].
+    """
+
+    current: float
+    speed: float
+    torque: float
+    travel: float
+
+
+@dataclass(frozen=True)
+class Cross:
+    """How badly one explanation fits what another one gives.
+
+    Attributes:
+        true: Name of what the data were made with.
+        rival: Name of what was fitted to them.
+        margin: Evidence that it lacks.
+        stage: Stage in which that shows.
+        residual: Normalised residual there, root mean square.
+    """
+
+    true: str
+    rival: str
+    margin: float
+    stage: str
+    residual: float
+
+
+@dataclass(frozen=True, eq=False)
+class Prospect:
+    """What an input promises.
+
+    Attributes:
+        input: Row of the menu.
+        current: The input [A], shape (N,).
+        dt: Time between samples [s].
+        crosses: One per ordered pair of explanations.
+        margin: The smallest of their margins that any input can make large.
+    """
+
+    input: Input
+    current: Floats
+    dt: float
+    crosses: tuple[Cross, ...]
+    margin: float
+
+    @property
+    def tells(self) -> bool:
+        """Whether it tells the explanations apart."""
+        return self.margin >= TELLS
+
+
+def bounds(setting: Setting) -> Bounds:
+    """Return what an experiment keeps to: the joint file's limits, near what was recorded."""
+    series, p = setting.series, setting.joint.parameters
+    drive = series["i_cmd"] if "i_cmd" in series else series["i"]
+    current = BEYOND * float(np.abs(drive).max())
+    # A spring to a held output bounds the motion of itself, and slow records say nothing of it.
+    locked = setting.structure.output_fixed and setting.has_spring
+    speed = np.inf if locked else BEYOND * float(np.abs(series.speed("q_m")).max())
+    travel = np.inf if locked and "tau" in series else BEYOND * float(np.ptp(series["q_m"]))
+    torque = BEYOND * float(np.abs(series["tau"]).max()) if "tau" in series else np.inf
+    return Bounds(
+        min(current, RESERVE * p.get("i_p", np.inf)),
+        min(speed, RESERVE * p.get("dq_p", np.inf)),
+        torque,
+        travel,
+    )
+
+
+def prospects(problem: Problem, fits: Mapping[str, Fit]) -> tuple[Prospect, ...]:
+    """Return what each input of the menu promises, the best first.
+
+    Args:
+        problem: The record that leaves the explanations open.
+        fits: The explanations by name, at least two.
+    """
+    setting = problem.stages.setting
+    within = bounds(setting)
+    models = {name: problem.fields(fit.model, fit.z) for name, fit in fits.items()}
+    found = []
+    with np.errstate(over="ignore", invalid="ignore"):  # of steps that a fit tries and rejects
+        for row in MENU.values():
+            current = _sized(setting, row, models, within)
+            if current is not None:
+                crosses = _crosses(problem, fits, models, current)
+                found.append(Prospect(row, current, setting.series.dt, crosses, 0.0))
+    scored = [replace(p, margin=_margin(p, found)) for p in found]
+    return tuple(sorted(scored, key=lambda p: -p.margin))
+
+
+def _margin(prospect: Prospect, among: Sequence[Prospect]) -> float:
+    """Return the smaller cross-innovation.
+
+    A law that contains another one explains all that the other one gives, whatever the input:
+    such a pair does not count, as long as there is one that does.
+    """
+    hopeful = [
+        cross.margin
+        for k, cross in enumerate(prospect.crosses)
+        if max(p.crosses[k].margin for p in among) >= TELLS
+    ]
+    return min(hopeful, default=max(cross.margin for cross in prospect.crosses))
+
+
+# ---- within the limits
+def _samples(setting: Setting) -> int:
+    dt = setting.series.dt
+    return int(np.clip(SAMPLES * dt, SHORTEST, LONGEST) / dt)
+
+
+def _sized(
+    setting: Setting, row: Input, models: Mapping[str, Fields], within: Bounds
+) -> Floats | None:
+    """Return an input at the largest size at which no explanation breaks a limit, if there is one.
+
+    Returns:
+        Current [A], shape (N,).
+    """
+    floating = not setting.structure.output_fixed
+    unit = row.current(_samples(setting), setting.series.dt, floating)
+    full = within.current
+    if row.stuck:
+        full = max(_friction(fields) / fields["k_t"] / fields["n"] for fields in models.values())
+    current = unit * min(row.size * full, within.current)
+    if not np.any(current):
+        return None
+    for _ in range(TRIALS):
+        if all(_is_within(setting, fields, current, within) for fields in models.values()):
+            return current
+        current = BACK_OFF * current
+    return None
+
+
+def _friction(fields: Fields) -> float:
+    """Return the torque from which the motor's side moves [N m]."""
+    return sum(
+        max(fields[f"c_p_{b}"], fields[f"c_n_{b}"]) + max(fields[f"s_p_{b}"], fields[f"s_n_{b}"])
+        for b in "mg"
+    )
+
+
+def _is_within(setting: Setting, fields: Fields, current: Floats, within: Bounds) -> bool:
+    blank = _blank(setting, fields, current)
+    out = replay(blank, fields)
+    travel = np.abs(out["q_m"] - out["q_m"][0])
+    limits = {"dq_m": within.speed, "tau": within.torque}
+    small = all(np.abs(out[name]).max() <= limit for name, limit in limits.items() if name in out)
+    return bool(small and np.isfinite(travel).all() and travel.max() <= within.travel)
+
+
+# ---- what an explanation gives, and how well another one fits it
+def _blank(setting: Setting, fields: Fields, current: Floats) -> Setting:
+    """Return the setting of an experiment that has not been made: its command, and a joint at rest.
+
+    The spring is relaxed at the start.
+    """
+    size, old = len(current), setting.series
+    columns = {name: np.zeros(size) for name in old.columns}
+    columns["i_cmd" if "i_cmd" in old else "i"] = current
+    columns["q_m"] += fields["q_0"] + fields["centre_g"] if setting.has_spring else 0.0
+    if "tau" in old:
+        columns["tau"] += fields["tau_0"]
+    valid = {name: np.ones(size, dtype=bool) for name in columns}
+    return replace(setting, series=Series(old.dt, columns, valid, {}))
+
+
+def pretended(setting: Setting, fields: Fields, current: Floats) -> Setting:
+    """Return the setting of an experiment as it would be recorded if a model were true.
+
+    Args:
+        setting: The record that was made, whose sensors and sampling it shares.
+        fields: The model.
+        current: The command [A], shape (N,).
+    """
+    blank = _blank(setting, fields, current)
+    signals = dict(replay(blank, fields))
+    if "i_cmd" in blank.series and "i" in blank.series:
+        signals["i"] = commanded_current(fields, blank.series) + fields["i_0"]
+    rng = np.random.default_rng(0)
+    columns = dict(blank.series.columns)
+    for name in columns:
+        if name in signals:
+            columns[name] = signals[name] + setting.std(name) * rng.standard_normal(len(current))
+    return replace(setting, series=replace(blank.series, columns=columns, _speeds={}))
+
+
+def _crosses(
+    problem: Problem, fits: Mapping[str, Fit], models: Mapping[str, Fields], current: Floats
+) -> tuple[Cross, ...]:
+    made = {}
+    for name, fields in models.items():
+        there = Problem.of(Stages(pretended(problem.stages.setting, fields, current)))
+        there.stages.tune(fields)
+        made[name] = (
+            there,
+            _evaluated(there, fits[name].model, _moved(problem, there, fits[name])),
+        )
+    return tuple(
+        _cross(problem, true, rival, fits[rival], *made[true])
+        for true, rival in permutations(fits, 2)
+    )
+
+
+def _cross(problem: Problem, true: str, rival: str, fit: Fit, there: Problem, own: Fit) -> Cross:
+    other = there.fit(fit.model, _moved(problem, there, fit), MOVES)
+    data = sum(
+        there.counts[n] / DEFLATION * np.log(max(ms, FLOOR**2) / max(own.mean_square[n], FLOOR**2))
+        for n, ms in other.mean_square.items()
+    )
+    margin = float(data) + max(strain(there, other.z) - strain(problem, fit.z), 0.0)
+    worse = {n: ms / max(own.mean_square[n], 1.0) for n, ms in other.mean_square.items()}
+    stage = max(worse, key=lambda n: worse[n])
+    return Cross(true, rival, margin, stage, other.mean_square[stage] ** 0.5)
+
+
+def strain(problem: Problem, z: Floats) -> float:
+    """Return what the priors of the datasheet's values and offsets cost at some coordinates."""
+    flat = np.array([n.unknown.flat for n in problem.shared], dtype=bool)
+    return 0.5 * float(np.sum(z[: len(flat)][~flat] ** 2))
+
+
+def _evaluated(problem: Problem, model: Model, z: Floats) -> Fit:
+    residuals = problem.residuals(model, z)
+    return Fit(model, z, 0.0, problem.mean_square(residuals), residuals)
+
+
+def _moved(old: Problem, new: Problem, fit: Fit) -> Floats:
+    """Return the coordinates of a fit in the problem of another record, at the same values."""
+    shared = Model().fields(old.stages.setting.nominal, old.shared, fit.z)
+    first = [n.unknown.coordinate(shared[n.field]) for n in new.shared]
+    return np.concatenate([first, fit.z[len(old.shared) :]])

@@ -1,0 +1,132 @@
+"""What to record next, in words and as an excitation file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from cjt_gym.gap.confusable import advice, rival_fits
+from cjt_gym.gap.design import Cross, Prospect, prospects
+from cjt_gym.gap.diagnosis import NamedEffect, Suggestion
+from cjt_gym.gap.fit import Fit, Problem
+from cjt_gym.gap.prune import Need
+from cjt_gym.gap.setting import Setting
+from cjt_gym.gap.unknown import Leftover
+from cjt_gym.records import Record, default_units
+
+MOST_RIVALS = 2
+NOTHING = "nothing"
+"""Name of the model without an effect that is only tentative."""
+
+
+def suggest(
+    problem: Problem,
+    base: Fit,
+    fit: Fit,
+    needs: Sequence[Need],
+    seen: Sequence[Fit],
+    named: Sequence[NamedEffect],
+    left: Sequence[Leftover],
+) -> Suggestion:
+    """Return the experiment that best settles what a diagnosis leaves open.
+
+    Args:
+        problem: The record.
+        base: The fit without effects.
+        fit: The fit that was chosen.
+        needs: What each of its effects is needed for.
+        seen: All other fits.
+        named: The effects that are named.
+        left: Stages that are not explained.
+    """
+    question = _open_question(problem, base, fit, needs, seen, named)
+    if question:
+        ranked = prospects(problem, question)
+        if ranked and ranked[0].tells:
+            return Suggestion(_text(ranked[0]), excitation=record_of(problem, ranked[0]))
+        return Suggestion(_needs_more(tuple(question), ranked))
+    if left:
+        return Suggestion(
+            f"The {left[0].stage} stage has a gap outside the effect table. Look at the regimes in "
+            "which it lies, and record it again with one input at a time: slow ramps, steps, chirp."
+        )
+    return Suggestion("No further record is needed.")
+
+
+def _open_question(
+    problem: Problem,
+    base: Fit,
+    fit: Fit,
+    needs: Sequence[Need],
+    seen: Sequence[Fit],
+    named: Sequence[NamedEffect],
+) -> Mapping[str, Fit]:
+    """Return the explanations to tell apart, by name, for the least certain of the effects."""
+    doubtful = [e for e in named if e.confusable_with or e.status == "tentative"]
+    for effect in sorted(doubtful, key=lambda e: e.confidence):
+        for index, row in enumerate(fit.model.effects):
+            if (row.name, row.body, row.channel) != (effect.name, effect.body, effect.channel):
+                continue
+            others = list(rival_fits(problem, base, fit, index, seen).items())[:MOST_RIVALS]
+            if not others and effect.status == "tentative":
+                others = [(NOTHING, needs[index].without)]
+            if others:
+                return {effect.name: fit, **dict(others)}
+    return {}
+
+
+def _text(best: Prospect) -> str:
+    names = list(dict.fromkeys(cross.true for cross in best.crosses))
+    telling = [cross for cross in best.crosses if cross.margin >= 0.5 * best.margin]
+    shown = "; ".join(_sentence(cross) for cross in sorted(telling, key=lambda c: -c.margin)[:2])
+    return (
+        f"To tell {names[0]} from {' and '.join(names[1:])}, record {best.input.text}: "
+        f"{len(best.current) * best.dt:.3g} s, up to {np.abs(best.current).max():.3g} A, from "
+        f"rest. {shown}."
+    )
+
+
+def _sentence(cross: Cross) -> str:
+    what = "no further effect" if cross.rival == NOTHING else cross.rival
+    truth = "nothing is added" if cross.true == NOTHING else f"it is {cross.true}"
+    return (
+        f"If {truth}, {what} would then leave {cross.residual:.2g} times the noise in the "
+        f"{cross.stage} stage (predicted margin {cross.margin:.0f} in log evidence)"
+    )
+
+
+def _needs_more(names: Sequence[str], ranked: Sequence[Prospect]) -> str:
+    best = f" (the best would be {ranked[0].input.text})" if ranked else ""
+    return (
+        f"No current within the limits of the joint tells {names[0]} from {' and '.join(names[1:])}"
+        f" with these sensors{best}. {advice(names[0], names[1])}"
+    )
+
+
+def record_of(problem: Problem, prospect: Prospect) -> Record:
+    """Return an input as an excitation: a record that holds commands and no measurement."""
+    setting: Setting = problem.stages.setting
+    p = setting.joint.parameters
+    current = prospect.current
+    columns = {
+        "t": np.arange(len(current)) * prospect.dt,
+        "i_cmd": current,
+        "tau_cmd": current * setting.nominal["k_t"] * setting.nominal["n"],
+    }
+    units = default_units(tuple(columns), prismatic=p.axis == "prismatic")
+    if p.unit("k_t").endswith("/V"):
+        units["i_cmd"] = "V"
+    return Record(
+        columns,
+        units,
+        dt=prospect.dt,
+        joint=p.name,
+        structure=setting.structure.name,
+        provenance={
+            "mode": "open loop",
+            "excitation": prospect.input.name,
+            "purpose": _text(prospect),
+            "predicted_margin": round(prospect.margin, 1),
+        },
+    )
