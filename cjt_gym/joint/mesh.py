@@ -33,6 +33,7 @@ from cjt_gym.joint.springs import has_play
 
 PASSES = 40
 SETTLED, LEAST = 1e-9, 1e-9  # error of the transmitted torque, relative and in [N m]
+ROUNDING = 1e-15  # of angles
 
 
 @lean
@@ -174,11 +175,11 @@ def settle_rigid(
 
     Let T(tau) be what the joint transmits when friction and ripple are those of a torque tau.
     Friction of a large tau holds the joint, and ripple is less than all of it, so that T(tau) - tau
-    changes sign; secant steps within a bracket find where it vanishes. There it falls
-    with a slope of -1 -+ mu, so that the solution is the only one while the bodies' mu add up to
-    less than 1. Beyond that the joint may both jam and slide (the paradox of Painleve); what is
-    found then is near the torque of the substep before. The ripple is that of the angle which the
-    first pass finds.
+    changes sign; secant steps within a bracket find where it vanishes. Its slope is -1 give or take
+    the bodies' mu and the ripple's share: while these add up to less than 1, and friction does not
+    fall with speed, that is the only solution. Beyond that the joint may both jam and slide (the
+    paradox of Painleve); the one found is near the torque and motion of the substep before. The
+    ripple is that of the angle which the first pass finds.
 
     Returns:
         Whether it was found; then row FREE holds the end of the substep.
@@ -188,6 +189,7 @@ def settle_rigid(
         Brogliato (1999), European Journal of Mechanics A/Solids 18(4).
     """
     q, dq = work[FREE, 0], work[FREE, 1]
+    least = LEAST + ROUNDING * abs(q) / b[0, 2]  # the torque that makes that much of a difference
     shift(b, setup, -1.0, work)
     low, high = -math.inf, math.inf
     tau = memory[MESH]
@@ -203,7 +205,7 @@ def settle_rigid(
             return False
         shift(b, setup, -1.0, work)
         gap = rigid_torque(p, memory, setup, command, load, work[SPEED, 0], work) - tau
-        if n > 0 and abs(gap) <= SETTLED * abs(tau) + LEAST:
+        if n > 0 and abs(gap) <= SETTLED * abs(tau) + least:
             return True
         if n > 0 and gap > 0.0:
             low = tau

@@ -38,6 +38,7 @@ from cjt_gym.joint.drives import (
 from cjt_gym.joint.mesh import rigid_torque, settle_mesh, settle_rigid
 from cjt_gym.joint.resist import come_to_rest, remember, resist, shift
 
+
 @lean
 def load_state(setup: Setup, state: Floats, x: Floats) -> None:
     """Copy the bodies' state, shape (6,), into the structure's own, shape (order,).
