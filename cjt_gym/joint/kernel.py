@@ -32,7 +32,7 @@ from cjt_gym.joint.disturbance import disturbed_load, is_disturbed
 from cjt_gym.joint.drives import CURRENT
 from cjt_gym.joint.heat import cool, warm
 from cjt_gym.joint.mesh import loops, meshes
-from cjt_gym.joint.resist import prepare
+from cjt_gym.joint.resistance import prepare
 from cjt_gym.joint.sensing import (
     condition_command,
     lateness,

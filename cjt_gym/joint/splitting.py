@@ -24,7 +24,7 @@ from cjt_gym.joint.arrays import (
 )
 from cjt_gym.joint.compiled import lean
 from cjt_gym.joint.discretize import SCRATCH, discretize
-from cjt_gym.joint.resist import prepare
+from cjt_gym.joint.resistance import prepare
 from cjt_gym.joint.substep import substep
 
 HALVINGS = 5

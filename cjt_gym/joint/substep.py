@@ -36,7 +36,8 @@ from cjt_gym.joint.drives import (
     static_current,
 )
 from cjt_gym.joint.mesh import rigid_torque, settle_mesh, settle_rigid
-from cjt_gym.joint.resist import come_to_rest, remember, resist, shift
+from cjt_gym.joint.resist import resist
+from cjt_gym.joint.resistance import come_to_rest, remember, shift
 
 
 @lean
