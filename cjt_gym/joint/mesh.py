@@ -202,9 +202,10 @@ def settle_rigid(
         torque = ripple_torque(p, ripple, q_m, tau, memory[K_M], current)
         work[FREE, 0], work[FREE, 1] = q + b[0, 0] * torque, dq + b[1, 0] * torque
         work[FREE_SPEED, 0] = (work[FREE, 0] - work[X, 0]) / setup.h
-        if not resist(p, memory, setup, b, command, load, work):
-            return False
+        found = resist(p, memory, setup, b, command, load, work)
         shift(b, setup, -1.0, work)
+        if not found:
+            return False
         gap = rigid_torque(p, memory, setup, command, load, work[SPEED, 0], work) - tau
         if n > 0 and abs(gap) <= SETTLED * abs(tau) + least:
             return True
