@@ -34,7 +34,7 @@ from cjt_gym.training.run_folder import begin_run
 NAME, STRUCTURE = "orange_80_6000", "output_fixed_rigid_gearbox"
 EFFECTS: dict[str, Any] = {"coulomb": {}, "command_delay": {"delay": 2e-3}, "noise": {}}
 NUM = 2000
-RIGID_ONLY = ("emps",)
+RIGID_ONLY = ("emps", "emps_frictionless")
 GRID = [
     (name, structure)
     for name in joint_names()

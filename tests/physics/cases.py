@@ -9,7 +9,7 @@ import numpy as np
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from cjt_gym.joint import STRUCTURES, Joint, load_joint_file
+from cjt_gym.joint import STRUCTURES, Joint, joint_names, load_joint_file
 from cjt_gym.joint.arrays import BRISTLE, LOOP
 from cjt_gym.joint.batch import JointBatch
 from cjt_gym.records import Record
@@ -19,6 +19,7 @@ Effects = dict[str, dict[str, Any]]
 STATES = ("q_m", "q_g", "q_l", "dq_m", "dq_g", "dq_l")
 FIXED = tuple(name for name, row in STRUCTURES.items() if row.output_fixed)
 FREE = tuple(name for name in STRUCTURES if name not in FIXED)
+RIGID_ONLY = tuple(n for n in joint_names() if "k_b" not in load_joint_file(n).parameters)
 DT = 1e-3
 EPS = float(np.finfo(np.float64).eps)
 

@@ -33,11 +33,10 @@ from cjt_gym.errors import SimulationError
 from cjt_gym.joint import DRIVES, EFFECTS, STRUCTURES, Effect, Joint, joint_names, load_joint
 from cjt_gym.joint.arrays import K_M, TREMOR, VOLUNTARY
 from cjt_gym.joint.batch import longest_substep
-from tests.physics.cases import DT, EPS, Floats, Trace, traced
+from tests.physics.cases import DT, EPS, RIGID_ONLY, Floats, Trace, traced
 
 MOST_SUBSTEPS = 100  # of a drive with inductance that asks for more, another joint is drawn
 STEPS = 500
-LINEAR_ONLY = ("emps",)  # no spring is known of it
 FEEDBACK = ("gear_ripple",)  # a share of the transmitted torque comes back, of either sign
 BY_ANGLE = ("cogging", "gear_ripple", "commutation_ripple", "current_offset")
 WITHIN_A_STEP = ("current_lag", "current_rate_limit", "command_delay")
@@ -177,7 +176,7 @@ def random_signal(rng: Random, size: float) -> Floats:
 
 def random_case(rng: Random) -> Case:
     """Draw a case."""
-    names = [n for n in joint_names() if n not in LINEAR_ONLY]
+    names = [n for n in joint_names() if n not in RIGID_ONLY]
     structure, drive = str(rng.choice(list(STRUCTURES))), str(rng.choice(list(DRIVES)))
     if rng.random() < 0.5:
         drive = "current"

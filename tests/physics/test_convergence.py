@@ -12,11 +12,10 @@ import pytest
 
 from cjt_gym.joint import STRUCTURES, Joint, joint_names, load_joint
 from cjt_gym.joint.joint import DT_PHYSICS
-from tests.physics.cases import DT, Floats, excitation, smooth_effects, states
+from tests.physics.cases import DT, RIGID_ONLY, Floats, excitation, smooth_effects, states
 from tests.physics.independent import peak_errors, reference_states
 
 ALLOWED = 1e-4
-RIGID_ONLY = ("emps",)
 QUICK = {
     ("emps", "rigid"),
     ("example", "output_fixed"),

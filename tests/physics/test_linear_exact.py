@@ -12,10 +12,17 @@ from scipy import linalg, signal
 
 from cjt_gym.joint import STRUCTURES, Joint, joint_names, load_joint
 from cjt_gym.joint.batch import JointBatch
-from tests.physics.cases import EPS, Floats, initial_state, log_range, states, valid_parameters
+from tests.physics.cases import (
+    EPS,
+    RIGID_ONLY,
+    Floats,
+    initial_state,
+    log_range,
+    states,
+    valid_parameters,
+)
 
 DT = 1e-3
-RIGID_ONLY = ("emps",)
 GRID = [
     (name, structure)
     for name in joint_names()
