@@ -31,6 +31,8 @@ LATE = 0.7
 """Samples from which lateness is worth saying."""
 CLIPPED = 20
 """Samples at the very end of a channel's range from which it looks cut off."""
+MOSTLY_NEW = 0.05
+"""Share of samples that repeat the one before above which a channel may well rest at an end."""
 
 Columns = Mapping[str, FloatArray]
 
@@ -59,14 +61,14 @@ def _clipped(name: str, x: FloatArray) -> Repair | None:
     known = x[np.isfinite(x)]
     if len(known) < 10 * CLIPPED:
         return None
+    ends = (known.max(), known.min())
+    inside = np.diff(known)[~np.isin(known[1:], ends)]
+    if not len(inside) or np.mean(inside == 0.0) > MOSTLY_NEW:
+        return None
     count = 0
-    for end in (known.max(), known.min()):
-        there = known == end
-        beside = np.abs(known - end) < 0.02 * np.ptp(known)
-        runs = there[1:] & there[:-1]
-        elsewhere = np.mean((np.diff(known) == 0.0)[~runs]) if not runs.all() else 1.0
-        if there.sum() >= CLIPPED and elsewhere < 0.05 and there.sum() > 0.5 * beside.sum():
-            count += int(there.sum())
+    for end in ends:
+        there, beside = int(np.sum(known == end)), np.abs(known - end) < 0.02 * np.ptp(known)
+        count += there if there >= CLIPPED and there > 0.5 * np.sum(beside) else 0
     if not count:
         return None
     text = (

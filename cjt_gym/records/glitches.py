@@ -96,7 +96,7 @@ def _returns(y: FloatArray, edges: FloatArray, up: int, down: int) -> bool:
     """Return whether the channel after the edge `down` goes on from before the edge `up`."""
     slope = float(np.median(np.diff(y[max(up - 4, 0) : up + 1]))) if up >= 2 else 0.0
     across = y[down + 1] - y[up] - slope * (down + 1 - up)
-    return abs(across) < RETURN * min(abs(edges[up]), abs(edges[down]))
+    return bool(abs(across) < RETURN * min(abs(edges[up]), abs(edges[down])))
 
 
 def stale(x: FloatArray) -> NDArray[np.bool_]:

@@ -46,6 +46,7 @@ class ColumnSource:
 
     Attributes:
         source: Name of the column in the log.
+        log_unit: Its unit there.
         unit: SI unit of the result.
         gain: Factor from the log's values.
         offset: What the log shows where the value is zero, in the log's unit.
@@ -55,6 +56,7 @@ class ColumnSource:
     """
 
     source: str
+    log_unit: str
     unit: str
     gain: float
     offset: float
@@ -145,6 +147,8 @@ def _column(owner: str, name: str, given: object, n: float | None) -> ColumnSour
         )
     if wrong := [key for key in given if key not in KEYS]:
         raise RecordError(f"{unknown_name('key', wrong[0], KEYS)} (in {what})")
+    if name == "t" and (wrong := [key for key in given if key not in ("source", "unit")]):
+        raise RecordError(f"{what} may have source and unit only, got {wrong[0]}.")
     for key in ("source", "unit", "side", "time", "time_unit"):
         if not isinstance(given.get(key, ""), str):
             raise RecordError(f"{key} of {what} must be a string, got {given[key]!r}.")
@@ -159,6 +163,7 @@ def _column(owner: str, name: str, given: object, n: float | None) -> ColumnSour
         unit_of("t", given["time_unit"], f"time_unit of {what}")
     return ColumnSource(
         source=given.get("source", name),
+        log_unit=unit_name,
         unit=unit.si,
         gain=gain * geared,
         offset=_number(f"offset of {what}", given.get("offset", 0.0), zero=True),

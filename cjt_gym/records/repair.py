@@ -168,12 +168,13 @@ def _marked(columns: Columns, turns: Mapping[str, float]) -> tuple[Columns, list
         if name.startswith("q_"):
             out[name], repair = _unwrapped(name, out[name], turns)
             repairs += repair
+    repairs += _mark_stale(out)
     for name in sorted(set(MEASURED) & set(out)):
         false = glitches(out[name]) & ~_pulses(name, out)
         if count := int(false.sum()):
             out[name] = np.where(false, np.nan, out[name])
             repairs.append(_repair("glitch", name, count, len(false), "glitch"))
-    return out, repairs + _mark_stale(out)
+    return out, repairs
 
 
 def _repair(kind: str, name: str, count: int, total: int, one: str) -> Repair:
@@ -243,9 +244,10 @@ def _mark_stale(columns: Columns) -> list[Repair]:
 def _stale_rows(columns: Columns, flagged: Mapping[str, Bools]) -> Bools:
     """Return which rows repeat the one before in everything but their time."""
     rest = {name: values for name, values in columns.items() if name != "t"}
-    votes = np.sum(list(flagged.values()), axis=0) if flagged else np.zeros(_length(columns))
-    rows: Bools = np.asarray(votes >= 2)
-    return rows & _same_rows(rest) if rest else rows
+    if len(flagged) < 2:
+        return np.zeros(_length(columns), dtype=bool)
+    votes = np.sum(list(flagged.values()), axis=0)
+    return np.asarray(votes >= 1) & _same_rows(rest)
 
 
 def _summed(repairs: list[Repair]) -> list[Repair]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -50,8 +50,7 @@ def clock(mapping: ColumnMapping, table: Table, owner: str) -> Clock:
     if "t" in mapping.columns:
         source = mapping.columns["t"]
         first = _source(mapping, "t", source.source, table, owner)
-        unit = next(name for name, unit in UNITS.items() if unit.factor == abs(source.gain))
-        return Clock(source.source, unit, _origin(first, unit))
+        return Clock(source.source, source.log_unit, _origin(first, source.log_unit))
     names = {clock_of(column.source) for column in mapping.columns.values()} - {None}
     clocks = [name for name in names if name in table]
     if not clocks:
@@ -91,13 +90,6 @@ def mapped(mapping: ColumnMapping, table: Table, base: Clock, owner: str) -> dic
             values = _on_clock(name, _seconds(stamps, unit, base.origin), values, t)
         columns[name] = values
     return columns
-
-
-def needed(mapping: ColumnMapping, available: Collection[str]) -> set[str]:
-    """Return the names of a log's columns that a mapping reads."""
-    names = {column.source for column in mapping.columns.values()}
-    names |= {column.time for column in mapping.columns.values() if column.time}
-    return names & set(available)
 
 
 def _source(

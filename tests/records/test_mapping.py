@@ -1,0 +1,196 @@
+"""Mapping: logs with other names, units, signs and clocks become records."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cjt_gym.errors import RecordError
+from cjt_gym.records import UNITS, convert, load_mapping, read_log, read_record, units_of
+from cjt_gym.records.columns import COLUMNS
+
+T = np.arange(500) * 1e-3
+Q = 0.3 * np.sin(2.0 * np.pi * 2.0 * T)
+DQ = np.gradient(Q, T)
+
+MAPPING = """
+joint = "my_joint.toml"
+structure = "output_fixed"
+n = 100
+
+[columns.t]
+source = "time_ms"
+unit = "ms"
+[columns.q_m]
+source = "motor pos"
+unit = "deg"
+side = "motor"
+sign = -1
+[columns.dq_m]
+source = "motor_rpm"
+unit = "rpm"
+side = "motor"
+[columns.i]
+source = "cur_mA"
+unit = "mA"
+offset = 20
+[columns.tau]
+source = "adc"
+scale = 0.01
+offset = 512
+"""
+
+
+def write_log(folder: Path, name: str = "log.csv") -> Path:
+    columns = {
+        "time_ms": T * 1e3,
+        "motor pos": -np.rad2deg(Q * 100.0),
+        "motor_rpm": DQ * 100.0 * 30.0 / np.pi,
+        "cur_mA": 1e3 * DQ + 20.0,
+        "adc": 4000.0 * Q + 512.0,
+        "temperature": 20.0 + T,
+    }
+    table = np.column_stack(list(columns.values()))
+    np.savetxt(folder / name, table, delimiter=",", header=",".join(columns), comments="")
+    return folder / name
+
+
+def check(record: Any) -> None:
+    assert dict(record.units) == {"t": "s", "q_m": "rad", "dq_m": "rad/s", "i": "A", "tau": "N m"}
+    for name, wanted in {"t": T, "q_m": Q, "dq_m": DQ, "i": DQ, "tau": 40.0 * Q}.items():
+        assert np.allclose(record[name], wanted, atol=1e-9), name
+    assert (record.joint, record.structure) == ("my_joint.toml", "output_fixed")
+
+
+def test_a_log_in_degrees_and_rpm_is_read(tmp_path: Path) -> None:
+    log = write_log(tmp_path)
+    (tmp_path / "rig.toml").write_text(MAPPING)
+    check(read_record(log, mapping=tmp_path / "rig.toml"))
+    records, repairs = read_log(log, mapping=tmp_path / "rig.toml")
+    check(records[0])
+    assert repairs == ()
+
+
+def test_a_mapping_beside_the_log_is_found(tmp_path: Path) -> None:
+    log = write_log(tmp_path)
+    (tmp_path / "log.map.toml").write_text(MAPPING)
+    check(read_record(log))
+    (tmp_path / "log.toml").write_text('structure = "rigid"\nmode = "open loop"\n')
+    record = read_record(log)
+    assert (record.structure, record.joint) == ("rigid", "my_joint.toml")
+    assert record.provenance["mode"] == "open loop"
+
+
+def test_a_mapping_may_be_dictionaries(tmp_path: Path) -> None:
+    log = write_log(tmp_path)
+    mapping = {"columns": {"t": {"source": "time_ms", "unit": "ms"}, "i": {"source": "cur_mA"}}}
+    assert read_record(log, mapping=mapping)["i"][0] == pytest.approx(1e3 * DQ[0] + 20.0)
+
+
+@given(
+    unit=st.sampled_from(sorted(UNITS)),
+    value=st.floats(-1e6, 1e6),
+    counts=st.sampled_from([1.0, 4096.0, 2.0**19]),
+)
+def test_units_there_and_back(unit: str, value: float, counts: float) -> None:
+    there = convert([value], unit, counts)
+    one = convert([1.0], unit, counts)
+    assert there / one == pytest.approx(value, rel=1e-12, abs=1e-300)
+
+
+def test_every_column_can_be_mapped_in_all_of_its_units() -> None:
+    for name in COLUMNS:
+        assert set(COLUMNS[name].units) <= set(units_of(name))
+        for unit in units_of(name):
+            column: dict[str, Any] = {"source": "x", "unit": unit}
+            if unit.startswith("counts"):
+                column["counts_per_rev"] = 4096
+            units = load_mapping({"columns": {name: column}}).units
+            assert units[name] in COLUMNS[name].units
+
+
+def test_encoder_counts_behind_a_gear_are_unwrapped(tmp_path: Path) -> None:
+    q = 0.5 * np.sin(2.0 * np.pi * T)
+    counts = np.round(q * 50.0 / (2.0 * np.pi) * 4096.0) % 4096
+    np.savez(tmp_path / "log.npz", enc=counts.astype(np.int32))
+    column = {"source": "enc", "unit": "counts", "counts_per_rev": 4096, "side": "motor"}
+    mapping = {"dt": 1e-3, "n": 50.0, "columns": {"q_m": column}}
+    (record,), repairs = read_log(tmp_path / "log.npz", mapping=mapping)
+    assert repairs[0].kind == "wrap"
+    assert np.allclose(record["q_m"] - record["q_m"][0], q - q[0], atol=2 * np.pi / 4096 / 50)
+
+
+def test_dates_in_nanoseconds_keep_their_resolution(tmp_path: Path) -> None:
+    start = 1_700_000_000_123_456_789
+    np.savez(tmp_path / "log.npz", stamp=start + np.arange(500) * 1_000_003, q_m=Q)
+    mapping = {"columns": {"t": {"source": "stamp", "unit": "ns"}, "q_m": {}}}
+    record = read_record(tmp_path / "log.npz", mapping=mapping)
+    assert np.allclose(record["t"] - record["t"][0], np.arange(500) * 1.000003e-3, atol=1e-12)
+    assert abs(record["t"][0]) < 1e-6
+
+
+def test_a_channel_with_a_clock_of_its_own(tmp_path: Path) -> None:
+    slow = T[::7] + 0.0004
+    np.savez(tmp_path / "log.npz", t=T, q=Q, ts=slow * 1e6, tau=np.sin(9.0 * slow), ref=slow)
+    mapping = {
+        "columns": {
+            "t": {},
+            "q_m": "q",
+            "tau": {"time": "ts", "time_unit": "us"},
+            "tau_ref": {"source": "ref", "time": "ts", "time_unit": "us"},
+        }
+    }
+    record = read_record(tmp_path / "log.npz", mapping=mapping, allow_nan=True)
+    known = np.isfinite(record["tau"])
+    assert known.sum() > 490
+    assert np.allclose(record["tau"][known], np.sin(9.0 * T[known]), atol=1e-3)
+    held = record["tau_ref"][known]
+    assert set(np.round(held, 9)) <= set(np.round(slow, 9)), "references hold, they do not move"
+
+
+BAD = [
+    ({}, r"must have a table per column, such as  \[columns.q_m\]"),
+    ({"columns": {"qm": {}}}, "Unknown column 'qm'. Did you mean 'q_m'"),
+    ({"columns": {"q_m": 3}}, "columns.q_m of the mapping must be a name or a table"),
+    ({"columns": {"q_m": {"sorce": "x"}}}, "Unknown key 'sorce'. Did you mean 'source'"),
+    ({"columns": {"q_m": {"unit": "rpm"}}}, "unit of columns.q_m .* 'deg' or .* got 'rpm'"),
+    ({"columns": {"q_m": {"unit": "degs"}}}, "got 'degs'. Did you mean 'deg'"),
+    ({"columns": {"q_m": {"unit": 1}}}, "unit of columns.q_m .* must be a string, got 1"),
+    ({"columns": {"q_m": {"sign": 2}}}, "sign of columns.q_m of the mapping must be 1 or -1"),
+    ({"columns": {"q_m": {"scale": 0}}}, "scale of columns.q_m .* must not be 0"),
+    ({"columns": {"q_m": {"scale": "2"}}}, "scale of columns.q_m .* must be a number"),
+    ({"columns": {"q_m": {"unit": "counts"}}}, "needs  counts_per_rev = ..."),
+    ({"columns": {"q_m": {"side": "rotor"}}}, "side of .* must be 'link' or 'motor', got 'rotor'"),
+    ({"columns": {"q_m": {"side": "motor"}}}, "needs the gear ratio: a line  n = ..."),
+    ({"n": 2, "columns": {"i": {"side": "motor"}}}, "says 'motor', which is for angles"),
+    ({"n": 0, "columns": {"i": {}}}, "n of the mapping must not be 0"),
+    ({"columns": {"q_m": {"unit": "m"}, "tau": {}}}, "must all be rotary"),
+    ({"columns": {"q_m": {}}, "units": {"q_m": "rad"}}, r"units under \[columns\]"),
+    ({"columns": {"q_m": {}}, "strucutre": "x"}, "Did you mean 'structure'"),
+    ({"columns": {"q_m": {"source": "pos"}}}, "columns.q_m of the mapping: .*log.csv has no such"),
+    ({"columns": {"t": {"source": "time"}}}, "Unknown column 'time'. Did you mean 'time_ms'"),
+    ({"columns": {"t": {"scale": 2}}}, "columns.t of .* may have source and unit only, got scale"),
+    ({"columns": {"i": {"source": "cur_mA"}}}, "must have a column t or a sample time"),
+]
+
+
+@pytest.mark.parametrize(("mapping", "message"), BAD)
+def test_bad_mappings(mapping: dict[str, Any], message: str, tmp_path: Path) -> None:
+    log = write_log(tmp_path)
+    with pytest.raises(RecordError, match=message):
+        read_record(log, mapping=mapping)
+    with pytest.raises(RecordError, match=message):
+        read_log(log, mapping=mapping)
+
+
+def test_files_of_mappings_that_cannot_be_read(tmp_path: Path) -> None:
+    with pytest.raises(RecordError, match="There is no mapping .*none.toml"):
+        load_mapping(tmp_path / "none.toml")
+    (tmp_path / "bad.toml").write_text("columns = ")
+    with pytest.raises(RecordError, match="bad.toml must be a TOML file"):
+        load_mapping(tmp_path / "bad.toml")
