@@ -54,7 +54,7 @@ def ordered_rows(t: FloatArray, same: NDArray[np.bool_]) -> tuple[list[Piece], l
     pieces = [_sorted(t, part) for part in np.split(rows, resets)]
     _note_moved(t, np.split(rows, resets), repairs)
     pieces = _increasing(pieces, repairs)
-    pieces = [piece for part in pieces for piece in _between_gaps(part, repairs)]
+    pieces = _between_gaps(pieces, repairs)
     _note_uneven(pieces, repairs)
     return pieces, repairs
 
@@ -133,24 +133,30 @@ def _spread(piece: Piece, again: NDArray[np.bool_]) -> Piece:
     return Piece(piece.rows[index], np.interp(index, first, piece.t[first]))
 
 
-def _between_gaps(piece: Piece, repairs: list[Repair]) -> list[Piece]:
+def _between_gaps(pieces: list[Piece], repairs: list[Repair]) -> list[Piece]:
     """Return the pieces between long times without rows."""
-    steps = np.diff(piece.t)
-    if not len(steps):
-        return [piece]
-    dt = float(np.median(steps))
-    long = steps > max(LONGEST_GAP, GAP_SAMPLES * dt)
-    lost = int((np.round(steps[~long] / dt) - 1.0).clip(0.0).sum())
-    if 0 < lost < COARSE_SHARE * len(steps):
-        text = f"{counted(lost, 'row')} ({share(lost, lost + len(steps))}) missing between others."
+    found: list[Piece] = []
+    lost = rows = breaks = 0
+    longest = 0.0
+    for piece in pieces:
+        steps = np.diff(piece.t)
+        dt = float(np.median(steps)) if len(steps) else 1.0
+        long = steps > max(LONGEST_GAP, GAP_SAMPLES * dt)
+        lost += int((np.round(steps[~long] / dt) - 1.0).clip(0.0).sum())
+        rows += len(piece.t)
+        breaks += int(long.sum())
+        longest = max(longest, float(steps[long].max(initial=0.0)))
+        ends = np.flatnonzero(long) + 1
+        halves = zip(np.split(piece.rows, ends), np.split(piece.t, ends), strict=True)
+        found += [Piece(part, t) for part, t in halves]
+    if 0 < lost < COARSE_SHARE * rows:
+        text = f"{counted(lost, 'row')} ({share(lost, lost + rows)}) missing between others."
         repairs.append(Repair("missing", None, lost, False, text))
-    if long.any():
-        where = "one place" if long.sum() == 1 else f"{long.sum()} places"
-        text = f"No rows for up to {steps[long].max():.3g} s in {where}: the log is cut there."
-        repairs.append(Repair("cut", None, int(long.sum()), True, text))
-    ends = np.flatnonzero(long) + 1
-    halves = zip(np.split(piece.rows, ends), np.split(piece.t, ends), strict=True)
-    return [Piece(rows, t) for rows, t in halves]
+    if breaks:
+        where = "one place" if breaks == 1 else f"{breaks} places"
+        text = f"No rows for up to {longest:.3g} s in {where}: the log is cut there."
+        repairs.append(Repair("cut", None, breaks, True, text))
+    return found
 
 
 def _note_uneven(pieces: list[Piece], repairs: list[Repair]) -> None:

@@ -8,10 +8,12 @@ Mathematical Programming 14, 265-294).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cjt_gym.errors import RecordError
 from cjt_gym.records.checks import FloatArray
@@ -29,6 +31,8 @@ MOVING = ("q_m", "q_l", "q_g", "tau")
 ENOUGH = 0.2
 """Share of the largest value of a feature in the log at which half of its worth is reached."""
 
+Columns = Mapping[str, FloatArray]
+
 
 def informative_windows(
     path_or_name: str | Path,
@@ -38,8 +42,9 @@ def informative_windows(
 ) -> tuple[tuple[Record, ...], tuple[Repair, ...]]:
     """Return the windows of a log that tell most, repaired; a short log is returned whole.
 
-    The log is read twice, a window at a time, so that memory does not grow with it and time grows
-    in proportion to it. Windows that follow each other are joined.
+    The log is read once, a window at a time, and only a few times the windows asked for are held:
+    memory does not grow with the log, and time grows in proportion to it. Windows that follow each
+    other are joined.
 
     Args:
         path_or_name: The log.
@@ -66,25 +71,56 @@ def windows_of(
             f"got {length:g} s."
         )
     rows = max(round(length / _sample_time(log)), 2)
-    table = np.array([features(columns) for columns in log.columns(rows)])
     count = max(int(seconds / length), 1)
-    chosen = sorted(choose(table, count))
+    read, windows = _best(log.columns(rows), count)
     records: list[Record] = []
     repairs = list(log.notes)
-    if len(chosen) < len(table):
+    if len(windows) < read:
         text = (
-            f"Of {len(table)} windows of {length:g} s the {len(chosen)} most informative are used: "
-            f"those from {', '.join(f'{k * length:g}' for k in chosen)} s."
+            f"Of {read} windows of {length:g} s the {len(windows)} most informative are used: "
+            f"those from {', '.join(f'{window.place * length:g}' for window in windows)} s."
         )
-        repairs.append(Repair("cut", None, len(table) - len(chosen), True, text))
-    for columns in _runs(log, rows, chosen):
+        repairs.append(Repair("cut", None, read - len(windows), True, text))
+    for columns in _runs(windows):
         made, found = log.records(columns)
         records += made
         repairs += [repair for repair in found if repair not in repairs]
     return tuple(records), tuple(repairs)
 
 
-def features(columns: Mapping[str, FloatArray]) -> FloatArray:
+class Window(NamedTuple):
+    """A window of a log.
+
+    Attributes:
+        place: Which window of the log it is.
+        worth: Its features.
+        columns: Its columns, as the log has them.
+    """
+
+    place: int
+    worth: FloatArray
+    columns: Columns
+
+
+def _best(pieces: Iterator[Columns], count: int) -> tuple[int, list[Window]]:
+    """Return how many windows there are, and the most telling, in the order of the log."""
+    pool: list[Window] = []
+    scale, read = np.array(0.0), 0
+    for place, columns in enumerate(pieces):
+        worth = features(columns)
+        scale, read = np.maximum(scale, worth), place + 1
+        pool.append(Window(place, worth, columns))
+        if len(pool) >= 4 * count:
+            pool = _chosen(pool, 2 * count, scale)
+    return read, _chosen(pool, count, scale)
+
+
+def _chosen(pool: list[Window], count: int, scale: FloatArray) -> list[Window]:
+    table = np.array([window.worth for window in pool])
+    return [pool[k] for k in sorted(choose(table, count, scale))]
+
+
+def features(columns: Columns) -> FloatArray:
     """Return what there is in a window of a log, each >= 0: the more, the more it tells.
 
     Ranges and reversals of what drives and of what moves, the deviation at every octave, and the
@@ -100,18 +136,19 @@ def features(columns: Mapping[str, FloatArray]) -> FloatArray:
     return np.array(parts) * float(np.prod(shares))
 
 
-def choose(table: FloatArray, count: int) -> list[int]:
+def choose(table: FloatArray, count: int, scale: ArrayLike) -> list[int]:
     """Return which windows to take, the most telling first.
 
     Args:
         table: Features of the windows, shape (windows, features), >= 0.
         count: Most windows to take.
+        scale: The largest value of each feature, shape (features,).
 
     Example:
-        >>> choose(np.array([[1.0, 0.0], [0.9, 0.0], [0.0, 0.5]]), 2)
+        >>> choose(np.array([[1.0, 0.0], [0.9, 0.0], [0.0, 0.5]]), 2, [1.0, 0.5])
         [0, 2]
     """
-    x = table / np.maximum(table.max(axis=0), 1e-300)
+    x = table / np.maximum(scale, 1e-300)
     chosen: list[int] = []
     total = np.zeros(x.shape[1])
     for _ in range(min(count, len(x))):
@@ -159,16 +196,8 @@ def _sample_time(log: Log) -> float:
     return float(records[0].dt)
 
 
-def _runs(log: Log, rows: int, chosen: list[int]) -> list[dict[str, FloatArray]]:
-    """Return the columns of the chosen windows, those that follow each other joined."""
-    runs: list[list[dict[str, FloatArray]]] = []
-    last = -2
-    for k, columns in enumerate(log.columns(rows)):
-        if k > chosen[-1]:
-            break
-        if k in chosen:
-            if k != last + 1:
-                runs.append([])
-            runs[-1].append(columns)
-            last = k
-    return [joined(run) for run in runs]
+def _runs(windows: list[Window]) -> list[dict[str, FloatArray]]:
+    """Return the columns of windows, those that follow each other joined."""
+    places = np.array([window.place for window in windows])
+    groups = np.split(np.arange(len(windows)), np.flatnonzero(np.diff(places) > 1) + 1)
+    return [joined(windows[k].columns for k in group) for group in groups]
