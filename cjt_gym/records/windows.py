@@ -1,7 +1,7 @@
 """The windows of a long log that tell most about a joint.
 
 A window is worth what it adds: reversals, range of torque and speed, movement at every octave of
-frequency, and some rest. Each of these counts with diminishing returns, so that windows are chosen
+frequency. Each of these counts with diminishing returns, so that windows are chosen
 that differ (greedy maximisation of a sum of concave functions: Nemhauser, Wolsey, Fisher (1978),
 Mathematical Programming 14, 265-294).
 """
@@ -123,8 +123,8 @@ def _chosen(pool: list[Window], count: int, scale: FloatArray) -> list[Window]:
 def features(columns: Columns) -> FloatArray:
     """Return what there is in a window of a log, each >= 0: the more, the more it tells.
 
-    Ranges and reversals of what drives and of what moves, the deviation at every octave, and the
-    share of rest; all of it times the share of samples that are there.
+    Ranges, speed and reversals of what drives and of what moves, and the deviation at every octave;
+    all of it times the share of samples that are there.
     """
     driving = next((columns[name] for name in DRIVING if name in columns), None)
     moving = next((columns[name] for name in MOVING if name in columns), None)
@@ -161,7 +161,7 @@ def choose(table: FloatArray, count: int, scale: ArrayLike) -> list[int]:
 
 
 def _one(y: FloatArray) -> list[float]:
-    """Return the features of one channel: range, speed, reversals, rest, and octaves."""
+    """Return the features of one channel: range, speed, reversals and octaves."""
     if len(y) < 2 ** (OCTAVES + 1):
         y = np.pad(y, (0, 2 ** (OCTAVES + 1) - len(y)), mode="edge") if len(y) else _STILL
     low, high = np.quantile(y, [0.01, 0.99])
@@ -170,18 +170,15 @@ def _one(y: FloatArray) -> list[float]:
     large = np.abs(speed) > 0.02 * np.abs(speed).max()
     signs = np.sign(speed[large])
     reversals = float(np.sum(signs[1:] != signs[:-1]))
-    rest = float(np.mean(np.abs(speed) <= 0.01 * max(np.abs(speed).max(), 1e-300)))
     octaves = []
     for _ in range(OCTAVES):
         y = y[: len(y) // 2 * 2]
         octaves.append(float(np.std(y[1::2] - y[::2])))
         y = 0.5 * (y[1::2] + y[::2])
-    moved = high > low
     return [
         float(high - low),
         float(np.abs(speed).max()),
         np.sqrt(reversals) * (high - low),
-        min(rest, 0.2) if moved else 0.0,
         *octaves,
     ]
 

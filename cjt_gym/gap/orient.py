@@ -1,0 +1,305 @@
+"""Signs and units of a record's channels, where the physics of a joint leaves no doubt about them.
+
+Each law ties the signs of two channels: a current follows its command, a velocity is the slope of
+its angle, the spring's torque grows with its deflection,
+
+    tau = k_b (q_m - q_l) + ...,
+
+and the motor's torque accelerates its inertia and loads the spring,
+
+    k_t n i = I ddq_m + d dq_m + friction + tau.
+
+The signs that agree with all of this are found by trying all; of those that agree equally well, the
+one that changes fewest channels counts. All signs the other way round agree just as well: which
+direction is positive cannot be told.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from itertools import product
+from math import pi
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+from scipy.signal import correlate, correlation_lags, savgol_filter
+
+from cjt_gym.joint import JointFile, Structure
+from cjt_gym.records import Record, Repair
+
+Floats = NDArray[np.float64]
+FOLLOWERS = (
+    ("i_cmd", "i"),
+    ("tau_cmd", "i"),
+    ("tau_m", "i"),
+    ("i_extra", "i_cmd"),
+    ("tau_ref", "tau"),
+    ("q_ref", "q_m"),
+    ("q_g", "q_m"),
+)
+"""Pairs of which the second follows the first, with the same sign."""
+SLOPES = (("q_m", "dq_m"), ("q_g", "dq_g"), ("q_l", "dq_l"))
+DRIVING = ("i", "tau_m", "i_cmd", "tau_cmd")
+"""What stands for the motor's torque, the best first."""
+CERTAIN = 0.7
+"""Correlation from which two channels follow each other."""
+PARTIAL = 0.35
+"""Correlation, all else taken off, from which a term of an equation of motion is certain."""
+CLEAR = 0.25
+"""Difference of what two signs leave unexplained, over their sum, from which one is certain."""
+EXPLAINED = 0.6
+"""Share of the motor's torque that its equation has to explain."""
+SMOOTH = 0.04
+"""Time over which angles are smoothed to be differentiated [s]."""
+MOST_LATE = 0.1
+"""Time by which a channel may follow another [s]."""
+FASTEST = 20_000
+"""Samples from which two channels are compared."""
+ORDER = ("tau", "q_l", "q_g", "dq_m", "dq_g", "dq_l", "q_m", "i", "i_cmd")
+"""Channels whose sign is doubted first where any of several would do."""
+UNIT_FACTORS = {180.0 / pi: "180/pi", pi / 180.0: "pi/180", 1e3: "1000", 1e-3: "1/1000"}
+FACTOR_MISFIT = 0.15
+
+
+@dataclass(frozen=True)
+class Tie:
+    """What a law says of two channels.
+
+    Attributes:
+        first: A channel.
+        second: Another.
+        strength: How alike they are once the law is applied, -1 to 1; negative where one of them
+            has the wrong sign.
+        law: The law in words.
+    """
+
+    first: str
+    second: str
+    strength: float
+    law: str
+
+
+def orient(
+    record: Record, joint: JointFile, structure: Structure
+) -> tuple[Record, tuple[Repair, ...]]:
+    """Return a record whose channels have signs that agree with each other, and what was turned.
+
+    Args:
+        record: The record; NaN where a sample is missing.
+        joint: The nominal joint.
+        structure: How its bodies are joined.
+
+    Returns:
+        The record, which is the same object where nothing had to be turned, and a line for each
+        channel that was turned or seems to have another unit.
+    """
+    channels = _filled(record)
+    ties = [*_following(channels, structure, record.dt), *_spring(channels, structure)]
+    motor = _Motor.of(channels, record.dt)
+    if motor is not None:
+        ties += motor.ties()
+    turned = _turned(ties)
+    repairs = [_turn(name, ties) for name in turned]
+    repairs += _scales(channels, motor, joint, structure)
+    if not turned:
+        return record, tuple(repairs)
+    columns = {name: -record[name] for name in turned}
+    texts = [repair.text for repair in repairs if repair.changed]
+    known = {**record.provenance, "repairs": [*record.provenance.get("repairs", []), *texts]}
+    return replace(record.with_columns(columns), provenance=known), tuple(repairs)
+
+
+def _filled(record: Record) -> dict[str, Floats]:
+    """Return the channels that move, missing samples interpolated, on even times."""
+    t, start = record.t, max(len(record) - FASTEST, 0) // 2
+    grid = t[0] + record.dt * np.arange(round((t[-1] - t[0]) / record.dt) + 1)
+    grid = grid[start : start + FASTEST]
+    out = {}
+    for name in record.columns:
+        known = np.isfinite(record[name])
+        if name != "t" and known.sum() > 100 and np.ptp(record[name][known]) > 0.0:
+            out[name] = np.interp(grid, t[known], record[name][known])
+    return out
+
+
+def _following(channels: dict[str, Floats], structure: Structure, dt: float) -> Iterator[Tie]:
+    free = () if structure.output_fixed else (("q_l", "q_m"), ("q_ref", "q_l"))
+    for first, second in (*FOLLOWERS, *free):
+        if first in channels and second in channels:
+            law = f"{second} follows {first}"
+            yield Tie(first, second, _alike(channels[first], channels[second], dt), law)
+    for angle, velocity in SLOPES:
+        if angle in channels and velocity in channels:
+            slope, law = np.gradient(channels[angle], dt), f"{velocity} is the slope of {angle}"
+            yield Tie(angle, velocity, _alike(slope, channels[velocity], dt), law)
+
+
+def _alike(x: Floats, y: Floats, dt: float) -> float:
+    """Return the correlation of two channels at the lag at which they are most alike; 0 if poor."""
+    x, y = x - x.mean(), y - y.mean()
+    lags = correlation_lags(len(y), len(x))
+    near = np.abs(lags) <= MOST_LATE / dt
+    cross = correlate(y, x, method="fft")[near] / max(float(np.sqrt((x @ x) * (y @ y))), 1e-300)
+    best = float(cross[np.argmax(np.abs(cross))])
+    return best if abs(best) > CERTAIN else 0.0
+
+
+def _spring(channels: dict[str, Floats], structure: Structure) -> Iterator[Tie]:
+    """Yield what the spring says: its torque grows with q_m and falls with q_l."""
+    if "tau" not in channels or structure.groups[1] == structure.groups[2]:
+        return
+    names = [name for name in ("q_m", "q_l") if name in channels]
+    if not structure.output_fixed and len(names) < 2:
+        return
+    signs = {"q_m": 1.0, "q_l": -1.0}
+    for name, strength in _partial(channels["tau"], {n: channels[n] for n in names}).items():
+        yield Tie(name, "tau", signs[name] * strength, "the spring's torque grows as it is wound")
+
+
+def _partial(y: Floats, terms: dict[str, Floats]) -> dict[str, float]:
+    """Return the correlation of y with each term, that of all the others taken off."""
+    constant = np.ones_like(y)
+    out = {}
+    for name, x in terms.items():
+        others = np.column_stack([constant, *(v for n, v in terms.items() if n != name)])
+        rest_x, rest_y = _rest(x, others), _rest(y, others)
+        size = float(np.sqrt((rest_x @ rest_x) * (rest_y @ rest_y)))
+        alike = float(rest_x @ rest_y) / max(size, 1e-300)
+        enough = np.std(rest_x) > 1e-9 * max(float(np.std(x)), 1e-300)
+        out[name] = alike if enough and abs(alike) > PARTIAL else 0.0
+    return out
+
+
+def _rest(y: Floats, others: Floats) -> Floats:
+    return np.asarray(y - others @ np.linalg.lstsq(others, y, rcond=None)[0], dtype=np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class _Motor:
+    """The motor's equation: what drives it, and the terms that take it up."""
+
+    driving: str
+    drive: Floats
+    terms: dict[str, Floats]
+
+    @classmethod
+    def of(cls, channels: dict[str, Floats], dt: float) -> _Motor | None:
+        driving = next((name for name in DRIVING if name in channels), None)
+        if driving is None or "q_m" not in channels:
+            return None
+        width = int(np.clip(round(SMOOTH / dt) | 1, 5, 101))
+        if len(channels["q_m"]) < 4 * width:
+            return None
+        q, drive = channels["q_m"], savgol_filter(channels[driving], width, 3)
+        speed = savgol_filter(q, width, 3, deriv=1, delta=dt)
+        quick = max(float(np.quantile(np.abs(speed), 0.9)), 1e-300)
+        terms = {
+            "acceleration": savgol_filter(q, width, 3, deriv=2, delta=dt),
+            "speed": speed,
+            "friction": np.tanh(speed / (0.05 * quick)),
+        }
+        if "tau" in channels:
+            terms["tau"] = savgol_filter(channels["tau"], width, 3)
+        return cls(driving, drive, terms)
+
+    def fit(self) -> tuple[dict[str, float], float]:
+        """Return the factor of each term, and which share of the drive they explain."""
+        matrix = np.column_stack([*self.terms.values(), np.ones_like(self.drive)])
+        factors = np.linalg.lstsq(matrix, self.drive, rcond=None)[0]
+        share = 1.0 - np.var(self.drive - matrix @ factors) / max(np.var(self.drive), 1e-300)
+        return dict(zip(self.terms, factors.tolist(), strict=False)), float(share)
+
+    def left(self, of_motion: float, of_torque: float) -> float:
+        """Return which share of the drive is left, all factors >= 0 as physics wants them.
+
+        Args:
+            of_motion: Sign given to the angle.
+            of_torque: Sign given to the joint torque.
+        """
+        sign = {"tau": of_torque}
+        columns = [sign.get(name, of_motion) * x for name, x in self.terms.items()]
+        columns += [np.ones_like(self.drive), -np.ones_like(self.drive)]
+        matrix = np.column_stack([x / max(float(np.std(x)), 1e-12) for x in columns[:-2]])
+        matrix = np.column_stack([matrix, *columns[-2:]])
+        rest = nnls(matrix, self.drive)[1] ** 2 / len(self.drive)
+        return float(rest) / max(float(np.var(self.drive)), 1e-300)
+
+    def ties(self) -> list[Tie]:
+        """Return what the equation says of the signs."""
+        signs = [
+            (m, t) for m in (1.0, -1.0) for t in ((1.0, -1.0) if "tau" in self.terms else (1,))
+        ]
+        left = {pair: self.left(*pair) for pair in signs}
+        if min(left.values()) > 1.0 - EXPLAINED:
+            return []
+        laws = ["the motor's torque accelerates it", "the motor's torque loads the spring"]
+        names = ["q_m", "tau"][: 1 + ("tau" in self.terms)]
+        return [Tie(self.driving, name, _clear(left, k), laws[k]) for k, name in enumerate(names)]
+
+
+def _clear(left: Mapping[tuple[float, float], float], k: int) -> float:
+    """Return how much better the right sign of a channel does than the wrong one, -1 to 1."""
+    right = min(share for signs, share in left.items() if signs[k] > 0)
+    wrong = min(share for signs, share in left.items() if signs[k] < 0)
+    better = (wrong - right) / max(wrong + right, 1e-300)
+    return better if abs(better) > CLEAR else 0.0
+
+
+def _turned(ties: list[Tie]) -> list[str]:
+    """Return the channels to turn so that the ties agree, as few as will do."""
+    used = [tie for tie in ties if tie.strength != 0.0]
+    names = sorted({name for tie in used for name in (tie.first, tie.second)}, key=_doubt)
+    if all(tie.strength > 0.0 for tie in used):
+        return []
+
+    def cost(signs: tuple[int, ...]) -> tuple[float, int, tuple[int, ...]]:
+        sign = dict(zip(names, signs, strict=True))
+        against = [
+            abs(tie.strength)
+            for tie in used
+            if sign[tie.first] * sign[tie.second] * tie.strength < 0.0
+        ]
+        return round(sum(against), 6), sum(s < 0 for s in signs), signs
+
+    best = min(product((-1, 1), repeat=len(names)), key=cost)
+    return [name for name, sign in zip(names, best, strict=True) if sign < 0]
+
+
+def _doubt(name: str) -> tuple[int, str]:
+    return (ORDER.index(name) if name in ORDER else len(ORDER), name)
+
+
+def _turn(name: str, ties: list[Tie]) -> Repair:
+    laws = dict.fromkeys(
+        tie.law for tie in ties if name in (tie.first, tie.second) and tie.strength < 0.0
+    )
+    reason = "; ".join(laws) or "it goes with another that was turned"
+    return Repair("sign", name, 0, True, f"{name}: sign turned ({reason}).")
+
+
+def _scales(
+    channels: dict[str, Floats], motor: _Motor | None, joint: JointFile, structure: Structure
+) -> list[Repair]:
+    """Return which channels seem to have another unit, by a factor that only a unit has."""
+    p, found = joint.parameters, []
+    factors = dict(UNIT_FACTORS)
+    if p.n > 2.0:
+        factors |= {p.n: "the gear ratio", 1.0 / p.n: "one over the gear ratio"}
+    if {"q_m", "tau"} <= channels.keys() and structure.groups[1] != structure.groups[2]:
+        wound = channels["q_m"] - channels.get("q_l", np.zeros(1))
+        k_b = p.get("k_b", 0.0)
+        slope = np.polyfit(wound, channels["tau"], 1)[0] if np.ptp(wound) > 0.0 else 0.0
+        if abs(_alike(wound, channels["tau"], 1.0)) > CERTAIN and k_b > 0.0:
+            found.append(("q_m", "spring deflection per torque", k_b / abs(slope)))
+    if motor is not None and "tau" in motor.terms and motor.driving in ("i", "i_cmd"):
+        share, factor = motor.fit()[1], abs(motor.fit()[0]["tau"])
+        if share > EXPLAINED and _partial(motor.drive, motor.terms)["tau"] != 0.0:
+            found.append((motor.driving, "current per torque", factor * p.k_t * p.n))
+    return [
+        Repair("unit", name, 0, False, f"{name}: {what} is {ratio:.4g} times nominal, near {text}.")
+        for name, what, ratio in found
+        for factor, text in factors.items()
+        if abs(ratio / factor - 1.0) < FACTOR_MISFIT
+    ]

@@ -1,0 +1,112 @@
+"""Signs: what physics ties together is put right; what nothing ties is left."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cjt_gym.blind import draw_case, write_case
+from cjt_gym.gap.orient import orient
+from cjt_gym.joint import JointFile, Structure, get_structure, load_joint_file
+from cjt_gym.records import Record, read_record
+
+Blind = tuple[Record, JointFile, Structure]
+
+
+def blind(seed: int, structure: str, effects: list[str], folder: Path) -> Blind:
+    case = draw_case(seed, structure=structure, effects=effects, duration=4.0)
+    write_case(case, folder)
+    record = read_record(folder / "diagnose.npz")
+    return record, load_joint_file(folder / "nominal.toml"), get_structure(structure)
+
+
+@pytest.fixture(scope="module")
+def free(tmp_path_factory: pytest.TempPathFactory) -> Blind:
+    return blind(5, "full_dynamics", ["coulomb"], tmp_path_factory.mktemp("free"))
+
+
+@pytest.fixture(scope="module")
+def locked(tmp_path_factory: pytest.TempPathFactory) -> Blind:
+    folder = tmp_path_factory.mktemp("locked")
+    return blind(6, "output_fixed_rigid_gearbox", ["stribeck"], folder)
+
+
+def turned(record: Record, *names: str) -> Record:
+    return record.with_columns({name: -record[name] for name in names})
+
+
+@pytest.mark.parametrize("kind", ["free", "locked"])
+def test_signs_that_agree_are_left(kind: str, request: pytest.FixtureRequest) -> None:
+    record, joint, structure = request.getfixturevalue(kind)
+    oriented, repairs = orient(record, joint, structure)
+    assert oriented is record
+    assert repairs == ()
+
+
+@pytest.mark.parametrize("names", [("i",), ("i_cmd",), ("q_m",), ("tau",), ("i", "tau")])
+def test_turned_channels_are_found(names: tuple[str, ...], free: Blind) -> None:
+    record, joint, structure = free
+    oriented, repairs = orient(turned(record, *names), joint, structure)
+    assert {repair.channel for repair in repairs} == set(names)
+    assert all(np.array_equal(oriented[name], record[name]) for name in record.columns)
+    assert oriented.provenance["repairs"] == [repair.text for repair in repairs]
+
+
+@pytest.mark.parametrize("name", ["i", "q_m", "tau"])
+def test_turned_channels_are_found_with_a_locked_output(name: str, locked: Blind) -> None:
+    record, joint, structure = locked
+    oriented, _ = orient(turned(record, name), joint, structure)
+    assert np.array_equal(oriented[name], record[name])
+
+
+def test_a_load_angle_that_is_turned(free: Blind, locked: Blind) -> None:
+    record, joint, structure = free
+    assert np.array_equal(orient(turned(record, "q_l"), joint, structure)[0]["q_l"], record["q_l"])
+    record, joint, structure = locked
+    spoilt = turned(record, "q_l")
+    assert orient(spoilt, joint, structure)[0] is spoilt, "it hardly moves: nothing to tell from"
+
+
+def test_missing_samples_do_no_harm(free: Blind) -> None:
+    record, joint, structure = free
+    tau = -record["tau"]
+    tau[100:160] = np.nan
+    holed = Record(
+        {**record.columns, "tau": tau}, record.units, allow_nan=True, structure=record.structure
+    )
+    oriented, repairs = orient(holed, joint, structure)
+    assert [repair.channel for repair in repairs] == ["tau"]
+    assert np.isnan(oriented["tau"][100:160]).all()
+
+
+def test_a_drive_without_a_spring() -> None:
+    record = read_record("emps")
+    joint, structure = load_joint_file("emps"), get_structure("rigid")
+    assert orient(record, joint, structure) == (record, ())
+    oriented, repairs = orient(turned(record, "q_m"), joint, structure)
+    assert [repair.channel for repair in repairs] == ["q_m"]
+    assert np.array_equal(oriented["q_m"], record["q_m"])
+
+
+def test_a_velocity_against_its_angle(free: Blind) -> None:
+    record, joint, structure = free
+    slope = np.gradient(record["q_m"], record.t)
+    with_velocity = record.with_columns({"dq_m": -slope}, {"dq_m": "rad/s"})
+    oriented, _ = orient(with_velocity, joint, structure)
+    assert np.array_equal(oriented["dq_m"], slope)
+
+
+@pytest.mark.parametrize(
+    ("factors", "channel"),
+    [({"q_m": 180 / np.pi, "q_l": 180 / np.pi}, "q_m"), ({"i": 1e3, "i_cmd": 1e3}, "i")],
+)
+def test_units_that_a_law_gives_away(
+    factors: dict[str, float], channel: str, locked: Blind
+) -> None:
+    record, joint, structure = locked
+    spoilt = record.with_columns({name: record[name] * f for name, f in factors.items()})
+    oriented, repairs = orient(spoilt, joint, structure)
+    assert oriented is spoilt, "noticed, not changed"
+    assert [(repair.kind, repair.channel) for repair in repairs] == [("unit", channel)]

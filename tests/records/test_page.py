@@ -1,0 +1,42 @@
+"""The page on records: its code runs, its tables are complete."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+from cjt_gym.records import FORMATS, UNITS
+from cjt_gym.records.mapping import KEYS
+from cjt_gym.records.repairs import KINDS
+
+PAGE = (Path(__file__).parents[2] / "docs" / "records.md").read_text(encoding="utf-8")
+BLOCKS = re.findall(r"```(\w+)\n(.*?)```", PAGE, flags=re.S)
+
+
+def test_the_code_of_the_page_runs(tmp_path: Path) -> None:
+    (mapping,) = [text for language, text in BLOCKS if language == "toml"]
+    (tmp_path / "log.map.toml").write_text(mapping, encoding="utf-8")
+    script = "\n".join(text for language, text in BLOCKS if language == "python")
+    run = subprocess.run(
+        [sys.executable, "-W", "error", "-c", script],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert run.returncode == 0, run.stderr
+    lines = run.stdout.splitlines()
+    assert lines[0] == "q_m: 1 glitch (0.0333 %) marked as missing."
+    assert lines[1] == "rad 3000 orange_80_6000"
+    assert lines[2].startswith("q_m: sign turned (")
+
+
+def test_nothing_is_left_out() -> None:
+    named = set(re.findall(r"`([^`\n]+)`", re.sub(r"```.*?```", "", PAGE, flags=re.S)))
+    assert set(FORMATS) <= named
+    assert set(KEYS) <= named
+    assert set(KINDS) <= named
+    units = set(" ".join(named).split()) | named
+    assert {unit for unit in UNITS if unit not in units} <= {"mNm", "Ncm"}
