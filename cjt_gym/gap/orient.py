@@ -228,14 +228,11 @@ class _Motor:
 
     def ties(self) -> list[Tie]:
         """Return what the equation says of the signs."""
-        signs = [
-            (m, t) for m in (1.0, -1.0) for t in ((1.0, -1.0) if "tau" in self.terms else (1,))
-        ]
-        left = {pair: self.left(*pair) for pair in signs}
+        names = ["q_m", "tau"][: 1 + ("tau" in self.terms)]
+        laws = ["the motor's torque accelerates it", "the motor's torque loads the spring"]
+        left = {pair: self.left(*pair) for pair in product((1.0, -1.0), repeat=2)}
         if min(left.values()) > 1.0 - EXPLAINED:
             return []
-        laws = ["the motor's torque accelerates it", "the motor's torque loads the spring"]
-        names = ["q_m", "tau"][: 1 + ("tau" in self.terms)]
         return [Tie(self.driving, name, _clear(left, k), laws[k]) for k, name in enumerate(names)]
 
 

@@ -28,6 +28,8 @@ INERT = ("q_m", "q_g", "q_l", "dq_m", "dq_g", "dq_l", "tau")
 """Those that masses keep from jumping."""
 PULSED_BY = ("i_cmd", "tau_cmd", "v")
 """Columns whose pulses make those of the current."""
+ABSURD = 1e12
+"""Size from which a value is none, in any unit; infinity is beyond."""
 SHORTEST = 100
 """Samples below which a piece of a log is left out."""
 NOTE = "repairs"
@@ -78,6 +80,8 @@ def make_records(
     Raises:
         RecordError: Nothing that can be used is left.
     """
+    if not columns or not _length(columns):
+        raise RecordError("The log has no samples. Check that it was recorded and copied whole.")
     pieces, repairs = _in_order(columns)
     marked = [_marked(piece, turns) for piece in pieces]
     repairs += _summed([repair for _, found in marked for repair in found])
@@ -124,10 +128,10 @@ def _in_order(columns: Columns) -> tuple[list[Columns], list[Repair]]:
     used = [piece for piece in found if len(piece.t) >= SHORTEST]
     if not used:
         used = [max(found, key=lambda piece: len(piece.t), default=Piece(np.empty(0, int), _NONE))]
-    if not len(used[0].t):
+    if len(used[0].t) < 2:
         raise RecordError(
-            "The time t of the log has no finite value. Name its column, or leave it out and give "
-            "dt = ...  [s]."
+            "The time t of the log must advance from row to row, got no two rows of which it does. "
+            "Map the right column to t, or leave t out and give dt = ...  [s]."
         )
     if lost := sum(len(piece.t) for piece in found) - sum(len(piece.t) for piece in used):
         text = f"{counted(lost, 'row')} in pieces of fewer than {SHORTEST} left out."
@@ -158,9 +162,9 @@ def _marked(columns: Columns, turns: Mapping[str, float]) -> tuple[Columns, list
     for name, values in columns.items():
         if name == "t":
             continue
-        if count := int(np.sum(np.isinf(values))):
-            out[name] = np.where(np.isinf(values), np.nan, values)
-            repairs.append(_repair("unreadable", name, count, len(values), "infinite value"))
+        if count := int(np.sum(absurd := np.abs(values) > ABSURD)):
+            out[name] = np.where(absurd, np.nan, values)
+            repairs.append(_repair("unreadable", name, count, len(values), "impossible value"))
         elif count := int(np.sum(np.isnan(values))):
             text = f"{name}: {share(count, len(values))} of the samples are missing."
             repairs.append(Repair("missing", name, count, False, text))

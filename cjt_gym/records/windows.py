@@ -20,10 +20,13 @@ from cjt_gym.records.checks import FloatArray
 from cjt_gym.records.files import MappingLike, joined
 from cjt_gym.records.logs import Log, open_log
 from cjt_gym.records.record import Record
+from cjt_gym.records.repair import ABSURD
 from cjt_gym.records.repairs import Repair
 
 LENGTH = 10.0
 """Length of a window [s]."""
+FEWEST = 200
+"""Samples of a window, however slow the log."""
 OCTAVES = 8
 """Octaves below the sampling rate that are told apart."""
 DRIVING = ("i", "i_cmd", "tau_m", "tau_cmd", "v")
@@ -70,7 +73,7 @@ def windows_of(
             f"The length of a window must be > 0 s and at most the {seconds:g} s of all windows, "
             f"got {length:g} s."
         )
-    rows = max(round(length / _sample_time(log)), 2)
+    rows = max(round(length / _sample_time(log)), FEWEST)
     count = max(int(seconds / length), 1)
     read, windows = _best(log.columns(rows), count)
     records: list[Record] = []
@@ -130,7 +133,7 @@ def features(columns: Columns) -> FloatArray:
     moving = next((columns[name] for name in MOVING if name in columns), None)
     parts, shares = [], []
     for x in (driving, moving):
-        y = np.empty(0) if x is None else x[np.isfinite(x)]
+        y = np.empty(0) if x is None else x[np.abs(x) < ABSURD]
         shares.append(1.0 if x is None else len(y) / max(len(x), 1))
         parts += _one(y)
     return np.array(parts) * float(np.prod(shares))

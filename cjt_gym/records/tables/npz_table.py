@@ -46,6 +46,7 @@ def stream(path: Path, rows: int) -> Iterator[dict[str, NDArray[Any]]]:
             ]
             members = [member for member in members if member.is_series]
             longest = max((member.shape[0] for member in members), default=0)
+            members = [member for member in members if member.shape[0] > 1 or longest == 1]
             if any(member.shape[0] != longest for member in members):
                 rows = longest  # columns with clocks of their own cannot be cut at the same rows
             for _ in range(0, max(longest, 1), max(rows, 1)):
@@ -75,9 +76,9 @@ class _Member:
         }[version]
         self.name, self.file = name, file
         self.shape, fortran, self.dtype = header(file)
-        self.is_series = (
-            self.dtype.kind in NUMBERS and len(self.shape) in (1, 2) and self.shape[0] > 1
-        ) and not (fortran and len(self.shape) == 2)
+        self.is_series = (self.dtype.kind in NUMBERS and len(self.shape) in (1, 2)) and not (
+            fortran and len(self.shape) == 2
+        )
 
     def next(self, rows: int) -> NDArray[Any]:
         width = int(np.prod(self.shape[1:], dtype=int))
