@@ -21,6 +21,7 @@ COMMANDS: dict[str, str] = {
     "simulate": "simulate a joint under a reference and a controller, and write the record",
     "train": "train a policy with Stable-Baselines3, or go on with a run that was stopped",
     "benchmark": "compare controllers and policies on the same joints and references",
+    "blind-test": "diagnose joints whose effects are hidden, and score what was found",
 }
 EXTRAS = {
     "torch": "train",
@@ -72,7 +73,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _run(command: str, words: Sequence[str]) -> int:
     try:
-        module = import_module(f"cjt_gym.commands.{command}")
+        module = import_module(f"cjt_gym.commands.{command.replace('-', '_')}")
         parser = Parser(prog=f"cjt-gym {command}", description=COMMANDS[command])
         module.add_arguments(parser)
         parser.add_argument("--json", action="store_true", help="print the result as JSON")

@@ -17,9 +17,11 @@ from cjt_gym.blind.known import KNOWN
 from cjt_gym.blind.outside import OUTSIDE
 from cjt_gym.blind.plan import Plan, draw_plan
 from cjt_gym.blind.plant import CHANNELS, Floats, World
-from cjt_gym.blind.replay import true_gap
+from cjt_gym.blind.replay import noise_floor, true_gap
 from cjt_gym.blind.run import Run, draw_chances, instants, run
 from cjt_gym.blind.scales import Scales, scales_of
+from cjt_gym.blind.settle import settled
+from cjt_gym.blind.signature import signatures
 from cjt_gym.blind.tracking import first_gains, under_control
 
 DURATION: Final = 10.0
@@ -52,7 +54,8 @@ class Case:
         structure: Name of its structure.
         diagnose: Record to diagnose.
         validate: Record to check a diagnosis on.
-        label: What is hidden, and how far the stated and the true model are from the second record.
+        label: What is hidden, how large its trace in the first record is, the true values of the
+            joint, and how far the stated and the true model are from the second record.
     """
 
     sheet: Datasheet
@@ -111,7 +114,9 @@ def _case(
     ]
     seeds = of_records.spawn(4)
     scales = _scales(world, sheet, plan, signals[0], seeds[0])
-    true, parameters, places = _hide(world, plan, scales, of_effects)
+    seeds_of_effects = [int(seed) for seed in of_effects.integers(2**63, size=len(plan.effects))]
+    true, parameters = _hide(world, plan, scales, seeds_of_effects)
+    true = settled(true)
     runs = [
         _record(true, sheet, plan.closed[turn], signals[turn], seeds[1 + turn]) for turn in range(2)
     ]
@@ -122,7 +127,16 @@ def _case(
         "no_effects": replace(world, resolution=(0.0,) * 5),
         "true": true,
     }
-    label = _label(plan, parameters, places) | {"gap": true_gap(models, runs[1])}
+    without = {
+        effect.name: settled(_hide(world, plan, scales, seeds_of_effects, leave_out=k)[0])
+        for k, (effect, _) in enumerate(plan.effects)
+    }
+    label = _label(plan, parameters) | {
+        "signature": signatures(true, without, sheet, runs[0]),
+        "true": {symbol: getattr(true.plant, symbol) for symbol in sheet.values},
+        "stated": sheet.values,
+        "gap": true_gap(models, runs[1]) | {"floor": noise_floor(runs[1])},
+    }
     return Case(sheet, plan.structure.name, logs[0], logs[1], label)
 
 
@@ -156,16 +170,15 @@ def _scales(
 
 
 def _hide(
-    world: World, plan: Plan, scales: Scales, rng: np.random.Generator
-) -> tuple[World, dict[str, dict[str, float]], dict[str, str]]:
-    """Return the joint with its effects, their parameters and their places."""
-    parameters, places = {}, {}
-    for effect, place in plan.effects:
-        world, values = effect.apply(world, Draw(rng, scales, plan.strength, place))
-        parameters[effect.name] = values
-        if place:
-            places[effect.name] = place
-    return world, parameters, places
+    world: World, plan: Plan, scales: Scales, seeds: list[int], leave_out: int | None = None
+) -> tuple[World, dict[str, dict[str, float]]]:
+    """Return the joint with its effects, but for one that is left out, and their parameters."""
+    parameters = {}
+    for k, (effect, place) in enumerate(plan.effects):
+        if k != leave_out:
+            draw = Draw(np.random.default_rng(seeds[k]), scales, plan.strength, place)
+            world, parameters[effect.name] = effect.apply(world, draw)
+    return world, parameters
 
 
 def _record(
@@ -201,9 +214,7 @@ def _log(plan: Plan, sheet: Datasheet, result: Run, turn: int, order: int) -> Lo
     return Log(columns, mode, plan.excitations[turn])
 
 
-def _label(
-    plan: Plan, parameters: dict[str, dict[str, float]], places: dict[str, str]
-) -> dict[str, Any]:
+def _label(plan: Plan, parameters: dict[str, dict[str, float]]) -> dict[str, Any]:
     names = [effect.name for effect, _ in plan.effects]
     return {
         "effects": [name for name in names if name in KNOWN],
@@ -213,7 +224,7 @@ def _label(
             effect.name: {key: effect.units[key] for key in parameters[effect.name]}
             for effect, _ in plan.effects
         },
-        "places": places,
+        "places": {effect.name: place for effect, place in plan.effects if place},
         "stages": {effect.name: effect.stage for effect, _ in plan.effects},
         "strength": plan.strength,
         "structure": plan.structure.name,

@@ -1,7 +1,7 @@
 """The thirty effects of the effect table, as this simulator has them.
 
-Parameters carry the table's symbols where it has them. A changed parameter of the joint is given
-by its true value. Friction rows name their body by the suffix m, g or l.
+Parameters carry the symbols and units of the effect table where it has them. A changed parameter
+of the joint is given by its true value. Friction rows name their body by the suffix m, g or l.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from cjt_gym.blind.hidden import (
     with_spring,
 )
 from cjt_gym.blind.plant import CHANNELS, Structure, World
+from cjt_gym.blind.state import SLIPS
 
 # ------------------------------------------------------------------ drive
 
@@ -44,11 +45,11 @@ def current_lag(world: World, draw: Draw) -> Outcome:
     return on_drive(world, bandwidth=bandwidth), {"bandwidth": bandwidth}
 
 
-@row("current_saturation", "drive", i_max="A")
+@row("current_saturation", "drive", i_p="A")
 def current_saturation(world: World, draw: Draw) -> Outcome:
     """Return a limit below the largest command."""
     i_max = draw.scales.peak * (1.0 - draw.size(0.2, 0.6))
-    return on_drive(world, i_max=min(i_max, world.drive.i_max)), {"i_max": i_max}
+    return on_drive(world, i_max=min(i_max, world.drive.i_max)), {"i_p": i_max}
 
 
 @row("command_quantization", "drive", resolution="A")
@@ -64,16 +65,16 @@ def command_quantization(world: World, draw: Draw) -> Outcome:
 @row("torque_constant", "motor", k_t="N m/A")
 def torque_constant(world: World, draw: Draw) -> Outcome:
     """Return another torque per ampere."""
-    k_t = world.plant.k_t * draw.ratio(0.08, 0.3)
+    k_t = world.plant.k_t * draw.ratio(0.1, 0.35)
     return on_plant(world, k_t=k_t), {"k_t": k_t}
 
 
-@row("thermal_derating", "motor", loss="1/A^2", time="s")
+@row("thermal_derating", "motor", loss="1/A^2", time_constant="s")
 def thermal_derating(world: World, draw: Draw) -> Outcome:
-    """Return a torque constant that falls by loss * (squared current, low-passed with time)."""
+    """Return a torque constant that falls by loss * (squared current, low-passed)."""
     time = draw.plain(2.0, 8.0)
     loss = draw.size(0.12, 0.4) / draw.scales.current**2
-    return on_plant(world, heat_loss=loss, heat_time=time), {"loss": loss, "time": time}
+    return on_plant(world, heat_loss=loss, heat_time=time), {"loss": loss, "time_constant": time}
 
 
 @row("torque_offset", "motor", torque="N m")
@@ -87,7 +88,7 @@ def torque_offset(world: World, draw: Draw) -> Outcome:
 def inertia(world: World, draw: Draw) -> Outcome:
     """Return another inertia of the rotor; of rotor and gear where they move together."""
     joined = world.plant.I_g if "gear" not in drive_side(world.structure) else 0.0
-    value = (world.plant.I_m + joined) * draw.ratio(0.12, 0.35) - joined
+    value = (world.plant.I_m + joined) * draw.ratio(0.15, 0.4) - joined
     value = max(value, 0.2 * world.plant.I_m)
     return on_plant(world, I_m=value), {"I_m": value}
 
@@ -132,37 +133,57 @@ def coulomb_asym(world: World, draw: Draw) -> Outcome:
     return changed, {f"d_c{b}": up, f"d_c{b}_n": down}
 
 
-@row("viscous_asym", "motor", bodies, **{f"d_{b}_n": "N m s/rad" for b in "mgl"})
+@row(
+    "viscous_asym",
+    "motor",
+    bodies,
+    **{f"d_{b}{way}": "N m s/rad" for b in "mgl" for way in ("", "_n")},
+)
 def viscous_asym(world: World, draw: Draw) -> Outcome:
     """Return more damping at negative velocity."""
     extra, b = 2.0 * _viscous(draw), draw.suffix
     own = getattr(world.plant, f"d_{b}")
-    return on_plant(world, **{f"extra_{b}": extra}), {f"d_{b}_n": own + extra}
+    return on_plant(world, **{f"extra_{b}": extra}), {f"d_{b}": own, f"d_{b}_n": own + extra}
 
 
-@row("stribeck", "motor", bodies, d_cm="N m", d_cg="N m", d_cl="N m", d_s="N m", v_s="rad/s")
+@row(
+    "stribeck",
+    "motor",
+    bodies,
+    v_s="rad/s",
+    **{f"d_{kind}{b}": "N m" for kind in "cs" for b in "mgl"},
+)
 def stribeck(world: World, draw: Draw) -> Outcome:
-    """Return friction d_c + (d_s - d_c) exp(-(v / v_s)^2), set-valued at rest."""
+    """Return friction d_c + d_s exp(-(v / v_s)^2), set-valued at rest."""
     level, b = _dry(draw), draw.suffix
     rise = level * draw.rng.uniform(0.4, 1.2)
     v_s = draw.plain(0.03, 0.3) * max(draw.scales.speed[draw.body], 1e-4)
     changed = on_plant(world, **{f"up_{b}": level, f"down_{b}": level, f"rise_{b}": rise}, v_s=v_s)
-    return changed, {f"d_c{b}": level, "d_s": level + rise, "v_s": v_s}
+    return changed, {f"d_c{b}": level, f"d_s{b}": rise, "v_s": v_s}
 
 
-@row("presliding", "motor", bodies, d_cm="N m", d_cg="N m", d_cl="N m", z_s="rad")
+@row(
+    "presliding",
+    "motor",
+    bodies,
+    **{f"d_c{b}": "N m" for b in "mgl"},
+    **{f"sigma_{b}": "N m/rad" for b in "mgl"},
+)
 def presliding(world: World, draw: Draw) -> Outcome:
-    """Return Dahl friction: level d_c, deflection z_s (stiffness d_c / z_s)."""
+    """Return Dahl friction: level d_c, stiffness sigma of the bristles at rest."""
     level, b = _dry(draw), draw.suffix
     z_s = draw.plain(0.02, 0.2) * min(draw.scales.travel, 0.05)
-    return on_plant(world, **{f"bristle_{b}": level}, z_s=z_s), {f"d_c{b}": level, "z_s": z_s}
+    return on_plant(world, **{f"bristle_{b}": level}, z_s=z_s), {
+        f"d_c{b}": level,
+        f"sigma_{b}": level / z_s,
+    }
 
 
-@row("load_friction", "motor", drive_side, mu="-")
+@row("load_friction", "motor", drive_side, mu_m="-", mu_g="-")
 def load_friction(world: World, draw: Draw) -> Outcome:
     """Return friction of mu times the transmitted torque."""
     mu = draw.size(0.04, 0.2)
-    return on_plant(world, **{f"mu_{draw.suffix}": mu}), {"mu": mu}
+    return on_plant(world, **{f"mu_{draw.suffix}": mu}), {f"mu_{draw.suffix}": mu}
 
 
 @row("cogging", "motor", f="1/rev", a="N m", b="N m")
@@ -194,17 +215,17 @@ def _phases(
 # ------------------------------------------------------------------ transmission
 
 
-@row("backlash", "transmission", with_spring, play="rad")
+@row("backlash", "transmission", with_spring, gap="rad")
 def backlash(world: World, draw: Draw) -> Outcome:
     """Return a play of total width in the gear; behind it the softest spring pushes."""
     play = draw.size(0.1, 0.8) * draw.scales.twist
-    return on_plant(world, play=play), {"play": play}
+    return on_plant(world, play=play), {"gap": play}
 
 
 @row("stiffness", "transmission", with_spring, k_b="N m/rad")
 def stiffness(world: World, draw: Draw) -> Outcome:
     """Return another stiffness of the torsion bar."""
-    k_b = world.plant.k_b * draw.ratio(0.08, 0.3)
+    k_b = world.plant.k_b * draw.ratio(0.1, 0.4)
     return on_plant(world, k_b=k_b), {"k_b": k_b}
 
 
@@ -215,7 +236,7 @@ def _with_soft_gear(structure: Structure) -> Places:
 @row("gear_stiffness", "transmission", _with_soft_gear, k_g="N m/rad")
 def gear_stiffness(world: World, draw: Draw) -> Outcome:
     """Return another stiffness of the gearbox."""
-    k_g = world.plant.k_g * draw.ratio(0.25, 0.6)
+    k_g = world.plant.k_g * draw.ratio(0.3, 0.7)
     return on_plant(world, k_g=k_g), {"k_g": k_g}
 
 
@@ -226,18 +247,18 @@ def hardening(world: World, draw: Draw) -> Outcome:
     return on_plant(world, k_3=k_3), {"k_3": k_3}
 
 
-@row("spring_hysteresis", "transmission", with_spring, torque="N m", width="rad", slip="-")
+@row("spring_hysteresis", "transmission", with_spring, tau_h="N m", width="rad", elements="-")
 def spring_hysteresis(world: World, draw: Draw) -> Outcome:
-    """Return a bar with hysteresis: slip elements (slip = 1) or Bouc-Wen (slip = 0).
+    """Return a bar with hysteresis: slip elements, or none for Bouc-Wen.
 
-    `torque` is what it adds at most, `width` the twist over which it builds up.
+    `tau_h` is what it adds at most, `width` the twist over which it builds up.
     """
     torque = draw.size(0.04, 0.15) * draw.scales.joint_torque
     width = draw.plain(0.15, 0.6) * draw.scales.joint_torque / world.plant.k_b
     slip = draw.rng.random() < 0.5
     kind = "slip" if slip else "wen"
     changed = on_plant(world, **{f"{kind}_torque": torque, f"{kind}_width": width})
-    return changed, {"torque": torque, "width": width, "slip": float(slip)}
+    return changed, {"tau_h": torque, "width": width, "elements": float(SLIPS if slip else 0)}
 
 
 # ------------------------------------------------------------------ sensing
@@ -253,7 +274,7 @@ def torque_gain(world: World, draw: Draw) -> Outcome:
 @row("torque_bias", "sensing", bias="N m")
 def torque_bias(world: World, draw: Draw) -> Outcome:
     """Return an offset of the torque sensor, on top of its calibration error."""
-    bias = draw.sign() * draw.size(0.05, 0.25) * max(draw.scales.joint_torque, 2.0)
+    bias = draw.sign() * draw.size(0.05, 0.25) * max(draw.scales.joint_torque, 4.0)
     return on_sensing(world, bias=bias), {"bias": bias}
 
 
@@ -278,12 +299,12 @@ def quantization(world: World, draw: Draw) -> Outcome:
     return replace(world, resolution=values), {"resolution": step}
 
 
-@row("noise", "sensing", _channels, std="unit of the channel")
+@row("noise", "sensing", _channels, noise="unit of the channel")
 def noise(world: World, draw: Draw) -> Outcome:
     """Return a channel that is noisier than stated."""
     j = CHANNELS.index(draw.place)
     std = world.noise[j] * (1.0 + draw.size(4.0, 20.0))
-    return replace(world, noise=(*world.noise[:j], std, *world.noise[j + 1 :])), {"std": std}
+    return replace(world, noise=(*world.noise[:j], std, *world.noise[j + 1 :])), {"noise": std}
 
 
 # ------------------------------------------------------------------ load
@@ -292,7 +313,7 @@ def noise(world: World, draw: Draw) -> Outcome:
 @row("load_inertia", "load", with_load, I_l="kg m^2")
 def load_inertia(world: World, draw: Draw) -> Outcome:
     """Return another inertia of the load."""
-    value = world.plant.I_l * draw.ratio(0.12, 0.35)
+    value = world.plant.I_l * draw.ratio(0.12, 0.5)
     return on_plant(world, I_l=value), {"I_l": value}
 
 
@@ -303,15 +324,16 @@ def load_coulomb(world: World, draw: Draw) -> Outcome:
     return on_plant(world, up_l=level, down_l=level), {"d_cl": level}
 
 
-@row("gravity", "load", with_load, m_g_l="N m", q_0="rad")
+@row("gravity", "load", with_load, torque="N m", angle="rad")
 def gravity(world: World, draw: Draw) -> Outcome:
-    """Return a load that weighs -m_g_l sin(q_l - q_0) over the measured angle.
+    """Return a load that weighs -torque sin(q_l - angle) over the measured angle.
 
     Three joints in ten start where it hangs straight down.
     """
     size = draw.size(0.2, 0.8) * draw.scales.joint_torque
     q_0 = 0.0 if draw.rng.random() < 0.3 else float(draw.rng.uniform(-0.7, 0.7))
-    return on_plant(world, m_g_l=size, q_0=q_0), {"m_g_l": size, "q_0": q_0 + world.sensing.zero_l}
+    seen = q_0 + world.sensing.zero_l
+    return on_plant(world, m_g_l=size, q_0=q_0), {"torque": size, "angle": seen}
 
 
 KNOWN = table(dict(globals()))

@@ -29,6 +29,14 @@ COUNTS: Final = {(0, 0): 0.14, (1, 0): 0.46, (2, 0): 0.22, (0, 1): 0.12, (1, 1):
 """How often a case has how many effects of the table and outside it."""
 ONE_OF: Final = frozenset({"coulomb", "coulomb_asym", "stribeck", "presliding", "load_coulomb"})
 """Dry friction comes in one of these kinds per joint."""
+SAME: Final = (
+    ({"coulomb", "coulomb_asym"}, {"torque_offset", "torque_bias"}),
+    ({"torque_offset"}, {"torque_bias"}),
+    ({"damping"}, {"viscous_asym"}),
+    ({"noise"}, {"quantization"}),
+)
+"""Pairs that amount to one other effect, or to one of the two: Coulomb friction with a constant
+torque is asymmetric Coulomb friction, whatever is recorded."""
 
 
 @dataclass(frozen=True)
@@ -162,8 +170,15 @@ def _draw_names(structure: Structure, rng: np.random.Generator) -> tuple[str, ..
     others = [n for n, effect in OUTSIDE.items() if effect.places(structure)]
     while True:
         drawn = [str(name) for name in rng.choice(names, known, replace=False)]
-        if len(ONE_OF.intersection(drawn)) <= 1:
+        if can_go_together(drawn):
             return (*drawn, *(str(name) for name in rng.choice(others, outside, replace=False)))
+
+
+def can_go_together(names: Iterable[str]) -> bool:
+    """Return whether some effects are more than another way to have fewer of them."""
+    drawn = set(names)
+    pairs = any(drawn & one and drawn & other for one, other in SAME)
+    return len(ONE_OF & drawn) <= 1 and not pairs
 
 
 def _excitations(kind: str | None, rng: np.random.Generator) -> tuple[str, str]:

@@ -11,7 +11,7 @@ import numpy as np
 from cjt_gym.blind.control import Gains
 from cjt_gym.blind.plant import Floats, World
 from cjt_gym.blind.run import Run, no_chances, run
-from cjt_gym.blind.state import V
+from cjt_gym.blind.state import CREEP, V
 
 WINDOW = 0.5
 """Time after which the windowed replay restarts from the true state [s]."""
@@ -36,12 +36,21 @@ def replay_errors(model: World, truth: Run, window: float | None) -> Errors:
         truth.command,
         Gains(),
         no_chances(model, samples),
-        restarts=truth.states,
+        restarts=remembered(model, truth.states),
         every=every,
         fine_step=REPLAY_STEP,
     )
     one, other = _signals(truth), _signals(result)
     return {name: _relative(other[name], one[name]) for name in one}
+
+
+def remembered(model: World, states: Floats) -> Floats:
+    """Return states without what the model has no memory for, shape (n, SIZE)."""
+    if model.plant.creep > 0.0:
+        return states
+    kept = states.copy()
+    kept[:, CREEP] = 0.0
+    return kept
 
 
 def true_gap(models: dict[str, World], truth: Run) -> dict[str, dict[str, Errors]]:
@@ -50,6 +59,12 @@ def true_gap(models: dict[str, World], truth: Run) -> dict[str, dict[str, Errors
         kind: {name: replay_errors(model, truth, window) for name, model in models.items()}
         for kind, window in (("windows", WINDOW), ("free_run", None))
     }
+
+
+def noise_floor(record: Run) -> Errors:
+    """Return what noise and rounding leave of the torque's replay error, relative to its spread."""
+    clean, measured = record.clean[:, 4], record.measured[:, 4]
+    return {"tau": _relative(measured - np.mean(measured - clean), clean)}
 
 
 def _signals(result: Run) -> dict[str, Floats]:

@@ -1,0 +1,169 @@
+"""`cjt-gym blind-test`: the diagnosis on joints whose effects it is not told.
+
+One process draws the cases and keeps the keys; others, which are handed a copy of a case's files and
+nothing else, diagnose them; then keys and diagnoses are laid side by side.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shutil
+import sys
+import tempfile
+from collections.abc import Callable, Iterable
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+from cjt_gym.blind import draw_case, write_case
+from cjt_gym.blind.mix import Recipe, recipe
+from cjt_gym.blind.plant import STRUCTURES
+from cjt_gym.blind.score import score_case, summarise
+from cjt_gym.blind.table import table
+from cjt_gym.commands.blind_case import diagnose_case, warm_up
+from cjt_gym.errors import ConfigurationError, unknown_name
+
+Progress = Callable[[str], None]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add how many cases, of what kind, and where to write them."""
+    add = parser.add_argument
+    add("--cases", type=int, required=True, metavar="N", help="number of joints to draw")
+    add("--out", type=Path, required=True, metavar="DIR", help="folder; a stopped test goes on")
+    add("--seed", type=int, default=0, help="of all joints, default 0")
+    add("--structure", help=f"of all joints; default: mixed. One of {', '.join(STRUCTURES)}")
+    add("--strength", type=float, default=1.0, help="factor on all effects, such as 0.1; default 1")
+    add("--duration", type=float, default=10.0, help="of each record [s], default 10")
+    add("--workers", type=int, default=2, help="processes, default 2")
+
+
+def run(options: argparse.Namespace) -> None:
+    """Draw, diagnose, score; write `blind_test.json`, `cases.csv` and `report.html`."""
+    from cjt_gym.blind.report import write_csv, write_report  # needs the extra "report"
+
+    _check(options)
+    out: Path = options.out
+    out.mkdir(parents=True, exist_ok=True)
+    settings = {key: getattr(options, key) for key in ("seed", "structure", "strength", "duration")}
+    _settle(settings, out / "settings.json")
+    names = {f"case_{k:03d}": k for k in range(options.cases)}
+    _draw(names, settings, out, options.workers)
+    _diagnose(names, out, options.workers)
+    rows = [
+        score_case(name, _read(_label(out, name)), _read(_diagnosis(out, name))) for name in names
+    ]
+    result = {"settings": settings, "summary": summarise(rows), "cases": rows}
+    _write(out / "blind_test.json", result)
+    write_csv(rows, out / "cases.csv")
+    write_report(result, out / "report.html")
+    text = json.dumps(result, indent=1) if options.json else table(result["summary"])
+    sys.stdout.write(text + "\n")
+
+
+def _check(options: argparse.Namespace) -> None:
+    for name, low in (("cases", 1), ("workers", 1), ("seed", 0), ("duration", 2.0)):
+        if not getattr(options, name) >= low:
+            raise ConfigurationError(
+                f"--{name} must be >= {low:g}, got {getattr(options, name):g}."
+            )
+    if not 0.0 <= options.strength <= 3.0:
+        raise ConfigurationError(f"--strength must be within 0 and 3, got {options.strength:g}.")
+    if options.structure is not None and options.structure not in STRUCTURES:
+        raise unknown_name("structure", options.structure, STRUCTURES)
+
+
+def _settle(settings: dict[str, Any], path: Path) -> None:
+    """Keep the settings of a test beside it; a test that goes on must have the same."""
+    if path.is_file() and (other := _read(path)) != settings:
+        raise ConfigurationError(
+            f"{path.parent} holds a blind test with other settings, {other}, not {settings}. "
+            "Give another --out."
+        )
+    _write(path, settings)
+
+
+def _label(out: Path, name: str) -> Path:
+    return out / "labels" / f"{name}.json"
+
+
+def _diagnosis(out: Path, name: str) -> Path:
+    return out / "diagnoses" / f"{name}.json"
+
+
+def _draw(names: dict[str, int], settings: dict[str, Any], out: Path, workers: int) -> None:
+    """Draw the cases that are not there yet."""
+    made = settings["seed"], settings["structure"]
+    jobs = {
+        name: (recipe(made[0], k, made[1]), settings["strength"], settings["duration"], out)
+        for name, k in names.items()
+        if not _label(out, name).is_file()
+    }
+    for name, _ in _each(draw_one, {n: (n, *job) for n, job in jobs.items()}, workers):
+        _tell(f"{name} drawn")
+
+
+def draw_one(name: str, made: Recipe, strength: float, duration: float, out: Path) -> None:
+    """Draw one case: its files in OUT/cases, its key, last, in OUT/labels."""
+    case = draw_case(
+        made.seed,
+        effects=made.effects,
+        structure=made.structure,
+        strength=strength,
+        duration=duration,
+    )
+    write_case(case, out / "cases" / name)
+    _write(_label(out, name), case.label)
+
+
+def _diagnose(names: Iterable[str], out: Path, workers: int) -> None:
+    """Diagnose the cases that are not diagnosed yet, or could not be."""
+    missing = [
+        name
+        for name in names
+        if not _diagnosis(out, name).is_file() or "error" in _read(_diagnosis(out, name))
+    ]
+    with tempfile.TemporaryDirectory(prefix="case-") as place:
+        copies = {
+            name: (Path(shutil.copytree(out / "cases" / name, Path(place) / name)),)
+            for name in missing
+        }
+        for name, result in _each(diagnose_case, copies, workers, warm_up):
+            _write(_diagnosis(out, name), result)
+            said = result.get("error") or f"{result['verdict']}, {result['seconds']:.1f} s"
+            _tell(f"{name} diagnosed: {said}")
+
+
+def _each(
+    work: Callable[..., Any],
+    jobs: dict[str, tuple[Any, ...]],
+    workers: int,
+    prepare: Callable[[], None] | None = None,
+) -> Iterable[tuple[str, Any]]:
+    """Yield name and result of each job, as they end, from fresh processes."""
+    if not jobs:
+        return
+    count = min(workers, len(jobs))
+    with ProcessPoolExecutor(count, get_context("spawn"), prepare) as pool:
+        running = {pool.submit(work, *arguments): name for name, arguments in jobs.items()}
+        for future in as_completed(running):
+            yield running[future], future.result()
+
+
+def _read(path: Path) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return found
+
+
+def _write(path: Path, content: dict[str, Any]) -> None:
+    """Write a file as a whole or not at all."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    draft = path.with_suffix(".part")
+    draft.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    draft.replace(path)
+
+
+def _tell(text: str) -> None:
+    sys.stderr.write(text + "\n")
