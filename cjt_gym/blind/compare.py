@@ -1,7 +1,7 @@
 """The numbers of a diagnosis beside the true ones, where both mean the same.
 
-Labels carry the symbols of the effect table and of joint files, and a number of a diagnosis with the
-same symbol is compared as it is. Numbers that it gives in another form have a row in `FORMS`.
+Labels carry the symbols of the effect table and of joint files, and a number of a diagnosis with
+the same symbol is compared as it is. Numbers that it gives in another form have a row in `FORMS`.
 """
 
 from __future__ import annotations

@@ -73,7 +73,9 @@ def table(summary: Mapping[str, Any]) -> str:
     wrong = [entry for entry in summary["confusion"]["counts"] if entry[0] != entry[1]]
     text += ["", "true effect           first name, where they differ"]
     text += [f"{true:21s} {first}{f' ({n})' if n > 1 else ''}" for true, first, n in wrong]
-    return "\n".join(text if wrong else text[:-1] + ["nowhere a wrong first name"])
+    if not wrong:
+        text[-1] = "nowhere a wrong first name"
+    return "\n".join(text)
 
 
 def _points(error: float | None) -> str:

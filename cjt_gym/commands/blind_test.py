@@ -1,7 +1,7 @@
 """`cjt-gym blind-test`: the diagnosis on joints whose effects it is not told.
 
-One process draws the cases and keeps the keys; others, which are handed a copy of a case's files and
-nothing else, diagnose them; then keys and diagnoses are laid side by side.
+One process draws the cases and keeps the keys; others, which are handed a copy of a case's files
+and nothing else, diagnose them; then keys and diagnoses are laid side by side.
 """
 
 from __future__ import annotations
