@@ -11,19 +11,26 @@ FILES = ("nominal.toml", "diagnose.npz", "diagnose.toml", "validate.npz", "valid
 
 
 def diagnose_case(folder: Path) -> dict[str, Any]:
-    """Return the content of diagnosis.json for a case, or {"error": text} where there is none.
+    """Return what `diagnose_files` does, of a folder that is known to hold no more than a case.
 
     Raises:
         ValueError: The folder holds more or less than the files of a case.
     """
+    if sorted(path.name for path in folder.iterdir()) != sorted(FILES):
+        raise ValueError(f"{folder} must hold {', '.join(FILES)} and nothing else.")
+    return diagnose_files(folder)
+
+
+def diagnose_files(folder: Path) -> dict[str, Any]:
+    """Return the content of diagnosis.json for a case, or {"error": text} where there is none.
+
+    Beside it stands `cpu_seconds`, the time of a processor that the diagnosis took.
+    """
     from cjt_gym.gap import diagnose
     from cjt_gym.records import read_record
 
-    if sorted(path.name for path in folder.iterdir()) != sorted(FILES):
-        raise ValueError(f"{folder} must hold {', '.join(FILES)} and nothing else.")
     try:
-        record = read_record(folder / "diagnose.npz")
-        check = read_record(folder / "validate.npz")
+        record, check = read_record(folder / "diagnose.npz"), read_record(folder / "validate.npz")
         started = time.process_time()
         result = diagnose(record, validate=check).to_dict()
         return result | {"cpu_seconds": time.process_time() - started}
