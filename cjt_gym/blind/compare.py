@@ -16,12 +16,33 @@ Label = Mapping[str, Any]
 PHASES: Final = {"cogging": ("a", "b"), "gear_ripple": ("a", "b"), "gravity": ("a", "b")}
 """Amplitudes of cos and sin: their phases count from different zeros, so their size is compared."""
 SUFFIX: Final = {"motor": "m", "gear": "g", "load": "l"}
-ALONE: Final = ("I_m", "d_m", "d_m_n")
-"""Parameters of the motor that, where it shares its motion with the gear, only show in a sum."""
 
 
 def _level(values: Values, body: str) -> float:
     return values[f"d_c{body}"]
+
+
+def _excess(label: Label, symbol: str) -> float:
+    """Return what a parameter is beyond its datasheet, where the motor is blamed for it, else 0."""
+    if label["structure"] in ("full_dynamics", "output_fixed"):
+        return 0.0
+    return float(label["true"][symbol] - label["stated"][symbol])
+
+
+def _added(key: str) -> Callable[[Values, str, Label], float]:
+    """Return the function of the damping that is added to the nominal one, in one direction."""
+
+    def added(values: Values, body: str, label: Label) -> float:
+        of_gear = _excess(label, "d_g") if body == "m" else 0.0
+        return values[key] - float(label["stated"][f"d_{body}"]) + of_gear
+
+    return added
+
+
+def _drag(values: Values, _body: str, label: Label) -> float:
+    """Return the damping of the motor, with that of the gear where they move together."""
+    joined = label["structure"] not in ("full_dynamics", "output_fixed")
+    return values["d_m"] + (float(label["true"]["d_g"]) if joined else 0.0)
 
 
 FORMS: Final[dict[tuple[str, str], Callable[[Values, str, Label], float]]] = {
@@ -32,6 +53,9 @@ FORMS: Final[dict[tuple[str, str], Callable[[Values, str, Label], float]]] = {
     ("backlash", "b"): lambda v, _b, _l: v["gap"],
     ("hardening", "c"): lambda v, _b, label: v["k_3"] / label["true"]["k_b"],
     ("spring_hysteresis", "h"): lambda v, _b, _l: v["tau_h"],
+    ("inertia", "I_m"): lambda v, _b, label: v["I_m"] + _excess(label, "I_g"),
+    ("damping", "d_m"): _drag,
+    **{("viscous_asym", f"d_{b}{way}"): _added(f"d_{b}{way}") for b in "mgl" for way in ("", "_n")},
 }
 """The true value of a number of a diagnosis, by effect and key, from the label's parameters, the
 suffix of the body and the label."""
@@ -70,16 +94,7 @@ def _true(name: str, key: str, values: Values, body: str, label: Label) -> float
         return FORMS[name, key](values, body, label)
     if key in PHASES.get(name, ()) or key not in values:
         return None
-    joined = label["structure"] not in ("full_dynamics", "output_fixed")
-    if key in ALONE and joined:
-        return values[key] + _gear_excess(key, label)
     return values[key]
-
-
-def _gear_excess(key: str, label: Label) -> float:
-    """Return what the gear has beyond its datasheet, which the motor is then blamed for."""
-    symbol = "I_g" if key == "I_m" else "d_g"
-    return float(label["true"][symbol] - label["stated"][symbol])
 
 
 def _amplitude(values: Values) -> float:

@@ -135,7 +135,7 @@ def true_label(name: str, structure: str = "full_dynamics", **values: float) -> 
         "places": {},
         "structure": structure,
         "true": {"I_g": 0.12, "d_g": 2.5, "k_b": 5000.0},
-        "stated": {"I_g": 0.1, "d_g": 2.0, "k_b": 5100.0},
+        "stated": {"I_g": 0.1, "d_g": 2.0, "d_m": 0.2, "k_b": 5100.0},
     }
 
 
@@ -181,3 +181,16 @@ def test_gear_of_a_rigid_gearbox_is_part_of_the_motor() -> None:
     assert row["true"] == pytest.approx(0.32)
     (row,) = compare(true_label("inertia", I_m=0.3), given)
     assert row["true"] == pytest.approx(0.3)
+
+
+def test_damping_of_a_rigid_gearbox_is_that_of_both() -> None:
+    (row,) = compare(true_label("damping", "rigid", d_m=1.0), effect("damping", d_m=(3.4, 3.6)))
+    assert row["true"] == pytest.approx(3.5)
+
+
+def test_damping_per_direction_is_what_is_added() -> None:
+    key = true_label("viscous_asym", "rigid", d_m=0.3, d_m_n=1.3)
+    key |= {"places": {"viscous_asym": "motor"}}
+    given = effect("viscous_asym", "motor", d_m=(0.5, 0.7), d_m_n=(1.5, 1.7))
+    rows = {row["parameter"]: row["true"] for row in compare(key, given)}
+    assert rows == pytest.approx({"d_m": 0.6, "d_m_n": 1.6})
