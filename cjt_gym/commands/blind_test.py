@@ -55,11 +55,12 @@ def run(options: argparse.Namespace) -> None:
     rows = [
         score_case(name, _read(_label(out, name)), _read(_diagnosis(out, name))) for name in names
     ]
-    result = {"settings": settings, "summary": summarise(rows), "cases": rows}
+    summary = summarise(rows)
+    result = {"settings": settings, "summary": summary, "cases": rows}
     _write(out / "blind_test.json", result)
     write_csv(rows, out / "cases.csv")
     write_report(result, out / "report.html")
-    text = json.dumps(result, indent=1) if options.json else table(result["summary"])
+    text = json.dumps(result, indent=1) if options.json else table(summary)
     sys.stdout.write(text + "\n")
 
 
