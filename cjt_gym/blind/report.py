@@ -12,6 +12,7 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.figure import Figure
 
+from cjt_gym.blind.score import agrees
 from cjt_gym.blind.table import lines
 
 BLUE, ORANGE, GREY = "#0072b2", "#d55e00", "#8a8a8a"
@@ -87,7 +88,8 @@ simulator of its own and diagnosed by a process that had its records and its dat
 brackets: 95 % intervals. An effect whose trace in the record is below five standard deviations of
 what noise, tolerances and calibration errors do is invisible, and counts apart.</p>
 <table>{scores}</table>
-<h2>True effect and first name</h2><p>Right names lie on the blue diagonal.</p>
+<h2>True effect and first name</h2><p>Counts of cases; blue is right, orange wrong. A case
+with two effects counts for the one that was named first.</p>
 {_svg(confusion_figure(summary["confusion"]))}
 <h2>Confidence</h2><p>Names that were right, by how sure the diagnosis was of them; with 95 %
 intervals and counts. On the line it keeps its word.</p>
@@ -111,7 +113,7 @@ def _case(row: Mapping[str, Any]) -> str:
         for name in (*row["truth"], *(row["outside"]))
     ]
     named = [
-        f"{name} {'' if status == 'confirmed' else '(tentative)'}"
+        f"{name}{'' if status == 'confirmed' else ' (tentative)'}"
         for name, status in zip(row["named"], row["status"], strict=True)
     ]
     loop = "closed" if row["closed_loop"] else "open"
@@ -142,7 +144,7 @@ def confusion_figure(confusion: Mapping[str, Any]) -> Figure:
     axes = figure.add_subplot()
     for row, column, count in confusion["counts"]:
         x, y = first.index(column), true.index(row)
-        color = BLUE if row == column else ORANGE
+        color = BLUE if agrees(row, column) else ORANGE
         axes.add_patch(_square(x, y, color))
         axes.text(x, y, str(count), ha="center", va="center", color="white", fontsize=8)
     axes.set_xlim(-0.5, max(len(first), 1) - 0.5)
@@ -167,16 +169,14 @@ def reliability_figure(confidence: Mapping[str, Any]) -> Figure:
     figure = Figure(figsize=(5.0, 4.0))
     axes = figure.add_subplot()
     axes.plot([0.0, 1.0], [0.0, 1.0], "--", color=GREY)
-    for entry in confidence["bins"]:
+    for k, entry in enumerate(confidence["bins"]):
         x, y = entry["confidence"], entry["share"]
         axes.plot([x, x], [entry["low"], entry["high"]], color=BLUE)
         axes.plot(x, y, "o", color=BLUE)
         axes.annotate(
             f"{entry['hits']}/{entry['total']}",
-            (x, y),
-            textcoords="offset points",
-            xytext=(-6, 0),
-            ha="right",
+            (x, 0.04 + 0.06 * (k % 2)),
+            ha="center",
             fontsize=8,
         )
     axes.set_xlim(0.0, 1.03)

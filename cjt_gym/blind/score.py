@@ -37,6 +37,11 @@ def accepted(label: Label) -> dict[str, str]:
     return names
 
 
+def agrees(true: str, first: str) -> bool:
+    """Return whether an entry of the confusion matrix is as it should be."""
+    return true == first or (true, first) == (OUTSIDE, NONE)
+
+
 def score_case(name: str, label: Label, result: Mapping[str, Any]) -> Row:
     """Return the score of one case as plain values.
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from cjt_gym.blind.score import agrees
+
 
 def percent(rate: Mapping[str, Any]) -> str:
     """Return a rate with its counts and its 95 % interval."""
@@ -70,7 +72,7 @@ def table(summary: Mapping[str, Any]) -> str:
     if bins:
         text += ["", "confidence       names right"]
         text += [f"{b['from']:.2f} .. {b['to']:.2f}  {percent(b)}" for b in bins]
-    wrong = [entry for entry in summary["confusion"]["counts"] if entry[0] != entry[1]]
+    wrong = [entry for entry in summary["confusion"]["counts"] if not agrees(*entry[:2])]
     text += ["", "true effect           first name, where they differ"]
     text += [f"{true:21s} {first}{f' ({n})' if n > 1 else ''}" for true, first, n in wrong]
     if not wrong:

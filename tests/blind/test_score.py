@@ -8,7 +8,7 @@ import pytest
 
 from cjt_gym.blind.compare import compare
 from cjt_gym.blind.rates import Rate, mean, rate, reliability
-from cjt_gym.blind.score import FAILED, NONE, OUTSIDE, score_case, summarise
+from cjt_gym.blind.score import FAILED, NONE, OUTSIDE, agrees, score_case, summarise
 
 
 def label(*effects: str, outside: tuple[str, ...] = (), **more: Any) -> dict[str, Any]:
@@ -59,6 +59,13 @@ def test_outside_the_table() -> None:
     row = score(label(outside=("creep",)), named("stiffness?", verdict="partly_explained"))
     assert (row["recognised"], row["wrong_confirmed"], row["wrong"]) == (True, [], ["stiffness"])
     assert row["true_and_first"] == [OUTSIDE, "stiffness"]
+
+
+def test_no_name_is_right_where_the_table_has_none() -> None:
+    assert agrees(OUTSIDE, NONE)
+    assert agrees("coulomb", "coulomb")
+    assert not agrees("coulomb", NONE)
+    assert not agrees(OUTSIDE, "coulomb")
 
 
 def test_offset_and_bias_of_a_locked_joint_are_one() -> None:
