@@ -1,0 +1,55 @@
+"""`cjt-gym export`: a joint as another simulator takes it."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+from cjt_gym.commands.simulate import parse_effects
+from cjt_gym.export import TARGETS, Export, to_isaaclab, to_mujoco
+from cjt_gym.joint import DRIVES, STRUCTURES, load_joint
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what to export, for what, and where to write it."""
+    add = parser.add_argument
+    add("joint", metavar="JOINT", help="name of a joint, or path of a joint file")
+    add("--to", required=True, choices=list(TARGETS), help="the simulator")
+    add("--structure", default="output_fixed_rigid_gearbox", help=", ".join(STRUCTURES))
+    add("--drive", default="current", help=", ".join(DRIVES))
+    text = "effects, by name or name.parameter=value; default: those of the joint file"
+    add("--effect", nargs="+", metavar="E", help=text)
+    add("--timestep", type=float, help="of the simulation that will use it [s]")
+    text = "mujoco: leave out the dcmotor, which versions before 4 lack"
+    add("--without-dcmotor", action="store_true", help=text)
+    add("--out", type=Path, required=True, metavar="FILE", help="file to write")
+
+
+def run(options: argparse.Namespace) -> None:
+    """Write the file; say what it holds and what it cannot."""
+    effects = parse_effects(options.effect)
+    joint = load_joint(options.joint, options.structure, options.drive, effects)
+    step = {} if options.timestep is None else {"timestep": options.timestep}
+    if options.to == "mujoco":
+        found = to_mujoco(joint, dcmotor=not options.without_dcmotor, **step)
+    else:
+        found = to_isaaclab(joint, **step)
+    options.out.parent.mkdir(parents=True, exist_ok=True)
+    options.out.write_text(found.text, encoding="utf-8")
+    if options.json:
+        sys.stdout.write(json.dumps({"file": str(options.out), **found.to_dict()}) + "\n")
+    else:
+        sys.stdout.write(_summary(options.out, found))
+
+
+def _summary(path: Path, found: Export) -> str:
+    lines = [f"{path}"]
+    for title, rows in (
+        ("expressed", found.exact),
+        ("approximated", found.nearly),
+        ("left out", found.missing),
+    ):
+        lines += [f"  {title}: {name} ({text})" for name, text in rows.items()]
+    return "\n".join(lines) + "\n"
