@@ -47,7 +47,7 @@ class Input:
         """
         idle = round(REST / dt)
         out = np.zeros(samples)
-        out[idle:] = self.shape(np.arange(samples - idle) * dt)
+        out[idle:] = self.shape(dt * np.arange(samples - idle, dtype=np.float64))
         return _without_slow_part(out, dt) if floating else out
 
 
@@ -82,7 +82,8 @@ def _reversals(t: Floats) -> Floats:
 
 
 def _held(t: Floats, levels: tuple[float, ...], time: float) -> Floats:
-    return np.array(levels)[np.floor(t / time).astype(int) % len(levels)]
+    held: Floats = np.array(levels)[np.floor(t / time).astype(int) % len(levels)]
+    return held
 
 
 def _steps(t: Floats) -> Floats:
