@@ -39,21 +39,30 @@ DEFAULT = "a second record with other excitation: slow ramps through zero, steps
 def rival_fits(
     problem: Problem, base: Fit, fit: Fit, index: int, seen: Sequence[Fit]
 ) -> dict[str, Fit]:
-    """Return fits with another effect in the place of one of a fit, by its name, the best first."""
+    """Return fits with another effect in the place of one of a fit, by its name, the best first.
+
+    A law that contains the effect as a special case, and does no better, is no rival.
+    """
     effects = fit.model.effects
     rest = {e.key for k, e in enumerate(effects) if k != index}
     own = evidence(problem, fit)
     limit = max(NEAR, SHARE * (own - evidence(problem, base)))
+    richer = _richer(effects[index].name)
     found: dict[str, Fit] = {}
     for other in sorted(seen, key=lambda f: -evidence(problem, f)):
         keys = {e.key for e in other.model.effects}
         extra = [e for e in other.model.effects if e.key not in rest]
         if len(extra) != 1 or effects[index].key in keys or len(rest - keys) > 1:
             continue
-        near = own - evidence(problem, other) < limit
-        if near and extra[0].name != effects[index].name:
-            found.setdefault(extra[0].name, other)
+        name, behind = extra[0].name, own - evidence(problem, other)
+        if behind < limit and name != effects[index].name and not (name in richer and behind > 0.0):
+            found.setdefault(name, other)
     return found
+
+
+def _richer(name: str) -> set[str]:
+    """Return the laws that contain an effect as a special case."""
+    return {law for law, simpler in SIMPLER.items() if name in simpler}
 
 
 def rivals(problem: Problem, base: Fit, fit: Fit, index: int, seen: Sequence[Fit]) -> list[str]:
@@ -68,7 +77,7 @@ def best_rival(problem: Problem, fit: Fit, index: int, seen: Sequence[Fit]) -> f
     """
     effect = fit.model.effects[index]
     split = problem.stages.setting.current_unspecified and effect.name == "torque_offset"
-    richer = {name for name, simpler in SIMPLER.items() if effect.name in simpler}
+    richer = _richer(effect.name)
     richer |= {"coulomb_asym", "viscous_asym"} if split else set()
     others = [
         evidence(problem, f)
