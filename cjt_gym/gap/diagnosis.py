@@ -334,6 +334,12 @@ class Diagnosis:
         assert isinstance(cleaned, dict)
         return cleaned
 
+    def _repr_html_(self) -> str:
+        """Return the verdict and a table of the effects, for a notebook."""
+        from cjt_gym.gap.report.summary import face
+
+        return face(self)
+
 
 def _effect(effect: NamedEffect) -> dict[str, object]:
     row = dict(vars(effect))

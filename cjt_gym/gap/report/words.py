@@ -76,13 +76,15 @@ def percent(share: float) -> str:
 def interval(p: Interval) -> str:
     """Return a number with its interval, to the digits that the interval leaves certain."""
     width = p.high - p.low
-    if p.value == 0.0 or width <= 0.0:
-        return quantity(p.value, p.unit)
-    digits = math.ceil(math.log10(max(abs(p.value) / width, 0.1))) + 2
-    digits = min(max(digits, 2), 7)
-    return (
-        f"{quantity(p.value, p.unit, digits)} ({number(p.low, digits)} … {number(p.high, digits)})"
+    if width <= 0.0 or max(abs(p.low), abs(p.high)) < 1e-3:
+        return f"{quantity(p.value, p.unit)} ({number(p.low)} … {number(p.high)})"
+    decimals = 1 - math.floor(math.log10(width))
+    value, low, high = (
+        f"{round(x, decimals) + 0.0:.{max(decimals, 0)}f}".replace("-", "\N{MINUS SIGN}")
+        for x in (p.value, p.low, p.high)
     )
+    unit = "" if p.unit in ("", "-") else f" {p.unit}".replace(" ", SPACE)
+    return f"{value}{unit} ({low} … {high})"
 
 
 def quantity(value: float, unit: str, digits: int = 3) -> str:

@@ -1,0 +1,95 @@
+"""A headless browser that looks at a page: what it drew, what overflows, what went wrong."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+from collections.abc import Sequence
+from html import escape, unescape
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
+CATCH = "<script>seen=[];addEventListener('error',(e)=>seen.push(e.message))</script>"
+PROBE = """<script>
+addEventListener("load", () => {
+  const all = (query) => [...document.querySelectorAll(query)];
+  const boxes = (query) => all(query).map((e) => e.getBoundingClientRect()).map((b) => [b.width, b.height]);
+  const texts = all("body *").filter((e) => !e.closest("script")
+    && [...e.childNodes].some((n) => n.nodeType === 3 && n.textContent.trim()));
+  const outside = (element) => {
+    const range = document.createRange();
+    range.selectNodeContents(element);
+    return [...range.getClientRects()].some((b) => b.right > innerWidth + 1 || b.left < -1);
+  };
+  const area = document.querySelector("[data-zoom] .area"), b = area.getBoundingClientRect();
+  area.setPointerCapture = () => {};
+  for (const [kind, share] of [["down", 0.2], ["move", 0.4], ["up", 0.4]])
+    area.dispatchEvent(new PointerEvent("pointer" + kind, { clientX: b.left + share * b.width }));
+  parent.postMessage({
+    width: innerWidth,
+    scroll: document.documentElement.scrollWidth,
+    errors: seen,
+    overflow: texts.filter(outside).map((e) => e.textContent.trim().slice(0, 60)),
+    plots: boxes(".chart svg"),
+    curves: all("path.line, path.dots").map((p) => p.getBBox()).map((b) => [b.width, b.height]),
+    tracks: boxes(".bars .track"),
+    columns: boxes(".strip .columns"),
+    zoomed: all("[data-zoom] svg").map((svg) => svg.getAttribute("viewBox")),
+    read: all("[data-zoom] output").map((o) => o.textContent).join(" "),
+  }, "*");
+});
+</script>"""  # noqa: E501
+FRAMES = """<!doctype html><pre id=probe></pre><script>
+const views = {};
+addEventListener("message", (event) => {
+  views[event.data.width] = event.data;
+  document.getElementById("probe").textContent = JSON.stringify(views);
+});
+</script>"""
+
+
+def browser() -> str:
+    """Return the path of a browser; the test is skipped where there is none."""
+    found = next((path for name in NAMES if (path := shutil.which(name))), None)
+    if found is None:
+        pytest.skip("no chromium on this machine: the report cannot be looked at")
+    return found
+
+
+def look(page: Path, widths: Sequence[int], folder: Path) -> dict[str, Any]:
+    """Return what a page looks like at some widths [px]: errors, boxes, overflowing texts.
+
+    The page is shown in one frame per width, for a window of its own may not be that narrow.
+    """
+    text = page.read_text(encoding="utf-8")
+    text = text.replace("<head>", f"<head>{CATCH}").replace("</body>", f"{PROBE}</body>")
+    frames = "".join(
+        f'<iframe style="border:0;width:{width}px;height:4000px" srcdoc="{escape(text)}"></iframe>'
+        for width in widths
+    )
+    framed = folder / "framed.html"
+    framed.write_text(FRAMES + frames, encoding="utf-8")
+    done = _run(framed, "--dump-dom", "--enable-logging=stderr")
+    match = re.search(r'<pre id="probe">(.*?)</pre>', done.stdout, re.DOTALL)
+    assert match is not None, done.stderr[-2000:]
+    return {
+        "views": json.loads(unescape(match.group(1))),
+        "console": [line for line in done.stderr.splitlines() if "CONSOLE" in line],
+    }
+
+
+def screenshot(page: Path, image: Path) -> Path:
+    """Save a picture of a page and return its path."""
+    _run(page, f"--screenshot={image}", "--hide-scrollbars", "--window-size=1280,4000")
+    return image
+
+
+def _run(page: Path, *options: str) -> subprocess.CompletedProcess[str]:
+    flags = ("--headless=new", "--no-sandbox", "--disable-gpu")
+    command = [browser(), *flags, *options, page.as_uri()]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)

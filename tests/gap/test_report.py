@@ -1,0 +1,251 @@
+"""The report of a diagnosis: its numbers, its words, and what a browser makes of it."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cjt_gym.errors import ConfigurationError
+from cjt_gym.gap import Diagnosis, diagnose
+from cjt_gym.gap.diagnosis import Interval
+from cjt_gym.gap.fit import Model, Problem
+from cjt_gym.gap.maps import friction_maps, ripple, spring_loop
+from cjt_gym.gap.report import summary, write_report
+from cjt_gym.gap.report.chart import decades, decimated, tick_texts, ticks
+from cjt_gym.gap.report.words import interval, number, percent, verdict_sentence
+from cjt_gym.gap.setting import make_setting
+from cjt_gym.gap.stages import Stages
+from cjt_gym.joint import get_structure
+from cjt_gym.records import Record, read_record
+from tests.gap.browser import browser, look, screenshot
+from tests.gap.simulator import TRUE, nominal, simulate
+
+FIXED = "output_fixed_rigid_gearbox"
+LARGEST = 6e6
+
+
+def shaken(t: float, q: float, v: float) -> float:
+    """Return a torque that is in no effect table [N m]."""
+    return 2.0 * float(np.sin(2.0 * np.pi * 23.0 * t))
+
+
+@pytest.fixture(scope="module")
+def explained() -> Diagnosis:
+    record = simulate(seconds=3.0, friction=(2.6, 1.9))
+    return diagnose(record, nominal(), validate=simulate(seconds=3.0, seed=1, friction=(2.6, 1.9)))
+
+
+@pytest.fixture(scope="module")
+def clean() -> Diagnosis:
+    return diagnose(simulate(seconds=2.0), nominal())
+
+
+@pytest.fixture(scope="module")
+def unexplained() -> Diagnosis:
+    return diagnose(simulate(seconds=2.0, extra=shaken), nominal())
+
+
+# ---- what it rests on
+def test_the_ladder_leads_from_the_gap_before_to_the_gap_after(explained: Diagnosis) -> None:
+    steps = explained.evidence.ladder
+    assert [step.name for step in steps] == ["nominal", "tolerances", "coulomb_asym"]
+    assert steps[0].error == pytest.approx(explained.gap.before)
+    assert steps[-1].error == pytest.approx(explained.gap.after)
+    assert all(step.low <= step.error <= step.high for step in steps)
+
+
+def test_where_nothing_is_named_the_ladder_has_one_step(unexplained: Diagnosis) -> None:
+    assert [step.name for step in unexplained.evidence.ladder] == ["nominal"]
+    assert unexplained.stages["motor"].after > 1.5
+
+
+@pytest.mark.parametrize(
+    "variable", ["dq_m", "q_m", "tau", "t", "frequency", "cycles_per_rev", "i"]
+)
+def test_the_shares_of_every_variable_add_up_to_one(explained: Diagnosis, variable: str) -> None:
+    before, after = explained.evidence.regimes["motor"]
+    shares = [r.share for r in before if r.variable == variable]
+    left = [r.share for r in after if r.variable == variable]
+    assert sum(shares) == pytest.approx(1.0, abs=1e-9)
+    assert sum(left) < 0.1
+    assert explained.regimes == before
+
+
+def test_a_torque_that_repeats_with_the_angle_is_a_line() -> None:
+    record = simulate(seconds=4.0, extra=lambda t, q, v: 1.5 * np.cos(4000.0 * q))
+    stages, fields = prepared(record)
+    residual = stages.residual("motor", fields)
+    found = ripple(stages, (fields, residual), (fields, residual))
+    assert found is not None
+    peak = int(np.argmax(found.before))
+    assert found.cycles[peak] == pytest.approx(4000.0, rel=0.03)
+    assert found.before[peak] == pytest.approx(1.5, rel=0.25)
+
+
+def test_the_friction_map_shows_the_friction() -> None:
+    stages, fields = prepared(simulate(seconds=3.0, friction=(2.6, 1.9)))
+    known = fields | {"c_p_m": 2.6, "c_n_m": 1.9}
+    (found,) = friction_maps(stages, fields, known)
+    fast = np.quantile(np.abs(found.speed), 0.7)
+    assert np.median(found.before[found.speed > fast]) == pytest.approx(2.6, abs=0.15)
+    assert np.median(found.before[found.speed < -fast]) == pytest.approx(-1.9, abs=0.15)
+    assert np.median(np.abs(found.after)) < 0.15
+    assert found.law[-1] == pytest.approx(2.6)
+    assert found.law[0] == pytest.approx(-1.9)
+
+
+def test_the_loop_of_the_spring_shows_its_play() -> None:
+    def loose(x: float) -> float:
+        return TRUE["k_b"] * (x - min(max(x, -2e-4), 2e-4))
+
+    stages, fields = prepared(simulate(seconds=2.0, spring=loose))
+    fields |= {"q_0": 0.0}
+    found = spring_loop(stages, fields, fields | {"play": 4e-4})
+    assert found is not None
+    assert np.std(found.measured - found.after) < 0.2 * np.std(found.measured - found.before)
+
+
+def prepared(record: Record) -> tuple[Stages, dict[str, float]]:
+    """Return the tuned stages of a record and the fields of its nominal joint."""
+    problem = Problem.of(Stages(make_setting(record, nominal(), get_structure(FIXED))))
+    return problem.stages, problem.fields(Model(), np.zeros(len(problem.shared)))
+
+
+# ---- words and numbers
+def test_numbers_are_short_and_honest() -> None:
+    assert number(0.00123456) == "0.00123"
+    assert number(-31.4159, 2) == "\N{MINUS SIGN}31"
+    assert number(0.0) == "0"
+    assert number(4.2e-7, 2) == "4.2·10⁻⁷"
+    assert percent(0.3141) == "31\N{NO-BREAK SPACE}%"
+    assert percent(0.0046) == "0.46\N{NO-BREAK SPACE}%"
+    assert interval(Interval(2.6123, 2.51, 2.72, "N m")).startswith("2.61\N{NO-BREAK SPACE}N")
+
+
+def test_the_verdict_is_one_sentence(explained: Diagnosis) -> None:
+    text = verdict_sentence(explained).replace("\N{NO-BREAK SPACE}", " ")
+    assert re.match(r"The gap of [\d.]+ % lies in the motor stage", text)
+    assert "asymmetric Coulomb friction of the motor (2.6 / 1.9 N m) explains" in text
+    assert text.count(".  ") == 0
+    assert text.endswith(" % of it.")
+
+
+def test_no_gap_and_an_unknown_effect_have_their_sentences(
+    clean: Diagnosis, unexplained: Diagnosis
+) -> None:
+    assert "no gap" in verdict_sentence(clean)
+    assert "motor stage" in verdict_sentence(unexplained)
+
+
+def test_a_partly_explained_gap_says_what_is_left(
+    explained: Diagnosis, unexplained: Diagnosis
+) -> None:
+    partly = replace(explained, verdict="partly_explained", unexplained=unexplained.unexplained)
+    assert "of the gap of the motor stage is left" in verdict_sentence(partly)
+
+
+def test_the_summary_fits_a_terminal(
+    explained: Diagnosis, clean: Diagnosis, unexplained: Diagnosis
+) -> None:
+    for found in (explained, clean, unexplained):
+        lines = summary(found).splitlines()
+        assert len(lines) <= 25
+        assert max(len(line) for line in lines) <= 120
+    assert "coulomb_asym" in summary(explained)
+
+
+def test_a_notebook_shows_the_verdict(explained: Diagnosis) -> None:
+    assert "<b>Explained.</b>" in explained._repr_html_()
+
+
+# ---- charts
+def test_a_peak_survives_in_fewer_points() -> None:
+    x = np.arange(50_000.0)
+    y = np.zeros(50_000)
+    y[31_234], y[31_239] = 5.0, -7.0
+    few_x, few_y = decimated(x, y)
+    assert len(few_x) <= 4000
+    assert few_y.max() == 5.0
+    assert few_y.min() == -7.0
+    assert np.all(np.diff(few_x) > 0.0)
+
+
+def test_ticks_are_round_and_inside() -> None:
+    assert ticks(-0.31, 1.02) == pytest.approx([0.0, 0.5, 1.0])
+    assert tick_texts([-0.5, 0.0, 0.5]) == ["\N{MINUS SIGN}0.5", "0.0", "0.5"]
+    assert decades(3.0, 4000.0) == [10.0, 100.0, 1000.0]
+
+
+# ---- the file
+def test_the_report_is_one_file_without_links(explained: Diagnosis, tmp_path: Path) -> None:
+    path = write_report(explained, tmp_path / "deep" / "report.html")
+    text = path.read_text(encoding="utf-8")
+    assert path.stat().st_size < LARGEST
+    assert not re.search(r"https?://|\bsrc=|\bhref=|@import|url\(", text)
+    for heading in ("How far", "Where", "Which effect", "See it", "How it was computed"):
+        assert f"<h2>{heading}</h2>" in text
+
+
+def test_all_text_is_escaped(explained: Diagnosis, tmp_path: Path) -> None:
+    evil = "<script>alert('x')</script> & \"more\""
+    effect = replace(explained.effects[0], name=evil, confusable_with=(evil,))
+    source = replace(explained.evidence.source, joint=evil, fitted=(evil,))
+    forged = replace(
+        explained,
+        effects=(effect,),
+        unexplained=replace(explained.unexplained, stage="motor", text=evil),
+        suggestion=replace(explained.suggestion, text=evil),
+        evidence=replace(explained.evidence, source=source),
+    )
+    text = write_report(forged, tmp_path / "r.html", title=evil, notes=[evil]).read_text()
+    assert "<script>alert" not in text
+    assert "&lt;script&gt;alert" in text
+
+
+def test_empty_sections_vanish(clean: Diagnosis, tmp_path: Path) -> None:
+    text = write_report(clean, tmp_path / "r.html").read_text(encoding="utf-8")
+    for heading in ("Which effect", "confused with", "unexplained</h2>", "Notes on"):
+        assert heading not in text
+
+
+def test_a_place_that_cannot_be_written_is_a_clear_error(clean: Diagnosis, tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(ConfigurationError, match="cannot be written"):
+        write_report(clean, tmp_path / "file" / "report.html")
+
+
+@pytest.mark.parametrize("case", ["explained", "clean", "unexplained", "emps"])
+def test_a_browser_draws_all_of_it(
+    case: str, request: pytest.FixtureRequest, tmp_path: Path
+) -> None:
+    browser()
+    if case == "emps":
+        found = diagnose(read_record("emps").slice(0, 5000))
+    else:
+        found = request.getfixturevalue(case)
+    path = write_report(found, tmp_path / "report.html", notes=["tau: 3 repeated rows left out"])
+    seen = look(path, (1280, 400), tmp_path)
+    assert seen["console"] == []
+    for width, view in seen["views"].items():
+        assert view["width"] == int(width)
+        assert view["scroll"] <= view["width"]
+        assert view["errors"] == []
+        assert view["overflow"] == []
+        assert view["plots"]
+        assert all(w > 200 and h > 100 for w, h in view["plots"])
+        assert all(w > 0 and h > 0 for w, h in view["curves"])
+        assert all(w > 100 and h > 10 for w, h in view["tracks"] + view["columns"])
+        shown = [tuple(map(float, v.split())) for v in view["zoomed"]]
+        assert all(v[0] == pytest.approx(2000, abs=60) for v in shown)
+        assert all(v[2] == pytest.approx(2000, abs=60) for v in shown)
+        assert re.search(r"\d", view["read"])
+
+
+def test_a_picture_of_it_can_be_taken(explained: Diagnosis, tmp_path: Path) -> None:
+    browser()
+    image = screenshot(write_report(explained, tmp_path / "r.html"), tmp_path / "r.png")
+    assert image.stat().st_size > 50_000
