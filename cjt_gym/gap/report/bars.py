@@ -8,7 +8,7 @@ from html import escape
 from itertools import groupby
 
 from cjt_gym.gap.diagnosis import GapSize, Regime, StageGap, Step
-from cjt_gym.gap.report.words import SPACE, effect_name, number, percent, quantity
+from cjt_gym.gap.report.words import MINUS, SPACE, effect_name, number, percent, quantity
 
 VARIABLES: Mapping[str, str] = {
     "dq_m": "motor velocity",
@@ -62,7 +62,7 @@ def _step(name: str, style: str, step: Step, last: float | None, top: float) -> 
 
 def _change(last: float, now: float) -> str:
     change = 100.0 * (now - last)
-    sign = "+" if change > 0.0 else "\N{MINUS SIGN}"
+    sign = "+" if change > 0.0 else MINUS
     return f"{sign}{number(abs(change), 2)} points" if abs(change) >= 0.005 else "±0 points"
 
 
@@ -107,8 +107,8 @@ def _strip(variable: str, pairs: Sequence[tuple[Regime, Regime]]) -> str:
     most = max(pairs, key=lambda pair: pair[0].share)[0]
     top = max(max(a.share, b.share) for a, b in pairs) or 1.0
     columns = "".join(
-        f"<span{' class=most' if a is most else ''} title='{escape(_range(a))}: {percent(a.share)}"
-        f" before, {percent(b.share)} left'><i class=before style='height:{a.share / top:.2%}'></i>"
+        f"<span{' class=most' if a is most else ''} title='{escape(_range(a))}: {_whole(a.share)}"
+        f" before, {_whole(b.share)} left'><i class=before style='height:{a.share / top:.2%}'></i>"
         f"<i class=after style='height:{min(b.share / top, 1.0):.2%}'></i></span>"
         for a, b in pairs
     )
@@ -118,12 +118,19 @@ def _strip(variable: str, pairs: Sequence[tuple[Regime, Regime]]) -> str:
     axis = "".join(f"<span>{number(v, 2)}</span>" for v in ends)
     name = VARIABLES.get(variable, variable)
     left = next(b.share for a, b in pairs if a is most)
-    rest = f", {percent(left)} left" if any(a.share != b.share for a, b in pairs) else ""
+    rest = f", {_whole(left)} left" if any(a.share != b.share for a, b in pairs) else ""
     return (
         f"<div class=strip><h4>{escape(name)} <small>[{escape(most.unit)}]</small></h4>"
         f"<div class=columns>{columns}</div><div class=ends>{axis}</div>"
-        f"<p>{percent(most.share)} in {escape(_range(most))}{rest}</p></div>"
+        f"<p>{_whole(most.share)} in {escape(_range(most))}{rest}</p></div>"
     )
+
+
+def _whole(share: float) -> str:
+    """Return a share in whole per cent."""
+    if 0.0 < share < 0.005:
+        return f"less than 1{SPACE}%"
+    return f"{100.0 * share:.0f}{SPACE}%"
 
 
 def _range(regime: Regime) -> str:

@@ -15,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.gap.report.words import number
+from cjt_gym.gap.report.words import MINUS, number
 
 Floats = NDArray[np.float64]
 SIZE = 10_000
@@ -146,7 +146,7 @@ def tick_texts(values: Sequence[float]) -> list[str]:
     if top >= 1e6 or top < 1e-4 or values[-1] > 50.0 * step:
         return [number(v, 1 if top >= 1e6 or top < 1e-4 else 3).rstrip() for v in values]
     decimals = max(-math.floor(math.log10(step) + 1e-9), 0)
-    return [f"{v + 0.0:.{decimals}f}".replace("-", "\N{MINUS SIGN}") for v in values]
+    return [f"{v + 0.0:.{decimals}f}".replace("-", MINUS) for v in values]
 
 
 def _path(curve: Curve, across: _Scale, along: _Scale) -> str:

@@ -48,6 +48,7 @@ EFFECTS: Mapping[str, str] = {
 WITH_BODY = ("coulomb", "coulomb_asym", "viscous_asym", "stribeck", "presliding", "damping")
 NOTABLE = 0.1
 """Share of the replay error that must be gone for the verdict to say how much."""
+MINUS = "\N{MINUS SIGN}"
 SPACE = "\N{NO-BREAK SPACE}"
 CONCENTRATED = 0.5
 """Share of a stage's gap in one place from which the verdict names the place."""
@@ -57,12 +58,13 @@ def number(value: float, digits: int = 3) -> str:
     """Return a number with so many significant digits and no exponent where it can be avoided."""
     if value == 0.0 or not math.isfinite(value):
         return "0"
-    power = math.floor(math.log10(abs(value)))
-    if -4 <= power < 6:
-        return f"{value:.{max(digits - 1 - power, 0)}f}".replace("-", "\N{MINUS SIGN}")
-    exponent = str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
-    mantissa = f"{value / 10.0**power:.{digits - 1}f}".replace("-", "\N{MINUS SIGN}")
-    return f"{mantissa}·10{exponent}"
+    mantissa, power = f"{value:.{digits - 1}e}".split("e")
+    exponent = int(power)
+    if -4 <= exponent < 6:
+        rounded = round(value, digits - 1 - exponent)
+        return f"{rounded:.{max(digits - 1 - exponent, 0)}f}".replace("-", MINUS)
+    raised = str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    return f"{mantissa}·10{raised}".replace("-", MINUS)
 
 
 def percent(share: float) -> str:
@@ -80,7 +82,7 @@ def interval(p: Interval) -> str:
         return f"{quantity(p.value, p.unit)} ({number(p.low)} … {number(p.high)})"
     decimals = 1 - math.floor(math.log10(width))
     value, low, high = (
-        f"{round(x, decimals) + 0.0:.{max(decimals, 0)}f}".replace("-", "\N{MINUS SIGN}")
+        f"{round(x, decimals) + 0.0:.{max(decimals, 0)}f}".replace("-", MINUS)
         for x in (p.value, p.low, p.high)
     )
     unit = "" if p.unit in ("", "-") else f" {p.unit}".replace(" ", SPACE)
