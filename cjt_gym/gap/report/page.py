@@ -204,13 +204,16 @@ def _charts(kind: str, charts: Iterable[Chart]) -> str:
 
 def _confusable(diagnosis: Diagnosis) -> str:
     pairs = [(e, rival) for e in diagnosis.effects for rival in e.confusable_with]
-    items = [
-        f"<li><b>{escape(effect.name)}</b> or <b>{escape(rival)}</b> "
-        f"({escape(effect_name(rival))}): on this record both explain nearly as much. "
-        f"{escape(advice(effect.name, rival))}</li>"
-        for effect, rival in pairs
-    ]
+    items = [_pair(effect.name, rival, diagnosis.suggestion.text) for effect, rival in pairs]
     return f"<ul>{''.join(items)}</ul>" if items else ""
+
+
+def _pair(name: str, rival: str, suggestion: str) -> str:
+    how = advice(name, rival)
+    return (
+        f"<li><b>{escape(name)}</b> or <b>{escape(rival)}</b> ({escape(effect_name(rival))}): on "
+        f"this record both explain nearly as much. {'' if how in suggestion else escape(how)}</li>"
+    )
 
 
 def _left(diagnosis: Diagnosis) -> str:
