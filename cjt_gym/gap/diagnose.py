@@ -259,7 +259,7 @@ def _refined(found: Explanation, spread: Covariance) -> dict[str, tuple[float, f
     known = found.problem.stages.setting.joint.parameters.quantities
     released = {effect.releases for effect in fit.model.effects}
     return {
-        n.field: (n.unknown.value(fit.z[k]), n.unknown.scale * spread.std(k))
+        n.field: (float(n.unknown.value(fit.z[k])), float(n.unknown.scale * spread.std(k)))
         for k, n in enumerate(shared)
         if (n.field in known or n.field == "lag") and n.field not in released
         if n.unknown.log and spread.std(k) < KNOWN

@@ -144,7 +144,8 @@ def _worsen(
     """Give a channel the noise or the resolution that it was found to have."""
     key, found = next(iter(effect.parameters.items()))
     channel = str(effect.channel)
-    quantity = Quantity(found.value, found.unit, source, low=found.low, high=found.high)
+    value, low, high = (float(x) for x in (found.value, found.low, found.high))
+    quantity = Quantity(value, found.unit, source, low=low, high=high)
     sensors.setdefault(channel, {})[key] = quantity
     entries = table.setdefault(effect.name, {})
     entries[channel] = quantity

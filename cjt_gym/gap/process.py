@@ -43,7 +43,9 @@ def process_torque(stages: Stages, fields: Fields) -> float:
         fields: The nominal joint.
     """
     s = stages.setting
-    inertia = sum(fields[f"I_{b}"] for b, g in zip("mgl", s.structure.groups, strict=True) if g == 0)
+    inertia = sum(
+        fields[f"I_{b}"] for b, g in zip("mgl", s.structure.groups, strict=True) if g == 0
+    )
     strongest = 16.0 * inertia * s.std("q_m") / s.series.dt**2
     best, worst = 0.0, np.inf
     for octave in range(OCTAVES):

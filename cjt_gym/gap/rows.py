@@ -46,7 +46,8 @@ class Number:
         tiny = 1e-3 * abs(self.value) or 1e-9
         least = least + tiny if strict else least
         value = min(max(self.value, least), most)
-        return value, max(min(self.low, value), least), min(max(self.high, value), most)
+        low, high = max(min(self.low, value), least), min(max(self.high, value), most)
+        return float(value), float(low), float(high)
 
 
 Numbers = dict[str, Number]
@@ -124,22 +125,29 @@ def _damping(x: Found) -> Rows:
 
 
 def _drag(x: Found, symbol: str, own: float) -> Numbers:
-    """Return viscous friction; where motor and gear are one mass the motor takes it all."""
-    if symbol == "d_m" and not x.setting.has_gear:
-        note = "motor and gear together, which this record cannot tell apart"
-        together = x.moved("d_m", own + x.fields["d_g"], note=note)
-        return {"d_m": together, "d_g": _exact(0.0, "counted with the motor")}
-    return {symbol: x.moved(symbol, own)}
+    """Return viscous friction; of bodies that are one mass the motor takes it all."""
+    others = _one_with_motor(x.setting) if symbol == "d_m" else ""
+    if not others:
+        return {symbol: x.moved(symbol, own)}
+    total = own + sum(x.fields[f"d_{body}"] for body in others)
+    note = "of the whole mass, whose bodies this record cannot tell apart"
+    rest = {f"d_{body}": _exact(0.0, "counted with the motor") for body in others}
+    return {"d_m": x.moved("d_m", total, note=note), **rest}
+
+
+def _one_with_motor(setting: Setting) -> str:
+    """Return the letters of the bodies that are one mass with the motor."""
+    motor, *others = setting.structure.groups
+    return "".join(body for body, group in zip("gl", others, strict=True) if group == motor)
 
 
 def _viscous_asym(x: Found) -> Rows:
     up, down = f"d_{x.letter}", f"d_{x.letter}_n"
-    base = x.fields[up]
-    ahead, behind = _drag(x, up, base + x.named(up)), base + x.named(down)
-    if len(ahead) == 1:
-        return {"damping": ahead, "viscous_asym": {down: x.moved(down, behind)}}
-    together = x.moved(down, behind + x.fields["d_g"])
-    return {"damping": ahead, "viscous_asym": {down: together, "d_g_n": _exact(0.0)}}
+    ahead = _drag(x, up, x.fields[up] + x.named(up))
+    others = [symbol for symbol in ahead if symbol != up]
+    behind = x.fields[up] + x.named(down) + sum(x.fields[symbol] for symbol in others)
+    still = {f"{symbol}_n": _exact(0.0) for symbol in others}
+    return {"damping": ahead, "viscous_asym": {down: x.moved(down, behind), **still}}
 
 
 def _derating(x: Found) -> Rows:
@@ -273,10 +281,11 @@ def _gravity(x: Found) -> Rows:
     size = max(weight, 1e-12)
     along = math.hypot(half_a * a.value, half_b * b.value) / size
     across = math.hypot(half_a * b.value, half_b * a.value) / size**2
-    angle = x.setting.series.zero["q_l"] - math.atan2(a.value, b.value)
+    channel = "q_l" if x.setting.has_spring else "q_m"
+    angle = x.setting.series.zero[channel] - math.atan2(a.value, b.value)
     angle = math.remainder(angle, 2.0 * math.pi)
     torque = Number(weight, weight - along, weight + along)
-    hangs = Number(angle, angle - across, angle + across, "of q_l as recorded")
+    hangs = Number(angle, angle - across, angle + across, f"of {channel} as recorded")
     return {"gravity": {"torque": torque, "angle": hangs}}
 
 

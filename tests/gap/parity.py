@@ -22,8 +22,19 @@ from cjt_gym.records import Record
 
 Floats = NDArray[np.float64]
 VALUES = {
-    **{"I_m": 0.2, "I_g": 0.08, "I_l": 0.4, "k_g": 16000.0, "k_b": 6000.0, "n": 80.0, "k_t": 0.08},
-    **{"d_m": 1.0, "d_g": 2.0, "d_l": 0.5, "d_mg": 100.0, "d_gl": 0.5, "i_p": 30.0},
+    "I_m": 0.2,
+    "I_g": 0.08,
+    "I_l": 0.4,
+    "k_g": 16000.0,
+    "k_b": 6000.0,
+    "n": 80.0,
+    "k_t": 0.08,
+    "d_m": 1.0,
+    "d_g": 2.0,
+    "d_l": 0.5,
+    "d_mg": 100.0,
+    "d_gl": 0.5,
+    "i_p": 30.0,
 }
 ZERO_M, ZERO_L = 0.35, -0.2
 """Angles at which the encoders of the recorded joint begin [rad]."""
@@ -48,7 +59,7 @@ def command(seconds: float, seed: int = 3) -> Floats:
     return np.asarray(np.where(t < 0.1, 0.0, 1.2 * waves))
 
 
-def setting_of(structure: str, seconds: float = 2.0) -> Setting:
+def setting_of(structure: str, seconds: float = 2.0, file: JointFile | None = None) -> Setting:
     """Return a setting whose record is the nominal joint's own motion, encoders off zero."""
     current = command(seconds)
     joint = load(datasheet(), structure, Path("unused.toml"), write=False)
@@ -63,7 +74,7 @@ def setting_of(structure: str, seconds: float = 2.0) -> Setting:
     }
     units = {"i_cmd": "A", "i": "A", "q_m": "rad", "q_l": "rad", "tau": "N m"}
     record = Record(columns, units, dt=1e-3, structure=structure)
-    return make_setting(record, datasheet(), get_structure(structure))
+    return make_setting(record, file or datasheet(), get_structure(structure))
 
 
 def load(file: JointFile, structure: str, path: Path, *, write: bool = True) -> Joint:
@@ -110,7 +121,7 @@ class Pair:
 
 
 def _start(setting: Setting, fields: Fields) -> Floats:
-    """Return the relaxed joint's state as the replay begins, angles from the motor's, shape (6,)."""
+    """Return the state in which the replay begins, angles from the motor's, shape (6,)."""
     tau = float(np.mean(setting.series["tau"][:5])) - fields["tau_0"] if setting.has_spring else 0.0
     q_g = -tau / fields["k_g"] - fields["centre_g"] if setting.has_gear else 0.0
     q_l = q_g - tau / fields["k_b"] if setting.has_spring else 0.0
@@ -134,3 +145,17 @@ def compare(setting: Setting, hypothesis: Hypothesis, values: dict[str, float], 
     run = joint.simulate(series["i_cmd"] * p["k_t"] * p["n"], dt=1e-3, x0=start, dt_physics=1e-4)
     kernel = {"q_m": run["true_q_m"] - zero, "dq_m": run["true_dq_m"], "tau": run["tau"]}
     return Pair(joint, replay(setting, fields), kernel, nominal)
+
+
+def held_out(file: JointFile, record: Record, path: Path) -> float:
+    """Return the relative error of the joint torque, the kernel driven by the recorded command."""
+    joint = load(file, str(record.structure), path)
+    p = joint.parameters
+    bias = joint.effects.get("torque_bias", {"bias": 0.0})["bias"]
+    tau = float(np.mean(record["tau"][:5])) - bias
+    q_g = record["q_m"][0] - (tau / p.k_g if joint.structure_row.groups[1] else 0.0)
+    start = np.array([record["q_m"][0], q_g, q_g - tau / p.k_b, 0.0, 0.0, 0.0])
+    command = record["i_cmd"] * p.k_t * p.n
+    run = joint.simulate(command, dt=record.dt, x0=start, dt_physics=1e-4)
+    apart = run["tau"] - record["tau"]
+    return float(np.sqrt(np.mean(apart**2) / np.mean(record["tau"] ** 2)))

@@ -1,0 +1,205 @@
+"""The joint of a diagnosis: every effect becomes a row of the effect table, in the same numbers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import gymnasium
+import numpy as np
+import pytest
+
+from cjt_gym.gap.diagnosis import Interval, NamedEffect
+from cjt_gym.gap.hypotheses import Hypothesis, hypotheses
+from cjt_gym.gap.joint_file import identified_joint
+from cjt_gym.gap.setting import Setting
+from cjt_gym.joint import EFFECTS, STRUCTURES, JointFile
+from cjt_gym.joint.quantity import Quantity
+from cjt_gym.plant.randomization import resolve_randomization
+from tests.gap.parity import VALUES, ZERO_M, compare, datasheet, load, named, setting_of
+
+STAGES = ("drive", "motor", "transmission", "load")
+FIXED = "output_fixed_rigid_gearbox"
+APART, SHARE = 0.003, 0.05
+"""How far both models may be apart: over the signal's rms, and over what the effect does."""
+ROUGH = {
+    ("current_lag", ""): 0.06,  # a lagged current is taken as constant between two samples
+    ("load_friction", ""): 0.3,  # of which torque it is a share: the bar's or the gear's
+    ("spring_hysteresis", "Bouc-Wen"): 0.5,  # a loop of exponent 2 becomes one of exponent 1
+    ("backlash", "gear"): 0.9,  # whether the gear's damper may pull
+    ("backlash", "bar"): 0.9,  # the same, as the kernel has its play in the gear
+    ("hardening", ""): 0.05,
+}
+PERIODIC = {"cog": (480.0, 1.0, -0.5), "rip": (160.0, 0.05, 0.03), "step": (0.4,)}
+ONE_MASS = ("load_friction", "gear_ripple")
+"""Effects that need the transmitted torque, which no replay of a single mass has."""
+
+
+@pytest.fixture(scope="module", params=STRUCTURES)
+def setting(request: pytest.FixtureRequest) -> Setting:
+    return setting_of(request.param, 0.5)
+
+
+def values_of(hypothesis: Hypothesis) -> dict[str, float]:
+    """Return values that make an effect material."""
+    if hypothesis.search is not None:
+        values = PERIODIC[hypothesis.search]
+    elif hypothesis.releases is not None:
+        values = tuple(1.5 * unknown.start for unknown in hypothesis.unknowns)
+    else:
+        pairs = zip(hypothesis.unknowns, hypothesis.starts[-1], strict=True)
+        values = tuple(u.value(u.coordinate(start) + 0.2) for u, start in pairs)
+    return {u.symbol: float(x) for u, x in zip(hypothesis.unknowns, values, strict=True)}
+
+
+def test_every_effect_that_can_be_named_becomes_a_row_in_its_range(
+    setting: Setting, tmp_path: Path
+) -> None:
+    rows = hypotheses(setting, STAGES)
+    assert len(rows) > 10
+    for row in rows:
+        fields = dict(setting.nominal)
+        values = values_of(row)
+        row.apply(fields, values)
+        file = identified_joint(setting, fields, [named(row, values)], {}, "a record")
+        joint = load(file, setting.structure.name, tmp_path / "joint.toml")
+        assert row.name in joint.effects
+        for symbol, entry in file.effects[row.name].items():
+            parameter = EFFECTS[row.name].parameter(symbol)
+            if parameter is None:
+                assert (symbol, entry) == ("body", row.body)
+                continue
+            assert isinstance(entry, Quantity)
+            assert np.all(np.asarray(entry.value) >= parameter.low), symbol
+            assert np.all(np.asarray(entry.value) <= parameter.high), symbol
+            assert entry.source.startswith("identified from a record")
+
+
+@pytest.mark.parametrize("structure", [FIXED, "full_dynamics", "rigid"])
+def test_the_kernel_moves_as_the_diagnosis_replays(structure: str, tmp_path: Path) -> None:
+    setting = setting_of(structure, 1.0)
+    for row in hypotheses(setting, STAGES):
+        if structure == "rigid" and row.name in ONE_MASS:
+            continue
+        pair = compare(setting, row, values_of(row), tmp_path / "joint.toml")
+        for channel in ("dq_m", "tau"):
+            if channel in pair.engine:
+                apart, does = pair.error(channel)
+                share = ROUGH.get((row.name, row.variant), SHARE)
+                assert apart < APART + share * does, (row.key, channel, apart, does)
+
+
+def effect(name: str, body: str | None = None, **values: float) -> NamedEffect:
+    spans = {s: Interval(x, 0.9 * x, 1.1 * x, "N m") for s, x in values.items()}
+    return NamedEffect(name, "motor", body, None, spans, "confirmed", 0.9, 0.5)
+
+
+def found(*effects: NamedEffect, stated: JointFile | None = None) -> JointFile:
+    setting = setting_of("full_dynamics", 0.5, stated)
+    return identified_joint(setting, dict(setting.nominal), effects, {}, "a record")
+
+
+def with_effect(name: str, **entries: Quantity | str) -> JointFile:
+    sheet = datasheet()
+    return JointFile(sheet.parameters, {name: entries}, sheet.sensors, sheet.sampling)
+
+
+def test_friction_of_two_bodies_leaves_the_third_without(tmp_path: Path) -> None:
+    stated = datasheet()
+    parameters = stated.parameters.replace(d_cl=9.0)
+    file = found(
+        effect("coulomb", "motor", d_cm=1.0),
+        effect("coulomb", "gear", d_cg=2.0),
+        stated=JointFile(parameters, sensors=stated.sensors),
+    )
+    values = load(file, "full_dynamics", tmp_path / "joint.toml").effects["coulomb"]
+    assert values == {"d_cm": 1.0, "d_cg": 2.0, "d_cl": 0.0, "dq_0": 0.0}
+
+
+def test_levels_add_to_those_that_the_nominal_joint_lists(tmp_path: Path) -> None:
+    listed = {"d_cm": Quantity(2.0, "N m"), "dq_0": Quantity(0.002, "rad/s")}
+    stated = with_effect("coulomb", body="motor", **listed)
+    more = found(effect("coulomb", "motor", d_cm=0.5), stated=stated)
+    assert more.effects["coulomb"]["d_cm"].number == pytest.approx(2.5)  # type: ignore[union-attr]
+    skewed = found(effect("coulomb_asym", "motor", d_cm=0.5, d_cm_n=1.0), stated=stated)
+    joint = load(skewed, "full_dynamics", tmp_path / "joint.toml")
+    assert "coulomb" not in joint.effects
+    levels = joint.effects["coulomb_asym"]
+    assert (levels["d_cm"], levels["d_cm_n"], levels["d_cg"]) == (2.5, 3.0, 0.0)
+    assert levels["dq_0"] == 0.002
+
+
+def test_one_smoothing_for_all_dry_friction(tmp_path: Path) -> None:
+    stated = with_effect("coulomb", body="gear", d_cg=Quantity(2.0, "N m"))
+    file = found(effect("stribeck", "motor", d_cm=1.0, d_s=1.5, v_s=0.05), stated=stated)
+    joint = load(file, "full_dynamics", tmp_path / "joint.toml")
+    assert joint.effects["stribeck"]["dq_0"] == joint.effects["coulomb"]["dq_0"]
+    assert joint.effects["stribeck"]["d_sm"] == pytest.approx(0.5)
+
+
+def test_a_noisy_channel_is_noisy_in_the_file(tmp_path: Path) -> None:
+    span = {"noise": Interval(0.3, 0.27, 0.33, "N m")}
+    noisy = NamedEffect("noise", "sensing", None, "tau", span, "confirmed", 0.9, 0.5)
+    joint = load(found(noisy), "full_dynamics", tmp_path / "joint.toml")
+    assert joint.effects["noise"]["tau"] == 0.3
+    assert joint.file.sensors["tau"]["noise"].number == 0.3
+
+
+def test_a_spring_that_softens_is_not_made_to_harden() -> None:
+    row = found(effect("hardening", None, c=-100.0)).effects["hardening"]["k_3"]
+    assert isinstance(row, Quantity)
+    assert (row.value, "softens" in row.source) == (0.0, True)
+
+
+def test_datasheet_values_are_refined_with_their_deviation(tmp_path: Path) -> None:
+    setting = setting_of(FIXED, 0.5)
+    refined = {"k_b": (6100.0, 0.004), "I_m": (0.21, 0.01)}
+    file = identified_joint(setting, dict(setting.nominal), [], refined, "a record")
+    joint = load(file, FIXED, tmp_path / "joint.toml")
+    assert joint.parameters.k_b == 6100.0
+    assert joint.parameters.quantities["k_b"].tolerance == 0.004
+    assert joint.parameters.k_t == VALUES["k_t"]
+    assert "refined from 6000" in file.parameters.quantities["k_b"].source
+    assert set(resolve_randomization(joint, "identified")) == {"k_b", "I_m"}
+
+
+def test_the_intervals_are_the_ranges_of_randomisation(tmp_path: Path) -> None:
+    setting = setting_of(FIXED, 0.5)
+    rows = {row.name: row for row in hypotheses(setting, STAGES)}
+    effects, fields = [], dict(setting.nominal)
+    for name in ("coulomb", "cogging", "command_delay", "torque_bias"):
+        values = values_of(rows[name])
+        rows[name].apply(fields, values)
+        effects.append(named(rows[name], values))
+    file = identified_joint(setting, fields, effects, {}, "a record")
+    path = tmp_path / "joint.toml"
+    joint = load(file, FIXED, path)
+    spec = resolve_randomization(joint, "identified")
+    assert set(spec) == {
+        "coulomb.d_cm",
+        "cogging.scale",
+        "command_delay.delay",
+        "torque_bias.bias",
+    }
+    env = gymnasium.make(
+        "CJT/TorqueTracking-v0", joint=str(path), structure=FIXED, randomization="identified"
+    )
+    drawn = []
+    for seed in range(30):
+        _, info = env.reset(seed=seed)
+        drawn.append({name: info["parameters"][name] for name in spec})
+    for name, variation in spec.items():
+        values = np.array([draw[name] for draw in drawn])
+        assert variation.low <= values.min() < values.max() <= variation.high
+    level = file.effects["coulomb"]["d_cm"]
+    assert (spec["coulomb.d_cm"].low, spec["coulomb.d_cm"].high) == (level.low, level.high)  # type: ignore[union-attr]
+
+
+def test_ripple_counts_angles_as_the_record_does() -> None:
+    setting = setting_of(FIXED, 0.5)
+    row = effect("cogging", None, f=10.0, a=1.0, b=0.0)
+    entries = identified_joint(setting, dict(setting.nominal), [row], {}, "r").effects["cogging"]
+    a, b = (entries[s].value[0] for s in "ab")  # type: ignore[union-attr,index]
+    q = ZERO_M + 0.3
+    assert a * np.cos(10.0 * q) + b * np.sin(10.0 * q) == pytest.approx(
+        np.cos(10.0 * 0.3), abs=1e-4
+    )
