@@ -23,6 +23,7 @@ COMMANDS: dict[str, str] = {
     "benchmark": "compare controllers and policies on the same joints and references",
     "blind-test": "diagnose joints whose effects are hidden, and score what was found",
     "export": "write a joint for another simulator: MuJoCo or Isaac Lab",
+    "diagnose": "find where a recorded joint and its simulation differ, why, and how far",
 }
 EXTRAS = {
     "torch": "train",

@@ -28,7 +28,7 @@ from cjt_gym.gap.joint_file import identified_joint
 from cjt_gym.gap.localize import where
 from cjt_gym.gap.process import allow_for_colour
 from cjt_gym.gap.prune import COARSE_STRAIN, STRAIN, Need, prune, simplify, split_asymmetry
-from cjt_gym.gap.select import Selection, evidence
+from cjt_gym.gap.select import Progress, Selection, evidence, silent
 from cjt_gym.gap.sensing import (
     SensorFinding,
     noisy_current,
@@ -84,6 +84,7 @@ def diagnose(
     joint: str | Joint | JointFile | None = None,
     structure: str | None = None,
     validate: Record | Sequence[Record] = (),
+    progress: Progress = silent,
 ) -> Diagnosis:
     """Return where the gap between a joint and its simulation is, why, and how far it shrinks.
 
@@ -92,6 +93,7 @@ def diagnose(
         joint: The nominal joint, or its name or path; left out, the one that the record names.
         structure: How its bodies are joined; left out, what the record or the joint says.
         validate: Further records, with other excitation, on which the explanation is tested.
+        progress: Is told in words what is being done.
 
     Raises:
         CjtGymError: The records, the joint or the structure cannot be used; the message says why.
@@ -109,7 +111,8 @@ def diagnose(
     setting = make_setting(fitted, file, shape)
     tested = held if held else [first.slice(int((1.0 - TAIL) * len(first)), None)]
     try:
-        explanation = explain(setting)
+        explanation = explain(setting, progress)
+        progress("replaying what was kept from the fit")
         replayed = [make_setting(r, file, shape, setting.series.zero) for r in _long(tested)]
         source = source_of(file, shape, [fitted], _long(tested))
         return _report(
@@ -124,14 +127,16 @@ def diagnose(
         ) from error
 
 
-def explain(setting: Setting) -> Explanation:
+def explain(setting: Setting, progress: Progress = silent) -> Explanation:
     """Return the explanation of one record."""
+    progress("fitting the nominal joint within its tolerances")
     problem, base = _without_effects(setting)
     sensors = sensor_findings(setting, base.residuals)
     if any(finding.name == "noise" for finding in sensors):
         problem, base = _without_effects(with_findings(setting, sensors))
     until = time.perf_counter() + PATIENCE
-    selection = Selection(problem, hypotheses(setting, problem.stages.names), base, until=until)
+    candidates = hypotheses(setting, problem.stages.names)
+    selection = Selection(problem, candidates, base, until=until, progress=progress)
     fit = simplify(problem, selection.run(), selection.candidates)
     if setting.current_unspecified:
         fit = split_asymmetry(problem, fit, selection.candidates)
@@ -141,6 +146,7 @@ def explain(setting: Setting) -> Explanation:
         sensors = (*sensors, *late)
         problem, base = _without_effects(with_findings(setting, sensors))
         fit = retuned(problem, fit)
+    progress("leaving out one effect after the other")
     coarse = any(finding.name == "quantization" for finding in sensors)
     fit, needs = prune(problem, fit, COARSE_STRAIN if coarse else STRAIN)
     left = leftovers(base, fit)
@@ -238,9 +244,7 @@ def _report(
         effects=named,
         gap=GapSize(**{k: v for k, v in vars(gap).items() if k != "replays"}),
         unexplained=_unexplained(left),
-        suggestion=suggest(
-            problem, found.base, found.fit, found.needs, found.seen, named, left
-        ),
+        suggestion=suggest(problem, found.base, found.fit, found.needs, found.seen, named, left),
         seconds=time.perf_counter() - started,
         evidence=drawn,
         joint=identified_joint(
@@ -259,7 +263,7 @@ def _refined(found: Explanation, spread: Covariance) -> dict[str, tuple[float, f
     known = found.problem.stages.setting.joint.parameters.quantities
     released = {effect.releases for effect in fit.model.effects}
     return {
-        n.field: (float(n.unknown.value(fit.z[k])), float(n.unknown.scale * spread.std(k)))
+        n.field: (n.unknown.value(fit.z[k]), n.unknown.scale * spread.std(k))
         for k, n in enumerate(shared)
         if (n.field in known or n.field == "lag") and n.field not in released
         if n.unknown.log and spread.std(k) < KNOWN

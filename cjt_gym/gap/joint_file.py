@@ -7,10 +7,9 @@ the fit. Angles count as in the record, not from its first sample.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-
-import numpy as np
 
 from cjt_gym.gap.diagnosis import NamedEffect
 from cjt_gym.gap.fields import Fields
@@ -23,7 +22,6 @@ from cjt_gym.joint.quantity import Quantity
 from cjt_gym.joint.quantity import Setting as Entry
 
 ASYMMETRIC, SMOOTHED = "coulomb_asym", "dq_0"
-NORMAL = 1.96
 Refined = Mapping[str, tuple[float, float]]
 Table = dict[str, dict[str, Entry]]
 
@@ -144,7 +142,7 @@ def _worsen(
     """Give a channel the noise or the resolution that it was found to have."""
     key, found = next(iter(effect.parameters.items()))
     channel = str(effect.channel)
-    value, low, high = (float(x) for x in (found.value, found.low, found.high))
+    value, low, high = (_rounded(x) for x in (found.value, found.low, found.high))
     quantity = Quantity(value, found.unit, source, low=low, high=high)
     sensors.setdefault(channel, {})[key] = quantity
     entries = table.setdefault(effect.name, {})
@@ -157,7 +155,8 @@ def _refined(
 ) -> dict[str, Quantity]:
     """Return values within their tolerance as the fit has them; both directions move together."""
     found = {}
-    for symbol, (value, deviation) in refined.items():
+    for symbol, numbers in refined.items():
+        value, deviation = (_rounded(x) for x in numbers)
         old = quantities[symbol]
         text = f"refined from {old.number:.6g} within its tolerance, {source}"
         found[symbol] = replace(old, value=value, source=text, tolerance=deviation)
@@ -173,5 +172,9 @@ def _refine_lag(table: Table, lag: float, deviation: float, source: str) -> None
     old = entries.get("bandwidth")
     if isinstance(old, Quantity):
         text = f"refined from {old.number:.6g}, {source}"
-        bandwidth = 1.0 / (2.0 * np.pi * lag)
-        entries["bandwidth"] = Quantity(float(bandwidth), old.unit, text, tolerance=deviation)
+        bandwidth = _rounded(1.0 / (2.0 * math.pi * lag))
+        entries["bandwidth"] = Quantity(bandwidth, old.unit, text, tolerance=_rounded(deviation))
+
+
+def _rounded(x: float) -> float:
+    return float(f"{x:.6g}")

@@ -47,7 +47,8 @@ class Number:
         least = least + tiny if strict else least
         value = min(max(self.value, least), most)
         low, high = max(min(self.low, value), least), min(max(self.high, value), most)
-        return float(value), float(low), float(high)
+        value, low, high = (float(f"{x:.6g}") for x in (value, low, high))
+        return value, low, high
 
 
 Numbers = dict[str, Number]

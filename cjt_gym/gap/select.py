@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -33,6 +33,13 @@ NEAR = 60.0
 """Evidence by which a rough fit may trail the best one and still be fitted in full."""
 
 
+Progress = Callable[[str], None]
+
+
+def silent(step: str) -> None:
+    """Tell nobody what is being done."""
+
+
 def price(model: Model) -> float:
     """Return what a model's effects cost; one that only frees a datasheet value costs less."""
     return sum(
@@ -60,6 +67,7 @@ class Selection:
         base: The fit without any effect.
         seen: All fits made in full.
         until: Time of the performance counter after which no further effect is sought [s].
+        progress: Is told which effects are being sought.
     """
 
     problem: Problem
@@ -67,6 +75,7 @@ class Selection:
     base: Fit
     seen: list[Fit] = field(default_factory=list)
     until: float = np.inf
+    progress: Progress = silent
 
     def run(self) -> Fit:
         """Return the best model after forward selection."""
@@ -89,6 +98,9 @@ class Selection:
                 break
             if self.potential(best, stages) < RELEASE + MARGIN:
                 break
+            there = [effect.name for effect in best.model.effects]
+            beside = f" beside {' and '.join(there)}" if there else ""
+            self.progress(f"trying {len(pool)} effects{beside}")
             grown: list[Fit] = []
             for fit in beam:
                 grown += self.expand(fit, pool)

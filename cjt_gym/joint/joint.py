@@ -6,9 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import control
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -26,6 +25,9 @@ from cjt_gym.joint.parameters import JointParameters
 from cjt_gym.joint.ripple import ripple_torque
 from cjt_gym.joint.structures import Structure, get_structure
 from cjt_gym.records import Record, default_units
+
+if TYPE_CHECKING:
+    import control
 
 Floats = NDArray[np.float64]
 DT_PHYSICS = 1e-5
@@ -83,6 +85,8 @@ class Joint:
         self, output: str = "tau", input: str = "tau_m", dt: float | None = None
     ) -> control.TransferFunction:
         """Return the transfer function between two named signals of `state_space`."""
+        import control
+
         system = self.state_space(dt)
         one = system[system.output_labels.index(output), system.input_labels.index(input)]
         return control.tf(one)

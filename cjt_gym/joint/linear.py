@@ -7,7 +7,8 @@ States are z, dz and, where the output is fixed, q_l between them, in the order
 
 from __future__ import annotations
 
-import control
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
@@ -15,6 +16,9 @@ from scipy.linalg import expm
 from cjt_gym.errors import ParameterError
 from cjt_gym.joint.parameters import JointParameters
 from cjt_gym.joint.structures import BODIES, Structure
+
+if TYPE_CHECKING:  # it loads matplotlib, so it is imported only where it is used
+    import control
 
 Matrix = NDArray[np.float64]
 
@@ -129,6 +133,8 @@ def zero_order_hold(a: Matrix, b: Matrix, dt: float) -> tuple[Matrix, Matrix]:
 
 def state_space(p: JointParameters, structure: Structure, dt: float | None) -> control.StateSpace:
     """Return the joint as a python-control system, continuous or sampled with zero-order hold."""
+    import control
+
     a, b, c, d = state_matrices(p, structure)
     names = {
         "states": list(state_names(structure)),

@@ -1,0 +1,190 @@
+"""`cjt-gym diagnose`: where a recorded joint and its simulation differ, why, and how far."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from cjt_gym.errors import ConfigurationError
+from cjt_gym.gap import Diagnosis, diagnose
+from cjt_gym.gap.report import summary, write_report
+from cjt_gym.joint import STRUCTURES, load_joint_file, to_toml
+from cjt_gym.records import Record, Repair, read_log, record_names
+
+SECONDS, WINDOW = 60.0, 10.0
+"""Length of a log beyond which only its most informative windows are used, and theirs [s]."""
+ENOUGH = 500
+"""Samples below which a piece of a log is left out where there are longer ones."""
+NOMINAL = "nominal.toml"
+FILES = ("diagnosis.json", "report.html", "joint.toml")
+CLEAR = "\r\x1b[2K"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what was recorded, of what, and where to write the findings."""
+    add = parser.add_argument
+    shipped = ", ".join(record_names())
+    add("records", nargs="+", metavar="RECORD", help=f"files, or a record that ships: {shipped}")
+    text = (
+        f"nominal joint: a name or a file; default: what the record names, or {NOMINAL} beside it"
+    )
+    add("--joint", metavar="JOINT|FILE.toml", help=text)
+    add("--structure", metavar="S", help=f"{', '.join(STRUCTURES)}; default: what the record says")
+    text = "records with other excitation, on which the findings are tested"
+    add("--validate", nargs="+", default=[], metavar="RECORD", help=text)
+    add("--mapping", metavar="FILE", help="TOML file that says which column is what, in which unit")
+    text = f"of longer logs use the most informative windows of so long in all [s], {SECONDS:g}"
+    add("--seconds", type=float, default=SECONDS, help=text)
+    text = f"folder for {', '.join(FILES)}; default: diagnosis/NAME of the first record"
+    add("--out", type=Path, metavar="DIR", help=text)
+
+
+def run(options: argparse.Namespace) -> None:
+    """Diagnose, write the three files, and print what was found."""
+    started = time.perf_counter()
+    if not options.seconds >= WINDOW:
+        raise ConfigurationError(f"--seconds must be >= {WINDOW:g} s, got {options.seconds:g}.")
+    tell = Teller(started)
+    tell("reading records")
+    fitted, notes = _read(options.records, options)
+    held, more = _read(options.validate, options)
+    joint = _nominal(fitted[0], options.joint)
+    structure = options.structure or fitted[0].structure
+    if structure is None:
+        raise ConfigurationError(
+            f"{fitted[0].owner} names no structure. Give one: --structure {' | '.join(STRUCTURES)}."
+        )
+    file = load_joint_file(joint)
+    with np.errstate(all="ignore"):  # a trial of a fit may overflow; it is then not taken
+        found = diagnose(fitted, file, structure, held, progress=tell)
+    folder = options.out or Path("diagnosis") / Path(options.records[0]).stem
+    tell("writing the report")
+    found = write_files(found, folder, Path(options.records[0]).stem, [*notes, *more])
+    tell.end()
+    if options.json:
+        sys.stdout.write(_json(found))
+    else:
+        sys.stdout.write(summary(found).rstrip() + f"\n\n{_where(folder, found)}\n")
+
+
+def write_files(
+    diagnosis: Diagnosis, folder: Path, name: str, repairs: Sequence[Repair] = ()
+) -> Diagnosis:
+    """Write diagnosis.json, report.html, joint.toml, and the next excitation if there is one.
+
+    Args:
+        diagnosis: What was found.
+        folder: Where to write; made if need be.
+        name: Of the record, for the heading of the report.
+        repairs: What was repaired in the records.
+
+    Returns:
+        The diagnosis, which now names its excitation file.
+
+    Raises:
+        ConfigurationError: The folder cannot be written to.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        next_record = diagnosis.suggestion.written(folder / "next.npz")
+        diagnosis = replace(diagnosis, suggestion=next_record)
+        (folder / "diagnosis.json").write_text(_json(diagnosis), encoding="utf-8")
+        (folder / "joint.toml").write_text(joint_text(diagnosis, name), encoding="utf-8")
+    except OSError as error:
+        raise ConfigurationError(
+            f"The folder {folder} cannot be written to: {error.strerror}. Give another --out."
+        ) from error
+    notes = [repair.text for repair in repairs]
+    write_report(diagnosis, folder / "report.html", title=f"Diagnosis of {name}", notes=notes)
+    return diagnosis
+
+
+def joint_text(diagnosis: Diagnosis, name: str) -> str:
+    """Return the text of joint.toml: the identified joint, with what its reader should know."""
+    doubtful = [e.name for e in diagnosis.effects if e.status == "tentative"]
+    lines = [
+        f"The joint as a diagnosis of {name} found it: the nominal one with the named effects, "
+        f"{len(diagnosis.effects) or 'none'} here.",
+        f"Verdict: {diagnosis.verdict}.",
+        'low and high are 95 % intervals; randomization = "identified" draws within them.',
+        "Values within their datasheet tolerance are refined where the record tells them better;",
+        "their sources say from what.",
+    ]
+    if doubtful:
+        lines.append(f"Tentative: {', '.join(doubtful)}.")
+    if diagnosis.unexplained.stage is not None:
+        lines.append(f"Not in here: {diagnosis.unexplained.text}")
+    return "".join(f"# {line}\n" for line in lines) + to_toml(diagnosis.joint)
+
+
+class Teller:
+    """Tells on standard error how far the work is.
+
+    On a terminal one line is written over and over; elsewhere each new step gets its own line.
+    """
+
+    def __init__(self, started: float) -> None:
+        """Tell the time from `started` [s of the performance counter]."""
+        self.started = started
+        self.on_terminal = sys.stderr.isatty()
+        self.last = ""
+
+    def __call__(self, step: str) -> None:
+        """Tell that a step begins."""
+        head = f"{time.perf_counter() - self.started:5.1f} s  "
+        if self.on_terminal:
+            sys.stderr.write(f"{CLEAR}{head}{step} ...")
+        elif step != self.last:
+            sys.stderr.write(f"{head}{step}\n")
+        self.last = step
+        sys.stderr.flush()
+
+    def end(self) -> None:
+        """Clear the line of a terminal."""
+        if self.on_terminal:
+            sys.stderr.write(CLEAR)
+            sys.stderr.flush()
+
+
+def _read(words: Sequence[str], options: argparse.Namespace) -> tuple[list[Record], list[Repair]]:
+    """Return records and what was repaired in them."""
+    records: list[Record] = []
+    repairs: list[Repair] = []
+    for word in words:
+        found, notes = read_log(word, options.mapping, options.seconds)
+        pieces = sorted(found, key=len, reverse=True)
+        records += [piece for piece in pieces if len(piece) >= ENOUGH] or pieces
+        repairs += notes
+    return records, repairs
+
+
+def _nominal(record: Record, given: str | None) -> str | Path:
+    """Return the nominal joint that was given, that the record names, or that lies beside it."""
+    if given is not None:
+        return given
+    if record.joint_file is not None:
+        return record.joint_file
+    if record.origin is not None and (beside := record.origin.parent / NOMINAL).is_file():
+        return beside
+    raise ConfigurationError(
+        f"{record.owner} names no joint, and there is no {NOMINAL} beside it. "
+        "Give the nominal joint: --joint NAME or --joint FILE.toml."
+    )
+
+
+def _json(diagnosis: Diagnosis) -> str:
+    return json.dumps(diagnosis.to_dict(), indent=1, allow_nan=False) + "\n"
+
+
+def _where(folder: Path, diagnosis: Diagnosis) -> str:
+    files = [str(folder / name) for name in FILES]
+    if diagnosis.suggestion.record is not None:
+        files.append(diagnosis.suggestion.record)
+    return "\n".join(files)
