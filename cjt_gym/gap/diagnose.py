@@ -22,7 +22,9 @@ from cjt_gym.gap.diagnosis import (
 from cjt_gym.gap.evidence import gather, source_of
 from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.fit import Fit, Model, Problem, retuned
-from cjt_gym.gap.hypotheses import hypotheses
+from cjt_gym.gap.hypotheses import hypotheses, shown
+from cjt_gym.gap.hypothesis import scales
+from cjt_gym.gap.candidates.outside import outside_rows
 from cjt_gym.gap.intervals import Covariance, covariance, effect_intervals
 from cjt_gym.gap.joint_file import identified_joint
 from cjt_gym.gap.localize import where
@@ -49,7 +51,7 @@ TAIL = 0.2
 WITHIN = 2.5
 """Deviations of a datasheet value that count as its tolerance."""
 PATIENCE = 60.0
-"""Time after which the search for effects ends with what it has [s]."""
+"""Processor time after which the search for effects ends with what it has [s]."""
 CERTAINTY = 8.0
 """Evidence that makes a name e times as likely."""
 KNOWN = 0.7
@@ -134,9 +136,10 @@ def explain(setting: Setting, progress: Progress = silent) -> Explanation:
     sensors = sensor_findings(setting, base.residuals)
     if any(finding.name == "noise" for finding in sensors):
         problem, base = _without_effects(with_findings(setting, sensors))
-    until = time.perf_counter() + PATIENCE
+    until = time.process_time() + PATIENCE
     candidates = hypotheses(setting, problem.stages.names)
-    selection = Selection(problem, candidates, base, until=until, progress=progress)
+    outside = shown(outside_rows(setting, scales(setting))[0], problem.stages.names)
+    selection = Selection(problem, candidates, base, outside, until=until, progress=progress)
     fit = simplify(problem, selection.run(), selection.candidates)
     if setting.current_unspecified:
         fit = split_asymmetry(problem, fit, selection.candidates)
@@ -149,7 +152,7 @@ def explain(setting: Setting, progress: Progress = silent) -> Explanation:
     progress("leaving out one effect after the other")
     coarse = any(finding.name == "quantization" for finding in sensors)
     fit, needs = prune(problem, fit, COARSE_STRAIN if coarse else STRAIN)
-    left = leftovers(base, fit)
+    left = leftovers(base, fit, needs)
     return Explanation(problem, base, fit, tuple(needs), tuple(selection.seen), left, sensors)
 
 
@@ -301,7 +304,7 @@ def _named(found: Explanation, spread: Covariance) -> tuple[NamedEffect, ...]:
     problem, fit = found.problem, found.fit
     rows = []
     for index, (effect, need) in enumerate(zip(fit.model.effects, found.needs, strict=True)):
-        state = status(need, effect.touches, found.left)
+        state = None if effect.outside else status(need, effect.touches, found.left)
         if state is None:
             continue
         lead = evidence(problem, fit) - best_rival(problem, fit, index, found.seen)
@@ -382,8 +385,9 @@ def _unexplained(left: Sequence[Leftover]) -> Unexplained:
     if not left:
         return Unexplained(0.0, None, "Nothing material is left.")
     worst = left[0]
+    like = f" It looks like {worst.text}." if worst.text else ""
     text = (
         f"In the {worst.stage} stage {100 * worst.share:.0f} % of the gap is left. "
-        "No effect of the table explains it."
+        f"No effect of the table explains it.{like}"
     )
     return Unexplained(worst.share, worst.stage, text)

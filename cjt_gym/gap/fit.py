@@ -9,13 +9,13 @@ the weights that the logarithm implies.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.gap.fields import Fields
-from cjt_gym.gap.hypotheses import Hypothesis
+from cjt_gym.gap.hypothesis import Hypothesis
 from cjt_gym.gap.nuisances import Nuisance, nuisances
 from cjt_gym.gap.process import process_torque
 from cjt_gym.gap.stages import Stages
@@ -262,3 +262,12 @@ def retuned(problem: Problem, fit: Fit) -> Fit:
     """Tune the predictors to a fitted model and fit it again."""
     problem.stages.tune(problem.fields(fit.model, fit.z))
     return problem.fit(fit.model, fit.z)
+
+
+def without(problem: Problem, fit: Fit, index: int) -> Fit:
+    """Return the fit of a model less one of its effects."""
+    effects = fit.model.effects
+    at = len(problem.shared) + sum(len(e.unknowns) for e in effects[:index])
+    z = np.delete(fit.z, slice(at, at + len(effects[index].unknowns)))
+    model = replace(fit.model, effects=effects[:index] + effects[index + 1 :])
+    return problem.fit(model, z, known=fit.jacobian)

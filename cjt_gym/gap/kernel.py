@@ -27,13 +27,13 @@ LAW_SIZE = 10
 
 @compiled
 def level(law: Floats, side: float, speed: float, load: float) -> float:
-    """Return the friction level [N m] on one side of zero at a speed [rad/s]."""
+    """Return the friction level [N m] at a speed [rad/s] on one side of zero, `load` included."""
     base, extra = law[LEVEL_P], law[EXTRA_P]
     if side < 0.0:
         base, extra = law[LEVEL_N], law[EXTRA_N]
     if extra != 0.0 and law[SPEED] > 0.0:
         base += extra * math.exp(-((speed / law[SPEED]) ** 2))
-    return float(max(base + law[LOADED] * load, 0.0))
+    return float(max(base + load, 0.0))
 
 
 @compiled
@@ -80,7 +80,7 @@ def turning(
         start: Velocity at the start [rad/s].
         free: Velocity at the end without friction [rad/s].
         gain: Velocity that one newton metre adds over the sample.
-        load: Size of the transmitted torque [N m].
+        load: Friction beside the law [N m].
         h: Sample time [s].
     """
     side = 1.0 if start >= 0.0 else -1.0
@@ -109,7 +109,7 @@ def friction_torque(
         start: Velocity at the start [rad/s].
         free: Velocity at the end of the sample without friction [rad/s].
         gain: Velocity that one newton metre adds over the sample [rad/(s N m)].
-        load: Size of the transmitted torque [N m].
+        load: Friction beside the law [N m].
         h: Sample time [s].
         bristle: Torque of the elastic bristle [N m].
     """
@@ -230,7 +230,7 @@ def predict(
         x0: State at the first sample, shape (n,).
         laws: Friction laws, shape (bodies, 10).
         bodies: Index of each body's velocity in the state, shape (bodies,).
-        load: Size of the transmitted torque at each sample [N m], shape (N,).
+        load: Friction on each body beside its law [N m], shape (N, bodies).
         play: Backlash in the gear, shape (1 + 2 n,): half its width [rad], then the signs with
             which the state makes the gear's deflection, then what the gear's spring adds to the
             state for a deflection of half the width. Shape (0,) for none.
@@ -279,7 +279,7 @@ def predict(
                 before = torque[t, b] if sweep else 0.0
                 free = new[row] - g[row, b] * before
                 lam, z, lost = friction_torque(
-                    laws[b], x[row], free, g[row, b], load[t], h, bristle[b]
+                    laws[b], x[row], free, g[row, b], load[t, b], h, bristle[b]
                 )
                 for i in range(n):
                     new[i] += g[i, b] * (lam - before)

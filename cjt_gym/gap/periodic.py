@@ -13,8 +13,9 @@ from scipy.signal import fftconvolve, find_peaks
 
 from cjt_gym.gap.chain import MOTOR
 from cjt_gym.gap.fields import Fields
+from cjt_gym.gap.predictor import torque_response
 from cjt_gym.gap.signals import joint_torque
-from cjt_gym.gap.stages import Stages, torque_response
+from cjt_gym.gap.stages import Stages
 
 Floats = NDArray[np.float64]
 HIGHEST = 20_000.0
@@ -22,6 +23,8 @@ CELLS = 1 << 20
 PEAKS = 3
 SOME = 1500
 """Samples over which the power of a wave is averaged."""
+LINE_PERIODS = 8
+"""Fewest periods of a wave in time within a record."""
 
 
 def filtered(response: Floats, torque: Floats) -> Floats:
@@ -165,3 +168,27 @@ def command_steps(current: Floats, noise: float) -> tuple[tuple[float], ...]:
     peaks, _ = find_peaks(height, height=5.0 / np.sqrt(len(current)))
     peaks = peaks[np.argsort(height[peaks])[::-1][:PEAKS]]
     return tuple((float(1.0 / rate[p]),) for p in peaks)
+
+
+def line_starts(residual: Floats, dt: float) -> tuple[tuple[float, float, float], ...]:
+    """Return starting values (f [rad/s], 0, 0) of waves in time: lines in a residual's spectrum.
+
+    Args:
+        residual: Normalised residual, shape (N,).
+        dt: Sample time [s].
+    """
+    size = 4 * len(residual)
+    power = np.abs(np.fft.rfft(residual * np.hanning(len(residual)), size)) ** 2
+    width = max(power.size // 60, 3)
+    usual = fftconvolve(power, np.ones(width) / width, "same")
+    height = power / np.maximum(usual, 1e-12 * power.max())
+    peaks, _ = find_peaks(height, height=8.0, distance=16)
+    peaks = peaks[peaks >= 4 * LINE_PERIODS]
+    peaks = peaks[np.argsort(height[peaks])[::-1][:PEAKS]]
+    found = []
+    for p in peaks:
+        left, top, right = np.log(np.maximum(power[p - 1 : p + 2], 1e-300))
+        bend = left - 2.0 * top + right
+        fine = p + (0.5 * (left - right) / bend if bend < 0.0 else 0.0)
+        found.append((2.0 * np.pi * float(fine) / (size * dt), 0.0, 0.0))
+    return tuple(found)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from cjt_gym.gap.fit import FLOOR, Fit, Model, Problem, retuned
-from cjt_gym.gap.hypotheses import Hypothesis
+from cjt_gym.gap.fit import FLOOR, Fit, Model, Problem, retuned, without
+from cjt_gym.gap.hypothesis import Hypothesis
 from cjt_gym.gap.select import MARGIN, evidence
 
 LOG_SHARE = 0.08
@@ -53,15 +53,6 @@ class Need:
     def material(self, strain: float) -> bool:
         """Whether the effect is worth its name."""
         return self.evidence > MARGIN and (self.log_share > LOG_SHARE or self.strain > strain)
-
-
-def without(problem: Problem, fit: Fit, index: int) -> Fit:
-    """Return the fit of a model less one of its effects."""
-    effects = fit.model.effects
-    at = len(problem.shared) + sum(len(e.unknowns) for e in effects[:index])
-    z = np.delete(fit.z, slice(at, at + len(effects[index].unknowns)))
-    model = replace(fit.model, effects=effects[:index] + effects[index + 1 :])
-    return problem.fit(model, z, known=fit.jacobian)
 
 
 def need(problem: Problem, fit: Fit, index: int) -> Need:

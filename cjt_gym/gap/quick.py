@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.gap.fit import DEFLATION, FLOOR, LONGEST, STEP, Fit, Floats, Problem
-from cjt_gym.gap.hypotheses import Hypothesis
+from cjt_gym.gap.hypothesis import Hypothesis
 
 RELINEARISED = 3
 

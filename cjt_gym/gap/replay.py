@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 
 from cjt_gym.gap.chain import GEAR, LOAD, MOTOR, Chain, Link, build_chain
 from cjt_gym.gap.fields import Fields, friction_law
-from cjt_gym.gap.kernel import friction_torque
+from cjt_gym.gap.kernel import LOADED, friction_torque
 from cjt_gym.gap.setting import Setting
 from cjt_gym.gap.signals import commanded_current, interval_mean, shifted
 from cjt_gym.gap.spring import yielding
@@ -202,7 +202,7 @@ def _simulate(
                 if groups[b] < 0 or not laws[b].any():
                     continue
                 row = half + groups[b]
-                load = abs(tau)
+                load = laws[b, LOADED] * abs(tau)
                 lam, spring_back, lost = friction_torque(
                     laws[b], x[row], new[row], g[row, b], load, h, bristle[b]
                 )

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from cjt_gym.gap.fit import DEFLATION, FLOOR, Fit, Model, Problem, retuned
-from cjt_gym.gap.hypotheses import Hypothesis
-from cjt_gym.gap.periodic import command_steps, periodic_starts
+from cjt_gym.gap.fit import DEFLATION, FLOOR, Fit, Model, Problem, retuned, without
+from cjt_gym.gap.hypothesis import Hypothesis
+from cjt_gym.gap.periodic import command_steps, line_starts, periodic_starts
 from cjt_gym.gap.quick import Look
 
 PRICE = 14.0
@@ -28,6 +28,8 @@ MARGIN = 3.0
 """Evidence that one more effect must add to what it costs."""
 LEAST = 0.1
 """Share of what is left that one more effect must explain."""
+LINES = {"i": "drive", "push_m": "motor", "push_l": "load"}
+"""Stage in whose residual a wave in time on a channel shows itself."""
 SHORT_LIST = 4
 NEAR = 60.0
 """Evidence by which a rough fit may trail the best one and still be fitted in full."""
@@ -63,16 +65,18 @@ class Selection:
 
     Attributes:
         problem: The record.
-        candidates: All effects that it can show.
+        candidates: All effects of the table that it can show.
+        outside: Causes outside the table that it can show.
         base: The fit without any effect.
         seen: All fits made in full.
-        until: Time of the performance counter after which no further effect is sought [s].
+        until: Processor time after which no further effect is sought [s].
         progress: Is told which effects are being sought.
     """
 
     problem: Problem
     candidates: tuple[Hypothesis, ...]
     base: Fit
+    outside: tuple[Hypothesis, ...] = ()
     seen: list[Fit] = field(default_factory=list)
     until: float = np.inf
     progress: Progress = silent
@@ -81,7 +85,7 @@ class Selection:
         """Return the best model after forward selection."""
         best = self.base
         for stages in self._groups():
-            best = self._search(best, stages)
+            best = self._beyond(best, self._search(best, stages, self.candidates), stages)
         return retuned(self.problem, best)
 
     def _groups(self) -> list[tuple[str, ...]]:
@@ -90,11 +94,34 @@ class Selection:
         rest = tuple(n for n in names if n != "drive")
         return [("drive",), rest] if "drive" in names else [rest]
 
-    def _search(self, start: Fit, stages: tuple[str, ...]) -> Fit:
-        pool = [h for h in self.candidates if set(h.touches) & set(stages)]
+    def _beyond(self, start: Fit, best: Fit, stages: tuple[str, ...]) -> Fit:
+        """Return the best model with causes outside the table, where the table leaves something.
+
+        Such a cause may stand beside the effects found or in the place of any of them.
+        """
+        if self.potential(best, stages) < PRICE + MARGIN:
+            return best
+        pool = [h for h in self.outside if set(h.touches) & set(stages)]
+        added = range(len(start.model.effects), len(best.model.effects))
+        fits = [best, *(without(self.problem, best, k) for k in added)]
+        if len(added) > 1:
+            fits.append(start)
+        rough = [f for fit in fits for f in self.rough(fit, pool)]
+        rough.sort(key=lambda f: -evidence(self.problem, f))
+        grown = [
+            self.problem.fit(f.model, f.z, TRIAL_MOVES, f.jacobian) for f in rough[:SHORT_LIST]
+        ]
+        self.seen += grown
+        first = max([best, *grown], key=lambda f: evidence(self.problem, f))
+        if first is best:
+            return best
+        return self._search(first, stages, (*self.candidates, *self.outside))
+
+    def _search(self, start: Fit, stages: tuple[str, ...], candidates: Sequence[Hypothesis]) -> Fit:
+        pool = [h for h in candidates if set(h.touches) & set(stages)]
         beam, best = [start], start
         for _ in range(MOST - len(start.model.effects)):
-            if time.perf_counter() > self.until:
+            if time.process_time() > self.until:
                 break
             if self.potential(best, stages) < RELEASE + MARGIN:
                 break
@@ -137,20 +164,30 @@ class Selection:
     # ---- one more effect
     def expand(self, fit: Fit, pool: Sequence[Hypothesis]) -> list[Fit]:
         """Return the best fits with one effect more than a fit has."""
+        quick = self.rough(fit, pool)
+        return [
+            self.problem.fit(f.model, f.z, TRIAL_MOVES, f.jacobian)
+            for f in self._short_list(quick, fit)
+        ]
+
+    def rough(self, fit: Fit, pool: Sequence[Hypothesis]) -> list[Fit]:
+        """Return rough fits with one effect more, the best first."""
         used = {h.key for h in fit.model.effects}
-        free = [h for h in pool if h.key not in used and compatible(fit.model, h)]
+        free = [
+            h
+            for h in pool
+            if h.key not in used and compatible(fit.model, h) and self._may_help(fit, h)
+        ]
         look = self._look(fit)
         quick: list[Fit] = []
         for effect in free:
-            if time.perf_counter() > self.until and quick:
+            if time.process_time() > self.until and quick:
                 break
             rough = look.try_effect(effect, self._starts(fit, effect))
             quick += [] if rough is None else [rough]
-        quick.sort(key=lambda f: -evidence(self.problem, f))
-        known = look.fit.jacobian
-        return [
-            self.problem.fit(f.model, f.z, TRIAL_MOVES, known) for f in self._short_list(quick, fit)
-        ]
+        for f in quick:
+            f.jacobian = look.fit.jacobian
+        return sorted(quick, key=lambda f: -evidence(self.problem, f))
 
     def _short_list(self, quick: list[Fit], before: Fit) -> list[Fit]:
         """Return the leading fits, and the whole friction family where one of them leads."""
@@ -172,6 +209,10 @@ class Selection:
             ]
         return chosen
 
+    def _may_help(self, fit: Fit, effect: Hypothesis) -> bool:
+        """Return whether the stages that an effect touches have enough left to pay for it."""
+        return self.potential(fit, effect.touches) > price(Model((effect,))) + MARGIN
+
     def _look(self, fit: Fit) -> Look:
         self.problem.stages.tune(self.problem.fields(fit.model, fit.z))
         again = self.problem.fit(fit.model, fit.z)
@@ -184,6 +225,9 @@ class Selection:
         if effect.search == "step":
             channel = "i" if "i" in stages.setting.series else "i_cmd"
             return command_steps(stages.setting.series[channel], stages.setting.std("i"))
+        if effect.search in LINES:
+            stage = LINES[effect.search]
+            return line_starts(fit.residuals[stage], stages.setting.series.dt)
         if effect.search is not None:
             return periodic_starts(stages, fields, fit.residuals["motor"], effect.search)
         return effect.starts

@@ -8,6 +8,7 @@ from scipy.signal import lfilter
 
 from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.series import Series
+from cjt_gym.joint.compiled import compiled
 
 Floats = NDArray[np.float64]
 
@@ -78,6 +79,10 @@ def commanded_current(fields: Fields, series: Series) -> Floats:
         c = np.round(c / fields["step"]) * fields["step"]
     if np.isfinite(fields["i_max"]):
         c = np.clip(c, -fields["i_max"], fields["i_max"])
+    if fields["dead"] > 0.0:
+        c = np.where(np.abs(c) < fields["dead"], 0.0, c - fields["less"] * np.sign(c))
+    if np.isfinite(fields["slew"]):
+        c = followed(c, fields["slew"] * series.dt)
     dt, lag = series.dt, fields["lag"]
     total = max(fields["delay"], 0.0) / dt
     whole = int(total)
@@ -89,6 +94,17 @@ def commanded_current(fields: Fields, series: Series) -> Floats:
     start = newer[0]
     y, _ = lfilter([1.0], [1.0, -a], drive[:-1], zi=[a * start])
     return np.concatenate([[start], y])
+
+
+@compiled
+def followed(x: Floats, most: float) -> Floats:
+    """Return what follows a signal with changes of at most so much per sample, shape (N,)."""
+    y = np.empty(x.size)
+    last = x[0]
+    for k in range(x.size):
+        last += min(max(x[k] - last, -most), most)
+        y[k] = last
+    return y
 
 
 def _held(c: Floats, samples: int) -> Floats:

@@ -15,7 +15,9 @@ PATH = 17
 """Samples over which the path of a hysteresis is smoothed."""
 
 
-def spring_torque(fields: Fields, deflection: Floats, dt: float) -> Floats:
+def spring_torque(
+    fields: Fields, deflection: Floats, dt: float, slack: Floats | None = None
+) -> Floats:
     """Return the torque of the bar [N m], shape (N,).
 
         tau = k_b x (1 + hard x^2) + d_gl dx/dt + hyst z(x),   x the deflection less the play
@@ -24,10 +26,12 @@ def spring_torque(fields: Fields, deflection: Floats, dt: float) -> Floats:
         fields: The model.
         deflection: Of the bar [rad], shape (N,).
         dt: Sample time [s].
+        slack: Width of play beside that of the model [rad], shape (N,).
     """
     x = deflection
-    if fields["play"] > 0.0:
-        half = 0.5 * fields["play"]
+    if fields["play"] > 0.0 or slack is not None:
+        width = fields["play"] + (0.0 if slack is None else slack)
+        half = 0.5 * np.maximum(width, 0.0)
         x = x - np.clip(x, -half, half)
     torque = fields["k_b"] * x
     if fields["hard"] != 0.0:

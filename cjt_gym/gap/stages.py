@@ -15,7 +15,7 @@ reach the next. Where the torque was not measured, motor, spring and load are on
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -24,8 +24,19 @@ from numpy.typing import NDArray
 from scipy.signal import fftconvolve, savgol_filter
 
 from cjt_gym.gap.chain import GEAR, LOAD, MOTOR, Chain, Link, build_chain, kalman_gain
-from cjt_gym.gap.fields import CHAIN, Fields, friction_law, has_friction
-from cjt_gym.gap.kernel import LAW_SIZE, predict
+from cjt_gym.gap.disturbance import Disturbance, corrected, disturbing
+from cjt_gym.gap.fields import CHAIN, Fields
+from cjt_gym.gap.predictor import (
+    Gain,
+    Play,
+    Prediction,
+    backlash,
+    direct,
+    innovation_std,
+    run_predictor,
+    torque_response,
+)
+from cjt_gym.gap.series import Series
 from cjt_gym.gap.setting import PROCESS_TORQUE, Setting
 from cjt_gym.gap.signals import (
     ahead,
@@ -41,54 +52,10 @@ from cjt_gym.gap.signals import (
 from cjt_gym.gap.spring import spring_torque
 
 Floats = NDArray[np.float64]
+Added = Mapping[str, Floats]
 STAGES = ("drive", "motor", "transmission", "load")
 PULSE = 800
 SMOOTH = 21
-RESPONSE = 200
-"""Samples after which a predictor has forgotten a torque."""
-
-
-@dataclass(eq=False)
-class Gain:
-    """A predictor's gain, held fixed while parameters are fitted.
-
-    Attributes:
-        k: Gain, shape (n, m).
-        std: Deviation of the innovations, shape (m,).
-        scatter: Deviation at every sample, with what jitter of the sampling adds, shape (N,).
-    """
-
-    k: Floats
-    std: Floats
-    scatter: Floats
-
-
-@dataclass(eq=False)
-class Prediction:
-    """What a stage predicts.
-
-    Attributes:
-        residual: Normalised residual, shape (N,); zero where it does not count.
-        states: Predicted states, shape (N, n); n = 0 for a stage without states.
-        friction: Torque of friction on each body [N m], shape (N, bodies).
-    """
-
-    residual: Floats
-    states: Floats
-    friction: Floats
-
-
-@dataclass(frozen=True, eq=False)
-class Play:
-    """Backlash in the gear as the kernel takes it; see `cjt_gym.gap.kernel.predict`."""
-
-    play: Floats
-    loose: Chain
-    adrift: Floats
-    entry: Floats
-
-
-NO_PLAY = (np.zeros(0), *(np.zeros((0, 0)) for _ in range(3)), np.zeros(0))
 
 
 @dataclass(eq=False)
@@ -97,12 +64,14 @@ class Stages:
 
     Attributes:
         setting: The record and its joint.
+        disturbances: What may act beside the model.
         gains: Predictor gains by stage, for the fields given to `tune`.
         process: Torque noise on the motor beyond what is specified [N m].
         allowance: Factor by which the motor's residual may exceed what white noise explains.
     """
 
     setting: Setting
+    disturbances: Mapping[str, Disturbance] = field(default_factory=dict)
     gains: dict[str, Gain] = field(default_factory=dict)
     process: float = 0.0
     allowance: float = 1.0
@@ -128,33 +97,34 @@ class Stages:
 
     def predict(self, name: str, fields: Fields) -> Prediction:
         """Return the prediction of a stage."""
-        run: dict[str, Callable[[Fields], Prediction]] = {
+        added = disturbing(fields, self.setting.series, self.disturbances)
+        series = corrected(self.setting.series, added)
+        run: dict[str, Callable[[Fields, Series, Added], Prediction]] = {
             "drive": self._drive,
             "motor": self._motor,
             "transmission": self._transmission,
             "load": self._load,
         }
-        return run[name](fields)
+        return run[name](fields, series, added)
 
     def residual(self, name: str, fields: Fields) -> Floats:
         """Return the normalised residual of a stage, shape (N,)."""
         return self.predict(name, fields).residual
 
     # ---- drive
-    def _drive(self, fields: Fields) -> Prediction:
+    def _drive(self, fields: Fields, series: Series, added: Added) -> Prediction:
         s = self.setting
-        error = s.series["i"] - commanded_current(fields, s.series) - fields["i_0"]
-        std = np.full(len(s.series), s.std("i"))
-        return _direct(error, std, s, ("i", "i_cmd"))
+        error = series["i"] - commanded_current(fields, series) - fields["i_0"]
+        std = np.full(len(series), s.std("i"))
+        return direct(error, std, s, ("i", "i_cmd"))
 
     # ---- motor
-    def _motor(self, fields: Fields) -> Prediction:
+    def _motor(self, fields: Fields, series: Series, added: Added) -> Prediction:
         s = self.setting
-        series = s.series
         chain = self.chain("motor", fields)
         transmitted = joint_torque(fields, series) if "tau" in series else np.zeros(len(series))
         ripple = periodic_torque(fields, series, transmitted + self._gear_inertia(fields))
-        torque = motor_torque(fields, series) + smooth_mean(ripple)
+        torque = motor_torque(fields, series) + smooth_mean(ripple) + added.get("push_m", 0.0)
         forced = torque[:, None] * chain.torque[:, MOTOR]
         if chain.groups[LOAD] >= 0:
             forced += smooth_mean(self._on_load(fields))[:, None] * chain.torque[:, LOAD]
@@ -162,7 +132,7 @@ class Stages:
             mean = smooth_mean(transmitted)
             forced -= mean[:, None] * chain.torque[:, GEAR]
         elif s.has_spring and chain.groups[LOAD] < 0:
-            forced += self._prescribed(chain, self._load_angle() + fields["q_0"])
+            forced += self._prescribed(chain, load_angle(series) + fields["q_0"])
         bodies = (("m", MOTOR),) if not s.has_gear else (("m", MOTOR), ("g", GEAR))
         if chain.groups[LOAD] >= 0:
             bodies = (*bodies, ("l", LOAD))
@@ -173,8 +143,10 @@ class Stages:
                 torque[:, None] * loose.torque[:, MOTOR] - mean[:, None] * loose.torque[:, GEAR]
             )
             bite = (chain.torque[:, MOTOR] - chain.torque[:, GEAR]) * fields["k_g"]
-            play = _play(fields, np.array([1.0, -1.0, 0.0, 0.0]), bite, loose, adrift, None)
-        return self._innovations("motor", "q_m", fields, chain, forced, bodies, transmitted, play)
+            play = backlash(fields, np.array([1.0, -1.0, 0.0, 0.0]), bite, loose, adrift, None)
+        return self._innovations(
+            "motor", series, fields, chain, forced, bodies, transmitted, added.get("rub_m"), play
+        )
 
     def _on_load(self, fields: Fields) -> Floats:
         """Return what acts on a load that is part of the motor's stage [N m]."""
@@ -199,12 +171,13 @@ class Stages:
         return speed, acceleration
 
     # ---- transmission
-    def _transmission(self, fields: Fields) -> Prediction:
+    def _transmission(self, fields: Fields, series: Series, added: Added) -> Prediction:
         s = self.setting
-        series = s.series
-        q_l = self._load_angle()
-        q_g, states, friction = self._gear_angle(fields)
-        torque = spring_torque(fields, q_g - q_l - fields["q_0"], series.dt)
+        q_l = load_angle(series)
+        q_g, states, friction = self._gear_angle(fields, series)
+        deflection = q_g - q_l - fields["q_0"]
+        torque = spring_torque(fields, deflection, series.dt, added.get("slack"))
+        torque += added.get("bar", 0.0)
         model = fields["gain"] * torque + fields["tau_0"]
         own, angles = self.spring_noise
         if fields["late"] != 0.0:
@@ -213,7 +186,7 @@ class Stages:
         model = model - fields["skew"] * series.speed("tau")
         slope = series.speed("tau") * s.noise["tau"].jitter
         std = np.sqrt(own**2 + angles**2 + slope**2 + self._shaken_angles)
-        result = _direct(series["tau"] - model, std, s, ("tau", "q_m", "q_l"))
+        result = direct(series["tau"] - model, std, s, ("tau", "q_m", "q_l"))
         return Prediction(result.residual, states, friction)
 
     @cached_property
@@ -253,21 +226,16 @@ class Stages:
         )
         nothing = np.zeros(PULSE)
         by_torque, by_motor = (
-            _run(f, chain, drive, (), None, None, np.zeros(2), nothing, dt)[1][:, 0]
+            run_predictor(f, chain, drive, (), None, None, np.zeros(2), nothing, dt)[1][:, 0]
             for drive in drives
         )
         own = s.std("tau") * float(np.linalg.norm(pulse - bar(by_torque)))
         motor = s.std("q_m") * float(np.linalg.norm(bar(by_motor)))
         return own, float(np.hypot(motor, s.std("q_l") * np.linalg.norm(bar(pulse))))
 
-    def _load_angle(self) -> Floats:
-        series = self.setting.series
-        return series["q_l"] if "q_l" in series else np.zeros(len(series))
-
-    def _gear_angle(self, fields: Fields) -> tuple[Floats, Floats, Floats]:
+    def _gear_angle(self, fields: Fields, series: Series) -> tuple[Floats, Floats, Floats]:
         """Return the gear's angle [rad] from motor angle and torque, its states and friction."""
         s = self.setting
-        series = s.series
         q_m = series["q_m"]
         if not s.has_gear:
             return q_m, np.zeros((len(q_m), 0)), np.zeros((len(q_m), 0))
@@ -281,27 +249,25 @@ class Stages:
             loose = self.chain("transmission loose", fields)
             adrift = -mean[:, None] * loose.torque[:, GEAR]
             bite = -chain.torque[:, GEAR] * fields["k_g"]
-            play = _play(fields, np.array([-1.0, 0.0]), bite, loose, adrift, q_m)
+            play = backlash(fields, np.array([-1.0, 0.0]), bite, loose, adrift, q_m)
         load, bodies = np.abs(transmitted), (("g", GEAR),)
-        _, states, friction = _run(
+        _, states, friction = run_predictor(
             fields, chain, forced, bodies, None, None, x0, load, series.dt, play
         )
         return states[:, 0], states, friction
 
     # ---- load
-    def _load(self, fields: Fields) -> Prediction:
-        s = self.setting
-        series = s.series
+    def _load(self, fields: Fields, series: Series, added: Added) -> Prediction:
         chain = self.chain("load", fields)
         torque = smooth_mean(joint_torque(fields, series))
         if fields["grav_a"] != 0.0 or fields["grav_b"] != 0.0:
             torque = torque - weight(fields, series["q_l"])
         if "tau_l" in series:
             torque = torque + smooth_mean(series["tau_l"])
+        torque = torque + added.get("push_l", 0.0)
         forced = torque[:, None] * chain.torque[:, LOAD]
-        return self._innovations(
-            "load", "q_l", fields, chain, forced, (("l", LOAD),), np.abs(torque)
-        )
+        bodies = (("l", LOAD),)
+        return self._innovations("load", series, fields, chain, forced, bodies, torque)
 
     # ---- shared
     def _prescribed(self, chain: Chain, q: Floats) -> Floats:
@@ -357,7 +323,7 @@ class Stages:
         jitter = s.noise[channel].jitter * float(np.sqrt(np.mean(s.series.speed(channel) ** 2)))
         noise = float(np.hypot(s.std(channel), jitter))
         k, _ = kalman_gain(chain, (0,), torque, (noise,))
-        std = _std(chain, k, torque, s.std(channel))
+        std = innovation_std(chain, k, torque, s.std(channel))
         shaken = s.noise[channel].jitter * s.series.speed(channel)
         variance = std[0] ** 2 + shaken**2
         if name == "motor" and "i" in s.series:
@@ -376,136 +342,39 @@ class Stages:
     def _innovations(
         self,
         name: str,
-        channel: str,
+        series: Series,
         fields: Fields,
         chain: Chain,
         forced: Floats,
         bodies: tuple[tuple[str, int], ...],
         transmitted: Floats,
+        rubbing: Floats | None = None,
         play: Play | None = None,
     ) -> Prediction:
-        s = self.setting
-        y = s.series[channel][:, None]
-        x0 = self._initial(channel, chain, fields, transmitted)
+        channel = "q_m" if name == "motor" else "q_l"
+        y = series[channel][:, None]
+        x0 = self._initial(series, channel, chain, fields, transmitted)
         gain = self.gains[name]
-        valid = s.series.valid[channel]
-        load, dt = np.abs(transmitted), s.series.dt
-        e, states, friction = _run(
-            fields, chain, forced, bodies, gain.k, (y, valid), x0, load, dt, play
+        valid = series.valid[channel]
+        load, dt = np.abs(transmitted), series.dt
+        e, states, friction = run_predictor(
+            fields, chain, forced, bodies, gain.k, (y, valid), x0, load, dt, play, rubbing
         )
         residual = np.where(valid, e[:, 0] / gain.scatter, 0.0)
-        residual[: s.settle] = 0.0
+        residual[: self.setting.settle] = 0.0
         return Prediction(residual, states, friction)
 
-    def _initial(self, channel: str, chain: Chain, fields: Fields, torque: Floats) -> Floats:
+    def _initial(
+        self, series: Series, channel: str, chain: Chain, fields: Fields, torque: Floats
+    ) -> Floats:
         """Return the first state: at the measured angle, at the velocity of the first samples."""
-        y = self.setting.series[channel]
-        speed = self.setting.series.first_speed(channel)
         x0 = np.zeros(chain.a.shape[0])
-        x0[: chain.size], x0[chain.size :] = y[0], speed
+        x0[: chain.size], x0[chain.size :] = series[channel][0], series.first_speed(channel)
         if self.setting.has_gear and channel == "q_m":
             x0[1] -= torque[0] / fields["k_g"] + fields["centre_g"]
         return x0
 
 
-def _play(
-    fields: Fields,
-    signs: Floats,
-    bite: Floats,
-    loose: Chain,
-    adrift: Floats,
-    entry: Floats | None,
-) -> Play:
-    half = 0.5 * fields["play_g"]
-    play = np.concatenate([[half], signs, bite * half])
-    nothing = np.zeros(0)
-    return Play(play, loose, adrift, nothing if entry is None else entry)
-
-
-def torque_response(chain: Chain, k: Floats, body: int) -> Floats:
-    """Return the innovations that one newton metre over one sample causes, shape (200,).
-
-    Value 0 belongs to the sample in which it acts.
-    """
-    x = chain.torque[:, body].copy()
-    out = np.zeros(RESPONSE)
-    for t in range(1, RESPONSE):
-        out[t] = x[0]
-        x = chain.a @ (x - k[:, 0] * out[t])
-    return out
-
-
-def _std(chain: Chain, k: Floats, torque: tuple[float, ...], noise: float) -> Floats:
-    """Return the innovations' deviation under a gain, shape (1,), without jitter."""
-    n = chain.a.shape[0]
-    c = np.zeros((1, n))
-    c[0, 0] = 1.0
-    keep = np.eye(n) - k @ c
-    effect = chain.torque * np.array(torque)
-    drive = effect @ effect.T + chain.a @ k @ k.T @ chain.a.T * noise**2
-    p = drive.copy()
-    step = chain.a @ keep
-    for _ in range(40):  # doubling: the sum over 2^40 samples
-        p = p + step @ p @ step.T
-        step = step @ step
-        if np.abs(step).max() < 1e-12:
-            break
-    return np.array([float(np.sqrt(p[0, 0] + noise**2))])
-
-
-def _direct(error: Floats, std: Floats, s: Setting, channels: tuple[str, ...]) -> Prediction:
-    residual = np.where(s.series.measured(*channels), error / std, 0.0)
-    residual[: s.settle] = 0.0
-    empty = np.zeros((len(error), 0))
-    return Prediction(residual, empty, empty)
-
-
-def _run(
-    fields: Fields,
-    chain: Chain,
-    forced: Floats,
-    bodies: tuple[tuple[str, int], ...],
-    k: Floats | None,
-    measured: tuple[Floats, NDArray[np.bool_]] | None,
-    x0: Floats,
-    load: Floats,
-    dt: float,
-    play: Play | None = None,
-) -> tuple[Floats, Floats, Floats]:
-    """Run the kernel with friction on those of the bodies that have any."""
-    rough = [(letter, body) for letter, body in bodies if has_friction(fields, letter)]
-    laws = np.zeros((len(rough), LAW_SIZE))
-    g = np.zeros((chain.a.shape[0], len(rough)))
-    for row, (letter, body) in enumerate(rough):
-        laws[row] = friction_law(fields, letter)
-        g[:, row] = chain.torque[:, body]
-    velocities = np.array([chain.velocity(body) for _, body in rough], dtype=np.int64)
-    if measured is None or k is None:
-        y, valid = np.zeros((len(forced), 0)), np.zeros(len(forced), dtype=bool)
-        k, outputs = np.zeros((len(x0), 0)), np.zeros(0, dtype=np.int64)
-    else:
-        y, valid = measured
-        outputs = np.zeros(1, dtype=np.int64)
-    gap: tuple[Floats, ...] = NO_PLAY
-    if play is not None:
-        slack = np.zeros_like(g)
-        for row, (_, body) in enumerate(rough):
-            slack[:, row] = play.loose.torque[:, body]
-        loose = np.ascontiguousarray(play.loose.a)
-        gap = (play.play, loose, np.ascontiguousarray(play.adrift), slack, play.entry)
-    run: Callable[..., tuple[Floats, Floats, Floats]] = predict
-    return run(
-        np.ascontiguousarray(chain.a),
-        g,
-        np.ascontiguousarray(k),
-        np.ascontiguousarray(forced),
-        outputs,
-        np.ascontiguousarray(y),
-        valid,
-        x0,
-        laws,
-        velocities,
-        load,
-        *gap,
-        dt,
-    )
+def load_angle(series: Series) -> Floats:
+    """Return the angle of the load [rad], shape (N,); zero where it is not measured."""
+    return series["q_l"] if "q_l" in series else np.zeros(len(series))

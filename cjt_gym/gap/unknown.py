@@ -25,21 +25,35 @@ class Leftover:
     Attributes:
         stage: Its name.
         share: Share of its squared excess residual that is left.
+        text: What it looks like, where that is known.
     """
 
     stage: str
     share: float
+    text: str = ""
 
 
-def leftovers(base: Fit, fit: Fit) -> tuple[Leftover, ...]:
-    """Return the stages in which a material part of the gap is left, the worst first."""
+def leftovers(base: Fit, fit: Fit, needs: Sequence[Need]) -> tuple[Leftover, ...]:
+    """Return the stages in which a material part of the gap is left, the worst first.
+
+    What a cause outside the effect table takes away is left, too.
+    """
     found = []
+    for effect, need in zip(fit.model.effects, needs, strict=True):
+        if effect.outside:
+            ms = need.without.mean_square[need.stage]
+            found.append(Leftover(need.stage, _share(base, need.stage, ms), effect.outside))
+    blamed = {item.stage for item in found}
     for name, ms in fit.mean_square.items():
-        excess = max(base.mean_square[name] - 1.0, ms - 1.0, 1e-12)
-        share = max(ms - 1.0, 0.0) / excess
-        if ms > LEFT**2 and share > LEFT_SHARE:
+        share = _share(base, name, ms)
+        if name not in blamed and ms > LEFT**2 and share > LEFT_SHARE:
             found.append(Leftover(name, share))
     return tuple(sorted(found, key=lambda left: -left.share))
+
+
+def _share(base: Fit, stage: str, ms: float) -> float:
+    excess = max(base.mean_square[stage] - 1.0, ms - 1.0, 1e-12)
+    return max(ms - 1.0, 0.0) / excess
 
 
 def status(need: Need, touches: Sequence[str], left: Sequence[Leftover]) -> str | None:

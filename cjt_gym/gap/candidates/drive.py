@@ -1,0 +1,64 @@
+"""Candidates of the drive stage."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cjt_gym.gap.fields import Fields
+from cjt_gym.gap.hypothesis import Hypothesis, Scales, Values
+from cjt_gym.gap.setting import Setting
+from cjt_gym.gap.unknowns import Unknown
+
+
+def drive_rows(setting: Setting, size: Scales) -> list[Hypothesis]:
+    """Return the candidates of the drive."""
+    touches = ("drive",) if "i" in setting.series else ("motor",)
+    dt = setting.series.dt
+    peak = float(np.abs(setting.series["i_cmd"]).max()) or 1.0
+    delay = Unknown("delay", "s", 0.0, 5.0 * dt, low=0.0, high=60.0 * dt)
+    lag = Unknown("bandwidth", "Hz", 50.0, 1.5, log=True, low=0.5, high=0.45 / dt)
+    limit = Unknown("i_max", "A", peak, 1.0, log=True, low=1e-3 * peak, high=peak)
+    step = Unknown("resolution", "A", 0.05 * peak, 2.0, log=True, low=1e-4 * peak, high=0.5 * peak)
+
+    def set_lag(f: Fields, v: Values) -> None:
+        f["lag"] = 1.0 / (2.0 * np.pi * v["bandwidth"])
+
+    return [
+        Hypothesis(
+            "command_delay",
+            "drive",
+            (delay,),
+            lambda f, v: f.update(delay=f["delay"] + v["delay"]),
+            touches,
+            starts=tuple((k * dt,) for k in (0.5, 1.5, 3.0, 6.0, 12.0)),
+            family="drive",
+        ),
+        Hypothesis(
+            "current_lag",
+            "drive",
+            (lag,),
+            set_lag,
+            touches,
+            starts=((300.0,), (100.0,), (30.0,), (8.0,)),
+            family="drive",
+        ),
+        Hypothesis(
+            "current_saturation",
+            "drive",
+            (limit,),
+            lambda f, v: f.update(i_max=min(f["i_max"], v["i_max"])),
+            touches,
+            starts=tuple((x * peak,) for x in (0.85, 0.6, 0.35, 0.18)),
+            family="drive",
+        ),
+        Hypothesis(
+            "command_quantization",
+            "drive",
+            (step,),
+            lambda f, v: f.update(step=v["resolution"]),
+            touches,
+            starts=(),
+            family="drive",
+            search="step",
+        ),
+    ]

@@ -1,0 +1,98 @@
+"""Candidates of the friction family."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cjt_gym.gap.fields import Fields
+from cjt_gym.gap.hypothesis import BODIES, Apply, Hypothesis, Scales, Values
+from cjt_gym.gap.setting import Setting
+from cjt_gym.gap.unknowns import Unknown
+
+
+def friction_rows(setting: Setting, size: Scales) -> list[Hypothesis]:
+    """Return the laws of friction of the motor side."""
+    bodies = ["m", "g"] if setting.has_gear else ["m"]
+    rows = []
+    for body in bodies:
+        touches = ("motor", "transmission") if body == "g" else ("motor",)
+        rows += friction_of(setting, size, body, "motor", touches)
+    return rows
+
+
+def friction_of(
+    setting: Setting, size: Scales, body: str, stage: str, touches: tuple[str, ...]
+) -> list[Hypothesis]:
+    """Return the laws of friction of one body, by its letter."""
+    torque, speed = size.torque, size.speed
+    p, n = f"d_c{body}", f"d_c{body}_n"
+    force = Unknown(p, "N m", 0.0, torque, low=0.0)
+    force_n = Unknown(n, "N m", 0.0, torque, low=0.0)
+    breakaway = Unknown("d_s", "N m", 0.0, torque, low=0.0)
+    stribeck = Unknown(
+        "v_s", "rad/s", 0.1 * speed, 1.2, log=True, low=1e-4 * speed, high=20 * speed
+    )
+    slide = Unknown("z_s", "rad", 1e-3, 2.0, log=True, low=1e-6, high=0.3)
+    mu = Unknown("mu", "-", 0.0, 0.2, low=0.0, high=1.0)
+    d_p = Unknown(f"d_{body}", "N m s/rad", 0.0, torque / speed)
+    d_n = Unknown(f"d_{body}_n", "N m s/rad", 0.0, torque / speed)
+    guess = 0.05 * torque
+    travel = max(float(np.std(setting.series["q_m"])), 1e-9)
+
+    def row(name: str, unknowns: tuple[Unknown, ...], apply: Apply, starts: object) -> Hypothesis:
+        return Hypothesis(
+            name,
+            stage,
+            unknowns,
+            apply,
+            touches,
+            body=BODIES[body],
+            starts=starts,  # type: ignore[arg-type]
+            family="friction",
+        )
+
+    def add(f: Fields, **values: float) -> None:
+        for key, value in values.items():
+            f[f"{key}_{body}"] += value
+
+    def apply_stribeck(f: Fields, v: Values) -> None:
+        more = max(v["d_s"] - v[p], 0.0)
+        add(f, c_p=v[p], c_n=v[p], s_p=more, s_n=more)
+        f[f"v_s_{body}"] = v["v_s"]
+
+    def apply_presliding(f: Fields, v: Values) -> None:
+        add(f, c_p=v[p], c_n=v[p])
+        f[f"z_s_{body}"] = v["z_s"]
+
+    name_c = "load_coulomb" if body == "l" else "coulomb"
+    rows = [row(name_c, (force,), lambda f, v: add(f, c_p=v[p], c_n=v[p]), ((guess,),))]
+    if body == "l":
+        return rows
+    rows += [
+        row(
+            "coulomb_asym",
+            (force, force_n),
+            lambda f, v: add(f, c_p=v[p], c_n=v[n]),
+            ((guess, guess),),
+        ),
+        row(
+            "stribeck",
+            (force, breakaway, stribeck),
+            apply_stribeck,
+            tuple((guess, 1.6 * guess, x * speed) for x in (0.03, 0.15, 0.6)),
+        ),
+        row(
+            "presliding",
+            (force, slide),
+            apply_presliding,
+            tuple((guess, x * travel) for x in (0.003, 0.02, 0.12, 0.5)),
+        ),
+        row("load_friction", (mu,), lambda f, v: add(f, mu=v["mu"]), ((0.05,),)),
+        row(
+            "viscous_asym",
+            (d_p, d_n),
+            lambda f, v: add(f, d_p=v[f"d_{body}"], d_n=v[f"d_{body}_n"]),
+            ((0.0, 0.0),),
+        ),
+    ]
+    return rows

@@ -1,0 +1,37 @@
+"""Candidates of the load stage."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cjt_gym.gap.candidates.friction import friction_of
+from cjt_gym.gap.candidates.released import released
+from cjt_gym.gap.hypothesis import Hypothesis, Scales
+from cjt_gym.gap.setting import Setting
+from cjt_gym.gap.unknowns import Unknown
+
+
+def load_rows(setting: Setting, size: Scales) -> list[Hypothesis]:
+    """Return the candidates of the load."""
+    touches = ("load",) if setting.cut_at_spring else ("motor",)
+    if not setting.cut_at_spring:
+        if not setting.has_spring:
+            turns = setting.joint.parameters.axis == "revolute"
+            return [_gravity(size.torque, touches)] if turns else []
+        return [released(setting, "I_l", "load_inertia", "load", "I_l")]
+    rows = [released(setting, "I_l", "load_inertia", "load", "I_l")]
+    rows += friction_of(setting, size, "l", "load", touches)
+    torque = max(float(np.std(setting.series["tau"])), 1e-9)
+    return [*rows, _gravity(torque, touches)]
+
+
+def _gravity(torque: float, touches: tuple[str, ...]) -> Hypothesis:
+    return Hypothesis(
+        "gravity",
+        "load",
+        (Unknown("a", "N m", 0.0, torque), Unknown("b", "N m", 0.0, torque)),
+        lambda f, v: f.update(grav_a=v["a"], grav_b=v["b"]),
+        touches,
+        starts=((0.0, 0.0),),
+        family="load",
+    )

@@ -1,0 +1,88 @@
+"""Candidates of the motor stage, without dry friction."""
+
+from __future__ import annotations
+
+from cjt_gym.gap.fields import Fields
+from cjt_gym.gap.hypothesis import BODIES, Hypothesis, Scales, Values
+from cjt_gym.gap.nuisances import active_parameters
+from cjt_gym.gap.candidates.released import released
+from cjt_gym.gap.setting import Setting
+from cjt_gym.gap.unknowns import Unknown
+
+
+def motor_rows(setting: Setting, size: Scales) -> list[Hypothesis]:
+    """Return the candidates of the motor, without dry friction."""
+    active = active_parameters(setting)
+    rows = [released(setting, "k_t", "torque_constant", "motor", "k_t")]
+    rows.append(released(setting, "I_m", "inertia", "motor", "I_m"))
+    if "I_g" in active:
+        rows.append(released(setting, "I_g", "inertia", "motor", "I_g"))
+    rows += [
+        _damping(setting, size, body) for body in ("m", "g") if body == "m" or setting.has_gear
+    ]
+    heat = Unknown("time_constant", "s", 5.0, 0.8, log=True, low=0.2, high=500.0)
+    derate = Unknown("loss", "1/A^2", 0.0, 0.3 / size.current**2, low=0.0)
+    rows.append(
+        Hypothesis(
+            "thermal_derating",
+            "motor",
+            (derate, heat),
+            lambda f, v: f.update(derate=v["loss"], heat=v["time_constant"]),
+            ("motor",),
+            starts=tuple((0.1 / size.current**2, tau) for tau in (2.0, 5.0, 15.0)),
+            family="thermal",
+        )
+    )
+    offset = Unknown("torque", "N m", 0.0, size.torque)
+    rows.append(
+        Hypothesis(
+            "torque_offset",
+            "motor",
+            (offset,),
+            lambda f, v: f.update(offset=f["offset"] + v["torque"]),
+            ("motor",),
+            starts=((0.0,),),
+            family="offset",
+        )
+    )
+    rows += [
+        _periodic("cogging", "cog", size.torque, "N m"),
+        _periodic("gear_ripple", "rip", 1.0, "-"),
+    ]
+    return rows
+
+
+def _damping(setting: Setting, size: Scales, body: str) -> Hypothesis:
+    unit = setting.joint.parameters.unit(f"d_{body}")
+    typical = size.torque / size.speed
+    start = setting.nominal[f"d_{body}"]
+    if body == "m" and not setting.has_gear:
+        start += setting.nominal["d_g"]
+        start += 0.0 if setting.has_spring else setting.nominal["d_l"]
+    total = Unknown(f"d_{body}", unit, start, typical, low=-start)
+
+    def apply(f: Fields, v: Values) -> None:
+        f[f"d_{body}"] += v[f"d_{body}"] - start
+
+    return Hypothesis(
+        "damping",
+        "motor",
+        (total,),
+        apply,
+        ("motor", "transmission") if body == "g" else ("motor",),
+        body=BODIES[body],
+        starts=((start,),),
+        family="nominal",
+        releases=f"d_{body}",
+    )
+
+
+def _periodic(name: str, prefix: str, scale: float, unit: str) -> Hypothesis:
+    f = Unknown("f", "1/rev", 0.0, 1.0, low=0.0, flat=True)
+    a = Unknown("a", unit, 0.0, scale)
+    b = Unknown("b", unit, 0.0, scale)
+
+    def apply(fields: Fields, v: Values) -> None:
+        fields[f"{prefix}_f"], fields[f"{prefix}_a"], fields[f"{prefix}_b"] = v["f"], v["a"], v["b"]
+
+    return Hypothesis(name, "motor", (f, a, b), apply, ("motor",), family="periodic", search=prefix)

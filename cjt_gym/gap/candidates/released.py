@@ -1,0 +1,33 @@
+"""Rows that set a datasheet value free."""
+
+from __future__ import annotations
+
+from cjt_gym.gap.fields import Fields
+from cjt_gym.gap.hypothesis import Hypothesis, Values
+from cjt_gym.gap.nuisances import stages_of
+from cjt_gym.gap.setting import Setting
+from cjt_gym.gap.unknowns import Unknown
+
+
+def released(setting: Setting, name: str, effect: str, stage: str, field_name: str) -> Hypothesis:
+    """Return the row of an effect that is a wrong value of the datasheet."""
+    unit = setting.joint.parameters.unit(field_name)
+    factor = Unknown(name, unit, setting.nominal[field_name], 0.5, log=True)
+    body = {"m": "motor", "g": "gear", "l": "load"}.get(field_name[-1])
+    if stage not in ("motor", "load") or field_name == "k_t":
+        body = None
+
+    def release(f: Fields, v: Values) -> None:
+        f[field_name] *= v[name] / setting.nominal[field_name]
+
+    return Hypothesis(
+        effect,
+        stage,
+        (factor,),
+        release,
+        stages_of(setting, field_name),
+        body=body,
+        starts=((setting.nominal[field_name],),),
+        family="nominal",
+        releases=field_name,
+    )

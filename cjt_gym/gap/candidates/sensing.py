@@ -1,0 +1,41 @@
+"""Candidates of the torque sensor."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cjt_gym.gap.hypothesis import Apply, Hypothesis
+from cjt_gym.gap.setting import Setting
+from cjt_gym.gap.unknowns import Unknown
+
+
+def sensing_rows(setting: Setting) -> list[Hypothesis]:
+    """Return the candidates of the torque sensor."""
+    touches = ("motor", "transmission", "load")
+    dt = setting.series.dt
+    gain = Unknown("gain", "-", 1.0, 0.3, log=True, low=0.05, high=20.0)
+    bias = Unknown("bias", "N m", 0.0, max(float(np.std(setting.series["tau"])), 1e-9))
+    late = Unknown("delay", "s", 0.0, 3.0 * dt, low=0.0, high=60.0 * dt)
+
+    def row(name: str, unknown: Unknown, apply: Apply, starts: object) -> Hypothesis:
+        return Hypothesis(
+            name,
+            "sensing",
+            (unknown,),
+            apply,
+            touches,
+            channel="tau",
+            starts=starts,  # type: ignore[arg-type]
+            family="sensing",
+        )
+
+    return [
+        row("torque_gain", gain, lambda f, v: f.update(gain=f["gain"] * v["gain"]), ((1.0,),)),
+        row("torque_bias", bias, lambda f, v: f.update(tau_0=f["tau_0"] + v["bias"]), ((0.0,),)),
+        row(
+            "torque_delay",
+            late,
+            lambda f, v: f.update(late=f["late"] + v["delay"]),
+            tuple((k * dt,) for k in (0.3, 1.0, 3.0, 8.0)),
+        ),
+    ]

@@ -1,0 +1,90 @@
+"""Candidates of the transmission stage."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from cjt_gym.gap.fields import Fields
+from cjt_gym.gap.hypothesis import Hypothesis, Scales, Values
+from cjt_gym.gap.candidates.released import released
+from cjt_gym.gap.setting import Setting
+from cjt_gym.gap.unknowns import Unknown
+
+HYSTERESES = {"Bouc-Wen": 2.0, "Dahl": 1.0, "Maxwell slip": 0.0}
+
+
+def _hysteresis(exponent: float, f: Fields, v: Values) -> None:
+    f["hyst"], f["hyst_z"], f["hyst_n"] = v["h"], v["z_h"], exponent
+
+
+def transmission_rows(setting: Setting, size: Scales) -> list[Hypothesis]:
+    """Return the candidates of the transmission."""
+    touches = ("transmission",) if setting.cut_at_spring else ("motor",)
+    rows = [released(setting, "k_b", "stiffness", "transmission", "k_b")]
+    if setting.has_gear:
+        rows.append(released(setting, "k_g", "gear_stiffness", "transmission", "k_g"))
+    x = size.deflection
+    play = Unknown("b", "rad", 0.0, x, low=0.0)
+    centre = Unknown("centre", "rad", 0.0, x)
+    hard = Unknown("c", "1/rad^2", 0.0, 0.3 / x**2)
+    torque = Unknown("h", "N m", 0.0, setting.nominal["k_b"] * x)
+    width = Unknown("z_h", "rad", 0.3 * x, 1.5, log=True, low=1e-3 * x, high=100 * x)
+
+    def apply_play(f: Fields, v: Values) -> None:
+        f["play"], f["q_0"] = v["b"], f["q_0"] + v["centre"]
+
+    if setting.has_gear and setting.cut_at_spring:
+        rows.append(_gear_play(play, centre, x))
+    rows += [
+        Hypothesis(
+            "backlash",
+            "transmission",
+            (play, centre),
+            apply_play,
+            touches,
+            starts=tuple((w * x, c * w * x) for w in (0.03, 0.2) for c in (-0.4, 0.0, 0.4)),
+            family="spring",
+            variant="bar",
+        ),
+        Hypothesis(
+            "hardening",
+            "transmission",
+            (hard,),
+            lambda f, v: f.update(hard=v["c"]),
+            touches,
+            starts=((0.0,),),
+            family="spring",
+        ),
+        *(
+            Hypothesis(
+                "spring_hysteresis",
+                "transmission",
+                (torque, width),
+                partial(_hysteresis, exponent),
+                touches,
+                starts=tuple((0.02 * torque.scale, w * x) for w in (0.05, 0.3, 1.0)),
+                family="spring",
+                variant=variant,
+            )
+            for variant, exponent in HYSTERESES.items()
+        ),
+    ]
+    return rows
+
+
+def _gear_play(play: Unknown, centre: Unknown, x: float) -> Hypothesis:
+    def apply(f: Fields, v: Values) -> None:
+        f["play_g"] = v["b"]
+        f["centre_g"] = min(max(v["centre"], -0.5 * v["b"]), 0.5 * v["b"])
+        f["q_0"] -= f["centre_g"]
+
+    return Hypothesis(
+        "backlash",
+        "transmission",
+        (play, centre),
+        apply,
+        ("motor", "transmission"),
+        starts=tuple((w * x, c * w * x) for w in (0.05, 0.25) for c in (-0.4, 0.0, 0.4)),
+        family="spring",
+        variant="gear",
+    )
