@@ -17,7 +17,9 @@ from cjt_gym.gap.series import Series
 from cjt_gym.joint import JointFile
 
 Floats = NDArray[np.float64]
-ORDER = 8
+ORDER, OTHER_ORDER = 8, 5
+SAME = 0.06
+"""Relative difference up to which two estimates of the noise agree."""
 WINDOW = 50
 QUIET = 0.25
 """Share of windows, the quietest ones, from which the noise of a channel is read."""
@@ -30,6 +32,7 @@ class ChannelNoise:
     Attributes:
         specified: Deviation that the joint file allows, with its resolution; 0 if unknown.
         observed: Deviation that the data show at high frequency.
+        white: Whether differences of another order show the same.
         lattice: Step of the values found in the data; 0 if they lie on no lattice.
         resolution: Step that the joint file states; 0 if unknown.
         std: Deviation that counts.
@@ -38,6 +41,7 @@ class ChannelNoise:
 
     specified: float
     observed: float
+    white: bool
     lattice: float
     resolution: float
     std: float
@@ -59,13 +63,16 @@ def channel_noise(series: Series, joint: JointFile, name: str, slope: float) -> 
     specified = float(np.hypot(noise, resolution / np.sqrt(12.0)))
     x = series[name]
     lattice = lattice_step(x[series.valid[name]])
-    observed = high_frequency_std(x, series.valid[name], slope * np.abs(series.speed(name)))
+    shaken = slope * np.abs(series.speed(name))
+    observed = high_frequency_std(x, series.valid[name], shaken)
+    other = high_frequency_std(x, series.valid[name], shaken, OTHER_ORDER)
+    white = abs(observed - other) <= SAME * observed
     floor = lattice / np.sqrt(12.0)
     std = max(specified, floor)
     if specified == 0.0:
         std = max(std, observed)
     shown = observed_jitter(x, series.valid[name], series.speed(name), 2.0 * slope)
-    return ChannelNoise(specified, observed, lattice, resolution, max(std, 1e-12), shown)
+    return ChannelNoise(specified, observed, white, lattice, resolution, max(std, 1e-12), shown)
 
 
 def observed_jitter(x: Floats, valid: NDArray[np.bool_], speed: Floats, limit: float) -> float:
@@ -86,25 +93,34 @@ def observed_jitter(x: Floats, valid: NDArray[np.bool_], speed: Floats, limit: f
     return float(min(np.sqrt(max(excess, 0.0) / np.median(v[fast] ** 2)), limit))
 
 
-def high_frequency_std(x: Floats, valid: NDArray[np.bool_], jitter: Floats) -> float:
+def high_frequency_std(
+    x: Floats, valid: NDArray[np.bool_], jitter: Floats, order: int = ORDER
+) -> float:
     """Return the deviation of white noise under a smooth signal.
 
     The eighth difference passes white noise with a known gain and stops what is slow. Windows are
-    ranked by how steep the signal is, as steep ones carry the jitter; the median of the flattest
-    quarter counts.
+    ranked by how steep the signal is, as steep ones carry the jitter, whose share is taken off; the
+    median of the flattest quarter counts.
+
+    Args:
+        x: Samples, shape (N,).
+        valid: Where they were measured, shape (N,).
+        jitter: Deviation that the jitter of the sampling times causes, shape (N,).
+        order: Of the difference.
     """
     if len(x) < 4 * WINDOW:
         return 0.0
-    gain = np.sqrt(float(comb(2 * ORDER, ORDER)))
-    d = np.diff(x, ORDER) / gain
-    good = np.convolve(~valid, np.ones(ORDER + 1), "valid") == 0
+    gain = np.sqrt(float(comb(2 * order, order)))
+    d = np.diff(x, order) / gain
+    good = np.convolve(~valid, np.ones(order + 1), "valid") == 0
     count = len(d) // WINDOW
     d = np.where(good, d, np.nan)[: count * WINDOW].reshape(count, WINDOW)
-    steep = jitter[: count * WINDOW].reshape(count, WINDOW).max(axis=1)
+    shaken = jitter[: count * WINDOW].reshape(count, WINDOW)
+    steep = shaken.max(axis=1)
     with np.errstate(all="ignore"):
         power = np.nanmean(d * d, axis=1) if np.isfinite(d).any() else np.zeros(count)
-    order = np.argsort(steep)[: max(int(QUIET * count), 4)]
-    chosen = power[order]
+    flattest = np.argsort(steep)[: max(int(QUIET * count), 4)]
+    chosen = np.maximum(power - np.mean(shaken**2, axis=1), 0.0)[flattest]
     chosen = chosen[np.isfinite(chosen)]
     return float(np.sqrt(np.median(chosen))) if chosen.size else 0.0
 

@@ -47,23 +47,25 @@ class Look:
     def __post_init__(self) -> None:
         self._products = {n: j.T @ j for n, j in self.fit.jacobian.items()}
 
-    def try_effect(self, effect: Hypothesis, starts: tuple[tuple[float, ...], ...]) -> Fit | None:
-        """Return a rough fit of one more effect from the best of its starts."""
-        best: tuple[float, Floats] | None = None
+    def first(self, effect: Hypothesis, starts: tuple[tuple[float, ...], ...]) -> Fit | None:
+        """Return the best fit after one step from each of an effect's starts."""
+        steps = []
         for start in starts:
-            unknowns = effect.unknowns
-            e = [u.coordinate(x) for u, x in zip(unknowns, start, strict=True)]
-            found = self._improve(effect, np.concatenate([self.fit.z, e]))
-            if best is None or found[0] < best[0]:
-                best = found
-        if best is None:
+            e = [u.coordinate(x) for u, x in zip(effect.unknowns, start, strict=True)]
+            steps.append(self._improve(effect, np.concatenate([self.fit.z, e])))
+        if not steps:
             return None
+        return self._as_fit(effect, min(steps, key=lambda pair: pair[0])[1])
+
+    def refine(self, rough: Fit) -> Fit:
+        """Return the fit of `first` after a few more steps."""
+        effect, best = rough.model.effects[-1], (rough.cost, rough.z)
         for _ in range(RELINEARISED):
             found = self._improve(effect, best[1])
-            if found[0] > best[0] - 0.5:
-                best = min(best, found, key=lambda pair: pair[0])
+            small = found[0] > best[0] - 0.5
+            best = min(best, found, key=lambda pair: pair[0])
+            if small:
                 break
-            best = found
         return self._as_fit(effect, best[1])
 
     def _as_fit(self, effect: Hypothesis, z: Floats) -> Fit:

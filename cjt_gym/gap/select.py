@@ -31,6 +31,8 @@ LEAST = 0.1
 LINES = {"i": "drive", "push_m": "motor", "push_l": "load"}
 """Stage in whose residual a wave in time on a channel shows itself."""
 SHORT_LIST = 4
+HOPEFUL = 0.3
+"""Share of the leader's gain after one step from which a candidate is given some more."""
 NEAR = 60.0
 """Evidence by which a rough fit may trail the best one and still be fitted in full."""
 
@@ -179,12 +181,18 @@ class Selection:
             if h.key not in used and compatible(fit.model, h) and self._may_help(fit, h)
         ]
         look = self._look(fit)
-        quick: list[Fit] = []
+        firsts: list[Fit] = []
         for effect in free:
-            if time.process_time() > self.until and quick:
+            if time.process_time() > self.until and firsts:
                 break
-            rough = look.try_effect(effect, self._starts(fit, effect))
-            quick += [] if rough is None else [rough]
+            first = look.first(effect, self._starts(look.fit, effect))
+            firsts += [] if first is None else [first]
+        if not firsts:
+            return []
+        values = [evidence(self.problem, f) for f in firsts]
+        before, top = evidence(self.problem, fit), max(values)
+        limit = min(top - 2.0 * NEAR, before + HOPEFUL * (top - before))
+        quick = [look.refine(f) if v > limit else f for f, v in zip(firsts, values, strict=True)]
         for f in quick:
             f.jacobian = look.fit.jacobian
         return sorted(quick, key=lambda f: -evidence(self.problem, f))

@@ -75,7 +75,10 @@ def sensor_findings(setting: Setting, residuals: Mapping[str, Floats]) -> tuple[
             continue
         stage = next((name for name in stages if name in floors), None)
         finding = _coarse(channel, noise)
-        if finding is None and stage is not None and floors[stage] > RAISED:
+        raised = stage is not None and floors[stage] > RAISED
+        if stage is not None and noise.white:
+            raised = raised or quiet_rms(residuals[stage], coloured=True) > RAISED
+        if finding is None and raised:
             finding = _noisy(channel, noise, noise.observed)
         if finding is not None:
             found.append(finding)
@@ -119,10 +122,12 @@ def _memory(x: Floats) -> float:
     return float(np.mean(x[1:] * x[:-1]) / max(float(np.mean(x * x)), 1e-300))
 
 
-def quiet_rms(residual: Floats) -> float:
+def quiet_rms(residual: Floats, coloured: bool = False) -> float:
     """Return the rms of a residual in its quietest windows, 1 for white Gaussian noise.
 
-    Where these windows are not white it is no noise that fills them, and 1 is returned.
+    Where these windows are not white it is no noise that fills them, and 1 is returned, unless
+    `coloured` says that colour does not matter: a predictor that was tuned to less noise colours
+    what it leaves.
     """
     counted = residual[residual != 0.0]
     count = len(counted) // WINDOW
@@ -131,7 +136,7 @@ def quiet_rms(residual: Floats) -> float:
     windows = counted[: count * WINDOW].reshape(count, WINDOW)
     power = np.mean(windows**2, axis=1)
     few = np.argsort(power)[: max(int(QUIETEST * count), 2)]
-    if np.mean([_memory(windows[k]) for k in few]) > COLOURED:
+    if not coloured and np.mean([_memory(windows[k]) for k in few]) > COLOURED:
         return 1.0
     return float(np.sqrt(power[few].mean())) / GAUSSIAN
 
