@@ -22,9 +22,8 @@ from cjt_gym.gap.diagnosis import (
 from cjt_gym.gap.evidence import gather, source_of
 from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.fit import Fit, Model, Problem, retuned
+from cjt_gym.gap.heldout import HeldOut, on_held_out, worth
 from cjt_gym.gap.hypotheses import hypotheses, shown
-from cjt_gym.gap.hypothesis import scales
-from cjt_gym.gap.candidates.outside import outside_rows
 from cjt_gym.gap.intervals import Covariance, covariance, effect_intervals
 from cjt_gym.gap.joint_file import identified_joint
 from cjt_gym.gap.localize import where
@@ -52,6 +51,8 @@ WITHIN = 2.5
 """Deviations of a datasheet value that count as its tolerance."""
 PATIENCE = 60.0
 """Processor time after which the search for effects ends with what it has [s]."""
+REFUTED = 0.2
+"""Worth on held-out data below which an effect is refuted."""
 CERTAINTY = 8.0
 """Evidence that makes a name e times as likely."""
 KNOWN = 0.7
@@ -67,6 +68,7 @@ class Explanation:
         base: The fit without effects.
         fit: The fit with those that are needed.
         needs: What each of them is needed for.
+        held: What it is worth on held-out records.
         seen: All other fits.
         left: Stages that are not explained.
         sensors: Channels that are worse than specified.
@@ -76,6 +78,7 @@ class Explanation:
     base: Fit
     fit: Fit
     needs: tuple[Need, ...]
+    held: tuple[HeldOut, ...]
     seen: tuple[Fit, ...]
     left: tuple[Leftover, ...]
     sensors: tuple[SensorFinding, ...]
@@ -113,9 +116,9 @@ def diagnose(
     setting = make_setting(fitted, file, shape)
     tested = held if held else [first.slice(int((1.0 - TAIL) * len(first)), None)]
     try:
-        explanation = explain(setting, progress)
-        progress("replaying what was kept from the fit")
         replayed = [make_setting(r, file, shape, setting.series.zero) for r in _long(tested)]
+        explanation = explain(setting, replayed, progress)
+        progress("replaying what was kept from the fit")
         source = source_of(file, shape, [fitted], _long(tested))
         return _report(
             explanation, replayed or [setting], bool(replayed), started, source, _title(first)
@@ -129,8 +132,16 @@ def diagnose(
         ) from error
 
 
-def explain(setting: Setting, progress: Progress = silent) -> Explanation:
-    """Return the explanation of one record."""
+def explain(
+    setting: Setting, others: Sequence[Setting] = (), progress: Progress = silent
+) -> Explanation:
+    """Return the explanation of one record.
+
+    Args:
+        setting: The record.
+        others: Records that were not used to find it, on which it must stand.
+        progress: Is told what is being done.
+    """
     progress("fitting the nominal joint within its tolerances")
     problem, base = _without_effects(setting)
     sensors = sensor_findings(setting, base.residuals)
@@ -138,7 +149,7 @@ def explain(setting: Setting, progress: Progress = silent) -> Explanation:
         problem, base = _without_effects(with_findings(setting, sensors))
     until = time.process_time() + PATIENCE
     candidates = hypotheses(setting, problem.stages.names)
-    outside = shown(outside_rows(setting, scales(setting))[0], problem.stages.names)
+    outside = shown(problem.stages.outside.rows, problem.stages.names)
     selection = Selection(problem, candidates, base, outside, until=until, progress=progress)
     fit = simplify(problem, selection.run(), selection.candidates)
     if setting.current_unspecified:
@@ -151,9 +162,26 @@ def explain(setting: Setting, progress: Progress = silent) -> Explanation:
         fit = retuned(problem, fit)
     progress("leaving out one effect after the other")
     coarse = any(finding.name == "quantization" for finding in sensors)
-    fit, needs = prune(problem, fit, COARSE_STRAIN if coarse else STRAIN)
-    left = leftovers(base, fit, needs)
-    return Explanation(problem, base, fit, tuple(needs), tuple(selection.seen), left, sensors)
+    tested = [with_findings(other, sensors) for other in others]
+    fit, needs, held = _standing(problem, fit, tested, COARSE_STRAIN if coarse else STRAIN)
+    left = leftovers(base, fit, needs, held)
+    seen = tuple(selection.seen)
+    return Explanation(problem, base, fit, tuple(needs), held, seen, left, sensors)
+
+
+def _standing(
+    problem: Problem, fit: Fit, others: Sequence[Setting], strain: float
+) -> tuple[Fit, list[Need], tuple[HeldOut, ...]]:
+    """Return the model without what it can do without and without what held-out data refute."""
+    while True:
+        fit, needs = prune(problem, fit, strain)
+        held = tuple(on_held_out(other, problem, fit) for other in others)
+        trials = [worth(held, k) for k in range(len(needs))]
+        refuted = [k for k, trial in enumerate(trials) if trial and trial.worth < REFUTED]
+        if not refuted:
+            return fit, needs, held
+        worst = min(refuted, key=lambda k: needs[k].evidence)
+        fit = retuned(problem, needs[worst].without)
 
 
 def _found_late(
@@ -304,7 +332,9 @@ def _named(found: Explanation, spread: Covariance) -> tuple[NamedEffect, ...]:
     problem, fit = found.problem, found.fit
     rows = []
     for index, (effect, need) in enumerate(zip(fit.model.effects, found.needs, strict=True)):
-        state = None if effect.outside else status(need, effect.touches, found.left)
+        state = None
+        if not effect.outside:
+            state = status(need, effect.touches, found.left, worth(found.held, index))
         if state is None:
             continue
         lead = evidence(problem, fit) - best_rival(problem, fit, index, found.seen)

@@ -7,13 +7,12 @@ first record does not.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.gap.disturbance import Disturbance
 from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.fit import Fit, Model, Problem, retuned
 from cjt_gym.gap.hypothesis import Hypothesis, Values
@@ -24,6 +23,8 @@ from cjt_gym.gap.stages import Stages
 Floats = NDArray[np.float64]
 PER_RECORD = ("i_0", "w_i", "delay", "tau_0", "skew", "q_0")
 """Fields that may differ from record to record."""
+SEEN = 0.02
+"""Mean square of the change from which an effect shows itself on a record."""
 
 
 @dataclass(frozen=True)
@@ -55,20 +56,27 @@ class HeldOut:
     trials: tuple[Trial, ...]
 
 
-def on_held_out(
-    setting: Setting, disturbances: Mapping[str, Disturbance], problem: Problem, fit: Fit
-) -> HeldOut:
+def worth(held: Sequence[HeldOut], index: int) -> Trial | None:
+    """Return what an effect is worth over all held-out records, None where none excites it."""
+    trials = [h.trials[index] for h in held]
+    change = sum(trial.change for trial in trials)
+    if change < SEEN:
+        return None
+    return Trial(change, sum(t.change * t.worth for t in trials) / change)
+
+
+def on_held_out(setting: Setting, problem: Problem, fit: Fit) -> HeldOut:
     """Return what an explanation is worth on another record.
 
     Args:
         setting: The other record, its angles counted from the zeros of the first.
-        disturbances: What causes outside the table add to the joint.
         problem: The first record.
         fit: The explanation.
     """
     other = _frozen_parameters(setting, problem, fit)
     shared = tuple(n for n in nuisances(setting, Stages(setting).names) if n.field in PER_RECORD)
-    stages = Stages(other, disturbances)
+    stages = Stages(other)
+    stages.process, stages.allowance = problem.stages.process, problem.stages.allowance
     held = Problem(stages, shared)
     effects = _frozen(problem, fit)
     start = np.zeros(len(shared))
@@ -88,7 +96,9 @@ def on_held_out(
 def _trial(held: Problem, full: Fit, index: int) -> Trial:
     effects = full.model.effects
     less = replace(full.model, effects=effects[:index] + effects[index + 1 :])
-    touched = effects[index].touches
+    touched = [n for n in effects[index].touches if n in full.mean_square]
+    if not touched:
+        return Trial(0.0, 1.0)
     residuals = held.fit(less, full.z).residuals
     weights = {n: 1.0 / max(full.mean_square[n], 1.0) for n in touched}
     change = {n: residuals[n] - full.residuals[n] for n in touched}

@@ -8,13 +8,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from cjt_gym.gap.hypothesis import Hypothesis, scales
 from cjt_gym.gap.candidates.drive import drive_rows
 from cjt_gym.gap.candidates.friction import friction_rows
 from cjt_gym.gap.candidates.load import load_rows
 from cjt_gym.gap.candidates.motor import motor_rows
 from cjt_gym.gap.candidates.sensing import sensing_rows
 from cjt_gym.gap.candidates.transmission import transmission_rows
+from cjt_gym.gap.hypothesis import Hypothesis, scales
 from cjt_gym.gap.setting import Setting
 
 

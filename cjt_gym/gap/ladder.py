@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from cjt_gym.gap.diagnosis import NamedEffect, Step
 from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.fit import Fit, Model, Problem
-from cjt_gym.gap.hypotheses import Hypothesis
+from cjt_gym.gap.hypothesis import Hypothesis
 from cjt_gym.gap.replay import replay
 from cjt_gym.gap.setting import Setting
 from cjt_gym.gap.signals import commanded_current

@@ -89,7 +89,7 @@ def with_findings(setting: Setting, findings: tuple[SensorFinding, ...]) -> Sett
     """Return the setting with the scatter that was found."""
     noise = dict(setting.noise)
     for finding in findings:
-        if finding.name == "noise":
+        if finding.name == "noise" and finding.channel in noise:
             known = noise[finding.channel]
             total = float(np.hypot(finding.value, known.resolution / np.sqrt(12.0)))
             noise[finding.channel] = replace(known, std=max(known.std, total))

@@ -23,8 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import fftconvolve, savgol_filter
 
+from cjt_gym.gap.candidates.outside import Outside, outside_rows
 from cjt_gym.gap.chain import GEAR, LOAD, MOTOR, Chain, Link, build_chain, kalman_gain
-from cjt_gym.gap.disturbance import Disturbance, corrected, disturbing
+from cjt_gym.gap.disturbance import corrected, disturbing
 from cjt_gym.gap.fields import CHAIN, Fields
 from cjt_gym.gap.predictor import (
     Gain,
@@ -64,14 +65,12 @@ class Stages:
 
     Attributes:
         setting: The record and its joint.
-        disturbances: What may act beside the model.
         gains: Predictor gains by stage, for the fields given to `tune`.
         process: Torque noise on the motor beyond what is specified [N m].
         allowance: Factor by which the motor's residual may exceed what white noise explains.
     """
 
     setting: Setting
-    disturbances: Mapping[str, Disturbance] = field(default_factory=dict)
     gains: dict[str, Gain] = field(default_factory=dict)
     process: float = 0.0
     allowance: float = 1.0
@@ -89,6 +88,11 @@ class Stages:
         }
         return tuple(name for name in STAGES if there[name])
 
+    @cached_property
+    def outside(self) -> Outside:
+        """Causes outside the effect table that may act beside the model."""
+        return outside_rows(self.setting)
+
     def tune(self, fields: Fields) -> None:
         """Compute the predictors' gains for these fields."""
         for name in self.names:
@@ -97,7 +101,7 @@ class Stages:
 
     def predict(self, name: str, fields: Fields) -> Prediction:
         """Return the prediction of a stage."""
-        added = disturbing(fields, self.setting.series, self.disturbances)
+        added = self._added(fields)
         series = corrected(self.setting.series, added)
         run: dict[str, Callable[[Fields, Series, Added], Prediction]] = {
             "drive": self._drive,
@@ -106,6 +110,12 @@ class Stages:
             "load": self._load,
         }
         return run[name](fields, series, added)
+
+    def _added(self, fields: Fields) -> Added:
+        """Return what the causes outside the effect table add to each channel."""
+        if not any("." in key for key in fields):
+            return {}
+        return disturbing(fields, self.setting.series, self.outside.disturbances)
 
     def residual(self, name: str, fields: Fields) -> Floats:
         """Return the normalised residual of a stage, shape (N,)."""

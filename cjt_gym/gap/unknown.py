@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from cjt_gym.gap.fit import Fit
+from cjt_gym.gap.heldout import HeldOut, Trial
 from cjt_gym.gap.prune import Need
 
 LEFT = 1.3
@@ -16,6 +17,13 @@ FIRM = 1.5
 """Part of a residual, in log, from which an effect is confirmed although something is left."""
 WEAK = 0.5
 """Part of it below which an effect is not even named where something is left."""
+HELD_LEFT = 1.6
+"""The same as LEFT on a held-out record, to which nothing was fitted."""
+HELD_SHARE = 0.02
+DOUBTFUL = 0.6
+"""Worth of an effect on held-out data below which it is no more than tentative."""
+CLOSE = 0.2
+"""How far from 1 its worth may be where something is left."""
 
 
 @dataclass(frozen=True)
@@ -33,38 +41,53 @@ class Leftover:
     text: str = ""
 
 
-def leftovers(base: Fit, fit: Fit, needs: Sequence[Need]) -> tuple[Leftover, ...]:
+def leftovers(
+    base: Fit, fit: Fit, needs: Sequence[Need], held: Sequence[HeldOut]
+) -> tuple[Leftover, ...]:
     """Return the stages in which a material part of the gap is left, the worst first.
 
-    What a cause outside the effect table takes away is left, too.
+    What a cause outside the effect table takes away is left, too, and so is what comes up on a
+    held-out record.
     """
     found = []
     for effect, need in zip(fit.model.effects, needs, strict=True):
         if effect.outside:
-            ms = need.without.mean_square[need.stage]
-            found.append(Leftover(need.stage, _share(base, need.stage, ms), effect.outside))
-    blamed = {item.stage for item in found}
-    for name, ms in fit.mean_square.items():
-        share = _share(base, name, ms)
-        if name not in blamed and ms > LEFT**2 and share > LEFT_SHARE:
-            found.append(Leftover(name, share))
+            share = _share(base.mean_square, need.stage, need.without.mean_square[need.stage])
+            found.append(Leftover(need.stage, share, effect.outside))
+    levels: list[tuple[Mapping[str, float], Mapping[str, float], float, float]]
+    levels = [(base.mean_square, fit.mean_square, LEFT, LEFT_SHARE)]
+    levels += [(h.before, h.after, HELD_LEFT, HELD_SHARE) for h in held]
+    for before, after, limit, least in levels:
+        blamed = {item.stage for item in found}
+        for name, ms in after.items():
+            share = _share(before, name, ms)
+            if name not in blamed and ms > limit**2 and share > least:
+                found.append(Leftover(name, share))
     return tuple(sorted(found, key=lambda left: -left.share))
 
 
-def _share(base: Fit, stage: str, ms: float) -> float:
-    excess = max(base.mean_square[stage] - 1.0, ms - 1.0, 1e-12)
+def _share(before: Mapping[str, float], stage: str, ms: float) -> float:
+    excess = max(before[stage] - 1.0, ms - 1.0, 1e-12)
     return max(ms - 1.0, 0.0) / excess
 
 
-def status(need: Need, touches: Sequence[str], left: Sequence[Leftover]) -> str | None:
+def status(
+    need: Need, touches: Sequence[str], left: Sequence[Leftover], trial: Trial | None
+) -> str | None:
     """Return "confirmed" or "tentative" for an effect, None where it should not be named.
 
     An effect in stages that are explained is confirmed. Where something is left, it could be the
-    shadow of what is missing: then it must have taken a large part of the residual.
+    shadow of what is missing: then it must be worth on held-out data what it says, or, where there
+    are none that excite it, it must have taken a large part of the residual.
     """
     open_stages = {item.stage for item in left}
-    if not open_stages & set(touches):
+    shadow = bool(open_stages & set(touches))
+    if trial is not None and trial.worth < DOUBTFUL:
+        return "tentative" if not shadow or need.log_share >= WEAK else None
+    if not shadow:
         return "confirmed"
+    if trial is not None:
+        return "confirmed" if abs(trial.worth - 1.0) < CLOSE else "tentative"
     if need.stage not in open_stages and need.log_share > WEAK:
         return "confirmed"
     if need.log_share >= FIRM:

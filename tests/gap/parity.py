@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cjt_gym.gap.diagnosis import Interval, NamedEffect
 from cjt_gym.gap.fields import Fields
-from cjt_gym.gap.hypotheses import Hypothesis
+from cjt_gym.gap.hypothesis import Hypothesis
 from cjt_gym.gap.joint_file import identified_joint
 from cjt_gym.gap.replay import replay
 from cjt_gym.gap.setting import Setting, make_setting

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from cjt_gym.gap.candidates.released import released
 from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.hypothesis import BODIES, Hypothesis, Scales, Values
 from cjt_gym.gap.nuisances import active_parameters
-from cjt_gym.gap.candidates.released import released
 from cjt_gym.gap.setting import Setting
 from cjt_gym.gap.unknowns import Unknown
 

@@ -15,7 +15,7 @@ from scipy.signal import lfilter, savgol_filter
 
 from cjt_gym.gap.disturbance import Disturbance, field_of
 from cjt_gym.gap.fields import Fields
-from cjt_gym.gap.hypothesis import Apply, Hypothesis, Scales, Values
+from cjt_gym.gap.hypothesis import Apply, Hypothesis, Scales, Values, scales
 from cjt_gym.gap.series import Series
 from cjt_gym.gap.setting import Setting
 from cjt_gym.gap.unknowns import Unknown
@@ -88,10 +88,9 @@ class Outside:
         )
 
 
-def outside_rows(
-    setting: Setting, size: Scales
-) -> tuple[tuple[Hypothesis, ...], dict[str, Disturbance]]:
+def outside_rows(setting: Setting) -> Outside:
     """Return the candidates outside the effect table and what they add to the joint."""
+    size = scales(setting)
     found = Outside(setting, size)
     if "i" in setting.series and "i_cmd" in setting.series:
         _drive(found)
@@ -105,7 +104,7 @@ def outside_rows(
             speed = max(float(np.std(setting.series.speed("q_l"))), 1e-9)
             _on_body(found, "l", max(float(np.std(setting.series["tau"])), 1e-9), speed)
             _encoder(found, "q_l", size)
-    return tuple(found.rows), found.disturbances
+    return found
 
 
 # ---- signals

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from functools import partial
 
+from cjt_gym.gap.candidates.released import released
 from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.hypothesis import Hypothesis, Scales, Values
-from cjt_gym.gap.candidates.released import released
 from cjt_gym.gap.setting import Setting
 from cjt_gym.gap.unknowns import Unknown
 
