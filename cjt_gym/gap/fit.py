@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.hypothesis import Hypothesis
 from cjt_gym.gap.nuisances import Nuisance, nuisances
-from cjt_gym.gap.process import process_torque
+from cjt_gym.gap.process import settle_noise
 from cjt_gym.gap.stages import Stages
 from cjt_gym.gap.unknowns import Unknown
 
@@ -97,7 +97,7 @@ class Problem:
         problem = cls(stages, nuisances(stages.setting, stages.names))
         fields = problem.fields(Model(), np.zeros(len(problem.shared)))
         if stages.setting.current_unspecified:
-            process_torque(stages, fields)
+            settle_noise(stages, fields)
         else:
             stages.tune(fields)
         problem.counts = {

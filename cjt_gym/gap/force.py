@@ -17,44 +17,60 @@ from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
 from cjt_gym.gap.fields import Fields
-from cjt_gym.gap.process import process_torque
+from cjt_gym.gap.process import settle_noise
 from cjt_gym.gap.setting import Setting
 from cjt_gym.gap.signals import motor_torque, periodic_torque, smooth_mean, weight
 from cjt_gym.gap.stages import Stages
 
 Floats = NDArray[np.float64]
 CUTOFF, SHARE = 100.0, 0.2
-"""Cut-off of the filter [Hz], and its largest share of the sampling frequency."""
+"""Highest cut-off of the filter [Hz], and its largest share of the sampling frequency."""
+LOWEST = 2.0
+"""Lowest cut-off [Hz]."""
+PART = 0.05
+"""Share of the torque, in rms, that the noise of what is compared may have."""
 ORDER = 4
 
 
-def torques(setting: Setting, fields: Fields) -> tuple[Floats, Floats]:
+def torques(stages: Stages, fields: Fields, cutoff: float) -> tuple[Floats, Floats]:
     """Return the torque that was applied and the one that the model needs [N m], each shape (N,).
 
     Args:
-        setting: The record of a joint without a spring.
+        stages: The record of a joint without a spring, its noise settled.
         fields: The model.
+        cutoff: Of the low pass [Hz].
     """
-    stages, dt = Stages(setting), setting.series.dt
-    if setting.current_unspecified:
-        process_torque(stages, fields)
-    else:
-        stages.tune(fields)
+    series, dt = stages.setting.series, stages.setting.series.dt
+    stages.tune(fields)
     friction = stages.predict("motor", fields).friction.sum(axis=1)
-    series = setting.series
     current = motor_torque(fields, series) - fields["offset"]
     q = series["q_m"]
     outside = periodic_torque(fields, series, np.zeros(len(q))) - weight(fields, q)
     if "tau_l" in series:
         outside = outside + series["tau_l"]
     known = friction + smooth_mean(outside) + fields["offset"]
-    q = low_pass(q, dt)
-    speed = np.gradient(q, dt)
-    acceleration = np.gradient(speed, dt)
+    speed = np.gradient(low_pass(q, dt, cutoff), dt)
     inertia = sum(fields[f"I_{b}"] for b in "mgl")
     damping = sum(fields[f"d_{b}"] for b in "mgl")
-    needed = inertia * acceleration + damping * speed - low_pass(_centred(known), dt)
-    return low_pass(_centred(current), dt), needed
+    needed = inertia * np.gradient(speed, dt) + damping * speed
+    return low_pass(_centred(current), dt, cutoff), needed - low_pass(_centred(known), dt, cutoff)
+
+
+def settled(setting: Setting, fields: Fields) -> Stages:
+    """Return the stages of a record with its noise settled for a model."""
+    stages = Stages(setting)
+    if setting.current_unspecified:
+        settle_noise(stages, fields)
+    return stages
+
+
+def fair_cutoff(setting: Setting, fields: Fields) -> float:
+    """Return the highest cut-off [Hz] at which noise is no more than a small part of the torque."""
+    size = float(np.sqrt(np.mean(motor_torque(fields, setting.series) ** 2)))
+    cutoff = min(CUTOFF, SHARE / setting.series.dt)
+    while cutoff > LOWEST and torque_noise(setting, fields, cutoff) > PART * size:
+        cutoff *= 0.7
+    return cutoff
 
 
 def _centred(torque: Floats) -> Floats:
@@ -62,17 +78,19 @@ def _centred(torque: Floats) -> Floats:
     return np.asarray(0.5 * (torque + np.concatenate([torque[:1], torque[:-1]])))
 
 
-def low_pass(x: Floats, dt: float) -> Floats:
-    """Return a signal without what is faster than the motion of a drive, shape (N,)."""
-    sos = butter(ORDER, min(CUTOFF, SHARE / dt), fs=1.0 / dt, output="sos")
+def low_pass(x: Floats, dt: float, cutoff: float) -> Floats:
+    """Return a signal without what is faster than a cut-off [Hz], shape (N,)."""
+    sos = butter(ORDER, cutoff, fs=1.0 / dt, output="sos")
     return np.asarray(sosfiltfilt(sos, x))
 
 
-def torque_noise(setting: Setting, fields: Fields) -> float:
+def torque_noise(setting: Setting, fields: Fields, cutoff: float) -> float:
     """Return the error of the torque [N m] that noise of encoder and current alone would leave."""
     rng, dt = np.random.default_rng(0), setting.series.dt
     white = rng.standard_normal((2, max(len(setting.series), 1000)))
     inertia = sum(fields[f"I_{b}"] for b in "mgl")
-    moved = np.gradient(np.gradient(low_pass(setting.std("q_m") * white[0], dt), dt), dt)
-    current = fields["n"] * fields["k_t"] * setting.std("i") * low_pass(white[1], dt)
+    shaken = setting.noise["q_m"].jitter * float(np.std(setting.series.speed("q_m")))
+    angle = float(np.hypot(setting.std("q_m"), shaken)) * white[0]
+    moved = np.gradient(np.gradient(low_pass(angle, dt, cutoff), dt), dt)
+    current = fields["n"] * fields["k_t"] * setting.std("i") * low_pass(white[1], dt, cutoff)
     return float(np.hypot(inertia * np.std(moved), np.std(current)))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.gap.fields import Fields
-from cjt_gym.gap.force import torque_noise, torques
+from cjt_gym.gap.force import fair_cutoff, settled, torque_noise, torques
 from cjt_gym.gap.replay import replay
 from cjt_gym.gap.setting import Setting
 
@@ -57,12 +57,16 @@ def measure_gap(
     """
     errors: dict[str, list[tuple[Floats, Floats, Floats]]] = {}
     replays: dict[str, dict[str, Floats]] = {}
+    noise = 0.0
     for setting in settings:
         truth = _measured(setting)
         one, two = replay(setting, nominal), replay(setting, explained)
         if not setting.has_spring:
-            truth["tau_m"], one["tau_m"] = torques(setting, nominal)
-            _, two["tau_m"] = torques(setting, explained)
+            stages = settled(setting, explained)
+            cutoff = fair_cutoff(stages.setting, explained)
+            noise = torque_noise(stages.setting, explained, cutoff)
+            truth["tau_m"], one["tau_m"] = torques(stages, nominal, cutoff)
+            _, two["tau_m"] = torques(stages, explained, cutoff)
         for name, signal in truth.items():
             if name in one and np.isfinite(one[name]).all() and np.isfinite(two[name]).all():
                 errors.setdefault(name, []).append((one[name] - signal, two[name] - signal, signal))
@@ -73,7 +77,7 @@ def measure_gap(
     main = next(name for name in ("tau", "tau_m", "dq_m") if name in table)
     before, after = table[main]
     low, high = _interval(errors[main], settings[0].series.dt)
-    noise = _noise(settings[0], main, explained)
+    noise = {"tau": settings[0].std("tau"), "tau_m": noise, "dq_m": _speed_noise(settings[0])}[main]
     rms = float(np.sqrt(np.mean(np.concatenate([s for _, _, s in errors[main]]) ** 2)))
     channels = {name: {"before": b, "after": a} for name, (b, a) in table.items()}
     floor = noise / max(rms, 1e-300)
@@ -88,11 +92,7 @@ def _measured(setting: Setting) -> dict[str, Floats]:
     return signals
 
 
-def _noise(setting: Setting, channel: str, fields: Fields) -> float:
-    if channel == "tau":
-        return setting.std("tau")
-    if channel == "tau_m":
-        return torque_noise(setting, fields)
+def _speed_noise(setting: Setting) -> float:
     return setting.std("q_m") * float(np.sqrt(2.0)) / (4.0 * setting.series.dt)
 
 
