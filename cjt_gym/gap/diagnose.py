@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from cjt_gym.errors import CjtGymError, ConfigurationError, RecordError
 from cjt_gym.gap.confusable import best_rival, rivals
@@ -116,13 +117,14 @@ def diagnose(
     setting = make_setting(fitted, file, shape)
     tested = held if held else [first.slice(int((1.0 - TAIL) * len(first)), None)]
     try:
-        replayed = [make_setting(r, file, shape, setting.series.zero) for r in _long(tested)]
-        explanation = explain(setting, replayed, progress)
-        progress("replaying what was kept from the fit")
-        source = source_of(file, shape, [fitted], _long(tested))
-        return _report(
-            explanation, replayed or [setting], bool(replayed), started, source, _title(first)
-        )
+        with threadpool_limits(1, "blas"):  # small matrices lose more by threads than they gain
+            replayed = [make_setting(r, file, shape, setting.series.zero) for r in _long(tested)]
+            explanation = explain(setting, replayed, progress)
+            progress("replaying what was kept from the fit")
+            source = source_of(file, shape, [fitted], _long(tested))
+            return _report(
+                explanation, replayed or [setting], bool(replayed), started, source, _title(first)
+            )
     except (np.linalg.LinAlgError, FloatingPointError, ValueError) as error:
         if isinstance(error, CjtGymError):
             raise

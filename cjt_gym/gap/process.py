@@ -54,7 +54,9 @@ def settle_noise(stages: Stages, fields: Fields) -> None:
         fields: The nominal joint.
     """
     s = stages.setting
-    inertia = sum(fields[f"I_{b}"] for b, g in zip("mgl", s.structure.groups, strict=True) if g == 0)
+    inertia = sum(
+        fields[f"I_{b}"] for b, g in zip("mgl", s.structure.groups, strict=True) if g == 0
+    )
     drive = motor_torque(fields, s.series)
     strongest = min(
         16.0 * inertia * s.std("q_m") / s.series.dt**2,

@@ -136,8 +136,8 @@ class Stages:
         ripple = periodic_torque(fields, series, transmitted + self._gear_inertia(fields))
         torque = motor_torque(fields, series) + smooth_mean(ripple) + added.get("push_m", 0.0)
         forced = torque[:, None] * chain.torque[:, MOTOR]
-        if chain.groups[LOAD] >= 0:
-            forced += smooth_mean(self._on_load(fields))[:, None] * chain.torque[:, LOAD]
+        if chain.groups[LOAD] >= 0 and (outside := self._on_load(fields)) is not None:
+            forced += smooth_mean(outside)[:, None] * chain.torque[:, LOAD]
         if s.cut_at_spring:
             mean = smooth_mean(transmitted)
             forced -= mean[:, None] * chain.torque[:, GEAR]
@@ -158,13 +158,16 @@ class Stages:
             "motor", series, fields, chain, forced, bodies, transmitted, added.get("rub_m"), play
         )
 
-    def _on_load(self, fields: Fields) -> Floats:
-        """Return what acts on a load that is part of the motor's stage [N m]."""
+    def _on_load(self, fields: Fields) -> Floats | None:
+        """Return what acts on a load that is part of the motor's stage [N m], None for nothing."""
         series = self.setting.series
-        outside: Floats = series["tau_l"] if "tau_l" in series else np.zeros(len(series))
-        if self.setting.has_spring:
+        outside: Floats | None = None
+        if "tau_l" in series:
+            outside = series["tau_l"]
+        if self.setting.has_spring or (fields["grav_a"] == 0.0 and fields["grav_b"] == 0.0):
             return outside
-        return np.asarray(outside - weight(fields, series["q_m"]))
+        hanging = -weight(fields, series["q_m"])
+        return hanging if outside is None else np.asarray(outside + hanging)
 
     def _gear_inertia(self, fields: Fields) -> Floats | float:
         """Return what a compliant gear carries on top of the joint torque, to move itself [N m]."""
