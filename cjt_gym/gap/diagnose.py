@@ -37,7 +37,7 @@ from cjt_gym.gap.sensing import (
     sensor_findings,
     with_findings,
 )
-from cjt_gym.gap.setting import Setting, make_setting
+from cjt_gym.gap.setting import Setting, as_noisy, make_setting
 from cjt_gym.gap.shrink import Gap, measure_gap
 from cjt_gym.gap.stages import Stages
 from cjt_gym.gap.suggest import suggest
@@ -54,6 +54,8 @@ PATIENCE = 60.0
 """Processor time after which the search for effects ends with what it has [s]."""
 REFUTED = 0.2
 """Worth on held-out data below which an effect is refuted."""
+EVEN_CHANCE = 0.5
+"""Confidence below which no effect counts as confirmed."""
 CERTAINTY = 8.0
 """Evidence that makes a name e times as likely."""
 KNOWN = 0.7
@@ -121,9 +123,11 @@ def diagnose(
             replayed = [make_setting(r, file, shape, setting.series.zero) for r in _long(tested)]
             explanation = explain(setting, replayed, progress)
             progress("replaying what was kept from the fit")
+            known = explanation.problem.stages.setting
+            replayed = [as_noisy(one, known) for one in replayed]
             source = source_of(file, shape, [fitted], _long(tested))
             return _report(
-                explanation, replayed or [setting], bool(replayed), started, source, _title(first)
+                explanation, replayed or [known], bool(replayed), started, source, _title(first)
             )
     except (np.linalg.LinAlgError, FloatingPointError, ValueError) as error:
         if isinstance(error, CjtGymError):
@@ -344,6 +348,8 @@ def _named(found: Explanation, spread: Covariance) -> tuple[NamedEffect, ...]:
         confidence = 1.0 / (1.0 + float(np.exp(-np.clip(lead / CERTAINTY, -20.0, 20.0))))
         if state == "tentative":
             confidence *= 0.5
+        elif confidence < EVEN_CHANCE:
+            state = "tentative"
         rows.append(
             NamedEffect(
                 effect.name,

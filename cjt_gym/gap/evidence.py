@@ -14,6 +14,7 @@ from cjt_gym.gap.fit import Fit, Problem
 from cjt_gym.gap.ladder import ladder, models, order_of, replays
 from cjt_gym.gap.maps import friction_maps, ripple, spring_loop
 from cjt_gym.gap.setting import Setting
+from cjt_gym.gap.shrink import main_channel
 from cjt_gym.joint import JointFile, Structure
 from cjt_gym.records import Record
 
@@ -47,14 +48,13 @@ def gather(
     order = order_of(named, effects)
     steps = models(problem, fit, nominal, order) if explains else [nominal]
     last = settings[-1]
-    channel = "tau" if "tau" in last.series and last.has_spring else "dq_m"
     return Evidence(
         t=stages.setting.series.t,
         before=before,
         after=fit.residuals,
         replays=replays(last, nominal, steps[-1]),
         replay_dt=last.series.dt,
-        ladder=ladder(settings, steps, [effects[k] for k in order], channel),
+        ladder=ladder(settings, steps, [effects[k] for k in order], main_channel(last)),
         friction=friction_maps(stages, within, after),
         ripple=ripple(stages, (within, before["motor"]), (after, fit.residuals["motor"])),
         spring=spring_loop(stages, within, after),

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
 from cjt_gym.gap.fields import Fields
-from cjt_gym.gap.process import settle_noise
 from cjt_gym.gap.setting import Setting
 from cjt_gym.gap.signals import motor_torque, periodic_torque, smooth_mean, weight
 from cjt_gym.gap.stages import Stages
@@ -32,15 +31,16 @@ PART = 0.05
 ORDER = 4
 
 
-def torques(stages: Stages, fields: Fields, cutoff: float) -> tuple[Floats, Floats]:
+def torques(setting: Setting, fields: Fields) -> tuple[Floats, Floats]:
     """Return the torque that was applied and the one that the model needs [N m], each shape (N,).
 
     Args:
-        stages: The record of a joint without a spring, its noise settled.
+        setting: The record of a joint without a spring.
         fields: The model.
-        cutoff: Of the low pass [Hz].
     """
-    series, dt = stages.setting.series, stages.setting.series.dt
+    series, dt = setting.series, setting.series.dt
+    cutoff = fair_cutoff(setting)
+    stages = Stages(setting)
     stages.tune(fields)
     friction = stages.predict("motor", fields).friction.sum(axis=1)
     current = motor_torque(fields, series) - fields["offset"]
@@ -56,19 +56,11 @@ def torques(stages: Stages, fields: Fields, cutoff: float) -> tuple[Floats, Floa
     return low_pass(_centred(current), dt, cutoff), needed - low_pass(_centred(known), dt, cutoff)
 
 
-def settled(setting: Setting, fields: Fields) -> Stages:
-    """Return the stages of a record with its noise settled for a model."""
-    stages = Stages(setting)
-    if setting.current_unspecified:
-        settle_noise(stages, fields)
-    return stages
-
-
-def fair_cutoff(setting: Setting, fields: Fields) -> float:
+def fair_cutoff(setting: Setting) -> float:
     """Return the highest cut-off [Hz] at which noise is no more than a small part of the torque."""
-    size = float(np.sqrt(np.mean(motor_torque(fields, setting.series) ** 2)))
+    size = float(np.sqrt(np.mean(motor_torque(setting.nominal, setting.series) ** 2)))
     cutoff = min(CUTOFF, SHARE / setting.series.dt)
-    while cutoff > LOWEST and torque_noise(setting, fields, cutoff) > PART * size:
+    while cutoff > LOWEST and torque_noise(setting, cutoff) > PART * size:
         cutoff *= 0.7
     return cutoff
 
@@ -84,8 +76,9 @@ def low_pass(x: Floats, dt: float, cutoff: float) -> Floats:
     return np.asarray(sosfiltfilt(sos, x))
 
 
-def torque_noise(setting: Setting, fields: Fields, cutoff: float) -> float:
+def torque_noise(setting: Setting, cutoff: float) -> float:
     """Return the error of the torque [N m] that noise of encoder and current alone would leave."""
+    fields = setting.nominal
     rng, dt = np.random.default_rng(0), setting.series.dt
     white = rng.standard_normal((2, max(len(setting.series), 1000)))
     inertia = sum(fields[f"I_{b}"] for b in "mgl")

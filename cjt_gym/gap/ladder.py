@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 from cjt_gym.gap.diagnosis import NamedEffect, Step
 from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.fit import Fit, Model, Problem
+from cjt_gym.gap.force import torques
 from cjt_gym.gap.hypothesis import Hypothesis
 from cjt_gym.gap.replay import replay
 from cjt_gym.gap.setting import Setting
+from cjt_gym.gap.shrink import compared
 from cjt_gym.gap.signals import commanded_current
 
 Floats = NDArray[np.float64]
@@ -59,7 +61,7 @@ def ladder(
         settings: The held-out records.
         fields: The models: nominal, with its tolerances, and with each of the effects.
         effects: The effects in the order in which they are added.
-        channel: The channel whose error counts, "tau" or "dq_m".
+        channel: The channel whose error counts, see `cjt_gym.gap.shrink`.
     """
     names: list[tuple[str, str | None, str | None]] = [
         ("nominal", None, None),
@@ -76,8 +78,8 @@ def ladder(
 
 def _blocks(setting: Setting, fields: Fields, channel: str) -> Floats:
     """Return the squared error and the squared signal of each block, shape (blocks, 2)."""
-    signal = setting.series.speed("q_m") if channel == "dq_m" else setting.series[channel]
-    error = replay(setting, fields)[channel] - signal
+    signal, model = compared(setting, fields)[channel]
+    error = model - signal
     size = max(int(BLOCK / setting.series.dt), 1)
     starts = np.arange(0, len(signal), size)
     squares = (np.add.reduceat(error**2, starts), np.add.reduceat(signal**2, starts))
@@ -103,6 +105,10 @@ def replays(setting: Setting, before: Fields, after: Fields) -> dict[str, dict[s
         measured.pop("q_m")  # an angle without a spring to ground drifts in any replay
         measured.pop("q_l", None)
     one, two = replay(setting, before), replay(setting, after)
+    if not setting.has_spring:
+        (measured["tau_m"], one["tau_m"]), (_, two["tau_m"]) = (
+            torques(setting, fields) for fields in (before, after)
+        )
     found = {}
     for name, signal in measured.items():
         if name != "q_l" and name in one and np.isfinite(one[name] + two[name]).all():

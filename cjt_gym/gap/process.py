@@ -90,8 +90,7 @@ def _best(choices: Sequence[float], cost: Callable[[float], float]) -> float:
 def _set(stages: Stages, torque: float, shake: float) -> None:
     noise = dict(stages.setting.noise)
     noise["q_m"] = replace(noise["q_m"], jitter=shake)
-    stages.setting = replace(stages.setting, noise=noise)
-    stages.process = torque
+    stages.setting = replace(stages.setting, noise=noise, process=torque)
 
 
 def allow_for_colour(stages: Stages, mean_square: float) -> None:
@@ -101,7 +100,8 @@ def allow_for_colour(stages: Stages, mean_square: float) -> None:
         stages: The record, with the process torque of its white noise.
         mean_square: Of the motor's residual without any effect.
     """
-    stages.allowance = max(COLOUR, SMALL * mean_square**0.5)
+    allowance = max(COLOUR, SMALL * mean_square**0.5)
+    stages.setting = replace(stages.setting, allowance=allowance)
 
 
 def misfit(raw: Floats, scatter: Floats, speed: Floats) -> float:

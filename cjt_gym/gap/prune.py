@@ -31,6 +31,8 @@ SIMPLER: Mapping[str, tuple[str, ...]] = {
     "viscous_asym": ("damping",),
 }
 
+EVEN: Mapping[str, str] = {"coulomb_asym": "coulomb", "viscous_asym": "damping"}
+
 
 @dataclass(frozen=True)
 class Need:
@@ -104,22 +106,23 @@ def simplify(problem: Problem, fit: Fit, candidates: tuple[Hypothesis, ...]) -> 
 
 
 def split_asymmetry(problem: Problem, fit: Fit, candidates: tuple[Hypothesis, ...]) -> Fit:
-    """Return the model with equal Coulomb levels and an offset where these do as well.
+    """Return the model with an even law and an offset in place of an uneven one, if as good.
 
-    While a body moves, unequal levels are equal ones and a constant torque. Where nothing states
-    how exact the command is, an offset of the amplifier is the likelier of the two.
+    While a body moves, unequal Coulomb levels are equal ones and a constant torque. Where nothing
+    states how exact the command is, an offset of the amplifier is the likelier of the two.
     """
     for index, effect in enumerate(fit.model.effects):
-        if effect.name == "coulomb_asym":
-            pair = [
-                h
-                for h in candidates
-                if (h.name == "coulomb" and h.body == effect.body) or h.name == "torque_offset"
-            ]
-            if len(pair) == 2 and not any(h in fit.model.effects for h in pair):
-                trial = _swapped(problem, fit, index, *pair)
-                if loss(problem, trial, fit) < NEAR:
-                    return trial
+        even = EVEN.get(effect.name)
+        pair = [
+            h
+            for h in candidates
+            if (h.name == even and h.body == effect.body) or h.name == "torque_offset"
+        ]
+        fresh = [h for h in pair if h.key not in {e.key for e in fit.model.effects}]
+        if even is not None and any(h.name == even for h in fresh):
+            trial = _swapped(problem, fit, index, *fresh)
+            if loss(problem, trial, fit) < NEAR:
+                return split_asymmetry(problem, trial, candidates)
     return fit
 
 

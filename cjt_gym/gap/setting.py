@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,8 @@ class Setting:
         nominal: Its fields.
         noise: Scatter of each channel.
         jitter: Deviation of the sampling times [s].
+        process: Torque noise on the motor beyond what is specified [N m].
+        allowance: Factor by which the motor's residual may exceed what white noise explains.
     """
 
     series: Series
@@ -40,6 +42,8 @@ class Setting:
     nominal: Fields
     noise: Mapping[str, ChannelNoise]
     jitter: float
+    process: float = 0.0
+    allowance: float = 1.0
 
     def std(self, channel: str) -> float:
         """Return the deviation of one sample of a channel; 0 where it is not measured."""
@@ -87,3 +91,14 @@ def make_setting(
         if name != "i_cmd"
     }
     return Setting(series, structure, joint, nominal_fields(joint, structure), noise, jitter)
+
+
+def as_noisy(setting: Setting, known: Setting) -> Setting:
+    """Return a setting with the noise that another record of the same joint has shown."""
+    noise = {
+        name: replace(own, std=max(own.std, known.noise[name].std), jitter=known.noise[name].jitter)
+        if name in known.noise
+        else own
+        for name, own in setting.noise.items()
+    }
+    return replace(setting, noise=noise, process=known.process, allowance=known.allowance)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.gap.fields import Fields
-from cjt_gym.gap.force import fair_cutoff, settled, torque_noise, torques
+from cjt_gym.gap.force import fair_cutoff, torque_noise, torques
 from cjt_gym.gap.replay import replay
 from cjt_gym.gap.setting import Setting
 
@@ -57,27 +57,20 @@ def measure_gap(
     """
     errors: dict[str, list[tuple[Floats, Floats, Floats]]] = {}
     replays: dict[str, dict[str, Floats]] = {}
-    noise = 0.0
     for setting in settings:
-        truth = _measured(setting)
-        one, two = replay(setting, nominal), replay(setting, explained)
-        if not setting.has_spring:
-            stages = settled(setting, explained)
-            cutoff = fair_cutoff(stages.setting, explained)
-            noise = torque_noise(stages.setting, explained, cutoff)
-            truth["tau_m"], one["tau_m"] = torques(stages, nominal, cutoff)
-            _, two["tau_m"] = torques(stages, explained, cutoff)
-        for name, signal in truth.items():
-            if name in one and np.isfinite(one[name]).all() and np.isfinite(two[name]).all():
-                errors.setdefault(name, []).append((one[name] - signal, two[name] - signal, signal))
-                replays[name] = {"measured": signal, "before": one[name], "after": two[name]}
+        one, two = compared(setting, nominal), compared(setting, explained)
+        for name, (signal, before) in one.items():
+            after = two[name][1]
+            if np.isfinite(before).all() and np.isfinite(after).all():
+                errors.setdefault(name, []).append((before - signal, after - signal, signal))
+                replays[name] = {"measured": signal, "before": before, "after": after}
     if not errors:
         return Gap(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, held_out, {})
     table = {name: _relative(parts) for name, parts in errors.items()}
-    main = next(name for name in ("tau", "tau_m", "dq_m") if name in table)
+    main = main_channel(settings[0]) if main_channel(settings[0]) in table else next(iter(table))
     before, after = table[main]
     low, high = _interval(errors[main], settings[0].series.dt)
-    noise = {"tau": settings[0].std("tau"), "tau_m": noise, "dq_m": _speed_noise(settings[0])}[main]
+    noise = _noise(settings[0], main)
     rms = float(np.sqrt(np.mean(np.concatenate([s for _, _, s in errors[main]]) ** 2)))
     channels = {name: {"before": b, "after": a} for name, (b, a) in table.items()}
     floor = noise / max(rms, 1e-300)
@@ -85,14 +78,29 @@ def measure_gap(
     return Gap(before, after, floor, removed, low, high, held_out, channels, replays)
 
 
-def _measured(setting: Setting) -> dict[str, Floats]:
-    signals = {"dq_m": setting.series.speed("q_m")}
+def main_channel(setting: Setting) -> str:
+    """Return the channel whose error is the gap."""
+    if not setting.has_spring:
+        return "tau_m"
+    return "tau" if "tau" in setting.series else "dq_m"
+
+
+def compared(setting: Setting, fields: Fields) -> dict[str, tuple[Floats, Floats]]:
+    """Return the measured and the modelled signal, shape (N,), of every channel to compare."""
+    model = replay(setting, fields)
+    found = {"dq_m": (setting.series.speed("q_m"), model["dq_m"])}
     if "tau" in setting.series and setting.has_spring:
-        signals["tau"] = setting.series["tau"]
-    return signals
+        found["tau"] = (setting.series["tau"], model["tau"])
+    if not setting.has_spring:
+        found["tau_m"] = torques(setting, fields)
+    return found
 
 
-def _speed_noise(setting: Setting) -> float:
+def _noise(setting: Setting, channel: str) -> float:
+    if channel == "tau":
+        return setting.std("tau")
+    if channel == "tau_m":
+        return torque_noise(setting, fair_cutoff(setting))
     return setting.std("q_m") * float(np.sqrt(2.0)) / (4.0 * setting.series.dt)
 
 

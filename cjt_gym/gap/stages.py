@@ -66,14 +66,10 @@ class Stages:
     Attributes:
         setting: The record and its joint.
         gains: Predictor gains by stage, for the fields given to `tune`.
-        process: Torque noise on the motor beyond what is specified [N m].
-        allowance: Factor by which the motor's residual may exceed what white noise explains.
     """
 
     setting: Setting
     gains: dict[str, Gain] = field(default_factory=dict)
-    process: float = 0.0
-    allowance: float = 1.0
     _chains: dict[tuple[object, ...], Chain] = field(default_factory=dict)
 
     @property
@@ -330,7 +326,7 @@ class Stages:
         current = s.std("i") if "i" in s.series else 0.0
         own = abs(fields["n"] * fields["k_t"]) * current
         tau = s.std("tau") / abs(fields["gain"]) if s.cut_at_spring else 0.0
-        extra = max(PROCESS_TORQUE * float(np.hypot(own, tau)), self.process)
+        extra = max(PROCESS_TORQUE * float(np.hypot(own, tau)), s.process)
         torque = (np.hypot(own, extra), tau, tau) if name == "motor" else (0.0, 0.0, tau)
         channel = "q_m" if name == "motor" else "q_l"
         jitter = s.noise[channel].jitter * float(np.sqrt(np.mean(s.series.speed(channel) ** 2)))
@@ -349,7 +345,7 @@ class Stages:
             response = torque_response(chain, k, GEAR if name == "motor" else LOAD)
             variance += fftconvolve(late**2, response**2)[: len(late)]
         if name == "motor":
-            variance *= self.allowance**2
+            variance *= s.allowance**2
         return Gain(k, std, np.sqrt(np.maximum(variance, 1e-300)))
 
     def _innovations(
