@@ -28,6 +28,7 @@ from cjt_gym.gap.hypotheses import hypotheses, shown
 from cjt_gym.gap.intervals import Covariance, covariance, effect_intervals
 from cjt_gym.gap.joint_file import identified_joint
 from cjt_gym.gap.localize import where
+from cjt_gym.gap.missing import not_judged, same_here
 from cjt_gym.gap.process import allow_for_colour
 from cjt_gym.gap.prune import COARSE_STRAIN, STRAIN, Need, prune, simplify, split_asymmetry
 from cjt_gym.gap.select import Progress, Selection, evidence, silent
@@ -280,7 +281,7 @@ def _report(
         regimes=next(iter(lying.values()))[0],
         effects=named,
         gap=GapSize(**{k: v for k, v in vars(gap).items() if k != "replays"}),
-        unexplained=_unexplained(left),
+        unexplained=_unexplained(left, not_judged(problem.stages.setting)),
         suggestion=suggest(problem, found.base, found.fit, found.needs, found.seen, named, left),
         seconds=time.perf_counter() - started,
         evidence=drawn,
@@ -360,11 +361,18 @@ def _named(found: Explanation, spread: Covariance) -> tuple[NamedEffect, ...]:
                 state,
                 confidence,
                 _removed(found, need),
-                tuple(rivals(problem, found.base, fit, index, found.seen)),
+                _confusable(found, index),
             )
         )
     rows += [_sensor_row(finding, problem.stages.setting) for finding in found.sensors]
     return tuple(sorted(rows, key=lambda row: -row.gap_removed))
+
+
+def _confusable(found: Explanation, index: int) -> tuple[str, ...]:
+    """Return what could stand in the place of an effect, here or with these channels."""
+    names = rivals(found.problem, found.base, found.fit, index, found.seen)
+    name = found.fit.model.effects[index].name
+    return tuple(dict.fromkeys((*names, *same_here(found.problem.stages.setting, name))))
 
 
 def _removed(found: Explanation, need: Need) -> float:
@@ -419,13 +427,13 @@ def _gap(found: Explanation, settings: Sequence[Setting], held_out: bool, explai
     return measure_gap(settings, nominal, explained if explains else nominal, held_out)
 
 
-def _unexplained(left: Sequence[Leftover]) -> Unexplained:
+def _unexplained(left: Sequence[Leftover], open_ends: Sequence[str]) -> Unexplained:
     if not left:
-        return Unexplained(0.0, None, "Nothing material is left.")
+        return Unexplained(0.0, None, " ".join(("Nothing material is left.", *open_ends)))
     worst = left[0]
     like = f" It looks like {worst.text}." if worst.text else ""
     text = (
         f"In the {worst.stage} stage {100 * worst.share:.0f} % of the gap is left. "
         f"No effect of the table explains it.{like}"
     )
-    return Unexplained(worst.share, worst.stage, text)
+    return Unexplained(worst.share, worst.stage, " ".join((text, *open_ends)))

@@ -11,15 +11,18 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
 
 from cjt_gym.errors import RecordError
-from cjt_gym.joint import JointFile
+from cjt_gym.joint import JointFile, Structure
 from cjt_gym.records import Record
 
 Floats = NDArray[np.float64]
 USED = ("i_cmd", "i", "q_m", "q_g", "q_l", "tau", "tau_l")
 SHORTEST = 200
 """Fewest samples from which anything can be told."""
+START = 0.01
+"""Time over which the first velocity is read [s]."""
 UNEVEN = 0.2
 """Deviation of a sampling interval from the median, relative, above which times are re-sampled."""
 
@@ -33,12 +36,14 @@ class Series:
         columns: Channels by name, each of shape (N,), finite.
         valid: For each channel whether the sample was measured, shape (N,).
         zero: What was taken off each angle, so that it starts at zero [rad].
+        derived: Channels that were not measured but follow from others and the nominal joint.
     """
 
     dt: float
     columns: Mapping[str, Floats]
     valid: Mapping[str, NDArray[np.bool_]]
     zero: Mapping[str, float]
+    derived: frozenset[str] = frozenset()
     _speeds: dict[str, Floats] = field(default_factory=dict)
 
     def __contains__(self, name: str) -> bool:
@@ -73,20 +78,24 @@ class Series:
         return self._speeds[name]
 
     def first_speed(self, name: str) -> float:
-        """Return the slope of a channel over its first ten samples [unit/s]."""
-        y = self.columns[name][:10]
+        """Return the slope of a channel over its first samples, ten at most [unit/s]."""
+        y = self.columns[name][: min(max(round(START / self.dt), 4), 10)]
         k = np.arange(len(y)) - 0.5 * (len(y) - 1)
         return float(k @ y / (k @ k) / self.dt)
 
 
 def to_series(
-    record: Record, joint: JointFile, zero_at: Mapping[str, float] | None = None
+    record: Record,
+    joint: JointFile,
+    structure: Structure,
+    zero_at: Mapping[str, float] | None = None,
 ) -> Series:
     """Return the channels of a record on an even grid.
 
     Args:
         record: The record.
         joint: The joint, for the current that belongs to a torque.
+        structure: How its bodies are joined, for an angle that belongs to another.
         zero_at: What to take off each angle [rad]; left out, its first value.
 
     Raises:
@@ -95,6 +104,7 @@ def to_series(
     columns = {name: record[name] for name in USED if name in record}
     _add_commands(columns, record, joint)
     columns = {name: x for name, x in columns.items() if np.isfinite(x).sum() > SHORTEST // 2}
+    derived = _add_motor_angle(columns, record, joint, structure)
     _check(record, columns)
     t, dt = record.t, float(np.median(np.diff(record.t)))
     even = np.abs(np.diff(t) - dt).max() <= UNEVEN * dt
@@ -107,7 +117,7 @@ def to_series(
         if name.startswith("q_"):
             zero[name] = (zero_at or {}).get(name, float(out[name][0]))
             out[name] = out[name] - zero[name]
-    return Series(dt, out, valid, zero)
+    return Series(dt, out, valid, zero, derived)
 
 
 def _near(grid: Floats, t: Floats, dt: float) -> NDArray[np.bool_]:
@@ -126,6 +136,34 @@ def _add_commands(columns: dict[str, Floats], record: Record, joint: JointFile) 
             columns[current] = record[torque] / (p.k_t * p.n)
 
 
+def _add_motor_angle(
+    columns: dict[str, Floats], record: Record, joint: JointFile, structure: Structure
+) -> frozenset[str]:
+    """Add the motor's angle where it was not measured but follows; return what was added.
+
+    It is the angle of a body that moves with the motor, or the integral of the motor's velocity,
+    or, where the output is held, the deflection that the joint torque causes in the spring.
+    """
+    if "q_m" in columns:
+        return frozenset()
+    groups = structure.groups
+    moving = [body for body, group in zip("mgl", groups, strict=True) if group == groups[0]]
+    for body in moving:
+        if f"q_{body}" in columns:
+            columns["q_m"] = columns[f"q_{body}"]
+            return frozenset()
+    for name in (f"dq_{body}" for body in moving):
+        if name in record and np.isfinite(record[name]).all():
+            columns["q_m"] = cumulative_trapezoid(record[name], record.t, initial=0.0)
+            return frozenset()
+    p = joint.parameters
+    if structure.output_fixed and "tau" in columns and p.get("k_b", 0.0) > 0.0:
+        stiffness = 1.0 / (1.0 / p.k_b + (1.0 / p.k_g if structure.groups[1] != 0 else 0.0))
+        columns["q_m"] = columns["tau"] / stiffness + columns.get("q_l", 0.0)
+        return frozenset({"q_m"})
+    return frozenset()
+
+
 def _check(record: Record, columns: Mapping[str, Floats]) -> None:
     if len(record) < SHORTEST:
         raise RecordError(
@@ -134,8 +172,9 @@ def _check(record: Record, columns: Mapping[str, Floats]) -> None:
         )
     if "q_m" not in columns:
         raise RecordError(
-            f"{record.owner} must have the motor angle q_m [rad] to be diagnosed. "
-            f"Columns there: {', '.join(record.columns)}."
+            f"{record.owner} must have the motor angle q_m [rad] to be diagnosed: only with a held "
+            "output can the joint torque tau [N m] stand in for it, by the stiffness k_b of the "
+            f"joint. Columns there: {', '.join(record.columns)}."
         )
     if "i" not in columns and "i_cmd" not in columns:
         raise RecordError(

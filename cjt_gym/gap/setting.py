@@ -82,7 +82,7 @@ def make_setting(
     zero_at: Mapping[str, float] | None = None,
 ) -> Setting:
     """Return the setting of a record; `zero_at` makes its angles count from another one's zeros."""
-    series = to_series(record, joint, zero_at)
+    series = to_series(record, joint, structure, zero_at)
     sampling = joint.sampling.get("jitter")
     jitter = sampling.number if sampling is not None else 0.0
     noise = {

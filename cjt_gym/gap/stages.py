@@ -79,7 +79,9 @@ class Stages:
         there = {
             "drive": "i" in s.series and "i_cmd" in s.series,
             "motor": True,
-            "transmission": s.cut_at_spring and ("q_l" in s.series or s.structure.output_fixed),
+            "transmission": s.cut_at_spring
+            and ("q_l" in s.series or s.structure.output_fixed)
+            and "q_m" not in s.series.derived,
             "load": s.cut_at_spring and not s.structure.output_fixed and "q_l" in s.series,
         }
         return tuple(name for name in STAGES if there[name])

@@ -160,8 +160,8 @@ def test_the_mean_over_an_interval_of_a_sine_is_its_integral() -> None:
 def test_angles_of_a_second_record_count_from_the_zeros_of_the_first() -> None:
     record = simulate(seconds=1.0)
     moved = record.with_columns({"q_m": record["q_m"] + 0.7})
-    first = to_series(record, nominal())
-    second = to_series(moved, nominal(), first.zero)
+    first = to_series(record, nominal(), get_structure(FIXED))
+    second = to_series(moved, nominal(), get_structure(FIXED), first.zero)
     assert second["q_m"][0] - first["q_m"][0] == pytest.approx(0.7)
 
 
@@ -172,7 +172,7 @@ def test_uneven_times_are_put_on_an_even_grid() -> None:
     columns = {name: record[name][keep] for name in record.columns}
     t = (np.arange(len(record)) * 1e-3)[keep]
     uneven = Record(columns | {"t": t}, dict(record.units) | {"t": "s"}, dt=1e-3)
-    series = to_series(uneven, nominal())
+    series = to_series(uneven, nominal(), get_structure(FIXED))
     assert len(series) == len(record)
     assert not series.valid["q_m"][405:415].any()
 
@@ -181,7 +181,7 @@ def test_a_record_driven_by_nothing_is_refused() -> None:
     record = simulate(seconds=1.0)
     bare = Record({"q_m": record["q_m"]}, {"q_m": "rad"}, dt=1e-3)
     with pytest.raises(RecordError, match="drives the joint"):
-        to_series(bare, nominal())
+        to_series(bare, nominal(), get_structure(FIXED))
 
 
 def test_derivatives_only_fill_the_stages_that_a_number_touches() -> None:

@@ -1,0 +1,43 @@
+"""What a record cannot tell, because a channel is missing: said, not guessed."""
+
+from __future__ import annotations
+
+from cjt_gym.gap.setting import Setting
+
+
+def not_judged(setting: Setting) -> tuple[str, ...]:
+    """Return sentences on what the missing channels leave open."""
+    there = setting.series
+    said = []
+    if "q_m" in there.derived:
+        said.append(
+            "Without the motor angle the spring is taken as the joint file has it: neither the "
+            "spring nor the scale of the torque sensor is judged."
+        )
+    if setting.has_spring and "tau" not in there:
+        said.append(
+            "Without the joint torque, motor, spring and load are judged as one, and the torque "
+            "sensor not at all."
+        )
+    if setting.cut_at_spring and "q_l" not in there and not setting.structure.output_fixed:
+        said.append("Without the load angle neither the spring nor the load is judged.")
+    if "i_cmd" not in there:
+        said.append("Without the command the drive is not judged.")
+    elif "i" not in there:
+        said.append(
+            "Without the measured current, delay and lag of the drive are seen through the motor "
+            "only, and an offset of the drive is one of the motor."
+        )
+    return tuple(said)
+
+
+def same_here(setting: Setting, name: str) -> tuple[str, ...]:
+    """Return the effects that this record's channels cannot tell from one, whatever its motion."""
+    pairs = []
+    if setting.structure.output_fixed and setting.cut_at_spring:
+        pairs.append({"torque_offset", "torque_bias"})
+    if "q_m" in setting.series.derived:
+        pairs.append({"torque_constant", "torque_gain"})
+    if not setting.has_spring:
+        pairs += [{"inertia", "load_inertia"}, {"coulomb", "load_coulomb"}]
+    return tuple(sorted(other for pair in pairs if name in pair for other in pair - {name}))
