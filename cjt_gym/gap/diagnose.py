@@ -10,6 +10,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from cjt_gym.errors import CjtGymError, ConfigurationError, RecordError
+from cjt_gym.gap.candidates.outside import outside_rows
 from cjt_gym.gap.confusable import best_rival, rivals
 from cjt_gym.gap.diagnosis import (
     Diagnosis,
