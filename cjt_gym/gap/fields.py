@@ -102,6 +102,18 @@ def _add_known_effects(fields: Fields, joint: JointFile) -> None:
             fields[f"d_n_{body}"] = other - base
 
 
+def own_field(name: str, number: int) -> str:
+    """Return the field that holds by how much a field differs in a further record."""
+    return f"{name}@{number}"
+
+
+def of_record(fields: Fields, number: int) -> Fields:
+    """Return the fields of the model for a further record, those that differ there added."""
+    mark = own_field("", number)
+    own = {name.removesuffix(mark): x for name, x in fields.items() if name.endswith(mark)}
+    return fields | {name: fields[name] + x for name, x in own.items()}
+
+
 def friction_law(fields: Fields, body: str) -> NDArray[np.float64]:
     """Return a body's friction law as the kernel takes it, shape (10,); body is m, g or l."""
     law = np.empty(LAW_SIZE)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.hypothesis import Hypothesis
-from cjt_gym.gap.nuisances import Nuisance, nuisances
+from cjt_gym.gap.nuisances import Nuisance, nuisances, nuisances_of_others
 from cjt_gym.gap.process import settle_noise
 from cjt_gym.gap.stages import Stages
 from cjt_gym.gap.unknowns import Unknown
@@ -94,12 +94,13 @@ class Problem:
     @classmethod
     def of(cls, stages: Stages) -> Problem:
         """Return the problem of a record; its predictors are tuned to the nominal joint."""
-        problem = cls(stages, nuisances(stages.setting, stages.names))
+        shared = nuisances(stages.setting, stages.names)
+        others = [(other.setting, other.names) for other in stages.others]
+        problem = cls(stages, shared + nuisances_of_others(shared, others))
         fields = problem.fields(Model(), np.zeros(len(problem.shared)))
-        if stages.setting.current_unspecified:
+        if stages.setting.current_unspecified and stages.setting.process == 0.0:
             settle_noise(stages, fields)
-        else:
-            stages.tune(fields)
+        stages.tune(fields)
         problem.counts = {
             name: int(np.count_nonzero(stages.residual(name, fields))) for name in stages.names
         }

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cjt_gym.gap.fields import Fields
+from cjt_gym.gap.fields import Fields, own_field
 from cjt_gym.gap.setting import Setting
 from cjt_gym.gap.unknowns import Unknown
 
@@ -17,6 +18,8 @@ CURRENT_OFFSET, TORQUE_OFFSET = 0.35, 0.75
 """Deviation of a sensor's offset, in units of its noise."""
 USUAL_CURRENT, USUAL_TORQUE = 0.004, 0.03
 """Deviation that the offsets of current [A] and torque [N m] have at least."""
+OWN = ("i_0", "tau_0", "q_0")
+"""Fields that differ from record to record of one joint."""
 LAG_TOLERANCE = 0.2
 HELD = 0.3
 """Deviation of the instant at which a drive takes its command over, in samples."""
@@ -42,6 +45,26 @@ def nuisances(setting: Setting, stages: tuple[str, ...]) -> tuple[Nuisance, ...]
     found = [*_parameters(setting), *_offsets(setting)]
     kept = [Nuisance(n.field, n.unknown, tuple(s for s in n.stages if s in stages)) for n in found]
     return tuple(n for n in kept if n.stages)
+
+
+def nuisances_of_others(
+    first: Sequence[Nuisance], others: Sequence[tuple[Setting, tuple[str, ...]]]
+) -> tuple[Nuisance, ...]:
+    """Return what may differ from the first record in further ones: offsets and zeros.
+
+    Args:
+        first: What is free in the first record.
+        others: Settings of the further records, each with its stages.
+    """
+    found = []
+    starts = {n.field: n.unknown.start for n in first}
+    for number, (setting, stages) in enumerate(others, 1):
+        for own in nuisances(setting, stages):
+            if own.field in OWN and own.field in starts:
+                start = own.unknown.start - starts[own.field]
+                unknown = replace(own.unknown, start=start, symbol=own_field(own.field, number))
+                found.append(Nuisance(unknown.symbol, unknown, own.stages))
+    return tuple(found)
 
 
 def stages_of(setting: Setting, field: str) -> tuple[str, ...]:

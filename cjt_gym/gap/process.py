@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from cjt_gym.gap.setting import as_noisy
 from cjt_gym.gap.signals import motor_torque
 
 if TYPE_CHECKING:
@@ -47,12 +48,13 @@ SHAKES = (0.0, *(0.5**k for k in range(2, 11)))
 
 
 def settle_noise(stages: Stages, fields: Fields) -> None:
-    """Set a record's torque noise and, where it is not specified, its jitter; tune its gains.
+    """Set the torque noise and, where it is not specified, the jitter of the clock.
 
     Args:
-        stages: The record.
+        stages: The record, of which several share the noise of the first.
         fields: The nominal joint.
     """
+    others, stages.others = stages.others, ()
     s = stages.setting
     inertia = sum(
         fields[f"I_{b}"] for b, g in zip("mgl", s.structure.groups, strict=True) if g == 0
@@ -80,7 +82,9 @@ def settle_noise(stages: Stages, fields: Fields) -> None:
         torque = _best(torques, lambda x, fixed=shake: cost(x, fixed))  # type: ignore[misc]
         shake = _best(shakes, lambda x, fixed=torque: cost(fixed, x))  # type: ignore[misc]
     _set(stages, torque, shake)
-    stages.tune(fields)
+    stages.others = others
+    for other in others:
+        other.setting = as_noisy(other.setting, stages.setting)
 
 
 def _best(choices: Sequence[float], cost: Callable[[float], float]) -> float:
@@ -101,7 +105,8 @@ def allow_for_colour(stages: Stages, mean_square: float) -> None:
         mean_square: Of the motor's residual without any effect.
     """
     allowance = max(COLOUR, SMALL * mean_square**0.5)
-    stages.setting = replace(stages.setting, allowance=allowance)
+    for each in (stages, *stages.others):
+        each.setting = replace(each.setting, allowance=allowance)
 
 
 def misfit(raw: Floats, scatter: Floats, speed: Floats) -> float:

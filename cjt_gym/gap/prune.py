@@ -24,6 +24,7 @@ NEAR = 25.0
 SLACK = 10.0
 """Evidence that the simpler law may lose."""
 SIMPLER: Mapping[str, tuple[str, ...]] = {
+    "coulomb": ("coulomb",),  # the smooth one: the plain one is the first of that name
     "stribeck": ("coulomb",),
     "presliding": ("coulomb",),
     "coulomb_asym": ("coulomb",),

@@ -26,7 +26,7 @@ from scipy.signal import fftconvolve, savgol_filter
 from cjt_gym.gap.candidates.outside import Outside, outside_rows
 from cjt_gym.gap.chain import GEAR, LOAD, MOTOR, Chain, Link, build_chain, kalman_gain
 from cjt_gym.gap.disturbance import corrected, disturbing
-from cjt_gym.gap.fields import CHAIN, Fields
+from cjt_gym.gap.fields import CHAIN, Fields, of_record
 from cjt_gym.gap.predictor import (
     Gain,
     Play,
@@ -66,10 +66,12 @@ class Stages:
     Attributes:
         setting: The record and its joint.
         gains: Predictor gains by stage, for the fields given to `tune`.
+        others: The stages of further records of the same joint, to be explained together.
     """
 
     setting: Setting
     gains: dict[str, Gain] = field(default_factory=dict)
+    others: tuple[Stages, ...] = ()
     _chains: dict[tuple[object, ...], Chain] = field(default_factory=dict)
 
     @property
@@ -96,6 +98,8 @@ class Stages:
         for name in self.names:
             if name in ("motor", "load"):
                 self.gains[name] = self._gain(name, fields)
+        for number, other in enumerate(self.others, 1):
+            other.tune(of_record(fields, number))
 
     def predict(self, name: str, fields: Fields) -> Prediction:
         """Return the prediction of a stage."""
@@ -116,8 +120,18 @@ class Stages:
         return disturbing(fields, self.setting.series, self.outside.disturbances)
 
     def residual(self, name: str, fields: Fields) -> Floats:
-        """Return the normalised residual of a stage, shape (N,)."""
-        return self.predict(name, fields).residual
+        """Return the normalised residual of a stage over all records, shape (N,)."""
+        own = self.predict(name, fields).residual
+        more = [
+            other.residual(name, of_record(fields, number))
+            for number, other in enumerate(self.others, 1)
+            if name in other.names
+        ]
+        return np.concatenate([own, *more]) if more else own
+
+    def first(self, residuals: Mapping[str, Floats]) -> dict[str, Floats]:
+        """Return the part of the residuals that belongs to the first record."""
+        return {name: r[: len(self.setting.series)] for name, r in residuals.items()}
 
     # ---- drive
     def _drive(self, fields: Fields, series: Series, added: Added) -> Prediction:

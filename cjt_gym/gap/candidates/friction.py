@@ -39,7 +39,11 @@ def friction_of(
     guess = 0.05 * torque
     travel = max(float(np.std(setting.series["q_m"])), 1e-9)
 
-    def row(name: str, unknowns: tuple[Unknown, ...], apply: Apply, starts: object) -> Hypothesis:
+    smooth = Unknown("dq_0", "rad/s", 0.1 * speed, 1.5, log=True, low=1e-4 * speed, high=3 * speed)
+
+    def row(
+        name: str, unknowns: tuple[Unknown, ...], apply: Apply, starts: object, variant: str = ""
+    ) -> Hypothesis:
         return Hypothesis(
             name,
             stage,
@@ -49,6 +53,7 @@ def friction_of(
             body=BODIES[body],
             starts=starts,  # type: ignore[arg-type]
             family="friction",
+            variant=variant,
         )
 
     def add(f: Fields, **values: float) -> None:
@@ -68,6 +73,13 @@ def friction_of(
     rows = [row(name_c, (force,), lambda f, v: add(f, c_p=v[p], c_n=v[p]), ((guess,),))]
     if body == "l":
         return rows
+
+    def apply_smooth(f: Fields, v: Values) -> None:
+        add(f, c_p=v[p], c_n=v[p])
+        f[f"dq_0_{body}"] = v["dq_0"]
+
+    smooth_starts = tuple((guess, x * speed) for x in (0.03, 0.2, 0.8))
+    rows.append(row(name_c, (force, smooth), apply_smooth, smooth_starts, "smooth"))
     rows += [
         row(
             "coulomb_asym",
