@@ -82,7 +82,10 @@ def best_rival(problem: Problem, fit: Fit, index: int, seen: Sequence[Fit]) -> f
     others = [
         evidence(problem, f)
         for f in seen
-        if all(e.key != effect.key and e.name not in richer for e in f.model.effects)
+        if not any(
+            (e.name == effect.name and e.body == effect.body) or e.name in richer
+            for e in f.model.effects
+        )
     ]
     return max(others, default=-1e9)
 

@@ -10,7 +10,6 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from cjt_gym.errors import CjtGymError, ConfigurationError, RecordError
-from cjt_gym.gap.candidates.outside import outside_rows
 from cjt_gym.gap.confusable import best_rival, rivals
 from cjt_gym.gap.diagnosis import (
     Diagnosis,
@@ -99,10 +98,12 @@ def diagnose(
     """Return where the gap between a joint and its simulation is, why, and how far it shrinks.
 
     Args:
-        records: What was recorded. The first is explained; the others serve as held-out data.
+        records: What was recorded. Several records of one joint are explained together: its
+            values and effects are the same in all, offsets and zeros are each record's own.
         joint: The nominal joint, or its name or path; left out, the one that the record names.
         structure: How its bodies are joined; left out, what the record or the joint says.
-        validate: Further records, with other excitation, on which the explanation is tested.
+        validate: Further records, with other excitation, on which the explanation is tested; left
+            out, the last fifth of every record is kept for that.
         progress: Is told in words what is being done.
 
     Raises:
@@ -114,20 +115,22 @@ def diagnose(
         1
     """
     started = time.perf_counter()
-    first, *others = _as_list(records)
-    held = [*others, *_as_list(validate)]
+    given, held = _as_list(records), _as_list(validate)
+    first = given[0]
     file, shape = _joint(first, joint, structure)
-    fitted = first if held else first.slice(0, int((1.0 - TAIL) * len(first)))
-    setting = make_setting(fitted, file, shape)
-    tested = held if held else [first.slice(int((1.0 - TAIL) * len(first)), None)]
+    cuts = [int((1.0 - TAIL) * len(record)) for record in given]
+    fitted = given if held else [r.slice(0, cut) for r, cut in zip(given, cuts, strict=True)]
+    tested = held or [r.slice(cut, None) for r, cut in zip(given, cuts, strict=True)]
+    setting = make_setting(fitted[0], file, shape)
+    more = [make_setting(r, file, shape, setting.series.zero) for r in fitted[1:]]
     try:
         with threadpool_limits(1, "blas"):  # small matrices lose more by threads than they gain
             replayed = [make_setting(r, file, shape, setting.series.zero) for r in _long(tested)]
-            explanation = explain(setting, replayed, progress)
+            explanation = explain(setting, replayed, more, progress)
             progress("replaying what was kept from the fit")
             known = explanation.problem.stages.setting
             replayed = [as_noisy(one, known) for one in replayed]
-            source = source_of(file, shape, [fitted], _long(tested))
+            source = source_of(file, shape, fitted, _long(tested))
             return _report(
                 explanation, replayed or [known], bool(replayed), started, source, _title(first)
             )
@@ -141,20 +144,24 @@ def diagnose(
 
 
 def explain(
-    setting: Setting, others: Sequence[Setting] = (), progress: Progress = silent
+    setting: Setting,
+    others: Sequence[Setting] = (),
+    more: Sequence[Setting] = (),
+    progress: Progress = silent,
 ) -> Explanation:
-    """Return the explanation of one record.
+    """Return the explanation of a record, or of several together.
 
     Args:
         setting: The record.
         others: Records that were not used to find it, on which it must stand.
+        more: Further records to be explained together with it.
         progress: Is told what is being done.
     """
     progress("fitting the nominal joint within its tolerances")
-    problem, base = _without_effects(setting)
+    problem, base = _without_effects(setting, more)
     sensors = sensor_findings(setting, base.residuals)
     if any(finding.name == "noise" for finding in sensors):
-        problem, base = _without_effects(with_findings(setting, sensors))
+        problem, base = _without_effects(with_findings(setting, sensors), more)
     until = time.process_time() + PATIENCE
     candidates = hypotheses(setting, problem.stages.names)
     outside = shown(problem.stages.outside.rows, problem.stages.names)
@@ -166,7 +173,7 @@ def explain(
     late = _found_late(setting, fit, sensors)
     if late:
         sensors = (*sensors, *late)
-        problem, base = _without_effects(with_findings(setting, sensors))
+        problem, base = _without_effects(with_findings(setting, sensors), more)
         fit = retuned(problem, fit)
     progress("leaving out one effect after the other")
     coarse = any(finding.name == "quantization" for finding in sensors)
@@ -203,9 +210,10 @@ def _found_late(
     return tuple(f for f in found if f.name == "noise" and f.channel not in channels)
 
 
-def _without_effects(setting: Setting) -> tuple[Problem, Fit]:
-    """Return the problem of a record, and its fit without any effect."""
-    problem = Problem.of(Stages(setting))
+def _without_effects(setting: Setting, more: Sequence[Setting]) -> tuple[Problem, Fit]:
+    """Return the problem of one or more records, and its fit without any effect."""
+    others = tuple(Stages(as_noisy(one, setting)) for one in more)
+    problem = Problem.of(Stages(setting, others=others))
     base = retuned(problem, problem.fit(Model(), np.zeros(len(problem.shared))))
     if setting.current_unspecified:
         allow_for_colour(problem.stages, base.mean_square["motor"])
@@ -266,15 +274,16 @@ def _report(
     spread = covariance(problem, found.fit)
     named = _named(found, spread)
     within = _within_tolerance(found)
-    before = {n: problem.stages.residual(n, within) for n in problem.stages.names}
+    all_before = {n: problem.stages.residual(n, within) for n in problem.stages.names}
+    before = problem.stages.first(all_before)
     # Where nothing can be named, nothing is said to explain: the nominal joint stays.
     explains = bool(named) or not found.left
     fit = found.fit if explains else found.base
     gap = _gap(found, settings, held_out, explains)
-    left, stages = found.left, _stages(found, fit, before, named)
+    left, stages = found.left, _stages(found, fit, all_before, named)
     nominal = _nominal_fields(found)
     drawn = gather(problem, fit, nominal, within, before, settings, named, explains)
-    lying = where(problem.stages.setting, stages, before, fit.residuals)
+    lying = where(problem.stages.setting, stages, before, problem.stages.first(fit.residuals))
     drawn = replace(drawn, regimes=lying, steps=_steps(found), source=source)
     return Diagnosis(
         verdict=verdict(len(named), left),

@@ -45,18 +45,19 @@ def gather(
     """
     stages, effects = problem.stages, fit.model.effects
     after = problem.fields(fit.model, fit.z)
+    left = stages.first(fit.residuals)
     order = order_of(named, effects)
     steps = models(problem, fit, nominal, order) if explains else [nominal]
     last = settings[-1]
     return Evidence(
         t=stages.setting.series.t,
         before=before,
-        after=fit.residuals,
+        after=left,
         replays=replays(last, nominal, steps[-1]),
         replay_dt=last.series.dt,
         ladder=ladder(settings, steps, [effects[k] for k in order], main_channel(last)),
         friction=friction_maps(stages, within, after),
-        ripple=ripple(stages, (within, before["motor"]), (after, fit.residuals["motor"])),
+        ripple=ripple(stages, (within, before["motor"]), (after, left["motor"])),
         spring=spring_loop(stages, within, after),
     )
 

@@ -17,7 +17,7 @@ from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.fit import Fit, Model, Problem, retuned
 from cjt_gym.gap.hypothesis import Hypothesis, Values
 from cjt_gym.gap.nuisances import nuisances
-from cjt_gym.gap.setting import Setting
+from cjt_gym.gap.setting import Setting, as_noisy
 from cjt_gym.gap.stages import Stages
 
 Floats = NDArray[np.float64]
@@ -73,10 +73,10 @@ def on_held_out(setting: Setting, problem: Problem, fit: Fit) -> HeldOut:
         problem: The first record.
         fit: The explanation.
     """
+    setting = as_noisy(setting, problem.stages.setting)
     other = _frozen_parameters(setting, problem, fit)
     shared = tuple(n for n in nuisances(setting, Stages(setting).names) if n.field in PER_RECORD)
     stages = Stages(other)
-    stages.process, stages.allowance = problem.stages.process, problem.stages.allowance
     held = Problem(stages, shared)
     effects = _frozen(problem, fit)
     start = np.zeros(len(shared))

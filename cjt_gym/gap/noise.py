@@ -31,6 +31,7 @@ class ChannelNoise:
 
     Attributes:
         specified: Deviation that the joint file allows, with its resolution; 0 if unknown.
+        stated: Whether the joint file states a noise beside the resolution.
         observed: Deviation that the data show at high frequency.
         white: Whether differences of another order show the same.
         lattice: Step of the values found in the data; 0 if they lie on no lattice.
@@ -40,6 +41,7 @@ class ChannelNoise:
     """
 
     specified: float
+    stated: bool
     observed: float
     white: bool
     lattice: float
@@ -69,10 +71,11 @@ def channel_noise(series: Series, joint: JointFile, name: str, slope: float) -> 
     white = abs(observed - other) <= SAME * observed
     floor = lattice / np.sqrt(12.0)
     std = max(specified, floor)
-    if specified == 0.0:
+    if noise == 0.0:
         std = max(std, observed)
     shown = observed_jitter(x, series.valid[name], series.speed(name), 2.0 * slope)
-    return ChannelNoise(specified, observed, white, lattice, resolution, max(std, 1e-12), shown)
+    std, stated = max(std, 1e-12), noise > 0.0
+    return ChannelNoise(specified, stated, observed, white, lattice, resolution, std, shown)
 
 
 def observed_jitter(x: Floats, valid: NDArray[np.bool_], speed: Floats, limit: float) -> float:

@@ -117,7 +117,8 @@ def split_asymmetry(problem: Problem, fit: Fit, candidates: tuple[Hypothesis, ..
         pair = [
             h
             for h in candidates
-            if (h.name == even and h.body == effect.body) or h.name == "torque_offset"
+            if (h.name == even and h.body == effect.body and not h.variant)
+            or h.name == "torque_offset"
         ]
         fresh = [h for h in pair if h.key not in {e.key for e in fit.model.effects}]
         if even is not None and any(h.name == even for h in fresh):

@@ -230,14 +230,15 @@ class Selection:
     def _starts(self, fit: Fit, effect: Hypothesis) -> tuple[tuple[float, ...], ...]:
         fields = self.problem.fields(fit.model, fit.z)
         stages = self.problem.stages
+        residuals = stages.first(fit.residuals)
         if effect.search == "step":
             channel = "i" if "i" in stages.setting.series else "i_cmd"
             return command_steps(stages.setting.series[channel], stages.setting.std("i"))
         if effect.search in LINES:
             stage = LINES[effect.search]
-            return line_starts(fit.residuals[stage], stages.setting.series.dt)
+            return line_starts(residuals[stage], stages.setting.series.dt)
         if effect.search is not None:
-            return periodic_starts(stages, fields, fit.residuals["motor"], effect.search)
+            return periodic_starts(stages, fields, residuals["motor"], effect.search)
         return effect.starts
 
 

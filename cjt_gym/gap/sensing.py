@@ -151,7 +151,7 @@ def _coarse(channel: str, noise: ChannelNoise) -> SensorFinding | None:
 
 
 def _noisy(channel: str, noise: ChannelNoise, observed: float) -> SensorFinding | None:
-    if observed < NOISIER * noise.specified:
+    if not noise.stated or observed < NOISIER * noise.specified:
         return None
     own = float(np.sqrt(max(observed**2 - noise.resolution**2 / 12.0, 0.0)))
     factor = observed / noise.specified
