@@ -30,7 +30,7 @@ from cjt_gym.gap.joint_file import identified_joint
 from cjt_gym.gap.localize import where
 from cjt_gym.gap.missing import not_judged, same_here
 from cjt_gym.gap.process import allow_for_colour
-from cjt_gym.gap.prune import COARSE_STRAIN, STRAIN, Need, prune, simplify, split_asymmetry
+from cjt_gym.gap.prune import COARSE_STRAIN, STRAIN, Need, prune, simplify, split_asymmetry, uneven
 from cjt_gym.gap.select import Progress, Selection, evidence, silent
 from cjt_gym.gap.sensing import (
     SensorFinding,
@@ -180,6 +180,8 @@ def explain(
     tested = [with_findings(other, sensors) for other in others]
     fit, needs, held = _standing(problem, fit, tested, COARSE_STRAIN if coarse else STRAIN)
     left = leftovers(base, fit, needs, held)
+    if setting.current_unspecified:
+        selection.seen += uneven(problem, fit, selection.candidates)
     seen = tuple(selection.seen)
     return Explanation(problem, base, fit, tuple(needs), held, seen, left, sensors)
 

@@ -169,7 +169,7 @@ class Problem:
         cost = self.cost(ms, z, flat)
         jacobian = self.jacobian(model, z, residuals, known)
         fresh, damping = known is None, 1e-3
-        for _ in range(moves):
+        for _ in range(moves if z.size else 0):
             hessian, gradient = self._normal(jacobian, residuals, ms, z, flat)
             gain, damping, step = self._search(
                 model, z, cost, hessian, gradient, damping, unknowns, flat

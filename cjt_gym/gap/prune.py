@@ -128,6 +128,23 @@ def split_asymmetry(problem: Problem, fit: Fit, candidates: tuple[Hypothesis, ..
     return fit
 
 
+def uneven(problem: Problem, fit: Fit, candidates: tuple[Hypothesis, ...]) -> list[Fit]:
+    """Return the fits with an uneven law in place of an even one and of an offset, if there is one.
+
+    They are what the record leaves open where `split_asymmetry` has decided.
+    """
+    offset = [k for k, e in enumerate(fit.model.effects) if e.name == "torque_offset"]
+    found = []
+    for effect in fit.model.effects:
+        law = next((name for name, even in EVEN.items() if even == effect.name), None)
+        other = [h for h in candidates if h.name == law and h.body == effect.body]
+        if other:
+            bare = without(problem, fit, offset[0]) if offset else fit
+            at = [e.key for e in bare.model.effects].index(effect.key)
+            found.append(_swapped(problem, bare, at, other[0]))
+    return found
+
+
 def _swapped(problem: Problem, fit: Fit, index: int, *effects: Hypothesis) -> Fit:
     less = without(problem, fit, index)
     start = [
