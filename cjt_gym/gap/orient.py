@@ -236,7 +236,7 @@ class _Motor:
         return [Tie(self.driving, name, _clear(left, k), laws[k]) for k, name in enumerate(names)]
 
 
-def _clear(left: Mapping[tuple[float, float], float], k: int) -> float:
+def _clear(left: Mapping[tuple[float, ...], float], k: int) -> float:
     """Return how much better the right sign of a channel does than the wrong one, -1 to 1."""
     right = min(share for signs, share in left.items() if signs[k] > 0)
     wrong = min(share for signs, share in left.items() if signs[k] < 0)
