@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from argparse import Namespace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,8 @@ import pytest
 
 from cjt_gym import EFFECTS, joint_names, read_record
 from cjt_gym.cli import COMMANDS, main
+from cjt_gym.commands.train import environment
+from cjt_gym.records import Record, record_names, write_record
 
 SHORT = ["simulate", "orange_80_6000", "--duration", "0.2"]
 
@@ -35,6 +38,7 @@ def test_joints_lists_every_effect_with_units_and_ranges(
     tables = json.loads(capsys.readouterr().out)
     assert [row["name"] for row in tables["joints"]] == list(joint_names())
     assert [row["name"] for row in tables["effects"]] == list(EFFECTS)
+    assert [row["name"] for row in tables["records"]] == list(record_names())
     for row in tables["effects"]:
         for parameter in row["parameters"]:
             assert parameter["unit"]
@@ -65,6 +69,48 @@ def test_simulate_writes_a_record(
     assert read_record(again) == record
 
 
+def test_a_record_of_commands_is_replayed_in_open_loop(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    current = np.where(np.arange(300) < 100, 0.0, 3.0)
+    known = {"dt": 1e-3, "structure": "output_fixed"}
+    write_record(Record({"i_cmd": current}, {"i_cmd": "A"}, **known), tmp_path / "next.npz")
+    words = ["simulate", "orange_80_6000", "--reference", str(tmp_path / "next.npz")]
+    assert main([*words, "--json", "--out", str(tmp_path / "run.npz")]) == 0
+    result = json.loads(capsys.readouterr().out)
+    record = read_record(tmp_path / "run.npz")
+    assert (result["controller"], result["rmse"], result["samples"]) == ("none", None, 300)
+    assert record.structure == "output_fixed"
+    assert "tau_ref" not in record
+    assert record["i_cmd"] == pytest.approx(current)
+    assert main([*words, "--controller", "pd_feedforward", "--out", str(tmp_path / "b.npz")]) == 2
+    assert "tau_ref" in capsys.readouterr().err
+
+
+def test_the_recorded_reference_is_tracked_and_its_command_can_be_replayed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    first, again, tracked = (str(tmp_path / f"{name}.npz") for name in ("first", "again", "track"))
+    assert main([*SHORT, "--effect", "coulomb", "--out", first]) == 0
+    words = ["simulate", "orange_80_6000", "--effect", "coulomb", "--reference", first]
+    assert main([*words, "--controller", "none", "--out", again]) == 0
+    assert main([*words, "--out", tracked]) == 0
+    capsys.readouterr()
+    assert read_record(again)["true_tau"] == pytest.approx(read_record(first)["true_tau"], abs=1e-9)
+    assert read_record(tracked)["tau_ref"] == pytest.approx(read_record(first)["tau_ref"])
+
+
+def test_another_joint_brings_its_own_effects_to_a_training() -> None:
+    env = {"joint": "orange_80_6000", "effects": {"coulomb": {}}, "episode_steps": 500}
+    chosen = Namespace(joint="joint.toml", structure=None, randomization="identified")
+    assert environment(env, chosen) == {
+        "joint": "joint.toml",
+        "episode_steps": 500,
+        "randomization": "identified",
+    }
+    assert environment(env, Namespace(joint=None, structure=None, randomization=None)) == env
+
+
 @pytest.mark.parametrize(
     ("words", "says"),
     [
@@ -83,6 +129,8 @@ def test_simulate_writes_a_record(
         (SHORT, "--out"),
         (["simulate", "nowhere.toml", "--out", "x.csv"], "nowhere.toml"),
         (["train", "nowhere.toml", "--out", "run"], "nowhere.toml"),
+        (["train", "demo", "--joint", "nowhere.toml", "--out", "run"], "nowhere.toml"),
+        ([*SHORT, "--controller", "none", "--out", "x.csv"], "replays the command"),
         (["benchmark", "--joint", "orange_80_6000", "--out", "b"], "--controller or --policy"),
         (["benchmark", "--joint", "orange_80_6000", "--policy", "no", "--out", "b"], "no"),
     ],

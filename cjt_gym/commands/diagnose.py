@@ -62,9 +62,10 @@ def run(options: argparse.Namespace) -> None:
             f"{fitted[0].owner} names no structure. Give one: --structure {' | '.join(STRUCTURES)}."
         )
     file = load_joint_file(joint)
+    folder = options.out or Path("diagnosis") / Path(options.records[0]).stem
+    _make(folder)
     with np.errstate(all="ignore"):  # a trial of a fit may overflow; it is then not taken
         found = diagnose(fitted, file, structure, held, progress=tell)
-    folder = options.out or Path("diagnosis") / Path(options.records[0]).stem
     tell("writing the report")
     found = write_files(found, folder, Path(options.records[0]).stem, [*notes, *more])
     tell.end()
@@ -81,29 +82,30 @@ def write_files(
 
     Args:
         diagnosis: What was found.
-        folder: Where to write; made if need be.
+        folder: Where to write.
         name: Of the record, for the heading of the report.
         repairs: What was repaired in the records.
 
     Returns:
         The diagnosis, which now names its excitation file.
-
-    Raises:
-        ConfigurationError: The folder cannot be written to.
     """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        next_record = diagnosis.suggestion.written(folder / "next.npz")
-        diagnosis = replace(diagnosis, suggestion=next_record)
-        (folder / "diagnosis.json").write_text(_json(diagnosis), encoding="utf-8")
-        (folder / "joint.toml").write_text(joint_text(diagnosis, name), encoding="utf-8")
-    except OSError as error:
-        raise ConfigurationError(
-            f"The folder {folder} cannot be written to: {error.strerror}. Give another --out."
-        ) from error
+    next_record = diagnosis.suggestion.written(folder / "next.npz")
+    diagnosis = replace(diagnosis, suggestion=next_record)
+    (folder / "diagnosis.json").write_text(_json(diagnosis), encoding="utf-8")
+    (folder / "joint.toml").write_text(joint_text(diagnosis, name), encoding="utf-8")
     notes = [repair.text for repair in repairs]
     write_report(diagnosis, folder / "report.html", title=f"Diagnosis of {name}", notes=notes)
     return diagnosis
+
+
+def _make(folder: Path) -> None:
+    """Make the folder before the work begins, so that its writer need not wait for an error."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigurationError(
+            f"The folder {folder} cannot be made: {error.strerror}. Give another one with --out."
+        ) from error
 
 
 def joint_text(diagnosis: Diagnosis, name: str) -> str:

@@ -20,6 +20,7 @@ from cjt_gym.joint import (
     load_joint_file,
 )
 from cjt_gym.joint.effects import PLACES
+from cjt_gym.records import read_record, record_names
 
 WIDTH = 100
 NAME = 28
@@ -46,9 +47,10 @@ def run(options: argparse.Namespace) -> None:
 
 
 def describe() -> dict[str, list[dict[str, Any]]]:
-    """Return the joints, structures, drives and effects as plain values."""
+    """Return the joints, records, structures, drives and effects as plain values."""
     return {
         "joints": [_joint(name) for name in joint_names()],
+        "records": [_record(name) for name in record_names()],
         "structures": [
             {
                 "name": row.name,
@@ -72,6 +74,20 @@ def _joint(name: str) -> dict[str, Any]:
         "axis": file.parameters.axis,
         "effects": sorted(file.effects),
         "parameters": {s: {"value": q.value, "unit": q.unit} for s, q in quantities.items()},
+    }
+
+
+def _record(name: str) -> dict[str, Any]:
+    record = read_record(name)
+    source = str(record.provenance.get("source", ""))
+    return {
+        "name": name,
+        "summary": source.split(";")[0],
+        "joint": record.joint,
+        "structure": record.structure,
+        "samples": len(record),
+        "dt": record.dt,
+        "columns": list(record.columns),
     }
 
 
@@ -122,7 +138,7 @@ def _parameter(effect: Effect, p: EffectParameter) -> dict[str, Any]:
 
 def _lines(tables: dict[str, list[dict[str, Any]]]) -> Iterator[str]:
     """Yield the tables as text of at most `WIDTH` columns."""
-    for title in ("joints", "structures", "drives"):
+    for title in ("joints", "records", "structures", "drives"):
         yield title.capitalize()
         for row in tables[title]:
             yield from _wrapped(f"  {row['name']:{NAME}s} ", row["summary"])

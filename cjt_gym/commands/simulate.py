@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,25 +18,31 @@ from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import DRIVES, EFFECTS, STRUCTURES, Joint, load_joint
 from cjt_gym.joint.arrays import CHANNELS
 from cjt_gym.plant import SimulatedPlant
-from cjt_gym.records import FORMATS, Record, write_record
-from cjt_gym.signals import Signal, make_signals
+from cjt_gym.records import FORMATS, Record, read_record, record_names, write_record
+from cjt_gym.signals import Signal, make_signals, sampled_signal, signal_from_file
 
 Floats = NDArray[np.float64]
+USUAL, TRACKING, NONE = "output_fixed_rigid_gearbox", "pd_feedforward", "none"
+"""Structure and controller where nothing else is said; the name for no controller at all."""
+COMMANDS = ("i_cmd", "tau_cmd")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add what to simulate, how long, and where to write it."""
     add = parser.add_argument
     add("joint", metavar="JOINT", help="name of a joint, or path of a joint file")
-    add("--structure", default="output_fixed_rigid_gearbox", help=", ".join(STRUCTURES))
+    text = f"{', '.join(STRUCTURES)}; default: that of the record given as reference, or {USUAL}"
+    add("--structure", help=text)
     add("--drive", default="current", help=", ".join(DRIVES))
     text = "effects to switch on, by name or name.parameter=value; default: those of the joint file"
     add("--effect", nargs="+", metavar="E", help=f"{text} ({', '.join(EFFECTS)})")
-    add("--reference", default="chirp", help="step, chirp, multisine, smooth, or a record")
+    text = "step, chirp, multisine, smooth, or a record: tau_ref is tracked, a command replayed"
+    add("--reference", default="chirp", help=text)
     add("--amplitude", type=float, help="of the reference [N m]; default: from the joint")
-    add("--controller", default="pd_feedforward", help=", ".join(CONTROLLERS))
-    add("--duration", type=float, default=10.0, help="[s], default 10")
-    add("--dt", type=float, default=1e-3, help="control step [s], default 0.001")
+    text = f"{', '.join(CONTROLLERS)}, or {NONE}: replay the record's command; default: {TRACKING}"
+    add("--controller", help=f"{text} where there is a tau_ref")
+    add("--duration", type=float, help="[s]; default: that of the record, or 10")
+    add("--dt", type=float, help="control step [s]; default: that of the record, or 0.001")
     add("--dt-physics", type=float, default=1e-4, help="substep [s], default 0.0001")
     add("--seed", type=int, default=0, help="of the reference and the sensors' noise, default 0")
     endings = ", ".join(f".{ending.lstrip('.')}" for ending in FORMATS)
@@ -44,34 +51,79 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Simulate, write the record and say what came out."""
-    loaded = default_load(options.joint, options.structure, {})
+    task = _task(options)
+    loaded = default_load(options.joint, task.structure, {})
     effects = parse_effects(options.effect)
-    joint = load_joint(options.joint, options.structure, options.drive, effects, loaded)
-    reference = _reference(options, joint)
+    joint = load_joint(options.joint, task.structure, options.drive, effects, loaded)
     record = simulate(
         joint,
-        reference,
-        options.controller,
-        options.duration,
-        options.dt,
+        _reference(options, task, joint),
+        task.controller,
+        task.duration,
+        task.dt,
         options.dt_physics,
         options.seed,
     )
     path = write_record(record, options.out)
-    error = record["tau_ref"] - record["true_tau"]
+    tracks = "tau_ref" in record
+    error = record["tau_ref"] - record["true_tau"] if tracks else np.array([np.nan])
+    rmse = float(np.sqrt(np.mean(error**2)))
     result = {
         "record": str(path),
         "samples": len(record),
-        "rmse": float(np.sqrt(np.mean(error**2))),
+        "controller": task.controller,
+        "rmse": rmse if tracks else None,
         "peak_torque": float(np.abs(record["true_tau"]).max()),
     }
     if options.json:
         sys.stdout.write(json.dumps(result) + "\n")
     else:
+        how = f"tracking error {rmse:.4g} N m rms" if tracks else "command replayed in open loop"
         sys.stdout.write(
-            f"{path}: {len(record)} samples, tracking error {result['rmse']:.4g} N m rms, "
-            f"peak torque {result['peak_torque']:.4g} N m\n"
+            f"{path}: {len(record)} samples, {how}, peak torque {result['peak_torque']:.4g} N m\n"
         )
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """What to simulate, with every default settled.
+
+    Attributes:
+        recorded: Record that serves as the reference, or None.
+        structure: Structure of the joint.
+        controller: A name of `CONTROLLERS`, or `NONE`.
+        duration: [s].
+        dt: Control step [s].
+    """
+
+    recorded: Record | None
+    structure: str
+    controller: str
+    duration: float
+    dt: float
+
+
+def _task(options: argparse.Namespace) -> Task:
+    """Return what the options, and the record they may name as reference, ask for."""
+    word = options.reference
+    recorded = read_record(word) if Path(word).suffix or word in record_names() else None
+    commanded = recorded is not None and any(name in recorded for name in COMMANDS)
+    tracked = recorded is None or "tau_ref" in recorded
+    controller = options.controller or (NONE if commanded and not tracked else TRACKING)
+    if controller == NONE and not commanded:
+        what = "no record" if recorded is None else f"{recorded.owner}, which has no command"
+        raise ConfigurationError(
+            f"--controller {NONE} replays the command ({' or '.join(COMMANDS)}) of a record, got "
+            f"{what}. Give one as --reference, or a controller: {', '.join(CONTROLLERS)}."
+        )
+    length = 10.0 if recorded is None else len(recorded) * recorded.dt
+    return Task(
+        recorded,
+        options.structure or (recorded and recorded.structure) or USUAL,
+        controller,
+        length if options.duration is None else options.duration,
+        options.dt or (1e-3 if recorded is None else recorded.dt),
+    )
 
 
 def parse_effects(words: list[str] | None) -> dict[str, dict[str, Any]] | None:
@@ -104,12 +156,24 @@ def parse_effects(words: list[str] | None) -> dict[str, dict[str, Any]] | None:
     return effects
 
 
-def _reference(options: argparse.Namespace, joint: Joint) -> Signal:
+def _reference(options: argparse.Namespace, task: Task, joint: Joint) -> Signal:
+    """Return the reference, or the motor torque [N m] that a record commands."""
+    if task.controller == NONE:
+        assert task.recorded is not None
+        return _command(task.recorded, joint)
     amplitude = options.amplitude
     if amplitude is None:
         amplitude = default_amplitude(joint.parameters)
-    (signal,) = make_signals(options.reference, amplitude)[:1]
+    spec = options.reference if task.recorded is None else signal_from_file(options.reference)
+    (signal,) = make_signals(spec, amplitude)[:1]
     return signal.reset(np.random.default_rng(options.seed))
+
+
+def _command(record: Record, joint: Joint) -> Signal:
+    """Return the motor torque [N m] that a record commands: from its current, if it has one."""
+    p = joint.parameters
+    torque = record["i_cmd"] * p.k_t * p.n if "i_cmd" in record else record["tau_cmd"]
+    return sampled_signal(record.t, torque)
 
 
 def simulate(
@@ -126,7 +190,7 @@ def simulate(
     Args:
         joint: The joint.
         reference: Wanted joint torque [N m].
-        controller: Name of the controller.
+        controller: Name of the controller, or `NONE` for a reference that is the motor's torque.
         duration: [s].
         dt: Control step [s].
         dt_physics: Substep [s].
@@ -138,7 +202,7 @@ def simulate(
     if not (np.isfinite(duration) and duration >= dt):
         raise ConfigurationError(f"--duration must be >= one control step, got {duration} s.")
     plant = SimulatedPlant(joint, 1, dt, dt_physics)
-    law = make_controller(controller, joint, dt)
+    law = make_controller("open_loop" if controller == NONE else controller, joint, dt)
     law.reset()
     samples = round(duration / dt)
     rows: dict[str, Floats] = {name: np.zeros(samples) for name in CHANNELS}
@@ -158,5 +222,7 @@ def simulate(
             rows[name][k] = getattr(measured, name)[0]
         rows["tau_cmd"][k] = command[0]
         measured = plant.step(command)
+    if controller == NONE:
+        del rows["tau_ref"]
     rows["i_cmd"] = rows["tau_cmd"] / (joint.parameters.k_t * joint.parameters.n)
     return joint.record(rows, dt, seed, controller=controller, reference=reference.kind)

@@ -5,8 +5,11 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
+from cjt_gym.plant.randomization import PRESETS
 from cjt_gym.training.config import config_names, load_config
 from cjt_gym.training.train import train
 
@@ -17,15 +20,38 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     names = ", ".join(config_names())
     add("config", metavar="CONFIG.toml", help=f"a file, or one that ships: {names}")
     add("--out", type=Path, required=True, metavar="RUN", help="run folder; a stopped run goes on")
+    text = "joint that replaces the configuration's, with its effects and randomization"
+    add("--joint", metavar="JOINT|FILE.toml", help=text)
+    add("--structure", metavar="S", help="replaces the structure of the configuration")
+    add(
+        "--randomization",
+        metavar="PRESET",
+        help=f"replaces its randomization: {', '.join(PRESETS)}",
+    )
     add("--seed", type=int, help="replaces the seed of the configuration")
     add("--steps", type=int, help="replaces its total_steps")
     add("--quiet", action="store_true", help="no progress bar")
 
 
+def environment(env: Mapping[str, Any], options: argparse.Namespace) -> dict[str, Any]:
+    """Return a section [env] with what the options replace.
+
+    Effects and randomization of a configuration are about its own joint: with another joint the
+    effects are those that its file lists, and nothing varies unless --randomization says so.
+    """
+    kept = dict(env)
+    if options.joint is not None:
+        kept.pop("effects", None)
+        kept.pop("randomization", None)
+    given = {name: getattr(options, name) for name in ("joint", "structure", "randomization")}
+    return {**kept, **{name: word for name, word in given.items() if word is not None}}
+
+
 def run(options: argparse.Namespace) -> None:
     """Train and say where the run is."""
     config = load_config(options.config)
-    config = config.with_changes(seed=options.seed, total_steps=options.steps)
+    env = environment(config.env, options)
+    config = config.with_changes(env=env, seed=options.seed, total_steps=options.steps)
     folder = train(config, options.out, quiet=options.quiet)
     facts = folder.facts
     if options.json:

@@ -6,7 +6,16 @@ from cjt_gym.signals.signal import (
     Reference,
     Signal,
     make_signals,
+    sampled_signal,
     signal_from_file,
 )
 
-__all__ = ["KINDS", "RANDOM_KINDS", "Reference", "Signal", "make_signals", "signal_from_file"]
+__all__ = [
+    "KINDS",
+    "RANDOM_KINDS",
+    "Reference",
+    "Signal",
+    "make_signals",
+    "sampled_signal",
+    "signal_from_file",
+]

@@ -105,12 +105,24 @@ def signal_from_file(path: str | Path, amplitude: float = 1.0) -> Signal:
     record = read_record(path)
     for name in ("tau_ref", "tau_cmd", "tau_l"):
         if name in record:
-            table = np.column_stack([record.t - record.t[0], record[name]])
-            return Signal("file", amplitude=amplitude, table=table)
+            return sampled_signal(record.t, record[name], amplitude)
     raise ConfigurationError(
         f"Record {path} must have a column tau_ref, tau_cmd or tau_l [N m] to serve as a "
         f"reference, got {', '.join(record.columns)}."
     )
+
+
+def sampled_signal(t: Floats, values: Floats, amplitude: float = 1.0) -> Signal:
+    """Return the signal through samples, the last of which holds for as long as the one before.
+
+    Args:
+        t: Times [s], increasing, shape (n,).
+        values: Values, shape (n,).
+        amplitude: Factor on the values.
+    """
+    last = 2.0 * t[-1] - t[-2] if len(t) > 1 else t[-1]
+    table = np.column_stack([np.append(t, last) - t[0], np.append(values, values[-1])])
+    return Signal("file", amplitude=amplitude, table=table)
 
 
 def make_signals(spec: object, amplitude: float, high: float = 20.0) -> tuple[Signal, ...]:

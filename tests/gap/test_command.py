@@ -1,0 +1,161 @@
+"""The command `cjt-gym diagnose`: three files, clear words on bad input, and what it says."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cjt_gym.cli import main
+from cjt_gym.joint import load_joint, to_toml
+from cjt_gym.records import Record, write_record
+from tests.gap.simulator import nominal, simulate
+
+FIXED = "output_fixed_rigid_gearbox"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder as a person has it: a nominal joint, a record of Coulomb friction, another one."""
+    place = tmp_path_factory.mktemp("joint")
+    (place / "nominal.toml").write_text(to_toml(nominal()), encoding="utf-8")
+    write_record(simulate(friction=(1.5, 1.5)), place / "run.npz")
+    write_record(simulate(seconds=2.0, seed=5, friction=(1.5, 1.5)), place / "other.csv")
+    return place
+
+
+def diagnosed(words: list[str], capsys: pytest.CaptureFixture[str]) -> tuple[int, str, str]:
+    try:
+        status = main(["diagnose", *words])
+    except SystemExit as stop:
+        status = int(stop.code or 0)
+    said = capsys.readouterr()
+    return status, said.out, said.err
+
+
+def test_it_writes_three_files_and_says_what_it_found(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "found"
+    words = [str(folder / "run.npz"), "--validate", str(folder / "other.csv"), "--out", str(out)]
+    status, said, steps = diagnosed([*words, "--json"], capsys)
+    assert status == 0
+    found = json.loads(said)
+    assert found == json.loads((out / "diagnosis.json").read_text(encoding="utf-8"))
+    assert [effect["name"] for effect in found["effects"]] == ["coulomb"]
+    assert found["gap"]["held_out"]
+    assert "trying" in steps
+    assert "</html>" in (out / "report.html").read_text(encoding="utf-8")
+    joint = load_joint(out / "joint.toml", FIXED)
+    assert joint.effects["coulomb"]["d_cm"] == pytest.approx(1.5, rel=0.1)
+    again = load_joint(out / "joint.toml", FIXED).file.effects["coulomb"]["d_cm"]
+    assert again.low < 1.5 < again.high  # type: ignore[union-attr,operator]
+    assert "run" in again.source  # type: ignore[union-attr]
+
+
+def test_without_json_it_prints_a_summary_and_the_files(
+    folder: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    status, said, _ = diagnosed([str(folder / "other.csv")], capsys)
+    assert status == 0
+    assert "coulomb" in said
+    assert "diagnosis/other/report.html" in said
+    assert (tmp_path / "diagnosis" / "other" / "joint.toml").is_file()
+
+
+def change(folder: Path, name: str, **columns: object) -> None:
+    """Write a record with columns replaced; None leaves one out."""
+    record = simulate(seconds=1.0)
+    changed = {n: record[n] for n in record.columns if columns.get(n, 0) is not None}
+    changed |= {n: np.asarray(x, dtype=float) for n, x in columns.items() if x is not None}
+    units = {n: record.units.get(n, "s") for n in changed}
+    kept = Record(changed, units, dt=1e-3, structure=FIXED, allow_nan=True)
+    write_record(kept, folder / name)
+
+
+def broken(place: Path) -> None:
+    """Fill a folder with what people hand in by mistake."""
+    length = len(simulate(seconds=1.0))
+    change(place, "good.csv")
+    change(place, "no_angle.csv", q_m=None)
+    change(place, "no_drive.csv", i=None, i_cmd=None)
+    change(place, "nothing_there.csv", q_m=np.full(length, np.nan))
+    write_record(simulate(seconds=0.05), place / "short.csv")
+    (place / "empty.csv").write_text("", encoding="utf-8")
+    (place / "foreign.csv").write_text("a,b\n1,2\n", encoding="utf-8")
+    (place / "words.csv").write_text("t,q_m\n0,one\n", encoding="utf-8")
+    (place / "ragged.csv").write_text("t,q_m\n0,1\n1\n", encoding="utf-8")
+    (place / "fake.npz").write_bytes(b"not an archive")
+    (place / "notes.txt").write_text("hello", encoding="utf-8")
+    (place / "bad.toml").write_text("name = ", encoding="utf-8")
+    (place / "odd.toml").write_text('name = "odd"\nsource = "x"\nspeed = 3\n', encoding="utf-8")
+    (place / "poor.toml").write_text('name = "poor"\nsource = "x"\n', encoding="utf-8")
+    (place / "map.toml").write_text('[columns.q_x]\nsource = "a"\n', encoding="utf-8")
+    (place / "file").write_text("", encoding="utf-8")
+
+
+J, S = ["--joint", "nominal.toml"], ["--structure", FIXED]
+BROKEN = [
+    ([], "records|RECORD"),
+    (["absent.csv"], "absent.csv"),
+    (["emp"], "emps"),
+    (["good.csv"], "nominal"),
+    (["good.csv", *J, "--structure", "rigit"], "'rigid'"),
+    (["good.csv", "--joint", "orange"], "orange_80_6000"),
+    (["good.csv", "--joint", "absent.toml"], "absent.toml"),
+    (["good.csv", "--joint", "bad.toml"], "TOML"),
+    (["good.csv", "--joint", "odd.toml"], "speed"),
+    (["good.csv", "--joint", "poor.toml"], "needed and absent"),
+    (["no_angle.csv", *J], "q_m"),
+    (["no_drive.csv", *J], "i_cmd"),
+    (["nothing_there.csv", *J], "q_m"),
+    (["short.csv", *J], "samples"),
+    (["empty.csv", *J, *S], "empty.csv"),
+    (["foreign.csv", *J, *S], "foreign.csv"),
+    (["words.csv", *J, *S], "words.csv"),
+    (["ragged.csv", *J, *S], "ragged.csv"),
+    (["fake.npz", *J, *S], "fake.npz"),
+    (["notes.txt", *J, *S], "notes.txt"),
+    (["good.csv", *J, "--mapping", "map.toml"], "q_x"),
+    (["good.csv", *J, "--mapping", "absent.toml"], "absent.toml"),
+    (["good.csv", *J, "--validate", "absent.csv"], "absent.csv"),
+    (["good.csv", *J, "--validate", "no_angle.csv"], "q_m"),
+    (["good.csv", *J, "--seconds", "-1"], "seconds"),
+    (["good.csv", *J, "--seconds", "long"], "seconds"),
+    (["good.csv", *J, "--out", "file"], "file"),
+    (["good.csv", "--join", "nominal.toml", "--deep"], "--deep"),
+]
+
+
+@pytest.fixture(scope="module")
+def mistakes(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("mistakes")
+    broken(place)
+    (place / "sheet").mkdir()
+    (place / "sheet" / "nominal.toml").write_text(to_toml(nominal()), encoding="utf-8")
+    return place
+
+
+@pytest.mark.parametrize(("words", "says"), BROKEN, ids=[" ".join(w) for w, _ in BROKEN])
+def test_bad_input_is_answered_by_one_line(
+    words: list[str],
+    says: str,
+    mistakes: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(mistakes)
+    words = [w.replace("nominal.toml", "sheet/nominal.toml") for w in words]
+    status, said, error = diagnosed(words, capsys)
+    last = [line for line in error.splitlines() if line.startswith("cjt-gym")]
+    assert status == 2, error
+    assert said == ""
+    assert len(last) == 1
+    assert any(part in last[0] for part in says.split("|")), last
+    assert "Traceback" not in error
