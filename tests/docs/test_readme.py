@@ -34,7 +34,7 @@ def test_python_blocks_run(text: str, tmp_path: Path) -> None:
 
 def test_commands_run_one_after_the_other(tmp_path: Path) -> None:
     ours = [shlex.split(line) for line in COMMANDS if line.startswith("cjt-gym ")]
-    assert {words[1] for words in ours} >= {"joints", "simulate", "train", "benchmark"}
+    assert {words[1] for words in ours} >= {"joints", "simulate", "train", "benchmark", "diagnose"}
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     for words in ours:
         run = subprocess.run(
