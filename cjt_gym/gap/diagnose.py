@@ -278,8 +278,8 @@ def _report(
     within = _within_tolerance(found)
     all_before = {n: problem.stages.residual(n, within) for n in problem.stages.names}
     before = problem.stages.first(all_before)
-    # Where nothing can be named, nothing is said to explain: the nominal joint stays.
-    explains = bool(named) or not found.left
+    # Where nothing is named, nothing is said to explain: the nominal joint stays.
+    explains = bool(named)
     fit = found.fit if explains else found.base
     gap = _gap(found, settings, held_out, explains)
     left, stages = found.left, _stages(found, fit, all_before, named)
@@ -301,7 +301,7 @@ def _report(
             problem.stages.setting,
             problem.fields(found.fit.model, found.fit.z),
             named,
-            _refined(found, spread) if explains else {},
+            _refined(found, spread) if explains or not left else {},
             record,
         ),
     )

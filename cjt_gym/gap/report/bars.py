@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from html import escape
-from itertools import groupby
 
 from cjt_gym.gap.diagnosis import GapSize, Regime, StageGap, Step
 from cjt_gym.gap.report.words import MINUS, SPACE, effect_name, number, percent, quantity
@@ -66,8 +65,13 @@ def _change(last: float, now: float) -> str:
     return f"{sign}{number(abs(change), 2)} points" if abs(change) >= 0.005 else "±0 points"
 
 
-def stage_bars(stages: Mapping[str, StageGap]) -> str:
-    """Return each stage's residual before and after, on a logarithmic scale; 1 is noise."""
+def stage_bars(stages: Mapping[str, StageGap], explained: bool) -> str:
+    """Return each stage's residual on a logarithmic scale, on which 1 is noise.
+
+    Args:
+        stages: The stages.
+        explained: Whether the residuals after are shown, too.
+    """
     shown = {name: s for name, s in stages.items() if s.before > 0.0 and s.after > 0.0}
     shown = {n: s for n, s in shown.items() if n != "sensing" or s.significant}
     sizes = [1.0] + [x for s in shown.values() for x in (s.before, s.after)]
@@ -76,54 +80,71 @@ def stage_bars(stages: Mapping[str, StageGap]) -> str:
     def at(value: float) -> float:
         return math.log(max(value, low) / low) / math.log(high / low)
 
-    rows = [_stage(name, stage, at(stage.before), at(stage.after)) for name, stage in shown.items()]
+    rows = [
+        _stage(name, stage, at(stage.before), at(stage.after) if explained else None)
+        for name, stage in shown.items()
+    ]
     ticks = [t for k in range(6) for t in (10.0**k, 3 * 10.0**k) if low <= t <= high]
     texts = "".join(f"<span style='left:{at(t):.2%}'>{t:g}</span>" for t in ticks)
     axis = f"<div class='row axis'><div class=name></div><div class=track>{texts}</div></div>"
     return f"<div class='bars stages' style='--at:{at(1.0):.2%}'>{''.join(rows)}{axis}</div>"
 
 
-def _stage(name: str, stage: StageGap, before: float, after: float) -> str:
-    low, width = min(before, after), abs(before - after)
+def _stage(name: str, stage: StageGap, before: float, after: float | None) -> str:
     mark = "<b>gap</b>" if stage.significant else "no gap"
+    dots, value = f"<i class='dot before' style='left:{before:.2%}'></i>", number(stage.before, 2)
+    if after is not None:
+        low, width = min(before, after), abs(before - after)
+        dots = (
+            f"<i class=link style='left:{low:.2%};width:{width:.2%}'></i>{dots}"
+            f"<i class='dot after' style='left:{after:.2%}'></i>"
+        )
+        value += f" → {number(stage.after, 2)}"
     return (
         f"<div class=row><div class=name>{escape(name)} <small>{mark}</small></div>"
-        f"<div class=track><i class=link style='left:{low:.2%};width:{width:.2%}'></i>"
-        f"<i class='dot before' style='left:{before:.2%}'></i>"
-        f"<i class='dot after' style='left:{after:.2%}'></i></div>"
-        f"<div class=value>{number(stage.before, 2)} → {number(stage.after, 2)}</div></div>"
+        f"<div class=track>{dots}</div><div class=value>{value}</div></div>"
     )
 
 
-def regime_strips(before: Sequence[Regime], after: Sequence[Regime]) -> str:
+def regime_strips(before: Sequence[Regime], after: Sequence[Regime] | None) -> str:
     """Return for each variable how a stage's gap is spread over it, and what is left of it."""
-    pairs = groupby(zip(before, after, strict=True), key=lambda pair: pair[0].variable)
-    strips = {variable: _strip(variable, list(group)) for variable, group in pairs}
-    ordered = sorted(strips, key=list(VARIABLES).index)
-    return f"<div class=strips>{''.join(strips[variable] for variable in ordered)}</div>"
-
-
-def _strip(variable: str, pairs: Sequence[tuple[Regime, Regime]]) -> str:
-    most = max(pairs, key=lambda pair: pair[0].share)[0]
-    top = max(max(a.share, b.share) for a, b in pairs) or 1.0
-    columns = "".join(
-        f"<span{' class=most' if a is most else ''} title='{escape(_range(a))}: {_whole(a.share)}"
-        f" before, {_whole(b.share)} left'><i class=before style='height:{a.share / top:.2%}'></i>"
-        f"<i class=after style='height:{min(b.share / top, 1.0):.2%}'></i></span>"
-        for a, b in pairs
+    strips: dict[str, list[tuple[Regime, float | None]]] = {}
+    left: Sequence[float | None] = (
+        [None] * len(before) if after is None else [r.share for r in after]
     )
-    half = pairs[len(pairs) // 2][0]
-    middle = half.low if len(pairs) % 2 == 0 else 0.5 * (half.low + half.high)
-    ends = (pairs[0][0].low, middle, pairs[-1][0].high)
+    for regime, share in zip(before, left, strict=True):
+        strips.setdefault(regime.variable, []).append((regime, share))
+    known = list(VARIABLES)
+    ordered = sorted(strips, key=lambda name: known.index(name) if name in known else len(known))
+    return f"<div class=strips>{''.join(_strip(name, strips[name]) for name in ordered)}</div>"
+
+
+def _strip(variable: str, bins: Sequence[tuple[Regime, float | None]]) -> str:
+    most, left = max(bins, key=lambda pair: pair[0].share)
+    top = max(max(regime.share, rest or 0.0) for regime, rest in bins) or 1.0
+    columns = "".join(_column(regime, rest, top, regime is most) for regime, rest in bins)
+    half = bins[len(bins) // 2][0]
+    middle = half.low if len(bins) % 2 == 0 else 0.5 * (half.low + half.high)
+    ends = (bins[0][0].low, middle, bins[-1][0].high)
     axis = "".join(f"<span>{number(v, 2)}</span>" for v in ends)
     name = VARIABLES.get(variable, variable)
-    left = next(b.share for a, b in pairs if a is most)
-    rest = f", {_whole(left)} left" if any(a.share != b.share for a, b in pairs) else ""
     return (
         f"<div class=strip><h4>{escape(name)} <small>[{escape(most.unit)}]</small></h4>"
         f"<div class=columns>{columns}</div><div class=ends>{axis}</div>"
-        f"<p>{_whole(most.share)} in {escape(_range(most))}{rest}</p></div>"
+        f"<p>{_shares(most, left)}</p></div>"
     )
+
+
+def _column(regime: Regime, left: float | None, top: float, most: bool) -> str:
+    bars = f"<i class=before style='height:{regime.share / top:.2%}'></i>"
+    if left is not None:
+        bars += f"<i class=after style='height:{left / top:.2%}'></i>"
+    return f"<span{' class=most' if most else ''} title='{_shares(regime, left)}'>{bars}</span>"
+
+
+def _shares(regime: Regime, left: float | None) -> str:
+    rest = "" if left is None else f", {_whole(left)} left"
+    return escape(f"{_whole(regime.share)} in {_range(regime)}{rest}", quote=True)
 
 
 def _whole(share: float) -> str:

@@ -7,39 +7,33 @@ from numpy.typing import NDArray
 
 from cjt_gym.gap.diagnosis import Diagnosis, FrictionMap, RippleSpectrum, Source, SpringLoop
 from cjt_gym.gap.report.chart import OUTER, Chart, Curve
-from cjt_gym.gap.report.words import number, percent
+from cjt_gym.gap.report.words import CHANNELS, number, percent
 
 Floats = NDArray[np.float64]
 BEFORE, AFTER = "datasheet", "with the effects"
 STANDS_OUT = 6.0
 """Height of a line over the median of its spectrum from which it is shown unasked."""
-CHANNELS = {
-    "tau": "Joint torque",
-    "dq_m": "Motor velocity",
-    "q_m": "Motor position",
-    "i": "Current",
-}
 
 
 def replay_charts(diagnosis: Diagnosis) -> list[Chart]:
     """Return measured against replayed signals, one chart for each channel."""
     evidence = diagnosis.evidence
     source = evidence.source
-    units = {"tau": source.torque, "dq_m": f"{source.angle}/s", "q_m": source.angle, "i": "A"}
+    units = {"dq_m": f"{source.angle}/s", "q_m": source.angle, "i": "A"}
     models = [("before", BEFORE), ("after", AFTER)] if diagnosis.effects else [("before", BEFORE)]
     charts = []
-    for name, title in CHANNELS.items():
+    for name, text in CHANNELS.items():
         signals = evidence.replays.get(name)
         if signals is None or (name == "i" and not diagnosis.stages["drive"].significant):
             continue
         t = np.arange(len(signals["measured"]), dtype=np.float64) * evidence.replay_dt
         shown = [("measured", "measured"), *models]
-        curves = [Curve(text, key, t, signals[key]) for key, text in shown]
+        curves = [Curve(label, key, t, signals[key]) for key, label in shown]
         errors = [relative(signals[key], signals["measured"]) for key, _ in models]
         aid = f"Error {' before, '.join(percent(e) for e in errors)}"
         aid += " after, relative to the signal." if len(errors) > 1 else " of the signal."
-        label = f"{title.lower()} [{units[name]}]"
-        charts.append(Chart(title, aid, "time [s]", label, curves, zoom="time"))
+        label = f"{text} [{units.get(name, source.torque)}]"
+        charts.append(Chart(text.capitalize(), aid, "time [s]", label, curves, zoom="time"))
     return charts
 
 
@@ -61,7 +55,7 @@ def _friction(found: FrictionMap, source: Source, explained: bool) -> Chart:
     curves = [Curve(BEFORE, "before", found.speed, found.before, dots=True)]
     if explained:
         curves.append(Curve(AFTER, "after", found.speed, found.after, dots=True))
-    if np.ptp(found.law) > 0.01 * np.ptp(found.before):
+    if explained and np.ptp(found.law) > 0.01 * np.ptp(found.before):
         low, high = np.quantile(found.speed, [OUTER, 1.0 - OUTER])
         seen = (found.law_speed >= low) & (found.law_speed <= high)
         curves.append(Curve("fitted friction", "law", found.law_speed[seen], found.law[seen]))

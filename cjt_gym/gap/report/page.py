@@ -20,6 +20,7 @@ from cjt_gym.gap.report.figures import (
     spring_charts,
 )
 from cjt_gym.gap.report.words import (
+    CHANNELS,
     VERDICTS,
     effect_name,
     interval,
@@ -92,12 +93,9 @@ def page(diagnosis: Diagnosis, title: str, notes: Sequence[str] = ()) -> str:
 
 def _head(diagnosis: Diagnosis, title: str) -> str:
     gap, source = diagnosis.gap, diagnosis.evidence.source
-    figures = [
-        ("gap before", percent(gap.before)),
-        ("gap after", percent(gap.after)),
-        ("noise floor", percent(gap.floor)),
-    ]
+    figures = [("gap", percent(gap.before)), ("noise floor", percent(gap.floor))]
     if diagnosis.effects:
+        figures = [("gap before", figures[0][1]), ("gap after", percent(gap.after)), figures[1]]
         spread = f"{percent(gap.low)} … {percent(gap.high)}"
         figures.append(("removed", f"{percent(gap.removed)}<small>{spread}</small>"))
     tiles = "".join(f"<div><dt>{name}</dt><dd>{value}</dd></div>" for name, value in figures)
@@ -114,31 +112,31 @@ def _how_far(diagnosis: Diagnosis) -> str:
     if not steps:
         return ""
     kept = "data that the fit has not seen" if diagnosis.gap.held_out else "the fitted data"
-    channel = "joint torque" if "tau" in diagnosis.gap.by_channel else "motor velocity"
-    aid = (
-        f"Error of the replayed {channel} on {kept}, relative to the signal. Each bar adds one "
-        "effect; hatched is what it removed, whiskers are 95 % intervals, the dashed line is what "
-        "noise alone leaves."
-    )
+    channel = next(text for name, text in CHANNELS.items() if name in diagnosis.gap.by_channel)
+    aid = f"Error of the replayed {channel} on {kept}, relative to the signal. "
+    if diagnosis.effects:
+        aid += "Each bar adds one effect; hatched is what it removed. "
+    aid += "Whiskers are 95 % intervals, the dashed line is what noise alone leaves."
     return _aid(aid) + waterfall(steps, diagnosis.gap)
 
 
 def _where(diagnosis: Diagnosis) -> str:
+    explained = bool(diagnosis.effects)
     bars = _aid(
         "Residual of each stage between measured ends, in units of what the specified noise "
         "explains: 1, the dashed line, is a perfect model."
-    ) + stage_bars(diagnosis.stages)
+    ) + stage_bars(diagnosis.stages, explained)
     if diagnosis.verdict == "no_gap":
-        return _key() + bars
+        return bars
     maps = [
-        f"<h3>Inside the {escape(stage)} stage</h3>" + regime_strips(*pair)
-        for stage, pair in diagnosis.evidence.regimes.items()
+        f"<h3>Inside the {escape(stage)} stage</h3>"
+        + regime_strips(before, after if explained else None)
+        for stage, (before, after) in diagnosis.evidence.regimes.items()
     ]
-    aid = _aid(
-        "Shares of the stage's gap over one variable at a time: the columns of a panel add up to "
-        "100 % before; what is left after is drawn in front."
-    )
-    return _key() + bars + aid + "".join(maps)
+    aid = "Shares of the stage's gap over one variable at a time; each panel adds up to 100 %."
+    if explained:
+        aid += " In front, what is left of it with the named effects."
+    return (_key() if explained else "") + bars + _aid(aid) + "".join(maps)
 
 
 def _key() -> str:

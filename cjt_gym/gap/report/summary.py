@@ -5,7 +5,7 @@ from __future__ import annotations
 import textwrap
 from html import escape
 
-from cjt_gym.gap.diagnosis import Diagnosis, NamedEffect
+from cjt_gym.gap.diagnosis import Diagnosis, NamedEffect, StageGap
 from cjt_gym.gap.report.words import VERDICTS, interval, number, percent, verdict_sentence
 
 WIDTH = 96
@@ -18,27 +18,31 @@ def summary(diagnosis: Diagnosis) -> str:
     Args:
         diagnosis: What is told.
     """
-    gap = diagnosis.gap
+    gap, explained = diagnosis.gap, bool(diagnosis.effects)
     title = VERDICTS[diagnosis.verdict].upper()
     lines = textwrap.wrap(f"{title}. {verdict_sentence(diagnosis)}", WIDTH, max_lines=4)
     kept = "held-out data" if gap.held_out else "the fitted data"
-    lines += [
-        "",
-        f"gap on {kept}   before {percent(gap.before)}   after {percent(gap.after)}   "
-        f"noise floor {percent(gap.floor)}",
-    ]
-    rows = [(n, s) for n, s in diagnosis.stages.items() if s.before > 0.0 and n != "sensing"]
-    lines += [f"{'stage':<14}{'before':>9}{'after':>9}   (residual, 1 = noise)"]
-    for name, stage in rows:
-        mark = "  <- gap" if stage.significant else ""
-        lines.append(f"{name:<14}{number(stage.before):>9}{number(stage.after):>9}{mark}")
-    if diagnosis.effects:
+    after = f"after {percent(gap.after)}   " if explained else ""
+    before = f"{'before ' if explained else ''}{percent(gap.before)}"
+    lines += ["", f"gap on {kept}   {before}   {after}noise floor {percent(gap.floor)}"]
+    head = f"{'before':>9}{'after':>9}" if explained else f"{'residual':>9}"
+    lines += [f"{'stage':<14}{head}   (residual, 1 = noise)"]
+    for name, stage in diagnosis.stages.items():
+        if stage.before > 0.0 and name != "sensing":
+            lines.append(_stage(name, stage, explained))
+    if explained:
         lines += [f"{'effect':<20}{'status':<11}{'confidence':>10}{'removes':>9}  parameters"]
         lines += [_row(effect) for effect in diagnosis.effects[:MOST_EFFECTS]]
     if diagnosis.unexplained.stage is not None:
         lines += textwrap.wrap(f"left: {diagnosis.unexplained.text}", WIDTH, max_lines=2)
     lines += textwrap.wrap(f"next: {diagnosis.suggestion.text}", WIDTH, max_lines=2)
     return "\n".join(lines)
+
+
+def _stage(name: str, stage: StageGap, explained: bool) -> str:
+    after = f"{number(stage.after):>9}" if explained else ""
+    mark = "  <- gap" if stage.significant else ""
+    return f"{name:<14}{number(stage.before):>9}{after}{mark}"
 
 
 def _row(effect: NamedEffect) -> str:

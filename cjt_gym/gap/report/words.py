@@ -45,6 +45,13 @@ EFFECTS: Mapping[str, str] = {
     "load_coulomb": "Coulomb friction of the load",
     "gravity": "weight of the load",
 }
+CHANNELS: Mapping[str, str] = {
+    "tau": "joint torque",
+    "tau_m": "drive torque",
+    "dq_m": "motor velocity",
+    "q_m": "motor position",
+    "i": "current",
+}
 WITH_BODY = ("coulomb", "coulomb_asym", "viscous_asym", "stribeck", "presliding", "damping")
 NOTABLE = 0.1
 """Share of the replay error that must be gone for the verdict to say how much."""
