@@ -218,7 +218,10 @@ def test_a_place_that_cannot_be_written_is_a_clear_error(clean: Diagnosis, tmp_p
         write_report(clean, tmp_path / "file" / "report.html")
 
 
-@pytest.mark.parametrize("case", ["explained", "clean", "unexplained", "emps"])
+@pytest.mark.parametrize(
+    "case",
+    ["explained", "clean", "unexplained", pytest.param("emps", marks=pytest.mark.slow)],
+)
 def test_a_browser_draws_all_of_it(
     case: str, request: pytest.FixtureRequest, tmp_path: Path
 ) -> None:
