@@ -10,7 +10,7 @@ from scipy.signal import savgol_filter
 
 from cjt_gym.gap.diagnosis import FrictionMap, RippleSpectrum, SpringLoop
 from cjt_gym.gap.fields import Fields, friction_law, has_friction
-from cjt_gym.gap.kernel import ELASTIC, SMOOTH, VISCOUS_N, VISCOUS_P, level
+from cjt_gym.gap.kernel import ELASTIC, LOADED, SMOOTH, VISCOUS_N, VISCOUS_P, level
 from cjt_gym.gap.periodic import ripple_amplitudes
 from cjt_gym.gap.setting import Setting
 from cjt_gym.gap.signals import joint_torque, motor_torque, periodic_torque
@@ -107,7 +107,14 @@ def _lacking(
 
 
 def _friction(fields: Fields, bodies: Sequence[str], speed: Floats, load: float) -> Floats:
-    """Return the friction of bodies that move at one velocity [N m], shape (M,)."""
+    """Return the friction of bodies that move at one velocity [N m], shape (M,).
+
+    Args:
+        fields: The model.
+        bodies: Their letters.
+        speed: Their velocity [rad/s], shape (M,).
+        load: Size of the transmitted torque [N m].
+    """
     total = np.zeros(len(speed))
     for body in bodies:
         total += fields[f"d_{body}"] * speed
@@ -115,7 +122,8 @@ def _friction(fields: Fields, bodies: Sequence[str], speed: Floats, load: float)
             continue
         law = friction_law(fields, body)
         side = np.sign(speed)
-        size = np.array([level(law, s, abs(v), load) for s, v in zip(side, speed, strict=True)])
+        more = law[LOADED] * load
+        size = np.array([level(law, s, abs(v), more) for s, v in zip(side, speed, strict=True)])
         width = law[SMOOTH] if law[ELASTIC] == 0.0 else 0.0
         total += size * (np.tanh(speed / width) if width > 0.0 else side)
         total += np.where(side > 0.0, law[VISCOUS_P], law[VISCOUS_N]) * speed
