@@ -24,6 +24,7 @@ COMMANDS: dict[str, str] = {
     "blind-test": "diagnose joints whose effects are hidden, and score what was found",
     "export": "write a joint for another simulator: MuJoCo or Isaac Lab",
     "diagnose": "find where a recorded joint and its simulation differ, why, and how far",
+    "export": "write a joint for another simulator: MuJoCo or Isaac Lab",
 }
 EXTRAS = {
     "torch": "train",
