@@ -26,8 +26,8 @@ Floats = NDArray[np.float64]
 
 
 def hidden_joint() -> Bench:
-    """Return a joint whose motor has 1.5 N m of dry friction, which its datasheet does not know."""
-    return make_bench(3, "output_fixed_rigid_gearbox", up_m=1.5, down_m=1.5)
+    """Return a joint whose motor has 3 N m of dry friction, which its datasheet does not know."""
+    return make_bench(3, "output_fixed_rigid_gearbox", up_m=3.0, down_m=3.0)
 
 
 def one_slope(peak: float, dt: float) -> Floats:
@@ -50,7 +50,7 @@ def main() -> tuple[Diagnosis, Diagnosis]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         joint = nominal(bench, folder)
-        ramps = bench.record(one_slope(0.4 * bench.sheet.i_p, bench.sheet.dt), seed=1)
+        ramps = bench.record(one_slope(0.3 * bench.sheet.i_p, bench.sheet.dt), seed=1)
         before = diagnose(ramps, joint)
         show("With one slope", before)
         file = before.suggestion.written(folder / "next.npz").record

@@ -61,11 +61,13 @@ class PolicyAgent:
         given = {name: getattr(conditions, name) for name in CONDITIONS}
         arguments |= {**given, "parameters": None, "disturbance": None}
         arguments["history"] = trained.history
-        if (arguments["joint"], arguments["structure"]) == self._trained_on():
+        if (arguments["joint"], arguments["structure"]) == self.trained_on:
             arguments |= {name: getattr(trained, name) for name in SCALES}
         return arguments
 
-    def _trained_on(self) -> tuple[str, str]:
+    @property
+    def trained_on(self) -> tuple[str, str]:
+        """Joint and structure that it was trained on."""
         arguments = environment_arguments(self.config.env)
         return arguments["joint"], arguments["structure"]
 

@@ -66,6 +66,11 @@ class Agent(Protocol):
         """One of "classical", "learned", "residual"."""
         ...
 
+    @property
+    def trained_on(self) -> tuple[str, str] | None:
+        """Joint and structure that it was trained on; None if it was not trained."""
+        ...
+
     def arguments(self, conditions: Conditions) -> dict[str, Any]:
         """Return the environment's arguments under which it runs."""
         ...
@@ -96,6 +101,11 @@ class ControllerAgent:
     def kind(self) -> str:
         """What the table says."""
         return CONTROLLERS[self.name].kind
+
+    @property
+    def trained_on(self) -> None:
+        """None: it was not trained."""
+        return None
 
     def arguments(self, conditions: Conditions) -> dict[str, Any]:
         """Return the conditions with the controller as base."""

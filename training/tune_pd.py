@@ -51,6 +51,7 @@ class GainsAgent:
     gains: Gains
     name: str = "candidate"
     kind: str = "classical"
+    trained_on: tuple[str, str] | None = None
 
     def make(self, joint: Joint, dt: float) -> PdFeedForward:
         """Return the controller for a joint."""

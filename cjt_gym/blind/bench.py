@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -38,16 +39,37 @@ class Bench:
             current: Command at every sample [A], shape (n,).
             seed: Seed of the noise and of the sampling instants.
         """
-        chances = draw_chances(self.world, len(current), np.random.default_rng(seed))
-        result = run(self.world, current, Gains(limit=self.sheet.i_p), chances)
-        columns = {"t": instants(self.sheet.dt, len(current)), "i_cmd": result.command}
+        return self._run(current, Gains(limit=self.sheet.i_p), seed, {"mode": "open loop"})
+
+    def track(self, reference: Floats, kp: float, seed: int = 0) -> Record:
+        """Return the record of a run from rest in a closed loop.
+
+        The motor torque is reference + kp (reference - measured torque).
+
+        Args:
+            reference: Wanted joint torque at every sample [N m], shape (n,).
+            kp: Gain [-].
+            seed: Seed of the noise and of the sampling instants.
+        """
+        p = self.sheet.values
+        per_ampere = 1.0 / (p["k_t"] * p["n"])
+        gains = Gains(closed=1.0, per_ampere=per_ampere, limit=self.sheet.i_p, kp=kp)
+        known = {"mode": "closed loop", "controller": "pd_feedforward", "kp": kp, "kd": 0.0}
+        record = self._run(reference, gains, seed, known)
+        more = {"tau_ref": reference, "tau_cmd": record["i_cmd"] / per_ampere}
+        return record.with_columns(more, default_units(tuple(more)))
+
+    def _run(self, signal: Floats, gains: Gains, seed: int, known: dict[str, Any]) -> Record:
+        chances = draw_chances(self.world, len(signal), np.random.default_rng(seed))
+        result = run(self.world, signal, gains, chances)
+        columns = {"t": instants(self.sheet.dt, len(signal)), "i_cmd": result.command}
         columns |= {name: result.measured[:, CHANNELS.index(name)] for name in self.sheet.channels}
         return Record(
             columns,
             default_units(tuple(columns)),
             dt=self.sheet.dt,
             structure=self.world.structure.name,
-            provenance={"mode": "open loop"},
+            provenance=known,
         )
 
 

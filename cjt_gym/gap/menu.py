@@ -140,7 +140,12 @@ MENU: Final[Mapping[str, Input]] = {
     row.name: row
     for row in (
         Input("composite", "reversals, steps, a multisine and a chirp, in turn", _composite),
-        Input("small_composite", "the same at a fifth of the size", _composite, size=0.2),
+        Input(
+            "small_composite",
+            "reversals, steps, a multisine and a chirp, all of them small",
+            _composite,
+            size=0.2,
+        ),
         Input("ramps", "slow ramps through zero in both directions", _ramps),
         Input("swings", "growing oscillations in the stuck region", _swings, 1.5, stuck=True),
         Input(

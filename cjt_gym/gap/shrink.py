@@ -78,6 +78,29 @@ def measure_gap(
     return Gap(before, after, floor, removed, low, high, held_out, channels, replays)
 
 
+def gap_of(replays: Mapping[str, Mapping[str, Floats]], main: str, noise: float, dt: float) -> Gap:
+    """Return the gap of replays of one record that no fit has seen.
+
+    Args:
+        replays: "measured", "before" and "after" by channel, each of shape (N,).
+        main: The channel that counts.
+        noise: Deviation of one of its samples.
+        dt: Sample time [s].
+    """
+    errors = {
+        name: [(r["before"] - r["measured"], r["after"] - r["measured"], r["measured"])]
+        for name, r in replays.items()
+    }
+    table = {name: _relative(parts) for name, parts in errors.items()}
+    before, after = table[main]
+    low, high = _interval(errors[main], dt)
+    rms = float(np.sqrt(np.mean(replays[main]["measured"] ** 2)))
+    channels = {name: {"before": b, "after": a} for name, (b, a) in table.items()}
+    floor = noise / max(rms, 1e-300)
+    removed = _removed(before, after)
+    return Gap(before, after, floor, removed, low, high, True, channels, replays)
+
+
 def main_channel(setting: Setting) -> str:
     """Return the channel whose error is the gap."""
     if not setting.has_spring:

@@ -11,11 +11,16 @@ from cjt_gym.gap.design import Cross, Prospect, prospects
 from cjt_gym.gap.diagnosis import NamedEffect, Suggestion
 from cjt_gym.gap.fit import Fit, Problem
 from cjt_gym.gap.prune import Need
+from cjt_gym.gap.select import evidence
 from cjt_gym.gap.setting import Setting
 from cjt_gym.gap.unknown import Leftover
 from cjt_gym.records import Record, default_units
 
 MOST_RIVALS = 2
+ELSEWHERE = (
+    "Look at the regimes in which it lies, and record the joint again with one input at a time: "
+    "slow ramps, steps, a chirp."
+)
 NOTHING = "nothing"
 """Name of the model without an effect that is only tentative."""
 
@@ -41,17 +46,26 @@ def suggest(
         left: Stages that are not explained.
     """
     question = _open_question(problem, base, fit, needs, seen, named)
-    if question:
-        ranked = prospects(problem, question)
-        if ranked and ranked[0].tells:
-            return Suggestion(_text(ranked[0]), excitation=record_of(problem, ranked[0]))
-        return Suggestion(_needs_more(tuple(question), ranked))
-    if left:
-        return Suggestion(
-            f"The {left[0].stage} stage has a gap outside the effect table. Look at the regimes in "
-            "which it lies, and record it again with one input at a time: slow ramps, steps, chirp."
-        )
-    return Suggestion("No further record is needed.")
+    preface = ""
+    if not question and left:
+        question = _nearest(problem, seen, left[0].stage)
+        preface = f"The {left[0].stage} stage has a gap that no effect of the table explains. "
+    if len(question) < 2:
+        return Suggestion(preface + ELSEWHERE if left else "No further record is needed.")
+    ranked = prospects(problem, question)
+    if ranked and ranked[0].tells:
+        return Suggestion(preface + _text(ranked[0]), excitation=record_of(problem, ranked[0]))
+    return Suggestion(preface + _needs_more(tuple(question), ranked))
+
+
+def _nearest(problem: Problem, seen: Sequence[Fit], stage: str) -> Mapping[str, Fit]:
+    """Return the two explanations by which a stage's gap is least badly explained, by name."""
+    found: dict[str, Fit] = {}
+    for fit in sorted(seen, key=lambda f: -evidence(problem, f)):
+        last = fit.model.effects[-1]
+        if stage in last.touches and len(found) < 2:
+            found.setdefault(last.name, fit)
+    return found
 
 
 def _open_question(
@@ -79,7 +93,7 @@ def _open_question(
 def _text(best: Prospect) -> str:
     names = list(dict.fromkeys(cross.true for cross in best.crosses))
     telling = [cross for cross in best.crosses if cross.margin >= 0.5 * best.margin]
-    shown = "; ".join(_sentence(cross) for cross in sorted(telling, key=lambda c: -c.margin)[:2])
+    shown = ". ".join(_sentence(cross) for cross in sorted(telling, key=lambda c: -c.margin)[:2])
     return (
         f"To tell {names[0]} from {' and '.join(names[1:])}, record {best.input.text}: "
         f"{len(best.current) * best.dt:.3g} s, up to {np.abs(best.current).max():.3g} A, from "

@@ -1,0 +1,126 @@
+"""Closed-loop replay: the joint under the controller that it was recorded with.
+
+An open-loop replay lets every error of a model add up; in a closed loop the controller takes part
+of it away, as it does on the joint. What is left is the error that a simulation in the loop has.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cjt_gym.errors import ConfigurationError
+from cjt_gym.gap.shrink import Gap, gap_of
+from cjt_gym.joint import Joint
+from cjt_gym.plant import Measurement, SimulatedPlant
+from cjt_gym.records import Record
+
+Floats = NDArray[np.float64]
+DT_PHYSICS = 1e-4
+CHANNELS = ("tau", "tau_cmd", "q_m", "dq_m")
+"""Channels of a replay."""
+NEEDED = ("tau_ref", "tau")
+
+
+class Law(Protocol):
+    """What a closed loop asks of a controller."""
+
+    def reset(self) -> None:
+        """Forget the past."""
+
+    def act(self, measurement: Measurement, reference: Floats) -> Floats:
+        """Return the motor torque to command [N m], shape (1,)."""
+        ...
+
+
+def replay_closed_loop(
+    record: Record, joint: Joint, controller: Law, seed: int = 0
+) -> Mapping[str, Floats]:
+    """Return what a joint does under a controller that tracks a record's reference.
+
+    Args:
+        record: Gives the reference `tau_ref` [N m], the sample time, where the joint starts, and
+            the load torque `tau_l` of a free load.
+        joint: The joint.
+        controller: What drives it.
+        seed: Seed of the sensors' noise, where the joint has any.
+
+    Returns:
+        Channels of `CHANNELS` as they would be recorded, each of shape (N,).
+
+    Raises:
+        ConfigurationError: The record has no reference.
+        SimulationError: A state ceased to be finite.
+    """
+    _check(record)
+    dt = record.dt
+    plant = SimulatedPlant(joint, 1, dt, dt / max(math.ceil(dt / DT_PHYSICS), 1))
+    reference = record["tau_ref"]
+    load = _load(record, joint)
+    start = np.zeros((1, 6))
+    start[0, :3] = record["q_m"][0] if "q_m" in record else 0.0
+    controller.reset()
+    measured = plant.reset(seed=seed, start=start, load=load[:1])
+    rows = {name: np.zeros(len(record)) for name in CHANNELS}
+    for k in range(len(record)):
+        command = controller.act(measured, reference[k : k + 1])
+        for name in ("tau", "q_m", "dq_m"):
+            rows[name][k] = getattr(measured, name)[0]
+        rows["tau_cmd"][k] = command[0]
+        measured = plant.step(command, load[k : k + 1])
+    return rows
+
+
+def _check(record: Record) -> None:
+    missing = [name for name in NEEDED if name not in record]
+    if missing:
+        raise ConfigurationError(
+            f"{record.owner} must have the columns {', '.join(NEEDED)} [N m] to be replayed in a "
+            f"closed loop, {', '.join(missing)} is missing. Record the reference too."
+        )
+    if not all(np.isfinite(record[name]).all() for name in NEEDED):
+        raise ConfigurationError(
+            f"{', '.join(NEEDED)} of {record.owner} must be finite to be replayed in a closed "
+            "loop, got NaN. Take a part of the record without missing samples."
+        )
+
+
+def _load(record: Record, joint: Joint) -> Floats:
+    free = not joint.structure_row.output_fixed
+    return record["tau_l"].copy() if free and "tau_l" in record else np.zeros(len(record))
+
+
+def closed_loop_gap(
+    record: Record, nominal: Joint, identified: Joint, controller: Law, scatter: float = 0.0
+) -> Gap:
+    """Return how far the gap of the joint torque shrinks in a closed loop.
+
+    Args:
+        record: Recorded under the controller; best one that the identification has not seen.
+        nominal: The joint before the diagnosis.
+        identified: The joint with its effects.
+        controller: The controller of the record, with its gains.
+        scatter: Deviation of one sample of the torque sensor [N m], for the floor.
+
+    Returns:
+        Errors relative to the rms of the recorded torque, with the interval of a block bootstrap.
+        The torque counts; commands, angle and speed of the motor are given beside it.
+
+    Raises:
+        ConfigurationError: The record has no reference or no joint torque.
+        SimulationError: A state ceased to be finite.
+    """
+    one, two = (replay_closed_loop(record, joint, controller) for joint in (nominal, identified))
+    replays = {}
+    for name in CHANNELS:
+        if name in record and np.isfinite(record[name]).all():
+            replays[name] = {
+                "measured": record[name],
+                "before": one[name],
+                "after": two[name],
+            }
+    return gap_of(replays, "tau", scatter, record.dt)
