@@ -21,16 +21,18 @@ from numpy.typing import NDArray
 from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.fit import DEFLATION, FLOOR, Fit, Model, Problem
 from cjt_gym.gap.menu import MENU, Input
+from cjt_gym.gap.prune import SIMPLER
 from cjt_gym.gap.replay import replay
 from cjt_gym.gap.series import Series
 from cjt_gym.gap.setting import Setting
 from cjt_gym.gap.signals import commanded_current
 from cjt_gym.gap.stages import Stages
+from cjt_gym.gap.unknown import LEFT
 
 Floats = NDArray[np.float64]
 SAMPLES, SHORTEST, LONGEST = 4000, 4.0, 20.0
 """Samples of an input, and the least and the greatest time that they may take [s]."""
-MOVES = 5
+MOVES = 10
 """Steps of the fit of a rival."""
 RESERVE = 0.8
 """Share of a limit of the joint file that an experiment uses."""
@@ -249,9 +251,25 @@ def _crosses(
             _evaluated(there, fits[name].model, _moved(problem, there, fits[name])),
         )
     return tuple(
-        _cross(problem, true, rival, fits[rival], *made[true])
+        _nested(true, rival)
+        if _contains(fits[rival].model, fits[true].model)
+        else _cross(problem, true, rival, fits[rival], *made[true])
         for true, rival in permutations(fits, 2)
     )
+
+
+def _contains(model: Model, other: Model) -> bool:
+    """Return whether a model gives all that another one gives: it has more, or a richer law."""
+    more = [e for e in model.effects if e.key not in {o.key for o in other.effects}]
+    less = [o for o in other.effects if o.key not in {e.key for e in model.effects}]
+    if len(more) == len(less) == 1:
+        return less[0].name in SIMPLER.get(more[0].name, ())
+    return not less
+
+
+def _nested(true: str, rival: str) -> Cross:
+    """Return what comes of a rival that contains the truth: it fits as well, under every input."""
+    return Cross(true, rival, 0.0, "motor", 1.0)
 
 
 def _cross(problem: Problem, true: str, rival: str, fit: Fit, there: Problem, own: Fit) -> Cross:
@@ -273,8 +291,11 @@ def strain(problem: Problem, z: Floats) -> float:
 
 
 def _evaluated(problem: Problem, model: Model, z: Floats) -> Fit:
+    """Return the true model on its own data, fitted to them where the predictor is too coarse."""
     residuals = problem.residuals(model, z)
-    return Fit(model, z, 0.0, problem.mean_square(residuals), residuals)
+    found = Fit(model, z, 0.0, problem.mean_square(residuals), residuals)
+    coarse = max(found.mean_square.values()) > LEFT**2
+    return problem.fit(model, z, MOVES) if coarse else found
 
 
 def _moved(old: Problem, new: Problem, fit: Fit) -> Floats:

@@ -72,7 +72,7 @@ def test_every_experiment_keeps_to_the_limits_whatever_is_true(problem: Problem)
     }
     setting = problem.stages.setting
     within = bounds(setting)
-    assert within.current <= 0.8 * setting.joint.parameters.get("i_p")
+    assert within.current <= 0.8 * setting.joint.parameters.i_p
     for prospect in prospects(problem, fits):
         assert np.abs(prospect.current).max() <= within.current
         for fit in fits.values():
@@ -96,7 +96,7 @@ def test_a_law_that_contains_the_other_does_not_hide_what_can_be_told(problem: P
     """Stribeck's law explains Coulomb's data under any input; the other way round counts."""
     fits = {
         "coulomb": explained(problem, "coulomb", 3.0),
-        "stribeck": explained(problem, "stribeck", 2.0, 4.0, 2e-3),
+        "stribeck": explained(problem, "stribeck", 2.0, 4.0, 0.02),
     }
     best = prospects(problem, fits)[0]
     margins = {cross.true: cross.margin for cross in best.crosses}
