@@ -22,8 +22,8 @@ COMMANDS: dict[str, str] = {
     "train": "train a policy with Stable-Baselines3, or go on with a run that was stopped",
     "benchmark": "compare controllers and policies on the same joints and references",
     "blind-test": "diagnose joints whose effects are hidden, and score what was found",
-    "diagnose": "find where a recorded joint and its simulation differ, why, and how far",
     "export": "write a joint for another simulator: MuJoCo or Isaac Lab",
+    "diagnose": "find where a recorded joint and its simulation differ, why, and how far",
 }
 EXTRAS = {
     "torch": "train",
