@@ -55,7 +55,8 @@ def rival_fits(
         if len(extra) != 1 or effects[index].key in keys or len(rest - keys) > 1:
             continue
         name, behind = extra[0].name, own - evidence(problem, other)
-        if behind < limit and name != effects[index].name and not (name in richer and behind > 0.0):
+        near = behind < limit and not extra[0].outside and not (name in richer and behind > 0.0)
+        if near and name != effects[index].name:
             found.setdefault(name, other)
     return found
 

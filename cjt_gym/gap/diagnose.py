@@ -10,6 +10,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from cjt_gym.errors import CjtGymError, ConfigurationError, RecordError
+from cjt_gym.gap.confidence import confidence
 from cjt_gym.gap.confusable import best_rival, rivals
 from cjt_gym.gap.diagnosis import (
     Diagnosis,
@@ -57,8 +58,6 @@ REFUTED = 0.2
 """Worth on held-out data below which an effect is refuted."""
 EVEN_CHANCE = 0.5
 """Confidence below which no effect counts as confirmed."""
-CERTAINTY = 8.0
-"""Evidence that makes a name e times as likely."""
 KNOWN = 0.7
 """Share of its tolerance within which a fit must know a datasheet value to refine it."""
 
@@ -351,17 +350,16 @@ def _named(found: Explanation, spread: Covariance) -> tuple[NamedEffect, ...]:
     problem, fit = found.problem, found.fit
     rows = []
     for index, (effect, need) in enumerate(zip(fit.model.effects, found.needs, strict=True)):
-        state = None
-        if not effect.outside:
-            state = status(need, effect.touches, found.left, worth(found.held, index))
+        if effect.outside:
+            continue
+        trial = worth(found.held, index)
+        state = status(need, effect.touches, found.left, trial)
         if state is None:
             continue
         lead = evidence(problem, fit) - best_rival(problem, fit, index, found.seen)
         lead = min(lead, need.evidence)
-        confidence = 1.0 / (1.0 + float(np.exp(-np.clip(lead / CERTAINTY, -20.0, 20.0))))
-        if state == "tentative":
-            confidence *= 0.5
-        elif confidence < EVEN_CHANCE:
+        chance = confidence(lead, trial, state == "tentative")
+        if chance < EVEN_CHANCE:
             state = "tentative"
         rows.append(
             NamedEffect(
@@ -371,9 +369,11 @@ def _named(found: Explanation, spread: Covariance) -> tuple[NamedEffect, ...]:
                 effect.channel,
                 effect_intervals(problem, fit, index, spread),
                 state,
-                confidence,
+                chance,
                 _removed(found, need),
                 _confusable(found, index),
+                lead,
+                None if trial is None else trial.worth,
             )
         )
     rows += [_sensor_row(finding, problem.stages.setting) for finding in found.sensors]

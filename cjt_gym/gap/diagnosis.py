@@ -48,6 +48,9 @@ class NamedEffect:
         confidence: Chance that the name is right.
         gap_removed: Share of its stage's gap that it takes away.
         confusable_with: Effects that explain nearly as much.
+        lead: Evidence by which the explanation leads the best one without this effect.
+        worth: Share by which held-out residuals fall of that by which the effect changes them: 1
+            for a true effect; None where no held-out record excites it, or for a sensor.
     """
 
     name: str
@@ -59,6 +62,8 @@ class NamedEffect:
     confidence: float
     gap_removed: float
     confusable_with: tuple[str, ...] = ()
+    lead: float = 0.0
+    worth: float | None = None
 
 
 @dataclass(frozen=True)

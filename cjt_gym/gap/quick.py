@@ -16,6 +16,8 @@ from cjt_gym.gap.fit import DEFLATION, FLOOR, LONGEST, STEP, Fit, Floats, Proble
 from cjt_gym.gap.hypothesis import Hypothesis
 
 RELINEARISED = 3
+MOVED = 1.0
+"""Move of a coordinate from which the stages that it changes are computed, not extrapolated."""
 
 
 @dataclass(eq=False)
@@ -102,8 +104,11 @@ class Look:
         flat: NDArray[np.bool_],
     ) -> float:
         model = replace(self.fit.model, effects=(*self.fit.model.effects, effect))
-        true = self.problem.residuals(model, new, effect.touches)
         sums = {n: s.at(new - z) for n, s in squares.items()}
+        far = np.abs(new - z) > MOVED
+        moved = {n for j, names in enumerate(self.problem.touches(model)) if far[j] for n in names}
+        moved |= set(effect.touches)
+        true = self.problem.residuals(model, new, [n for n in squares if n in moved])
         sums |= {n: float(r @ r) for n, r in true.items()}
         return self._cost(sums, new, flat)
 

@@ -117,7 +117,10 @@ class Selection:
         first = max([best, *grown], key=lambda f: evidence(self.problem, f))
         if first is best:
             return best
-        return self._search(first, stages, (*self.candidates, *self.outside))
+        more = self._search(first, stages, (*self.candidates, *self.outside))
+        one, two = (retuned(self.problem, fit) for fit in (best, more))
+        gain = evidence(self.problem, two) - evidence(self.problem, one)
+        return two if gain > MARGIN else one
 
     def _search(self, start: Fit, stages: tuple[str, ...], candidates: Sequence[Hypothesis]) -> Fit:
         pool = [h for h in candidates if set(h.touches) & set(stages)]

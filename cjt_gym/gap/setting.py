@@ -17,6 +17,8 @@ from cjt_gym.records import Record
 Floats = NDArray[np.float64]
 PROCESS_TORQUE = 0.2
 """Torque noise on the motor, as a share of what the noise of its torque signals amounts to."""
+CLEAR = 0.5
+"""Scatter from jitter over other noise from which a channel shows the jitter."""
 SETTLE = 0.05
 """Time that a predictor is given to settle before its residuals count [s]."""
 
@@ -90,6 +92,8 @@ def make_setting(
         for name in series.columns
         if name != "i_cmd"
     }
+    shown = _common_jitter(series, noise, jitter)
+    noise = {name: replace(known, jitter=shown) for name, known in noise.items()}
     return Setting(series, structure, joint, nominal_fields(joint, structure), noise, jitter)
 
 
@@ -102,3 +106,17 @@ def as_noisy(setting: Setting, known: Setting) -> Setting:
         for name, own in setting.noise.items()
     }
     return replace(setting, noise=noise, process=known.process, allowance=known.allowance)
+
+
+def _common_jitter(series: Series, noise: Mapping[str, ChannelNoise], stated: float) -> float:
+    """Return the deviation of the sampling times [s], which all channels of a record share.
+
+    It is that of the channel that shows it best; where none does, what is stated.
+    """
+
+    def clear(name: str) -> float:
+        slope = float(np.sqrt(np.mean(series.speed(name) ** 2)))
+        return stated * slope / noise[name].std
+
+    best = max(noise, key=clear)
+    return noise[best].jitter if clear(best) > CLEAR else stated

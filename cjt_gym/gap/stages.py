@@ -350,7 +350,9 @@ class Stages:
         k, _ = kalman_gain(chain, (0,), torque, (noise,))
         std = innovation_std(chain, k, torque, s.std(channel))
         shaken = s.noise[channel].jitter * s.series.speed(channel)
-        variance = std[0] ** 2 + shaken**2
+        # Wrong samples come back through the gain: what they do to later ones counts as well.
+        returned = innovation_std(chain, k, (0.0, 0.0, 0.0), 1.0)[0] ** 2
+        variance = std[0] ** 2 + returned * shaken**2
         if name == "motor" and "i" in s.series:
             torque_slope = fields["n"] * fields["k_t"] * s.series.speed("i")
             response = torque_response(chain, k, MOTOR)

@@ -106,7 +106,9 @@ def test_noise_is_read_under_a_moving_signal() -> None:
     t = np.arange(8000) * 1e-3
     x = 5.0 * np.sin(2 * np.pi * 3.0 * t) + 0.02 * np.random.default_rng(0).standard_normal(8000)
     good = np.ones(8000, dtype=bool)
-    assert high_frequency_std(x, good, np.abs(np.gradient(x))) == pytest.approx(0.02, rel=0.15)
+    assert high_frequency_std(x, good, 1e-6 * np.abs(np.gradient(x, t))) == pytest.approx(
+        0.02, rel=0.15
+    )
 
 
 def test_jitter_is_read_off_the_slope() -> None:

@@ -1,0 +1,35 @@
+"""How sure a name is: from the evidence that it leads by to the chance that it is right.
+
+The map was fitted to blind cases by `benchmarks/calibrate.py`, which prints its numbers and checks
+them on cases that it was not fitted to; `benchmarks/README.md` has the figures.
+"""
+
+from __future__ import annotations
+
+import math
+
+from cjt_gym.gap.heldout import Trial
+
+LEVEL = 1.0
+PER_LEAD = 0.8
+"""Log odds per unit of log(1 + lead)."""
+OFF, OFF_MOST = 4.0, 1.0
+"""Loss of log odds per unit that the worth on held-out data is off from 1, and where it ends."""
+UNSEEN = 0.5
+"""Loss of log odds where no held-out record excites the effect."""
+TENTATIVE = 3.0
+"""Loss of log odds of an effect that is only tentative."""
+
+
+def confidence(lead: float, trial: Trial | None, tentative: bool) -> float:
+    """Return the chance that a named effect is right.
+
+    Args:
+        lead: Evidence by which the explanation leads the best one without the effect.
+        trial: What the effect is worth on held-out records, None where none excites it.
+        tentative: Whether it is only tentative.
+    """
+    odds = LEVEL + PER_LEAD * math.log1p(max(lead, 0.0))
+    odds -= UNSEEN if trial is None else OFF * min(abs(trial.worth - 1.0), OFF_MOST)
+    odds -= TENTATIVE if tentative else 0.0
+    return 1.0 / (1.0 + math.exp(-odds))
