@@ -23,6 +23,7 @@ import argparse
 import json
 import sys
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,8 +73,8 @@ def relative(measured: Floats, simulated: Floats) -> float:
     return float(100.0 * np.linalg.norm(measured - simulated) / np.linalg.norm(measured))
 
 
-def replay(name: str = "emps", continuous: bool = False) -> Replay:
-    """Simulate a record of the drive in closed loop with the published parameters.
+def replay(name: str = "emps", continuous: bool = False, joint: str | Path = "emps") -> Replay:
+    """Simulate a record of the drive in closed loop, with the published parameters or others.
 
     The force is gtau times the controller's output. The measured velocity is the central
     difference of the position after a Butterworth low pass of order 4 at 100 Hz, run forwards
@@ -82,12 +83,13 @@ def replay(name: str = "emps", continuous: bool = False) -> Replay:
     Args:
         name: "emps" or "emps_pulses".
         continuous: Whether the controller is continuous, on the true velocity, and starts at rest.
+        joint: Name or file of the simulated drive.
     """
     record = read_record(name)
-    joint = load_joint("emps", structure="rigid")
-    gain = joint.parameters.k_t
+    drive = load_joint(joint, structure="rigid")
+    gain = drive.parameters.k_t
     substeps = SUBSTEPS if continuous else 1
-    plant = SimulatedPlant(joint, 1, record.dt / substeps, 1e-4)
+    plant = SimulatedPlant(drive, 1, record.dt / substeps, 1e-4)
     position, velocity, output = _closed_loop(record, plant, gain, substeps)
     measured = {
         "force": gain * record["i_cmd"],

@@ -71,7 +71,7 @@ def sensor_findings(setting: Setting, residuals: Mapping[str, Floats]) -> tuple[
     floors = {stage: quiet_rms(r) for stage, r in residuals.items() if stage != "drive"}
     for channel, stages in STAGES_OF.items():
         noise = setting.noise.get(channel)
-        if noise is None or noise.specified == 0.0:
+        if noise is None or noise.specified == 0.0 or channel in setting.series.derived:
             continue
         stage = next((name for name in stages if name in floors), None)
         finding = _coarse(channel, noise)

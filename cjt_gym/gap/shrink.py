@@ -16,6 +16,8 @@ from cjt_gym.gap.setting import Setting
 Floats = NDArray[np.float64]
 BLOCK = 0.5
 """Length of a block of the bootstrap [s]."""
+FEWEST = 10
+"""Least number of blocks of a record."""
 DRAWS = 400
 
 
@@ -139,14 +141,12 @@ def _removed(before: float, after: float) -> float:
 
 def _interval(parts: list[tuple[Floats, Floats, Floats]], dt: float) -> tuple[float, float]:
     """Return the 95 % interval of the share removed, by a bootstrap over blocks."""
-    size = max(int(BLOCK / dt), 1)
-    squares = []
+    tables = []
     for one, two, _ in parts:
-        count = max(len(one) // size, 1)
-        for k in range(count):
-            cut = slice(k * size, (k + 1) * size)
-            squares.append((float(np.sum(one[cut] ** 2)), float(np.sum(two[cut] ** 2))))
-    table = np.array(squares)
+        size = max(min(int(BLOCK / dt), len(one) // FEWEST), 1)
+        starts = np.arange(0, len(one), size)
+        tables.append([np.add.reduceat(error**2, starts) for error in (one, two)])
+    table = np.concatenate(tables, axis=1).T
     rng = np.random.default_rng(0)
     sums = table[rng.integers(0, len(table), (DRAWS, len(table)))].sum(axis=1)
     removed = 1.0 - np.sqrt(sums[:, 1] / np.maximum(sums[:, 0], 1e-300))

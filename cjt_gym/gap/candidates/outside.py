@@ -213,6 +213,12 @@ def _on_body(found: Outside, body: str, torque: float, speed: float) -> None:
     )
     text = f"a torque on the {of} that drifts slowly"
     found.add(f"drift_{body}", text, channel, _slow(torque, "N m"), slow)
+    if body == "m" and "i" in series:
+        cubic = Unknown("loss", "N m/A^3", 0.0, 0.3 * torque / found.size.current**3)
+        text = "a torque that is not proportional to the current"
+        found.add("saliency", text, channel, (cubic,), lambda s, v: -v["loss"] * s["i"] ** 3)
+    if found.setting.current_unspecified:
+        return  # what follows leans on the measured acceleration, whose noise nothing states
     inertia = torque / max(float(np.std(np.gradient(series.speed(angle), series.dt))), 1e-9)
     ride = (
         Unknown("f", "rad/s", 80.0, 0.8, True, low=10.0, high=1.0 / series.dt),
@@ -224,10 +230,6 @@ def _on_body(found: Outside, body: str, torque: float, speed: float) -> None:
     found.add(
         f"rider_{body}", text, channel, ride, lambda s, v: absorbed(s, v, angle), starts=starts
     )
-    if body == "m" and "i" in series:
-        cubic = Unknown("loss", "N m/A^3", 0.0, 0.3 * torque / found.size.current**3)
-        text = "a torque that is not proportional to the current"
-        found.add("saliency", text, channel, (cubic,), lambda s, v: -v["loss"] * s["i"] ** 3)
 
 
 def _rubbing(found: Outside) -> None:
