@@ -104,8 +104,10 @@ def _put(
 
 def _as_series(quantity: Quantity) -> Quantity:
     """Return a quantity that holds a list of one number."""
-    whole = {"value": quantity.value, "low": quantity.low, "high": quantity.high}
-    return replace(quantity, **{k: (x,) for k, x in whole.items() if isinstance(x, float)})
+    if isinstance(quantity.value, tuple):
+        return quantity
+    low, high = ((x,) if isinstance(x, float) else x for x in (quantity.low, quantity.high))
+    return replace(quantity, value=(quantity.value,), low=low, high=high)
 
 
 def _name_no_body(entries: dict[str, Entry], row: Effect, kept: set[str], joint: JointFile) -> None:

@@ -70,14 +70,14 @@ def measure_gap(
         return Gap(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, held_out, {})
     table = {name: _relative(parts) for name, parts in errors.items()}
     main = main_channel(settings[0]) if main_channel(settings[0]) in table else next(iter(table))
-    before, after = table[main]
+    first, last = table[main]
     low, high = _interval(errors[main], settings[0].series.dt)
     noise = _noise(settings[0], main)
     rms = float(np.sqrt(np.mean(np.concatenate([s for _, _, s in errors[main]]) ** 2)))
     channels = {name: {"before": b, "after": a} for name, (b, a) in table.items()}
     floor = noise / max(rms, 1e-300)
-    removed = _removed(before, after)
-    return Gap(before, after, floor, removed, low, high, held_out, channels, replays)
+    removed = _removed(first, last)
+    return Gap(first, last, floor, removed, low, high, held_out, channels, replays)
 
 
 def gap_of(replays: Mapping[str, Mapping[str, Floats]], main: str, noise: float, dt: float) -> Gap:
@@ -94,13 +94,13 @@ def gap_of(replays: Mapping[str, Mapping[str, Floats]], main: str, noise: float,
         for name, r in replays.items()
     }
     table = {name: _relative(parts) for name, parts in errors.items()}
-    before, after = table[main]
+    first, last = table[main]
     low, high = _interval(errors[main], dt)
     rms = float(np.sqrt(np.mean(replays[main]["measured"] ** 2)))
     channels = {name: {"before": b, "after": a} for name, (b, a) in table.items()}
     floor = noise / max(rms, 1e-300)
-    removed = _removed(before, after)
-    return Gap(before, after, floor, removed, low, high, True, channels, replays)
+    removed = _removed(first, last)
+    return Gap(first, last, floor, removed, low, high, True, channels, replays)
 
 
 def main_channel(setting: Setting) -> str:
@@ -141,7 +141,7 @@ def _removed(before: float, after: float) -> float:
 
 def _interval(parts: list[tuple[Floats, Floats, Floats]], dt: float) -> tuple[float, float]:
     """Return the 95 % interval of the share removed, by a bootstrap over blocks."""
-    tables = []
+    tables: list[list[Floats]] = []
     for one, two, _ in parts:
         size = max(min(int(BLOCK / dt), len(one) // FEWEST), 1)
         starts = np.arange(0, len(one), size)

@@ -40,7 +40,6 @@ from cjt_gym.joint.resist import resist
 from cjt_gym.joint.resistance import come_to_rest, remember, shift
 
 
-
 @lean
 def load_state(setup: Setup, state: Floats, x: Floats) -> None:
     """Copy the bodies' state, shape (6,), into the structure's own, shape (order,).
