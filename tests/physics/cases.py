@@ -19,7 +19,6 @@ Effects = dict[str, dict[str, Any]]
 STATES = ("q_m", "q_g", "q_l", "dq_m", "dq_g", "dq_l")
 FIXED = tuple(name for name, row in STRUCTURES.items() if row.output_fixed)
 FREE = tuple(name for name in STRUCTURES if name not in FIXED)
-RIGID_ONLY = tuple(n for n in joint_names() if "k_b" not in load_joint_file(n).parameters)
 DT = 1e-3
 EPS = float(np.finfo(np.float64).eps)
 
@@ -123,6 +122,18 @@ def excitation(joint: Joint, samples: int) -> tuple[Floats, Floats]:
     if joint.structure_row.output_fixed:
         return tau_m, 0.5 * np.sin(2 * np.pi * 1.7 * t)
     return tau_m, 0.1 * peak * np.sin(2 * np.pi * 5.0 * t)
+
+
+def known_grid() -> list[tuple[str, str]]:
+    """Return every shipped joint with each structure whose springs are known of it."""
+    found = []
+    for name in joint_names():
+        known = load_joint_file(name).parameters
+        for structure, row in STRUCTURES.items():
+            motor, gear, load = row.groups
+            if (motor == gear or "k_g" in known) and (gear == load or "k_b" in known):
+                found.append((name, structure))
+    return found
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cjt_gym.joint import STRUCTURES, Joint, joint_names, load_joint
+from cjt_gym.joint import STRUCTURES, Joint, load_joint
 from cjt_gym.joint.joint import DT_PHYSICS
-from tests.physics.cases import DT, RIGID_ONLY, Floats, excitation, smooth_effects, states
+from tests.physics.cases import DT, Floats, excitation, known_grid, smooth_effects, states
 from tests.physics.independent import peak_errors, reference_states
 
 ALLOWED = 1e-4
@@ -26,9 +26,7 @@ QUICK = {
 }
 GRID = [
     pytest.param(name, structure, marks=[] if (name, structure) in QUICK else [pytest.mark.slow])
-    for name in joint_names()
-    for structure in STRUCTURES
-    if name not in RIGID_ONLY or structure == "rigid"
+    for name, structure in known_grid()
 ]
 
 
