@@ -216,7 +216,7 @@ def _blank(setting: Setting, fields: Fields, current: Floats) -> Setting:
     if "tau" in old:
         columns["tau"] += fields["tau_0"]
     valid = {name: np.ones(size, dtype=bool) for name in columns}
-    return replace(setting, series=Series(old.dt, columns, valid, {}))
+    return replace(setting, series=Series(old.dt, columns, valid, {}, old.derived))
 
 
 def pretended(setting: Setting, fields: Fields, current: Floats) -> Setting:
@@ -250,12 +250,15 @@ def _crosses(
             there,
             _evaluated(there, fits[name].model, _moved(problem, there, fits[name])),
         )
-    return tuple(
-        _nested(true, rival)
-        if _contains(fits[rival].model, fits[true].model)
-        else _cross(problem, true, rival, fits[rival], *made[true])
-        for true, rival in permutations(fits, 2)
-    )
+    found = []
+    for true, rival in permutations(fits, 2):
+        there, own = made[true]
+        if _contains(fits[rival].model, fits[true].model):
+            found.append(_nested(true, rival))
+        else:
+            start = Fit(fits[rival].model, _moved(problem, there, fits[rival]), 0.0, {}, {})
+            found.append(_cross(true, rival, start, there, own))
+    return tuple(found)
 
 
 def _contains(model: Model, other: Model) -> bool:
@@ -272,13 +275,14 @@ def _nested(true: str, rival: str) -> Cross:
     return Cross(true, rival, 0.0, "motor", 1.0)
 
 
-def _cross(problem: Problem, true: str, rival: str, fit: Fit, there: Problem, own: Fit) -> Cross:
-    other = there.fit(fit.model, _moved(problem, there, fit), MOVES)
+def _cross(true: str, rival: str, start: Fit, there: Problem, own: Fit) -> Cross:
+    """Return how well a rival, fitted from `start`, does on data that the truth has made."""
+    other = there.fit(start.model, start.z, MOVES)
     data = sum(
         there.counts[n] / DEFLATION * np.log(max(ms, FLOOR**2) / max(own.mean_square[n], FLOOR**2))
         for n, ms in other.mean_square.items()
     )
-    margin = float(data) + max(strain(there, other.z) - strain(problem, fit.z), 0.0)
+    margin = float(data) + max(strain(there, other.z) - strain(there, start.z), 0.0)
     worse = {n: ms / max(own.mean_square[n], 1.0) for n, ms in other.mean_square.items()}
     stage = max(worse, key=lambda n: worse[n])
     return Cross(true, rival, margin, stage, other.mean_square[stage] ** 0.5)
