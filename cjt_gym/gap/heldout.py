@@ -1,6 +1,7 @@
 """The explanation on data that it has not seen: its stages, predicted with what was fitted kept.
 
-Only what may differ from record to record is fitted again: offsets, zeros, timing. A true effect
+Offsets, zeros and timing may differ from record to record and are fitted again; all other numbers
+may move as far as the first record leaves them uncertain. A true effect
 lowers the held-out residuals by as much as it changes them; one that only mimics the cause on the
 first record does not.
 """
@@ -13,16 +14,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.gap.fields import Fields
-from cjt_gym.gap.fit import Fit, Model, Problem, retuned
-from cjt_gym.gap.hypothesis import Hypothesis, Values
-from cjt_gym.gap.nuisances import nuisances
+from cjt_gym.gap.fit import Fit, Model, Problem, without
+from cjt_gym.gap.hypothesis import Hypothesis
+from cjt_gym.gap.intervals import Covariance, covariance
+from cjt_gym.gap.nuisances import Nuisance, nuisances
 from cjt_gym.gap.setting import Setting, as_noisy
 from cjt_gym.gap.stages import Stages
+from cjt_gym.gap.unknowns import Unknown
 
 Floats = NDArray[np.float64]
 PER_RECORD = ("i_0", "w_i", "delay", "tau_0", "skew", "q_0")
 """Fields that may differ from record to record."""
+MOVES = 4
+"""Steps of a fit to a held-out record."""
+LEAST = 1e-3
+"""Least deviation of a coordinate that is fitted again."""
 SEEN = 0.02
 """Mean square of the change from which an effect shows itself on a record."""
 
@@ -47,7 +53,7 @@ class HeldOut:
 
     Attributes:
         before: Mean square of each stage's residual without effects, all values fitted anew.
-        after: The same with the effects, nothing fitted but what differs between records.
+        after: The same with the effects, everything as well known as from the first record.
         trials: What each effect of the model is worth.
     """
 
@@ -74,32 +80,29 @@ def on_held_out(setting: Setting, problem: Problem, fit: Fit) -> HeldOut:
         fit: The explanation.
     """
     setting = as_noisy(setting, problem.stages.setting)
-    other = _frozen_parameters(setting, problem, fit)
-    shared = tuple(n for n in nuisances(setting, Stages(setting).names) if n.field in PER_RECORD)
-    stages = Stages(other)
-    held = Problem(stages, shared)
-    effects = _frozen(problem, fit)
-    start = np.zeros(len(shared))
-    whole, z = Model(effects), np.concatenate([start, _free_start(problem, fit)])
+    known = covariance(problem, fit)
+    stages = Stages(setting)
+    held = Problem(stages, _shared(setting, stages.names, problem, fit, known))
+    effects = _narrowed(problem, fit, known)
+    whole = Model(effects)
+    z = np.zeros(len(held.unknowns(whole)))
     stages.tune(held.fields(whole, z))
     held.counts = {name: int(np.count_nonzero(r)) for name, r in held.residuals(whole, z).items()}
-    full = retuned(held, held.fit(whole, z))
+    full = held.fit(whole, z, MOVES)
     trials = tuple(
         _trial(held, full, k) if not effect.outside else Trial(0.0, 1.0)
         for k, effect in enumerate(effects)
     )
     free = Problem.of(Stages(setting))
-    before = free.fit(Model(), np.zeros(len(free.shared))).mean_square
+    before = free.fit(Model(), np.zeros(len(free.shared)), MOVES).mean_square
     return HeldOut(before, full.mean_square, trials)
 
 
 def _trial(held: Problem, full: Fit, index: int) -> Trial:
-    effects = full.model.effects
-    less = replace(full.model, effects=effects[:index] + effects[index + 1 :])
-    touched = [n for n in effects[index].touches if n in full.mean_square]
+    touched = [n for n in full.model.effects[index].touches if n in full.mean_square]
     if not touched:
         return Trial(0.0, 1.0)
-    residuals = held.fit(less, full.z).residuals
+    residuals = without(held, full, index, MOVES).residuals
     weights = {n: 1.0 / max(full.mean_square[n], 1.0) for n in touched}
     change = {n: residuals[n] - full.residuals[n] for n in touched}
     size = sum(w * float(change[n] @ change[n]) for n, w in weights.items())
@@ -108,35 +111,39 @@ def _trial(held: Problem, full: Fit, index: int) -> Trial:
     return Trial(size / max(count, 1), 1.0 + 2.0 * fall / max(size, 1e-12))
 
 
-def _frozen_parameters(setting: Setting, problem: Problem, fit: Fit) -> Setting:
-    nominal: Fields = dict(setting.nominal)
-    for nuisance, z in zip(problem.shared, fit.z, strict=False):
-        if nuisance.field not in PER_RECORD:
-            nominal[nuisance.field] = nuisance.unknown.value(float(z))
-    return replace(setting, nominal=nominal)
+def _shared(
+    setting: Setting, names: tuple[str, ...], problem: Problem, fit: Fit, known: Covariance
+) -> tuple[Nuisance, ...]:
+    """Return what may differ, and the datasheet values as well as the first record tells them."""
+    values = {
+        n.field: _narrow(n.unknown, float(fit.z[k]), known.std(k))
+        for k, n in enumerate(problem.shared)
+        if n.field not in PER_RECORD
+    }
+    return tuple(
+        n if n.field not in values else replace(n, unknown=values[n.field])
+        for n in nuisances(setting, names)
+    )
 
 
-def _frozen(problem: Problem, fit: Fit) -> tuple[Hypothesis, ...]:
-    """Return the effects with their values kept; causes outside the table stay free."""
-    at, found = len(problem.shared), []
-    for effect in fit.model.effects:
-        values = {u.symbol: u.value(fit.z[at + k]) for k, u in enumerate(effect.unknowns)}
-        at += len(effect.unknowns)
-        found.append(effect if effect.outside else _with_values(effect, values))
-    return tuple(found)
+def _narrowed(problem: Problem, fit: Fit, known: Covariance) -> tuple[Hypothesis, ...]:
+    """Return the effects with their numbers known as well as the first record tells them.
 
-
-def _with_values(effect: Hypothesis, values: Values) -> Hypothesis:
-    def apply(fields: Fields, _: Values) -> None:
-        effect.apply(fields, values)
-
-    return replace(effect, unknowns=(), apply=apply)
-
-
-def _free_start(problem: Problem, fit: Fit) -> Floats:
+    Causes outside the table may be another time what they were not, and stay as free as they were.
+    """
     at, found = len(problem.shared), []
     for effect in fit.model.effects:
         size = len(effect.unknowns)
-        found += [fit.z[at : at + size]] if effect.outside else []
+        numbers = tuple(
+            _narrow(u, float(fit.z[at + k]), 1.0 if effect.outside else known.std(at + k))
+            for k, u in enumerate(effect.unknowns)
+        )
         at += size
-    return np.concatenate(found) if found else np.zeros(0)
+        found.append(replace(effect, unknowns=numbers))
+    return tuple(found)
+
+
+def _narrow(unknown: Unknown, z: float, std: float) -> Unknown:
+    """Return a number that starts where a fit has put it, with what is known of it as its prior."""
+    scale = unknown.scale * max(std, LEAST)
+    return replace(unknown, start=unknown.value(z), scale=scale, flat=False)

@@ -21,6 +21,8 @@ USUAL_CURRENT, USUAL_TORQUE = 0.004, 0.03
 OWN = ("i_0", "tau_0", "q_0")
 """Fields that differ from record to record of one joint."""
 LAG_TOLERANCE = 0.2
+STRETCH, FURTHEST = 30.0, 5.0
+"""How far a fit may stretch a datasheet value: in deviations, and as a factor."""
 HELD = 0.3
 """Deviation of the instant at which a drive takes its command over, in samples."""
 
@@ -112,7 +114,8 @@ def _parameters(setting: Setting) -> list[Nuisance]:
     for name in active_parameters(setting):
         scale = _lumped_tolerance(setting, name)
         unit = setting.joint.parameters.unit(name)
-        unknown = Unknown(name, unit, setting.nominal[name], scale, log=True)
+        start, far = setting.nominal[name], min(float(np.exp(STRETCH * scale)), FURTHEST)
+        unknown = Unknown(name, unit, start, scale, True, low=start / far, high=start * far)
         rows.append(Nuisance(name, unknown, stages_of(setting, name)))
     return rows
 

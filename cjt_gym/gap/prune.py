@@ -25,9 +25,9 @@ SLACK = 10.0
 """Evidence that the simpler law may lose."""
 SIMPLER: Mapping[str, tuple[str, ...]] = {
     "coulomb": ("coulomb",),  # the smooth one: the plain one is the first of that name
-    "stribeck": ("coulomb",),
-    "presliding": ("coulomb",),
-    "coulomb_asym": ("coulomb",),
+    "stribeck": ("coulomb", "load_coulomb"),
+    "presliding": ("coulomb", "load_coulomb"),
+    "coulomb_asym": ("coulomb", "load_coulomb"),
     "load_friction": (),
     "viscous_asym": ("damping",),
 }

@@ -19,6 +19,8 @@ PROCESS_TORQUE = 0.2
 """Torque noise on the motor, as a share of what the noise of its torque signals amounts to."""
 CLEAR = 0.5
 """Scatter from jitter over other noise from which a channel shows the jitter."""
+LEAST_JITTER = 0.5
+"""Share of the stated jitter that is allowed for in any case."""
 SETTLE = 0.05
 """Time that a predictor is given to settle before its residuals count [s]."""
 
@@ -115,8 +117,11 @@ def _common_jitter(series: Series, noise: Mapping[str, ChannelNoise], stated: fl
     """
 
     def clear(name: str) -> float:
-        slope = float(np.sqrt(np.mean(series.speed(name) ** 2)))
-        return stated * slope / noise[name].std
+        fast = float(np.quantile(np.abs(series.speed(name)), 0.9))
+        return stated * fast / noise[name].std
 
-    best = max(noise, key=clear)
-    return noise[best].jitter if clear(best) > CLEAR else stated
+    smooth = [name for name in noise if name != "i"]  # a current may jump
+    best = max(smooth, key=clear, default=None)
+    if best is None or clear(best) < CLEAR:
+        return stated
+    return max(noise[best].jitter, LEAST_JITTER * stated)

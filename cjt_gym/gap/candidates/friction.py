@@ -71,15 +71,14 @@ def friction_of(
 
     name_c = "load_coulomb" if body == "l" else "coulomb"
     rows = [row(name_c, (force,), lambda f, v: add(f, c_p=v[p], c_n=v[p]), ((guess,),))]
-    if body == "l":
-        return rows
 
     def apply_smooth(f: Fields, v: Values) -> None:
         add(f, c_p=v[p], c_n=v[p])
         f[f"dq_0_{body}"] = v["dq_0"]
 
     smooth_starts = tuple((guess, x * speed) for x in (0.03, 0.2, 0.8))
-    rows.append(row(name_c, (force, smooth), apply_smooth, smooth_starts, "smooth"))
+    if body != "l":
+        rows.append(row(name_c, (force, smooth), apply_smooth, smooth_starts, "smooth"))
     rows += [
         row(
             "coulomb_asym",
@@ -99,7 +98,6 @@ def friction_of(
             apply_presliding,
             tuple((guess, x * travel) for x in (0.003, 0.02, 0.12, 0.5)),
         ),
-        row("load_friction", (mu,), lambda f, v: add(f, mu=v["mu"]), ((0.05,),)),
         row(
             "viscous_asym",
             (d_p, d_n),
@@ -107,4 +105,6 @@ def friction_of(
             ((0.0, 0.0),),
         ),
     ]
+    if body != "l":
+        rows.append(row("load_friction", (mu,), lambda f, v: add(f, mu=v["mu"]), ((0.05,),)))
     return rows

@@ -8,11 +8,16 @@ from cjt_gym.gap.nuisances import stages_of
 from cjt_gym.gap.setting import Setting
 from cjt_gym.gap.unknowns import Unknown
 
+FURTHEST = 5.0
+"""Largest factor between the true and the stated value."""
+
 
 def released(setting: Setting, name: str, effect: str, stage: str, field_name: str) -> Hypothesis:
     """Return the row of an effect that is a wrong value of the datasheet."""
     unit = setting.joint.parameters.unit(field_name)
-    factor = Unknown(name, unit, setting.nominal[field_name], 0.5, log=True)
+    nominal = setting.nominal[field_name]
+    low, high = nominal / FURTHEST, nominal * FURTHEST
+    factor = Unknown(name, unit, nominal, 0.5, log=True, low=low, high=high)
     body = {"m": "motor", "g": "gear", "l": "load"}.get(field_name[-1])
     if stage not in ("motor", "load") or field_name == "k_t":
         body = None
