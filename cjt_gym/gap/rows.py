@@ -47,7 +47,7 @@ class Number:
         least = least + tiny if strict else least
         value = min(max(self.value, least), most)
         low, high = max(min(self.low, value), least), min(max(self.high, value), most)
-        value, low, high = (float(f"{x:.6g}") for x in (value, low, high))
+        value, low, high = (float(f"{x:.8g}") for x in (value, low, high))
         return value, low, high
 
 

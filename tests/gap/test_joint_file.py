@@ -8,14 +8,26 @@ import gymnasium
 import numpy as np
 import pytest
 
+from cjt_gym.blind import draw_case, write_case
+from cjt_gym.gap import diagnose
 from cjt_gym.gap.diagnosis import Interval, NamedEffect
 from cjt_gym.gap.hypotheses import Hypothesis, hypotheses
 from cjt_gym.gap.joint_file import identified_joint
 from cjt_gym.gap.setting import Setting
-from cjt_gym.joint import EFFECTS, STRUCTURES, JointFile
+from cjt_gym.joint import EFFECTS, STRUCTURES, JointFile, load_joint_file
 from cjt_gym.joint.quantity import Quantity
 from cjt_gym.plant.randomization import resolve_randomization
-from tests.gap.parity import VALUES, ZERO_M, compare, datasheet, load, named, setting_of
+from cjt_gym.records import read_record
+from tests.gap.parity import (
+    VALUES,
+    ZERO_M,
+    compare,
+    datasheet,
+    held_out,
+    load,
+    named,
+    setting_of,
+)
 
 STAGES = ("drive", "motor", "transmission", "load")
 FIXED = "output_fixed_rigid_gearbox"
@@ -203,3 +215,30 @@ def test_ripple_counts_angles_as_the_record_does() -> None:
     assert a * np.cos(10.0 * q) + b * np.sin(10.0 * q) == pytest.approx(
         np.cos(10.0 * 0.3), abs=1e-4
     )
+
+
+HIDDEN = (
+    *("coulomb", "coulomb_asym", "stribeck", "presliding", "cogging", "gear_ripple", "backlash"),
+    *("hardening", "spring_hysteresis", "command_delay", "current_lag", "thermal_derating"),
+    *("torque_gain", "torque_bias", "viscous_asym"),
+)
+POINTS = 0.05
+"""How much worse the kernel may follow the held-out record than the diagnosis' own replay."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("hidden", HIDDEN)
+def test_the_kernel_follows_a_foreign_joint_as_well_as_the_replay(
+    hidden: str, tmp_path: Path
+) -> None:
+    case = draw_case(
+        100 + HIDDEN.index(hidden), effects=[hidden], structure=FIXED, excitation="composite"
+    )
+    folder = write_case(case, tmp_path / "case")
+    held = read_record(folder / "validate.npz")
+    with np.errstate(all="ignore"):
+        result = diagnose(read_record(folder / "diagnose.npz"), validate=held)
+    after = held_out(result.joint, held, tmp_path / "joint.toml")
+    assert after < result.gap.after + POINTS
+    if result.effects:
+        assert after < held_out(load_joint_file(folder / "nominal.toml"), held, tmp_path / "n.toml")
