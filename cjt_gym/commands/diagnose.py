@@ -14,8 +14,9 @@ import numpy as np
 
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.gap import Diagnosis, diagnose
+from cjt_gym.gap.orient import orient
 from cjt_gym.gap.report import summary, write_report
-from cjt_gym.joint import STRUCTURES, load_joint_file, to_toml
+from cjt_gym.joint import STRUCTURES, JointFile, get_structure, load_joint_file, to_toml
 from cjt_gym.records import Record, Repair, read_log, record_names
 
 SECONDS, WINDOW = 60.0, 10.0
@@ -62,12 +63,16 @@ def run(options: argparse.Namespace) -> None:
             f"{fitted[0].owner} names no structure. Give one: --structure {' | '.join(STRUCTURES)}."
         )
     file = load_joint_file(joint)
+    fitted, turned = _oriented(fitted, file, structure)
+    held, also = _oriented(held, file, structure)
     folder = options.out or Path("diagnosis") / Path(options.records[0]).stem
     _make(folder)
     with np.errstate(all="ignore"):  # a trial of a fit may overflow; it is then not taken
         found = diagnose(fitted, file, structure, held, progress=tell)
     tell("writing the report")
-    found = write_files(found, folder, Path(options.records[0]).stem, [*notes, *more])
+    found = write_files(
+        found, folder, Path(options.records[0]).stem, [*notes, *more, *turned, *also]
+    )
     tell.end()
     if options.json:
         sys.stdout.write(_json(found))
@@ -165,6 +170,14 @@ def _read(words: Sequence[str], options: argparse.Namespace) -> tuple[list[Recor
         records += [piece for piece in pieces if len(piece) >= ENOUGH] or pieces
         repairs += notes
     return records, repairs
+
+
+def _oriented(
+    records: Sequence[Record], joint: JointFile, structure: str
+) -> tuple[list[Record], list[Repair]]:
+    """Return records whose channels agree in their signs, and what was turned."""
+    pairs = [orient(record, joint, get_structure(structure)) for record in records]
+    return [record for record, _ in pairs], [repair for _, found in pairs for repair in found]
 
 
 def _nominal(record: Record, given: str | None) -> str | Path:

@@ -131,11 +131,13 @@ def _unit(parameter: EffectParameter, joint: JointFile) -> str:
 
 
 def _share_smoothing(table: Table, joint: JointFile) -> None:
-    """Give all dry friction the same smoothing: that of the nominal joint where it has some."""
-    owners = [entries for entries in table.values() if SMOOTHED in entries]
-    known = [e[SMOOTHED] for e in joint.effects.values() if SMOOTHED in e]
-    for entries in owners:
-        entries[SMOOTHED] = known[0] if known else owners[0][SMOOTHED]
+    """Give all dry friction the same smoothing: one that was found, or else the nominal joint's."""
+    owners = [entries[SMOOTHED] for entries in table.values() if SMOOTHED in entries]
+    found = [entry for entry in owners if isinstance(entry, Quantity) and entry.low is not None]
+    stated = [entries[SMOOTHED] for entries in joint.effects.values() if SMOOTHED in entries]
+    for entries in table.values():
+        if SMOOTHED in entries:
+            entries[SMOOTHED] = (*found, *stated, *owners)[0]
 
 
 def _worsen(

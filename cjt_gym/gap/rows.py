@@ -97,7 +97,8 @@ class Found:
     @property
     def smoothing(self) -> Number:
         """Velocity over which the sign of dry friction is smoothed [rad/s]; 0 for a sharp one."""
-        return _exact(self.fields[f"dq_0_{self.letter}"])
+        width = self.fields[f"dq_0_{self.letter}"]
+        return self.moved("dq_0", width) if "dq_0" in self.effect.parameters else _exact(width)
 
 
 def _exact(value: float, note: str = "") -> Number:

@@ -81,6 +81,8 @@ def test_every_effect_that_can_be_named_becomes_a_row_in_its_range(
                 assert (symbol, entry) == ("body", row.body)
                 continue
             assert isinstance(entry, Quantity)
+            if symbol == "dq_0":  # how smooth friction may be depends on the speeds of the record
+                continue
             assert np.all(np.asarray(entry.value) >= parameter.low), symbol
             assert np.all(np.asarray(entry.value) <= parameter.high), symbol
             assert entry.source.startswith("identified from a record")
@@ -176,7 +178,7 @@ def test_datasheet_values_are_refined_with_their_deviation(tmp_path: Path) -> No
 
 def test_the_intervals_are_the_ranges_of_randomisation(tmp_path: Path) -> None:
     setting = setting_of(FIXED, 0.5)
-    rows = {row.name: row for row in hypotheses(setting, STAGES)}
+    rows = {row.name: row for row in hypotheses(setting, STAGES) if not row.variant}
     effects, fields = [], dict(setting.nominal)
     for name in ("coulomb", "cogging", "command_delay", "torque_bias"):
         values = values_of(rows[name])
