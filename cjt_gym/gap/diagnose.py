@@ -32,7 +32,7 @@ from cjt_gym.gap.localize import where
 from cjt_gym.gap.missing import not_judged, same_here
 from cjt_gym.gap.process import allow_for_colour
 from cjt_gym.gap.prune import COARSE_STRAIN, STRAIN, Need, prune, simplify, split_asymmetry, uneven
-from cjt_gym.gap.select import Progress, Selection, evidence, silent
+from cjt_gym.gap.select import Progress, Selection, evidence, other_frequencies, silent
 from cjt_gym.gap.sensing import (
     SensorFinding,
     noisy_current,
@@ -167,6 +167,7 @@ def explain(
     selection = Selection(problem, candidates, base, outside, until=until, progress=progress)
     fit = simplify(problem, selection.run(), selection.candidates)
     if setting.current_unspecified:
+        fit = other_frequencies(problem, fit)
         fit = split_asymmetry(problem, fit, selection.candidates)
         selection.seen.append(fit)
     late = _found_late(setting, fit, sensors)

@@ -37,12 +37,19 @@ def level(law: Floats, side: float, speed: float, load: float) -> float:
 
 
 @compiled
-def smooth_speed(free: float, gain: float, force: float, width: float) -> float:
-    """Solve v + gain * force * tanh(v / width) = free for v by Newton's method."""
-    v = free / (1.0 + gain * force / width)
+def smooth_speed(start: float, free: float, gain: float, force: float, width: float) -> float:
+    """Solve v + gain * force * tanh(m / width) = free for v by Newton's method.
+
+    The law acts at m = start + share * (v - start). The share makes a step exact where the law is
+    linear: 1/2 for a law that is soft over the sample, 1 for one that is stiff.
+    """
+    stiff = gain * force / width
+    share = 0.5 + stiff / 12.0 if stiff < 1e-3 else 1.0 / (1.0 - math.exp(-stiff)) - 1.0 / stiff
+    v = (free - stiff * (1.0 - share) * start) / (1.0 + stiff * share)
     for _ in range(12):
-        t = math.tanh(v / width)
-        step = (v + gain * force * t - free) / (1.0 + gain * force / width * (1.0 - t * t))
+        m = start + share * (v - start)
+        t = math.tanh(m / width)
+        step = (v + gain * force * t - free) / (1.0 + share * stiff * (1.0 - t * t))
         v -= max(min(step, 2.0 * width + 0.5 * abs(v)), -2.0 * width - 0.5 * abs(v))
         if abs(step) < 1e-9 * (abs(v) + width):
             break
@@ -125,8 +132,8 @@ def friction_torque(
         v, z = elastic_step(start, v_free, g, force, bristle, law[ELASTIC], h)
         return (v - free) / gain, z, 0.0
     if law[SMOOTH] > 0.0:
-        force = level(law, side, abs(v_free), load)
-        return (smooth_speed(v_free, g, force, law[SMOOTH]) - free) / gain, 0.0, 0.0
+        force = max(level(law, side, abs(v_free), load), 1e-300)
+        return (smooth_speed(start, v_free, g, force, law[SMOOTH]) - free) / gain, 0.0, 0.0
     v, lost = 0.0, 0.0
     moved = abs(v_free) - g * level(law, side, 0.5 * abs(start + v_free), load)
     if start * side > 0.0 and moved > 0.0:

@@ -28,6 +28,11 @@ def not_judged(setting: Setting) -> tuple[str, ...]:
             "Without the measured current, delay and lag of the drive are seen through the motor "
             "only, and an offset of the drive is one of the motor."
         )
+    if setting.too_slow:
+        said.append(
+            "The joint swings on its spring too fast for this log: inertia and damping are judged "
+            "only roughly. Record at 1 kHz."
+        )
     return tuple(said)
 
 

@@ -20,6 +20,8 @@ USUAL_CURRENT, USUAL_TORQUE = 0.004, 0.03
 """Deviation that the offsets of current [A] and torque [N m] have at least."""
 OWN = ("i_0", "tau_0", "q_0")
 """Fields that differ from record to record of one joint."""
+BLURRED = 0.3
+"""Relative deviation of inertia and damping where a log is too slow to follow the joint's swing."""
 LAG_TOLERANCE = 0.2
 STRETCH, FURTHEST = 30.0, 5.0
 """How far a fit may stretch a datasheet value: in deviations, and as a factor."""
@@ -89,6 +91,8 @@ def stages_of(setting: Setting, field: str) -> tuple[str, ...]:
 
 def tolerance(setting: Setting, field: str) -> float:
     """Return the relative deviation of a datasheet value."""
+    if setting.too_slow and field[0] in "Id":
+        return BLURRED
     quantity = setting.joint.parameters.quantities.get(field)
     if quantity is not None and quantity.tolerance is not None:
         return max(quantity.tolerance, 1e-4)
@@ -140,7 +144,9 @@ def _offsets(setting: Setting) -> list[Nuisance]:
         scale = max(CURRENT_OFFSET * setting.std("i"), USUAL_CURRENT)
         rows.append(_offset("i_0", "A", 0.0, scale, ("drive", "motor")))
         rows.append(
-            _offset("w_i", "-", _current_weight(setting.nominal, series.dt), 0.3, ("motor",))
+            _offset("w_i", "-", 0.5, 0.1, ("motor",))
+            if series.slow
+            else _offset("w_i", "-", _current_weight(setting.nominal, series.dt), 0.3, ("motor",))
         )
     else:
         p = setting.nominal
@@ -152,7 +158,9 @@ def _offsets(setting: Setting) -> list[Nuisance]:
         rows.append(Nuisance("lag", lag, ("drive",)))
     if "i_cmd" in series:
         dt, start = series.dt, setting.nominal["delay"]
-        delay = Unknown("delay", "s", start, HELD * dt, low=start, high=start + dt)
+        low = start - dt if series.slow else start
+        middle = start - 0.5 * dt if series.slow else start
+        delay = Unknown("delay", "s", middle, HELD * dt, low=low, high=start + dt)
         rows.append(Nuisance("delay", delay, ("drive",) if "i" in series else ("motor",)))
     if setting.cut_at_spring:
         scale = max(TORQUE_OFFSET * setting.std("tau"), USUAL_TORQUE)

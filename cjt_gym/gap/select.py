@@ -245,6 +245,29 @@ class Selection:
         return effect.starts
 
 
+def other_frequencies(problem: Problem, fit: Fit) -> Fit:
+    """Return a fit with its periodic torques at the best of the frequencies that stand out.
+
+    A rough fit can take a neighbour for the true frequency where little is known of the noise.
+    """
+    stages = problem.stages
+    for index, effect in enumerate(fit.model.effects):
+        if effect.search not in ("cog", "rip"):
+            continue
+        less = without(problem, fit, index)
+        at = len(problem.shared) + sum(len(e.unknowns) for e in fit.model.effects[:index])
+        size = float(np.hypot(*fit.z[at + 1 : at + 3]))
+        residual = stages.first(less.residuals)["motor"]
+        fields = problem.fields(less.model, less.z)
+        for f, a, b in periodic_starts(stages, fields, residual, effect.search):
+            z = fit.z.copy()
+            z[at] = effect.unknowns[0].coordinate(f)
+            z[at + 1 : at + 3] = size * np.array([a, b]) / max(float(np.hypot(a, b)), 1e-300)
+            trial = problem.fit(fit.model, z, TRIAL_MOVES)
+            fit = max(fit, trial, key=lambda one: evidence(problem, one))
+    return fit
+
+
 def compatible(model: Model, effect: Hypothesis) -> bool:
     """Return whether an effect may stand beside those of a model: one friction law per body."""
     for other in model.effects:

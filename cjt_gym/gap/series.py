@@ -21,6 +21,8 @@ Floats = NDArray[np.float64]
 USED = ("i_cmd", "i", "q_m", "q_g", "q_l", "tau", "tau_l")
 SHORTEST = 200
 """Fewest samples from which anything can be told."""
+SLOW = 4e-3
+"""Sample time from which a log is slower than the control of any drive [s]."""
 START = 0.01
 """Time over which the first velocity is read [s]."""
 UNEVEN = 0.2
@@ -56,6 +58,11 @@ class Series:
         return len(next(iter(self.columns.values())))
 
     @property
+    def slow(self) -> bool:
+        """Whether the log is slower than the control of any drive."""
+        return self.dt > SLOW
+
+    @property
     def t(self) -> Floats:
         """Time from the first sample [s], shape (N,)."""
         return np.asarray(np.arange(len(self)) * self.dt, dtype=np.float64)
@@ -76,6 +83,11 @@ class Series:
                 (padded[4:] - padded[:-4]) / (4.0 * self.dt), dtype=np.float64
             )
         return self._speeds[name]
+
+    def change(self, name: str) -> Floats:
+        """Return the larger change of a channel to its neighbours in time, shape (N,)."""
+        steps = np.abs(np.diff(self.columns[name], prepend=self.columns[name][0]))
+        return np.asarray(np.maximum(steps, np.append(steps[1:], 0.0)))
 
     def first_speed(self, name: str) -> float:
         """Return the slope of a channel over its first samples, ten at most [unit/s]."""
@@ -158,10 +170,16 @@ def _add_motor_angle(
             return frozenset()
     p = joint.parameters
     if structure.output_fixed and "tau" in columns and p.get("k_b", 0.0) > 0.0:
-        stiffness = 1.0 / (1.0 / p.k_b + (1.0 / p.k_g if structure.groups[1] != 0 else 0.0))
-        columns["q_m"] = columns["tau"] / stiffness + columns.get("q_l", 0.0)
+        columns["q_m"] = columns["tau"] * compliance(joint, structure) + columns.get("q_l", 0.0)
         return frozenset({"q_m"})
     return frozenset()
+
+
+def compliance(joint: JointFile, structure: Structure) -> float:
+    """Return the deflection between motor and load per joint torque [rad/(N m)]."""
+    p = joint.parameters
+    gear = structure.groups[1] != structure.groups[0]
+    return 1.0 / p.k_b + (1.0 / p.k_g if gear else 0.0)
 
 
 def _check(record: Record, columns: Mapping[str, Floats]) -> None:

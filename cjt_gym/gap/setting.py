@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cjt_gym.gap.fields import Fields, nominal_fields
 from cjt_gym.gap.noise import ChannelNoise, channel_noise
-from cjt_gym.gap.series import Series, to_series
+from cjt_gym.gap.series import Series, compliance, to_series
 from cjt_gym.joint import JointFile, Structure
 from cjt_gym.records import Record
 
@@ -21,6 +21,8 @@ CLEAR = 0.5
 """Scatter from jitter over other noise from which a channel shows the jitter."""
 LEAST_JITTER = 0.5
 """Share of the stated jitter that is allowed for in any case."""
+FOLLOWED = 0.1
+"""Periods of a swing per sample up to which a slow log follows it."""
 SETTLE = 0.05
 """Time that a predictor is given to settle before its residuals count [s]."""
 
@@ -74,6 +76,21 @@ class Setting:
         return "i" not in self.series or "i" not in self.joint.sensors
 
     @property
+    def too_slow(self) -> bool:
+        """Whether the motor swings on its spring too fast for the log to follow its torque."""
+        stiffness, inertia = self.nominal["k_b"], self.nominal["I_m"]
+        if not self.cut_at_spring or not self.series.slow or inertia <= 0.0:
+            return False
+        return float(np.sqrt(stiffness / inertia)) / (2.0 * np.pi) * self.series.dt > FOLLOWED
+
+    def unseen(self, channel: str) -> NDArray[np.float64]:
+        """Return the deviation from not knowing when within a sample a signal changes."""
+        if self.series.slow:
+            return np.asarray(self.series.change(channel) / np.sqrt(12.0))
+        slope = self.noise[channel].jitter if channel in self.noise else 0.0
+        return np.asarray(slope * self.series.speed(channel))
+
+    @property
     def settle(self) -> int:
         """Number of samples before residuals count."""
         return max(int(SETTLE / self.series.dt), 5)
@@ -96,6 +113,9 @@ def make_setting(
     }
     shown = _common_jitter(series, noise, jitter)
     noise = {name: replace(known, jitter=shown) for name, known in noise.items()}
+    if "q_m" in series.derived:
+        std = noise["tau"].std * compliance(joint, structure)
+        noise["q_m"] = replace(noise["q_m"], std=std, jitter=0.0)
     return Setting(series, structure, joint, nominal_fields(joint, structure), noise, jitter)
 
 

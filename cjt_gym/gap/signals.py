@@ -64,6 +64,9 @@ def _cubic(f: float) -> tuple[float, float, float, float]:
 
 def motor_current(fields: Fields, series: Series) -> Floats:
     """Return the current over each interval [A], measured or else from the command; shape (N,)."""
+    if "i" in series and series.slow:  # a log that is slower than the drive holds nothing
+        i, weight = series["i"], fields["w_i"]
+        return np.asarray(smooth_mean(i) + (weight - 0.5) * (ahead(i) - i) - fields["i_0"])
     if "i" in series:
         return interval_mean(series["i"], fields["w_i"]) - fields["i_0"]
     return interval_mean(commanded_current(fields, series), 1.0) - fields["i_0"]
@@ -72,7 +75,9 @@ def motor_current(fields: Fields, series: Series) -> Floats:
 def commanded_current(fields: Fields, series: Series) -> Floats:
     """Return the current that the drive makes of its command, at the samples [A]; shape (N,).
 
-    The command is held over a sample, delayed, rounded, limited, and passes a first-order lag.
+    The command is held over a sample, delayed, rounded, limited, and passes a first-order lag. A
+    delay of minus a sample is that of a log which is slower than the drive: the current is already
+    that of the command beside it.
     """
     c = series["i_cmd"]
     if fields["step"] > 0.0:
@@ -84,8 +89,8 @@ def commanded_current(fields: Fields, series: Series) -> Floats:
     if np.isfinite(fields["slew"]):
         c = followed(c, fields["slew"] * series.dt)
     dt, lag = series.dt, fields["lag"]
-    total = max(fields["delay"], 0.0) / dt
-    whole = int(total)
+    total = max(fields["delay"] / dt, -1.0)
+    whole = int(np.floor(total))
     late = (total - whole) * dt
     older, newer = _held(c, whole + 1), _held(c, whole)
     a = np.exp(-dt / lag) if lag > 0.0 else 0.0
@@ -108,7 +113,9 @@ def followed(x: Floats, most: float) -> Floats:
 
 
 def _held(c: Floats, samples: int) -> Floats:
-    if samples <= 0:
+    if samples < 0:
+        return ahead(c)
+    if samples == 0:
         return c
     samples = min(samples, len(c) - 1)
     return np.concatenate([np.full(samples, c[0]), c[: len(c) - samples]])

@@ -137,7 +137,7 @@ class Stages:
     def _drive(self, fields: Fields, series: Series, added: Added) -> Prediction:
         s = self.setting
         error = series["i"] - commanded_current(fields, series) - fields["i_0"]
-        std = np.full(len(series), s.std("i"))
+        std = np.hypot(s.std("i"), s.unseen("i_cmd"))
         return direct(error, std, s, ("i", "i_cmd"))
 
     # ---- motor
@@ -354,9 +354,8 @@ class Stages:
         returned = innovation_std(chain, k, (0.0, 0.0, 0.0), 1.0)[0] ** 2
         variance = std[0] ** 2 + returned * shaken**2
         if name == "motor" and "i" in s.series:
-            torque_slope = fields["n"] * fields["k_t"] * s.series.speed("i")
             response = torque_response(chain, k, MOTOR)
-            early = s.noise["i"].jitter * torque_slope
+            early = fields["n"] * fields["k_t"] * s.unseen("i")
             variance += fftconvolve(early**2, response**2)[: len(early)]
         if s.cut_at_spring:
             late = s.noise["tau"].jitter * s.series.speed("tau")
