@@ -7,6 +7,7 @@ Published for the EMPS drive, with parameters fitted to the first record (Janot,
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ import pytest
 
 from cjt_gym.gap import Diagnosis, diagnose
 from cjt_gym.gap.rungs import rungs
-from cjt_gym.joint import to_toml
+from cjt_gym.joint import load_joint_file, to_toml
 from cjt_gym.records import Record, read_record
 from cjt_gym.training.emps import PUBLISHED, replay
 
@@ -28,8 +29,7 @@ def names(found: Diagnosis) -> set[str]:
 
 def without(record: Record, *columns: str) -> Record:
     kept = {name: record[name] for name in record.columns if name not in columns}
-    units = {name: record.units[name] for name in kept}
-    return Record(kept, units, dt=record.dt, joint=record.joint, structure=record.structure)
+    return replace(record, columns=kept, units={name: record.units[name] for name in kept})
 
 
 @pytest.fixture(scope="module")
@@ -72,7 +72,8 @@ def test_the_explained_drive_beats_the_published_errors_in_closed_loop(
 
 def test_every_effect_brings_the_force_closer() -> None:
     first, second = read_record("emps"), read_record("emps_pulses")
-    found = rungs(first, LADDER, "emps_frictionless", "rigid", [second])
+    joint = load_joint_file(first.joint_file or "")
+    found = rungs(first, LADDER, joint, "rigid", [second])
     for k, limits in enumerate(((0.72, 0.60), (0.20, 0.15), (0.08, 0.06), (0.045, 0.04))):
         assert limits[1] < found[k].errors[0] < limits[0]
     for better, worse in zip(found[1:], found[:-1], strict=True):

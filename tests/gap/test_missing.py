@@ -1,0 +1,93 @@
+"""Records as joints really give them: channels missing, slow, in motion from the start, several."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from cjt_gym.errors import RecordError
+from cjt_gym.gap import Diagnosis, diagnose
+from cjt_gym.records import Record
+from tests.gap.simulator import TRUE, nominal, simulate
+
+FIXED = "output_fixed_rigid_gearbox"
+RUBBING = (3.0, 3.0)
+
+
+def only(record: Record, *names: str) -> Record:
+    columns = {name: record[name] for name in names}
+    units = {name: record.units[name] for name in names}
+    return Record(columns, units, dt=record.dt, structure=FIXED)
+
+
+def named(found: Diagnosis) -> list[str]:
+    return [effect.name for effect in found.effects]
+
+
+def level(found: Diagnosis) -> float:
+    return found.effects[0].parameters["d_cm"].value
+
+
+def test_a_torque_command_in_place_of_the_current_shows_friction() -> None:
+    record = only(simulate(4.0, friction=RUBBING), "q_m", "q_l", "tau", "i_cmd")
+    torque: NDArray[np.float64] = record["i_cmd"] * TRUE["n"] * TRUE["k_t"]
+    columns = {name: record[name] for name in ("q_m", "q_l", "tau")} | {"tau_cmd": torque}
+    units = {"q_m": "rad", "q_l": "rad", "tau": "N m", "tau_cmd": "N m"}
+    found = diagnose(Record(columns, units, dt=record.dt, structure=FIXED), nominal())
+    assert named(found) == ["coulomb"]
+    assert level(found) == pytest.approx(3.0, rel=0.05)
+    assert "Without the measured current" in found.unexplained.text
+
+
+@pytest.mark.parametrize("channels", [("q_m", "q_l", "tau", "i_cmd"), ("q_m", "q_l", "i", "i_cmd")])
+def test_a_perfect_joint_has_no_gap_whatever_is_missing(channels: tuple[str, ...]) -> None:
+    found = diagnose(only(simulate(4.0), *channels), nominal())
+    assert (found.verdict, named(found)) == ("no_gap", [])
+
+
+def test_without_position_the_torque_constant_is_judged_and_its_rival_said() -> None:
+    found = diagnose(only(simulate(4.0), "i", "i_cmd", "tau"), nominal(k_t=1.18))
+    assert named(found) == ["torque_constant"]
+    assert found.effects[0].parameters["k_t"].value == pytest.approx(TRUE["k_t"], rel=0.03)
+    assert "torque_gain" in found.effects[0].confusable_with
+    assert "neither the spring" in found.unexplained.text
+
+
+def test_without_position_and_torque_nothing_is_judged() -> None:
+    with pytest.raises(RecordError, match="q_m"):
+        diagnose(only(simulate(1.0), "i", "i_cmd"), nominal())
+
+
+def test_a_slow_log_shows_friction_and_says_what_it_blurs() -> None:
+    record = simulate(16.0, friction=RUBBING)
+    columns = {name: record[name][::10] for name in record.columns if name != "t"}
+    units = {name: record.units[name] for name in columns}
+    found = diagnose(Record(columns, units, dt=10 * record.dt, structure=FIXED), nominal())
+    assert named(found) == ["coulomb"]
+    assert level(found) == pytest.approx(3.0, rel=0.1)
+    assert "Record at 1 kHz" in found.unexplained.text
+
+
+def test_a_record_may_begin_in_motion() -> None:
+    found = diagnose(simulate(6.0, friction=RUBBING).slice(2200, None), nominal())
+    assert named(found) == ["coulomb"]
+    assert level(found) == pytest.approx(3.0, rel=0.02)
+
+
+def test_records_with_zeros_of_their_own_are_explained_together() -> None:
+    first, second = (simulate(3.0, seed, (2.0, 2.0)) for seed in (0, 1))
+    moved = second.with_columns({"tau": second["tau"] + 0.1})
+    found = diagnose([first, moved], nominal())
+    assert named(found) == ["coulomb"]
+    assert level(found) == pytest.approx(2.0, rel=0.02)
+    assert found.gap.held_out
+    assert len(found.evidence.before["motor"]) == len(found.evidence.t)
+
+
+def test_friction_that_is_smooth_near_rest_shows_its_width() -> None:
+    record = simulate(4.0, extra=lambda t, q, v: -3.0 * float(np.tanh(v / 0.05)))
+    found = diagnose(record, nominal())
+    assert named(found) == ["coulomb"]
+    assert level(found) == pytest.approx(3.0, rel=0.02)
+    assert found.effects[0].parameters["dq_0"].value == pytest.approx(0.05, rel=0.05)
