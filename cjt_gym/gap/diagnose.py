@@ -163,7 +163,9 @@ def explain(
         problem, base = _without_effects(with_findings(setting, sensors), more)
     until = time.process_time() + PATIENCE
     candidates = hypotheses(setting, problem.stages.names)
-    outside = shown(problem.stages.outside.rows, problem.stages.names)
+    # Causes outside the table are told by small traces, and those from colour by a stated noise.
+    rows = () if setting.current_unspecified else problem.stages.outside.rows
+    outside = shown(rows, problem.stages.names)
     selection = Selection(problem, candidates, base, outside, until=until, progress=progress)
     fit = simplify(problem, selection.run(), selection.candidates)
     if setting.current_unspecified:

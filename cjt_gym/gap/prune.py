@@ -21,6 +21,8 @@ SAME = 0.03
 """Part of a residual, in log, by which a more complicated law must do better."""
 NEAR = 25.0
 """Evidence within which two explanations are equally good."""
+COLOURED = 0.25
+"""Part of a residual, in log, that tells no two laws apart where no noise is specified."""
 SLACK = 10.0
 """Evidence that the simpler law may lose."""
 SIMPLER: Mapping[str, tuple[str, ...]] = {
@@ -110,7 +112,8 @@ def split_asymmetry(problem: Problem, fit: Fit, candidates: tuple[Hypothesis, ..
     """Return the model with an even law and an offset in place of an uneven one, if as good.
 
     While a body moves, unequal Coulomb levels are equal ones and a constant torque. Where nothing
-    states how exact the command is, an offset of the amplifier is the likelier of the two.
+    states how exact the command is, an offset of the amplifier is the likelier of the two, even
+    where it leaves somewhat more: the colour of such a residual counts for more than that.
     """
     for index, effect in enumerate(fit.model.effects):
         even = EVEN.get(effect.name)
@@ -123,7 +126,7 @@ def split_asymmetry(problem: Problem, fit: Fit, candidates: tuple[Hypothesis, ..
         fresh = [h for h in pair if h.key not in {e.key for e in fit.model.effects}]
         if even is not None and any(h.name == even for h in fresh):
             trial = _swapped(problem, fit, index, *fresh)
-            if loss(problem, trial, fit) < NEAR:
+            if loss(problem, trial, fit) < NEAR or _as_good(trial, fit, COLOURED):
                 return split_asymmetry(problem, trial, candidates)
     return fit
 
@@ -161,9 +164,9 @@ def loss(problem: Problem, less: Fit, more: Fit) -> float:
     return evidence(problem, more) - evidence(problem, less)
 
 
-def _as_good(simple: Fit, full: Fit) -> bool:
+def _as_good(simple: Fit, full: Fit, share: float = SAME) -> bool:
     floor = FLOOR**2
     return all(
-        0.5 * np.log(max(ms, floor) / max(full.mean_square[n], floor)) < SAME
+        0.5 * np.log(max(ms, floor) / max(full.mean_square[n], floor)) < share
         for n, ms in simple.mean_square.items()
     )
