@@ -10,14 +10,14 @@ import math
 
 from cjt_gym.gap.heldout import Trial
 
-LEVEL = 1.0
-PER_LEAD = 0.8
+LEVEL = 0.73
+PER_LEAD = 0.39
 """Log odds per unit of log(1 + lead)."""
-OFF, OFF_MOST = 4.0, 1.0
+OFF, OFF_MOST = 2.11, 1.0
 """Loss of log odds per unit that the worth on held-out data is off from 1, and where it ends."""
-UNSEEN = 0.5
+UNSEEN = 0.89
 """Loss of log odds where no held-out record excites the effect."""
-TENTATIVE = 3.0
+TENTATIVE = 2.68
 """Loss of log odds of an effect that is only tentative."""
 
 

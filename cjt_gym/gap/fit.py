@@ -265,10 +265,10 @@ def retuned(problem: Problem, fit: Fit) -> Fit:
     return problem.fit(fit.model, fit.z)
 
 
-def without(problem: Problem, fit: Fit, index: int, moves: int = MOVES) -> Fit:
+def without(problem: Problem, fit: Fit, index: int) -> Fit:
     """Return the fit of a model less one of its effects."""
     effects = fit.model.effects
     at = len(problem.shared) + sum(len(e.unknowns) for e in effects[:index])
     z = np.delete(fit.z, slice(at, at + len(effects[index].unknowns)))
     model = replace(fit.model, effects=effects[:index] + effects[index + 1 :])
-    return problem.fit(model, z, moves, fit.jacobian)
+    return problem.fit(model, z, known=fit.jacobian)

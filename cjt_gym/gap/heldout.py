@@ -14,8 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.gap.fit import Fit, Model, Problem, without
-from cjt_gym.gap.hypothesis import Hypothesis
+from cjt_gym.gap.fields import Fields
+from cjt_gym.gap.fit import Fit, Model, Problem
+from cjt_gym.gap.hypothesis import Hypothesis, Values
 from cjt_gym.gap.intervals import Covariance, covariance
 from cjt_gym.gap.nuisances import Nuisance, nuisances
 from cjt_gym.gap.setting import Setting, as_noisy
@@ -89,8 +90,9 @@ def on_held_out(setting: Setting, problem: Problem, fit: Fit) -> HeldOut:
     stages.tune(held.fields(whole, z))
     held.counts = {name: int(np.count_nonzero(r)) for name, r in held.residuals(whole, z).items()}
     full = held.fit(whole, z, MOVES)
+    kept, last = _kept(held, full)
     trials = tuple(
-        _trial(held, full, k) if not effect.outside else Trial(0.0, 1.0)
+        _trial(kept, last, k) if not effect.outside else Trial(0.0, 1.0)
         for k, effect in enumerate(effects)
     )
     free = Problem.of(Stages(setting))
@@ -102,13 +104,53 @@ def _trial(held: Problem, full: Fit, index: int) -> Trial:
     touched = [n for n in full.model.effects[index].touches if n in full.mean_square]
     if not touched:
         return Trial(0.0, 1.0)
-    residuals = without(held, full, index, MOVES).residuals
+    less = replace(full.model, effects=full.model.effects[:index] + full.model.effects[index + 1 :])
+    residuals = held.fit(less, full.z, MOVES).residuals
     weights = {n: 1.0 / max(full.mean_square[n], 1.0) for n in touched}
     change = {n: residuals[n] - full.residuals[n] for n in touched}
     size = sum(w * float(change[n] @ change[n]) for n, w in weights.items())
     fall = sum(w * float(full.residuals[n] @ change[n]) for n, w in weights.items())
     count = max(held.counts[n] for n in touched)
     return Trial(size / max(count, 1), 1.0 + 2.0 * fall / max(size, 1e-12))
+
+
+def _kept(held: Problem, full: Fit) -> tuple[Problem, Fit]:
+    """Return problem and fit with all numbers kept but those that differ from record to record.
+
+    An effect that only spares the datasheet a strain is judged by what it changes, too: without it
+    the other values must not take its place.
+    """
+    setting = held.stages.setting
+    nominal = dict(setting.nominal)
+    free = []
+    for k, n in enumerate(held.shared):
+        if n.field in PER_RECORD:
+            free.append(k)
+        else:
+            nominal[n.field] = n.unknown.value(float(full.z[k]))
+    stages = Stages(replace(setting, nominal=nominal))
+    stages.gains = held.stages.gains
+    at, effects = len(held.shared), []
+    for effect in full.model.effects:
+        places = range(at, at + len(effect.unknowns))
+        at += len(effect.unknowns)
+        if effect.outside:
+            effects.append(effect)
+            free += places
+        else:
+            numbers = zip(effect.unknowns, places, strict=True)
+            values = {u.symbol: u.value(float(full.z[k])) for u, k in numbers}
+            effects.append(_with_values(effect, values))
+    shared = tuple(n for n in held.shared if n.field in PER_RECORD)
+    last = Fit(Model(tuple(effects)), full.z[free], full.cost, full.mean_square, full.residuals)
+    return Problem(stages, shared, held.counts), last
+
+
+def _with_values(effect: Hypothesis, values: Values) -> Hypothesis:
+    def apply(fields: Fields, _: Values) -> None:
+        effect.apply(fields, values)
+
+    return replace(effect, unknowns=(), apply=apply)
 
 
 def _shared(

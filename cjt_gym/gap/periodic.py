@@ -167,7 +167,14 @@ def command_steps(current: Floats, noise: float) -> tuple[tuple[float], ...]:
     height = np.where(good, transform, 0.0)
     peaks, _ = find_peaks(height, height=5.0 / np.sqrt(len(current)))
     peaks = peaks[np.argsort(height[peaks])[::-1][:PEAKS]]
-    return tuple((float(1.0 / rate[p]),) for p in peaks)
+    return tuple((1.0 / _sharpened(current, float(rate[p]), float(rate[1])),) for p in peaks)
+
+
+def _sharpened(current: Floats, rate: float, cell: float) -> float:
+    """Return the rate [1/A] within a cell at which the values lie best on the lattice through 0."""
+    rates = rate + cell * np.linspace(-2.0, 2.0, 81)
+    fits = [float(np.sum(np.cos(2.0 * np.pi * r * current))) for r in rates]
+    return float(rates[int(np.argmax(fits))])
 
 
 def line_starts(residual: Floats, dt: float) -> tuple[tuple[float, float, float], ...]:

@@ -14,7 +14,7 @@ from cjt_gym.gap.chain import GEAR, LOAD, MOTOR, Chain, Link, build_chain
 from cjt_gym.gap.fields import Fields, friction_law
 from cjt_gym.gap.kernel import LOADED, friction_torque
 from cjt_gym.gap.setting import Setting
-from cjt_gym.gap.signals import commanded_current, interval_mean, shifted
+from cjt_gym.gap.signals import LEAST_TORQUE, commanded_current, interval_mean, shifted
 from cjt_gym.gap.spring import yielding
 from cjt_gym.joint.compiled import compiled
 
@@ -40,7 +40,8 @@ def replay(setting: Setting, fields: Fields) -> dict[str, Floats]:
     torque = fields["n"] * fields["k_t"] * current
     if fields["derate"] != 0.0:
         a = np.exp(-series.dt / fields["heat"])
-        torque *= 1.0 - fields["derate"] * lfilter([0.0, 1.0 - a], [1.0, -a], current**2)
+        warm = lfilter([0.0, 1.0 - a], [1.0, -a], current**2)
+        torque *= np.maximum(1.0 - fields["derate"] * warm, LEAST_TORQUE)
     torque = torque + fields["offset"]
     q_l = series["q_l"] if "q_l" in series else np.zeros(len(series))
     out = _simulate(

@@ -31,6 +31,8 @@ LEAST = 0.1
 LINES = {"i": "drive", "push_m": "motor", "push_l": "load"}
 """Stage in whose residual a wave in time on a channel shows itself."""
 SHORT_LIST = 4
+BEYOND = 1.2
+"""Normalised residual of a stage from which causes outside the table are looked at."""
 HOPEFUL = 0.3
 """Share of the leader's gain after one step from which a candidate is given some more."""
 NEAR = 60.0
@@ -101,7 +103,7 @@ class Selection:
 
         Such a cause may stand beside the effects found or in the place of any of them.
         """
-        if self.potential(best, stages) < PRICE + MARGIN:
+        if all(best.mean_square[name] < BEYOND**2 for name in stages):
             return best
         pool = [h for h in self.outside if set(h.touches) & set(stages)]
         added = range(len(start.model.effects), len(best.model.effects))

@@ -26,6 +26,7 @@ STAGES_OF = {
     "q_m": ("motor", "transmission"),
     "q_l": ("load", "transmission"),
     "tau": ("transmission", "load", "motor"),
+    "i": (),
 }
 WINDOW = 100
 QUIETEST = 0.25

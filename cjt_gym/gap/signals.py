@@ -11,6 +11,8 @@ from cjt_gym.gap.series import Series
 from cjt_gym.joint.compiled import compiled
 
 Floats = NDArray[np.float64]
+LEAST_TORQUE = 0.2
+"""Share of the torque per ampere that hot windings keep at least."""
 
 
 def ahead(x: Floats) -> Floats:
@@ -134,7 +136,7 @@ def motor_torque(fields: Fields, series: Series) -> Floats:
     if fields["derate"] != 0.0:
         a = np.exp(-series.dt / fields["heat"])
         warm = lfilter([0.0, 1.0 - a], [1.0, -a], i * i)
-        torque = torque * (1.0 - fields["derate"] * warm)
+        torque = torque * np.maximum(1.0 - fields["derate"] * warm, LEAST_TORQUE)
     return np.asarray(torque + fields["offset"])
 
 

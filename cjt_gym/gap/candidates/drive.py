@@ -48,7 +48,7 @@ def drive_rows(setting: Setting, size: Scales) -> list[Hypothesis]:
             (limit,),
             lambda f, v: f.update(i_max=min(f["i_max"], v["i_max"])),
             touches,
-            starts=tuple((x * peak,) for x in (0.85, 0.6, 0.35, 0.18)),
+            starts=tuple((x * peak,) for x in (0.97, 0.85, 0.6, 0.35, 0.18)),
             family="drive",
         ),
         Hypothesis(
