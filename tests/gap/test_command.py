@@ -83,9 +83,10 @@ def broken(place: Path) -> None:
     """Fill a folder with what people hand in by mistake."""
     length = len(simulate(seconds=1.0))
     change(place, "good.csv")
-    change(place, "no_angle.csv", q_m=None)
+    change(place, "no_angle.csv", q_m=None, q_l=None, tau=None)
     change(place, "no_drive.csv", i=None, i_cmd=None)
-    change(place, "nothing_there.csv", q_m=np.full(length, np.nan))
+    nothing = np.full(length, np.nan)
+    change(place, "nothing_there.csv", q_m=nothing, q_l=nothing, tau=nothing)
     write_record(simulate(seconds=0.05), place / "short.csv")
     (place / "empty.csv").write_text("", encoding="utf-8")
     (place / "foreign.csv").write_text("a,b\n1,2\n", encoding="utf-8")
@@ -118,14 +119,14 @@ BROKEN = [
     (["short.csv", *J], "samples"),
     (["empty.csv", *J, *S], "empty.csv"),
     (["foreign.csv", *J, *S], "foreign.csv"),
-    (["words.csv", *J, *S], "words.csv"),
-    (["ragged.csv", *J, *S], "ragged.csv"),
+    (["words.csv", *J, *S], "words.csv|time t"),
+    (["ragged.csv", *J, *S], "ragged.csv|time t"),
     (["fake.npz", *J, *S], "fake.npz"),
     (["notes.txt", *J, *S], "notes.txt"),
     (["good.csv", *J, "--mapping", "map.toml"], "q_x"),
     (["good.csv", *J, "--mapping", "absent.toml"], "absent.toml"),
     (["good.csv", *J, "--validate", "absent.csv"], "absent.csv"),
-    (["good.csv", *J, "--validate", "no_angle.csv"], "q_m"),
+    (["good.csv", *J, "--validate", "no_drive.csv"], "i_cmd"),
     (["good.csv", *J, "--seconds", "-1"], "seconds"),
     (["good.csv", *J, "--seconds", "long"], "seconds"),
     (["good.csv", *J, "--out", "file"], "file"),
