@@ -49,7 +49,7 @@ from cjt_gym.joint.springs import added_torque
 SWEEPS = 30
 NEWTON = 20
 HELD, SMOOTH = 0.0, 2.0  # modes of a coordinate; else the direction in which it slides
-ITERATIONS = 60
+ITERATIONS = 100
 STEEPEST = 1e-3  # least slope of the equations that Newton's method is trusted with
 TINIEST_PIVOT = 1e-12  # of the Jacobian
 FASTEST = 1e6  # change of speed beyond which Newton's method has gone astray [rad/s]
@@ -66,24 +66,24 @@ def settle(
     command: float,
     w: float,
     target: float,
-) -> tuple[float, float]:
+) -> tuple[float, float, bool]:
     """Solve v + w R(v) = target for one coordinate.
 
     Newton's method from the side of rest, where R is concave in speed, so that it approaches
-    the root from one side; a bracket guards the kinks.
+    the root from one side; elsewhere a bracket guards it, which is halved where a step did not
+    halve the error.
 
     Returns:
-        The mean velocity v [rad/s] and R(v) [N m]; v is exactly zero where the resistance
-        holds the coordinate.
+        The mean velocity v [rad/s], R(v) [N m], and whether it was found; v is exactly zero where
+        the resistance holds the coordinate.
     """
     up, _ = resistance(p, memory, setup, work, g, command, 0.0, 1.0)
     down, _ = resistance(p, memory, setup, work, g, command, 0.0, -1.0)
     if w * down <= target <= w * up:
-        return 0.0, target / w
+        return 0.0, target / w, True
     side = 1.0 if target > w * up else -1.0
     v = side * max(0.0, side * target - w * dry_sum(p, memory, work, setup.groups, g, side))
-    low, high = 0.0, math.inf
-    torque = 0.0
+    low, high, error = 0.0, math.inf, math.inf
     for _ in range(ITERATIONS):
         torque, slope = resistance(p, memory, setup, work, g, command, v, side)
         rest = v + w * torque - target
@@ -93,23 +93,28 @@ def settle(
             high = abs(v)
         step = rest / (1.0 + w * slope) if 1.0 + w * slope > STEEPEST else math.nan
         new = v - step
-        if not low < new * side < high:
+        if not low < new * side < high or abs(rest) > 0.5 * error:
             new = side * 0.5 * (low + min(high, 2.0 * low + abs(rest)))
-        if abs(new - v) <= 1e-14 * (abs(new) + abs(target)):
-            v = new
-            break
-        v = new
-    return v, (target - v) / w
+        change, v, error = abs(new - v), new, abs(rest)
+        if change <= 1e-14 * (abs(v) + abs(target)):
+            return v, (target - v) / w, True
+    return v, (target - v) / w, False
 
 
 @lean
 def stretch(
     p: Any, memory: Floats, setup: Setup, which: int, start: float, w: float, target: float
-) -> tuple[float, float]:
-    """Solve u + w T(u) = target for the rate u of one spring and its added torque T."""
+) -> tuple[float, float, bool]:
+    """Solve u + w T(u) = target for the rate u of one spring and its added torque T.
+
+    Newton's method; T of a spring that yields flattens on both sides, between which it would jump
+    to and fro: where a step did not halve the error, the bracket is halved.
+
+    Returns:
+        The rate u [rad/s], T(u) [N m], and whether it was found.
+    """
     u = target
-    low, high = -math.inf, math.inf
-    torque = 0.0
+    low, high, error = -math.inf, math.inf, math.inf
     for _ in range(ITERATIONS):
         torque, slope = added_torque(p, memory, setup.groups, which, start, u, setup.h, False)
         rest = u + w * torque - target
@@ -119,14 +124,13 @@ def stretch(
             high = min(high, u)
         step = rest / (1.0 + w * slope) if 1.0 + w * slope > STEEPEST else rest
         new = u - step
-        if not low < new < high:
+        if not low < new < high or abs(rest) > 0.5 * error:
             open_ended = math.isinf(low) or math.isinf(high)
             new = u - 2.0 * rest if open_ended else 0.5 * (low + high)
-        if abs(new - u) <= 1e-14 * (abs(new) + abs(target)):
-            u = new
-            break
-        u = new
-    return u, (target - u) / w
+        change, u, error = abs(new - u), new, abs(rest)
+        if change <= 1e-14 * (abs(u) + abs(target)):
+            return u, (target - u) / w, True
+    return u, (target - u) / w, False
 
 
 @lean
@@ -273,15 +277,16 @@ def descend(
     """Solve for one coordinate or spring after the other; return whether that converged."""
     work[RESIST, :] = 0.0
     work[SPRING, :] = 0.0
-    change = 0.0
+    change, found = 0.0, True
     for _ in range(SWEEPS):
-        change = 0.0
+        change, found = 0.0, True
         for g in range(setup.size):
             if work[ACTIVE, g] == FREELY:
                 continue
             w = b[g, 2 + g] / setup.h
             target = reached(setup, b, work, g) + w * work[RESIST, g]
-            v, torque = settle(p, memory, setup, work, g, command, w, target)
+            v, torque, good = settle(p, memory, setup, work, g, command, w, target)
+            found = found and good
             change = max(change, abs(torque - work[RESIST, g]) * w - 1e-13 * abs(target))
             work[SPEED, g], work[RESIST, g] = v, torque
         for which in range(2):
@@ -297,12 +302,13 @@ def descend(
                 target -= load
                 start = work[X, one] - work[X, setup.size]
             target += w * work[SPRING, which]
-            _, torque = stretch(p, memory, setup, which, start, w, target)
+            _, torque, good = stretch(p, memory, setup, which, start, w, target)
+            found = found and good
             change = max(change, abs(torque - work[SPRING, which]) * w - 1e-13 * abs(target))
             work[SPRING, which] = torque
         if change <= 1e-15:
             break
-    return change <= SOLVED
+    return found and change <= SOLVED
 
 
 @lean

@@ -295,6 +295,24 @@ def test_hysteresis_only_takes_energy(structure: str, elements: int, h: float) -
     assert energy[-1] < 0.7 * energy[0]
 
 
+@pytest.mark.parametrize("elements", [0, 3])
+def test_a_loop_that_is_narrow_against_the_motion_of_a_step_only_takes_energy(
+    elements: int,
+) -> None:
+    """It yields either way in a tenth of a step, so that Newton's method alone would jump about."""
+    joint = load_joint(
+        "generic",
+        "output_fixed",
+        effects={"spring_hysteresis": {"tau_h": 2.5, "delta_h": 1e-5, "elements": elements}},
+        parameters=LOSSLESS | {"I_m": 0.012, "I_g": 1.1e-3, "k_g": 1400.0, "k_b": 21000.0},
+    )
+    rng = np.random.default_rng(0)
+    for _ in range(60):
+        start = np.concatenate([rng.normal(0.0, 1e-3, 2), [0], rng.normal(0.0, 0.1, 2), [0]])
+        energy = traced(joint, np.zeros(500), x0=start).energy
+        assert np.diff(energy).max() <= 1e-11 * energy[0]
+
+
 # ------------------------------------------------------------------------- other parameters
 
 
