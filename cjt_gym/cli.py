@@ -10,11 +10,10 @@ import argparse
 import os
 import sys
 from collections.abc import Sequence
-from difflib import get_close_matches
 from importlib import import_module
 from typing import NoReturn
 
-from cjt_gym.errors import CjtGymError
+from cjt_gym.errors import CjtGymError, unknown_name
 
 COMMANDS: dict[str, str] = {
     "joints": "list the joints, structures, drives and effects there are",
@@ -36,15 +35,10 @@ EXTRAS = {
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser that answers bad input with one line and suggests the nearest choice."""
+    """A parser that answers bad input with one line."""
 
     def error(self, message: str) -> NoReturn:
         """Print the line and exit with status 2."""
-        for word in sys.argv[1:]:
-            near = get_close_matches(word, COMMANDS, n=1)
-            if "invalid choice" in message and near and word not in COMMANDS:
-                message = f"unknown command '{word}'. Did you mean '{near[0]}'?"
-                break
         self.exit(2, f"{self.prog}: {message} See {self.prog} --help.\n")
 
 
@@ -61,6 +55,9 @@ def make_parser() -> Parser:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return the exit status."""
     words = list(sys.argv[1:] if arguments is None else arguments)
+    command = next((word for word in words if not word.startswith("-")), None)
+    if command is not None and command not in COMMANDS:
+        return _fail(str(unknown_name("command", command, COMMANDS)), 2)
     known, _ = make_parser().parse_known_args(words)
     if known.version:
         from cjt_gym import __version__
