@@ -136,8 +136,11 @@ KEYS: Final = (
 
 
 def _column(owner: str, name: str, given: object, n: float | None) -> ColumnSource:
-    column_of(name)
     what = f"columns.{name} of {owner}"
+    try:
+        column_of(name)
+    except RecordError as error:
+        raise RecordError(f"{error} (in {what})") from None
     if isinstance(given, str):
         given = {"source": given}
     if not isinstance(given, dict):

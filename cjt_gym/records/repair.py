@@ -80,9 +80,10 @@ def make_records(
     Raises:
         RecordError: Nothing that can be used is left.
     """
+    owner = like.owner if isinstance(like, Record) else str(like.get("origin", "the log"))
     if not columns or not _length(columns):
-        raise RecordError("The log has no samples. Check that it was recorded and copied whole.")
-    pieces, repairs = _in_order(columns)
+        raise RecordError(f"{owner} has no samples. Check that it was recorded and copied whole.")
+    pieces, repairs = _in_order(columns, owner)
     marked = [_marked(piece, turns) for piece in pieces]
     repairs += _summed([repair for _, found in marked for repair in found])
     longest = max((piece for piece, _ in marked), key=_length)
@@ -120,7 +121,7 @@ def _dt(columns: Columns, like: Record | Mapping[str, object]) -> float:
     return float(dt) if isinstance(dt, int | float) else 1.0
 
 
-def _in_order(columns: Columns) -> tuple[list[Columns], list[Repair]]:
+def _in_order(columns: Columns, owner: str) -> tuple[list[Columns], list[Repair]]:
     """Return the columns with their rows in order, one set per piece."""
     if "t" not in columns:
         return [dict(columns)], []
@@ -130,8 +131,9 @@ def _in_order(columns: Columns) -> tuple[list[Columns], list[Repair]]:
         used = [max(found, key=lambda piece: len(piece.t), default=Piece(np.empty(0, int), _NONE))]
     if len(used[0].t) < 2:
         raise RecordError(
-            "The time t of the log must advance from row to row, got no two rows of which it does. "
-            "Map the right column to t, or leave t out and give dt = ...  [s]."
+            f"The time t of {owner} must advance from row to row, got no two rows of which it does "
+            "and that can be read. Check that every line holds as many numbers as there are names; "
+            "map the right column to t, or leave t out and give dt = ...  [s]."
         )
     if lost := sum(len(piece.t) for piece in found) - sum(len(piece.t) for piece in used):
         text = f"{counted(lost, 'row')} in pieces of fewer than {SHORTEST} left out."
