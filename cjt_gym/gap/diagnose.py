@@ -87,6 +87,7 @@ class Explanation:
     sensors: tuple[SensorFinding, ...]
 
 
+@np.errstate(all="ignore")  # a trial of a fit may overflow; it is then not taken
 def diagnose(
     records: Record | Sequence[Record],
     joint: str | Joint | JointFile | None = None,
