@@ -58,14 +58,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     command = next((word for word in words if not word.startswith("-")), None)
     if command is not None and command not in COMMANDS:
         return _fail(str(unknown_name("command", command, COMMANDS)), 2)
-    known, _ = make_parser().parse_known_args(words)
+    parser = make_parser()
+    known, rest = parser.parse_known_args(words)
     if known.version:
         from cjt_gym import __version__
 
         sys.stdout.write(f"cjt-gym {__version__}\n")
         return 0
     if known.command is None:
-        make_parser().print_help()
+        if rest:
+            parser.error(f"unknown option {rest[0]}.")
+        parser.print_help()
         return 0
     return _run(known.command, words[words.index(known.command) + 1 :])
 
