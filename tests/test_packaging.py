@@ -103,8 +103,8 @@ def test_wheel_holds_code_data_and_licence(tmp_path: Path) -> None:
     assert {name.split("/")[0] for name in names} == {"cjt_gym", f"cjt_gym-{version}.dist-info"}
     for joint in (ROOT / "params").glob("*.toml"):
         assert f"cjt_gym/params/{joint.name}" in names
-    for data in (ROOT / "cjt_gym" / "records" / "data").iterdir():
-        assert f"cjt_gym/records/data/{data.name}" in names
+    for data in (ROOT / "cjt_gym" / "records" / "data").rglob("*.*"):
+        assert data.relative_to(ROOT).as_posix() in names
     assert "cjt_gym/py.typed" in names
     assert any(name.endswith("licenses/LICENSE") for name in names)
 
