@@ -115,6 +115,7 @@ def test_another_joint_brings_its_own_effects_to_a_training() -> None:
     ("words", "says"),
     [
         (["simulat"], "Did you mean 'simulate'"),
+        (["--jsn"], "--jsn"),
         (["simulate", "orange", "--out", "x.csv"], "Did you mean 'orange_80_6000'"),
         ([*SHORT, "--structure", "rigit", "--out", "x.csv"], "'rigid'"),
         ([*SHORT, "--effect", "coulom", "--out", "x.csv"], "'coulomb'"),

@@ -10,12 +10,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
+from cjt_gym.commands.in_the_loop import InTheLoop, agents_for, in_the_loop
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.gap import Diagnosis, diagnose
 from cjt_gym.gap.orient import orient
-from cjt_gym.gap.report import summary, write_report
+from cjt_gym.gap.report import WIDTH, summary, write_report
 from cjt_gym.joint import STRUCTURES, JointFile, get_structure, load_joint_file, to_toml
 from cjt_gym.records import Record, Repair, read_log, record_names
 
@@ -26,6 +25,7 @@ ENOUGH = 500
 NOMINAL = "nominal.toml"
 FILES = ("diagnosis.json", "report.html", "joint.toml")
 CLEAR = "\r\x1b[2K"
+NO_LOOP = InTheLoop(None, (), ())
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -41,6 +41,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = "records with other excitation, on which the findings are tested"
     add("--validate", nargs="+", default=[], metavar="RECORD", help=text)
     add("--mapping", metavar="FILE", help="TOML file that says which column is what, in which unit")
+    text = "controllers to run in the nominal and in the identified joint against the recorded "
+    text += "tau_ref; where the record does not say what made it, it was the first of them"
+    add("--controller", nargs="+", default=[], action="extend", metavar="C", help=text)
+    text = "run folders of policies to run likewise"
+    add("--policy", nargs="+", default=[], action="extend", metavar="RUN", help=text)
     text = f"of longer logs use the most informative windows of so long in all [s], {SECONDS:g}"
     add("--seconds", type=float, default=SECONDS, help=text)
     text = f"folder for {', '.join(FILES)}; default: diagnosis/NAME of the first record"
@@ -66,22 +71,29 @@ def run(options: argparse.Namespace) -> None:
     fitted, turned = _oriented(fitted, file, structure)
     held, also = _oriented(held, file, structure)
     folder = options.out or Path("diagnosis") / Path(options.records[0]).stem
+    agents = agents_for(options.controller, options.policy, [*held, *fitted])
     _make(folder)
-    with np.errstate(all="ignore"):  # a trial of a fit may overflow; it is then not taken
-        found = diagnose(fitted, file, structure, held, progress=tell)
+    found = diagnose(fitted, file, structure, held, progress=tell)
+    tell("replaying in a closed loop")
+    loop = in_the_loop(found, file, structure, fitted, held, agents)
     tell("writing the report")
-    found = write_files(
-        found, folder, Path(options.records[0]).stem, [*notes, *more, *turned, *also]
-    )
+    repairs = [*notes, *more, *turned, *also]
+    found = write_files(found, folder, Path(options.records[0]).stem, repairs, loop)
     tell.end()
     if options.json:
-        sys.stdout.write(_json(found))
-    else:
-        sys.stdout.write(summary(found).rstrip() + f"\n\n{_where(folder, found)}\n")
+        sys.stdout.write(_json(found, loop))
+        return
+    tables = [table.text(WIDTH) for table in loop.tables()]
+    parts = [summary(found).rstrip(), *tables, *loop.notes, _where(folder, found)]
+    sys.stdout.write("\n\n".join(parts) + "\n")
 
 
 def write_files(
-    diagnosis: Diagnosis, folder: Path, name: str, repairs: Sequence[Repair] = ()
+    diagnosis: Diagnosis,
+    folder: Path,
+    name: str,
+    repairs: Sequence[Repair] = (),
+    loop: InTheLoop = NO_LOOP,
 ) -> Diagnosis:
     """Write diagnosis.json, report.html, joint.toml, and the next excitation if there is one.
 
@@ -90,16 +102,18 @@ def write_files(
         folder: Where to write.
         name: Of the record, for the heading of the report.
         repairs: What was repaired in the records.
+        loop: What it is worth in a closed loop.
 
     Returns:
         The diagnosis, which now names its excitation file.
     """
     next_record = diagnosis.suggestion.written(folder / "next.npz")
     diagnosis = replace(diagnosis, suggestion=next_record)
-    (folder / "diagnosis.json").write_text(_json(diagnosis), encoding="utf-8")
+    (folder / "diagnosis.json").write_text(_json(diagnosis, loop), encoding="utf-8")
     (folder / "joint.toml").write_text(joint_text(diagnosis, name), encoding="utf-8")
-    notes = [repair.text for repair in repairs]
-    write_report(diagnosis, folder / "report.html", title=f"Diagnosis of {name}", notes=notes)
+    notes = [*(repair.text for repair in repairs), *loop.notes]
+    title, tables = f"Diagnosis of {name}", loop.tables()
+    write_report(diagnosis, folder / "report.html", title=title, notes=notes, tables=tables)
     return diagnosis
 
 
@@ -194,8 +208,8 @@ def _nominal(record: Record, given: str | None) -> str | Path:
     )
 
 
-def _json(diagnosis: Diagnosis) -> str:
-    return json.dumps(diagnosis.to_dict(), indent=1, allow_nan=False) + "\n"
+def _json(diagnosis: Diagnosis, loop: InTheLoop) -> str:
+    return json.dumps(diagnosis.to_dict() | loop.to_dict(), indent=1, allow_nan=False) + "\n"
 
 
 def _where(folder: Path, diagnosis: Diagnosis) -> str:

@@ -25,6 +25,8 @@ Floats = NDArray[np.float64]
 USUAL, TRACKING, NONE = "output_fixed_rigid_gearbox", "pd_feedforward", "none"
 """Structure and controller where nothing else is said; the name for no controller at all."""
 COMMANDS = ("i_cmd", "tau_cmd")
+GAINS = ("kp", "kd", "derivative")
+"""What a controller is known by, where it has it."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -225,4 +227,5 @@ def simulate(
     if controller == NONE:
         del rows["tau_ref"]
     rows["i_cmd"] = rows["tau_cmd"] / (joint.parameters.k_t * joint.parameters.n)
-    return joint.record(rows, dt, seed, controller=controller, reference=reference.kind)
+    gains = {name: getattr(law, name) for name in GAINS if hasattr(law, name)}
+    return joint.record(rows, dt, seed, controller=controller, reference=reference.kind, **gains)

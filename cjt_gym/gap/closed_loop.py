@@ -95,7 +95,12 @@ def _load(record: Record, joint: Joint) -> Floats:
 
 
 def closed_loop_gap(
-    record: Record, nominal: Joint, identified: Joint, controller: Law, scatter: float = 0.0
+    record: Record,
+    nominal: Joint,
+    identified: Joint,
+    controller: Law,
+    scatter: float = 0.0,
+    begin: int = 0,
 ) -> Gap:
     """Return how far the gap of the joint torque shrinks in a closed loop.
 
@@ -105,6 +110,7 @@ def closed_loop_gap(
         identified: The joint with its effects.
         controller: The controller of the record, with its gains.
         scatter: Deviation of one sample of the torque sensor [N m], for the floor.
+        begin: First sample that counts: where a fit has seen the beginning, the first it has not.
 
     Returns:
         Errors relative to the rms of the recorded torque, with the interval of a block bootstrap.
@@ -119,8 +125,8 @@ def closed_loop_gap(
     for name in CHANNELS:
         if name in record and np.isfinite(record[name]).all():
             replays[name] = {
-                "measured": record[name],
-                "before": one[name],
-                "after": two[name],
+                "measured": record[name][begin:],
+                "before": one[name][begin:],
+                "after": two[name][begin:],
             }
     return gap_of(replays, "tau", scatter, record.dt)

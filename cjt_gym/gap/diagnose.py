@@ -13,6 +13,7 @@ from cjt_gym.errors import CjtGymError, ConfigurationError, RecordError
 from cjt_gym.gap.confidence import confidence
 from cjt_gym.gap.confusable import best_rival, rivals
 from cjt_gym.gap.diagnosis import (
+    NOTHING_LEFT,
     Diagnosis,
     GapSize,
     Interval,
@@ -445,7 +446,7 @@ def _gap(found: Explanation, settings: Sequence[Setting], held_out: bool, explai
 
 def _unexplained(left: Sequence[Leftover], open_ends: Sequence[str]) -> Unexplained:
     if not left:
-        return Unexplained(0.0, None, " ".join(("Nothing material is left.", *open_ends)))
+        return Unexplained(0.0, None, " ".join((NOTHING_LEFT, *open_ends)))
     worst = left[0]
     like = f" It looks like {worst.text}." if worst.text else ""
     text = (

@@ -15,6 +15,7 @@ from cjt_gym.records import Record, write_record
 
 Floats = NDArray[np.float64]
 SCHEMA = 1
+NOTHING_LEFT = "Nothing material is left."
 
 
 @dataclass(frozen=True)

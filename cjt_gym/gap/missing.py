@@ -11,7 +11,8 @@ def not_judged(setting: Setting) -> tuple[str, ...]:
     said = []
     if "q_m" in there.derived:
         said.append(
-            "Without the motor angle the spring is taken as the joint file has it: neither the "
+            "Without the motor angle (q_m is absent or empty) the joint torque stands for it, and "
+            "the spring is taken as the joint file has it: neither the "
             "spring nor the scale of the torque sensor is judged."
         )
     if setting.has_spring and "tau" not in there:

@@ -5,12 +5,14 @@
 `chart`    line and dot charts as inline SVG
 `bars`     bars and strips as HTML
 `figures`  which charts a diagnosis has
+`table`    small tables
 `page`     the whole report
 `summary`  the terminal and the notebook
 =========  ================================================
 """
 
 from cjt_gym.gap.report.page import write_report
-from cjt_gym.gap.report.summary import summary
+from cjt_gym.gap.report.summary import WIDTH, summary
+from cjt_gym.gap.report.table import Table
 
-__all__ = ["summary", "write_report"]
+__all__ = ["WIDTH", "Table", "summary", "write_report"]

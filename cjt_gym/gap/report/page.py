@@ -10,7 +10,7 @@ from pathlib import Path
 
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.gap.confusable import advice
-from cjt_gym.gap.diagnosis import Diagnosis, NamedEffect
+from cjt_gym.gap.diagnosis import NOTHING_LEFT, Diagnosis, NamedEffect
 from cjt_gym.gap.report.bars import confidence_bar, regime_strips, stage_bars, waterfall
 from cjt_gym.gap.report.chart import Chart, draw
 from cjt_gym.gap.report.figures import (
@@ -19,6 +19,7 @@ from cjt_gym.gap.report.figures import (
     ripple_charts,
     spring_charts,
 )
+from cjt_gym.gap.report.table import Table
 from cjt_gym.gap.report.words import (
     CHANNELS,
     VERDICTS,
@@ -38,6 +39,7 @@ def write_report(
     *,
     title: str = "Diagnosis of the sim-to-real gap",
     notes: Sequence[str] = (),
+    tables: Sequence[Table] = (),
 ) -> Path:
     """Write a diagnosis as one HTML file that needs no network, and return its path.
 
@@ -46,6 +48,7 @@ def write_report(
         path: The file; folders on the way are made.
         title: Its heading.
         notes: What was repaired in the records, or is else worth knowing; one line each.
+        tables: What else is shown, each in a section of its own.
 
     Raises:
         ConfigurationError: The file cannot be written.
@@ -53,7 +56,7 @@ def write_report(
     path = Path(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(page(diagnosis, title, notes), encoding="utf-8")
+        path.write_text(page(diagnosis, title, notes, tables), encoding="utf-8")
     except OSError as error:
         raise ConfigurationError(
             f"The report {path} cannot be written: {error.strerror}. Give another path."
@@ -61,7 +64,9 @@ def write_report(
     return path
 
 
-def page(diagnosis: Diagnosis, title: str, notes: Sequence[str] = ()) -> str:
+def page(
+    diagnosis: Diagnosis, title: str, notes: Sequence[str] = (), tables: Sequence[Table] = ()
+) -> str:
     """Return the whole page as text; the arguments are those of `write_report`."""
     here = resources.files(__package__)
     style = (here / "style.css").read_text(encoding="utf-8")
@@ -71,6 +76,7 @@ def page(diagnosis: Diagnosis, title: str, notes: Sequence[str] = ()) -> str:
         ("Where", "where", _where(diagnosis)),
         ("Which effect", "which", _which(diagnosis)),
         ("See it", "signals", _signals(diagnosis)),
+        *((table.title, f"table-{k}", table.html()) for k, table in enumerate(tables)),
         ("What it could be confused with", "confusable", _confusable(diagnosis)),
         ("What remains unexplained", "left", _left(diagnosis)),
         ("What to do next", "next", _paragraph(diagnosis.suggestion.text)),
@@ -215,8 +221,8 @@ def _pair(name: str, rival: str, suggestion: str) -> str:
 
 
 def _left(diagnosis: Diagnosis) -> str:
-    left = diagnosis.unexplained
-    return _paragraph(left.text) if left.stage is not None else ""
+    text = diagnosis.unexplained.text
+    return "" if text == NOTHING_LEFT else _paragraph(text)
 
 
 def _computed(diagnosis: Diagnosis) -> str:

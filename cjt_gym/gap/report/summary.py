@@ -5,7 +5,7 @@ from __future__ import annotations
 import textwrap
 from html import escape
 
-from cjt_gym.gap.diagnosis import Diagnosis, NamedEffect, StageGap
+from cjt_gym.gap.diagnosis import NOTHING_LEFT, Diagnosis, NamedEffect, StageGap
 from cjt_gym.gap.report.words import VERDICTS, interval, number, percent, verdict_sentence
 
 WIDTH = 96
@@ -25,7 +25,7 @@ def summary(diagnosis: Diagnosis) -> str:
     after = f"after {percent(gap.after)}   " if explained else ""
     before = f"{'before ' if explained else ''}{percent(gap.before)}"
     lines += ["", f"gap on {kept}   {before}   {after}noise floor {percent(gap.floor)}"]
-    head = f"{'before':>9}{'after':>9}" if explained else f"{'residual':>9}"
+    head = f"{'before':>10}{'after':>10}" if explained else f"{'residual':>10}"
     lines += [f"{'stage':<14}{head}   (residual, 1 = noise)"]
     for name, stage in diagnosis.stages.items():
         if stage.before > 0.0 and name != "sensing":
@@ -33,16 +33,16 @@ def summary(diagnosis: Diagnosis) -> str:
     if explained:
         lines += [f"{'effect':<20}{'status':<11}{'confidence':>10}{'removes':>9}  parameters"]
         lines += [_row(effect) for effect in diagnosis.effects[:MOST_EFFECTS]]
-    if diagnosis.unexplained.stage is not None:
-        lines += textwrap.wrap(f"left: {diagnosis.unexplained.text}", WIDTH, max_lines=2)
+    if diagnosis.unexplained.text != NOTHING_LEFT:
+        lines += textwrap.wrap(f"left: {diagnosis.unexplained.text}", WIDTH, max_lines=3)
     lines += textwrap.wrap(f"next: {diagnosis.suggestion.text}", WIDTH, max_lines=2)
     return "\n".join(lines)
 
 
 def _stage(name: str, stage: StageGap, explained: bool) -> str:
-    after = f"{number(stage.after):>9}" if explained else ""
+    after = f"{number(stage.after):>10}" if explained else ""
     mark = "  <- gap" if stage.significant else ""
-    return f"{name:<14}{number(stage.before):>9}{after}{mark}"
+    return f"{name:<14}{number(stage.before):>10}{after}{mark}"
 
 
 def _row(effect: NamedEffect) -> str:
