@@ -26,15 +26,24 @@ def accepted(label: Label) -> dict[str, str]:
     """Return the names that count as right, each with the true effect that it stands for.
 
     With a locked output whose angle is arbitrary, a constant torque on the motor and an offset of
-    the torque sensor are one and the same in every record.
+    the torque sensor are one and the same in every record. Without a spring motor and load are one
+    mass, whose inertia and dry friction belong to either.
     """
     names = {name: name for name in label["effects"]}
-    if str(label.get("structure", "")).startswith("output_fixed"):
-        twins = ("torque_offset", "torque_bias")
+    for twins in _twins(str(label.get("structure", ""))):
         for one, other in (twins, twins[::-1]):
             if one in names and other not in names:
                 names[other] = one
     return names
+
+
+def _twins(structure: str) -> tuple[tuple[str, str], ...]:
+    """Return the pairs of effects that are one and the same in a structure."""
+    if structure.startswith("output_fixed"):
+        return (("torque_offset", "torque_bias"),)
+    if structure == "rigid":
+        return (("inertia", "load_inertia"), ("coulomb", "load_coulomb"))
+    return ()
 
 
 def agrees(true: str, first: str) -> bool:

@@ -33,6 +33,8 @@ SEPARATED_BY: dict[frozenset[str], str] = {
         ("damping", "coulomb", "constant velocities, slow and fast"),
     )
 }
+NOTHING = "nothing"
+"""Name of the model without an effect that is only tentative."""
 DEFAULT = "a second record with other excitation: slow ramps through zero, steps, and a chirp"
 
 
@@ -94,4 +96,11 @@ def best_rival(problem: Problem, fit: Fit, index: int, seen: Sequence[Fit]) -> f
 def advice(name: str, rival: str) -> str:
     """Return which experiment separates two effects."""
     how = SEPARATED_BY.get(frozenset((name, rival)), DEFAULT)
-    return f"To tell {name} from {rival}, record {how}."
+    return f"To tell {difference(name, rival)}, record {how}."
+
+
+def difference(name: str, *rivals: str) -> str:
+    """Return what an experiment shall tell, as part of a sentence that begins with "to tell"."""
+    if rivals == (NOTHING,):
+        return f"whether there is {name} at all"
+    return f"{name} from {' and '.join(rivals)}"

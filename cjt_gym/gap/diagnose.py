@@ -27,7 +27,7 @@ from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.fit import Fit, Model, Problem, retuned
 from cjt_gym.gap.heldout import HeldOut, on_held_out, worth
 from cjt_gym.gap.hypotheses import hypotheses, shown
-from cjt_gym.gap.intervals import Covariance, covariance, effect_intervals
+from cjt_gym.gap.intervals import Covariance, covariance, effect_intervals, may_be_nothing
 from cjt_gym.gap.joint_file import identified_joint
 from cjt_gym.gap.localize import where
 from cjt_gym.gap.missing import not_judged, same_here
@@ -41,10 +41,10 @@ from cjt_gym.gap.sensing import (
     with_findings,
 )
 from cjt_gym.gap.setting import Setting, as_noisy, make_setting
-from cjt_gym.gap.shrink import Gap, measure_gap
+from cjt_gym.gap.shrink import Gap, harms, measure_gap
 from cjt_gym.gap.stages import Stages
 from cjt_gym.gap.suggest import suggest
-from cjt_gym.gap.unknown import Leftover, leftovers, status, verdict
+from cjt_gym.gap.unknown import Leftover, leftovers, status, untouched, verdict
 from cjt_gym.joint import Joint, JointFile, get_structure, load_joint_file
 from cjt_gym.joint.structures import Structure
 from cjt_gym.records import Record
@@ -278,7 +278,7 @@ def _report(
 ) -> Diagnosis:
     problem = found.problem
     spread = covariance(problem, found.fit)
-    named = _named(found, spread)
+    named = _named(found, spread, settings if held_out else ())
     within = _within_tolerance(found)
     all_before = {n: problem.stages.residual(n, within) for n in problem.stages.names}
     before = problem.stages.first(all_before)
@@ -286,7 +286,8 @@ def _report(
     explains = bool(named)
     fit = found.fit if explains else found.base
     gap = _gap(found, settings, held_out, explains)
-    left, stages = found.left, _stages(found, fit, all_before, named)
+    left = found.left if explains else untouched(found.left)
+    stages = _stages(found, fit, all_before, named)
     nominal = _nominal_fields(found)
     drawn = gather(problem, fit, nominal, within, before, settings, named, explains)
     lying = where(problem.stages.setting, stages, before, problem.stages.first(fit.residuals))
@@ -351,7 +352,9 @@ def _nominal_fields(found: Explanation) -> Fields:
     return problem.fields(Model(), z)
 
 
-def _named(found: Explanation, spread: Covariance) -> tuple[NamedEffect, ...]:
+def _named(
+    found: Explanation, spread: Covariance, unseen: Sequence[Setting]
+) -> tuple[NamedEffect, ...]:
     problem, fit = found.problem, found.fit
     rows = []
     for index, (effect, need) in enumerate(zip(fit.model.effects, found.needs, strict=True)):
@@ -361,6 +364,9 @@ def _named(found: Explanation, spread: Covariance) -> tuple[NamedEffect, ...]:
         state = status(need, effect.touches, found.left, trial)
         if state is None:
             continue
+        numbers = effect_intervals(problem, fit, index, spread)
+        if may_be_nothing(effect, numbers) or _harmful(found, need, unseen):
+            state = "tentative"
         lead = evidence(problem, fit) - best_rival(problem, fit, index, found.seen)
         lead = min(lead, need.evidence)
         chance = confidence(lead, trial, state == "tentative")
@@ -372,7 +378,7 @@ def _named(found: Explanation, spread: Covariance) -> tuple[NamedEffect, ...]:
                 effect.stage,
                 effect.body,
                 effect.channel,
-                effect_intervals(problem, fit, index, spread),
+                numbers,
                 state,
                 chance,
                 _removed(found, need),
@@ -383,6 +389,13 @@ def _named(found: Explanation, spread: Covariance) -> tuple[NamedEffect, ...]:
         )
     rows += [_sensor_row(finding, problem.stages.setting) for finding in found.sensors]
     return tuple(sorted(rows, key=lambda row: -row.gap_removed))
+
+
+def _harmful(found: Explanation, need: Need, unseen: Sequence[Setting]) -> bool:
+    """Return whether the replay of data that the fit has not seen is worse with an effect."""
+    fields = found.problem.fields
+    less, more = need.without, found.fit
+    return harms(unseen, fields(less.model, less.z), fields(more.model, more.z))
 
 
 def _confusable(found: Explanation, index: int) -> tuple[str, ...]:

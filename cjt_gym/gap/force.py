@@ -29,10 +29,15 @@ LOWEST = 2.0
 PART = 0.05
 """Share of the torque, in rms, that the noise of what is compared may have."""
 ORDER = 4
+PERIODS = 2.0
+"""Time in which the filter forgets an end of a record, in periods of its cut-off."""
 
 
 def torques(setting: Setting, fields: Fields) -> tuple[Floats, Floats]:
-    """Return the torque that was applied and the one that the model needs [N m], each shape (N,).
+    """Return the torque that was applied and the one that the model needs [N m], each shape (M,).
+
+    Left out are the ends of the record, where the filter knows the motion on one side only: a
+    record that begins or ends in motion seems to need a jerk there.
 
     Args:
         setting: The record of a joint without a spring.
@@ -53,7 +58,14 @@ def torques(setting: Setting, fields: Fields) -> tuple[Floats, Floats]:
     inertia = sum(fields[f"I_{b}"] for b in "mgl")
     damping = sum(fields[f"d_{b}"] for b in "mgl")
     needed = inertia * np.gradient(speed, dt) + damping * speed
-    return low_pass(_centred(current), dt, cutoff), needed - low_pass(_centred(known), dt, cutoff)
+    applied = low_pass(_centred(current), dt, cutoff)
+    inner = slice(end := _memory(len(q), dt, cutoff), len(q) - end)
+    return applied[inner], (needed - low_pass(_centred(known), dt, cutoff))[inner]
+
+
+def _memory(samples: int, dt: float, cutoff: float) -> int:
+    """Return how many samples at an end of a record the filter fills with what it does not know."""
+    return min(round(PERIODS / (cutoff * dt)), samples // 10)
 
 
 def fair_cutoff(setting: Setting) -> float:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from cjt_gym.gap.diagnosis import Interval
 from cjt_gym.gap.fit import Fit, Floats, Problem
+from cjt_gym.gap.hypothesis import Hypothesis
 
 BLOCKS = 40
 NORMAL = 1.96
@@ -72,6 +74,13 @@ def effect_intervals(
     if effects[index].name == "command_delay":
         out["delay"] = _whole_delay(problem, fit, out["delay"])
     return out
+
+
+def may_be_nothing(effect: Hypothesis, intervals: Mapping[str, Interval]) -> bool:
+    """Return whether the intervals of an effect leave room for there being none of it."""
+    sizes = [unknown for unknown in effect.unknowns if not unknown.shape]
+    pairs = [(unknown.start, intervals[unknown.symbol]) for unknown in sizes]
+    return bool(pairs) and all(known.low <= none <= known.high for none, known in pairs)
 
 
 def _whole_delay(problem: Problem, fit: Fit, interval: Interval) -> Interval:

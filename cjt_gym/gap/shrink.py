@@ -80,6 +80,11 @@ def measure_gap(
     return Gap(first, last, floor, removed, low, high, held_out, channels, replays)
 
 
+def harms(settings: Sequence[Setting], without: Fields, explained: Fields) -> bool:
+    """Return whether the gap on data that a fit has not seen is surely larger with an effect."""
+    return measure_gap(settings, without, explained, True).high < 0.0
+
+
 def gap_of(replays: Mapping[str, Mapping[str, Floats]], main: str, noise: float, dt: float) -> Gap:
     """Return the gap of replays of one record that no fit has seen.
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from cjt_gym.gap.confusable import advice, rival_fits
+from cjt_gym.gap.confusable import NOTHING, advice, difference, rival_fits
 from cjt_gym.gap.design import Cross, Prospect, prospects
 from cjt_gym.gap.diagnosis import NamedEffect, Suggestion
 from cjt_gym.gap.fit import Fit, Problem
@@ -21,8 +21,6 @@ ELSEWHERE = (
     "Look at the regimes in which it lies, and record the joint again with one input at a time: "
     "slow ramps, steps, a chirp."
 )
-NOTHING = "nothing"
-"""Name of the model without an effect that is only tentative."""
 
 
 def suggest(
@@ -95,15 +93,15 @@ def _text(best: Prospect) -> str:
     telling = [cross for cross in best.crosses if cross.margin >= 0.5 * best.margin]
     shown = ". ".join(_sentence(cross) for cross in sorted(telling, key=lambda c: -c.margin)[:2])
     return (
-        f"To tell {names[0]} from {' and '.join(names[1:])}, record {best.input.text}: "
+        f"To tell {difference(*names)}, record {best.input.text}: "
         f"{len(best.current) * best.dt:.3g} s, up to {np.abs(best.current).max():.3g} A, from "
         f"rest. {shown}."
     )
 
 
 def _sentence(cross: Cross) -> str:
-    what = "no further effect" if cross.rival == NOTHING else cross.rival
-    truth = "nothing is added" if cross.true == NOTHING else f"it is {cross.true}"
+    what = "a model without it" if cross.rival == NOTHING else cross.rival
+    truth = "there is none" if cross.true == NOTHING else f"it is {cross.true}"
     return (
         f"If {truth}, {what} would then leave {cross.residual:.2g} times the noise in the "
         f"{cross.stage} stage (predicted margin {cross.margin:.0f} in log evidence)"
@@ -113,7 +111,7 @@ def _sentence(cross: Cross) -> str:
 def _needs_more(names: Sequence[str], ranked: Sequence[Prospect]) -> str:
     best = f" (the best would be {ranked[0].input.text})" if ranked else ""
     return (
-        f"No current within the limits of the joint tells {names[0]} from {' and '.join(names[1:])}"
+        f"No current within the limits of the joint tells {difference(*names)}"
         f" with these sensors{best}. {advice(names[0], names[1])}"
     )
 

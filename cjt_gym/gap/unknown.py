@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from cjt_gym.gap.fit import Fit
 from cjt_gym.gap.heldout import HeldOut, Trial
-from cjt_gym.gap.prune import Need
+from cjt_gym.gap.prune import STRAIN, Need
 
 LEFT = 1.3
 """Normalised residual above which a stage is not explained."""
@@ -71,28 +71,39 @@ def _share(before: Mapping[str, float], stage: str, ms: float) -> float:
     return max(ms - 1.0, 0.0) / excess
 
 
+def untouched(left: Sequence[Leftover]) -> tuple[Leftover, ...]:
+    """Return what is left where nothing is named: of each of these stages, the whole gap."""
+    return tuple(replace(item, share=1.0) for item in left)
+
+
 def status(
     need: Need, touches: Sequence[str], left: Sequence[Leftover], trial: Trial | None
 ) -> str | None:
     """Return "confirmed" or "tentative" for an effect, None where it should not be named.
 
     An effect in stages that are explained is confirmed. Where something is left, it could be the
-    shadow of what is missing: then it must be worth on held-out data what it says, or, where there
-    are none that excite it, it must have taken a large part of the residual.
+    shadow of what is missing, which held-out data have, too: one that takes little away is not
+    named, unless the datasheet speaks for it. The others must be worth on held-out data what they
+    say, or, where there are none that excite them, they must have taken a large part of the
+    residual.
     """
     open_stages = {item.stage for item in left}
     shadow = bool(open_stages & set(touches))
-    if trial is not None and trial.worth < DOUBTFUL:
-        return "tentative" if not shadow or need.log_share >= WEAK else None
+    doubtful = trial is not None and trial.worth < DOUBTFUL
+    spares = need.strain >= STRAIN and trial is not None and not doubtful
+    if shadow and need.log_share < WEAK and not spares:
+        return None
+    if doubtful:
+        return "tentative"
     if not shadow:
         return "confirmed"
     if trial is not None:
         return "confirmed" if abs(trial.worth - 1.0) < CLOSE else "tentative"
-    if need.stage not in open_stages and need.log_share > WEAK:
+    if need.stage not in open_stages:
         return "confirmed"
     if need.log_share >= FIRM:
         return "confirmed"
-    return "tentative" if need.log_share >= WEAK else None
+    return "tentative"
 
 
 def verdict(named: int, left: Sequence[Leftover]) -> str:

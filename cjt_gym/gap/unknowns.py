@@ -20,6 +20,8 @@ class Unknown:
         low: Smallest value [unit].
         high: Largest value [unit].
         flat: Whether the prior is left out.
+        shape: Whether it only shapes an effect, whose size other numbers tell: those are at
+            their start where there is none of it.
     """
 
     symbol: str
@@ -30,6 +32,7 @@ class Unknown:
     low: float = -np.inf
     high: float = np.inf
     flat: bool = False
+    shape: bool = False
 
     def value(self, z: float) -> float:
         """Return the value [unit] at a coordinate."""

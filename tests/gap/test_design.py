@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from cjt_gym.blind import make_bench
+from cjt_gym.gap.confusable import NOTHING, advice
 from cjt_gym.gap.design import TELLS, bounds, pretended, prospects
 from cjt_gym.gap.diagnosis import Suggestion
 from cjt_gym.gap.fit import Fit, Model, Problem
@@ -120,6 +121,11 @@ def test_the_excitation_is_a_record_that_others_can_run(problem: Problem, tmp_pa
     assert again.structure == FIXED
     assert again.provenance["excitation"] == best.input.name
     assert Suggestion("nothing to run").written(tmp_path / "none.npz").record is None
+
+
+def test_a_suggestion_asks_for_what_is_open() -> None:
+    assert advice("cogging", NOTHING).startswith("To tell whether there is cogging at all, record ")
+    assert advice("coulomb", "stribeck").startswith("To tell coulomb from stribeck, record many ")
 
 
 @pytest.mark.parametrize("name", list(MENU))

@@ -81,8 +81,6 @@ def test_every_effect_that_can_be_named_becomes_a_row_in_its_range(
                 assert (symbol, entry) == ("body", row.body)
                 continue
             assert isinstance(entry, Quantity)
-            if symbol == "dq_0":  # how smooth friction may be depends on the speeds of the record
-                continue
             assert np.all(np.asarray(entry.value) >= parameter.low), symbol
             assert np.all(np.asarray(entry.value) <= parameter.high), symbol
             assert entry.source.startswith("identified from a record")

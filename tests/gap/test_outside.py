@@ -10,12 +10,16 @@ import pytest
 from cjt_gym.gap import Diagnosis, diagnose
 from cjt_gym.gap.confidence import confidence
 from cjt_gym.gap.diagnose import Explanation, explain
+from cjt_gym.gap.diagnosis import Interval
 from cjt_gym.gap.heldout import Trial, on_held_out, worth
+from cjt_gym.gap.hypotheses import hypotheses
+from cjt_gym.gap.intervals import may_be_nothing
 from cjt_gym.gap.setting import Setting, make_setting
+from cjt_gym.gap.shrink import harms
 from cjt_gym.gap.unknown import Leftover, status
 from cjt_gym.joint import get_structure
 from cjt_gym.records import Record
-from tests.gap.simulator import nominal, simulate
+from tests.gap.simulator import TRUE, nominal, simulate
 
 FIXED = "output_fixed_rigid_gearbox"
 
@@ -40,6 +44,7 @@ def test_a_drifting_torque_sensor_is_recognised_and_described() -> None:
     assert found.verdict == "unexplained"
     assert not found.effects
     assert "torque sensor that drifts" in found.unexplained.text
+    assert found.unexplained.share == 1.0, "as the replay shows, without any effect"
 
 
 def test_a_known_effect_beside_an_unknown_one_is_named_and_confirmed() -> None:
@@ -111,3 +116,36 @@ def test_beside_something_left_an_effect_must_be_worth_what_it_says(
     weak = replace(need, log_share=0.6 if expected else 0.1)
     left = (Leftover("motor", 0.5),)
     assert status(weak, ("motor",), left, Trial(1.0, change)) == expected
+
+
+@pytest.mark.parametrize(
+    ("name", "ends", "expected"),
+    [
+        ("coulomb", {"d_cm": (0.0, 2.0)}, True),
+        ("coulomb", {"d_cm": (0.1, 2.0)}, False),
+        ("coulomb_asym", {"d_cm": (0.0, 2.0), "d_cm_n": (0.1, 2.0)}, False),
+        ("torque_constant", {"k_t": (0.9 * TRUE["k_t"], 1.1 * TRUE["k_t"])}, True),
+        ("torque_constant", {"k_t": (1.05 * TRUE["k_t"], 1.1 * TRUE["k_t"])}, False),
+        ("torque_gain", {"gain": (0.98, 1.04)}, True),
+        ("backlash", {"b": (0.0, 1e-4), "centre": (1e-5, 2e-5)}, True),
+        ("cogging", {"f": (6.9, 7.1), "a": (-1.0, 1.0), "b": (-0.1, 2.0)}, True),
+        ("cogging", {"f": (6.9, 7.1), "a": (-1.0, 1.0), "b": (0.1, 2.0)}, False),
+        ("current_lag", {"bandwidth": (30.0, 400.0)}, False),
+    ],
+)
+def test_an_effect_may_be_nothing_where_all_its_sizes_may(
+    name: str, ends: dict[str, tuple[float, float]], expected: bool
+) -> None:
+    rows = hypotheses(setting_of(simulate(seconds=1.0)), ("drive", "motor", "transmission"))
+    row = next(h for h in rows if h.name == name and {u.symbol for u in h.unknowns} == set(ends))
+    known = {s: Interval(0.5 * (low + high), low, high, "-") for s, (low, high) in ends.items()}
+    assert may_be_nothing(row, known) is expected
+
+
+def test_an_effect_with_which_the_replay_is_worse_does_harm(explanation: Explanation) -> None:
+    fields, fit = explanation.problem.fields, explanation.fit
+    less = explanation.needs[0].without
+    one, two = fields(less.model, less.z), fields(fit.model, fit.z)
+    with_friction, without = (setting_of(simulate(seed=2, friction=(f, f))) for f in (2.0, 0.0))
+    assert not harms([with_friction], one, two)
+    assert harms([without], one, two)

@@ -8,6 +8,10 @@ from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.hypothesis import BODIES, Apply, Hypothesis, Scales, Values
 from cjt_gym.gap.setting import Setting
 from cjt_gym.gap.unknowns import Unknown
+from cjt_gym.joint.effects.motor import DQ_0
+
+SHARP = 0.03
+"""Share of the typical speed over which the sign of dry friction may be smoothed on any axis."""
 
 
 def friction_rows(setting: Setting, size: Scales) -> list[Hypothesis]:
@@ -20,6 +24,16 @@ def friction_rows(setting: Setting, size: Scales) -> list[Hypothesis]:
     return rows
 
 
+def _widest(setting: Setting, speed: float) -> float:
+    """Return the largest velocity over which the sign of dry friction may be smoothed [rad/s].
+
+    It is that of the effect table, which speaks of the output of a joint; a shaft that is much
+    faster, or one that slides [m/s], has dry friction if the sign is sharp in most of its motion.
+    """
+    turns = setting.joint.parameters.axis == "revolute"
+    return max(SHARP * speed, min(DQ_0.high, 3.0 * speed) if turns else 0.0)
+
+
 def friction_of(
     setting: Setting, size: Scales, body: str, stage: str, touches: tuple[str, ...]
 ) -> list[Hypothesis]:
@@ -29,17 +43,19 @@ def friction_of(
     force = Unknown(p, "N m", 0.0, torque, low=0.0)
     force_n = Unknown(n, "N m", 0.0, torque, low=0.0)
     breakaway = Unknown("d_s", "N m", 0.0, torque, low=0.0)
-    stribeck = Unknown(
-        "v_s", "rad/s", 0.1 * speed, 1.2, log=True, low=1e-4 * speed, high=20 * speed
-    )
-    slide = Unknown("z_s", "rad", 1e-3, 2.0, log=True, low=1e-6, high=0.3)
+    slow, fast = 1e-4 * speed, 20.0 * speed
+    stribeck = Unknown("v_s", "rad/s", 0.1 * speed, 1.2, True, slow, fast, shape=True)
+    slide = Unknown("z_s", "rad", 1e-3, 2.0, log=True, low=1e-6, high=0.3, shape=True)
     mu = Unknown("mu", "-", 0.0, 0.2, low=0.0, high=1.0)
     d_p = Unknown(f"d_{body}", "N m s/rad", 0.0, torque / speed)
     d_n = Unknown(f"d_{body}_n", "N m s/rad", 0.0, torque / speed)
     guess = 0.05 * torque
     travel = max(float(np.std(setting.series["q_m"])), 1e-9)
 
-    smooth = Unknown("dq_0", "rad/s", 0.1 * speed, 1.5, log=True, low=1e-4 * speed, high=3 * speed)
+    widest = _widest(setting, speed)
+    smooth = Unknown(
+        "dq_0", "rad/s", widest / 30.0, 1.5, True, 1e-4 * min(speed, widest), widest, shape=True
+    )
 
     def row(
         name: str, unknowns: tuple[Unknown, ...], apply: Apply, starts: object, variant: str = ""
@@ -76,7 +92,7 @@ def friction_of(
         add(f, c_p=v[p], c_n=v[p])
         f[f"dq_0_{body}"] = v["dq_0"]
 
-    smooth_starts = tuple((guess, x * speed) for x in (0.03, 0.2, 0.8))
+    smooth_starts = tuple((guess, x * widest) for x in (0.01, 0.07, 0.27))
     if body != "l":
         rows.append(row(name_c, (force, smooth), apply_smooth, smooth_starts, "smooth"))
     rows += [

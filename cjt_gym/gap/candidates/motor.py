@@ -20,7 +20,7 @@ def motor_rows(setting: Setting, size: Scales) -> list[Hypothesis]:
     rows += [
         _damping(setting, size, body) for body in ("m", "g") if body == "m" or setting.has_gear
     ]
-    heat = Unknown("time_constant", "s", 5.0, 0.8, log=True, low=0.2, high=500.0)
+    heat = Unknown("time_constant", "s", 5.0, 0.8, log=True, low=0.2, high=500.0, shape=True)
     derate = Unknown("loss", "1/A^2", 0.0, 0.3 / size.current**2, low=0.0)
     rows.append(
         Hypothesis(
@@ -78,7 +78,7 @@ def _damping(setting: Setting, size: Scales, body: str) -> Hypothesis:
 
 
 def _periodic(name: str, prefix: str, scale: float, unit: str) -> Hypothesis:
-    f = Unknown("f", "1/rev", 0.0, 1.0, low=0.0, flat=True)
+    f = Unknown("f", "1/rev", 0.0, 1.0, low=0.0, flat=True, shape=True)
     a = Unknown("a", unit, 0.0, scale)
     b = Unknown("b", unit, 0.0, scale)
 

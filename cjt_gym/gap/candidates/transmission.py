@@ -25,10 +25,10 @@ def transmission_rows(setting: Setting, size: Scales) -> list[Hypothesis]:
         rows.append(released(setting, "k_g", "gear_stiffness", "transmission", "k_g"))
     x = size.deflection
     play = Unknown("b", "rad", 0.0, x, low=0.0)
-    centre = Unknown("centre", "rad", 0.0, x)
+    centre = Unknown("centre", "rad", 0.0, x, shape=True)
     hard = Unknown("c", "1/rad^2", 0.0, 0.3 / x**2)
     torque = Unknown("h", "N m", 0.0, setting.nominal["k_b"] * x)
-    width = Unknown("z_h", "rad", 0.3 * x, 1.5, log=True, low=1e-3 * x, high=100 * x)
+    width = Unknown("z_h", "rad", 0.3 * x, 1.5, True, low=1e-3 * x, high=100 * x, shape=True)
 
     def apply_play(f: Fields, v: Values) -> None:
         f["play"], f["q_0"] = v["b"], f["q_0"] + v["centre"]
