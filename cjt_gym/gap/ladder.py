@@ -106,9 +106,8 @@ def replays(setting: Setting, before: Fields, after: Fields) -> dict[str, dict[s
         measured.pop("q_l", None)
     one, two = replay(setting, before), replay(setting, after)
     if not setting.has_spring:
-        (measured["tau_m"], one["tau_m"]), (_, two["tau_m"]) = (
-            torques(setting, fields) for fields in (before, after)
-        )
+        (signal, first), (other, last) = (torques(setting, fields) for fields in (before, after))
+        measured["tau_m"], one["tau_m"], two["tau_m"] = signal, first, last - other + signal
     found = {}
     for name, signal in measured.items():
         if name != "q_l" and name in one and np.isfinite(one[name] + two[name]).all():

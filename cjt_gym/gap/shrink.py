@@ -62,7 +62,8 @@ def measure_gap(
     for setting in settings:
         one, two = compared(setting, nominal), compared(setting, explained)
         for name, (signal, before) in one.items():
-            after = two[name][1]
+            # Both models are held against the torque that the drive applied, as each knows it.
+            after = two[name][1] - two[name][0] + signal
             if np.isfinite(before).all() and np.isfinite(after).all():
                 errors.setdefault(name, []).append((before - signal, after - signal, signal))
                 replays[name] = {"measured": signal, "before": before, "after": after}

@@ -11,7 +11,7 @@ from cjt_gym.gap.unknowns import Unknown
 from cjt_gym.joint.effects.motor import DQ_0
 
 SHARP = 0.03
-"""Share of the typical speed over which the sign of dry friction may be smoothed on any axis."""
+"""Share of the typical speed over which the sign of dry friction may be smoothed in any case."""
 
 
 def friction_rows(setting: Setting, size: Scales) -> list[Hypothesis]:
@@ -24,14 +24,13 @@ def friction_rows(setting: Setting, size: Scales) -> list[Hypothesis]:
     return rows
 
 
-def _widest(setting: Setting, speed: float) -> float:
+def _widest(speed: float) -> float:
     """Return the largest velocity over which the sign of dry friction may be smoothed [rad/s].
 
-    It is that of the effect table, which speaks of the output of a joint; a shaft that is much
-    faster, or one that slides [m/s], has dry friction if the sign is sharp in most of its motion.
+    It is that of the effect table, in the unit of the axis, which speaks of the output of a joint;
+    the friction of a much faster shaft is dry, too, if its sign is sharp in most of the motion.
     """
-    turns = setting.joint.parameters.axis == "revolute"
-    return max(SHARP * speed, min(DQ_0.high, 3.0 * speed) if turns else 0.0)
+    return max(SHARP * speed, min(DQ_0.high, 3.0 * speed))
 
 
 def friction_of(
@@ -52,7 +51,7 @@ def friction_of(
     guess = 0.05 * torque
     travel = max(float(np.std(setting.series["q_m"])), 1e-9)
 
-    widest = _widest(setting, speed)
+    widest = _widest(speed)
     smooth = Unknown(
         "dq_0", "rad/s", widest / 30.0, 1.5, True, 1e-4 * min(speed, widest), widest, shape=True
     )
@@ -92,7 +91,7 @@ def friction_of(
         add(f, c_p=v[p], c_n=v[p])
         f[f"dq_0_{body}"] = v["dq_0"]
 
-    smooth_starts = tuple((guess, x * widest) for x in (0.01, 0.07, 0.27))
+    smooth_starts = tuple((guess, x * widest) for x in (0.01, 0.1, 0.8))
     if body != "l":
         rows.append(row(name_c, (force, smooth), apply_smooth, smooth_starts, "smooth"))
     rows += [
