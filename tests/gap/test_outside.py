@@ -143,9 +143,8 @@ def test_an_effect_may_be_nothing_where_all_its_sizes_may(
 
 
 def test_an_effect_with_which_the_replay_is_worse_does_harm(explanation: Explanation) -> None:
-    fields, fit = explanation.problem.fields, explanation.fit
-    less = explanation.needs[0].without
-    one, two = fields(less.model, less.z), fields(fit.model, fit.z)
+    two = explanation.problem.fields(explanation.fit.model, explanation.fit.z)
+    one = dict(two) | {"c_p_m": 0.0, "c_n_m": 0.0}
     with_friction, without = (setting_of(simulate(seed=2, friction=(f, f))) for f in (2.0, 0.0))
     assert not harms([with_friction], one, two)
     assert harms([without], one, two)
