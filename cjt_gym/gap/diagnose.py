@@ -27,7 +27,13 @@ from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.fit import Fit, Model, Problem, retuned
 from cjt_gym.gap.heldout import HeldOut, on_held_out, worth
 from cjt_gym.gap.hypotheses import hypotheses, shown
-from cjt_gym.gap.intervals import Covariance, covariance, effect_intervals, may_be_nothing
+from cjt_gym.gap.intervals import (
+    Covariance,
+    at_an_end,
+    covariance,
+    effect_intervals,
+    may_be_nothing,
+)
 from cjt_gym.gap.joint_file import identified_joint
 from cjt_gym.gap.localize import where
 from cjt_gym.gap.missing import not_judged, same_here
@@ -365,7 +371,8 @@ def _named(
         if state is None:
             continue
         numbers = effect_intervals(problem, fit, index, spread)
-        if may_be_nothing(effect, numbers) or _harmful(found, need, unseen):
+        doubtful = may_be_nothing(effect, numbers) or at_an_end(effect, numbers)
+        if doubtful or _harmful(found, need, unseen):
             state = "tentative"
         lead = evidence(problem, fit) - best_rival(problem, fit, index, found.seen)
         lead = min(lead, need.evidence)

@@ -83,6 +83,15 @@ def may_be_nothing(effect: Hypothesis, intervals: Mapping[str, Interval]) -> boo
     return bool(pairs) and all(known.low <= none <= known.high for none, known in pairs)
 
 
+def at_an_end(effect: Hypothesis, intervals: Mapping[str, Interval]) -> bool:
+    """Return whether a factor of a datasheet value or a sensor went as far as it may."""
+    factors = [unknown for unknown in effect.unknowns if unknown.log and not unknown.shape]
+    return any(
+        known.low <= u.low or known.high >= u.high
+        for u, known in ((u, intervals[u.symbol]) for u in factors)
+    )
+
+
 def _whole_delay(problem: Problem, fit: Fit, interval: Interval) -> Interval:
     """Return the dead time with the part below a sample that every fit leaves free."""
     nominal = problem.stages.setting.nominal["delay"]
