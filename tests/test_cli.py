@@ -73,7 +73,7 @@ def test_a_record_of_commands_is_replayed_in_open_loop(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     current = np.where(np.arange(300) < 100, 0.0, 3.0)
-    known = {"dt": 1e-3, "structure": "output_fixed"}
+    known = {"dt": 0.999984e-3, "structure": "output_fixed"}
     write_record(Record({"i_cmd": current}, {"i_cmd": "A"}, **known), tmp_path / "next.npz")
     words = ["simulate", "orange_80_6000", "--reference", str(tmp_path / "next.npz")]
     assert main([*words, "--json", "--out", str(tmp_path / "run.npz")]) == 0

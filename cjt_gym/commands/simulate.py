@@ -6,6 +6,7 @@ import argparse
 import json
 import sys
 from dataclasses import dataclass
+from math import ceil
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ Floats = NDArray[np.float64]
 USUAL, TRACKING, NONE = "output_fixed_rigid_gearbox", "pd_feedforward", "none"
 """Structure and controller where nothing else is said; the name for no controller at all."""
 COMMANDS = ("i_cmd", "tau_cmd")
+DT_PHYSICS = 1e-4
 GAINS = ("kp", "kd", "derivative")
 """What a controller is known by, where it has it."""
 
@@ -45,7 +47,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--controller", help=f"{text} where there is a tau_ref")
     add("--duration", type=float, help="[s]; default: that of the record, or 10")
     add("--dt", type=float, help="control step [s]; default: that of the record, or 0.001")
-    add("--dt-physics", type=float, default=1e-4, help="substep [s], default 0.0001")
+    text = "substep [s]; default: the largest whole part of the control step up to 0.0001"
+    add("--dt-physics", type=float, help=text)
     add("--seed", type=int, default=0, help="of the reference and the sensors' noise, default 0")
     endings = ", ".join(f".{ending.lstrip('.')}" for ending in FORMATS)
     add("--out", type=Path, required=True, metavar="RECORD", help=f"file to write ({endings})")
@@ -63,7 +66,7 @@ def run(options: argparse.Namespace) -> None:
         task.controller,
         task.duration,
         task.dt,
-        options.dt_physics,
+        options.dt_physics or task.dt / ceil(task.dt / DT_PHYSICS - 1e-9),
         options.seed,
     )
     path = write_record(record, options.out)
