@@ -14,7 +14,7 @@ Integers = NDArray[np.int64]
 CHANNELS = ("i", "q_m", "q_g", "q_l", "dq_m", "dq_g", "dq_l", "tau")
 CURRENT_I, Q_M, Q_G, Q_L, DQ_M, DQ_G, DQ_L, TAU = range(8)
 
-# Rows of the scratch array of one joint, shape (55, 8), so that none is allocated in a step.
+# Rows of the scratch array of one joint, shape (56, 8), so that none is allocated in a step.
 X = 0  # state at the start of the substep
 FREE = 1  # state at its end
 SPEED = 2  # mean velocities of the coordinates
@@ -38,8 +38,9 @@ UP, DOWN, EXCESS, MU, SIGMA, EXTRA, LAW = 0, 1, 2, 3, 4, 5, 6
 OLD = 22  # measured channels of the control step before
 MODE = 23  # of coordinates with sharp friction: held, or sliding one way; or not sharp
 SAVED = 24  # what a substep may have to undo
-FINE, FINE_ROWS = 25, 30  # matrices of shorter substeps and space to compute them
-WORK_ROWS, WORK_WIDTH = 55, 8
+UNFORCED = 25  # end of the substep without ripple and resisting torques
+FINE, FINE_ROWS = 26, 30  # matrices of shorter substeps and space to compute them
+WORK_ROWS, WORK_WIDTH = 56, 8
 
 # What a joint remembers beyond its mechanical state and its currents.
 BRISTLE = 0  # deflection of the bristles of motor, gear and load [rad]

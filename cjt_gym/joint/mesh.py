@@ -1,8 +1,10 @@
 """The torque that the gear transmits, and what depends on it: ripple and friction under load.
 
-With a spring in the joint the torque follows from its deflection, so that it is known before the
-forces of the substep are. A rigid joint transmits what accelerates its load, which depends on
-friction and ripple at the same instant: an algebraic loop, which is solved.
+With a spring in the joint the torque follows from its deflection, so that it is known well before
+the forces of the substep are. A rigid joint transmits what accelerates its load, which depends on
+friction and ripple at the same instant: an algebraic loop, which is solved. So it is where a
+nonlinear spring may swing faster than the substeps: a ripple that lags behind such a swing would
+drive it.
 """
 
 from __future__ import annotations
@@ -20,6 +22,7 @@ from cjt_gym.joint.arrays import (
     SPEED,
     SPRING,
     SPRING_ON,
+    UNFORCED,
     Floats,
     Setup,
     X,
@@ -30,10 +33,11 @@ from cjt_gym.joint.load_forces import has_load_force, load_force
 from cjt_gym.joint.resist import resist
 from cjt_gym.joint.resistance import dry_sum, resistance, shift
 from cjt_gym.joint.ripple import GEAR, KIND, ripple_torque
-from cjt_gym.joint.springs import has_play
+from cjt_gym.joint.springs import BAR, GEAR_SPRING, has_play, is_nonlinear
 
 PASSES = 40
 SETTLED, LEAST = 1e-9, 1e-9  # error of the transmitted torque, relative and in [N m]
+PREDICTED = 1e-3  # the same of a spring's torque that is as good as solved for
 ROUNDING = 1e-15  # of angles
 
 
@@ -50,13 +54,14 @@ def meshes(p: Any, ripple: Floats) -> bool:
 
 @lean
 def loops(p: Any, ripple: Floats, setup: Setup) -> bool:
-    """Whether the transmitted torque depends on itself: the joint is rigid."""
-    if setup.groups[0] != setup.groups[2]:
-        return False
-    feeds_back = bool(p.mu_m + p.mu_g + p.mu_l > 0.0)
+    """Whether the transmitted torque is solved for together with what depends on it."""
+    feeds_back = False
     for row in range(ripple.shape[0]):
         feeds_back = feeds_back or ripple[row, KIND] == GEAR
-    return feeds_back
+    if setup.groups[0] == setup.groups[2]:
+        return feeds_back or bool(p.mu_m + p.mu_g + p.mu_l > 0.0)
+    nonlinear = is_nonlinear(p, setup.groups, GEAR_SPRING) or is_nonlinear(p, setup.groups, BAR)
+    return feeds_back and nonlinear
 
 
 @lean
@@ -105,7 +110,8 @@ def rigid_torque(
 def mesh_torque(p: Any, setup: Setup, work: Floats) -> float:
     """Return the torque that a gear with a spring transmits, averaged over the substep [N m].
 
-    Row FREE holds the motion under the resisting torques of the substep before.
+    Row FREE holds the motion, row SPRING what the springs add to their linear torques: both as they
+    are, or as predicted by the substep before.
     """
     one, other, which = setup.groups[0], setup.groups[1], 0
     stiffness, damping = p.k_g, p.d_mg
@@ -161,7 +167,7 @@ def settle_mesh(
 
 
 @lean
-def settle_rigid(
+def settle_loop(
     p: Any,
     memory: Floats,
     ripple: Floats,
@@ -172,7 +178,7 @@ def settle_rigid(
     current: float,
     work: Floats,
 ) -> bool:
-    """Find the motion of a rigid joint together with the torque that it transmits.
+    """Find the motion of a joint together with the torque that it transmits.
 
     Let T(tau) be what the joint transmits when friction and ripple are those of a torque tau.
     Friction of a large tau holds the joint, and ripple is less than all of it, so that T(tau) - tau
@@ -180,7 +186,8 @@ def settle_rigid(
     the bodies' mu and the ripple's share: while these add up to less than 1, and friction does not
     fall with speed, that is the only solution. Beyond that the joint may both jam and slide (the
     paradox of Painleve); the one found is near the torque and motion of the substep before. The
-    ripple is that of the angle which the first pass finds.
+    ripple is that of the angle which the first pass finds. A spring's torque is predicted by the
+    substep before, and taken so if the motion confirms it.
 
     Returns:
         Whether it was found; then row FREE holds the end of the substep.
@@ -189,25 +196,36 @@ def settle_rigid(
         Brent (1973), Algorithms for Minimization without Derivatives, chapter 4; Genot,
         Brogliato (1999), European Journal of Mechanics A/Solids 18(4).
     """
-    q, dq = work[FREE, 0], work[FREE, 1]
-    least = LEAST + ROUNDING * abs(q) / b[0, 2]  # the torque that makes that much of a difference
+    g, rigid = setup.groups[0], setup.groups[0] == setup.groups[2]
+    least = LEAST + ROUNDING * abs(work[X, g]) / b[g, 2 + g]  # a torque that moves it by rounding
+    for i in range(setup.order):
+        work[UNFORCED, i] = work[FREE, i]
+        work[FREE, i] += b[i, 0] * work[RIPPLE, 0]
     shift(b, setup, -1.0, work)
     low, high = -math.inf, math.inf
-    tau = memory[MESH]
+    tau = memory[MESH] if rigid else mesh_torque(p, setup, work)
+    settled = SETTLED if rigid else PREDICTED
     last_tau, last_gap, q_m = tau, 0.0, 0.0
     for n in range(PASSES):
         memory[MESH] = tau
         if n < 2:
             q_m = middle_angle(setup, work)
         torque = ripple_torque(p, ripple, q_m, tau, memory[K_M], current)
-        work[FREE, 0], work[FREE, 1] = q + b[0, 0] * torque, dq + b[1, 0] * torque
-        work[FREE_SPEED, 0] = (work[FREE, 0] - work[X, 0]) / setup.h
+        for i in range(setup.order):
+            work[FREE, i] = work[UNFORCED, i] + b[i, 0] * torque
+        for i in range(setup.size):
+            work[FREE_SPEED, i] = (work[FREE, i] - work[X, i]) / setup.h
         found = resist(p, memory, setup, b, command, load, work)
         shift(b, setup, -1.0, work)
         if not found:
             return False
-        gap = rigid_torque(p, memory, setup, command, load, work[SPEED, 0], work) - tau
-        if n > 0 and abs(gap) <= SETTLED * abs(tau) + least:
+        if rigid:
+            passed_on = rigid_torque(p, memory, setup, command, load, work[SPEED, 0], work)
+        else:
+            passed_on = mesh_torque(p, setup, work)
+        gap = passed_on - tau
+        if (n > 0 or not rigid) and abs(gap) <= settled * abs(tau) + least:
+            work[RIPPLE, 0] = torque
             return True
         if n > 0 and gap > 0.0:
             low = tau

@@ -35,7 +35,7 @@ from cjt_gym.joint.drives import (
     shaped_command,
     static_current,
 )
-from cjt_gym.joint.mesh import rigid_torque, settle_mesh, settle_rigid
+from cjt_gym.joint.mesh import rigid_torque, settle_loop, settle_mesh
 from cjt_gym.joint.resist import resist
 from cjt_gym.joint.resistance import come_to_rest, remember, shift
 
@@ -148,7 +148,7 @@ def substep(
         tau_m += k * currents[0]
     free_motion(a, b, setup, tau_m, load, work)
     if work[SWITCH, LOOPS] == 1.0:
-        solved = settle_rigid(p, memory, ripple, b, setup, command, load, currents[0], work)
+        solved = settle_loop(p, memory, ripple, b, setup, command, load, currents[0], work)
     else:
         if work[SWITCH, MESHES] == 1.0:
             settle_mesh(p, memory, ripple, b, setup, currents[0], work)

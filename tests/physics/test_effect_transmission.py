@@ -313,6 +313,24 @@ def test_a_loop_that_is_narrow_against_the_motion_of_a_step_only_takes_energy(
         assert np.diff(energy).max() <= 1e-11 * energy[0]
 
 
+@pytest.mark.parametrize("structure", ELASTIC)
+@pytest.mark.parametrize(
+    "spring", [{"hardening": {"k_3": 5e7}}, {"backlash": {"gap": GAP}}], ids=["hardening", "play"]
+)
+def test_gear_ripple_does_not_drive_a_swing_faster_than_the_steps(
+    structure: str, spring: Effects
+) -> None:
+    """A share of the transmitted torque comes back, at the same instant: it has a potential.
+
+    The share r(q) makes a torque T(q) one of (1 - r) T, so that energy stays within 1 +- r of what
+    it was, and about that at some fifteen radians per step.
+    """
+    effects = spring | {"gear_ripple": {"f": (5.0,), "a": (0.13,), "b": (0.05,)}}
+    joint = lossless(structure, effects, I_m=0.01, I_g=0.01, I_l=0.02, k_b=2e4, k_g=2e4)
+    energy = traced(joint, np.zeros(500), x0=np.array([0.1, 0.1, 0.0, 0.0, 0.0, 0.0])).energy
+    assert energy.max() < 2.0 * energy[0]
+
+
 # ------------------------------------------------------------------------- other parameters
 
 
