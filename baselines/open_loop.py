@@ -7,7 +7,9 @@ from dataclasses import dataclass
 from typing import final
 
 from cjt_gym.baselines.controller import Controller, Floats, Mask, check_sampling
-from cjt_gym.plant import Measurement
+from cjt_gym.baselines.entry import ControllerEntry, Gains
+from cjt_gym.joint import Joint
+from cjt_gym.plant import Measurement, limits_of
 
 
 @final
@@ -34,3 +36,17 @@ class OpenLoop(Controller):
 
     def _command(self, measurement: Measurement, reference: Floats, fresh: Mask) -> Floats:
         return reference.copy()
+
+
+def _build(joint: Joint, dt: float, gains: Gains) -> Controller:
+    return OpenLoop(dt, limits_of(joint).tau)
+
+
+ROW = ControllerEntry(
+    name="open_loop",
+    summary="Feed-forward of the reference alone, u = r.",
+    source="definition",
+    tunable=(),
+    defaults=lambda joint, dt: {},
+    build=_build,
+)

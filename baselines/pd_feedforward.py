@@ -7,9 +7,12 @@ from dataclasses import dataclass
 from typing import final
 
 from cjt_gym.baselines.controller import Controller, Floats, Mask, check, check_sampling
+from cjt_gym.baselines.entry import ControllerEntry, Gain, Gains
 from cjt_gym.baselines.filters import FilteredDerivative
+from cjt_gym.baselines.pd_design import default_gains
 from cjt_gym.errors import ConfigurationError, unknown_name
-from cjt_gym.plant import Measurement
+from cjt_gym.joint import Joint
+from cjt_gym.plant import Measurement, limits_of
 
 DERIVATIVES = ("error", "output")
 CUTOFF_HZ = 200.0
@@ -69,3 +72,28 @@ class PdFeedForward(Controller):
         differentiated = error if self.derivative == "error" else -measurement.tau
         rate = self._filter.step(differentiated, fresh)
         return reference + self.kp * error + self.kd * rate
+
+
+def _defaults(joint: Joint, dt: float) -> Gains:
+    gains = default_gains(joint, dt, CUTOFF_HZ)
+    return {"kp": gains.kp, "kd": gains.kd, "lead": float(gains.derivative == "error")}
+
+
+def _build(joint: Joint, dt: float, gains: Gains) -> Controller:
+    derivative = "error" if gains["lead"] >= 0.5 else "output"
+    limit = limits_of(joint).tau
+    return PdFeedForward(gains["kp"], gains["kd"], dt, derivative, torque_limit=limit)
+
+
+ROW = ControllerEntry(
+    name="pd_feedforward",
+    summary="Feed-forward and PD on the torque error, derivative filtered at 200 Hz.",
+    source="Vischer, Khatib (1995), IEEE Transactions on Robotics and Automation 11(4)",
+    tunable=(
+        Gain("kp", "-", 0.0, 10.0),
+        Gain("kd", "s", 0.0, 0.1),
+        Gain("lead", "-", 0.0, 1.0),
+    ),
+    defaults=_defaults,
+    build=_build,
+)

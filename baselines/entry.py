@@ -1,0 +1,95 @@
+"""What a row of the table of controllers says: how to make one, from which gains, for what."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from cjt_gym.baselines.controller import Controller
+from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.joint import STRUCTURES, Joint
+
+EVERY = tuple(STRUCTURES)
+SPRUNG = tuple(name for name, row in STRUCTURES.items() if row.groups[1] != row.groups[2])
+FIXED = tuple(name for name, row in STRUCTURES.items() if row.output_fixed)
+"""Structures with a torsion bar, and those whose output is fixed."""
+
+Gains = Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Gain:
+    """A number of a law that may be tuned.
+
+    Attributes:
+        name: Its name.
+        unit: Its unit, "-" where it has none.
+        low: Smallest value that makes sense.
+        high: Largest value that makes sense.
+        log: Whether it is to be searched on a logarithmic scale; then low > 0.
+    """
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    log: bool = False
+
+
+@dataclass(frozen=True)
+class ControllerEntry:
+    """One row of the table.
+
+    Attributes:
+        name: Its name in every interface.
+        summary: The law in one line.
+        source: Where it comes from.
+        tunable: Its gains with their ranges.
+        defaults: Designs the gains for a joint and a sample time [s].
+        build: Makes the controller for a joint, a sample time [s] and a value of every gain.
+        structures: The structures that it holds for.
+        refusal: Why it does not hold for the others with a torsion bar.
+        kind: "classical", to tell it from learned policies.
+    """
+
+    name: str
+    summary: str
+    source: str
+    tunable: tuple[Gain, ...]
+    defaults: Callable[[Joint, float], Gains]
+    build: Callable[[Joint, float, Gains], Controller]
+    structures: tuple[str, ...] = EVERY
+    refusal: str = ""
+    kind: str = "classical"
+
+    def check_structure(self, joint: Joint) -> None:
+        """Raise ConfigurationError with the reason if the law does not hold for the structure."""
+        if joint.structure in self.structures:
+            return
+        reason = self.refusal if joint.structure in SPRUNG else NO_SPRING
+        raise ConfigurationError(
+            f"Controller {self.name} holds for the structures {', '.join(self.structures)}, got "
+            f"{joint.structure}: {reason}. Choose one of them or another controller."
+        )
+
+    def check_gains(self, gains: Gains) -> None:
+        """Check the names and ranges of gains that are given.
+
+        Raises:
+            UnknownNameError: The law has no gain of that name.
+            ConfigurationError: A gain is out of its range.
+        """
+        known = {gain.name: gain for gain in self.tunable}
+        for name, value in gains.items():
+            if name not in known:
+                raise unknown_name(f"gain of controller {self.name}", name, known)
+            gain = known[name]
+            if not (math.isfinite(value) and gain.low <= value <= gain.high):
+                raise ConfigurationError(
+                    f"Gain {name} of controller {self.name} must be in [{gain.low:g}, "
+                    f"{gain.high:g}] {gain.unit}, got {value}."
+                )
+
+
+NO_SPRING = "without a torsion bar there is no joint torque to measure"
