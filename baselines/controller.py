@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from typing import final
+from typing import TYPE_CHECKING, final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.plant import Measurement
+
+if TYPE_CHECKING:
+    from cjt_gym.baselines.linear_law import LinearLaw
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -28,10 +31,12 @@ class Controller(ABC):
     Attributes:
         dt: Sample time for which the law is discretised [s].
         torque_limit: Largest motor torque that it commands [N m].
+        linear: The law where no limit acts, friction models apart; None where it has none.
     """
 
     dt: float
     torque_limit: float
+    linear: LinearLaw | None = None
     _fresh: Mask | None = None
 
     @final

@@ -93,3 +93,8 @@ class ControllerEntry:
 
 
 NO_SPRING = "without a torsion bar there is no joint torque to measure"
+ZERO_AT_REST = (
+    "with a free load the joint torque has a zero at zero frequency (a torque that lasts turns the "
+    "load ever faster), which an integral or an inverse would have to cancel"
+)
+"""Why a law does not hold for a structure."""

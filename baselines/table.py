@@ -2,14 +2,43 @@
 
 from __future__ import annotations
 
-from cjt_gym.baselines import open_loop, pd_feedforward
+from cjt_gym.baselines import (
+    cascade,
+    integral_feedforward,
+    mass_dob,
+    momentum_dob,
+    open_loop,
+    passivity,
+    passivity_momentum,
+    pd,
+    pd_feedforward,
+    pid_compensation,
+    pid_feedforward,
+    pid_inner_dob,
+    pid_outer_dob,
+)
 from cjt_gym.baselines.controller import Controller
 from cjt_gym.baselines.entry import ControllerEntry, Gains
 from cjt_gym.errors import unknown_name
 from cjt_gym.joint import Joint
 
 CONTROLLERS: dict[str, ControllerEntry] = {
-    module.ROW.name: module.ROW for module in (open_loop, pd_feedforward)
+    module.ROW.name: module.ROW
+    for module in (
+        open_loop,
+        pd,
+        pd_feedforward,
+        integral_feedforward,
+        pid_feedforward,
+        pid_compensation,
+        pid_inner_dob,
+        pid_outer_dob,
+        mass_dob,
+        momentum_dob,
+        passivity,
+        passivity_momentum,
+        cascade,
+    )
 }
 
 

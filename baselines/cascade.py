@@ -1,0 +1,60 @@
+"""Cascade: a torque loop that asks for a motor velocity, around a velocity loop.
+
+    w = dq_l + kt (r - tau),   u = r + kv (w - dq_m) + ki integral of (w - dq_m)
+
+To change the torque of a spring is to move the motor against the load, so the outer loop asks for
+a velocity in proportion to the torque's error. The fast inner loop takes friction and ripple away
+where they arise; its integral is held back where the command is limited.
+"""
+
+from __future__ import annotations
+
+from cjt_gym.baselines.entry import SPRUNG, Gain, Gains
+from cjt_gym.baselines.linear_law import LinearLaw, assemble, integrator, static
+from cjt_gym.baselines.linear_row import grid, linear_row
+from cjt_gym.baselines.passivity import damper
+from cjt_gym.baselines.pid import WINDUP
+from cjt_gym.baselines.plant_model import SampledJoint
+
+
+def cascade_law(kt: float, kv: float, ki: float, dt: float) -> LinearLaw:
+    """Return the law; see the module.
+
+    Args:
+        kt: Velocity per torque error [rad/(s N m)].
+        kv: Torque per velocity error [N m s/rad].
+        ki: Torque per angle, from the integral [N m/rad].
+        dt: Sample time [s].
+    """
+    error = {"reference": kt, "tau": -kt, "dq_l": 1.0, "dq_m": -1.0}
+    proportional = static(**{name: kv * weight for name, weight in error.items()})
+    integral = integrator(ki, dt, WINDUP, **error)
+    return assemble(dt, static(reference=1.0), proportional, integral)
+
+
+def _law(model: SampledJoint, gains: Gains) -> LinearLaw:
+    return cascade_law(gains["kt"], gains["kv"], gains["ki"], model.dt)
+
+
+def _candidates(model: SampledJoint) -> list[dict[str, float]]:
+    rows = []
+    for kv in damper(model, (0.003, 0.01, 0.03, 0.1, 0.2, 0.3, 0.5, 0.8)):
+        for row in grid(loop=(0.0, 0.2, 0.5, 1.0, 1.5, 2.0), reset=(0.5, 2.0, 5.0, 10.0, 20.0)):
+            rows.append({"kt": row["loop"] / kv, "kv": kv, "ki": row["reset"] * kv})
+    return rows
+
+
+ROW = linear_row(
+    name="cascade",
+    summary="Torque loop around a velocity loop with integral, feed-forward.",
+    source="Pratt, Krupp, Morse (2002), Industrial Robot 29(3); Wyeth (2008), Control issues for "
+    "velocity sourced series elastic actuators, ACRA",
+    tunable=(
+        Gain("kt", "rad/(s N m)", 0.0, 1.0),
+        Gain("kv", "N m s/rad", 0.0, 1000.0),
+        Gain("ki", "N m/rad", 0.001, 1e5, log=True),
+    ),
+    law=_law,
+    candidates=_candidates,
+    structures=SPRUNG,
+)

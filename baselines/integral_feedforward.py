@@ -1,0 +1,48 @@
+"""Integral control of the joint torque with feed-forward.
+
+    u = r + I,   I[k+1] = I[k] + dt ki (r[k] - tau[k])
+
+Disturbances at the motor are rejected up to about ki / (2 pi) Hz; the joint's own resonance is
+left as it is, and limits ki.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST, Gain, Gains
+from cjt_gym.baselines.linear_law import LinearLaw, assemble, integrator, static
+from cjt_gym.baselines.linear_row import grid, linear_row
+from cjt_gym.baselines.pid import WINDUP
+from cjt_gym.baselines.plant_model import SampledJoint
+
+
+def integral_law(ki: float, dt: float) -> LinearLaw:
+    """Return the law; see the module.
+
+    Args:
+        ki: Integral gain [1/s].
+        dt: Sample time [s].
+    """
+    integral = integrator(ki, dt, WINDUP, reference=1.0, tau=-1.0)
+    return assemble(dt, static(reference=1.0), integral)
+
+
+def _law(model: SampledJoint, gains: Gains) -> LinearLaw:
+    return integral_law(gains["ki"], model.dt)
+
+
+def _candidates(model: SampledJoint) -> list[dict[str, float]]:
+    return grid(ki=np.geomspace(0.1, 100.0, 31).tolist())
+
+
+ROW = linear_row(
+    name="integral_feedforward",
+    summary="Feed-forward and integral of the torque error.",
+    source="Vischer, Khatib (1995), IEEE Transactions on Robotics and Automation 11(4)",
+    tunable=(Gain("ki", "1/s", 0.01, 300.0, log=True),),
+    law=_law,
+    candidates=_candidates,
+    structures=FIXED,
+    refusal=ZERO_AT_REST,
+)

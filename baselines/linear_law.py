@@ -1,0 +1,242 @@
+"""Linear control laws as one state space, built from blocks, and the controller that runs one."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
+
+from cjt_gym.baselines.controller import Controller, Floats, Mask, check_sampling
+from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.plant import Measurement
+
+Complex = NDArray[np.complex128]
+
+MEASURED = ("tau", "q_m", "q_g", "q_l", "dq_m", "dq_g", "dq_l")
+SIGNALS = ("reference", *MEASURED, "command")
+REFERENCE, TAU, COMMAND = 0, 1, len(SIGNALS) - 1
+
+
+def signals(**weights: float) -> Floats:
+    """Return the row that weighs `SIGNALS`, shape (9,).
+
+    Example:
+        >>> signals(reference=1.0, tau=-1.0)[:3].tolist()
+        [1.0, -1.0, 0.0]
+    """
+    row = np.zeros(len(SIGNALS))
+    for name, weight in weights.items():
+        if name not in SIGNALS:
+            raise unknown_name("signal of a law", name, SIGNALS)
+        row[SIGNALS.index(name)] = weight
+    return row
+
+
+@dataclass(frozen=True)
+class Block:
+    """A part of a law: x[k+1] = a x + b w + g (u - v), output c x + d w.
+
+    With w the signals, u the command that was applied and v the sum of all blocks, which u is
+    unless a limit acts. So g holds the state where the limit holds the command (back-calculation).
+
+    Attributes:
+        a: Shape (order, order).
+        b: Shape (order, 9).
+        c: Shape (order,).
+        d: Shape (9,); nothing of it may hang on the present command.
+        g: Shape (order,).
+
+    References:
+        Astrom, Rundqwist (1989), Integrator windup and how to avoid it, American Control
+        Conference.
+    """
+
+    a: Floats
+    b: Floats
+    c: Floats
+    d: Floats
+    g: Floats
+
+
+def static(**weights: float) -> Block:
+    """Return the block whose output is the weighted signals."""
+    n = len(SIGNALS)
+    return Block(np.zeros((0, 0)), np.zeros((0, n)), np.zeros(0), signals(**weights), np.zeros(0))
+
+
+def through(
+    system: tuple[Floats, Floats, Floats, float], gain: float = 1.0, **weights: float
+) -> Block:
+    """Return a discrete filter (a, b, c, d) of the weighted signals, times a gain."""
+    a, b, c, d = system
+    row = signals(**weights)
+    return Block(a, np.outer(b, row), gain * c, gain * d * row, np.zeros(len(b)))
+
+
+def integrator(rate: float, dt: float, windup: float, **weights: float) -> Block:
+    """Return the integral of the weighted signals, forward Euler.
+
+    Args:
+        rate: Gain of the integral [1/s].
+        dt: Sample time [s].
+        windup: Share of the command's excess over a limit that is taken back per sample.
+        weights: Signals that are integrated.
+    """
+    b = dt * rate * signals(**weights)[None, :]
+    one = np.ones(1)
+    return Block(np.eye(1), b, one, np.zeros(len(SIGNALS)), windup * one)
+
+
+def total(blocks: Sequence[Block]) -> Block:
+    """Return the sum of blocks as one."""
+    return Block(
+        np.asarray(block_diag(*[block.a for block in blocks])).reshape(
+            (sum(len(block.c) for block in blocks),) * 2
+        ),
+        np.concatenate([block.b for block in blocks]),
+        np.concatenate([block.c for block in blocks]),
+        np.sum([block.d for block in blocks], axis=0),
+        np.concatenate([block.g for block in blocks]),
+    )
+
+
+def cascade(first: Block, second: Block) -> Block:
+    """Return the second block with the output of the first as its reference."""
+    b, d = second.b.copy(), second.d.copy()
+    b[:, REFERENCE], d[REFERENCE] = 0.0, 0.0
+    into, gain = second.b[:, REFERENCE], second.d[REFERENCE]
+    m, n = len(first.c), len(second.c)
+    a = np.zeros((m + n, m + n))
+    a[:m, :m], a[m:, m:], a[m:, :m] = first.a, second.a, np.outer(into, first.c)
+    return Block(
+        a,
+        np.concatenate([first.b, b + np.outer(into, first.d)]),
+        np.concatenate([gain * first.c, second.c]),
+        d + gain * first.d,
+        np.concatenate([first.g, second.g]),
+    )
+
+
+@dataclass(frozen=True)
+class LinearLaw:
+    """A law x[k+1] = a x + b w, v = c x + d w, u = v within the limit.
+
+    Its signals w are `SIGNALS`; the last one is the command u itself, which the law may remember
+    (observers need it, and so does what keeps integrals from winding up) but not use at once.
+    So a holds what happens while a limit holds the command: no eigenvalue is outside the unit
+    circle, and nothing winds up. Unlimited, the law is (a + b_u c, b + b_u d, c, d).
+
+    Attributes:
+        a: Shape (order, order).
+        b: Shape (order, 9).
+        c: Shape (order,).
+        d: Shape (9,).
+        dt: Sample time [s].
+    """
+
+    a: Floats
+    b: Floats
+    c: Floats
+    d: Floats
+    dt: float
+
+    def unlimited(self) -> tuple[Floats, Floats]:
+        """Return system and input matrix from reference and measurement where no limit acts."""
+        own = self.b[:, COMMAND]
+        return self.a + np.outer(own, self.c), self.b[:, :COMMAND] + np.outer(own, self.d[:COMMAND])
+
+    def response(self, f: Floats) -> Complex:
+        """Return the unlimited response from reference and measured signals to the command.
+
+        Args:
+            f: Frequencies [Hz], shape (points,).
+
+        Returns:
+            Shape (points, 8), in the order of `SIGNALS`.
+        """
+        a, b = self.unlimited()
+        z = np.exp(2j * math.pi * f * self.dt)
+        direct = np.broadcast_to(self.d[:COMMAND].astype(np.complex128), (len(f), COMMAND))
+        if len(self.c) == 0:
+            return np.array(direct)
+        inner = np.linalg.solve(z[:, None, None] * np.eye(len(self.c)) - a, b[None, :, :])
+        return np.asarray(np.einsum("i,fij->fj", self.c, inner) + direct)
+
+    def at_rest(self) -> Floats:
+        """Return the map from signals that stand still to the state, shape (order, 9)."""
+        return np.asarray(np.linalg.solve(np.eye(len(self.c)) - self.a, self.b), np.float64)
+
+
+def assemble(dt: float, *blocks: Block) -> LinearLaw:
+    """Return the law whose command is the sum of blocks."""
+    whole = total(blocks)
+    b = whole.b - np.outer(whole.g, whole.d)
+    b[:, COMMAND] += whole.g
+    if whole.d[COMMAND] != 0.0:
+        raise ConfigurationError("A law cannot use its own present command.")
+    return LinearLaw(whole.a - np.outer(whole.g, whole.c), b, whole.c, whole.d, dt)
+
+
+@final
+@dataclass(eq=False)
+class LinearController(Controller):
+    """Runs a linear law over a batch of joints.
+
+    After a reset the law's memory is that of a joint that has been at rest under its present
+    torque for ever, with that torque as reference and as command.
+
+    Attributes:
+        law: The law.
+        torque_limit: Largest motor torque that is commanded [N m].
+
+    Raises:
+        ConfigurationError: A number is out of range.
+    """
+
+    law: LinearLaw
+    torque_limit: float = math.inf
+    dt: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.dt = self.law.dt
+        check_sampling(self)
+        self.linear = self.law
+        self._rest = self.law.at_rest()
+        self._x = np.zeros((len(self.law.c), 0))
+
+    def _command(self, measurement: Measurement, reference: Floats, fresh: Mask) -> Floats:
+        w = stack(measurement, reference)
+        self._x = begin(self._rest, self._x, w, fresh)
+        command = self.law.c @ self._x + self.law.d @ w
+        w[COMMAND] = np.clip(command, -self.torque_limit, self.torque_limit)
+        self._x = self.law.a @ self._x + self.law.b @ w
+        return np.asarray(command)
+
+
+def stack(measurement: Measurement, reference: Floats) -> Floats:
+    """Return `SIGNALS` with no command yet, shape (9, n)."""
+    rows = [reference, *(getattr(measurement, name) for name in MEASURED)]
+    return np.stack([*rows, np.zeros_like(reference)])
+
+
+def begin(rest: Floats, x: Floats, w: Floats, fresh: Mask) -> Floats:
+    """Return the state with that of fresh joints at rest under their present torque.
+
+    Args:
+        rest: See `LinearLaw.at_rest`.
+        x: State, shape (order, n).
+        w: Signals, shape (9, n).
+        fresh: Joints without a past, shape (n,).
+    """
+    if x.shape[1] != len(fresh):
+        x = np.zeros((len(rest), len(fresh)))
+    if not fresh.any():
+        return x
+    still = w.copy()
+    still[REFERENCE] = still[COMMAND] = w[TAU]
+    return np.where(fresh, rest @ still, x)

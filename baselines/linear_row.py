@@ -1,0 +1,59 @@
+"""Rows of the table whose law is linear: default gains by one rule, run by one controller."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from itertools import product
+
+from cjt_gym.baselines.controller import Controller
+from cjt_gym.baselines.entry import EVERY, ControllerEntry, Gain, Gains
+from cjt_gym.baselines.linear_law import LinearController, LinearLaw
+from cjt_gym.baselines.plant_model import SampledJoint
+from cjt_gym.baselines.robust import best_gains
+from cjt_gym.joint import Joint
+from cjt_gym.plant import limits_of
+
+LawOf = Callable[[SampledJoint, Gains], LinearLaw]
+
+
+def linear_row(
+    name: str,
+    summary: str,
+    source: str,
+    tunable: tuple[Gain, ...],
+    law: LawOf,
+    candidates: Callable[[SampledJoint], Iterable[Gains]],
+    structures: tuple[str, ...] = EVERY,
+    refusal: str = "",
+) -> ControllerEntry:
+    """Return the row of a linear law; its defaults are those of `cjt_gym.baselines.robust`.
+
+    Args:
+        name: See `ControllerEntry`, as for the other texts.
+        summary: The law in one line.
+        source: Where it comes from.
+        tunable: Its gains with their ranges.
+        law: Makes the law for a sampled joint and gains.
+        candidates: Gains from which the defaults are chosen.
+        structures: The structures that it holds for.
+        refusal: Why it does not hold for others.
+    """
+
+    def defaults(joint: Joint, dt: float) -> Gains:
+        model = SampledJoint(joint, dt)
+        return best_gains(model, lambda gains: law(model, gains), candidates(model))
+
+    def build(joint: Joint, dt: float, gains: Gains) -> Controller:
+        return LinearController(law(SampledJoint(joint, dt), gains), limits_of(joint).tau)
+
+    return ControllerEntry(name, summary, source, tunable, defaults, build, structures, refusal)
+
+
+def grid(**values: Iterable[float]) -> list[dict[str, float]]:
+    """Return all combinations of values, by name.
+
+    Example:
+        >>> grid(kp=(1.0, 2.0), kd=(0.0,))
+        [{'kp': 1.0, 'kd': 0.0}, {'kp': 2.0, 'kd': 0.0}]
+    """
+    return [dict(zip(values, one, strict=True)) for one in product(*values.values())]

@@ -1,0 +1,89 @@
+"""Feed-forward and PD with a disturbance observer around the motor's rotating mass.
+
+    u = r + kp e + kd F e_d + f,   f = Q (z^-delay u - tau) - Q (J s + d) dq_m
+
+The motor (with gear) is taken as a mass J with viscous damping d that the command and the
+measured joint torque move, P = 1 / (J s + d); f is the torque that opposes it beside these two:
+friction and ripple. No spring and no load is in P, so that the observer is the same whatever the
+joint moves, and holds for a free load too. Q is a Butterworth low pass of second order.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cjt_gym.baselines.entry import SPRUNG, Gain, Gains
+from cjt_gym.baselines.linear_law import Block, LinearLaw, assemble, static, through, total
+from cjt_gym.baselines.linear_row import grid, linear_row
+from cjt_gym.baselines.pid import damping_gains, pid
+from cjt_gym.baselines.plant_model import SampledJoint
+from cjt_gym.baselines.rational import (
+    Rational,
+    delayed,
+    held_low_pass,
+    inverse_times,
+    low_pass,
+    tustin,
+)
+
+
+def mass_observer(model: SampledJoint, cutoff_hz: float) -> Block:
+    """Return the block of f; see the module.
+
+    Args:
+        model: The joint.
+        cutoff_hz: Cut-off of Q [Hz].
+    """
+    p, dt, inertia = model.joint.parameters, model.dt, model.inertia
+    damping = p.get("d_m", 0.0) + p.get("d_g", 0.0)
+    low = low_pass(2, cutoff_hz)
+    # A mass without friction has a pole at 0, which stands among the zeros of its inverse.
+    mass = Rational(np.zeros(0, complex), np.array([-damping / inertia + 0j]), 1.0 / inertia)
+    inverse = tustin(inverse_times(mass, low, "the motor's mass"), dt)
+    seen, late = tustin(low, dt), delayed(held_low_pass(2, cutoff_hz, dt), model.loop.delay)
+    return total(
+        [
+            through(late, command=1.0),
+            through(seen, -1.0, tau=1.0),
+            through(inverse, -1.0, dq_m=1.0),
+        ]
+    )
+
+
+def mass_dob_law(model: SampledJoint, kp: float, kd: float, dob_hz: float) -> LinearLaw:
+    """Return the law; see the module.
+
+    Args:
+        model: The joint.
+        kp: Proportional gain [-].
+        kd: Derivative gain [s].
+        dob_hz: Cut-off of Q [Hz].
+    """
+    feedback = pid(kp, 0.0, kd, model.dt, lead=False)
+    return assemble(model.dt, static(reference=1.0), feedback, mass_observer(model, dob_hz))
+
+
+def _law(model: SampledJoint, gains: Gains) -> LinearLaw:
+    return mass_dob_law(model, gains["kp"], gains["kd"], gains["dob_hz"])
+
+
+def _candidates(model: SampledJoint) -> list[dict[str, float]]:
+    damping = damping_gains(model, (0.0, 0.03, 0.1, 0.2, 0.3))
+    cutoffs = (0.2, 2.0, 6.0, 12.0, 20.0, 35.0, 60.0)
+    return grid(kp=(0.0, 0.3, 0.6, 1.0), kd=damping, dob_hz=cutoffs)
+
+
+ROW = linear_row(
+    name="mass_dob",
+    summary="Feed-forward and PD, with a disturbance observer around the motor's mass.",
+    source="Ohnishi, Shibata, Murakami (1996), IEEE/ASME Transactions on Mechatronics 1(1); Kong, "
+    "Bae, Tomizuka (2009), IEEE/ASME Transactions on Mechatronics 14(1)",
+    tunable=(
+        Gain("kp", "-", 0.0, 10.0),
+        Gain("kd", "s", 0.0, 0.1),
+        Gain("dob_hz", "Hz", 0.1, 200.0, log=True),
+    ),
+    law=_law,
+    candidates=_candidates,
+    structures=SPRUNG,
+)

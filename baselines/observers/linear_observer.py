@@ -1,0 +1,86 @@
+"""What every linear observer is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cjt_gym.baselines.controller import Floats, Mask
+from cjt_gym.baselines.linear_law import COMMAND, SIGNALS, Block, begin, stack
+from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.plant import Measurement
+
+
+@dataclass(eq=False)
+class LinearObserver:
+    """An observer x[k+1] = a x + b w, estimate[k] = c x + d w.
+
+    With w the measured signals at sample k and the command that is applied from k on, as in
+    `LinearLaw`. An estimate uses the measurement of its own sample (current observer).
+
+    Attributes:
+        a: Shape (order, order).
+        b: Shape (order, 9).
+        c: Shape (estimates, order).
+        d: Shape (estimates, 9).
+        names: What is estimated, in the order of the rows.
+        dt: Sample time [s].
+    """
+
+    a: Floats
+    b: Floats
+    c: Floats
+    d: Floats
+    names: tuple[str, ...]
+    dt: float
+
+    def __post_init__(self) -> None:
+        rest = np.linalg.solve(np.eye(len(self.a)) - self.a, self.b)
+        self._rest = np.asarray(rest, np.float64)
+        self._x = np.zeros((len(self.a), 0))
+        self._w = np.zeros((len(SIGNALS), 0))
+
+    def poles(self) -> Floats:
+        """Return the poles of the estimation error, in the z plane."""
+        return np.asarray(np.linalg.eigvals(self.a))
+
+    def block(self, **weights: float) -> Block:
+        """Return the weighted estimates as a block of a law.
+
+        Raises:
+            UnknownNameError: There is no such estimate.
+        """
+        row = np.zeros(len(self.names))
+        for name, weight in weights.items():
+            if name not in self.names:
+                raise unknown_name("estimate", name, self.names)
+            row[self.names.index(name)] = weight
+        return self.weighted(row)
+
+    def weighted(self, row: Floats) -> Block:
+        """Return the estimates weighted by a row as a block of a law."""
+        return Block(self.a, self.b, row @ self.c, row @ self.d, np.zeros(len(self.a)))
+
+    def step(self, measurement: Measurement, command: Floats, fresh: Mask) -> dict[str, Floats]:
+        """Return the estimates at this sample, each of shape (n,).
+
+        Args:
+            measurement: What the joints report now.
+            command: Motor torque since the sample before [N m], shape (n,).
+            fresh: Joints without a past, shape (n,): they are taken to have been at rest.
+
+        Raises:
+            ConfigurationError: The command does not fit the measurement.
+        """
+        if command.shape != measurement.tau.shape:
+            raise ConfigurationError(
+                f"The command given to an observer must have the shape {measurement.tau.shape} of "
+                f"the measurement, got {command.shape}."
+            )
+        if self._w.shape[1] == len(command):
+            self._w[COMMAND] = command
+            self._x = self.a @ self._x + self.b @ self._w
+        self._w = stack(measurement, np.zeros_like(command))
+        self._x = begin(self._rest, self._x, self._w, fresh)
+        return dict(zip(self.names, self.c @ self._x + self.d @ self._w, strict=True))

@@ -1,0 +1,46 @@
+"""PD control of the joint torque, without feed-forward.
+
+    u = kp e + kd F e,   e = r - tau
+
+F is the filtered derivative of `FilteredDerivative`, cut off at 200 Hz. Without feed-forward or
+integral it leaves an error of 1 / (1 + kp): it shows what feed-forward is worth.
+"""
+
+from __future__ import annotations
+
+from cjt_gym.baselines.entry import SPRUNG, Gain, Gains
+from cjt_gym.baselines.linear_law import LinearLaw, assemble
+from cjt_gym.baselines.linear_row import grid, linear_row
+from cjt_gym.baselines.pid import damping_gains, pid
+from cjt_gym.baselines.plant_model import SampledJoint
+
+
+def pd_law(kp: float, kd: float, dt: float) -> LinearLaw:
+    """Return the law; see the module.
+
+    Args:
+        kp: Proportional gain [-].
+        kd: Derivative gain [s].
+        dt: Sample time [s].
+    """
+    return assemble(dt, pid(kp, 0.0, kd, dt))
+
+
+def _law(model: SampledJoint, gains: Gains) -> LinearLaw:
+    return pd_law(gains["kp"], gains["kd"], model.dt)
+
+
+def _candidates(model: SampledJoint) -> list[dict[str, float]]:
+    kp = (0.01, 0.03, 0.1, 0.2, 0.4, 0.7, 1.0, 1.5, 2.0, 3.0)
+    return grid(kp=kp, kd=damping_gains(model, (0.0, 0.05, 0.1, 0.2, 0.3, 0.5)))
+
+
+ROW = linear_row(
+    name="pd",
+    summary="PD on the torque error without feed-forward, derivative filtered at 200 Hz.",
+    source="Readman (1994), Flexible Joint Robots, CRC Press",
+    tunable=(Gain("kp", "-", 0.0, 10.0), Gain("kd", "s", 0.0, 0.1)),
+    law=_law,
+    candidates=_candidates,
+    structures=SPRUNG,
+)

@@ -1,0 +1,56 @@
+"""PID control of the joint torque, the block that several laws share."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cjt_gym.baselines.filters import FilteredDerivative
+from cjt_gym.baselines.linear_law import Block, integrator, static, through, total
+from cjt_gym.baselines.plant_model import SampledJoint
+
+Floats = NDArray[np.float64]
+
+CUTOFF_HZ = 200.0
+INTEGRALS = (0.5, 2.0, 5.0, 10.0, 20.0, 40.0)
+WINDUP = 0.1
+"""Share of the command's excess over the limit that integrals give back per sample."""
+
+
+def derivative(dt: float, cutoff_hz: float = CUTOFF_HZ) -> tuple[Floats, Floats, Floats, float]:
+    """Return `FilteredDerivative` as a state space (a, b, c, d)."""
+    f = FilteredDerivative(min(cutoff_hz, 0.4 / dt), dt)
+    return np.array([[f.a]]), np.array([f.b * (f.a - 1.0)]), np.ones(1), f.b
+
+
+def pid(kp: float, ki: float, kd: float, dt: float, lead: bool = True) -> Block:
+    """Return kp e + ki integral of e + kd F e_d, e = r - tau, e_d = e or, without lead, -tau.
+
+    The integral is forward Euler, and is held back where the command is limited.
+
+    Args:
+        kp: Proportional gain [-].
+        ki: Integral gain [1/s].
+        kd: Derivative gain [s].
+        dt: Sample time [s].
+        lead: Whether the reference is differentiated too.
+
+    References:
+        Readman (1994), Flexible Joint Robots, CRC Press; Astrom, Hagglund (2006), Advanced PID
+        Control, ISA, sections 3.4 and 3.5.
+    """
+    error = {"reference": 1.0, "tau": -1.0}
+    late = error if lead else {"tau": -1.0}
+    parts = [static(reference=kp, tau=-kp), through(derivative(dt), kd, **late)]
+    if ki > 0.0:
+        parts.append(integrator(ki, dt, WINDUP, **error))
+    return total(parts)
+
+
+def damping_gains(model: SampledJoint, ratios: Sequence[float]) -> list[float]:
+    """Return the derivative gains that give a mass on the joint's spring damping ratios [s]."""
+    unit = 2.0 * math.sqrt(model.inertia / model.joint.parameters.k_b)
+    return [ratio * unit for ratio in ratios]

@@ -1,0 +1,62 @@
+"""PID with feed-forward and an inner (open-loop) disturbance observer.
+
+    u = r + kp e + kd F e_d - d,   d = P^-1 Q tau - Q z^-delay u,   e = r - tau,  e_d = -tau
+
+P is the linear joint from motor torque to joint torque, so that d is what friction and ripple do
+at the motor, and what P lacks; see `cjt_gym.baselines.observers.disturbance`. The observer
+integrates, so that the PID needs no integral.
+"""
+
+from __future__ import annotations
+
+from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST, Gain, Gains
+from cjt_gym.baselines.linear_law import LinearLaw, assemble, static
+from cjt_gym.baselines.linear_row import grid, linear_row
+from cjt_gym.baselines.observers.disturbance import disturbance_observer
+from cjt_gym.baselines.pid import damping_gains, pid
+from cjt_gym.baselines.plant_model import SampledJoint
+
+
+def inner_dob_law(model: SampledJoint, kp: float, kd: float, dob_hz: float) -> LinearLaw:
+    """Return the law; see the module.
+
+    Args:
+        model: The joint.
+        kp: Proportional gain [-].
+        kd: Derivative gain [s].
+        dob_hz: Cut-off of Q [Hz].
+
+    Raises:
+        ConfigurationError: The joint cannot be inverted.
+    """
+    against = disturbance_observer(model, dob_hz).block(disturbance=-1.0)
+    return assemble(
+        model.dt, static(reference=1.0), pid(kp, 0.0, kd, model.dt, lead=False), against
+    )
+
+
+def _law(model: SampledJoint, gains: Gains) -> LinearLaw:
+    return inner_dob_law(model, gains["kp"], gains["kd"], gains["dob_hz"])
+
+
+def _candidates(model: SampledJoint) -> list[dict[str, float]]:
+    damping = damping_gains(model, (0.0, 0.03, 0.1, 0.2, 0.3))
+    cutoffs = (0.2, 2.0, 6.0, 12.0, 20.0, 35.0, 60.0)
+    return grid(kp=(0.0, 0.3, 0.6), kd=damping, dob_hz=cutoffs)
+
+
+ROW = linear_row(
+    name="pid_inner_dob",
+    summary="Feed-forward and PD, with an open-loop disturbance observer of the joint.",
+    source="Lee, Tomizuka (1996), IEEE Transactions on Industrial Electronics 43(1); Hopkins et "
+    "al. (2015), IEEE/ASME Transactions on Mechatronics 20(6); Roozing et al. (2016), IROS",
+    tunable=(
+        Gain("kp", "-", 0.0, 10.0),
+        Gain("kd", "s", 0.0, 0.1),
+        Gain("dob_hz", "Hz", 0.1, 200.0, log=True),
+    ),
+    law=_law,
+    candidates=_candidates,
+    structures=FIXED,
+    refusal=ZERO_AT_REST,
+)

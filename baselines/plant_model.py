@@ -1,0 +1,288 @@
+"""The sampled linear joint as a torque controller meets it: with delays, lags and filters."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cjt_gym.baselines.linear_law import COMMAND, MEASURED, LinearLaw
+from cjt_gym.baselines.rational import Rational, transfer_function
+from cjt_gym.errors import ConfigurationError
+from cjt_gym.joint import Joint
+from cjt_gym.joint.linear import state_matrices, zero_order_hold
+
+Floats = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+DELAY_EFFECTS = ("command_delay", "measurement_delay", "torque_delay")
+LONGEST_DELAY = 100
+ENCODER = 2.0 * math.pi / 2**19
+"""Resolution that is taken where a joint file gives no encoder [rad]."""
+
+
+@dataclass(frozen=True)
+class SampledJoint:
+    """A joint and the sample time of what controls it; its models are made once.
+
+    Attributes:
+        joint: The joint.
+        dt: Sample time [s].
+    """
+
+    joint: Joint
+    dt: float
+
+    @cached_property
+    def mechanics(self) -> Mechanics:
+        """The sampled mechanics."""
+        return mechanics(self.joint, self.dt)
+
+    @cached_property
+    def loop(self) -> LoopModel:
+        """The joint between a law's command and what it measures."""
+        return loop_model(self.joint, self.dt)
+
+    @cached_property
+    def torque(self) -> Rational:
+        """The continuous transfer function from motor torque to joint torque."""
+        return transfer_function(*self.mechanics.continuous, self.mechanics.row("tau"))
+
+    @property
+    def name(self) -> str:
+        """Name and structure of the joint."""
+        return f"{self.joint.parameters.name} ({self.joint.structure})"
+
+    @property
+    def inertia(self) -> float:
+        """Inertia of motor and gear together [kg m^2]."""
+        return self.joint.parameters.I_m + self.joint.parameters.get("I_g", 0.0)
+
+
+@dataclass(frozen=True)
+class Mechanics:
+    """The joint without its absolute position: deflections, then velocities.
+
+        x[k+1] = a x[k] + b u[k],  tau = c_tau x,  dq = c_dq x,  deflections = c_q x
+
+    With a free load the deflections are (q_m - q_g, q_g - q_l) or (q_m - q_l), with a fixed output
+    they count from q_l, which stands still.
+
+    Attributes:
+        a: Shape (order, order).
+        b: Motor torque, shape (order,).
+        c: Rows of `MEASURED` with angles from q_l, shape (7, order).
+        continuous: The same (a, b) before sampling.
+        dt: Sample time [s].
+    """
+
+    a: Floats
+    b: Floats
+    c: Floats
+    continuous: tuple[Floats, Floats]
+    dt: float
+
+    def row(self, name: str) -> Floats:
+        """Return the output row of a measured signal, shape (order,)."""
+        return np.asarray(self.c[MEASURED.index(name)])
+
+
+def mechanics(joint: Joint, dt: float) -> Mechanics:
+    """Return the sampled mechanics of a joint with a torsion bar."""
+    a, b, rows, _ = state_matrices(joint.parameters, joint.structure_row)
+    size = joint.structure_row.size
+    order = a.shape[0]
+    position, velocity = np.arange(size), np.arange(order - size, order)
+    if joint.structure_row.output_fixed:
+        relative = np.eye(size)
+    else:
+        relative = np.eye(size - 1, size) - np.eye(size - 1, size, 1)
+    back = np.linalg.pinv(relative)
+    if not joint.structure_row.output_fixed:
+        back -= back[-1]  # angles from the load
+    bends = len(relative)
+    continuous = np.zeros((bends + size, bends + size))
+    continuous[:bends, bends:] = relative
+    continuous[bends:, :bends] = a[np.ix_(velocity, position)] @ back
+    continuous[bends:, bends:] = a[np.ix_(velocity, velocity)]
+    drive = np.concatenate([np.zeros(bends), b[velocity, 0]])
+    c = np.concatenate([rows[:, position] @ back, rows[:, velocity]], axis=1)
+    a_d, b_d = zero_order_hold(continuous, drive[:, None], dt)
+    return Mechanics(a_d, b_d[:, 0], np.roll(c, 1, axis=0), (continuous, drive), dt)
+
+
+@dataclass(frozen=True)
+class LoopModel:
+    """The joint between a law's command and what it measures, with the noise of the sensors.
+
+        x[k+1] = a x + b u[k - delay] + m n,  y = c x + n_y n
+
+    Attributes:
+        a: Shape (order, order).
+        b: Shape (order,).
+        c: `MEASURED`, shape (7, order).
+        tau: Joint torque itself, shape (order,).
+        noise_in: Sensor noise into the filters, shape (order, 4).
+        noise_out: Sensor noise onto the measurement, shape (7, 4).
+        scatter: Standard deviation of the noise of tau, q_m, q_g, q_l, shape (4,).
+        delay: Of the whole loop [samples].
+        dt: Sample time [s].
+    """
+
+    a: Floats
+    b: Floats
+    c: Floats
+    tau: Floats
+    noise_in: Floats
+    noise_out: Floats
+    scatter: Floats
+    delay: int
+    dt: float
+
+    def later(self, spare: int) -> LoopModel:
+        """Return the same with more delay [samples]."""
+        return replace(self, delay=self.delay + spare)
+
+    def response(self, f: Floats) -> Complex:
+        """Return the response from command to `MEASURED` and, last, tau, shape (points, 8)."""
+        z = np.exp(2j * math.pi * f * self.dt)
+        inner = np.linalg.solve(z[:, None, None] * np.eye(len(self.b)) - self.a, self.b[:, None])
+        rows = np.concatenate([self.c, self.tau[None]])
+        return np.asarray((inner[..., 0] @ rows.T) * z[:, None] ** -self.delay)
+
+    def closed(self, law: LinearLaw) -> tuple[Floats, Floats, Floats]:
+        """Return the closed loop's system, its input of sensor noise, and the row of the command.
+
+        Returns:
+            Matrices of shape (total, total), (total, 4) and (total,).
+        """
+        inner, into = law.unlimited()
+        into, gain = into[:, 1:], law.d[1:COMMAND]
+        n, m, d = len(self.b), len(law.c), self.delay
+        whole = n + m + d
+        a, noise = np.zeros((whole, whole)), np.zeros((whole, 4))
+        command = np.zeros(whole)
+        command[:n], command[n : n + m] = gain @ self.c, law.c
+        a[:n, :n], a[n : n + m, n : n + m] = self.a, inner
+        a[n : n + m, :n] = into @ self.c
+        noise[:n], noise[n : n + m] = self.noise_in, into @ self.noise_out
+        direct = gain @ self.noise_out
+        if d == 0:
+            a[:n] += np.outer(self.b, command)
+            noise[:n] += np.outer(self.b, direct)
+        else:
+            a[n + m], noise[n + m] = command, direct
+            a[:n, -1] = self.b
+            a[range(n + m + 1, whole), range(n + m, whole - 1)] = 1.0
+        return a, noise, command
+
+
+def loop_model(joint: Joint, dt: float) -> LoopModel:
+    """Return the loop around a joint with the delays and filters that its effects give it.
+
+    Delays are whole samples, all of them at the input; those of single encoders are left out.
+
+    Raises:
+        ConfigurationError: The delays are longer than `LONGEST_DELAY` samples.
+    """
+    model = mechanics(joint, dt)
+    late = sum(setting(joint, name, "delay") for name in DELAY_EFFECTS)
+    if late > LONGEST_DELAY * dt:
+        raise ConfigurationError(
+            f"The delay that gains are designed for must be <= {LONGEST_DELAY} control steps, "
+            f"{LONGEST_DELAY * dt:g} s, got {late:g} s for {joint.parameters.name}. Shorten it or "
+            "take the controller open_loop."
+        )
+    a, b, c, tau = model.a, model.b, model.c, model.row("tau")
+    noise_in, noise_out = np.zeros((len(b), 4)), np.zeros((7, 4))
+    noise_out[:4] = np.eye(4)
+    loop = LoopModel(
+        a, b, c, tau, noise_in, noise_out, scatter(joint), math.ceil(late / dt - 1e-9), dt
+    )
+    loop = _lagged(loop, setting(joint, "current_lag", "bandwidth"))
+    loop = _differentiated(loop, setting(joint, "velocity_differentiation", "cutoff"))
+    return _filtered(loop, setting(joint, "torque_filter", "cutoff"))
+
+
+def setting(joint: Joint, effect: str, symbol: str) -> float:
+    """Return one number of an effect, 0 where it is off."""
+    value = joint.effects.get(effect, {}).get(symbol, 0.0)
+    assert isinstance(value, float)
+    return value
+
+
+def scatter(joint: Joint) -> Floats:
+    """Return the noise of tau, q_m, q_g and q_l with quantization, as standard deviations (4,)."""
+    values = []
+    for name in ("q_m", "q_g", "q_l", "tau"):
+        known = joint.file.sensors.get(name, {})
+        parts = [float(np.max(known[key].value)) for key in ("noise", "resolution") if key in known]
+        noise = parts[0] if "noise" in known else 0.0
+        step = parts[-1] if "resolution" in known else 0.0
+        values.append(math.hypot(noise, step / math.sqrt(12.0)))
+    angles = [value or ENCODER for value in values[:3]]
+    torque = values[3] or joint.parameters.k_b * math.hypot(angles[1], angles[2])
+    return np.array([torque, *angles])
+
+
+def _share(cutoff: float, dt: float) -> float:
+    return 1.0 - math.exp(-2.0 * math.pi * cutoff * dt)
+
+
+def _lagged(loop: LoopModel, bandwidth: float) -> LoopModel:
+    """Put the lag of the current loop before the joint; its output is held over a sample."""
+    if bandwidth <= 0.0:
+        return loop
+    share, n = _share(bandwidth, loop.dt), len(loop.b)
+    a = np.zeros((n + 1, n + 1))
+    a[:n, :n], a[:n, n], a[n, n] = loop.a, (1.0 - share) * loop.b, 1.0 - share
+    return _grown(loop, a, np.append(share * loop.b, share), loop.c, loop.noise_in, 1)
+
+
+def _grown(
+    loop: LoopModel, a: Floats, b: Floats, c: Floats, noise_in: Floats, more: int
+) -> LoopModel:
+    wide = np.zeros((len(c), len(b)))
+    wide[:, : c.shape[1]] = c
+    tall = np.zeros((len(b), 4))
+    tall[: len(noise_in)] = noise_in
+    return replace(loop, a=a, b=b, c=wide, tau=np.append(loop.tau, np.zeros(more)), noise_in=tall)
+
+
+def _differentiated(loop: LoopModel, cutoff: float) -> LoopModel:
+    """Replace velocities by filtered differences of the angles."""
+    if cutoff <= 0.0:
+        return loop
+    share, n = _share(cutoff, loop.dt), len(loop.b)
+    rate, keep = share / loop.dt, 1.0 - share
+    angle, noisy = loop.c[1:4], loop.noise_out[1:4]
+    a = np.zeros((n + 6, n + 6))
+    a[:n, :n] = loop.a
+    a[n : n + 3, :n] = angle  # the angles before
+    a[n + 3 :, :n] = rate * angle
+    a[n + 3 :, n : n + 3] = -rate * np.eye(3)
+    a[n + 3 :, n + 3 :] = keep * np.eye(3)
+    noise_in = np.concatenate([loop.noise_in, noisy, rate * noisy])
+    grown = _grown(loop, a, np.append(loop.b, np.zeros(6)), loop.c, noise_in, 6)
+    c, noise_out = grown.c, loop.noise_out.copy()
+    c[4:7] = a[n + 3 :]
+    noise_out[4:7] = rate * noisy
+    return replace(grown, c=c, noise_out=noise_out)
+
+
+def _filtered(loop: LoopModel, cutoff: float) -> LoopModel:
+    """Put the torque sensor's low pass behind it."""
+    if cutoff <= 0.0:
+        return loop
+    share, n = _share(cutoff, loop.dt), len(loop.b)
+    a = np.zeros((n + 1, n + 1))
+    a[:n, :n] = loop.a
+    a[n, :n], a[n, n] = share * loop.c[0], 1.0 - share
+    noise_in = np.concatenate([loop.noise_in, share * loop.noise_out[:1]])
+    grown = _grown(loop, a, np.append(loop.b, 0.0), loop.c, noise_in, 1)
+    c, noise_out = grown.c, loop.noise_out.copy()
+    c[0], noise_out[0] = a[n], share * loop.noise_out[0]
+    return replace(grown, c=c, noise_out=noise_out)
