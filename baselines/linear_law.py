@@ -182,13 +182,38 @@ def assemble(dt: float, *blocks: Block) -> LinearLaw:
     return LinearLaw(whole.a - np.outer(whole.g, whole.c), b, whole.c, whole.d, dt)
 
 
+class LawMemory:
+    """A linear law in use by a batch of joints: its state, and how it goes on.
+
+    After a reset the memory is that of a joint that has been at rest under its present torque for
+    ever, with that torque as reference and as command.
+
+    Attributes:
+        law: The law.
+    """
+
+    def __init__(self, law: LinearLaw) -> None:
+        self.law = law
+        self._rest = law.at_rest()
+        self._x = np.zeros((len(law.c), 0))
+        self._w = np.zeros((len(SIGNALS), 0))
+
+    def propose(self, measurement: Measurement, reference: Floats, fresh: Mask) -> Floats:
+        """Return the command that the law asks for [N m], shape (n,)."""
+        self._w = stack(measurement, reference)
+        self._x = begin(self._rest, self._x, self._w, fresh)
+        return np.asarray(self.law.c @ self._x + self.law.d @ self._w)
+
+    def commit(self, command: Floats) -> None:
+        """Go on to the next sample with the command that was applied [N m], shape (n,)."""
+        self._w[COMMAND] = command
+        self._x = self.law.a @ self._x + self.law.b @ self._w
+
+
 @final
 @dataclass(eq=False)
 class LinearController(Controller):
-    """Runs a linear law over a batch of joints.
-
-    After a reset the law's memory is that of a joint that has been at rest under its present
-    torque for ever, with that torque as reference and as command.
+    """Runs a linear law over a batch of joints; see `LawMemory`.
 
     Attributes:
         law: The law.
@@ -206,16 +231,12 @@ class LinearController(Controller):
         self.dt = self.law.dt
         check_sampling(self)
         self.linear = self.law
-        self._rest = self.law.at_rest()
-        self._x = np.zeros((len(self.law.c), 0))
+        self._memory = LawMemory(self.law)
 
     def _command(self, measurement: Measurement, reference: Floats, fresh: Mask) -> Floats:
-        w = stack(measurement, reference)
-        self._x = begin(self._rest, self._x, w, fresh)
-        command = self.law.c @ self._x + self.law.d @ w
-        w[COMMAND] = np.clip(command, -self.torque_limit, self.torque_limit)
-        self._x = self.law.a @ self._x + self.law.b @ w
-        return np.asarray(command)
+        command = self._memory.propose(measurement, reference, fresh)
+        self._memory.commit(np.clip(command, -self.torque_limit, self.torque_limit))
+        return command
 
 
 def stack(measurement: Measurement, reference: Floats) -> Floats:

@@ -10,6 +10,8 @@ joint moves, and holds for a free load too. Q is a Butterworth low pass of secon
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from cjt_gym.baselines.entry import SPRUNG, Gain, Gains
@@ -27,6 +29,7 @@ from cjt_gym.baselines.rational import (
 )
 
 
+@lru_cache(maxsize=64)
 def mass_observer(model: SampledJoint, cutoff_hz: float) -> Block:
     """Return the block of f; see the module.
 
@@ -68,9 +71,9 @@ def _law(model: SampledJoint, gains: Gains) -> LinearLaw:
 
 
 def _candidates(model: SampledJoint) -> list[dict[str, float]]:
-    damping = damping_gains(model, (0.0, 0.03, 0.1, 0.2, 0.3))
-    cutoffs = (0.2, 2.0, 6.0, 12.0, 20.0, 35.0, 60.0)
-    return grid(kp=(0.0, 0.3, 0.6, 1.0), kd=damping, dob_hz=cutoffs)
+    damping = damping_gains(model, (0.0, 0.03, 0.1, 0.2, 0.3, 0.5))
+    cutoffs = (0.2, 2.0, 4.0, 6.0, 9.0, 14.0, 20.0, 35.0, 60.0)
+    return grid(kp=(0.0, 0.15, 0.3, 0.6, 1.0), kd=damping, dob_hz=cutoffs)
 
 
 ROW = linear_row(

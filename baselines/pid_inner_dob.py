@@ -9,8 +9,10 @@ integrates, so that the PID needs no integral.
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST, Gain, Gains
-from cjt_gym.baselines.linear_law import LinearLaw, assemble, static
+from cjt_gym.baselines.linear_law import Block, LinearLaw, assemble, static
 from cjt_gym.baselines.linear_row import grid, linear_row
 from cjt_gym.baselines.observers.disturbance import disturbance_observer
 from cjt_gym.baselines.pid import damping_gains, pid
@@ -29,10 +31,15 @@ def inner_dob_law(model: SampledJoint, kp: float, kd: float, dob_hz: float) -> L
     Raises:
         ConfigurationError: The joint cannot be inverted.
     """
-    against = disturbance_observer(model, dob_hz).block(disturbance=-1.0)
+    against = _observer(model, dob_hz)
     return assemble(
         model.dt, static(reference=1.0), pid(kp, 0.0, kd, model.dt, lead=False), against
     )
+
+
+@lru_cache(maxsize=64)
+def _observer(model: SampledJoint, dob_hz: float) -> Block:
+    return disturbance_observer(model, dob_hz).block(disturbance=-1.0)
 
 
 def _law(model: SampledJoint, gains: Gains) -> LinearLaw:
@@ -40,9 +47,9 @@ def _law(model: SampledJoint, gains: Gains) -> LinearLaw:
 
 
 def _candidates(model: SampledJoint) -> list[dict[str, float]]:
-    damping = damping_gains(model, (0.0, 0.03, 0.1, 0.2, 0.3))
-    cutoffs = (0.2, 2.0, 6.0, 12.0, 20.0, 35.0, 60.0)
-    return grid(kp=(0.0, 0.3, 0.6), kd=damping, dob_hz=cutoffs)
+    damping = damping_gains(model, (0.0, 0.03, 0.1, 0.2, 0.3, 0.5))
+    cutoffs = (0.2, 2.0, 4.0, 6.0, 9.0, 14.0, 20.0, 35.0, 60.0)
+    return grid(kp=(0.0, 0.15, 0.3, 0.6), kd=damping, dob_hz=cutoffs)
 
 
 ROW = linear_row(

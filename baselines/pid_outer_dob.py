@@ -105,8 +105,8 @@ def _law(model: SampledJoint, gains: Gains) -> LinearLaw:
 
 
 def _candidates(model: SampledJoint) -> list[dict[str, float]]:
-    damping = damping_gains(model, (0.0, 0.03, 0.1, 0.2, 0.3))
-    cutoffs = (0.2, 2.0, 6.0, 12.0, 20.0, 35.0)
+    damping = damping_gains(model, (0.0, 0.03, 0.1, 0.2, 0.3, 0.5))
+    cutoffs = (0.2, 2.0, 6.0, 9.0, 14.0, 20.0, 35.0)
     return grid(kp=(0.0, 0.3, 0.6), kd=damping, dob_hz=cutoffs, prefilter_hz=(0.0,))
 
 

@@ -24,9 +24,11 @@ ENCODER = 2.0 * math.pi / 2**19
 """Resolution that is taken where a joint file gives no encoder [rad]."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SampledJoint:
     """A joint and the sample time of what controls it; its models are made once.
+
+    Two of them are never equal, so that what is designed on one can be kept by it.
 
     Attributes:
         joint: The joint.
@@ -55,6 +57,13 @@ class SampledJoint:
     def name(self) -> str:
         """Name and structure of the joint."""
         return f"{self.joint.parameters.name} ({self.joint.structure})"
+
+    @property
+    def torsion(self) -> complex:
+        """The pole of the slowest oscillation, or the slowest of all if none oscillates [rad/s]."""
+        poles = [complex(p) for p in self.torque.poles if abs(p) > 1e-6]
+        pairs = [p for p in poles if p.imag > 1e-9 * abs(p)]
+        return min(pairs or poles, key=abs)
 
     @property
     def inertia(self) -> float:

@@ -27,6 +27,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_lyapunov
+from threadpoolctl import threadpool_limits
 
 from cjt_gym.baselines.linear_law import COMMAND, LinearLaw
 from cjt_gym.baselines.plant_model import LoopModel, SampledJoint, loop_model
@@ -126,6 +127,15 @@ def best_gains(
     Raises:
         ConfigurationError: None is robust.
     """
+    with threadpool_limits(1):  # small matrices gain nothing from threads
+        return _best(model, law, candidates)
+
+
+def _best(
+    model: SampledJoint,
+    law: Callable[[Mapping[str, float]], LinearLaw],
+    candidates: Iterable[Mapping[str, float]],
+) -> dict[str, float]:
     bench = make_bench(model)
     scored: list[tuple[float, int, Mapping[str, float], LinearLaw]] = []
     for gains in candidates:

@@ -3,10 +3,19 @@
 from __future__ import annotations
 
 from cjt_gym.baselines import (
+    adaptive_friction,
     cascade,
+    disturbance_rejection,
+    friction_feedforward,
+    h_infinity,
+    impedance,
     integral_feedforward,
+    lqg,
+    lqi,
     mass_dob,
     momentum_dob,
+    mpc,
+    observer_feedback,
     open_loop,
     passivity,
     passivity_momentum,
@@ -16,6 +25,7 @@ from cjt_gym.baselines import (
     pid_feedforward,
     pid_inner_dob,
     pid_outer_dob,
+    ripple_learning,
 )
 from cjt_gym.baselines.controller import Controller
 from cjt_gym.baselines.entry import ControllerEntry, Gains
@@ -38,6 +48,16 @@ CONTROLLERS: dict[str, ControllerEntry] = {
         passivity,
         passivity_momentum,
         cascade,
+        lqi,
+        lqg,
+        observer_feedback,
+        disturbance_rejection,
+        h_infinity,
+        mpc,
+        friction_feedforward,
+        adaptive_friction,
+        ripple_learning,
+        impedance,
     )
 }
 

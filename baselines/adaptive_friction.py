@@ -1,0 +1,126 @@
+"""Adaptive friction compensation: the Coulomb level is learnt while the joint moves.
+
+    d_c' = -rate d|v|/dt + (rate / J) (u - tau - d_c sign v) sign v,   u = v_pd + d_c tanh(w / w_0)
+
+is the reduced-order observer of Friedland and Park with unit exponent, for the motor's momentum
+J v = I_m dq_m + I_g dq_g: its error decays with rate / J as long as the joint moves. It learns
+where |v| passes a threshold above the noise of the velocity, and holds the level elsewhere. The
+direction of the compensation is that of the velocity w which the reference asks for, as in
+`cjt_gym.baselines.friction_feedforward`, so that compensation closes no loop of its own.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import final
+
+import numpy as np
+
+from cjt_gym.baselines.controller import Controller, Floats, Mask, check, check_sampling
+from cjt_gym.baselines.entry import SPRUNG, ControllerEntry, Gain, Gains
+from cjt_gym.baselines.feedforward import ReferenceVelocity, pd_defaults, pd_law
+from cjt_gym.baselines.linear_law import LawMemory
+from cjt_gym.baselines.plant_model import SampledJoint
+from cjt_gym.joint import Joint
+from cjt_gym.plant import Measurement, limits_of
+
+RATE_HZ, SMOOTHING, THRESHOLD, SHARE = 1.0, 0.02, 0.05, 0.8
+LARGEST_SHARE = 0.2
+
+
+@final
+@dataclass(eq=False)
+class AdaptiveFriction(Controller):
+    """Feed-forward, PD and a Coulomb friction that is learnt; see the module.
+
+    Attributes:
+        model: The joint.
+        kp: Proportional gain, >= 0 [-].
+        kd: Derivative gain, >= 0 [s].
+        rate_hz: Bandwidth of the learning, rate / (2 pi J), > 0 [Hz].
+        threshold: Velocity above which it learns, > 0 [rad/s].
+        share: Of the friction that is compensated, >= 0 [-].
+        torque_limit: Largest motor torque that is commanded; a friction above a fifth of it is
+            not believed [N m].
+
+    Raises:
+        ConfigurationError: A number is out of range.
+    """
+
+    model: SampledJoint
+    kp: float
+    kd: float
+    rate_hz: float
+    threshold: float
+    share: float
+    torque_limit: float
+    dt: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.dt = self.model.dt
+        check_sampling(self)
+        check(self, "kp", "", low=0.0)
+        check(self, "kd", "s", low=0.0)
+        check(self, "rate_hz", "Hz", above=0.0)
+        check(self, "threshold", "rad/s", above=0.0)
+        check(self, "share", "", low=0.0)
+        self.linear = pd_law(self.kp, self.kd, self.dt)
+        self._memory = LawMemory(self.linear)
+        self._velocity = ReferenceVelocity(self.model.joint, self.dt)
+        self.level, self._speed = np.zeros(0), np.zeros(0)
+        self._sent = np.zeros((0, 0))
+
+    def _command(self, measurement: Measurement, reference: Floats, fresh: Mask) -> Floats:
+        self._learn(measurement, fresh)
+        w = self._velocity.step(measurement, reference, fresh)
+        friction = self.share * self.level * np.tanh(w / SMOOTHING)
+        command = self._memory.propose(measurement, reference, fresh) + friction
+        limited = np.clip(command, -self.torque_limit, self.torque_limit)
+        self._memory.commit(limited)
+        self._sent = np.column_stack([limited, self._sent[:, :-1]])
+        return command
+
+    def _learn(self, measurement: Measurement, fresh: Mask) -> None:
+        """Update the levels with what happened since the sample before."""
+        p, late = self.model.joint.parameters, self.model.loop.delay + 1
+        momentum = p.I_m * measurement.dq_m + p.get("I_g", 0.0) * measurement.dq_g
+        v = momentum / self.model.inertia
+        if len(self.level) != len(fresh):
+            self.level, self._speed = np.zeros(len(fresh)), v.copy()
+            self._sent = np.tile(measurement.tau[:, None], late)
+        self._sent = np.where(fresh[:, None], measurement.tau[:, None], self._sent)
+        self.level = np.where(fresh, 0.0, self.level)
+        gain, sign = 2.0 * math.pi * self.rate_hz * self.dt, np.sign(v)
+        slow = np.minimum(np.abs(v), np.abs(self._speed)) < self.threshold
+        still = fresh | slow | (v * self._speed <= 0.0)
+        push = (self._sent[:, -1] - measurement.tau) * sign - self.level
+        change = gain * (push - self.model.inertia * (np.abs(v) - np.abs(self._speed)) / self.dt)
+        learnt = np.clip(self.level + change, 0.0, LARGEST_SHARE * self.torque_limit)
+        self.level, self._speed = np.where(still, self.level, learnt), v
+
+
+def _defaults(joint: Joint, dt: float) -> Gains:
+    gains = pd_defaults(SampledJoint(joint, dt))
+    return gains | {"rate_hz": RATE_HZ, "threshold": THRESHOLD, "share": SHARE}
+
+
+def _build(joint: Joint, dt: float, gains: Gains) -> Controller:
+    return AdaptiveFriction(SampledJoint(joint, dt), **gains, torque_limit=limits_of(joint).tau)
+
+
+ROW = ControllerEntry(
+    name="adaptive_friction",
+    summary="Feed-forward of reference and of a friction level that is learnt, and PD.",
+    source="Friedland, Park (1992), IEEE Transactions on Automatic Control 37(10)",
+    tunable=(
+        Gain("kp", "-", 0.0, 10.0),
+        Gain("kd", "s", 0.0, 0.1),
+        Gain("rate_hz", "Hz", 0.01, 20.0, log=True),
+        Gain("threshold", "rad/s", 1e-3, 1.0, log=True),
+        Gain("share", "-", 0.0, 1.5),
+    ),
+    defaults=_defaults,
+    build=_build,
+    structures=SPRUNG,
+)

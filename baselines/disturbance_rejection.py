@@ -1,0 +1,78 @@
+"""Active disturbance rejection: an extended-state observer and PD on its states.
+
+    u = r + kp (r - tau^) - kd dtau^ - d^,   dtau^ = k_b (dq_g^ - dq_l)
+
+tau^, dtau^ and the disturbance d^ (friction, ripple, load motion and whatever the model lacks, in
+the sense of a motor torque) come from one observer with one bandwidth, so that derivative and
+integral action share one filter.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST, Gain, Gains
+from cjt_gym.baselines.linear_law import LinearLaw, assemble, static
+from cjt_gym.baselines.linear_row import grid, linear_row
+from cjt_gym.baselines.observers.extended_state import extended_state_observer
+from cjt_gym.baselines.observers.linear_observer import LinearObserver
+from cjt_gym.baselines.pid import damping_gains
+from cjt_gym.baselines.plant_model import SampledJoint
+
+
+OBSERVERS = (0.02, 0.1, 0.2, 0.4, 0.7, 1.0, 1.5, 2.0, 3.0, 4.0)
+"""Bandwidths of observers that are tried, relative to the torsional mode."""
+
+
+def disturbance_rejection_law(
+    model: SampledJoint, kp: float, kd: float, observer_hz: float
+) -> LinearLaw:
+    """Return the law; see the module.
+
+    Args:
+        model: The joint.
+        kp: Proportional gain [-].
+        kd: Derivative gain [s].
+        observer_hz: Where the observer's poles are [Hz].
+
+    Raises:
+        ConfigurationError: The joint torque does not show all states.
+    """
+    observer = _observer(model, observer_hz)
+    rate = next(name for name in ("dq_g", "dq_m") if name in observer.names)
+    weights = {"tau": -kp, rate: -kd * model.joint.parameters.k_b, "disturbance": -1.0}
+    return assemble(model.dt, static(reference=1.0 + kp), observer.block(**weights))
+
+
+@lru_cache(maxsize=64)
+def _observer(model: SampledJoint, bandwidth_hz: float) -> LinearObserver:
+    return extended_state_observer(model, bandwidth_hz)
+
+
+def _law(model: SampledJoint, gains: Gains) -> LinearLaw:
+    return disturbance_rejection_law(model, gains["kp"], gains["kd"], gains["observer_hz"])
+
+
+def _candidates(model: SampledJoint) -> list[dict[str, float]]:
+    own = abs(model.torsion) / (2.0 * math.pi)
+    observer = [min(ratio * own, 0.2 / model.dt) for ratio in OBSERVERS]
+    damping = damping_gains(model, (0.0, 0.03, 0.1, 0.2, 0.3, 0.5))
+    return grid(kp=(0.0, 0.1, 0.3, 0.6, 1.0, 2.0), kd=damping, observer_hz=observer)
+
+
+ROW = linear_row(
+    name="disturbance_rejection",
+    summary="Active disturbance rejection: PD and disturbance from an extended-state observer.",
+    source="Han (2009), IEEE Transactions on Industrial Electronics 56(3); Gao (2003), American "
+    "Control Conference",
+    tunable=(
+        Gain("kp", "-", 0.0, 10.0),
+        Gain("kd", "s", 0.0, 0.1),
+        Gain("observer_hz", "Hz", 0.1, 250.0, log=True),
+    ),
+    law=_law,
+    candidates=_candidates,
+    structures=FIXED,
+    refusal=ZERO_AT_REST,
+)

@@ -1,0 +1,46 @@
+"""What several laws know of the motor's motion from the reference alone."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cjt_gym.baselines.controller import Floats, Mask
+from cjt_gym.baselines.filters import FilteredDerivative
+from cjt_gym.baselines.linear_law import LinearLaw, assemble, static
+from cjt_gym.baselines.linear_row import grid
+from cjt_gym.baselines.pid import CUTOFF_HZ, damping_gains, pid
+from cjt_gym.baselines.plant_model import SampledJoint
+from cjt_gym.baselines.robust import best_gains
+from cjt_gym.joint import Joint
+from cjt_gym.plant import Measurement
+
+
+class ReferenceVelocity:
+    """The motor velocity that a reference asks for, dr/dt over the joint's stiffness, plus dq_l.
+
+    Attributes:
+        stiffness: Of gearbox and torsion bar in series [N m/rad].
+    """
+
+    def __init__(self, joint: Joint, dt: float) -> None:
+        groups, p = joint.structure_row.groups, joint.parameters
+        gear = 1.0 / p.k_g if groups[0] != groups[1] else 0.0
+        self.stiffness = 1.0 / (1.0 / p.k_b + gear)
+        self._rate = FilteredDerivative(min(CUTOFF_HZ, 0.4 / dt), dt)
+
+    def step(self, measurement: Measurement, reference: Floats, fresh: Mask) -> Floats:
+        """Return the velocity [rad/s], shape (n,)."""
+        moved = self._rate.step(reference, fresh) / self.stiffness + measurement.dq_l
+        return np.asarray(moved, dtype=np.float64)
+
+
+def pd_law(kp: float, kd: float, dt: float) -> LinearLaw:
+    """Return feed-forward and PD whose derivative is that of the torque."""
+    return assemble(dt, static(reference=1.0), pid(kp, 0.0, kd, dt, lead=False))
+
+
+def pd_defaults(model: SampledJoint) -> dict[str, float]:
+    """Return the default gains of `pd_law` for a joint; see `cjt_gym.baselines.robust`."""
+    damping = damping_gains(model, (0.0, 0.03, 0.05, 0.1, 0.2, 0.3, 0.5))
+    candidates = grid(kp=(0.0, 0.03, 0.1, 0.2, 0.4, 0.7, 1.0, 1.5, 2.0), kd=damping)
+    return best_gains(model, lambda g: pd_law(g["kp"], g["kd"], model.dt), candidates)

@@ -1,0 +1,100 @@
+"""Feed-forward of reference and friction, with PD.
+
+    u = r + kp e - kd F tau + share (d_c tanh(w / w_0) + d_v w),   w = dr/dt / k + dq_l
+
+w is the velocity at which the motor has to move for the spring k (and the gearbox in series with
+it) to follow the reference, so that neither noise nor delay of a measured velocity enters, and the
+friction cannot be compensated into a limit cycle. d_c and d_v are the Coulomb and viscous friction
+of motor and gear that the joint file names. At rest the direction is not known and nothing is
+added.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+
+from cjt_gym.baselines.controller import Controller, Floats, Mask, check, check_sampling
+from cjt_gym.baselines.entry import SPRUNG, ControllerEntry, Gain, Gains
+from cjt_gym.baselines.feedforward import ReferenceVelocity, pd_defaults, pd_law
+from cjt_gym.baselines.linear_law import LawMemory
+from cjt_gym.baselines.plant_model import SampledJoint
+from cjt_gym.joint import Joint
+from cjt_gym.plant import Measurement, limits_of
+
+SHARE, SMOOTHING = 0.8, 0.02
+
+
+@final
+@dataclass(eq=False)
+class FrictionFeedForward(Controller):
+    """Feed-forward of friction, and PD; see the module.
+
+    Attributes:
+        joint: The joint whose friction is known.
+        dt: Sample time [s].
+        kp: Proportional gain, >= 0 [-].
+        kd: Derivative gain, >= 0 [s].
+        share: Of the friction that is compensated, >= 0 [-].
+        smoothing: w_0, the velocity over which the sign is smoothed, > 0 [rad/s].
+        torque_limit: Largest motor torque that is commanded [N m].
+
+    Raises:
+        ConfigurationError: A number is out of range.
+    """
+
+    joint: Joint
+    dt: float
+    kp: float
+    kd: float
+    share: float = SHARE
+    smoothing: float = SMOOTHING
+    torque_limit: float = math.inf
+
+    def __post_init__(self) -> None:
+        check_sampling(self)
+        check(self, "kp", "", low=0.0)
+        check(self, "kd", "s", low=0.0)
+        check(self, "share", "", low=0.0)
+        check(self, "smoothing", "rad/s", above=0.0)
+        p = self.joint.parameters
+        self.coulomb = p.get("d_cm", 0.0) + p.get("d_cg", 0.0)
+        self.viscous = p.get("d_m", 0.0) + p.get("d_g", 0.0)
+        self.linear = pd_law(self.kp, self.kd, self.dt)
+        self._memory = LawMemory(self.linear)
+        self._velocity = ReferenceVelocity(self.joint, self.dt)
+
+    def _command(self, measurement: Measurement, reference: Floats, fresh: Mask) -> Floats:
+        w = self._velocity.step(measurement, reference, fresh)
+        friction = self.coulomb * np.tanh(w / self.smoothing) + self.viscous * w
+        command = self._memory.propose(measurement, reference, fresh) + self.share * friction
+        self._memory.commit(np.clip(command, -self.torque_limit, self.torque_limit))
+        return command
+
+
+def _defaults(joint: Joint, dt: float) -> Gains:
+    gains = pd_defaults(SampledJoint(joint, dt))
+    return gains | {"share": SHARE, "smoothing": SMOOTHING}
+
+
+def _build(joint: Joint, dt: float, gains: Gains) -> Controller:
+    return FrictionFeedForward(joint, dt, **gains, torque_limit=limits_of(joint).tau)
+
+
+ROW = ControllerEntry(
+    name="friction_feedforward",
+    summary="Feed-forward of reference and known friction, and PD.",
+    source="Armstrong-Helouvry, Dupont, Canudas de Wit (1994), Automatica 30(7)",
+    tunable=(
+        Gain("kp", "-", 0.0, 10.0),
+        Gain("kd", "s", 0.0, 0.1),
+        Gain("share", "-", 0.0, 1.5),
+        Gain("smoothing", "rad/s", 1e-4, 1.0, log=True),
+    ),
+    defaults=_defaults,
+    build=_build,
+    structures=SPRUNG,
+)

@@ -1,0 +1,143 @@
+"""Feed-forward, PD, and a map of the ripple over the motor angle that is learnt in motion.
+
+    u = v_pd + sum_j (a_j cos(f_j q_m) + b_j sin(f_j q_m))
+
+with as many periods f_j per revolution as cogging and gear ripple have. The weights follow, by
+normalised least mean squares, the torque against the motor that a momentum observer sees; the regressors pass
+the same low pass as the disturbance (filtered-x), so that the observer's lag does not turn the
+phase. Friction is among the regressors and is not compensated: what is learnt is only what repeats
+with the angle. The map is kept while the joint stands still, and forgotten at a reset.
+
+References:
+    Widrow, Stearns (1985), Adaptive Signal Processing, Prentice-Hall, chapter 11;
+    Bodson, Douglas (1997), Adaptive
+    algorithms for the rejection of sinusoidal disturbances, Automatica 33(12).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import final
+
+import numpy as np
+
+from cjt_gym.baselines.controller import Controller, Floats, Mask, check, check_sampling
+from cjt_gym.baselines.entry import SPRUNG, ControllerEntry, Gain, Gains
+from cjt_gym.baselines.feedforward import pd_defaults, pd_law
+from cjt_gym.baselines.linear_law import LawMemory
+from cjt_gym.baselines.observers.momentum import momentum_observer
+from cjt_gym.baselines.plant_model import SampledJoint
+from cjt_gym.joint import Joint
+from cjt_gym.plant import Measurement, limits_of
+
+RATE, OBSERVER_HZ, SMOOTHING, FLOOR = 2.0, 40.0, 0.02, 0.5
+LARGEST_SHARE = 0.1
+
+
+@final
+@dataclass(eq=False)
+class RippleLearning(Controller):
+    """PD and a ripple that is learnt over the motor angle; see the module.
+
+    Attributes:
+        model: The joint.
+        kp: Proportional gain, >= 0 [-].
+        kd: Derivative gain, >= 0 [s].
+        rate: Of the learning, > 0 [1/s].
+        observer_hz: Bandwidth of the momentum observer [Hz].
+        torque_limit: Largest motor torque that is commanded; a ripple above a tenth of it is not
+            believed [N m].
+
+    Raises:
+        ConfigurationError: A number is out of range.
+    """
+
+    model: SampledJoint
+    kp: float
+    kd: float
+    rate: float
+    observer_hz: float
+    torque_limit: float
+    dt: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.dt = self.model.dt
+        check_sampling(self)
+        check(self, "kp", "", low=0.0)
+        check(self, "kd", "s", low=0.0)
+        check(self, "rate", "1/s", above=0.0)
+        self.linear = pd_law(self.kp, self.kd, self.dt)
+        self.periods = ripple_periods(self.model.joint)
+        self._memory = LawMemory(self.linear)
+        self._observer = momentum_observer(self.model, self.observer_hz)
+        self._keep = math.exp(-2.0 * math.pi * self.observer_hz * self.dt)
+        self._weights = self._filtered = np.zeros((0, 0))
+        self._sent = np.zeros(0)
+
+    def _command(self, measurement: Measurement, reference: Floats, fresh: Mask) -> Floats:
+        angle = self.periods[:, None] * measurement.q_m
+        waves = np.concatenate([np.cos(angle), np.sin(angle)])
+        friction = np.tanh(measurement.dq_m / SMOOTHING)[None]
+        self._learn(np.concatenate([waves, friction]), measurement, fresh)
+        ripple = np.sum(self._weights[:-1] * waves, axis=0)
+        largest = LARGEST_SHARE * self.torque_limit
+        command = self._memory.propose(measurement, reference, fresh)
+        command = command + np.clip(ripple, -largest, largest)
+        self._sent = np.clip(command, -self.torque_limit, self.torque_limit)
+        self._memory.commit(self._sent)
+        return command
+
+    def _learn(self, regressors: Floats, measurement: Measurement, fresh: Mask) -> None:
+        """Move the weights towards what explains the observed disturbance."""
+        if self._weights.shape[1] != len(fresh):
+            self._weights, self._filtered = np.zeros_like(regressors), np.zeros_like(regressors)
+            self._sent = measurement.tau.copy()
+        seen = self._observer.step(measurement, self._sent, fresh)["disturbance"]
+        self._weights = np.where(fresh, 0.0, self._weights)
+        low = self._keep * self._filtered + (1.0 - self._keep) * regressors
+        self._filtered = np.where(fresh, regressors, low)
+        error = seen - np.sum(self._weights * self._filtered, axis=0)
+        moving = np.abs(np.tanh(measurement.dq_m / SMOOTHING)) > FLOOR
+        size = 1.0 + np.sum(self._filtered**2, axis=0)
+        step = self.rate * self.dt * np.where(moving & ~fresh, error / size, 0.0)
+        self._weights = self._weights + step * self._filtered
+
+
+def ripple_periods(joint: Joint) -> Floats:
+    """Return the periods per revolution of q_m at which a joint's torque may ripple.
+
+    Those of its effects; else two per rotor turn and, where the pole pairs p are known, 2 p.
+    """
+    found: set[float] = set()
+    for name in ("cogging", "gear_ripple"):
+        found |= {float(f) for f in np.atleast_1d(joint.effects.get(name, {}).get("f", ()))}
+    n, p = joint.parameters.get("n", 1.0), joint.parameters.get("p", 0.0)
+    found = found or ({2.0 * n, 2.0 * p * n} if p > 0.0 else {2.0 * n})
+    return np.array(sorted(found))
+
+
+def _defaults(joint: Joint, dt: float) -> Gains:
+    gains = pd_defaults(SampledJoint(joint, dt))
+    return gains | {"rate": RATE, "observer_hz": OBSERVER_HZ}
+
+
+def _build(joint: Joint, dt: float, gains: Gains) -> Controller:
+    return RippleLearning(SampledJoint(joint, dt), **gains, torque_limit=limits_of(joint).tau)
+
+
+ROW = ControllerEntry(
+    name="ripple_learning",
+    summary="Feed-forward, PD, and ripple over the motor angle, learnt by filtered-x LMS.",
+    source="Widrow, Stearns (1985), Adaptive Signal Processing, chapter 11; Bodson, Douglas "
+    "(1997), Automatica 33(12)",
+    tunable=(
+        Gain("kp", "-", 0.0, 10.0),
+        Gain("kd", "s", 0.0, 0.1),
+        Gain("rate", "1/s", 0.01, 100.0, log=True),
+        Gain("observer_hz", "Hz", 1.0, 200.0, log=True),
+    ),
+    defaults=_defaults,
+    build=_build,
+    structures=SPRUNG,
+)

@@ -1,0 +1,147 @@
+"""Feedback of states behind a delay, and the reference that goes with it.
+
+The joint that a law sees is x[k+1] = a x[k] + b u[k - delay]: the commands on their way are known,
+so they are states too, and feedback of all of them is that of the state as it will be.
+
+References:
+    Astrom, Wittenmark (1997), Computer-Controlled Systems, sections 3.5 and 4.4.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_discrete_are
+from scipy.signal import place_poles
+
+from cjt_gym.baselines.linear_law import SIGNALS, Block, signals, static
+from cjt_gym.baselines.pbh import check_stabilisable
+from cjt_gym.baselines.plant_model import SampledJoint
+from cjt_gym.errors import ConfigurationError
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Feedback:
+    """u = reference_gain r - states x - commands u_before - integral z.
+
+    Attributes:
+        states: Gains of the joint's states, shape (order,).
+        commands: Gains of the commands on their way, the oldest last, shape (delay,).
+        integral: Gain of the integral of the torque error, tau - r, times dt.
+        reference_gain: Gain of the reference.
+    """
+
+    states: Floats
+    commands: Floats
+    integral: float
+    reference_gain: float
+
+
+def with_commands(a: Floats, b: Floats, delay: int) -> tuple[Floats, Floats]:
+    """Return the joint with the commands on their way as states, the newest first."""
+    n = len(b)
+    if delay == 0:
+        return a, b
+    wide, into = np.zeros((n + delay, n + delay)), np.zeros(n + delay)
+    wide[:n, :n], wide[:n, -1] = a, b
+    wide[range(n + 1, n + delay), range(n, n + delay - 1)] = 1.0
+    into[n] = 1.0
+    return wide, into
+
+
+def check_torque_controllable(model: SampledJoint) -> None:
+    """Raise ConfigurationError unless the motor moves all modes and the torque can be held."""
+    a, b = model.mechanics.continuous
+    check_stabilisable(a, b[:, None], model.name)
+    zeros = model.torque.zeros
+    if len(zeros) and np.min(np.abs(zeros)) < 1e-9 * np.max(np.abs(model.torque.poles)):
+        raise ConfigurationError(
+            f"No command holds a joint torque of {model.name}: from motor torque to joint torque "
+            "it has a zero at zero frequency. Choose a structure whose output is fixed."
+        )
+
+
+@lru_cache(maxsize=128)
+def quadratic_feedback(model: SampledJoint, effort: float, reset: float) -> Feedback:
+    """Return the feedback with the least sum of (tau - r)^2 + reset^2 z^2 + effort (u - r)^2.
+
+    Args:
+        model: The joint.
+        effort: Weight of the command against the torque, > 0.
+        reset: Weight of the integral z of the torque error [1/s]; 0 for none.
+
+    Raises:
+        ConfigurationError: The joint is not stabilisable, or its torque cannot be held.
+    """
+    check_torque_controllable(model)
+    plant, delay = model.mechanics, model.loop.delay
+    n = len(plant.b)
+    c = plant.row("tau")
+    a, b = with_commands(plant.a, plant.b, delay)
+    if reset > 0.0:
+        wide = np.zeros((len(b) + 1,) * 2)
+        wide[:-1, :-1], wide[-1, :n], wide[-1, -1] = a, model.dt * c, 1.0
+        a, b = wide, np.append(b, 0.0)
+    q = np.zeros_like(a)
+    q[:n, :n] = np.outer(c, c)
+    if reset > 0.0:
+        q[-1, -1] = reset**2
+    p = solve_discrete_are(a, b[:, None], q, np.array([[effort]]))
+    k = (b @ p @ a) / (effort + b @ p @ b)
+    return with_reference(model, k[:n], k[n : n + delay], float(k[-1]) if reset > 0.0 else 0.0)
+
+
+def placed_feedback(model: SampledJoint, poles: Sequence[complex]) -> Feedback:
+    """Return the feedback with closed-loop poles in the s plane [rad/s], one per state.
+
+    The poles that the delay adds stay at z = 0.
+
+    Raises:
+        ConfigurationError: The joint is not stabilisable, or its torque cannot be held.
+    """
+    check_torque_controllable(model)
+    plant, delay = model.mechanics, model.loop.delay
+    wanted = np.exp(np.asarray(poles, dtype=np.complex128) * model.dt)
+    k = place_poles(plant.a, plant.b[:, None], wanted).gain_matrix[0]
+    powers = [np.linalg.matrix_power(plant.a, i) for i in range(delay + 1)]
+    commands = np.array([k @ powers[i] @ plant.b for i in range(delay)])
+    return with_reference(model, k @ powers[delay], commands, 0.0)
+
+
+def with_reference(
+    model: SampledJoint, states: Floats, commands: Floats, integral: float
+) -> Feedback:
+    """Return the feedback with the reference's gain that gives the torque unit gain at rest."""
+    plant = model.mechanics
+    rest = np.linalg.solve(np.eye(len(plant.b)) - plant.a, plant.b)
+    hold = 1.0 / float(plant.row("tau") @ rest)
+    gain = hold * (1.0 + float(states @ rest) + float(np.sum(commands)))
+    return Feedback(states, commands, integral, gain)
+
+
+def measured_states(model: SampledJoint) -> Floats:
+    """Return the rows that give the states of a joint with fixed output, shape (order, 9)."""
+    bodies = "mg"[: model.joint.structure_row.size]
+    return np.array(
+        [signals(**{f"q_{body}": 1.0, "q_l": -1.0}) for body in bodies]
+        + [signals(**{f"dq_{body}": 1.0, "dq_l": -1.0}) for body in bodies]
+    )
+
+
+def reference_and_commands(feedback: Feedback) -> list[Block]:
+    """Return the blocks of reference and of commands on their way."""
+    blocks = [static(reference=feedback.reference_gain)]
+    delay = len(feedback.commands)
+    if delay:
+        b = np.zeros((delay, len(SIGNALS)))
+        b[0] = signals(command=1.0)
+        shift = np.eye(delay, k=-1)
+        nothing = np.zeros(len(SIGNALS))
+        blocks.append(Block(shift, b, -feedback.commands, nothing, np.zeros(delay)))
+    return blocks
