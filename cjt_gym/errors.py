@@ -17,6 +17,7 @@ __all__ = [
     "ConfigurationError",
     "MissingFileError",
     "ParameterError",
+    "ProtocolError",
     "RecordError",
     "SimulationError",
     "UnknownNameError",
@@ -35,6 +36,10 @@ class ParameterError(CjtGymError, ValueError):
 
 class ConfigurationError(CjtGymError, ValueError):
     """Options that are valid one by one do not fit together, or an option is out of range."""
+
+
+class ProtocolError(CjtGymError, ValueError):
+    """A frame on the bus, or what is to be sent in one, breaks the drive's protocol."""
 
 
 class RecordError(CjtGymError, ValueError):

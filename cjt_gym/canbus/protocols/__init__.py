@@ -1,0 +1,26 @@
+"""What drives speak: one file and one row for each protocol.
+
+:data:`PROTOCOLS` has the rows; :mod:`~cjt_gym.canbus.protocols.contract` says what a protocol is.
+"""
+
+from typing import Final
+
+from cjt_gym.canbus.protocols.mit import MIT
+from cjt_gym.canbus.protocols.row import DriveProtocol, settings_of
+from cjt_gym.errors import unknown_name
+
+__all__ = ["PROTOCOLS", "protocol_of", "settings_of"]
+
+PROTOCOLS: Final[dict[str, DriveProtocol]] = {row.name: row for row in (MIT,)}
+"""All protocols by their names."""
+
+
+def protocol_of(name: str) -> DriveProtocol:
+    """Return the protocol of that name.
+
+    Raises:
+        UnknownNameError: There is none.
+    """
+    if name not in PROTOCOLS:
+        raise unknown_name("protocol", name, PROTOCOLS)
+    return PROTOCOLS[name]

@@ -1,0 +1,169 @@
+"""The data of frames: which bits hold which value, written once for codec, page and tests.
+
+The fields of a :class:`Layout` follow each other without gaps. In a little-endian layout the first
+one takes the least significant bits of the data read as one little-endian number; in a big-endian
+layout the most significant bits of the data read as one big-endian number.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import ceil, isfinite
+from typing import Final, Literal
+
+from cjt_gym.errors import ProtocolError
+
+__all__ = ["Field", "Layout", "nothing"]
+
+FLOATS: Final = {16: "<e", 32: "<f", 64: "<d"}
+
+
+@dataclass(frozen=True)
+class Field:
+    """A value in the data of a frame: ``value = raw * scale + offset``.
+
+    Attributes:
+        name: Its name in the maker's document.
+        bits: Its length.
+        kind: What the bits are: a "uint", an "int" in two's complement, an IEEE 754 "float".
+        scale: Value of one step of the raw number.
+        offset: Value where the raw number is zero.
+        unit: Unit of the value; empty for a plain number.
+        text: What it is, in a few words.
+        names: Names of raw numbers or of bits, where they have names.
+    """
+
+    name: str
+    bits: int
+    kind: Literal["uint", "int", "float"] = "uint"
+    scale: float = 1.0
+    offset: float = 0.0
+    unit: str = ""
+    text: str = ""
+    names: Mapping[int, str] = field(default_factory=dict)
+
+    @property
+    def plain(self) -> bool:
+        """Whether the value is the raw number itself."""
+        return self.scale == 1.0 and self.offset == 0.0
+
+    @property
+    def raw_range(self) -> tuple[int, int]:
+        """Smallest and largest raw number of an integer field."""
+        if self.kind == "int":
+            return -(1 << self.bits - 1), (1 << self.bits - 1) - 1
+        return 0, (1 << self.bits) - 1
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """Smallest and largest value [unit]; a float field has no end."""
+        if self.kind == "float":
+            return float("-inf"), float("inf")
+        low, high = (raw * self.scale + self.offset for raw in self.raw_range)
+        return min(low, high), max(low, high)
+
+    def to_bits(self, value: float) -> int:
+        """Return the bits of a value, as a number that is not negative.
+
+        A value between two steps becomes the nearest, one half way between them the lower.
+
+        Raises:
+            ProtocolError: The value is not finite, or outside of the field's range.
+        """
+        if not isfinite(value):
+            raise ProtocolError(f"{self.name} must be a finite number, got {value}.")
+        raw = value if self.plain else (value - self.offset) / self.scale
+        if self.kind == "float":
+            return _float_bits(self, raw)
+        number = ceil(raw - 0.5)
+        low, high = self.raw_range
+        if not low <= number <= high:
+            least, most = self.range
+            unit = f" {self.unit}" if self.unit else ""
+            raise ProtocolError(
+                f"{self.name} must lie in [{least:.6g}, {most:.6g}]{unit}, got {value:.6g}{unit}."
+            )
+        return number & (1 << self.bits) - 1
+
+    def from_bits(self, bits: int) -> float:
+        """Return the value of bits that were read; NaN and infinities come as they are."""
+        if self.kind == "float":
+            number: float = struct.unpack(
+                FLOATS[self.bits], bits.to_bytes(self.bits // 8, "little")
+            )[0]
+        elif self.kind == "int" and bits >> self.bits - 1:
+            number = bits - (1 << self.bits)
+        else:
+            number = bits
+        return number if self.plain else number * self.scale + self.offset
+
+
+def _float_bits(given: Field, raw: float) -> int:
+    try:
+        return int.from_bytes(struct.pack(FLOATS[given.bits], raw), "little")
+    except OverflowError:
+        raise ProtocolError(
+            f"{given.name} must fit a float of {given.bits} bits, got {raw:.6g}."
+        ) from None
+
+
+def nothing(bits: int) -> Field:
+    """Return a field of reserved bits, which are written as zero and not read."""
+    return Field("", bits)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The data of a frame.
+
+    Attributes:
+        fields: Its fields, in the order of the module's first paragraph.
+        order: Byte order of the whole.
+
+    Example:
+        >>> layout = Layout((Field("speed", 12, scale=0.5), nothing(4)), "big")
+        >>> layout.encode({"speed": 10.0}).hex(), layout.decode(bytes.fromhex("0140"))
+        ('0140', {'speed': 10.0})
+    """
+
+    fields: tuple[Field, ...]
+    order: Literal["little", "big"] = "little"
+
+    @property
+    def size(self) -> int:
+        """Number of bytes."""
+        return sum(each.bits for each in self.fields) // 8
+
+    def encode(self, values: Mapping[str, float]) -> bytes:
+        """Return the data that holds the values; what is not given is zero.
+
+        Raises:
+            ProtocolError: A value does not fit its field.
+        """
+        number = shift = 0
+        size = self.size
+        for each in self.fields:
+            bits = each.to_bits(values.get(each.name, 0.0)) if each.name else 0
+            at = shift if self.order == "little" else size * 8 - shift - each.bits
+            number |= bits << at
+            shift += each.bits
+        return number.to_bytes(size, self.order)
+
+    def decode(self, data: bytes | bytearray) -> dict[str, float]:
+        """Return the values that the data holds; bytes behind the last field are not read.
+
+        Raises:
+            ProtocolError: The data is shorter than the layout.
+        """
+        size = self.size
+        if len(data) < size:
+            raise ProtocolError(f"The frame must have {size} bytes of data, got {len(data)}.")
+        number, shift, values = int.from_bytes(data[:size], self.order), 0, {}
+        for each in self.fields:
+            at = shift if self.order == "little" else size * 8 - shift - each.bits
+            if each.name:
+                values[each.name] = each.from_bits(number >> at & (1 << each.bits) - 1)
+            shift += each.bits
+        return values

@@ -1,0 +1,339 @@
+"""The MIT mini-cheetah protocol, as CubeMars (T-Motor) AK actuators speak it.
+
+One frame commands angle, velocity, both gains and torque; it is answered at once with angle,
+velocity, torque, temperature and error. All are integers over ranges that differ from model to
+model, and are meant at the output of the gear.
+
+What it does not have: the watchdog time is set over the serial line (a drive that misses commands
+makes no torque until the next one), and no frame shows whether the motor is on. A drive answers
+every frame, so it is polled with the frame that switches the motor off.
+
+References:
+    CubeMars, AK Series Actuator Driver Manual V1.0.8, section 5.3. B. Katz, A low cost modular
+    actuator for dynamic robots, MIT (2018), and its motor controller's CAN documentation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import inf, nan
+from typing import Any, Final
+
+from cjt_gym.canbus.protocols.contract import (
+    NO_CHANNELS,
+    Fault,
+    Message,
+    Mode,
+    Settings,
+    Step,
+    Update,
+    frame_of,
+    is_plain,
+)
+from cjt_gym.canbus.protocols.layout import Field, Layout
+from cjt_gym.canbus.protocols.power_stage import PowerStage
+from cjt_gym.canbus.protocols.row import DriveProtocol, Option, Register
+from cjt_gym.errors import ConfigurationError, ProtocolError
+
+__all__ = ["MIT", "MODELS", "MitFirmware", "MitMaster", "command_layout", "reply_layout"]
+
+MODELS: Final = {
+    "AK10-9": (12.5, 50.0, 65.0),
+    "AK60-6": (12.5, 45.0, 15.0),
+    "AK70-10": (12.5, 50.0, 25.0),
+    "AK80-6": (12.5, 76.0, 12.0),
+    "AK80-9": (12.5, 50.0, 18.0),
+    "AK80-64": (12.5, 8.0, 144.0),
+    "AK80-80": (12.5, 8.0, 144.0),
+    "mini-cheetah": (12.5, 45.0, 18.0),
+}
+"""Ends of the ranges of angle [rad], velocity [rad/s] and torque [N m] of each model.
+
+The AK models from the manual, the mini cheetah from its firmware. Firmware versions differ: compare
+with the drive's own settings, or give the option `ranges`.
+"""
+KP_MAX: Final = 500.0
+KD_MAX: Final = 5.0
+ERRORS: Final = {
+    0: "none",
+    1: "motor too hot",
+    2: "too much current",
+    3: "supply voltage too high",
+    4: "supply voltage too low",
+    5: "encoder failed",
+    6: "phase currents unequal, or another fault",
+}
+CODES: Final = {
+    Fault.OVER_TEMPERATURE: 1,
+    Fault.OVER_CURRENT: 2,
+    Fault.OVER_VOLTAGE: 3,
+    Fault.UNDER_VOLTAGE: 4,
+    Fault.ENCODER: 5,
+}
+OTHER: Final = 6
+ENTER, EXIT, ZERO = (bytes([*[0xFF] * 7, last]) for last in (0xFC, 0xFD, 0xFE))
+AMBIENT: Final = 25.0
+"""Temperature that is shown where none is handed in [degC]."""
+SHORT_REPLY: Final = 6
+"""Bytes of a reply of the older firmwares, without temperature and error."""
+
+
+def _over(name: str, bits: int, low: float, high: float, unit: str, text: str) -> Field:
+    return Field(name, bits, "uint", (high - low) / ((1 << bits) - 1), low, unit, text)
+
+
+def command_layout(ranges: tuple[float, float, float]) -> Layout:
+    """Return the layout of a command, over the ends of the ranges of angle, velocity, torque."""
+    p, v, t = ranges
+    return Layout(
+        (
+            _over("position", 16, -p, p, "rad", "desired angle of the output"),
+            _over("velocity", 12, -v, v, "rad/s", "desired velocity of the output"),
+            _over("kp", 12, 0.0, KP_MAX, "N m/rad", "stiffness; sent as zero"),
+            _over("kd", 12, 0.0, KD_MAX, "N m s/rad", "damping; sent as zero"),
+            _over("torque", 12, -t, t, "N m", "torque added"),
+        ),
+        "big",
+    )
+
+
+def reply_layout(ranges: tuple[float, float, float], size: int = 8) -> Layout:
+    """Return the layout of a reply of 6 or 8 bytes."""
+    p, v, t = ranges
+    fields = (
+        Field("id", 8, text="the drive's address"),
+        _over("position", 16, -p, p, "rad", "angle of the output"),
+        _over("velocity", 12, -v, v, "rad/s", "velocity of the output"),
+        _over("torque", 12, -t, t, "N m", "torque made out from the current"),
+        Field("temperature", 8, "int", unit="degC", text="of the motor"),
+        Field("error", 8, text="why it stopped by itself", names=ERRORS),
+    )
+    return Layout(fields if size != SHORT_REPLY else fields[:4], "big")
+
+
+def _ranges(settings: Settings) -> tuple[float, float, float]:
+    if given := settings.options["ranges"]:
+        position, velocity, torque = given
+        return float(position), float(velocity), float(torque)
+    return MODELS[settings.options["model"]]
+
+
+def _check(options: Mapping[str, Any]) -> None:
+    ranges = options["ranges"]
+    numbers = all(isinstance(end, int | float) and 0 < end < inf for end in ranges)
+    if ranges and not (len(ranges) == 3 and numbers):
+        raise ConfigurationError(
+            "ranges must be the three ends of the ranges of angle [rad], velocity [rad/s] and "
+            f"torque [N m], each > 0, got {ranges!r}."
+        )
+
+
+class MitMaster:
+    """Commands one drive; see :class:`~cjt_gym.canbus.protocols.contract.Master`."""
+
+    def __init__(self, settings: Settings) -> None:
+        self.settings = settings
+        ranges = _ranges(settings)
+        self._command = command_layout(ranges)
+        self._reply = reply_layout(ranges, settings.options["reply_bytes"])
+        self._reply_id: int = settings.options["reply_id"]
+        names = ("q_m", "dq_m", "tau_m", "temperature")
+        self.channels = frozenset(names[: len(self._reply.fields) - 1])
+        self.periods = dict.fromkeys(self.channels, settings.period)
+        high = ranges[2] * settings.scaling.gear_ratio
+        self.torque_range = (-high, high)
+
+    def configure(self) -> Sequence[Step]:
+        """Return the one step that looks whether the drive answers."""
+        return [self._step("Switch off and look whether it answers", EXIT)]
+
+    def clear(self) -> Sequence[Step]:
+        """Return the one step; a fault whose cause is gone ends where the motor is switched off."""
+        return [self._step("Switch off", EXIT)]
+
+    def enable(self) -> Sequence[Step]:
+        """Return the steps; the command before makes sure that no old one comes to life."""
+        return [
+            Step("Forget the last command", self.command(0.0), self._heard),
+            self._step("Switch on", ENTER),
+        ]
+
+    def command(self, tau_m: float) -> Sequence[Message]:
+        """Return the one frame, with both gains zero."""
+        torque = self.settings.scaling.drive_torque(tau_m)
+        return [self._frame(self._command.encode({"torque": torque}))]
+
+    def poll(self) -> Sequence[Message]:
+        """Return the frame that switches off, which is answered and harmless."""
+        return [self._frame(EXIT)]
+
+    def disable(self) -> Sequence[Message]:
+        """Return zero torque and the frame that switches off."""
+        return [*self.command(0.0), self._frame(EXIT)]
+
+    def decode(self, frame: Message) -> Update | None:
+        """Return what a reply says; angle and velocity at an end of their range are NaN."""
+        if not is_plain(frame, self._reply_id) or not frame.data:
+            return None
+        if frame.data[0] != self.settings.node:
+            return None
+        if len(frame.data) != self._reply.size:
+            raise ProtocolError(
+                f"A reply of drive {self.settings.node} must have {self._reply.size} bytes, got "
+                f"{len(frame.data)}. The option reply_bytes says how many its firmware sends."
+            )
+        values, scaling = self._reply.decode(frame.data), self.settings.scaling
+        channels = {
+            "q_m": scaling.angle(self._within("position", values)),
+            "dq_m": scaling.rate(self._within("velocity", values)),
+            "tau_m": scaling.torque(values["torque"]),
+        }
+        if "temperature" not in values:
+            return Update(channels)
+        channels["temperature"] = values["temperature"]
+        error = int(values["error"])
+        text = ERRORS.get(error, f"error {error}") if error else ""
+        return Update(channels, Mode.FAULT if error else None, error, text)
+
+    def _within(self, name: str, values: Mapping[str, float]) -> float:
+        """Return a value, NaN at the ends of its range, where a drive shows what is beyond."""
+        low, high = next(each.range for each in self._reply.fields if each.name == name)
+        return values[name] if low < values[name] < high else nan
+
+    def _frame(self, data: bytes) -> Message:
+        return frame_of(self.settings.node, data)
+
+    def _step(self, text: str, data: bytes) -> Step:
+        return Step(text, [self._frame(data)], self._heard)
+
+    def _heard(self, frame: Message) -> bool:
+        return self.decode(frame) is not None
+
+
+class MitFirmware:
+    """Answers as a drive does; see :class:`~cjt_gym.canbus.protocols.contract.Firmware`."""
+
+    def __init__(self, settings: Settings) -> None:
+        self.settings = settings
+        self.stage = PowerStage(settings.limits, settings.watchdog, forgiving=True)
+        ranges = _ranges(settings)
+        self._layout = command_layout(ranges)
+        self._answer = reply_layout(ranges, settings.options["reply_bytes"])
+        self._told: Mapping[str, float] = NO_CHANNELS
+        self._channels: Mapping[str, float] = NO_CHANNELS
+        self._zero = 0.0
+
+    @property
+    def mode(self) -> Mode:
+        """What it is doing."""
+        return self.stage.mode
+
+    @property
+    def fault(self) -> Fault | None:
+        """Why it stopped by itself."""
+        return self.stage.fault
+
+    @property
+    def torque(self) -> float:
+        """Motor torque [N m, link side]."""
+        return self.stage.torque
+
+    def boot(self, now: float) -> Sequence[Message]:
+        """Start; it says nothing."""
+        self._told = NO_CHANNELS
+        self.stage.boot()
+        return []
+
+    def receive(self, frame: Message, now: float) -> Sequence[Message]:
+        """Take a command or a mode; both are answered."""
+        if not is_plain(frame, self.settings.node) or frame.dlc != 8:
+            return []
+        data = bytes(frame.data)
+        if data == ENTER:
+            self.stage.enable(now)
+        elif data == EXIT:
+            self._told = NO_CHANNELS
+            self.stage.disable()
+            self.stage.clear()
+        elif data == ZERO:
+            self._zero += self._seen()[0]
+        else:
+            self._told = self._layout.decode(data)
+            self.stage.feed(now)
+            self._act()
+        return [self._reply()]
+
+    def update(self, channels: Mapping[str, float], now: float) -> Sequence[Message]:
+        """Take the joint's values; it reports only when asked."""
+        self._channels = channels
+        self._act()
+        self.stage.supervise(channels, now)
+        return []
+
+    def fail(self, fault: Fault) -> None:
+        """Fault now."""
+        self.stage.fail(fault)
+
+    def _seen(self) -> tuple[float, float]:
+        scaling, channels = self.settings.scaling, self._channels
+        return (
+            scaling.drive_angle(channels.get("q_m", 0.0)) - self._zero,
+            scaling.drive_rate(channels.get("dq_m", 0.0)),
+        )
+
+    def _act(self) -> None:
+        if told := self._told:
+            position, velocity = self._seen()
+            torque = (
+                told["kp"] * (told["position"] - position)
+                + told["kd"] * (told["velocity"] - velocity)
+                + told["torque"]
+            )
+            self.stage.demand(self.settings.scaling.torque(torque))
+
+    def _reply(self) -> Message:
+        position, velocity = self._seen()
+        tau_m = self._channels.get("tau_m", self.torque)
+        shown = {
+            "id": self.settings.node,
+            "position": position,
+            "velocity": velocity,
+            "torque": self.settings.scaling.drive_torque(tau_m),
+            "temperature": self._channels.get("temperature", AMBIENT),
+            "error": CODES.get(self.fault, OTHER) if self.fault else 0,
+        }
+        clipped = {
+            each.name: min(max(shown[each.name], each.range[0]), each.range[1])
+            for each in self._answer.fields
+        }
+        return frame_of(self.settings.options["reply_id"], self._answer.encode(clipped))
+
+
+def _registers() -> Sequence[Register]:
+    ranges = MODELS["AK80-9"]
+    return [
+        Register("node", "to drive", "command", command_layout(ranges).fields),
+        Register("node", "to drive", "enter motor mode", (), ENTER.hex(" ")),
+        Register("node", "to drive", "exit motor mode", (), EXIT.hex(" ")),
+        Register("node", "to drive", "set zero; never sent", (), ZERO.hex(" ")),
+        Register("reply_id", "from drive", "reply", reply_layout(ranges).fields),
+    ]
+
+
+MIT: Final = DriveProtocol(
+    name="mit",
+    title="MIT mini cheetah, CubeMars AK series",
+    side="output",
+    fd=False,
+    nodes=(1, 255),
+    options={
+        "model": Option("AK80-9", "the drive's model, which sets the ranges", tuple(MODELS)),
+        "ranges": Option((), "ends of the ranges of angle, velocity, torque, instead of a model"),
+        "reply_id": Option(0, "identifier of the replies: that of the master"),
+        "reply_bytes": Option(8, "bytes of a reply: 6 for firmwares without temperature", (6, 8)),
+    },
+    check=_check,
+    master=MitMaster,
+    firmware=MitFirmware,
+    registers=_registers,
+)

@@ -1,0 +1,156 @@
+"""A row of the table of protocols; how the table `[drive]` of a configuration becomes settings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final, Literal
+
+from cjt_gym.canbus.protocols.contract import Firmware, Limits, Master, Scaling, Settings
+from cjt_gym.canbus.protocols.layout import Field
+from cjt_gym.errors import ConfigurationError, unknown_name
+
+__all__ = ["DriveProtocol", "Option", "Register", "settings_of"]
+
+
+@dataclass(frozen=True)
+class Option:
+    """Something that only one protocol knows.
+
+    Attributes:
+        default: Its value where it is not given; its type is that of the option.
+        text: What it is.
+        choices: The values it may have; empty for any of its type.
+    """
+
+    default: Any
+    text: str
+    choices: tuple[Any, ...] = ()
+
+
+@dataclass(frozen=True)
+class Register:
+    """A frame, register or object of a protocol, for its page.
+
+    Attributes:
+        address: Where it is found, as the maker writes it.
+        direction: "to drive", "from drive" or "both".
+        name: Its name in the maker's document.
+        fields: What it holds.
+        text: More to know about it.
+    """
+
+    address: str
+    direction: str
+    name: str
+    fields: Sequence[Field] = ()
+    text: str = ""
+
+
+def _anything(options: Mapping[str, Any]) -> None:
+    """Find nothing wrong with options that are valid one by one."""
+
+
+@dataclass(frozen=True)
+class DriveProtocol:
+    """A protocol: all that the rest of the package knows of it.
+
+    Attributes:
+        name: Its name in a configuration.
+        title: What it is, in words.
+        side: Which shaft its angles and torques belong to: that of the motor or of the gear's
+            output.
+        fd: Whether it needs CAN FD.
+        nodes: Lowest and highest address of a drive.
+        options: What only this protocol knows.
+        check: Raises ConfigurationError where options do not fit together.
+        master: Makes the commanding side.
+        firmware: Makes the drive's side.
+        registers: What its page lists.
+    """
+
+    name: str
+    title: str
+    side: Literal["motor", "output"]
+    fd: bool
+    nodes: tuple[int, int]
+    master: Callable[[Settings], Master]
+    firmware: Callable[[Settings], Firmware]
+    registers: Callable[[], Sequence[Register]]
+    options: Mapping[str, Option] = field(default_factory=dict)
+    check: Callable[[Mapping[str, Any]], None] = _anything
+
+
+COMMON: Final = ("protocol", "node", "gear_ratio", "sign", "offset", "torque_constant")
+
+
+def settings_of(
+    protocol: DriveProtocol,
+    drive: Mapping[str, Any],
+    *,
+    n: float = 1.0,
+    period: float = 2e-3,
+    watchdog: float = 0.05,
+    limits: Limits | None = None,
+    owner: str = "[drive]",
+) -> Settings:
+    """Return the settings that the table `[drive]` of a configuration asks for.
+
+    Args:
+        protocol: The protocol.
+        drive: The table: `node`, `gear_ratio`, `sign`, `offset` [rad, drive's shaft],
+            `torque_constant` [N m/A, drive's shaft] and the options of the protocol.
+        n: Gear ratio of the joint: that of the drive where its protocol counts at the motor.
+        period: Time between two commands [s].
+        watchdog: The drive stops by itself after this time without a command [s].
+        limits: Of the emulated drive.
+        owner: What error messages call the table.
+
+    Raises:
+        ConfigurationError: A value is not valid.
+        UnknownNameError: A key is not known.
+    """
+    known = (*COMMON, *protocol.options)
+    if wrong := [key for key in drive if key not in known]:
+        raise unknown_name(f"key of {owner}", wrong[0], known)
+    node = drive.get("node", 1)
+    low, high = protocol.nodes
+    if not isinstance(node, int) or isinstance(node, bool) or not low <= node <= high:
+        raise ConfigurationError(
+            f"node of {owner} must be a whole number in [{low}, {high}], got {node!r}."
+        )
+    options = {
+        name: _option(f"{name} of {owner}", option, drive.get(name, option.default))
+        for name, option in protocol.options.items()
+    }
+    protocol.check(options)
+    scaling = Scaling(
+        gear_ratio=_number(owner, drive, "gear_ratio", n if protocol.side == "motor" else 1.0),
+        sign=drive.get("sign", 1),
+        offset=_number(owner, drive, "offset", 0.0),
+        torque_constant=(
+            _number(owner, drive, "torque_constant", 0.0) if "torque_constant" in drive else None
+        ),
+    )
+    return Settings(node, scaling, period, watchdog, options, limits or Limits())
+
+
+def _number(owner: str, table: Mapping[str, Any], name: str, default: float) -> float:
+    value = table.get(name, default)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ConfigurationError(f"{name} of {owner} must be a number, got {value!r}.")
+    return float(value)
+
+
+def _option(what: str, option: Option, value: Any) -> Any:
+    kind = type(option.default)
+    if kind is float and isinstance(value, int) and not isinstance(value, bool):
+        value = float(value)
+    if kind is tuple and isinstance(value, list):
+        value = tuple(value)
+    if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
+        raise ConfigurationError(f"{what} must be a {kind.__name__}, got {value!r}.")
+    if option.choices and value not in option.choices:
+        choices = ", ".join(map(str, option.choices))
+        raise ConfigurationError(f"{what} must be one of {choices}, got {value!r}.")
+    return value
