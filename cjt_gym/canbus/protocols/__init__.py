@@ -6,12 +6,13 @@
 from typing import Final
 
 from cjt_gym.canbus.protocols.mit import MIT
+from cjt_gym.canbus.protocols.odrive_firmware import ODRIVE
 from cjt_gym.canbus.protocols.row import DriveProtocol, settings_of
 from cjt_gym.errors import unknown_name
 
 __all__ = ["PROTOCOLS", "protocol_of", "settings_of"]
 
-PROTOCOLS: Final[dict[str, DriveProtocol]] = {row.name: row for row in (MIT,)}
+PROTOCOLS: Final[dict[str, DriveProtocol]] = {row.name: row for row in (MIT, ODRIVE)}
 """All protocols by their names."""
 
 

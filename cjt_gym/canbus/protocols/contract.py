@@ -112,12 +112,15 @@ class Step:
         confirmed: Says of each frame heard since whether it confirms the step; it raises
             ProtocolError where the drive refuses. None: nothing has to be heard.
         timeout: How long to wait for it [s].
+        meanwhile: To send once in every period while waiting, so that the drive's watchdog is
+            fed and its state is asked for.
     """
 
     text: str
     frames: Sequence[Message]
     confirmed: Callable[[Message], bool] | None = None
     timeout: float = 0.5
+    meanwhile: Sequence[Message] = ()
 
 
 @dataclass(frozen=True)

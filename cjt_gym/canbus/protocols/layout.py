@@ -10,6 +10,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from math import ceil, isfinite
 from typing import Final, Literal
 
@@ -131,10 +132,20 @@ class Layout:
     fields: tuple[Field, ...]
     order: Literal["little", "big"] = "little"
 
-    @property
+    @cached_property
     def size(self) -> int:
         """Number of bytes."""
         return sum(each.bits for each in self.fields) // 8
+
+    @cached_property
+    def least(self) -> int:
+        """Number of bytes up to the last that is not reserved."""
+        ends, bits = [0], 0
+        for each in self.fields:
+            bits += each.bits
+            if each.name:
+                ends.append(bits)
+        return -(-ends[-1] // 8)
 
     def encode(self, values: Mapping[str, float]) -> bytes:
         """Return the data that holds the values; what is not given is zero.
@@ -155,12 +166,12 @@ class Layout:
         """Return the values that the data holds; bytes behind the last field are not read.
 
         Raises:
-            ProtocolError: The data is shorter than the layout.
+            ProtocolError: The data is shorter than the fields that are not reserved.
         """
-        size = self.size
-        if len(data) < size:
-            raise ProtocolError(f"The frame must have {size} bytes of data, got {len(data)}.")
-        number, shift, values = int.from_bytes(data[:size], self.order), 0, {}
+        size, least = self.size, self.least
+        if len(data) < least:
+            raise ProtocolError(f"The frame must have {least} bytes of data, got {len(data)}.")
+        number, shift, values = int.from_bytes(data[:size].ljust(size, b"\0"), self.order), 0, {}
         for each in self.fields:
             at = shift if self.order == "little" else size * 8 - shift - each.bits
             if each.name:

@@ -11,6 +11,7 @@ from cjt_gym.canbus.protocols.contract import Limits, Mode, Settings, Step, Upda
 NODE = 3
 DRIVES: dict[str, dict[str, Any]] = {
     "mit": {"node": NODE, "model": "AK80-9", "sign": -1, "offset": 0.25},
+    "odrive": {"node": NODE, "sign": -1, "offset": 1.5},
 }
 """A configuration of a drive for each protocol."""
 
@@ -84,7 +85,7 @@ class Line:
                 return True
             if self.now > end:
                 return False
-            heard = self.pass_time(1e-3)
+            heard = self.pass_time(1e-3, lambda: step.meanwhile)
 
     def _hear(self, frames: Any) -> list[Message]:
         for update in self._updates(frames):

@@ -1,0 +1,227 @@
+"""ODrive CANSimple: the drive's side, and the row of the table of protocols."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import tau
+from typing import Final
+
+from cjt_gym.canbus.protocols.contract import (
+    NO_CHANNELS,
+    Fault,
+    Message,
+    Mode,
+    Settings,
+    frame_of,
+)
+from cjt_gym.canbus.protocols.odrive import (
+    FAST,
+    MESSAGES,
+    PASSTHROUGH,
+    SLOW,
+    SLOW_PERIOD,
+    TORQUE_CONTROL,
+    WRITE,
+    OdriveMaster,
+    State,
+)
+from cjt_gym.canbus.protocols.power_stage import PowerStage
+from cjt_gym.canbus.protocols.row import DriveProtocol, Option, Register
+from cjt_gym.errors import ProtocolError
+
+__all__ = ["ODRIVE", "OdriveFirmware"]
+
+HEARTBEAT_PERIOD: Final = 0.1
+CODES: Final = {
+    Fault.WATCHDOG: 0x1000000,
+    Fault.OVER_TEMPERATURE: 0x2000,
+    Fault.OVER_CURRENT: 0x1000,
+    Fault.OVER_VOLTAGE: 0x100,
+    Fault.UNDER_VOLTAGE: 0x200,
+    Fault.OVER_SPEED: 0x8000,
+    Fault.ENCODER: 0x8,
+    Fault.STOPPED: 0x2000000,
+    Fault.OTHER: 0x2,
+}
+BY_COMMAND: Final = {row.command: row for row in MESSAGES.values()}
+
+
+class OdriveFirmware:
+    """Answers as an axis does; see :class:`~cjt_gym.canbus.protocols.contract.Firmware`."""
+
+    def __init__(self, settings: Settings) -> None:
+        self.settings = settings
+        self.stage = PowerStage(settings.limits, settings.watchdog)
+        self._torque_mode = False
+        self._channels: Mapping[str, float] = NO_CHANNELS
+        self._due: dict[str, float] = {}
+        options = settings.options
+        self._endpoints = {
+            options["watchdog_timeout_endpoint"]: "time",
+            options["enable_watchdog_endpoint"]: "switch",
+        }
+        self._periods = {"Heartbeat": HEARTBEAT_PERIOD}
+        if options["reports"] == "cyclic":
+            self._periods |= dict.fromkeys(FAST, options["cycle_ms"] * 1e-3)
+            self._periods |= dict.fromkeys(SLOW, SLOW_PERIOD)
+
+    @property
+    def mode(self) -> Mode:
+        """What it is doing."""
+        return self.stage.mode
+
+    @property
+    def fault(self) -> Fault | None:
+        """Why it stopped by itself."""
+        return self.stage.fault
+
+    @property
+    def torque(self) -> float:
+        """Motor torque [N m, link side]."""
+        return self.stage.torque if self._torque_mode else 0.0
+
+    def boot(self, now: float) -> Sequence[Message]:
+        """Start, with a heartbeat."""
+        self.stage.boot()
+        self._torque_mode = False
+        self._due = {name: now + period for name, period in self._periods.items()}
+        return [self._report("Heartbeat")]
+
+    def receive(self, frame: Message, now: float) -> Sequence[Message]:
+        """Take a message for this axis; answer where it asks."""
+        node, command = divmod(frame.arbitration_id, 32)
+        row = BY_COMMAND.get(command)
+        if frame.is_extended_id or frame.is_error_frame or row is None:
+            return []
+        if node != self.settings.node:
+            return []
+        if frame.is_remote_frame or not row.to_drive:
+            asked = not row.to_drive and row.name != "TxSdo" and not frame.data
+            return [self._report(row.name)] if asked else []
+        try:
+            values = row.layout.decode(frame.data)
+        except ProtocolError:
+            return []
+        return self._obey(row.name, values, now)
+
+    def update(self, channels: Mapping[str, float], now: float) -> Sequence[Message]:
+        """Take the joint's values; return the messages of its cycles that are due."""
+        self._channels = channels
+        self.stage.supervise(channels, now)
+        sent = []
+        for name, due in self._due.items():
+            if now >= due:
+                self._due[name] = max(due + self._periods[name], now)
+                sent.append(self._report(name))
+        return sent
+
+    def fail(self, fault: Fault) -> None:
+        """Fault now."""
+        self.stage.fail(fault)
+
+    def _obey(self, name: str, values: Mapping[str, float], now: float) -> Sequence[Message]:
+        match name:
+            case "Set_Input_Torque":
+                self.stage.feed(now)
+                self.stage.demand(self.settings.scaling.torque(values["Input_Torque"]))
+            case "Set_Axis_State":
+                self._go(int(values["Axis_Requested_State"]), now)
+            case "Set_Controller_Mode":
+                wanted = (TORQUE_CONTROL, PASSTHROUGH)
+                self._torque_mode = (values["Control_Mode"], values["Input_Mode"]) == wanted
+            case "Clear_Errors":
+                self.stage.clear()
+            case "Estop":
+                self.stage.fail(Fault.STOPPED)
+            case "Reboot" if values["Action"] == 0:
+                return self.boot(now)
+            case "RxSdo":
+                return self._sdo(values)
+        return []
+
+    def _go(self, state: int, now: float) -> None:
+        if state == State.CLOSED_LOOP:
+            self.stage.enable(now)
+        elif state == State.IDLE:
+            self.stage.disable()
+
+    def _sdo(self, values: Mapping[str, float]) -> Sequence[Message]:
+        endpoint = int(values["Endpoint_ID"])
+        what = self._endpoints.get(endpoint) if endpoint else None
+        number = MESSAGES["Set_Input_Torque"].layout.fields[0]
+        if what is None:
+            return []
+        if values["Opcode"] == WRITE:
+            if what == "time":
+                self.stage.watchdog = number.from_bits(int(values["Value"]))
+            return []
+        value = number.to_bits(self.stage.watchdog) if what == "time" else 1
+        return [self._frame("TxSdo", Endpoint_ID=endpoint, Value=value)]
+
+    def _report(self, name: str) -> Message:
+        scaling, channels = self.settings.scaling, self._channels
+        code = CODES[self.fault] if self.fault else 0
+        match name:
+            case "Heartbeat":
+                on = self.mode is Mode.ENABLED
+                state = State.CLOSED_LOOP if on else State.IDLE
+                return self._frame(name, Axis_Error=code, Axis_State=state)
+            case "Get_Error":
+                return self._frame(name, Active_Errors=code, Disarm_Reason=code)
+            case "Get_Encoder_Estimates":
+                angle = scaling.drive_angle(channels.get("q_m", 0.0)) / tau
+                rate = scaling.drive_rate(channels.get("dq_m", 0.0)) / tau
+                return self._frame(name, Pos_Estimate=angle, Vel_Estimate=rate)
+            case "Get_Iq":
+                current = scaling.sign * channels.get("i", 0.0)
+                return self._frame(name, Iq_Setpoint=current, Iq_Measured=current)
+            case "Get_Temperature":
+                hot = channels.get("temperature", 25.0)
+                return self._frame(name, FET_Temperature=hot, Motor_Temperature=hot)
+            case "Get_Torques":
+                told = scaling.drive_torque(self.torque)
+                made = scaling.drive_torque(channels.get("tau_m", self.torque))
+                return self._frame(name, Torque_Target=told, Torque_Estimate=made)
+            case _:
+                return self._frame(name, Bus_Voltage=channels.get("v_bus", 0.0))
+
+    def _frame(self, name: str, **values: float) -> Message:
+        row = MESSAGES[name]
+        return frame_of(self.settings.node << 5 | row.command, row.layout.encode(values))
+
+
+def _registers() -> Sequence[Register]:
+    return [
+        Register(
+            f"{row.command:#04x}",
+            "to drive" if row.to_drive else "from drive",
+            row.name,
+            row.layout.fields,
+            row.text,
+        )
+        for row in MESSAGES.values()
+    ]
+
+
+ODRIVE: Final = DriveProtocol(
+    name="odrive",
+    title="ODrive CANSimple",
+    side="motor",
+    fd=False,
+    nodes=(0, 62),
+    options={
+        "reports": Option(
+            "ask", "asked for in every period, or sent by the drive in its cycle", ("ask", "cyclic")
+        ),
+        "cycle_ms": Option(10, "cycle of encoder and current, as set in the drive [ms]"),
+        "watchdog_timeout_endpoint": Option(
+            0, "endpoint of axis0.config.watchdog_timeout in this firmware; 0: not set from here"
+        ),
+        "enable_watchdog_endpoint": Option(
+            0, "endpoint of axis0.config.enable_watchdog in this firmware; 0: not set from here"
+        ),
+    },
+    master=OdriveMaster,
+    firmware=OdriveFirmware,
+    registers=_registers,
+)
