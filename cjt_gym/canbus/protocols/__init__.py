@@ -6,13 +6,14 @@
 from typing import Final
 
 from cjt_gym.canbus.protocols.mit import MIT
+from cjt_gym.canbus.protocols.moteus import MOTEUS
 from cjt_gym.canbus.protocols.odrive_firmware import ODRIVE
 from cjt_gym.canbus.protocols.row import DriveProtocol, settings_of
 from cjt_gym.errors import unknown_name
 
 __all__ = ["PROTOCOLS", "protocol_of", "settings_of"]
 
-PROTOCOLS: Final[dict[str, DriveProtocol]] = {row.name: row for row in (MIT, ODRIVE)}
+PROTOCOLS: Final[dict[str, DriveProtocol]] = {row.name: row for row in (MIT, ODRIVE, MOTEUS)}
 """All protocols by their names."""
 
 

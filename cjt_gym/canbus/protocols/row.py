@@ -64,6 +64,8 @@ class DriveProtocol:
         nodes: Lowest and highest address of a drive.
         options: What only this protocol knows.
         check: Raises ConfigurationError where options do not fit together.
+        command_enables: Whether a command switches the power stage on by itself, so that only its
+            absence keeps a drive off.
         master: Makes the commanding side.
         firmware: Makes the drive's side.
         registers: What its page lists.
@@ -79,6 +81,7 @@ class DriveProtocol:
     registers: Callable[[], Sequence[Register]]
     options: Mapping[str, Option] = field(default_factory=dict)
     check: Callable[[Mapping[str, Any]], None] = _anything
+    command_enables: bool = False
 
 
 COMMON: Final = ("protocol", "node", "gear_ratio", "sign", "offset", "torque_constant")

@@ -1,0 +1,259 @@
+"""moteus: the table of its registers, and the subframes that read and write them.
+
+A CAN FD frame is a row of subframes, each of which writes, asks for or answers with some registers
+in a row, all of one type: an integer of 8, 16 or 32 bits or a float. What one step of an integer
+means depends on the quantity. NaN is the lowest integer. Unused bytes at the end are 0x50.
+
+References:
+    mjbots Robotic Systems, moteus: docs/protocol/can.md and docs/protocol/registers.md.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from math import isnan, nan
+from typing import Final, Literal
+
+from cjt_gym.canbus.protocols.layout import Field
+from cjt_gym.errors import ProtocolError
+
+__all__ = ["FLOAT", "INT8", "INT16", "INT32", "REGISTERS", "Subframe", "pad", "read", "subframe"]
+
+INT8, INT16, INT32, FLOAT = range(4)
+"""Types of registers, as the subframes number them."""
+SIZES: Final = (1, 2, 4, 4)
+CODES: Final = "bhif"
+PWM: Final = (1 / 127, 1 / 32767, 1 / 2147483647)
+STEPS: Final = {
+    "number": ("", (1.0, 1.0, 1.0)),
+    "share": ("", PWM),
+    "current": ("A", (1.0, 0.1, 0.001)),
+    "torque": ("N m", (0.5, 0.01, 0.001)),
+    "voltage": ("V", (0.5, 0.1, 0.001)),
+    "temperature": ("degC", (1.0, 0.1, 0.001)),
+    "time": ("s", (0.01, 0.001, 0.000001)),
+    "position": ("rev", (0.01, 0.0001, 0.00001)),
+    "velocity": ("rev/s", (0.1, 0.00025, 0.00001)),
+    "power": ("W", (10.0, 0.05, 0.0001)),
+}
+"""Unit of each quantity, and what one step of an integer of 8, 16 and 32 bits means."""
+MODES: Final = {
+    0: "stopped",
+    1: "fault",
+    2: "preparing",
+    3: "preparing",
+    4: "preparing",
+    10: "position",
+    11: "timeout",
+    12: "zero velocity",
+    15: "brake",
+}
+FAULTS: Final = {
+    32: "calibration",
+    33: "motor driver",
+    34: "supply voltage too high",
+    35: "encoder",
+    36: "motor not configured",
+    37: "pwm cycle overrun",
+    38: "too hot",
+    39: "outside of the position limits",
+    40: "supply voltage too low",
+    41: "configuration changed",
+    42: "no commutation encoder",
+    43: "no output encoder",
+    44: "driver could not be enabled",
+    46: "timing violation",
+    49: "position control error",
+    50: "velocity control error",
+}
+
+
+@dataclass(frozen=True)
+class MoteusRegister:
+    """A register.
+
+    Attributes:
+        number: Its number.
+        name: Its name in the maker's document.
+        quantity: What it holds, one of :data:`STEPS`.
+        writable: Whether a master may write it.
+        text: More to know about it.
+        names: Names of its numbers.
+    """
+
+    number: int
+    name: str
+    quantity: str
+    writable: bool = False
+    text: str = ""
+    names: Mapping[int, str] | None = None
+
+    def field(self, kind: int) -> Field:
+        """Return it as a value of one type."""
+        unit, steps = STEPS[self.quantity]
+        names = self.names or {}
+        if kind == FLOAT:
+            return Field(self.name, 32, "float", unit=unit, text=self.text, names=names)
+        return Field(self.name, 8 * SIZES[kind], "int", steps[kind], 0.0, unit, self.text, names)
+
+
+REGISTERS: Final = {
+    row.number: row
+    for row in (
+        MoteusRegister(0x000, "Mode", "number", True, "first in a command", MODES),
+        MoteusRegister(0x001, "Position", "position", text="of the output"),
+        MoteusRegister(0x002, "Velocity", "velocity", text="of the output"),
+        MoteusRegister(0x003, "Torque", "torque", text="of the output"),
+        MoteusRegister(0x004, "Q phase current", "current"),
+        MoteusRegister(0x005, "D phase current", "current"),
+        MoteusRegister(0x006, "Absolute position", "position"),
+        MoteusRegister(0x007, "Electrical power", "power"),
+        MoteusRegister(0x00A, "Motor temperature", "temperature", text="where it has a sensor"),
+        MoteusRegister(0x00B, "Trajectory complete", "number"),
+        MoteusRegister(0x00C, "Home state", "number"),
+        MoteusRegister(0x00D, "Voltage", "voltage", text="of the supply"),
+        MoteusRegister(0x00E, "Temperature", "temperature", text="of the board"),
+        MoteusRegister(0x00F, "Fault code", "number", names=FAULTS),
+        MoteusRegister(0x020, "Position command", "position", True, "NaN: where it is"),
+        MoteusRegister(0x021, "Velocity command", "velocity", True),
+        MoteusRegister(0x022, "Feedforward torque", "torque", True),
+        MoteusRegister(0x023, "Kp scale", "share", True, "1 where not written"),
+        MoteusRegister(0x024, "Kd scale", "share", True, "1 where not written"),
+        MoteusRegister(0x025, "Maximum torque", "torque", True, "NaN: as configured"),
+        MoteusRegister(0x027, "Watchdog timeout", "time", True, "0: as configured"),
+        MoteusRegister(0x02B, "Ki ilimit scale", "share", True, "1 where not written"),
+    )
+}
+"""The registers that are used here, by their numbers."""
+WRITE, ASK, REPLY = 0x00, 0x10, 0x20
+WRITE_ERROR, READ_ERROR, NOTHING = 0x30, 0x31, 0x50
+LENGTHS: Final = (*range(9), 12, 16, 20, 24, 32, 48, 64)
+"""Numbers of bytes that a CAN FD frame can have."""
+
+
+@dataclass(frozen=True)
+class Subframe:
+    """What a subframe says of one register.
+
+    Attributes:
+        kind: "write", "ask", "reply" or "error".
+        number: Number of the register.
+        type: Its type in this frame.
+        value: Its value; NaN where there is none.
+    """
+
+    kind: Literal["write", "ask", "reply", "error"]
+    number: int
+    type: int
+    value: float = nan
+
+
+def subframe(base: int, kind: int, first: int, values: Sequence[float] | int) -> bytes:
+    """Return a subframe.
+
+    Args:
+        base: WRITE, ASK or REPLY.
+        kind: Type of the registers.
+        first: Number of the first register.
+        values: The values; for ASK how many registers.
+
+    Raises:
+        ProtocolError: A value does not fit its register.
+    """
+    count = values if isinstance(values, int) else len(values)
+    head = bytes([base | kind << 2 | count]) if count < 4 else bytes([base | kind << 2, count])
+    data = (
+        b""
+        if isinstance(values, int)
+        else b"".join(
+            _packed(REGISTERS[first + at], kind, value) for at, value in enumerate(values)
+        )
+    )
+    return head + _varuint(first) + data
+
+
+def read(data: bytes | bytearray) -> Iterator[Subframe]:
+    """Return what a frame says, register by register; unknown registers come as plain numbers.
+
+    Raises:
+        ProtocolError: The data is not a row of subframes.
+    """
+    at = 0
+    while at < len(data):
+        base = data[at]
+        at += 1
+        if base == NOTHING:
+            continue
+        if base in (WRITE_ERROR, READ_ERROR):
+            number, at = _read_varuint(data, at)
+            code, at = _read_varuint(data, at)
+            yield Subframe("error", number, INT8, code)
+        elif base < WRITE_ERROR:
+            group, kind, count = base & 0x30, base >> 2 & 3, base & 3
+            if not count:
+                count, at = _read_varuint(data, at)
+            first, at = _read_varuint(data, at)
+            if group != ASK and at + count * SIZES[kind] > len(data):
+                raise ProtocolError("A subframe must end within the frame; this one does not.")
+            for number in range(first, first + min(count, 64)):
+                if group == ASK:
+                    yield Subframe("ask", number, kind)
+                else:
+                    value = _unpacked(number, kind, data, at)
+                    at += SIZES[kind]
+                    yield Subframe("write" if group == WRITE else "reply", number, kind, value)
+        else:
+            raise ProtocolError(f"There is no subframe {base:#04x}.")
+
+
+def pad(data: bytes) -> bytes:
+    """Return data of a length that a CAN FD frame can have.
+
+    Raises:
+        ProtocolError: It is more than 64 bytes.
+    """
+    if len(data) > LENGTHS[-1]:
+        raise ProtocolError(f"A frame must have at most 64 bytes of data, got {len(data)}.")
+    return data.ljust(next(size for size in LENGTHS if size >= len(data)), bytes([NOTHING]))
+
+
+def _packed(register: MoteusRegister, kind: int, value: float) -> bytes:
+    if kind == FLOAT:
+        if not isnan(value):
+            register.field(kind).to_bits(value)
+        return struct.pack("<f", value)
+    size = SIZES[kind]
+    if isnan(value):
+        return (1 << 8 * size - 1).to_bytes(size, "little")
+    return register.field(kind).to_bits(value).to_bytes(size, "little")
+
+
+def _unpacked(number: int, kind: int, data: bytes | bytearray, at: int) -> float:
+    raw: float = struct.unpack_from("<" + CODES[kind], data, at)[0]
+    if kind == FLOAT:
+        return raw
+    if raw == -(1 << 8 * SIZES[kind] - 1):
+        return nan
+    register = REGISTERS.get(number)
+    return raw * STEPS[register.quantity][1][kind] if register else raw
+
+
+def _varuint(number: int) -> bytes:
+    head = b""
+    while number > 0x7F:
+        head += bytes([number & 0x7F | 0x80])
+        number >>= 7
+    return head + bytes([number])
+
+
+def _read_varuint(data: bytes | bytearray, at: int) -> tuple[int, int]:
+    number = 0
+    for place in range(5):
+        if at + place >= len(data):
+            break
+        number |= (data[at + place] & 0x7F) << 7 * place
+        if data[at + place] < 0x80:
+            return number, at + place + 1
+    raise ProtocolError("A number in a subframe must end within it and within 5 bytes.")
