@@ -13,6 +13,7 @@ DRIVES: dict[str, dict[str, Any]] = {
     "mit": {"node": NODE, "model": "AK80-9", "sign": -1, "offset": 0.25},
     "odrive": {"node": NODE, "sign": -1, "offset": 1.5},
     "moteus": {"node": NODE, "gear_ratio": 2.0, "sign": -1, "offset": 0.5},
+    "cia402": {"node": NODE, "sign": -1, "offset": 0.5, "rated_torque": 0.1, "rated_current": 4.0},
 }
 """A configuration of a drive for each protocol."""
 

@@ -1,0 +1,304 @@
+"""CiA 402 over CANopen, cyclic synchronous torque: the master's side.
+
+A command is an RPDO with controlword and target torque and a SYNC, which the drive answers with two
+TPDOs: state, position and torque; velocity, current and error. Before, the drive is set up by SDO,
+each answered before the next. The drive watches the master's heartbeat, which goes with commands.
+
+References:
+    CiA 301 and CiA 402 (IEC 61800-7-201): the finite state automaton and its controlword.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from itertools import count
+from math import tau
+from typing import Final
+
+from canopen.sdo.exceptions import SdoAbortedError
+
+from cjt_gym.canbus.protocols.cia402_objects import CST, OBJECTS, PDOS, Pdo, State, state_of
+from cjt_gym.canbus.protocols.contract import (
+    Message,
+    Mode,
+    Settings,
+    Step,
+    Update,
+    frame_of,
+    is_plain,
+)
+from cjt_gym.canbus.protocols.layout import Field, Layout, nothing
+from cjt_gym.errors import ProtocolError
+
+__all__ = ["Cia402Master", "Controlword"]
+
+
+class Controlword:
+    """Commands to the finite state automaton."""
+
+    DISABLE_VOLTAGE: Final = 0x00
+    SHUTDOWN: Final = 0x06
+    SWITCH_ON: Final = 0x07
+    ENABLE: Final = 0x0F
+    RESET: Final = 0x80
+
+
+SYNC: Final = 0x080
+EMERGENCY: Final = 0x080
+SDO_TO_DRIVE, SDO_FROM_DRIVE = 0x600, 0x580
+HEARTBEAT: Final = 0x700
+START, PRE_OPERATIONAL = 0x01, 0x80
+BOOT_UP, STOPPED, IN_PRE_OPERATIONAL = 0, 4, 127
+HEARTBEAT_MS: Final = 100
+"""Time between two heartbeats of the drive [ms]."""
+EMERGENCY_LAYOUT: Final = Layout((Field("Error code", 16), Field("Error register", 8), nothing(40)))
+RPDO, *TPDOS = PDOS
+NAMES: Final = {
+    State.FAULT: "fault",
+    State.FAULT_REACTION: "fault",
+    State.SWITCH_ON_DISABLED: "switch on disabled",
+}
+
+
+class Cia402Master:
+    """Commands one drive; see :class:`~cjt_gym.canbus.protocols.contract.Master`."""
+
+    def __init__(self, settings: Settings) -> None:
+        self.settings = settings
+        options = settings.options
+        self._increments: int = options["increments"]
+        self._velocity = options["velocity_units"] or float(self._increments)
+        self._rated_torque: float = options["rated_torque"]
+        self._rated_current: float = options["rated_current"]
+        self.channels = frozenset({"q_m", "dq_m", "tau_m", "i", "v_bus"})
+        self.periods = dict.fromkeys(self.channels, settings.period) | {"v_bus": 0.1}
+        high = settings.scaling.gear_ratio * self._rated_torque * 32.767
+        self.torque_range = (-high, high)
+        self._layouts = {pdo.cob_id + settings.node: pdo.layout for pdo in TPDOS}
+        self._rpdo = RPDO.layout
+        self._beat_every = max(1, int(settings.watchdog / 3 / settings.period))
+        self._count = count()
+
+    def configure(self) -> Sequence[Step]:
+        """Return the steps that set up PDOs, heartbeats and torque mode, and start the node."""
+        watched = self.settings.options["master_node"] << 16 | round(self.settings.watchdog * 1e3)
+        steps = [
+            self._nmt("Pre-operational", PRE_OPERATIONAL),
+            self._read("Look for a drive", (0x1000, 0), self._is_a_drive),
+            self._write((0x1016, 1), 0),
+            self._write((0x1017, 0), HEARTBEAT_MS),
+            self._write((0x6007, 0), 1),
+        ]
+        if self.settings.options["map_pdos"]:
+            steps += [step for pdo in PDOS for step in self._map(pdo)]
+        steps += [
+            self._compare((0x6076, 0), round(self._rated_torque * 1e3)),
+            self._compare((0x6075, 0), round(self._rated_current * 1e3)),
+            self._compare((0x608F, 1), self._increments),
+            self._write((0x6071, 0), 0),
+            self._write((0x6060, 0), CST),
+            self._write((0x1016, 1), watched),
+        ]
+        started = self._nmt("Start the node", START)
+        sync = frame_of(SYNC)
+        heard = Step(
+            started.text, [*started.frames, sync], self._shows(None), 1.0, [sync, self._heartbeat()]
+        )
+        return [*steps, heard]
+
+    def clear(self) -> Sequence[Step]:
+        """Return the steps; a fault ends with the rising edge of a bit."""
+        reset = self._frames(Controlword.RESET)
+        return [
+            Step("Lower the reset bit", self._frames(Controlword.DISABLE_VOLTAGE)),
+            Step("Reset the fault", reset, self._shows(State.SWITCH_ON_DISABLED), meanwhile=reset),
+        ]
+
+    def enable(self) -> Sequence[Step]:
+        """Return the steps through the finite state automaton, with zero torque."""
+        wanted = (
+            ("Switch on disabled", Controlword.DISABLE_VOLTAGE, State.SWITCH_ON_DISABLED),
+            ("Ready to switch on", Controlword.SHUTDOWN, State.READY),
+            ("Switched on", Controlword.SWITCH_ON, State.SWITCHED_ON),
+            ("Operation enabled", Controlword.ENABLE, State.ENABLED),
+        )
+        return [
+            Step(text, frames, self._shows(state), 1.0, frames)
+            for text, word, state in wanted
+            for frames in [self._frames(word)]
+        ]
+
+    def command(self, tau_m: float) -> Sequence[Message]:
+        """Return the RPDO, SYNC and, when it is due, the heartbeat."""
+        torque = self.settings.scaling.drive_torque(tau_m)
+        beat = [self._heartbeat()] if next(self._count) % self._beat_every == 0 else []
+        return [*self._process(Controlword.ENABLE, torque), *beat]
+
+    def poll(self) -> Sequence[Message]:
+        """Return the RPDO that keeps the voltage off, SYNC and the heartbeat."""
+        return self._frames(Controlword.DISABLE_VOLTAGE)
+
+    def disable(self) -> Sequence[Message]:
+        """Return the RPDO with zero torque that takes the voltage off."""
+        return self._process(Controlword.DISABLE_VOLTAGE, 0.0)
+
+    def decode(self, frame: Message) -> Update | None:
+        """Return what a TPDO, an emergency or a heartbeat says; answers to SDOs say nothing."""
+        if frame.is_extended_id or frame.is_remote_frame or frame.is_error_frame:
+            return None
+        identifier, node = frame.arbitration_id, self.settings.node
+        if layout := self._layouts.get(identifier):
+            return self._from_pdo(layout.decode(frame.data))
+        if identifier == EMERGENCY + node:
+            error = int(EMERGENCY_LAYOUT.decode(frame.data)["Error code"])
+            if error == 0:
+                return Update(error=0)
+            return Update(mode=Mode.FAULT, error=error, text=f"emergency {error:#06x}")
+        if identifier == HEARTBEAT + node:
+            if not frame.data:
+                raise ProtocolError(f"A heartbeat of node {node} must have 1 byte, got none.")
+            return Update(mode=_MODES_OF_NODE.get(frame.data[0] & 0x7F))
+        return None
+
+    def _from_pdo(self, values: Mapping[str, float]) -> Update:
+        scaling = self.settings.scaling
+        channels = {}
+        if (raw := values.get("Position")) is not None:
+            channels["q_m"] = scaling.angle(raw / self._increments * tau)
+        if (raw := values.get("Velocity")) is not None:
+            channels["dq_m"] = scaling.rate(raw / self._velocity * tau)
+        if (raw := values.get("Torque")) is not None:
+            channels["tau_m"] = scaling.torque(raw * self._rated_torque / 1e3)
+        if (raw := values.get("Current")) is not None:
+            channels["i"] = scaling.sign * raw * self._rated_current / 1e3
+        if (raw := values.get("DC link voltage")) is not None:
+            channels["v_bus"] = raw / 1e3
+        mode = None
+        if (word := values.get("Statusword")) is not None:
+            mode = _MODES.get(state_of(int(word)), Mode.DISABLED)
+        code = values.get("Error code")
+        error = None if code is None else int(code)
+        return Update(channels, mode, error, f"error {error:#06x}" if error else "")
+
+    def _process(self, word: int, torque: float) -> list[Message]:
+        values = {"Controlword": word, "Target torque": torque / self._rated_torque * 1e3}
+        return [
+            frame_of(RPDO.cob_id + self.settings.node, self._rpdo.encode(values)),
+            frame_of(SYNC),
+        ]
+
+    def _frames(self, word: int) -> list[Message]:
+        return [*self._process(word, 0.0), self._heartbeat()]
+
+    def _heartbeat(self) -> Message:
+        return frame_of(HEARTBEAT + self.settings.options["master_node"], b"\x05")
+
+    def _nmt(self, text: str, command: int) -> Step:
+        return Step(text, [frame_of(0x000, bytes([command, self.settings.node]))])
+
+    def _shows(self, wanted: int | None) -> Callable[[Message], bool]:
+        """Return what says whether a frame shows a state, or any state for None."""
+        first = TPDOS[0]
+        layout, identifier = first.layout, first.cob_id + self.settings.node
+
+        def confirmed(frame: Message) -> bool:
+            if not is_plain(frame, identifier):
+                return False
+            state = state_of(int(layout.decode(frame.data)["Statusword"]))
+            running = wanted in (State.READY, State.SWITCHED_ON, State.ENABLED)
+            if running and state in (State.FAULT, State.FAULT_REACTION):
+                raise ProtocolError(f"Drive {self.settings.node} refuses to run: it has a fault.")
+            return wanted is None or state == wanted
+
+        return confirmed
+
+    def _map(self, pdo: Pdo) -> Sequence[Step]:
+        """Return the steps that set up a PDO: it is off while its objects change."""
+        identifier = pdo.cob_id + self.settings.node
+        entries = [
+            index << 16 | sub << 8 | OBJECTS[index, sub].field.bits for index, sub in pdo.objects
+        ]
+        steps = [
+            self._write((pdo.parameters, 1), 1 << 31 | identifier),
+            self._write((pdo.parameters, 2), pdo.kind),
+            self._write((pdo.mapping, 0), 0),
+            *(self._write((pdo.mapping, at), entry) for at, entry in enumerate(entries, 1)),
+            self._write((pdo.mapping, 0), len(entries)),
+        ]
+        if pdo.event_ms:
+            steps.append(self._write((pdo.parameters, 5), pdo.event_ms))
+        return [*steps, self._write((pdo.parameters, 1), identifier)]
+
+    def _write(self, key: tuple[int, int], value: int) -> Step:
+        row = OBJECTS[key]
+        size = row.field.bits // 8
+        data = row.field.to_bits(value).to_bytes(size, "little")
+        request = bytes([0x23 | (4 - size) << 2]) + _address(key) + data.ljust(4, b"\0")
+        return self._exchange(f"Write {row.name}", key, request, lambda answer: answer[0] == 0x60)
+
+    def _read(self, text: str, key: tuple[int, int], accept: Callable[[int], bool]) -> Step:
+        field = OBJECTS[key].field
+
+        def confirmed(answer: bytes) -> bool:
+            if answer[0] & 0xE2 != 0x42:
+                return False
+            bits = int.from_bytes(answer[4 : 4 + field.bits // 8], "little")
+            return accept(int(field.from_bits(bits)))
+
+        return self._exchange(text, key, b"\x40" + _address(key) + bytes(4), confirmed)
+
+    def _compare(self, key: tuple[int, int], expected: int) -> Step:
+        row = OBJECTS[key]
+
+        def accept(value: int) -> bool:
+            if value != expected:
+                raise ProtocolError(
+                    f"{row.name} of drive {self.settings.node} must be {expected} "
+                    f"{row.field.unit} as configured, but the drive has {value}. Correct one."
+                )
+            return True
+
+        return self._read(f"Compare {row.name}", key, accept)
+
+    def _exchange(
+        self, text: str, key: tuple[int, int], request: bytes, accept: Callable[[bytes], bool]
+    ) -> Step:
+        node = self.settings.node
+
+        def confirmed(frame: Message) -> bool:
+            answer = bytes(frame.data)
+            if not is_plain(frame, SDO_FROM_DRIVE + node) or len(answer) < 8:
+                return False
+            if answer[1:4] != _address(key):
+                return False
+            if answer[0] == 0x80:
+                code = int.from_bytes(answer[4:8], "little")
+                raise ProtocolError(f"{text}: drive {node} refuses it. {SdoAbortedError(code)}.")
+            return accept(answer)
+
+        return Step(text, [frame_of(SDO_TO_DRIVE + node, request)], confirmed)
+
+    def _is_a_drive(self, device_type: int) -> bool:
+        if device_type & 0xFFFF != 402:
+            raise ProtocolError(
+                f"Node {self.settings.node} must be a drive of profile 402, it has the profile "
+                f"{device_type & 0xFFFF}."
+            )
+        return True
+
+
+def _address(key: tuple[int, int]) -> bytes:
+    return key[0].to_bytes(2, "little") + bytes([key[1]])
+
+
+_MODES: Final = {
+    State.NOT_READY: Mode.BOOTING,
+    State.ENABLED: Mode.ENABLED,
+    State.FAULT: Mode.FAULT,
+    State.FAULT_REACTION: Mode.FAULT,
+}
+_MODES_OF_NODE: Final = {
+    BOOT_UP: Mode.BOOTING,
+    STOPPED: Mode.DISABLED,
+    IN_PRE_OPERATIONAL: Mode.DISABLED,
+}

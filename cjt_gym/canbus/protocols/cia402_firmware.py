@@ -1,0 +1,367 @@
+"""CiA 402 over CANopen, cyclic synchronous torque: the drive's side, and the row of the table.
+
+The object dictionary, SDO, NMT and heartbeat are those of the `canopen` library's own node, which
+here talks to a list of frames in place of a bus.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from math import tau
+from typing import Any, Final, cast
+
+from can import Message
+from canopen import LocalNode, Network
+from canopen.sdo.exceptions import SdoAbortedError
+
+from cjt_gym.canbus.protocols.cia402 import HEARTBEAT, SYNC, Cia402Master
+from cjt_gym.canbus.protocols.cia402_objects import (
+    CST,
+    OBJECTS,
+    PDOS,
+    Pdo,
+    State,
+    object_dictionary,
+)
+from cjt_gym.canbus.protocols.contract import NO_CHANNELS, Fault, Mode, Settings, frame_of
+from cjt_gym.canbus.protocols.power_stage import PowerStage
+from cjt_gym.canbus.protocols.row import DriveProtocol, Option, Register
+from cjt_gym.errors import ConfigurationError
+
+__all__ = ["CIA402", "Cia402Firmware"]
+
+CODES: Final = {
+    Fault.WATCHDOG: 0x8130,
+    Fault.OVER_TEMPERATURE: 0x4310,
+    Fault.OVER_CURRENT: 0x2310,
+    Fault.OVER_VOLTAGE: 0x3210,
+    Fault.UNDER_VOLTAGE: 0x3220,
+    Fault.OVER_SPEED: 0x8400,
+    Fault.ENCODER: 0x7305,
+    Fault.STOPPED: 0x9000,
+    Fault.OTHER: 0x1000,
+}
+VOLTAGE_AND_REMOTE: Final = 0x210
+OPERATIONAL: Final = "OPERATIONAL"
+
+
+@dataclass
+class _Cycle:
+    """A frame that `canopen` wants sent periodically."""
+
+    frame: Message
+    period: float
+    due: float
+    on: bool = True
+
+    def stop(self) -> None:
+        self.on = False
+
+    def modify_data(self, frame: Message) -> None:
+        self.frame = frame
+
+
+@dataclass
+class _Outbox:
+    """What `canopen` takes for a bus: frames wait here until the firmware hands them out."""
+
+    now: float = 0.0
+    waiting: list[Message] = field(default_factory=list)
+    cycles: list[_Cycle] = field(default_factory=list)
+
+    def send(self, frame: Message) -> None:
+        self.waiting.append(frame)
+
+    def send_periodic(self, frame: Message, period: float) -> _Cycle:
+        self.cycles.append(_Cycle(frame, period, self.now + period))
+        return self.cycles[-1]
+
+    def take(self) -> list[Message]:
+        """Return what waits, with what is due by now."""
+        self.cycles = [cycle for cycle in self.cycles if cycle.on]
+        for cycle in self.cycles:
+            if self.now >= cycle.due:
+                cycle.due = max(cycle.due + cycle.period, self.now)
+                self.waiting.append(cycle.frame)
+        taken, self.waiting = self.waiting, []
+        return taken
+
+
+class Cia402Firmware:
+    """Answers as a drive does; see :class:`~cjt_gym.canbus.protocols.contract.Firmware`."""
+
+    def __init__(self, settings: Settings) -> None:
+        self.settings = settings
+        self.stage = PowerStage(settings.limits, 0.0)
+        self._channels: Mapping[str, float] = NO_CHANNELS
+        self._outbox = _Outbox()
+        self._start()
+
+    def _start(self) -> None:
+        self._network = Network(cast(Any, self._outbox))
+        node = self.settings.node
+        self._node = cast(Any, LocalNode(node, object_dictionary(node)))
+        self._node.add_read_callback(self._show)
+        self._node.add_write_callback(self._told)
+        self._network.add_node(self._node)
+        self._outbox.cycles.clear()
+        self._state = State.SWITCH_ON_DISABLED
+        self._word = 0
+        self._syncs = 0
+        self._timers: dict[str, float] = {}
+        self._reported: Fault | None = None
+
+    @property
+    def mode(self) -> Mode:
+        """What it is doing."""
+        return self.stage.mode
+
+    @property
+    def fault(self) -> Fault | None:
+        """Why it stopped by itself."""
+        return self.stage.fault
+
+    @property
+    def torque(self) -> float:
+        """Motor torque [N m, link side]; none in other modes of operation."""
+        return self.stage.torque if self._value(0x6060) == CST else 0.0
+
+    def boot(self, now: float) -> Sequence[Message]:
+        """Start, with the boot-up message, to pre-operational."""
+        self._outbox.now = now
+        self._start()
+        self.stage.boot()
+        self.stage.watchdog = 0.0
+        self._node.nmt.state = "INITIALISING"
+        self._node.nmt.state = "PRE-OPERATIONAL"
+        return self._outbox.take()
+
+    def receive(self, frame: Message, now: float) -> Sequence[Message]:
+        """Take a frame: NMT, SYNC, RPDO, SDO or a heartbeat."""
+        if frame.is_extended_id or frame.is_error_frame or frame.is_remote_frame:
+            return []
+        self._outbox.now = now
+        identifier, data = frame.arbitration_id, frame.data
+        if identifier == SYNC and not data:
+            self._sync()
+        elif identifier == 0x000 and len(data) >= 2:
+            self._network.notify(identifier, data, now)
+            if self._node.nmt.state == "INITIALISING":
+                return self.boot(now)
+            if not self._operational and self.mode is Mode.ENABLED:
+                self.stage.fail(Fault.WATCHDOG)
+        elif identifier == 0x600 + self.settings.node and len(data) == 8:
+            self._network.notify(identifier, data, now)
+        elif identifier == HEARTBEAT + (self._value(0x1016, 1) >> 16 & 0x7F):
+            self.stage.feed(now)
+        elif self._operational:
+            self._take(identifier, data)
+        return self._outbox.take()
+
+    def update(self, channels: Mapping[str, float], now: float) -> Sequence[Message]:
+        """Take the joint's values; return heartbeats, timed PDOs and emergencies that are due."""
+        self._channels = channels
+        self._outbox.now = now
+        self.stage.supervise(channels, now)
+        if self.fault is not self._reported:
+            self._reported = self.fault
+            if self.fault:
+                self._node.emcy.send(CODES[self.fault], 1)
+            else:
+                self._node.emcy.reset()
+        for pdo in PDOS:
+            if not pdo.to_drive and self._timed(pdo, now):
+                self._send(pdo)
+        return self._outbox.take()
+
+    def fail(self, fault: Fault) -> None:
+        """Fault now."""
+        self.stage.fail(fault)
+
+    @property
+    def _operational(self) -> bool:
+        return bool(self._node.nmt.state == OPERATIONAL)
+
+    def _value(self, index: int, sub: int = 0) -> int:
+        value: int = self._node.sdo.od.get_variable(index, sub).decode_raw(
+            self._node.get_data(index, sub)
+        )
+        return value
+
+    def _show(self, index: int, subindex: int, od: Any) -> int | None:
+        """Return what the drive makes up itself; None for what is only stored."""
+        options: Mapping[str, Any] = self.settings.options
+        channels, scaling = self._channels, self.settings.scaling
+        stored = self._node.data_store.get(index, {}).get(subindex)
+        match index, subindex:
+            case 0x1001, 0:
+                return 1 if self.fault else 0
+            case 0x603F, 0:
+                return CODES[self.fault] if self.fault else 0
+            case 0x6041, 0:
+                return self._statusword()
+            case 0x6061, 0:
+                return self._value(0x6060)
+            case 0x6064, 0:
+                angle = scaling.drive_angle(channels.get("q_m", 0.0)) / tau
+                return _limited(angle * options["increments"], 32)
+            case 0x606C, 0:
+                units = options["velocity_units"] or options["increments"]
+                return _limited(scaling.drive_rate(channels.get("dq_m", 0.0)) / tau * units, 32)
+            case 0x6075, 0 if stored is None:
+                return int(1e3 * options["rated_current"] + 0.5)
+            case 0x6076, 0 if stored is None:
+                return int(1e3 * options["rated_torque"] + 0.5)
+            case 0x6077, 0:
+                torque = scaling.drive_torque(channels.get("tau_m", self.torque))
+                return _limited(torque / options["rated_torque"] * 1e3, 16)
+            case 0x6078, 0:
+                current = scaling.sign * channels.get("i", 0.0)
+                return _limited(current / options["rated_current"] * 1e3, 16)
+            case 0x6079, 0:
+                return max(0, _limited(channels.get("v_bus", 0.0) * 1e3, 32))
+            case 0x608F, 1 if stored is None:
+                return int(options["increments"])
+            case _:
+                return None
+
+    def _told(self, index: int, subindex: int, od: Any, data: bytes) -> None:
+        value = od.decode_raw(data)
+        if (index, subindex) == (0x6040, 0):
+            self._control(value)
+        elif (index, subindex) == (0x6071, 0):
+            rated = self.settings.options["rated_torque"]
+            self.stage.demand(self.settings.scaling.torque(value * rated / 1e3))
+        elif (index, subindex) == (0x1016, 1):
+            self.stage.watchdog = (value & 0xFFFF) / 1e3
+
+    def _control(self, word: int) -> None:
+        """Step the finite state automaton of the profile."""
+        rising, self._word = word & ~self._word, word
+        if self.mode is Mode.FAULT:
+            if rising & 0x80:
+                self.stage.clear()
+                self._state = State.SWITCH_ON_DISABLED
+            return
+        low = word & 0x0F
+        if not low & 0x02 or low & 0x06 == 0x02:
+            self._rest(State.SWITCH_ON_DISABLED)
+        elif low & 0x07 == 0x06:
+            self._rest(State.READY)
+        elif low == 0x07 and self._state != State.SWITCH_ON_DISABLED:
+            self._rest(State.SWITCHED_ON)
+        elif low == 0x0F and self._state in (State.READY, State.SWITCHED_ON):
+            self._state = State.SWITCHED_ON
+            if self._operational:
+                self.stage.enable(self._outbox.now)
+
+    def _rest(self, state: int) -> None:
+        self.stage.disable()
+        self._state = state
+
+    def _statusword(self) -> int:
+        state = {Mode.ENABLED: State.ENABLED, Mode.FAULT: State.FAULT}.get(self.mode, self._state)
+        return state | VOLTAGE_AND_REMOTE
+
+    def _sync(self) -> None:
+        self._syncs += 1
+        for pdo in PDOS:
+            kind = self._value(pdo.parameters, 2)
+            if not pdo.to_drive and 1 <= kind <= 240 and self._syncs % kind == 0:
+                self._send(pdo)
+
+    def _timed(self, pdo: Pdo, now: float) -> bool:
+        """Return whether a PDO of its own time is due."""
+        time = self._value(pdo.parameters, 5) / 1e3
+        if self._value(pdo.parameters, 2) < 254 or not time:
+            return False
+        if now < self._timers.setdefault(pdo.name, now + time):
+            return False
+        self._timers[pdo.name] = now + time
+        return True
+
+    def _mapped(self, pdo: Pdo) -> Iterator[tuple[int, int, int]]:
+        """Return index, subindex and bytes of the objects that a PDO carries now."""
+        for at in range(1, min(self._value(pdo.mapping), 4) + 1):
+            entry = self._value(pdo.mapping, at)
+            yield entry >> 16, entry >> 8 & 0xFF, (entry & 0xFF) // 8
+
+    def _send(self, pdo: Pdo) -> None:
+        identifier = self._value(pdo.parameters, 1)
+        if identifier >> 31 or not self._operational:
+            return
+        try:
+            data = b"".join(self._node.get_data(index, sub) for index, sub, _ in self._mapped(pdo))
+        except SdoAbortedError:
+            return
+        if len(data) <= 8:
+            self._outbox.send(frame_of(identifier & 0x7FF, data))
+
+    def _take(self, identifier: int, data: bytearray) -> None:
+        for pdo in PDOS:
+            if pdo.to_drive and self._value(pdo.parameters, 1) == identifier:
+                at = 0
+                for index, sub, size in self._mapped(pdo):
+                    try:
+                        self._node.set_data(index, sub, bytes(data[at : at + size]))
+                    except SdoAbortedError:
+                        return
+                    at += size
+
+
+def _limited(value: float, bits: int) -> int:
+    end = (1 << bits - 1) - 1
+    return round(min(max(value, -end), end))
+
+
+def _check(options: Mapping[str, Any]) -> None:
+    for name, unit in (("increments", ""), ("rated_torque", " N m"), ("rated_current", " A")):
+        if not options[name] > 0:
+            raise ConfigurationError(f"{name} must be > 0{unit}, got {options[name]}.")
+
+
+def _registers() -> Sequence[Register]:
+    rows = [
+        Register(
+            f"{row.index:#06x}:{row.sub:02x}",
+            "both" if row.access == "rw" else "from drive",
+            row.name,
+            [row.field],
+        )
+        for row in OBJECTS.values()
+        if row.sub or row.index not in (0x1016, 0x1018, 0x608F)
+    ]
+    pdos = [
+        Register(
+            f"{pdo.cob_id:#05x} + node",
+            "to drive" if pdo.to_drive else "from drive",
+            pdo.name,
+            pdo.layout.fields,
+        )
+        for pdo in PDOS
+    ]
+    return pdos + [row for row in rows if not 0x1400 <= int(row.address[:6], 16) < 0x1B00]
+
+
+CIA402: Final = DriveProtocol(
+    name="cia402",
+    title="CiA 402 over CANopen, cyclic synchronous torque",
+    side="motor",
+    fd=False,
+    nodes=(1, 126),
+    options={
+        "increments": Option(65536, "increments of the encoder per revolution of the motor"),
+        "velocity_units": Option(
+            0.0, "velocity of the drive at one revolution per second; 0: increments per second"
+        ),
+        "rated_torque": Option(1.0, "rated torque of the motor [N m], as in object 0x6076"),
+        "rated_current": Option(1.0, "rated current of the motor [A], as in object 0x6075"),
+        "map_pdos": Option(True, "map the PDOs; false where the drive has these fixed"),
+        "master_node": Option(127, "node of the master's heartbeat", tuple(range(1, 128))),
+    },
+    check=_check,
+    master=Cia402Master,
+    firmware=Cia402Firmware,
+    registers=_registers,
+)
