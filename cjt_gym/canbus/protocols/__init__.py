@@ -6,6 +6,7 @@
 from typing import Final
 
 from cjt_gym.canbus.protocols.cia402_firmware import CIA402
+from cjt_gym.canbus.protocols.dbc import DBC
 from cjt_gym.canbus.protocols.mit import MIT
 from cjt_gym.canbus.protocols.moteus import MOTEUS
 from cjt_gym.canbus.protocols.odrive_firmware import ODRIVE
@@ -15,7 +16,7 @@ from cjt_gym.errors import unknown_name
 __all__ = ["PROTOCOLS", "protocol_of", "settings_of"]
 
 PROTOCOLS: Final[dict[str, DriveProtocol]] = {
-    row.name: row for row in (MIT, ODRIVE, MOTEUS, CIA402)
+    row.name: row for row in (MIT, ODRIVE, MOTEUS, CIA402, DBC)
 }
 """All protocols by their names."""
 

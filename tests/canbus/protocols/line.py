@@ -14,6 +14,7 @@ DRIVES: dict[str, dict[str, Any]] = {
     "odrive": {"node": NODE, "sign": -1, "offset": 1.5},
     "moteus": {"node": NODE, "gear_ratio": 2.0, "sign": -1, "offset": 0.5},
     "cia402": {"node": NODE, "sign": -1, "offset": 0.5, "rated_torque": 0.1, "rated_current": 4.0},
+    "dbc": {"file": "example_drive"},
 }
 """A configuration of a drive for each protocol."""
 

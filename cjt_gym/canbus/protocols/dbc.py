@@ -1,0 +1,357 @@
+"""Any drive or sensor that a DBC file describes, with a mapping of its signals.
+
+A node without `tau_cmd` in its mapping is a sensor: it is never commanded and never enabled. Torque
+sensor, second encoder and drive may be different nodes, each with its own mapping. Rolling counters
+and checksums in commands are not made up; a drive that needs these needs a protocol of its own.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from math import inf, isfinite
+from typing import Any, Final
+
+import cantools
+
+from cjt_gym.canbus.protocols.contract import (
+    NO_CHANNELS,
+    Fault,
+    Message,
+    Mode,
+    Settings,
+    Step,
+    Update,
+    frame_of,
+)
+from cjt_gym.canbus.protocols.dbc_mapping import DbcMapping, Signal, load_dbc_mapping
+from cjt_gym.canbus.protocols.power_stage import PowerStage
+from cjt_gym.canbus.protocols.row import DriveProtocol, Option, Register
+from cjt_gym.errors import ConfigurationError, ProtocolError
+
+__all__ = ["DBC", "DbcFirmware", "DbcMaster"]
+
+DamagedFrame: Final = (cantools.Error, ValueError, KeyError, OverflowError)
+AS_NUMBERS: Final = {"decode_choices": False}
+
+
+def _mapping_of(settings: Settings) -> DbcMapping:
+    mapping = load_dbc_mapping(settings.options["file"], settings.scaling.gear_ratio)
+    if mapping.is_current and settings.scaling.torque_constant is None:
+        raise ConfigurationError(
+            "torque_constant must be given [N m/A, motor's shaft] where the drive is commanded a "
+            "current (i_cmd)."
+        )
+    return mapping
+
+
+def _torque_of_command(mapping: DbcMapping, settings: Settings) -> float:
+    """Return the link-side motor torque of one unit of the commanded column."""
+    if not mapping.is_current:
+        return 1.0
+    return (settings.scaling.torque_constant or 0.0) * settings.scaling.gear_ratio
+
+
+def _range_of(signal: Any) -> tuple[float, float]:
+    """Return the values that a signal can carry, from its bits and its declared range."""
+    if signal.is_float:
+        low, high = -inf, inf
+    else:
+        bits = signal.length - bool(signal.is_signed)
+        raw = (-(1 << bits) if signal.is_signed else 0, (1 << bits) - 1)
+        low, high = sorted(each * signal.scale + signal.offset for each in raw)
+    least = low if signal.minimum is None else max(low, signal.minimum)
+    most = high if signal.maximum is None else min(high, signal.maximum)
+    return least, most
+
+
+class _Codec:
+    """Frames of a DBC file's messages, by name and by identifier."""
+
+    def __init__(self, mapping: DbcMapping) -> None:
+        self.messages = {each.name: each for each in mapping.database.messages}
+        self.by_frame = {
+            (each.frame_id, each.is_extended_frame): each for each in mapping.database.messages
+        }
+        self.defaults = {
+            name: {each.name: _default(each) for each in message.signals}
+            for name, message in self.messages.items()
+        }
+
+    def signal(self, where: Signal) -> Any:
+        """Return a signal of the DBC file."""
+        return self.messages[where[0]].get_signal_by_name(where[1])
+
+    def encode(self, name: str, values: Mapping[str, float]) -> Message:
+        """Return a message; signals that are not given have their initial value."""
+        message = self.messages[name]
+        try:
+            data = message.encode({**self.defaults[name], **values}, strict=True)
+        except DamagedFrame as error:
+            raise ProtocolError(f"{name} cannot be sent: {error}.") from error
+        return frame_of(
+            message.frame_id, data, extended=message.is_extended_frame, fd=message.is_fd
+        )
+
+    def decode(
+        self, frame: Message, names: Iterable[str]
+    ) -> tuple[str, Mapping[str, float]] | None:
+        """Return name and values of a frame; None where it is none of the named messages."""
+        message = self.by_frame.get((frame.arbitration_id, frame.is_extended_id))
+        if message is None or message.name not in names:
+            return None
+        if frame.is_remote_frame or frame.is_error_frame:
+            return None
+        try:
+            return message.name, message.decode(bytes(frame.data), **AS_NUMBERS)  # type: ignore[return-value]
+        except DamagedFrame as error:
+            raise ProtocolError(f"{message.name} breaks its DBC file: {error}.") from error
+
+
+def _default(signal: Any) -> float:
+    low, high = _range_of(signal)
+    start = signal.initial if isinstance(signal.initial, int | float) else 0.0
+    return float(min(max(start, low), high))
+
+
+def _by_message(signals: Iterable[Signal]) -> dict[str, list[str]]:
+    made: dict[str, list[str]] = defaultdict(list)
+    for message, signal in signals:
+        made[message].append(signal)
+    return made
+
+
+class DbcMaster:
+    """Commands one drive, or hears one sensor; see the contract's `Master`."""
+
+    def __init__(self, settings: Settings) -> None:
+        self.settings = settings
+        self._mapping = mapping = _mapping_of(settings)
+        self._codec = _Codec(mapping)
+        self._heard = {where[0] for where, _ in mapping.channels.values()}
+        self._heard |= {where[0] for where in (mapping.state, mapping.error) if where}
+        self._per_unit = _torque_of_command(mapping, settings)
+        self.channels = frozenset(mapping.channels)
+        self.periods = {
+            name: mapping.cycles.get(where[0], settings.period)
+            for name, (where, _) in mapping.channels.items()
+        }
+        self.torque_range = (0.0, 0.0)
+        if mapping.command is not None:
+            where, column = mapping.command
+            ends = [
+                self._per_unit * column.gain * (end - column.offset)
+                for end in _range_of(self._codec.signal(where))
+            ]
+            self.torque_range = (min(ends), max(ends))
+
+    def configure(self) -> Sequence[Step]:
+        """Return the one step that waits for a report."""
+        return [Step("Wait for a report", (), self._reports, 1.0, self.poll())]
+
+    def clear(self) -> Sequence[Step]:
+        """Return the one step, with the signals of `clear`."""
+        if not self._mapping.phases["clear"]:
+            return []
+        frames = self._send("clear", 0.0)
+        return [Step("Clear the fault", frames, self._shows(Mode.FAULT, False), 1.0, frames)]
+
+    def enable(self) -> Sequence[Step]:
+        """Return the one step, with the signals of `enabled` and zero torque."""
+        if self._mapping.command is None:
+            return []
+        frames = self._send("enabled", 0.0)
+        confirmed = self._shows(Mode.ENABLED, True) if self._mapping.state else None
+        return [Step("Zero torque", frames, confirmed, 1.0, frames)]
+
+    def command(self, tau_m: float) -> Sequence[Message]:
+        """Return the frames with torque and the signals of `enabled`; none for a sensor."""
+        return self._send("enabled", tau_m)
+
+    def poll(self) -> Sequence[Message]:
+        """Return the frames with zero torque and the signals of `disabled`; none for a sensor."""
+        return self._send("disabled", 0.0)
+
+    def disable(self) -> Sequence[Message]:
+        """Return the frames with zero torque and the signals of `disabled`."""
+        return self._send("disabled", 0.0)
+
+    def decode(self, frame: Message) -> Update | None:
+        """Return what one of the mapped messages says."""
+        found = self._codec.decode(frame, self._heard)
+        if found is None:
+            return None
+        message, values = found
+        channels = {}
+        for name, ((where, signal), column) in self._mapping.channels.items():
+            if where == message and signal in values:
+                channels[name] = column.gain * (values[signal] - column.offset)
+        error = _of(self._mapping.error, message, values)
+        text = f"error {error}" if error else ""
+        mode = self._mode(message, values)
+        if error and self._mapping.state is None:
+            mode = Mode.FAULT
+        return Update(channels, mode, error, text)
+
+    def _mode(self, message: str, values: Mapping[str, float]) -> Mode | None:
+        shown = _of(self._mapping.state, message, values)
+        if shown is None:
+            return None
+        modes = (mode for mode, numbers in self._mapping.modes.items() if shown in numbers)
+        return next(modes, Mode.FAULT)
+
+    def _send(self, phase: str, tau_m: float) -> list[Message]:
+        if self._mapping.command is None:
+            return []
+        (message, signal), column = self._mapping.command
+        if not isfinite(tau_m):
+            raise ProtocolError(f"{signal} must be a finite number, got {tau_m}.")
+        made: dict[str, dict[str, float]] = defaultdict(dict)
+        made[message][signal] = tau_m / self._per_unit / column.gain + column.offset
+        for (name, fixed), value in self._mapping.phases[phase].items():
+            made[name][fixed] = value
+        return [self._codec.encode(name, values) for name, values in made.items()]
+
+    def _shows(self, mode: Mode, wanted: bool) -> Any:
+        def confirmed(frame: Message) -> bool:
+            update = self.decode(frame)
+            return (
+                update is not None and update.mode is not None and (update.mode is mode) == wanted
+            )
+
+        return confirmed
+
+    def _reports(self, frame: Message) -> bool:
+        return self.decode(frame) is not None
+
+
+def _of(where: Signal | None, message: str, values: Mapping[str, float]) -> int | None:
+    if where is None or where[0] != message or where[1] not in values:
+        return None
+    return int(values[where[1]])
+
+
+class DbcFirmware:
+    """Answers as the mapping's node would; see the contract's `Firmware`."""
+
+    def __init__(self, settings: Settings) -> None:
+        self.settings = settings
+        self.stage = PowerStage(settings.limits, settings.watchdog)
+        self._mapping = mapping = _mapping_of(settings)
+        self._codec = _Codec(mapping)
+        self._per_unit = _torque_of_command(mapping, settings)
+        reported = [where for where, _ in mapping.channels.values()]
+        reported += [where for where in (mapping.state, mapping.error) if where]
+        self._reports = _by_message(reported)
+        commands = [where for phase in mapping.phases.values() for where in phase]
+        commands += [mapping.command[0]] if mapping.command else []
+        self._commands = _by_message(commands)
+        self._told: dict[Signal, float] = {}
+        self._channels: Mapping[str, float] = NO_CHANNELS
+        self._due: dict[str, float] = {}
+
+    @property
+    def mode(self) -> Mode:
+        """What it is doing."""
+        return self.stage.mode
+
+    @property
+    def fault(self) -> Fault | None:
+        """Why it stopped by itself."""
+        return self.stage.fault
+
+    @property
+    def torque(self) -> float:
+        """Motor torque [N m, link side]."""
+        return self.stage.torque
+
+    def boot(self, now: float) -> Sequence[Message]:
+        """Start, with all of its reports."""
+        self.stage.boot()
+        self._told = {}
+        self._due = {name: now + self._period(name) for name in self._reports}
+        return [self._report(name) for name in self._reports]
+
+    def receive(self, frame: Message, now: float) -> Sequence[Message]:
+        """Take a command; it is not answered."""
+        try:
+            found = self._codec.decode(frame, self._commands)
+        except ProtocolError:
+            return []
+        if found is None:
+            return []
+        message, values = found
+        self._told |= {(message, signal): value for signal, value in values.items()}
+        self._obey(now)
+        if self._mapping.command and self._mapping.command[0][0] == message:
+            where, column = self._mapping.command
+            self.stage.feed(now)
+            told = self._per_unit * column.gain * (self._told[where] - column.offset)
+            self.stage.demand(told)
+        return []
+
+    def update(self, channels: Mapping[str, float], now: float) -> Sequence[Message]:
+        """Take the joint's values; return the reports that are due."""
+        self._channels = channels
+        self.stage.supervise(channels, now)
+        sent = []
+        for name, due in self._due.items():
+            if now >= due:
+                self._due[name] = max(due + self._period(name), now)
+                sent.append(self._report(name))
+        return sent
+
+    def fail(self, fault: Fault) -> None:
+        """Fault now."""
+        self.stage.fail(fault)
+
+    def _period(self, message: str) -> float:
+        return self._mapping.cycles.get(message, self.settings.period)
+
+    def _obey(self, now: float) -> None:
+        if self._in_phase("clear"):
+            self.stage.clear()
+        if self._in_phase("enabled") or not self._mapping.phases["enabled"]:
+            self.stage.enable(now)
+        elif self._in_phase("disabled"):
+            self.stage.disable()
+
+    def _in_phase(self, phase: str) -> bool:
+        wanted = self._mapping.phases[phase]
+        return bool(wanted) and all(self._told.get(key) == value for key, value in wanted.items())
+
+    def _report(self, message: str) -> Message:
+        values: dict[str, float] = {}
+        for name, ((where, signal), column) in self._mapping.channels.items():
+            if where == message:
+                shown = self._channels.get(name, 0.0) / column.gain + column.offset
+                low, high = _range_of(self._codec.signal((where, signal)))
+                values[signal] = min(max(shown, low), high)
+        if self._mapping.state and self._mapping.state[0] == message:
+            values[self._mapping.state[1]] = self._mapping.modes.get(self.mode, (0,))[0]
+        if self._mapping.error and self._mapping.error[0] == message:
+            code = list(Fault).index(self.fault) + 2 if self.fault else 0
+            values[self._mapping.error[1]] = code
+        return self._codec.encode(message, values)
+
+
+def _registers() -> Sequence[Register]:
+    return []
+
+
+DBC: Final = DriveProtocol(
+    name="dbc",
+    title="Any DBC file with a mapping",
+    side="motor",
+    fd=False,
+    nodes=(0, 0x1FFFFFFF),
+    options={
+        "file": Option(
+            "joint_sensor", "the mapping, or the name of one that comes with the package"
+        )
+    },
+    master=DbcMaster,
+    firmware=DbcFirmware,
+    registers=_registers,
+    command_enables=True,
+)

@@ -1,0 +1,237 @@
+"""Which signals of a DBC file are which values of a joint: a mapping of the kind that logs have.
+
+A mapping is a TOML file with a table per column, as :mod:`cjt_gym.records.mapping` describes, in
+which a signal is called ``/Message:Signal``. So the same file reads a trace of the bus. Its table
+`[can]` has what only a master needs; all but `dbc` may be left out:
+
+================  ==============================================================================
+`dbc`             the DBC file, beside the mapping
+`enabled`         signals that a command sets while torque is wanted
+`disabled`        the same while it is not
+`clear`           the same to leave a fault
+`state`           `source`, and lists of what it shows when `booting`, `disabled`, `enabled`,
+                  `fault`
+`error`           a signal that is zero where all is in order
+`temperature`     a signal [degC]
+`v_bus`           a signal [V]
+`cycle_ms`        for messages by name: time between two, where the DBC file does not say it [ms]
+================  ==============================================================================
+
+The column `tau_cmd` names the signal of the commanded torque, or `i_cmd` that of the current.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib import resources
+from pathlib import Path
+from typing import Any, Final
+
+import cantools
+from cantools.database import Database
+
+from cjt_gym.canbus.protocols.contract import CHANNELS, Mode
+from cjt_gym.errors import CjtGymError, ConfigurationError, unknown_name
+from cjt_gym.records.mapping import ColumnSource, load_mapping
+
+__all__ = ["DbcMapping", "Signal", "load_dbc_mapping"]
+
+SUFFIX: Final = ".map.toml"
+KEYS: Final = (
+    "dbc",
+    "enabled",
+    "disabled",
+    "clear",
+    "state",
+    "error",
+    "temperature",
+    "v_bus",
+    "cycle_ms",
+)
+MODES: Final = {mode.value: mode for mode in Mode}
+Signal = tuple[str, str]
+"""Name of a message and of a signal in it."""
+
+
+@dataclass(frozen=True)
+class DbcMapping:
+    """A mapping with its DBC file.
+
+    Attributes:
+        database: The messages.
+        channels: Signal of each channel that is reported, and how it becomes the channel.
+        command: Signal of the commanded torque, or current, and how a column becomes it.
+        is_current: Whether it is a current.
+        phases: For "enabled", "disabled" and "clear" the signals that are set then.
+        state: Signal of the mode.
+        modes: What it shows in each mode.
+        error: Signal of the error.
+        cycles: Time between two of a message by its name [s]; none where nothing is known.
+    """
+
+    database: Database
+    channels: Mapping[str, tuple[Signal, ColumnSource]]
+    command: tuple[Signal, ColumnSource] | None
+    is_current: bool
+    phases: Mapping[str, Mapping[Signal, float]]
+    state: Signal | None = None
+    modes: Mapping[Mode, tuple[int, ...]] = field(default_factory=dict)
+    error: Signal | None = None
+    cycles: Mapping[str, float] = field(default_factory=dict)
+
+
+def load_dbc_mapping(name: str, n: float) -> DbcMapping:
+    """Return a mapping from its file.
+
+    Args:
+        name: Its path, or the name of one that comes with the package: "example_drive",
+            "joint_sensor", "torque_sensor", "load_encoder".
+        n: Gear ratio, where the mapping does not say it.
+
+    Raises:
+        ConfigurationError: The file, its DBC file or what they say is not valid.
+    """
+    path = _path_of(name)
+    try:
+        document = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigurationError(f"{path} must be a TOML file: {error}.") from error
+    given = document.pop("can", None)
+    if not isinstance(given, dict) or "dbc" not in given:
+        raise ConfigurationError(f'{path} must have a table [can] with  dbc = "FILE.dbc".')
+    if wrong := [key for key in given if key not in KEYS]:
+        raise unknown_name(f"key in [can] of {path}", wrong[0], KEYS)
+    try:
+        columns = load_mapping({"n": n, **document}).columns
+    except CjtGymError as error:
+        raise ConfigurationError(f"{error} (in {path})") from error
+    return _checked(_Reader(path, _database(path.parent / str(given["dbc"]))), given, columns)
+
+
+def _path_of(name: str) -> Path:
+    path = Path(name)
+    if path.is_file():
+        return path
+    folder = Path(str(resources.files("cjt_gym.canbus.protocols") / "data"))
+    shipped = folder / (path.name + SUFFIX)
+    if not shipped.is_file():
+        known = sorted(each.name.removesuffix(SUFFIX) for each in folder.glob("*" + SUFFIX))
+        raise ConfigurationError(
+            f"file must be a mapping or one of {', '.join(known)}; there is no {name}."
+        )
+    return shipped
+
+
+def _database(path: Path) -> Database:
+    try:
+        return cantools.database.load_file(str(path), strict=True, database_format="dbc")  # type: ignore[return-value]
+    except OSError as error:
+        raise ConfigurationError(f"There is no DBC file {path}: {error.strerror}.") from error
+    except (cantools.Error, ValueError, KeyError) as error:
+        raise ConfigurationError(f"{path} must be a DBC file: {error}.") from error
+
+
+@dataclass(frozen=True)
+class _Reader:
+    """Looks names up in the DBC file."""
+
+    path: Path
+    database: Database
+
+    def signal(self, source: object, what: str) -> Signal:
+        """Return the message and the signal that a source names."""
+        place = f"{what} of {self.path}"
+        if not isinstance(source, str) or source[:1] != "/" or ":" not in source:
+            raise ConfigurationError(f'{place} must be "/Message:Signal", got {source!r}.')
+        message, _, signal = source[1:].partition(":")
+        messages = {each.name: each for each in self.database.messages}
+        if message not in messages:
+            raise unknown_name(f"message in {place}", message, messages)
+        signals = [each.name for each in messages[message].signals]
+        if signal not in signals:
+            raise unknown_name(f"signal in {place}", signal, signals)
+        return message, signal
+
+    def phase(self, given: Mapping[str, Any], name: str) -> Mapping[Signal, float]:
+        """Return the signals that are set in a phase."""
+        table = self.table(given, name)
+        for source, value in table.items():
+            if isinstance(value, bool) or not isinstance(value, int | float):
+                raise ConfigurationError(
+                    f"{source} in {name} of {self.path} must be a number, got {value!r}."
+                )
+        return {self.signal(source, name): value for source, value in table.items()}
+
+    def table(self, given: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+        """Return a table of [can]."""
+        table = given.get(name, {})
+        if not isinstance(table, dict):
+            raise ConfigurationError(f"{name} of {self.path} must be a table, got {table!r}.")
+        return table
+
+
+def _checked(
+    reader: _Reader, given: Mapping[str, Any], columns: Mapping[str, ColumnSource]
+) -> DbcMapping:
+    channels = {
+        name: (reader.signal(column.source, f"columns.{name}"), column)
+        for name, column in columns.items()
+        if name in CHANNELS
+    }
+    for name in ("temperature", "v_bus"):
+        if name in given:
+            unit = CHANNELS[name][0]
+            plain = ColumnSource(given[name], unit, unit, 1.0, 0.0, 0.0, None, None)
+            channels[name] = (reader.signal(given[name], name), plain)
+    wanted = [name for name in ("tau_cmd", "i_cmd") if name in columns]
+    if len(wanted) > 1:
+        raise ConfigurationError(f"{reader.path} must have tau_cmd or i_cmd, not both.")
+    command = None
+    if wanted:
+        column = columns[wanted[0]]
+        command = (reader.signal(column.source, f"columns.{wanted[0]}"), column)
+    if not channels:
+        raise ConfigurationError(
+            f"{reader.path} must map at least one of {', '.join(CHANNELS)} to a signal."
+        )
+    state = reader.table(given, "state")
+    return DbcMapping(
+        database=reader.database,
+        channels=channels,
+        command=command,
+        is_current=wanted == ["i_cmd"],
+        phases={name: reader.phase(given, name) for name in ("enabled", "disabled", "clear")},
+        state=reader.signal(state.get("source"), "state.source") if state else None,
+        modes=_modes(reader.path, state),
+        error=reader.signal(given["error"], "error") if "error" in given else None,
+        cycles=_cycles(reader, reader.table(given, "cycle_ms")),
+    )
+
+
+def _modes(path: Path, state: Mapping[str, Any]) -> Mapping[Mode, tuple[int, ...]]:
+    made = {}
+    for name, values in state.items():
+        if name == "source":
+            continue
+        if name not in MODES:
+            raise unknown_name(f"mode in state of {path}", name, MODES)
+        if not isinstance(values, list) or not all(isinstance(value, int) for value in values):
+            raise ConfigurationError(
+                f"{name} in state of {path} must be a list of whole numbers, got {values!r}."
+            )
+        made[MODES[name]] = tuple(values)
+    return made
+
+
+def _cycles(reader: _Reader, given: Mapping[str, Any]) -> Mapping[str, float]:
+    known = {each.name: each.cycle_time for each in reader.database.messages}
+    for name, value in given.items():
+        if name not in known:
+            raise unknown_name(f"message in cycle_ms of {reader.path}", name, known)
+        if isinstance(value, bool) or not isinstance(value, int | float) or not value > 0:
+            raise ConfigurationError(
+                f"{name} in cycle_ms of {reader.path} must be > 0 ms, got {value!r}."
+            )
+    return {name: ms * 1e-3 for name, ms in (known | dict(given)).items() if ms}
