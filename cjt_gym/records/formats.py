@@ -10,6 +10,7 @@ from typing import Any, Final
 from cjt_gym.errors import RecordError
 from cjt_gym.records.checks import FloatArray
 from cjt_gym.records.tables import (
+    can_table,
     csv_table,
     hdf5_table,
     mat_table,
@@ -38,6 +39,7 @@ class Format:
 
 
 _CSV: Final = Format(csv_table.read, csv_table.stream, csv_table.write)
+_CAN: Final = Format(can_table.read, can_table.stream, None)
 _HDF5: Final = Format(hdf5_table.read, hdf5_table.stream, None)
 
 FORMATS: Final[dict[str, Format]] = {
@@ -50,6 +52,10 @@ FORMATS: Final[dict[str, Format]] = {
     ".h5": _HDF5,
     ".hdf5": _HDF5,
     ".mcap": Format(mcap_table.read, mcap_table.stream, None),
+    ".log": _CAN,
+    ".asc": _CAN,
+    ".blf": _CAN,
+    ".trc": _CAN,
 }
 
 

@@ -3,7 +3,8 @@
 A mapping has a table per column of the record. All of its keys are optional:
 
 ==================  ===========================================================================
-`source`            its name in the log (left out, the same), for MCAP ``/topic:field``
+`source`            its name in the log (left out, the same), for MCAP ``/topic:field``, for traces
+                    of a CAN bus ``/Message:Signal``
 `unit`              its unit in the log, one of :data:`cjt_gym.records.units.UNITS`
 `sign`              1 or -1
 `scale`             a further factor, such as that of a sensor
@@ -16,7 +17,8 @@ A mapping has a table per column of the record. All of its keys are optional:
 ==================  ===========================================================================
 
 Beside the table `columns` stand the gear ratio `n` and whatever the TOML file of a record may hold:
-`dt`, `joint`, `structure`, `sensors`, `provenance`.
+`dt`, `joint`, `structure`, `sensors`, `provenance`. A table `can` is for drives that are commanded
+by the same mapping, and not read here.
 """
 
 from __future__ import annotations
@@ -108,6 +110,7 @@ def load_mapping(mapping: str | Path | Mapping[str, Any]) -> ColumnMapping:
 
 def _mapping(owner: str, document: dict[str, Any]) -> ColumnMapping:
     columns, n = document.pop("columns", None), document.pop("n", None)
+    document.pop("can", None)
     if not isinstance(columns, dict) or not columns:
         raise RecordError(
             f"{owner} must have a table per column, such as  [columns.q_m]  with  "

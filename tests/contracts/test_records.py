@@ -283,7 +283,7 @@ BAD_TABLES = [
     ("mat", "no file", "run.mat must be a MATLAB file"),
     ("h5", "no file", "run.h5 must be an HDF5 file"),
     ("mcap", "no file", "run.mcap must be an MCAP file"),
-    ("xlsx", "", "must end in .csv, .*.mcap, got"),
+    ("xlsx", "", "must end in .csv, .*.trc, got"),
 ]
 
 

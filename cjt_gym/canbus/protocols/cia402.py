@@ -134,6 +134,16 @@ class Cia402Master:
         beat = [self._heartbeat()] if next(self._count) % self._beat_every == 0 else []
         return [*self._process(Controlword.ENABLE, torque), *beat]
 
+    def commanded(self, frame: Message) -> float | None:
+        """Return the target torque of the RPDO; zero where its controlword takes it away."""
+        if not is_plain(frame, RPDO.cob_id + self.settings.node):
+            return None
+        values = self._rpdo.decode(frame.data)
+        if int(values["Controlword"]) & 0x0F != Controlword.ENABLE:
+            return 0.0
+        torque = values["Target torque"] * self._rated_torque / 1e3
+        return self.settings.scaling.torque(torque)
+
     def poll(self) -> Sequence[Message]:
         """Return the RPDO that keeps the voltage off, SYNC and the heartbeat."""
         return self._frames(Controlword.DISABLE_VOLTAGE)

@@ -6,7 +6,7 @@ here talks to a list of frames in place of a bus.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import tau
 from typing import Any, Final, cast
@@ -44,6 +44,25 @@ CODES: Final = {
 }
 VOLTAGE_AND_REMOTE: Final = 0x210
 OPERATIONAL: Final = "OPERATIONAL"
+RPDOS: Final = tuple(pdo for pdo in PDOS if pdo.to_drive)
+TPDOS: Final = tuple(pdo for pdo in PDOS if not pdo.to_drive)
+
+
+@dataclass(frozen=True)
+class _Setting:
+    """How a PDO is set up.
+
+    Attributes:
+        identifier: With bit 31 where it is off.
+        kind: Transmission type.
+        time: Its event timer [s].
+        objects: Index, subindex and bytes of what it carries.
+    """
+
+    identifier: int
+    kind: int
+    time: float
+    objects: Sequence[tuple[int, int, int]]
 
 
 @dataclass
@@ -111,6 +130,9 @@ class Cia402Firmware:
         self._syncs = 0
         self._timers: dict[str, float] = {}
         self._reported: Fault | None = None
+        self._operation = 0
+        self._watched = 0
+        self._set: dict[str, _Setting] = {}
 
     @property
     def mode(self) -> Mode:
@@ -125,7 +147,7 @@ class Cia402Firmware:
     @property
     def torque(self) -> float:
         """Motor torque [N m, link side]; none in other modes of operation."""
-        return self.stage.torque if self._value(0x6060) == CST else 0.0
+        return self.stage.torque if self._operation == CST else 0.0
 
     def boot(self, now: float) -> Sequence[Message]:
         """Start, with the boot-up message, to pre-operational."""
@@ -153,7 +175,7 @@ class Cia402Firmware:
                 self.stage.fail(Fault.WATCHDOG)
         elif identifier == 0x600 + self.settings.node and len(data) == 8:
             self._network.notify(identifier, data, now)
-        elif identifier == HEARTBEAT + (self._value(0x1016, 1) >> 16 & 0x7F):
+        elif identifier == HEARTBEAT + self._watched:
             self.stage.feed(now)
         elif self._operational:
             self._take(identifier, data)
@@ -170,9 +192,8 @@ class Cia402Firmware:
                 self._node.emcy.send(CODES[self.fault], 1)
             else:
                 self._node.emcy.reset()
-        for pdo in PDOS:
-            if not pdo.to_drive and self._timed(pdo, now):
-                self._send(pdo)
+        for pdo in TPDOS:
+            self._send_timed(pdo, now)
         return self._outbox.take()
 
     def fail(self, fault: Fault) -> None:
@@ -202,7 +223,7 @@ class Cia402Firmware:
             case 0x6041, 0:
                 return self._statusword()
             case 0x6061, 0:
-                return self._value(0x6060)
+                return self._operation
             case 0x6064, 0:
                 angle = scaling.drive_angle(channels.get("q_m", 0.0)) / tau
                 return _limited(angle * options["increments"], 32)
@@ -233,8 +254,12 @@ class Cia402Firmware:
         elif (index, subindex) == (0x6071, 0):
             rated = self.settings.options["rated_torque"]
             self.stage.demand(self.settings.scaling.torque(value * rated / 1e3))
+        elif (index, subindex) == (0x6060, 0):
+            self._operation = value
         elif (index, subindex) == (0x1016, 1):
-            self.stage.watchdog = (value & 0xFFFF) / 1e3
+            self._watched, self.stage.watchdog = value >> 16 & 0x7F, (value & 0xFFFF) / 1e3
+        elif 0x1400 <= index < 0x1C00:
+            self._set.clear()
 
     def _control(self, word: int) -> None:
         """Step the finite state automaton of the profile."""
@@ -264,45 +289,52 @@ class Cia402Firmware:
         state = {Mode.ENABLED: State.ENABLED, Mode.FAULT: State.FAULT}.get(self.mode, self._state)
         return state | VOLTAGE_AND_REMOTE
 
+    def _setting(self, pdo: Pdo) -> _Setting:
+        """Return how a PDO is set up now."""
+        if pdo.name not in self._set:
+            entries = [
+                self._value(pdo.mapping, at)
+                for at in range(1, min(self._value(pdo.mapping), 4) + 1)
+            ]
+            self._set[pdo.name] = _Setting(
+                identifier=self._value(pdo.parameters, 1),
+                kind=self._value(pdo.parameters, 2),
+                time=self._value(pdo.parameters, 5) / 1e3,
+                objects=[(each >> 16, each >> 8 & 0xFF, (each & 0xFF) // 8) for each in entries],
+            )
+        return self._set[pdo.name]
+
     def _sync(self) -> None:
         self._syncs += 1
-        for pdo in PDOS:
-            kind = self._value(pdo.parameters, 2)
-            if not pdo.to_drive and 1 <= kind <= 240 and self._syncs % kind == 0:
-                self._send(pdo)
+        for pdo in TPDOS:
+            setting = self._setting(pdo)
+            if 1 <= setting.kind <= 240 and self._syncs % setting.kind == 0:
+                self._send(setting)
 
-    def _timed(self, pdo: Pdo, now: float) -> bool:
-        """Return whether a PDO of its own time is due."""
-        time = self._value(pdo.parameters, 5) / 1e3
-        if self._value(pdo.parameters, 2) < 254 or not time:
-            return False
-        if now < self._timers.setdefault(pdo.name, now + time):
-            return False
-        self._timers[pdo.name] = now + time
-        return True
+    def _send_timed(self, pdo: Pdo, now: float) -> None:
+        """Send a PDO of its own time if it is due."""
+        setting = self._setting(pdo)
+        if setting.kind < 254 or not setting.time:
+            return
+        if now >= self._timers.setdefault(pdo.name, now + setting.time):
+            self._timers[pdo.name] = now + setting.time
+            self._send(setting)
 
-    def _mapped(self, pdo: Pdo) -> Iterator[tuple[int, int, int]]:
-        """Return index, subindex and bytes of the objects that a PDO carries now."""
-        for at in range(1, min(self._value(pdo.mapping), 4) + 1):
-            entry = self._value(pdo.mapping, at)
-            yield entry >> 16, entry >> 8 & 0xFF, (entry & 0xFF) // 8
-
-    def _send(self, pdo: Pdo) -> None:
-        identifier = self._value(pdo.parameters, 1)
-        if identifier >> 31 or not self._operational:
+    def _send(self, setting: _Setting) -> None:
+        if setting.identifier >> 31 or not self._operational:
             return
         try:
-            data = b"".join(self._node.get_data(index, sub) for index, sub, _ in self._mapped(pdo))
+            data = b"".join(self._node.get_data(index, sub) for index, sub, _ in setting.objects)
         except SdoAbortedError:
             return
         if len(data) <= 8:
-            self._outbox.send(frame_of(identifier & 0x7FF, data))
+            self._outbox.send(frame_of(setting.identifier & 0x7FF, data))
 
     def _take(self, identifier: int, data: bytearray) -> None:
-        for pdo in PDOS:
-            if pdo.to_drive and self._value(pdo.parameters, 1) == identifier:
+        for setting in map(self._setting, RPDOS):
+            if setting.identifier == identifier:
                 at = 0
-                for index, sub, size in self._mapped(pdo):
+                for index, sub, size in setting.objects:
                     try:
                         self._node.set_data(index, sub, bytes(data[at : at + size]))
                     except SdoAbortedError:

@@ -259,6 +259,17 @@ class Master(Protocol):
         """
         ...
 
+    def commanded(self, frame: Message) -> float | None:
+        """Return the motor torque that a frame of a master commands [N m, link side].
+
+        None for a frame that is no command to this drive. It is what :meth:`command` would have
+        been given, whatever the drive makes of it.
+
+        Raises:
+            ProtocolError: The frame is a command and breaks the protocol.
+        """
+        ...
+
     def poll(self) -> Sequence[Message]:
         """Return the frames that ask for a report without commanding, if it has to be asked."""
         ...

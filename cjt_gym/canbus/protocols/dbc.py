@@ -100,7 +100,7 @@ class _Codec:
         message = self.by_frame.get((frame.arbitration_id, frame.is_extended_id))
         if message is None or message.name not in names:
             return None
-        if frame.is_remote_frame or frame.is_error_frame:
+        if frame.is_remote_frame or frame.is_error_frame or frame.is_fd != message.is_fd:
             return None
         try:
             return message.name, message.decode(bytes(frame.data), **AS_NUMBERS)  # type: ignore[return-value]
@@ -167,6 +167,16 @@ class DbcMaster:
     def command(self, tau_m: float) -> Sequence[Message]:
         """Return the frames with torque and the signals of `enabled`; none for a sensor."""
         return self._send("enabled", tau_m)
+
+    def commanded(self, frame: Message) -> float | None:
+        """Return the torque in the commanding message."""
+        if self._mapping.command is None:
+            return None
+        (message, signal), column = self._mapping.command
+        found = self._codec.decode(frame, (message,))
+        if found is None or signal not in found[1]:
+            return None
+        return self._per_unit * column.gain * (found[1][signal] - column.offset)
 
     def poll(self) -> Sequence[Message]:
         """Return the frames with zero torque and the signals of `disabled`; none for a sensor."""

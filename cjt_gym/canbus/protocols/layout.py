@@ -147,20 +147,27 @@ class Layout:
                 ends.append(bits)
         return -(-ends[-1] // 8)
 
+    @cached_property
+    def _places(self) -> tuple[tuple[Field, int], ...]:
+        """Fields that are not reserved, and where the lowest bit of each is in the number."""
+        places, bits = [], 0
+        for each in self.fields:
+            at = bits if self.order == "little" else self.size * 8 - bits - each.bits
+            bits += each.bits
+            if each.name:
+                places.append((each, at))
+        return tuple(places)
+
     def encode(self, values: Mapping[str, float]) -> bytes:
         """Return the data that holds the values; what is not given is zero.
 
         Raises:
             ProtocolError: A value does not fit its field.
         """
-        number = shift = 0
-        size = self.size
-        for each in self.fields:
-            bits = each.to_bits(values.get(each.name, 0.0)) if each.name else 0
-            at = shift if self.order == "little" else size * 8 - shift - each.bits
-            number |= bits << at
-            shift += each.bits
-        return number.to_bytes(size, self.order)
+        number = 0
+        for each, at in self._places:
+            number |= each.to_bits(values.get(each.name, 0.0)) << at
+        return number.to_bytes(self.size, self.order)
 
     def decode(self, data: bytes | bytearray) -> dict[str, float]:
         """Return the values that the data holds; bytes behind the last field are not read.
@@ -171,10 +178,8 @@ class Layout:
         size, least = self.size, self.least
         if len(data) < least:
             raise ProtocolError(f"The frame must have {least} bytes of data, got {len(data)}.")
-        number, shift, values = int.from_bytes(data[:size].ljust(size, b"\0"), self.order), 0, {}
-        for each in self.fields:
-            at = shift if self.order == "little" else size * 8 - shift - each.bits
-            if each.name:
-                values[each.name] = each.from_bits(number >> at & (1 << each.bits) - 1)
-            shift += each.bits
-        return values
+        number = int.from_bytes(data[:size].ljust(size, b"\0"), self.order)
+        return {
+            each.name: each.from_bits(number >> at & (1 << each.bits) - 1)
+            for each, at in self._places
+        }

@@ -136,6 +136,7 @@ class MitMaster:
         ranges = _ranges(settings)
         self._command = command_layout(ranges)
         self._reply = reply_layout(ranges, settings.options["reply_bytes"])
+        self._ends = {each.name: each.range for each in self._reply.fields}
         self._reply_id: int = settings.options["reply_id"]
         names = ("q_m", "dq_m", "tau_m", "temperature")
         self.channels = frozenset(names[: len(self._reply.fields) - 1])
@@ -162,6 +163,14 @@ class MitMaster:
         """Return the one frame, with both gains zero."""
         torque = self.settings.scaling.drive_torque(tau_m)
         return [self._frame(self._command.encode({"torque": torque}))]
+
+    def commanded(self, frame: Message) -> float | None:
+        """Return the torque of a command; a mode is none."""
+        if not is_plain(frame, self.settings.node) or len(frame.data) != self._command.size:
+            return None
+        if bytes(frame.data) in (ENTER, EXIT, ZERO):
+            return None
+        return self.settings.scaling.torque(self._command.decode(frame.data)["torque"])
 
     def poll(self) -> Sequence[Message]:
         """Return the frame that switches off, which is answered and harmless."""
@@ -197,7 +206,7 @@ class MitMaster:
 
     def _within(self, name: str, values: Mapping[str, float]) -> float:
         """Return a value, NaN at the ends of its range, where a drive shows what is beyond."""
-        low, high = next(each.range for each in self._reply.fields if each.name == name)
+        low, high = self._ends[name]
         return values[name] if low < values[name] < high else nan
 
     def _frame(self, data: bytes) -> Message:

@@ -40,6 +40,7 @@ from cjt_gym.canbus.protocols.moteus_registers import (
     STEPS,
     WRITE,
     Subframe,
+    field_of,
     pad,
     read,
     subframe,
@@ -87,6 +88,22 @@ class MoteusMaster:
         source: int = settings.options["source"]
         self._to_drive = ANSWER | source << 8 | settings.node
         self._from_drive = settings.node << 8 | source
+        self._gains = (
+            subframe(WRITE, INT8, 0x000, [POSITION])
+            + subframe(WRITE, FLOAT, 0x020, [nan, 0.0])
+            + subframe(WRITE, INT8, 0x023, [0.0, 0.0])
+            + subframe(WRITE, FLOAT, 0x027, [settings.watchdog])
+            + subframe(WRITE, INT8, 0x02B, [0.0])
+        )
+        scaling = settings.scaling
+        self._convert: Mapping[int, tuple[str, Callable[[float], float]]] = {
+            0x001: ("q_m", lambda turns: scaling.angle(turns * tau)),
+            0x002: ("dq_m", lambda turns: scaling.rate(turns * tau)),
+            0x003: ("tau_m", scaling.torque),
+            0x004: ("i", lambda current: scaling.sign * current),
+            0x00D: ("v_bus", float),
+            0x00E: ("temperature", float),
+        }
 
     def configure(self) -> Sequence[Step]:
         """Return the one step that looks whether the drive answers; the rest is in each command."""
@@ -106,14 +123,19 @@ class MoteusMaster:
         torque = self.settings.scaling.drive_torque(tau_m)
         if isnan(torque):
             raise ProtocolError(f"Feedforward torque must be a finite number, got {torque}.")
-        data = (
-            subframe(WRITE, INT8, 0x000, [POSITION])
-            + subframe(WRITE, FLOAT, 0x020, [nan, 0.0, torque])
-            + subframe(WRITE, INT8, 0x023, [0.0, 0.0])
-            + subframe(WRITE, FLOAT, 0x027, [self.settings.watchdog])
-            + subframe(WRITE, INT8, 0x02B, [0.0])
-        )
-        return [self._frame(data + STATE)]
+        return [self._frame(self._gains + subframe(WRITE, FLOAT, 0x022, [torque]) + STATE)]
+
+    def commanded(self, frame: Message) -> float | None:
+        """Return the feedforward torque that is written."""
+        if frame.is_error_frame or not frame.is_fd:
+            return None
+        if frame.arbitration_id & 0x7FFF != self._to_drive & 0x7FFF:
+            return None
+        written = {each.number: each.value for each in read(frame.data) if each.kind == "write"}
+        if 0x000 not in written:
+            return None
+        torque = written.get(0x022, 0.0) if written[0x000] == POSITION else 0.0
+        return self.settings.scaling.torque(torque)
 
     def poll(self) -> Sequence[Message]:
         """Return the frame that asks for the state."""
@@ -128,24 +150,15 @@ class MoteusMaster:
         values = self._read(frame)
         if not values:
             return None
-        scaling = self.settings.scaling
-        convert: Mapping[int, tuple[str, Callable[[float], float]]] = {
-            0x001: ("q_m", lambda turns: scaling.angle(turns * tau)),
-            0x002: ("dq_m", lambda turns: scaling.rate(turns * tau)),
-            0x003: ("tau_m", scaling.torque),
-            0x004: ("i", lambda current: scaling.sign * current),
-            0x00D: ("v_bus", float),
-            0x00E: ("temperature", float),
-        }
         channels = {
             name: to_link(values[number])
-            for number, (name, to_link) in convert.items()
+            for number, (name, to_link) in self._convert.items()
             if number in values
         }
         return _with_mode(channels, values)
 
     def _read(self, frame: Message) -> Mapping[int, float]:
-        if frame.is_error_frame or frame.is_remote_frame:
+        if frame.is_error_frame or not frame.is_fd:
             return {}
         if frame.arbitration_id != self._from_drive:
             return {}
@@ -286,7 +299,7 @@ class MoteusFirmware:
             return bytes([READ_ERROR, *subframe(ASK, INT8, asked.number, 1)[1:], 1])
         value = self._seen(asked.number)
         if asked.type != FLOAT:
-            low, high = register.field(asked.type).range
+            low, high = field_of(asked.number, asked.type).range
             value = min(max(value, low + STEPS[register.quantity][1][asked.type]), high)
         return subframe(REPLY, asked.type, asked.number, [value])
 

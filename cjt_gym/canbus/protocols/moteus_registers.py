@@ -13,13 +13,25 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from math import isnan, nan
-from typing import Final, Literal
+from typing import Final, Literal, NamedTuple
 
 from cjt_gym.canbus.protocols.layout import Field
 from cjt_gym.errors import ProtocolError
 
-__all__ = ["FLOAT", "INT8", "INT16", "INT32", "REGISTERS", "Subframe", "pad", "read", "subframe"]
+__all__ = [
+    "FLOAT",
+    "INT8",
+    "INT16",
+    "INT32",
+    "REGISTERS",
+    "Subframe",
+    "field_of",
+    "pad",
+    "read",
+    "subframe",
+]
 
 INT8, INT16, INT32, FLOAT = range(4)
 """Types of registers, as the subframes number them."""
@@ -133,8 +145,7 @@ LENGTHS: Final = (*range(9), 12, 16, 20, 24, 32, 48, 64)
 """Numbers of bytes that a CAN FD frame can have."""
 
 
-@dataclass(frozen=True)
-class Subframe:
+class Subframe(NamedTuple):
     """What a subframe says of one register.
 
     Attributes:
@@ -167,9 +178,7 @@ def subframe(base: int, kind: int, first: int, values: Sequence[float] | int) ->
     data = (
         b""
         if isinstance(values, int)
-        else b"".join(
-            _packed(REGISTERS[first + at], kind, value) for at, value in enumerate(values)
-        )
+        else b"".join(_packed(first + at, kind, value) for at, value in enumerate(values))
     )
     return head + _varuint(first) + data
 
@@ -219,15 +228,21 @@ def pad(data: bytes) -> bytes:
     return data.ljust(next(size for size in LENGTHS if size >= len(data)), bytes([NOTHING]))
 
 
-def _packed(register: MoteusRegister, kind: int, value: float) -> bytes:
-    if kind == FLOAT:
-        if not isnan(value):
-            register.field(kind).to_bits(value)
-        return struct.pack("<f", value)
+@cache
+def field_of(number: int, kind: int) -> Field:
+    """Return a register as a value of one type."""
+    return REGISTERS[number].field(kind)
+
+
+def _packed(number: int, kind: int, value: float) -> bytes:
     size = SIZES[kind]
     if isnan(value):
-        return (1 << 8 * size - 1).to_bytes(size, "little")
-    return register.field(kind).to_bits(value).to_bytes(size, "little")
+        return (
+            struct.pack("<f", nan)
+            if kind == FLOAT
+            else (1 << 8 * size - 1).to_bytes(size, "little")
+        )
+    return field_of(number, kind).to_bits(value).to_bytes(size, "little")
 
 
 def _unpacked(number: int, kind: int, data: bytes | bytearray, at: int) -> float:

@@ -16,7 +16,15 @@ from dataclasses import dataclass
 from math import inf, tau
 from typing import Final
 
-from cjt_gym.canbus.protocols.contract import Message, Mode, Settings, Step, Update, frame_of
+from cjt_gym.canbus.protocols.contract import (
+    Message,
+    Mode,
+    Settings,
+    Step,
+    Update,
+    frame_of,
+    is_plain,
+)
 from cjt_gym.canbus.protocols.layout import Field, Layout, nothing
 from cjt_gym.errors import ProtocolError
 
@@ -265,6 +273,13 @@ class OdriveMaster:
         """Return the torque, and what asks for reports where the drive does not send by itself."""
         torque = self.settings.scaling.drive_torque(tau_m)
         return [self._frame("Set_Input_Torque", Input_Torque=torque), *self.poll()]
+
+    def commanded(self, frame: Message) -> float | None:
+        """Return the torque of `Set_Input_Torque`."""
+        if not is_plain(frame, self._id("Set_Input_Torque")):
+            return None
+        values = MESSAGES["Set_Input_Torque"].layout.decode(frame.data)
+        return self.settings.scaling.torque(values["Input_Torque"])
 
     def poll(self) -> Sequence[Message]:
         """Return the remote frames that ask for reports; none where it sends by itself."""

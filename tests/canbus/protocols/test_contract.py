@@ -156,8 +156,11 @@ def test_torques_over_the_whole_range_arrive(name: str, share: float) -> None:
     line = Line(settings_for(name), name)
     line.start()
     high = min(line.master.torque_range[1], 1e4)
-    line.send(line.master.command(share * high))
+    frames = line.master.command(share * high)
+    line.send(frames)
     assert line.firmware.torque == pytest.approx(share * high, abs=2e-3 * high)
+    (read,) = [each for frame in frames if (each := line.master.commanded(frame)) is not None]
+    assert read == pytest.approx(share * high, abs=2e-3 * high)
 
 
 @every_protocol
@@ -201,6 +204,8 @@ def test_random_frames_bring_values_or_one_clear_error(name: str) -> None:
         with suppress(ProtocolError):
             update = line.master.decode(frame)
             assert update is None or set(update.channels) <= line.master.channels
+        with suppress(ProtocolError):
+            line.master.commanded(frame)
         for answer in line.firmware.receive(frame, line.now):
             assert isinstance(answer, Message)
         line.firmware.update(line.joint, line.now)

@@ -43,8 +43,13 @@ def master(**drive: Any) -> Master:
     return PROTOCOLS["dbc"].master(settings_of(PROTOCOLS["dbc"], drive))
 
 
+TORQUE, ANGLE = 0x10000300, 0x10000301
+
+
 def frame(identifier: int, octets: str) -> Message:
-    return Message(arbitration_id=identifier, is_extended_id=False, data=bytes.fromhex(octets))
+    return Message(
+        arbitration_id=identifier, is_extended_id=identifier > 0x7FF, data=bytes.fromhex(octets)
+    )
 
 
 def test_a_command_by_hand() -> None:
@@ -67,14 +72,14 @@ def test_a_sensor_is_heard_and_never_commanded() -> None:
     assert sensor.channels == {"tau"}
     assert sensor.periods == {"tau": pytest.approx(1e-3)}
     assert not [*sensor.command(3.0), *sensor.poll(), *sensor.disable(), *sensor.enable()]
-    update = sensor.decode(frame(768, "00 00 80 bf 00 07"))
+    update = sensor.decode(frame(TORQUE, "00 00 80 bf 00 07"))
     assert update is not None
     assert (update.channels, update.error) == ({"tau": -1.0}, 0)
 
 
 def test_sensors_of_different_nodes_do_not_hear_each_other() -> None:
-    torque = frame(768, "00 00 80 bf 00 07")
-    angle = frame(769, "00 00 80 3f 00 00 00 00")
+    torque = frame(TORQUE, "00 00 80 bf 00 07")
+    angle = frame(ANGLE, "00 00 80 3f 00 00 00 00")
     assert master(file="torque_sensor").decode(angle) is None
     assert master(file="load_encoder").decode(torque) is None
     update = master(file="load_encoder").decode(angle)
