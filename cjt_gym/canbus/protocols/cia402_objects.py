@@ -118,7 +118,9 @@ OBJECTS: Final = {
         _object(0x1000, 0, "Device type", "u32", "", "const", 0x00020192, "low half 402"),
         _object(0x1001, 0, "Error register", "u8"),
         _object(0x1016, 0, "Heartbeats that are watched", "u8", "", "const", 1),
-        _object(0x1016, 1, "Heartbeat that is watched", "u32", "", "rw", 0, "node << 16 | ms"),
+        _object(
+            0x1016, 1, "Heartbeat that is watched", "u32", "", "rw", 0, "node times 65536, plus ms"
+        ),
         _object(0x1017, 0, "Producer heartbeat time", "u16", "ms", "rw", 0),
         _object(0x1018, 0, "Identity", "u8", "", "const", 1),
         _object(0x1018, 1, "Vendor", "u32", "", "const", 0),

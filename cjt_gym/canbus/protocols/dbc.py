@@ -353,6 +353,10 @@ DBC: Final = DriveProtocol(
     name="dbc",
     title="Any DBC file with a mapping",
     side="motor",
+    before=(
+        "Find out which signals enable the drive, and whether it stops by itself where commands "
+        "fail to come. Where it does not, do not use it without a person at the switch."
+    ),
     fd=False,
     nodes=(0, 0x1FFFFFFF),
     options={

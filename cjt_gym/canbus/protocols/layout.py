@@ -33,7 +33,7 @@ class Field:
         offset: Value where the raw number is zero.
         unit: Unit of the value; empty for a plain number.
         text: What it is, in a few words.
-        names: Names of raw numbers or of bits, where they have names.
+        names: Names of raw numbers, or of their bits.
     """
 
     name: str

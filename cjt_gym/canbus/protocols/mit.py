@@ -333,6 +333,12 @@ MIT: Final = DriveProtocol(
     name="mit",
     title="MIT mini cheetah, CubeMars AK series",
     side="output",
+    before=(
+        "Calibrate the motor; set its CAN identifier, the MIT mode, and its CAN timeout, which is "
+        "the only watchdog there is. Without a timeout it keeps the last torque. Angle and "
+        "velocity at the ends of their ranges are taken for unknown, so set the zero such that "
+        "the joint stays within."
+    ),
     fd=False,
     nodes=(1, 255),
     options={

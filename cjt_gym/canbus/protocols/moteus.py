@@ -352,6 +352,11 @@ MOTEUS: Final = DriveProtocol(
     name="moteus",
     title="moteus registers over CAN FD",
     side="output",
+    before=(
+        "Calibrate the motor; set `id.id`, `motor_position.rotor_to_output_ratio` and "
+        "`servo.timeout_mode` 0, so that it stops where commands fail to come. The watchdog's time "
+        "goes with each command."
+    ),
     fd=True,
     nodes=(1, 126),
     options={"source": Option(0, "address of the master", tuple(range(127)))},

@@ -207,6 +207,13 @@ ODRIVE: Final = DriveProtocol(
     name="odrive",
     title="ODrive CANSimple",
     side="motor",
+    before=(
+        "Calibrate the motor; set `can.node_id` and the baud rate; set `config.enable_watchdog` "
+        'and `config.watchdog_timeout`, or give their endpoints below. With `reports = "cyclic"` '
+        "set the cycles of encoder and current to `cycle_ms`, and those of temperature and supply "
+        "to 100 ms. Angles and torques are those of the motor's shaft; its torque constant is the "
+        "drive's."
+    ),
     fd=False,
     nodes=(0, 62),
     options={

@@ -60,6 +60,7 @@ class DriveProtocol:
         title: What it is, in words.
         side: Which shaft its angles and torques belong to: that of the motor or of the gear's
             output.
+        before: What has to be set in the drive before, with the maker's own tools.
         fd: Whether it needs CAN FD.
         nodes: Lowest and highest address of a drive.
         options: What only this protocol knows.
@@ -74,6 +75,7 @@ class DriveProtocol:
     name: str
     title: str
     side: Literal["motor", "output"]
+    before: str
     fd: bool
     nodes: tuple[int, int]
     master: Callable[[Settings], Master]

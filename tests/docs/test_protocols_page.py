@@ -1,0 +1,53 @@
+"""The page of protocols is what their tables say."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("canopen")
+ROOT = Path(__file__).parents[2]
+sys.path.append(str(ROOT))  # tools are not installed
+
+from cjt_gym.canbus.protocols import PROTOCOLS  # noqa: E402
+from tools import protocols_page  # noqa: E402
+
+
+def test_the_committed_page_is_what_the_tables_say(capsys: pytest.CaptureFixture[str]) -> None:
+    assert protocols_page.main(["--check"]) == 0, capsys.readouterr().err
+
+
+def test_the_check_notices_a_changed_page(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(protocols_page, "PAGE", tmp_path / "protocols.md")
+    assert protocols_page.main([]) == 0
+    assert protocols_page.main(["--check"]) == 0
+    (tmp_path / "protocols.md").write_text("other", encoding="utf-8")
+    assert protocols_page.main(["--check"]) == 1
+    assert "differs: python -m tools.protocols_page" in capsys.readouterr().err
+
+
+def test_every_option_and_every_register_is_there() -> None:
+    page = protocols_page.page()
+    for row in PROTOCOLS.values():
+        for option in row.options:
+            assert f"| `{option}` |" in page
+        for register in row.registers():
+            assert register.name in page
+            for field in register.fields:
+                assert field.name in page
+
+
+def test_tables_have_as_many_cells_as_their_heads() -> None:
+    width = 0
+    for line in protocols_page.page().splitlines():
+        if not line.startswith("|"):
+            width = 0
+            continue
+        cells = len(re.findall(r"(?<!\\)\|", line))
+        width = width or cells
+        assert cells == width, line
