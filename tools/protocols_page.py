@@ -47,7 +47,7 @@ side of it everything is SI and on the link side, as in records. Nodes report th
 none. "Peers": what the frames are compared with, besides the makers' documents.
 """
 PEERS = {
-    "mit": "the conversion that the manual prints",
+    "mit": "`mini-cheetah-motor-driver-socketcan`, a client by DFKI",
     "odrive": "the maker's DBC file",
     "moteus": "`moteus`, the maker's client",
     "cia402": "`canopen`: its node and its client of the profile",

@@ -6,6 +6,7 @@ here talks to a list of frames in place of a bus.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import tau
@@ -30,6 +31,9 @@ from cjt_gym.canbus.protocols.row import DriveProtocol, Option, Register
 from cjt_gym.errors import ConfigurationError
 
 __all__ = ["CIA402", "Cia402Firmware"]
+
+# What the library makes of damaged requests goes to who listens, not to the terminal.
+logging.getLogger("canopen").addHandler(logging.NullHandler())
 
 CODES: Final = {
     Fault.WATCHDOG: 0x8130,

@@ -58,6 +58,7 @@ STATE: Final = (
 )
 """Asks for position, velocity, torque, current; mode; voltage, temperature, fault."""
 BROADCAST: Final = 0x7F
+LARGEST: Final = 3.4e38
 ANSWER: Final = 0x8000
 CODES: Final = {
     Fault.OVER_TEMPERATURE: 38,
@@ -298,6 +299,7 @@ class MoteusFirmware:
         if register is None:
             return bytes([READ_ERROR, *subframe(ASK, INT8, asked.number, 1)[1:], 1])
         value = self._seen(asked.number)
+        value = value if abs(value) < LARGEST else nan
         if asked.type != FLOAT:
             low, high = field_of(asked.number, asked.type).range
             value = min(max(value, low + STEPS[register.quantity][1][asked.type]), high)

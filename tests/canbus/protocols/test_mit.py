@@ -1,9 +1,16 @@
 """MIT mini-cheetah frames against the makers' documents."""
 
+import struct
+from typing import Any
+
 import pytest
 from can import Message
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from motor_driver import canmotorlib
 
 from cjt_gym.canbus.protocols import PROTOCOLS, settings_of
+from cjt_gym.canbus.protocols.contract import Mode
 from cjt_gym.canbus.protocols.mit import MODELS, MitFirmware, MitMaster, command_layout
 from cjt_gym.errors import ConfigurationError, ProtocolError
 
@@ -113,3 +120,68 @@ def test_ranges_of_another_model() -> None:
         master(model="AK1")
     with pytest.raises(ProtocolError, match=r"torque must lie in \[-18, 18\] N m, got 19 N m"):
         master().command(19.0)
+
+
+class Wire:
+    """What the client of others takes for a socket: a drive of ours at its end."""
+
+    def __init__(self, ranges: list[float]) -> None:
+        drive = {"node": 1, "ranges": ranges, "reply_bytes": 6}
+        self.firmware = MitFirmware(settings_of(PROTOCOLS["mit"], drive))
+        self.firmware.boot(0.0)
+        self.heard: list[Message] = []
+        self.answers: list[Message] = []
+
+    def send(self, packed: bytes) -> None:
+        identifier, _, data = struct.unpack("=IB3x8s", packed)
+        self.heard.append(Message(arbitration_id=identifier, is_extended_id=False, data=data))
+        self.answers += self.firmware.receive(self.heard[-1], 0.0)
+
+    def recvfrom(self, size: int) -> tuple[bytes, None]:
+        frame = self.answers.pop(0)
+        return struct.pack("=IB3x6s", frame.arbitration_id, frame.dlc, bytes(frame.data)), None
+
+
+@pytest.fixture(name="client")
+def _client(monkeypatch: pytest.MonkeyPatch) -> tuple[Any, Wire]:
+    """An independent client of the protocol, from the Underactuated Lab of DFKI."""
+    wire = Wire([12.5, 25.64, 18.0])
+    monkeypatch.setattr(canmotorlib, "set_zero_sleep", 0.0)
+    monkeypatch.setattr(canmotorlib, "dt_sleep", 0.0)
+    monkeypatch.setattr(canmotorlib.CanMotorController, "can_socket_declared", True)
+    monkeypatch.setattr(canmotorlib.CanMotorController, "motor_socket", wire)
+    return canmotorlib.CanMotorController("can0", 1, "AK80_9_V2"), wire
+
+
+def test_another_client_switches_our_drive_on_and_off(client: tuple[Any, Wire]) -> None:
+    controller, wire = client
+    controller.enable_motor()
+    assert wire.firmware.mode is Mode.ENABLED
+    controller.disable_motor()
+    assert wire.firmware.mode is Mode.DISABLED
+
+
+@given(
+    torque=st.floats(-18.0, 18.0),
+    kp=st.floats(0.0, 500.0),
+    kd=st.floats(0.0, 5.0),
+    q=st.floats(-12.0, 12.0),
+    dq=st.floats(-25.0, 25.0),
+)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=100)
+def test_another_client_and_our_drive_agree(
+    client: tuple[Any, Wire], torque: float, kp: float, kd: float, q: float, dq: float
+) -> None:
+    controller, wire = client
+    controller.enable_motor()
+    wire.firmware.update({"q_m": q, "dq_m": dq, "tau_m": torque}, 0.0)
+    zero = wire.firmware._zero
+    shown = controller.send_rad_command(q - zero, dq, kp, kd, torque)
+    if abs(q - zero) < 12.4:
+        assert shown[0] == pytest.approx(q - zero, abs=25.0 / 65535)
+    assert shown[1] == pytest.approx(dq, abs=51.28 / 4095)
+    assert shown[2] == pytest.approx(torque, abs=36.0 / 4095)
+    told = command_layout((12.5, 25.64, 18.0)).decode(wire.heard[-1].data)
+    assert told["kp"] == pytest.approx(kp, abs=500.0 / 4095)
+    assert told["kd"] == pytest.approx(kd, abs=5.0 / 4095)
+    assert told["torque"] == pytest.approx(torque, abs=36.0 / 4095)
