@@ -43,8 +43,36 @@ side of it everything is SI and on the link side, as in records. Nodes report th
 |---|---|---|---|---|---|---|
 {overview}
 
+Sensors that are nodes of their own stand under `[sensors.NAME]`, each with its protocol; those that
+a DBC file describes need no more than
+
+```toml
+[sensors.torque]
+protocol = "dbc"
+file = "torque_sensor"
+```
+
 "A command enables": the drive switches on by any command, so that it is only kept off by sending
 none. "Peers": what the frames are compared with, besides the makers' documents.
+
+## Traces
+
+What was recorded on a bus, by candump (`.log`) or as `.asc`, `.blf` or `.trc`, becomes records:
+
+```python
+from cjt_gym.canbus.protocols import PROTOCOLS, settings_of
+from cjt_gym.canbus.traces import read_trace
+
+drive, sensor = PROTOCOLS["odrive"], PROTOCOLS["dbc"]
+nodes = [
+    (drive, settings_of(drive, {{"node": 1}}, n=100.0)),
+    (sensor, settings_of(sensor, {{"file": "torque_sensor"}})),
+]
+records, repairs = read_trace("run.log", nodes, joint="orange_100_6000")
+```
+
+Commands become `tau_cmd`. With a DBC file of the bus beside the trace and a mapping, `read_log` and
+`cjt-gym diagnose` read a trace like any other log: [records.md](records.md).
 """
 PEERS = {
     "mit": "`mini-cheetah-motor-driver-socketcan`, a client by DFKI",

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
+import struct
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -51,3 +53,22 @@ def test_tables_have_as_many_cells_as_their_heads() -> None:
         cells = len(re.findall(r"(?<!\\)\|", line))
         width = width or cells
         assert cells == width, line
+
+
+def test_the_example_of_a_trace_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (script,) = re.findall(r"```python\n(.*?)```", protocols_page.page(), flags=re.S)
+    frames = []
+    for k in range(300):
+        stamp = 1.7e9 + 2e-3 * k
+        frames += [
+            f"({stamp:.6f}) can0 02E#{struct.pack('<ff', 0.01 * (k % 7), 0.0).hex()}",
+            f"({stamp + 3e-4:.6f}) can0 029#{struct.pack('<ff', 0.001 * k, 0.5).hex()}",
+            f"({stamp + 5e-4:.6f}) can0 10000300#{struct.pack('<fH', 0.02 * (k % 9), 0).hex()}",
+        ]
+    (tmp_path / "run.log").write_text("\n".join(frames) + "\n", encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    made: dict[str, Any] = {}
+    exec(script, made)
+    (record,) = made["records"]
+    assert {"t", "tau_cmd", "q_m", "dq_m", "tau"} <= set(record.columns)
+    assert record["tau_cmd"][3] == pytest.approx(0.03 * 100.0)

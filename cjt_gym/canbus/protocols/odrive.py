@@ -5,8 +5,10 @@ floats, in revolutions of the motor. What a drive sends it sends in its own cycl
 a remote frame; the heartbeat always comes. Commands are not answered, but feed the watchdog of the
 drive, which may expire while the axis is idle, too: clear the errors just before enabling.
 
+Boards of the older firmware 0.5 differ in their errors and show no temperature: option `firmware`.
+
 References:
-    ODrive Robotics, CAN Protocol, and ``odrive-cansimple.dbc`` of firmware 0.6.10.
+    ODrive Robotics, CAN Protocol, and ``odrive-cansimple.dbc`` of firmwares 0.6.10 and 0.5.6.
 """
 
 from __future__ import annotations
@@ -77,6 +79,21 @@ ERRORS: Final = {
     0x10000000: "thermistor disconnected",
     0x40000000: "calibration error",
 }
+ERRORS_05: Final = {
+    0x1: "invalid state",
+    0x40: "motor failed",
+    0x80: "sensorless estimator failed",
+    0x100: "encoder failed",
+    0x200: "controller failed",
+    0x800: "watchdog expired",
+    0x1000: "lower end switch pressed",
+    0x2000: "upper end switch pressed",
+    0x4000: "emergency stop requested",
+    0x20000: "homing without end switch",
+    0x40000: "too hot",
+    0x80000: "unknown position",
+}
+"""Bits of the axis error in firmware 0.5."""
 TORQUE_CONTROL: Final = 1
 PASSTHROUGH: Final = 1
 WRITE, READ = 1, 0
@@ -203,16 +220,23 @@ MESSAGES: Final = {
     )
 }
 """The messages of CANSimple that are used here, by their names."""
-REPORTS: Final = {row.command: row for row in MESSAGES.values() if not row.to_drive}
+IN_05: Final = ("Heartbeat", "Get_Encoder_Estimates", "Get_Iq", "Get_Bus_Voltage_Current")
+"""The reports that firmware 0.5 has, too; others have another meaning there."""
 FAST: Final = ("Get_Encoder_Estimates", "Get_Iq")
 SLOW: Final = ("Get_Temperature", "Get_Bus_Voltage_Current")
 SLOW_PERIOD: Final = 0.1
 """Time between two reports of what changes slowly [s]."""
 
 
-def error_text(error: int) -> str:
+def reports_of(firmware: str) -> dict[int, OdriveMessage]:
+    """Return what a drive of this firmware sends, by commands."""
+    rows = (row for row in MESSAGES.values() if not row.to_drive)
+    return {row.command: row for row in rows if firmware != "0.5" or row.name in IN_05}
+
+
+def error_text(error: int, errors: Mapping[int, str] = ERRORS) -> str:
     """Return the bits of an error in words."""
-    return ", ".join(text for bit, text in ERRORS.items() if error & bit) or f"error {error:#x}"
+    return ", ".join(text for bit, text in errors.items() if error & bit) or f"error {error:#x}"
 
 
 class OdriveMaster:
@@ -220,11 +244,15 @@ class OdriveMaster:
 
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
-        self.channels = frozenset({"q_m", "dq_m", "i", "temperature", "v_bus"})
+        self._reports = reports_of(settings.options["firmware"])
+        self._errors = ERRORS_05 if settings.options["firmware"] == "0.5" else ERRORS
+        self._slow = [row.name for row in self._reports.values() if row.name in SLOW]
+        hot = {"temperature"} if "Get_Temperature" in self._slow else set()
+        self.channels = frozenset({"q_m", "dq_m", "i", "v_bus"} | hot)
         self.torque_range = (-inf, inf)
         ask = settings.options["reports"] == "ask"
         fast = settings.period if ask else settings.options["cycle_ms"] * 1e-3
-        slow = dict.fromkeys(("temperature", "v_bus"), SLOW_PERIOD)
+        slow = dict.fromkeys({"v_bus"} | hot, SLOW_PERIOD)
         self.periods = dict.fromkeys(self.channels, fast) | slow
         self._ask = ask
         self._every = max(1, round(SLOW_PERIOD / settings.period))
@@ -285,7 +313,7 @@ class OdriveMaster:
         """Return the remote frames that ask for reports; none where it sends by itself."""
         if not self._ask:
             return []
-        slow = SLOW if self._count % self._every == 0 else ()
+        slow = self._slow if self._count % self._every == 0 else ()
         self._count += 1
         return [self._request(name) for name in (*FAST, *slow)]
 
@@ -301,16 +329,24 @@ class OdriveMaster:
         if frame.is_extended_id or frame.is_remote_frame or frame.is_error_frame:
             return None
         node, command = divmod(frame.arbitration_id, 32)
-        row = REPORTS.get(command)
+        row = self._reports.get(command)
         if node != self.settings.node or row is None:
             return None
         values = row.layout.decode(frame.data)
         if row.name == "Heartbeat":
-            return _from_heartbeat(int(values["Axis_Error"]), int(values["Axis_State"]))
+            return self._heartbeat(int(values["Axis_Error"]), int(values["Axis_State"]))
         if row.name == "Get_Error":
             error = int(values["Active_Errors"]) | int(values["Disarm_Reason"])
-            return Update(error=error, text=error_text(error) if error else "")
+            return Update(error=error, text=error_text(error, self._errors) if error else "")
         return Update(self._channels(row.name, values))
+
+    def _heartbeat(self, error: int, state: int) -> Update:
+        if error:
+            return Update(mode=Mode.FAULT, error=error, text=error_text(error, self._errors))
+        if state == State.CLOSED_LOOP:
+            return Update(mode=Mode.ENABLED, error=0)
+        booting = state in (State.UNDEFINED, State.STARTUP)
+        return Update(mode=Mode.BOOTING if booting else Mode.DISABLED, error=0)
 
     def _channels(self, name: str, values: Mapping[str, float]) -> Mapping[str, float]:
         scaling = self.settings.scaling
@@ -332,7 +368,8 @@ class OdriveMaster:
     def _running(self, error: int, state: int) -> bool:
         if error:
             raise ProtocolError(
-                f"ODrive {self.settings.node} refuses closed loop control: {error_text(error)}."
+                f"ODrive {self.settings.node} refuses closed loop control: "
+                f"{error_text(error, self._errors)}."
             )
         return state == State.CLOSED_LOOP
 
@@ -371,12 +408,3 @@ class OdriveMaster:
 
     def _request(self, name: str) -> Message:
         return frame_of(self._id(name), remote=True)
-
-
-def _from_heartbeat(error: int, state: int) -> Update:
-    if error:
-        return Update(mode=Mode.FAULT, error=error, text=error_text(error))
-    if state == State.CLOSED_LOOP:
-        return Update(mode=Mode.ENABLED, error=0)
-    booting = state in (State.UNDEFINED, State.STARTUP)
-    return Update(mode=Mode.BOOTING if booting else Mode.DISABLED, error=0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from math import tau
-from typing import Final
+from typing import Any, Final
 
 from cjt_gym.canbus.protocols.contract import (
     NO_CHANNELS,
@@ -24,10 +24,11 @@ from cjt_gym.canbus.protocols.odrive import (
     WRITE,
     OdriveMaster,
     State,
+    reports_of,
 )
 from cjt_gym.canbus.protocols.power_stage import PowerStage
 from cjt_gym.canbus.protocols.row import DriveProtocol, Option, Register
-from cjt_gym.errors import ProtocolError
+from cjt_gym.errors import ConfigurationError, ProtocolError
 
 __all__ = ["ODRIVE", "OdriveFirmware"]
 
@@ -43,7 +44,18 @@ CODES: Final = {
     Fault.STOPPED: 0x2000000,
     Fault.OTHER: 0x2,
 }
-BY_COMMAND: Final = {row.command: row for row in MESSAGES.values()}
+CODES_05: Final = {
+    Fault.WATCHDOG: 0x800,
+    Fault.OVER_TEMPERATURE: 0x40000,
+    Fault.OVER_CURRENT: 0x40,
+    Fault.OVER_VOLTAGE: 0x40,
+    Fault.UNDER_VOLTAGE: 0x40,
+    Fault.OVER_SPEED: 0x200,
+    Fault.ENCODER: 0x100,
+    Fault.STOPPED: 0x4000,
+    Fault.OTHER: 0x1,
+}
+COMMANDS: Final = {row.command: row for row in MESSAGES.values() if row.to_drive}
 
 
 class OdriveFirmware:
@@ -56,6 +68,8 @@ class OdriveFirmware:
         self._channels: Mapping[str, float] = NO_CHANNELS
         self._due: dict[str, float] = {}
         options = settings.options
+        self._codes = CODES_05 if options["firmware"] == "0.5" else CODES
+        self._known = reports_of(options["firmware"]) | COMMANDS
         self._endpoints = {
             options["watchdog_timeout_endpoint"]: "time",
             options["enable_watchdog_endpoint"]: "switch",
@@ -63,7 +77,8 @@ class OdriveFirmware:
         self._periods = {"Heartbeat": HEARTBEAT_PERIOD}
         if options["reports"] == "cyclic":
             self._periods |= dict.fromkeys(FAST, options["cycle_ms"] * 1e-3)
-            self._periods |= dict.fromkeys(SLOW, SLOW_PERIOD)
+            known = {row.name for row in self._known.values()}
+            self._periods |= {name: SLOW_PERIOD for name in SLOW if name in known}
 
     @property
     def mode(self) -> Mode:
@@ -90,7 +105,7 @@ class OdriveFirmware:
     def receive(self, frame: Message, now: float) -> Sequence[Message]:
         """Take a message for this axis; answer where it asks."""
         node, command = divmod(frame.arbitration_id, 32)
-        row = BY_COMMAND.get(command)
+        row = self._known.get(command)
         if frame.is_extended_id or frame.is_error_frame or row is None:
             return []
         if node != self.settings.node:
@@ -160,7 +175,7 @@ class OdriveFirmware:
 
     def _report(self, name: str) -> Message:
         scaling, channels = self.settings.scaling, self._channels
-        code = CODES[self.fault] if self.fault else 0
+        code = self._codes[self.fault] if self.fault else 0
         match name:
             case "Heartbeat":
                 on = self.mode is Mode.ENABLED
@@ -190,6 +205,15 @@ class OdriveFirmware:
         return frame_of(self.settings.node << 5 | row.command, row.layout.encode(values))
 
 
+def _check(options: Mapping[str, Any]) -> None:
+    endpoints = options["watchdog_timeout_endpoint"] or options["enable_watchdog_endpoint"]
+    if options["firmware"] == "0.5" and endpoints:
+        raise ConfigurationError(
+            "Endpoints must be 0 with firmware 0.5, which does not have them on CAN. Set the "
+            "watchdog with odrivetool."
+        )
+
+
 def _registers() -> Sequence[Register]:
     return [
         Register(
@@ -217,6 +241,7 @@ ODRIVE: Final = DriveProtocol(
     fd=False,
     nodes=(0, 62),
     options={
+        "firmware": Option("0.6", "of the drive", ("0.6", "0.5")),
         "reports": Option(
             "ask", "asked for in every period, or sent by the drive in its cycle", ("ask", "cyclic")
         ),
@@ -228,6 +253,7 @@ ODRIVE: Final = DriveProtocol(
             0, "endpoint of axis0.config.enable_watchdog in this firmware; 0: not set from here"
         ),
     },
+    check=_check,
     master=OdriveMaster,
     firmware=OdriveFirmware,
     registers=_registers,

@@ -12,16 +12,16 @@ from hypothesis import strategies as st
 
 from cjt_gym.canbus.protocols import PROTOCOLS, settings_of
 from cjt_gym.canbus.protocols.contract import Fault, Mode
-from cjt_gym.canbus.protocols.odrive import MESSAGES, OdriveMaster
+from cjt_gym.canbus.protocols.odrive import ERRORS, ERRORS_05, IN_05, MESSAGES, OdriveMaster
 from cjt_gym.canbus.protocols.odrive_firmware import OdriveFirmware
-from cjt_gym.errors import ProtocolError
+from cjt_gym.errors import ConfigurationError, ProtocolError
 from tests.canbus.protocols.line import Line, settings_for
 
 
 @cache
-def published() -> Any:
+def published(firmware: str = "0.6.10") -> Any:
     folder = files("odrive_can") / "dbc"
-    return cantools.database.load_file(str(folder / "odrive-cansimple-0.6.10.dbc"))
+    return cantools.database.load_file(str(folder / f"odrive-cansimple-{firmware}.dbc"))
 
 
 def message_of(name: str, axis: int = 0) -> Any:
@@ -153,3 +153,38 @@ def test_emergency_stop() -> None:
     line.start()
     line.send([Message(arbitration_id=3 << 5 | 2, is_extended_id=False)])
     assert line.firmware.fault is Fault.STOPPED
+
+
+def test_firmware_05_by_its_dbc() -> None:
+    older = {message.name: message for message in published("0.5.6").messages}
+    sent = [row for row in MESSAGES.values() if row.to_drive and row.name not in ("RxSdo", "Estop")]
+    for row in (*sent, *(MESSAGES[name] for name in IN_05)):
+        theirs = older[f"Axis0_{row.name}"]
+        assert theirs.frame_id == row.command
+        signals = {signal.name: signal for signal in theirs.signals}
+        shift = 0
+        for field in row.layout.fields:
+            if field.name in signals and field.name != "Trajectory_Done_Flag":
+                assert (signals[field.name].start, signals[field.name].length) == (
+                    shift,
+                    field.bits,
+                )
+            shift += field.bits
+    choices = older["Axis0_Heartbeat"].get_signal_by_name("Axis_Error").choices
+    assert set(ERRORS_05) == set(choices) - {0}
+    newer = message_of("Heartbeat").get_signal_by_name("Axis_Error").choices
+    assert set(ERRORS) == set(newer) - {0}
+
+
+def test_a_drive_of_firmware_05() -> None:
+    line = Line(settings_for("odrive", firmware="0.5"), "odrive")
+    line.start()
+    line.show({"q_m": 0.2, "v_bus": 24.0, "temperature": 55.0})
+    line.pass_time(0.2, lambda: line.master.command(0.5))
+    assert line.firmware.torque == pytest.approx(0.5)
+    assert set(line.channels) == line.master.channels == {"q_m", "dq_m", "i", "v_bus"}
+    line.firmware.fail(Fault.WATCHDOG)
+    line.pass_time(0.2, line.master.poll)
+    assert (line.mode, line.error) == (Mode.FAULT, 0x800)
+    with pytest.raises(ConfigurationError, match="Endpoints must be 0 with firmware 0.5"):
+        settings_for("odrive", firmware="0.5", enable_watchdog_endpoint=12)
