@@ -6,9 +6,9 @@
 from typing import Final
 
 from cjt_gym.canbus.protocols.cia402_firmware import CIA402
-from cjt_gym.canbus.protocols.dbc import DBC
-from cjt_gym.canbus.protocols.mit import MIT
-from cjt_gym.canbus.protocols.moteus import MOTEUS
+from cjt_gym.canbus.protocols.dbc_firmware import DBC
+from cjt_gym.canbus.protocols.mit_firmware import MIT
+from cjt_gym.canbus.protocols.moteus_firmware import MOTEUS
 from cjt_gym.canbus.protocols.odrive_firmware import ODRIVE
 from cjt_gym.canbus.protocols.row import DriveProtocol, settings_of
 from cjt_gym.errors import unknown_name

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import tau
 from typing import Any, Final, cast
 
@@ -26,6 +26,7 @@ from cjt_gym.canbus.protocols.cia402_objects import (
     object_dictionary,
 )
 from cjt_gym.canbus.protocols.contract import NO_CHANNELS, Fault, Mode, Settings, frame_of
+from cjt_gym.canbus.protocols.outbox import Outbox
 from cjt_gym.canbus.protocols.power_stage import PowerStage
 from cjt_gym.canbus.protocols.row import DriveProtocol, Option, Register
 from cjt_gym.errors import ConfigurationError
@@ -69,48 +70,6 @@ class _Setting:
     objects: Sequence[tuple[int, int, int]]
 
 
-@dataclass
-class _Cycle:
-    """A frame that `canopen` wants sent periodically."""
-
-    frame: Message
-    period: float
-    due: float
-    on: bool = True
-
-    def stop(self) -> None:
-        self.on = False
-
-    def modify_data(self, frame: Message) -> None:
-        self.frame = frame
-
-
-@dataclass
-class _Outbox:
-    """What `canopen` takes for a bus: frames wait here until the firmware hands them out."""
-
-    now: float = 0.0
-    waiting: list[Message] = field(default_factory=list)
-    cycles: list[_Cycle] = field(default_factory=list)
-
-    def send(self, frame: Message) -> None:
-        self.waiting.append(frame)
-
-    def send_periodic(self, frame: Message, period: float) -> _Cycle:
-        self.cycles.append(_Cycle(frame, period, self.now + period))
-        return self.cycles[-1]
-
-    def take(self) -> list[Message]:
-        """Return what waits, with what is due by now."""
-        self.cycles = [cycle for cycle in self.cycles if cycle.on]
-        for cycle in self.cycles:
-            if self.now >= cycle.due:
-                cycle.due = max(cycle.due + cycle.period, self.now)
-                self.waiting.append(cycle.frame)
-        taken, self.waiting = self.waiting, []
-        return taken
-
-
 class Cia402Firmware:
     """Answers as a drive does; see :class:`~cjt_gym.canbus.protocols.contract.Firmware`."""
 
@@ -118,7 +77,7 @@ class Cia402Firmware:
         self.settings = settings
         self.stage = PowerStage(settings.limits, 0.0)
         self._channels: Mapping[str, float] = NO_CHANNELS
-        self._outbox = _Outbox()
+        self._outbox = Outbox()
         self._start()
 
     def _start(self) -> None:

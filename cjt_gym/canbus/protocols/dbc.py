@@ -15,8 +15,6 @@ from typing import Any, Final
 import cantools
 
 from cjt_gym.canbus.protocols.contract import (
-    NO_CHANNELS,
-    Fault,
     Message,
     Mode,
     Settings,
@@ -25,17 +23,20 @@ from cjt_gym.canbus.protocols.contract import (
     frame_of,
 )
 from cjt_gym.canbus.protocols.dbc_mapping import DbcMapping, Signal, load_dbc_mapping
-from cjt_gym.canbus.protocols.power_stage import PowerStage
-from cjt_gym.canbus.protocols.row import DriveProtocol, Option, Register
 from cjt_gym.errors import ConfigurationError, ProtocolError
 
-__all__ = ["DBC", "DbcFirmware", "DbcMaster"]
+__all__ = ["Codec", "DbcMaster", "mapping_of", "range_of", "torque_of_command"]
 
-DamagedFrame: Final = (cantools.Error, ValueError, KeyError, OverflowError)
+DAMAGED: Final = (cantools.Error, ValueError, KeyError, OverflowError)
 AS_NUMBERS: Final = {"decode_choices": False}
 
 
-def _mapping_of(settings: Settings) -> DbcMapping:
+def mapping_of(settings: Settings) -> DbcMapping:
+    """Return the mapping that the settings name.
+
+    Raises:
+        ConfigurationError: It is not valid, or a torque constant is needed and not given.
+    """
     mapping = load_dbc_mapping(settings.options["file"], settings.scaling.gear_ratio)
     if mapping.is_current and settings.scaling.torque_constant is None:
         raise ConfigurationError(
@@ -45,14 +46,14 @@ def _mapping_of(settings: Settings) -> DbcMapping:
     return mapping
 
 
-def _torque_of_command(mapping: DbcMapping, settings: Settings) -> float:
+def torque_of_command(mapping: DbcMapping, settings: Settings) -> float:
     """Return the link-side motor torque of one unit of the commanded column."""
     if not mapping.is_current:
         return 1.0
     return (settings.scaling.torque_constant or 0.0) * settings.scaling.gear_ratio
 
 
-def _range_of(signal: Any) -> tuple[float, float]:
+def range_of(signal: Any) -> tuple[float, float]:
     """Return the values that a signal can carry, from its bits and its declared range."""
     if signal.is_float:
         low, high = -inf, inf
@@ -65,7 +66,7 @@ def _range_of(signal: Any) -> tuple[float, float]:
     return least, most
 
 
-class _Codec:
+class Codec:
     """Frames of a DBC file's messages, by name and by identifier."""
 
     def __init__(self, mapping: DbcMapping) -> None:
@@ -87,7 +88,7 @@ class _Codec:
         message = self.messages[name]
         try:
             data = message.encode({**self.defaults[name], **values}, strict=True)
-        except DamagedFrame as error:
+        except DAMAGED as error:
             raise ProtocolError(f"{name} cannot be sent: {error}.") from error
         return frame_of(
             message.frame_id, data, extended=message.is_extended_frame, fd=message.is_fd
@@ -104,21 +105,14 @@ class _Codec:
             return None
         try:
             return message.name, message.decode(bytes(frame.data), **AS_NUMBERS)  # type: ignore[return-value]
-        except DamagedFrame as error:
+        except DAMAGED as error:
             raise ProtocolError(f"{message.name} breaks its DBC file: {error}.") from error
 
 
 def _default(signal: Any) -> float:
-    low, high = _range_of(signal)
+    low, high = range_of(signal)
     start = signal.initial if isinstance(signal.initial, int | float) else 0.0
     return float(min(max(start, low), high))
-
-
-def _by_message(signals: Iterable[Signal]) -> dict[str, list[str]]:
-    made: dict[str, list[str]] = defaultdict(list)
-    for message, signal in signals:
-        made[message].append(signal)
-    return made
 
 
 class DbcMaster:
@@ -126,11 +120,11 @@ class DbcMaster:
 
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
-        self._mapping = mapping = _mapping_of(settings)
-        self._codec = _Codec(mapping)
+        self._mapping = mapping = mapping_of(settings)
+        self._codec = Codec(mapping)
         self._heard = {where[0] for where, _ in mapping.channels.values()}
         self._heard |= {where[0] for where in (mapping.state, mapping.error) if where}
-        self._per_unit = _torque_of_command(mapping, settings)
+        self._per_unit = torque_of_command(mapping, settings)
         self.channels = frozenset(mapping.channels)
         self.periods = {
             name: mapping.cycles.get(where[0], settings.period)
@@ -141,7 +135,7 @@ class DbcMaster:
             where, column = mapping.command
             ends = [
                 self._per_unit * column.gain * (end - column.offset)
-                for end in _range_of(self._codec.signal(where))
+                for end in range_of(self._codec.signal(where))
             ]
             self.torque_range = (min(ends), max(ends))
 
@@ -239,133 +233,3 @@ def _of(where: Signal | None, message: str, values: Mapping[str, float]) -> int 
     if where is None or where[0] != message or where[1] not in values:
         return None
     return int(values[where[1]])
-
-
-class DbcFirmware:
-    """Answers as the mapping's node would; see the contract's `Firmware`."""
-
-    def __init__(self, settings: Settings) -> None:
-        self.settings = settings
-        self.stage = PowerStage(settings.limits, settings.watchdog)
-        self._mapping = mapping = _mapping_of(settings)
-        self._codec = _Codec(mapping)
-        self._per_unit = _torque_of_command(mapping, settings)
-        reported = [where for where, _ in mapping.channels.values()]
-        reported += [where for where in (mapping.state, mapping.error) if where]
-        self._reports = _by_message(reported)
-        commands = [where for phase in mapping.phases.values() for where in phase]
-        commands += [mapping.command[0]] if mapping.command else []
-        self._commands = _by_message(commands)
-        self._told: dict[Signal, float] = {}
-        self._channels: Mapping[str, float] = NO_CHANNELS
-        self._due: dict[str, float] = {}
-
-    @property
-    def mode(self) -> Mode:
-        """What it is doing."""
-        return self.stage.mode
-
-    @property
-    def fault(self) -> Fault | None:
-        """Why it stopped by itself."""
-        return self.stage.fault
-
-    @property
-    def torque(self) -> float:
-        """Motor torque [N m, link side]."""
-        return self.stage.torque
-
-    def boot(self, now: float) -> Sequence[Message]:
-        """Start, with all of its reports."""
-        self.stage.boot()
-        self._told = {}
-        self._due = {name: now + self._period(name) for name in self._reports}
-        return [self._report(name) for name in self._reports]
-
-    def receive(self, frame: Message, now: float) -> Sequence[Message]:
-        """Take a command; it is not answered."""
-        try:
-            found = self._codec.decode(frame, self._commands)
-        except ProtocolError:
-            return []
-        if found is None:
-            return []
-        message, values = found
-        self._told |= {(message, signal): value for signal, value in values.items()}
-        self._obey(now)
-        if self._mapping.command and self._mapping.command[0][0] == message:
-            where, column = self._mapping.command
-            self.stage.feed(now)
-            told = self._per_unit * column.gain * (self._told[where] - column.offset)
-            self.stage.demand(told)
-        return []
-
-    def update(self, channels: Mapping[str, float], now: float) -> Sequence[Message]:
-        """Take the joint's values; return the reports that are due."""
-        self._channels = channels
-        self.stage.supervise(channels, now)
-        sent = []
-        for name, due in self._due.items():
-            if now >= due:
-                self._due[name] = max(due + self._period(name), now)
-                sent.append(self._report(name))
-        return sent
-
-    def fail(self, fault: Fault) -> None:
-        """Fault now."""
-        self.stage.fail(fault)
-
-    def _period(self, message: str) -> float:
-        return self._mapping.cycles.get(message, self.settings.period)
-
-    def _obey(self, now: float) -> None:
-        if self._in_phase("clear"):
-            self.stage.clear()
-        if self._in_phase("enabled") or not self._mapping.phases["enabled"]:
-            self.stage.enable(now)
-        elif self._in_phase("disabled"):
-            self.stage.disable()
-
-    def _in_phase(self, phase: str) -> bool:
-        wanted = self._mapping.phases[phase]
-        return bool(wanted) and all(self._told.get(key) == value for key, value in wanted.items())
-
-    def _report(self, message: str) -> Message:
-        values: dict[str, float] = {}
-        for name, ((where, signal), column) in self._mapping.channels.items():
-            if where == message:
-                shown = self._channels.get(name, 0.0) / column.gain + column.offset
-                low, high = _range_of(self._codec.signal((where, signal)))
-                values[signal] = min(max(shown, low), high)
-        if self._mapping.state and self._mapping.state[0] == message:
-            values[self._mapping.state[1]] = self._mapping.modes.get(self.mode, (0,))[0]
-        if self._mapping.error and self._mapping.error[0] == message:
-            code = list(Fault).index(self.fault) + 2 if self.fault else 0
-            values[self._mapping.error[1]] = code
-        return self._codec.encode(message, values)
-
-
-def _registers() -> Sequence[Register]:
-    return []
-
-
-DBC: Final = DriveProtocol(
-    name="dbc",
-    title="Any DBC file with a mapping",
-    side="motor",
-    before=(
-        "Find out which signals enable the drive, and whether it stops by itself where commands "
-        "fail to come. Where it does not, do not use it without a person at the switch."
-    ),
-    fd=False,
-    nodes=(0, 0x1FFFFFFF),
-    options={
-        "file": Option(
-            "joint_sensor", "the mapping, or the name of one that comes with the package"
-        )
-    },
-    master=DbcMaster,
-    firmware=DbcFirmware,
-    registers=_registers,
-    command_enables=True,
-)

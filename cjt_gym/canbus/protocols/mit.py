@@ -16,12 +16,10 @@ References:
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import inf, nan
-from typing import Any, Final
+from math import nan
+from typing import Final
 
 from cjt_gym.canbus.protocols.contract import (
-    NO_CHANNELS,
-    Fault,
     Message,
     Mode,
     Settings,
@@ -31,11 +29,9 @@ from cjt_gym.canbus.protocols.contract import (
     is_plain,
 )
 from cjt_gym.canbus.protocols.layout import Field, Layout
-from cjt_gym.canbus.protocols.power_stage import PowerStage
-from cjt_gym.canbus.protocols.row import DriveProtocol, Option, Register
-from cjt_gym.errors import ConfigurationError, ProtocolError
+from cjt_gym.errors import ProtocolError
 
-__all__ = ["MIT", "MODELS", "MitFirmware", "MitMaster", "command_layout", "reply_layout"]
+__all__ = ["MODELS", "MitMaster", "command_layout", "ranges_of", "reply_layout"]
 
 MODELS: Final = {
     "AK10-9": (12.5, 50.0, 65.0),
@@ -63,17 +59,7 @@ ERRORS: Final = {
     5: "encoder failed",
     6: "phase currents unequal, or another fault",
 }
-CODES: Final = {
-    Fault.OVER_TEMPERATURE: 1,
-    Fault.OVER_CURRENT: 2,
-    Fault.OVER_VOLTAGE: 3,
-    Fault.UNDER_VOLTAGE: 4,
-    Fault.ENCODER: 5,
-}
-OTHER: Final = 6
 ENTER, EXIT, ZERO = (bytes([*[0xFF] * 7, last]) for last in (0xFC, 0xFD, 0xFE))
-AMBIENT: Final = 25.0
-"""Temperature that is shown where none is handed in [degC]."""
 SHORT_REPLY: Final = 6
 """Bytes of a reply of the older firmwares, without temperature and error."""
 
@@ -111,21 +97,12 @@ def reply_layout(ranges: tuple[float, float, float], size: int = 8) -> Layout:
     return Layout(fields if size != SHORT_REPLY else fields[:4], "big")
 
 
-def _ranges(settings: Settings) -> tuple[float, float, float]:
+def ranges_of(settings: Settings) -> tuple[float, float, float]:
+    """Return the ends of the ranges of angle [rad], velocity [rad/s] and torque [N m]."""
     if given := settings.options["ranges"]:
         position, velocity, torque = given
         return float(position), float(velocity), float(torque)
     return MODELS[settings.options["model"]]
-
-
-def _check(options: Mapping[str, Any]) -> None:
-    ranges = options["ranges"]
-    numbers = all(isinstance(end, int | float) and 0 < end < inf for end in ranges)
-    if ranges and not (len(ranges) == 3 and numbers):
-        raise ConfigurationError(
-            "ranges must be the three ends of the ranges of angle [rad], velocity [rad/s] and "
-            f"torque [N m], each > 0, got {ranges!r}."
-        )
 
 
 class MitMaster:
@@ -133,7 +110,7 @@ class MitMaster:
 
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
-        ranges = _ranges(settings)
+        ranges = ranges_of(settings)
         self._command = command_layout(ranges)
         self._reply = reply_layout(ranges, settings.options["reply_bytes"])
         self._ends = {each.name: each.range for each in self._reply.fields}
@@ -217,138 +194,3 @@ class MitMaster:
 
     def _heard(self, frame: Message) -> bool:
         return self.decode(frame) is not None
-
-
-class MitFirmware:
-    """Answers as a drive does; see :class:`~cjt_gym.canbus.protocols.contract.Firmware`."""
-
-    def __init__(self, settings: Settings) -> None:
-        self.settings = settings
-        self.stage = PowerStage(settings.limits, settings.watchdog, forgiving=True)
-        ranges = _ranges(settings)
-        self._layout = command_layout(ranges)
-        self._answer = reply_layout(ranges, settings.options["reply_bytes"])
-        self._told: Mapping[str, float] = NO_CHANNELS
-        self._channels: Mapping[str, float] = NO_CHANNELS
-        self._zero = 0.0
-
-    @property
-    def mode(self) -> Mode:
-        """What it is doing."""
-        return self.stage.mode
-
-    @property
-    def fault(self) -> Fault | None:
-        """Why it stopped by itself."""
-        return self.stage.fault
-
-    @property
-    def torque(self) -> float:
-        """Motor torque [N m, link side]."""
-        return self.stage.torque
-
-    def boot(self, now: float) -> Sequence[Message]:
-        """Start; it says nothing."""
-        self._told = NO_CHANNELS
-        self.stage.boot()
-        return []
-
-    def receive(self, frame: Message, now: float) -> Sequence[Message]:
-        """Take a command or a mode; both are answered."""
-        if not is_plain(frame, self.settings.node) or frame.dlc != 8:
-            return []
-        data = bytes(frame.data)
-        if data == ENTER:
-            self.stage.enable(now)
-        elif data == EXIT:
-            self._told = NO_CHANNELS
-            self.stage.disable()
-            self.stage.clear()
-        elif data == ZERO:
-            self._zero += self._seen()[0]
-        else:
-            self._told = self._layout.decode(data)
-            self.stage.feed(now)
-            self._act()
-        return [self._reply()]
-
-    def update(self, channels: Mapping[str, float], now: float) -> Sequence[Message]:
-        """Take the joint's values; it reports only when asked."""
-        self._channels = channels
-        self._act()
-        self.stage.supervise(channels, now)
-        return []
-
-    def fail(self, fault: Fault) -> None:
-        """Fault now."""
-        self.stage.fail(fault)
-
-    def _seen(self) -> tuple[float, float]:
-        scaling, channels = self.settings.scaling, self._channels
-        return (
-            scaling.drive_angle(channels.get("q_m", 0.0)) - self._zero,
-            scaling.drive_rate(channels.get("dq_m", 0.0)),
-        )
-
-    def _act(self) -> None:
-        if told := self._told:
-            position, velocity = self._seen()
-            torque = (
-                told["kp"] * (told["position"] - position)
-                + told["kd"] * (told["velocity"] - velocity)
-                + told["torque"]
-            )
-            self.stage.demand(self.settings.scaling.torque(torque))
-
-    def _reply(self) -> Message:
-        position, velocity = self._seen()
-        tau_m = self._channels.get("tau_m", self.torque)
-        shown = {
-            "id": self.settings.node,
-            "position": position,
-            "velocity": velocity,
-            "torque": self.settings.scaling.drive_torque(tau_m),
-            "temperature": self._channels.get("temperature", AMBIENT),
-            "error": CODES.get(self.fault, OTHER) if self.fault else 0,
-        }
-        clipped = {
-            each.name: min(max(shown[each.name], each.range[0]), each.range[1])
-            for each in self._answer.fields
-        }
-        return frame_of(self.settings.options["reply_id"], self._answer.encode(clipped))
-
-
-def _registers() -> Sequence[Register]:
-    ranges = MODELS["AK80-9"]
-    return [
-        Register("node", "to drive", "command", command_layout(ranges).fields),
-        Register("node", "to drive", "enter motor mode", (), ENTER.hex(" ")),
-        Register("node", "to drive", "exit motor mode", (), EXIT.hex(" ")),
-        Register("node", "to drive", "set zero; never sent", (), ZERO.hex(" ")),
-        Register("reply_id", "from drive", "reply", reply_layout(ranges).fields),
-    ]
-
-
-MIT: Final = DriveProtocol(
-    name="mit",
-    title="MIT mini cheetah, CubeMars AK series",
-    side="output",
-    before=(
-        "Calibrate the motor; set its CAN identifier, the MIT mode, and its CAN timeout, which is "
-        "the only watchdog there is. Without a timeout it keeps the last torque. Angle and "
-        "velocity at the ends of their ranges are taken for unknown, so set the zero such that "
-        "the joint stays within."
-    ),
-    fd=False,
-    nodes=(1, 255),
-    options={
-        "model": Option("AK80-9", "the drive's model, which sets the ranges", tuple(MODELS)),
-        "ranges": Option((), "ends of the ranges of angle, velocity, torque, instead of a model"),
-        "reply_id": Option(0, "identifier of the replies: that of the master"),
-        "reply_bytes": Option(8, "bytes of a reply: 6 for firmwares without temperature", (6, 8)),
-    },
-    check=_check,
-    master=MitMaster,
-    firmware=MitFirmware,
-    registers=_registers,
-)

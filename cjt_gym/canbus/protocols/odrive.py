@@ -1,4 +1,4 @@
-"""ODrive CANSimple: the master's side, and the table of its messages.
+"""ODrive CANSimple: the master's side.
 
 An identifier of 11 bits is the node times 32 plus a command. Values are little-endian integers and
 floats, in revolutions of the motor. What a drive sends it sends in its own cycle or when asked with
@@ -14,9 +14,7 @@ References:
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from math import inf, tau
-from typing import Final
 
 from cjt_gym.canbus.protocols.contract import (
     Message,
@@ -27,216 +25,24 @@ from cjt_gym.canbus.protocols.contract import (
     frame_of,
     is_plain,
 )
-from cjt_gym.canbus.protocols.layout import Field, Layout, nothing
+from cjt_gym.canbus.protocols.odrive_messages import (
+    ERRORS,
+    ERRORS_05,
+    FAST,
+    MESSAGES,
+    PASSTHROUGH,
+    READ,
+    SLOW,
+    SLOW_PERIOD,
+    TORQUE_CONTROL,
+    WRITE,
+    State,
+    error_text,
+    reports_of,
+)
 from cjt_gym.errors import ProtocolError
 
-__all__ = ["MESSAGES", "OdriveMaster", "OdriveMessage", "State"]
-
-
-class State:
-    """Numbers of the axis states that matter here."""
-
-    UNDEFINED: Final = 0
-    IDLE: Final = 1
-    STARTUP: Final = 2
-    CLOSED_LOOP: Final = 8
-
-
-STATES: Final = {
-    0: "undefined",
-    1: "idle",
-    2: "startup sequence",
-    3: "full calibration",
-    4: "motor calibration",
-    6: "encoder index search",
-    7: "encoder offset calibration",
-    8: "closed loop control",
-    9: "lock-in spin",
-    10: "encoder direction search",
-    11: "homing",
-}
-ERRORS: Final = {
-    0x1: "initializing",
-    0x2: "system level",
-    0x4: "timing error",
-    0x8: "missing estimate",
-    0x10: "bad configuration",
-    0x20: "gate driver fault",
-    0x40: "missing input",
-    0x100: "supply voltage too high",
-    0x200: "supply voltage too low",
-    0x400: "too much supply current",
-    0x800: "too much regenerated current",
-    0x1000: "current limit violated",
-    0x2000: "motor too hot",
-    0x4000: "inverter too hot",
-    0x8000: "velocity limit violated",
-    0x10000: "position limit violated",
-    0x1000000: "watchdog expired",
-    0x2000000: "emergency stop requested",
-    0x4000000: "spin-out detected",
-    0x8000000: "brake resistor disarmed",
-    0x10000000: "thermistor disconnected",
-    0x40000000: "calibration error",
-}
-ERRORS_05: Final = {
-    0x1: "invalid state",
-    0x40: "motor failed",
-    0x80: "sensorless estimator failed",
-    0x100: "encoder failed",
-    0x200: "controller failed",
-    0x800: "watchdog expired",
-    0x1000: "lower end switch pressed",
-    0x2000: "upper end switch pressed",
-    0x4000: "emergency stop requested",
-    0x20000: "homing without end switch",
-    0x40000: "too hot",
-    0x80000: "unknown position",
-}
-"""Bits of the axis error in firmware 0.5."""
-TORQUE_CONTROL: Final = 1
-PASSTHROUGH: Final = 1
-WRITE, READ = 1, 0
-
-
-@dataclass(frozen=True)
-class OdriveMessage:
-    """A message of CANSimple.
-
-    Attributes:
-        command: Low five bits of the identifier.
-        name: Its name in the maker's document.
-        to_drive: Whether the master sends it.
-        layout: What it holds.
-        text: More to know about it.
-    """
-
-    command: int
-    name: str
-    to_drive: bool
-    layout: Layout
-    text: str = ""
-
-
-def _f32(name: str, unit: str, text: str = "") -> Field:
-    return Field(name, 32, "float", unit=unit, text=text)
-
-
-def _message(
-    command: int, name: str, to_drive: bool, *fields: Field, text: str = ""
-) -> OdriveMessage:
-    return OdriveMessage(command, name, to_drive, Layout(fields), text)
-
-
-MESSAGES: Final = {
-    row.name: row
-    for row in (
-        _message(
-            0x01,
-            "Heartbeat",
-            False,
-            Field("Axis_Error", 32, names=ERRORS),
-            Field("Axis_State", 8, names=STATES),
-            Field("Procedure_Result", 8, text="0 success, 1 busy"),
-            Field("Trajectory_Done_Flag", 1),
-            nothing(15),
-            text="in its own cycle",
-        ),
-        _message(0x02, "Estop", True, text="stops with an error; not sent, but obeyed"),
-        _message(
-            0x03,
-            "Get_Error",
-            False,
-            Field("Active_Errors", 32, names=ERRORS),
-            Field("Disarm_Reason", 32, names=ERRORS),
-        ),
-        _message(
-            0x04,
-            "RxSdo",
-            True,
-            Field("Opcode", 8, text="0 reads, 1 writes"),
-            Field("Endpoint_ID", 16, text="as in the firmware's list of endpoints"),
-            nothing(8),
-            Field("Value", 32, text="bits of the value"),
-        ),
-        _message(
-            0x05,
-            "TxSdo",
-            False,
-            nothing(8),
-            Field("Endpoint_ID", 16),
-            nothing(8),
-            Field("Value", 32, text="bits of the value"),
-            text="answer to reading",
-        ),
-        _message(
-            0x07,
-            "Set_Axis_State",
-            True,
-            Field("Axis_Requested_State", 32, names=STATES),
-            nothing(32),
-        ),
-        _message(
-            0x09,
-            "Get_Encoder_Estimates",
-            False,
-            _f32("Pos_Estimate", "rev"),
-            _f32("Vel_Estimate", "rev/s"),
-        ),
-        _message(
-            0x0B,
-            "Set_Controller_Mode",
-            True,
-            Field("Control_Mode", 32, text="1 for torque"),
-            Field("Input_Mode", 32, text="1 for passing it through"),
-        ),
-        _message(
-            0x0E, "Set_Input_Torque", True, _f32("Input_Torque", "N m", "of the motor"), nothing(32)
-        ),
-        _message(0x14, "Get_Iq", False, _f32("Iq_Setpoint", "A"), _f32("Iq_Measured", "A")),
-        _message(
-            0x15,
-            "Get_Temperature",
-            False,
-            _f32("FET_Temperature", "degC"),
-            _f32("Motor_Temperature", "degC"),
-        ),
-        _message(0x16, "Reboot", True, Field("Action", 8, text="0 reboots; not sent, but obeyed")),
-        _message(
-            0x17,
-            "Get_Bus_Voltage_Current",
-            False,
-            _f32("Bus_Voltage", "V"),
-            _f32("Bus_Current", "A"),
-        ),
-        _message(0x18, "Clear_Errors", True, Field("Identify", 8, text="1 blinks")),
-        _message(
-            0x1C,
-            "Get_Torques",
-            False,
-            _f32("Torque_Target", "N m", "of the motor"),
-            _f32("Torque_Estimate", "N m", "of the motor"),
-        ),
-    )
-}
-"""The messages of CANSimple that are used here, by their names."""
-IN_05: Final = ("Heartbeat", "Get_Encoder_Estimates", "Get_Iq", "Get_Bus_Voltage_Current")
-"""The reports that firmware 0.5 has, too; others have another meaning there."""
-FAST: Final = ("Get_Encoder_Estimates", "Get_Iq")
-SLOW: Final = ("Get_Temperature", "Get_Bus_Voltage_Current")
-SLOW_PERIOD: Final = 0.1
-"""Time between two reports of what changes slowly [s]."""
-
-
-def reports_of(firmware: str) -> dict[int, OdriveMessage]:
-    """Return what a drive of this firmware sends, by commands."""
-    rows = (row for row in MESSAGES.values() if not row.to_drive)
-    return {row.command: row for row in rows if firmware != "0.5" or row.name in IN_05}
-
-
-def error_text(error: int, errors: Mapping[int, str] = ERRORS) -> str:
-    """Return the bits of an error in words."""
-    return ", ".join(text for bit, text in errors.items() if error & bit) or f"error {error:#x}"
+__all__ = ["OdriveMaster"]
 
 
 class OdriveMaster:

@@ -14,7 +14,8 @@ from cjt_gym.canbus.protocols.contract import (
     Settings,
     frame_of,
 )
-from cjt_gym.canbus.protocols.odrive import (
+from cjt_gym.canbus.protocols.odrive import OdriveMaster
+from cjt_gym.canbus.protocols.odrive_messages import (
     FAST,
     MESSAGES,
     PASSTHROUGH,
@@ -22,7 +23,6 @@ from cjt_gym.canbus.protocols.odrive import (
     SLOW_PERIOD,
     TORQUE_CONTROL,
     WRITE,
-    OdriveMaster,
     State,
     reports_of,
 )

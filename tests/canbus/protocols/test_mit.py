@@ -11,7 +11,8 @@ from motor_driver import canmotorlib
 
 from cjt_gym.canbus.protocols import PROTOCOLS, settings_of
 from cjt_gym.canbus.protocols.contract import Mode
-from cjt_gym.canbus.protocols.mit import MODELS, MitFirmware, MitMaster, command_layout
+from cjt_gym.canbus.protocols.mit import MODELS, MitMaster, command_layout
+from cjt_gym.canbus.protocols.mit_firmware import MitFirmware
 from cjt_gym.errors import ConfigurationError, ProtocolError
 
 

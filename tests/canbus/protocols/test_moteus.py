@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from cjt_gym.canbus.protocols import PROTOCOLS, settings_of
 from cjt_gym.canbus.protocols.contract import Fault, Mode
-from cjt_gym.canbus.protocols.moteus import MoteusFirmware, MoteusMaster
+from cjt_gym.canbus.protocols.moteus import MoteusMaster
+from cjt_gym.canbus.protocols.moteus_firmware import MoteusFirmware
 from cjt_gym.canbus.protocols.moteus_registers import (
     FLOAT,
     INT8,

@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 
 from cjt_gym.canbus.protocols import PROTOCOLS, settings_of
 from cjt_gym.canbus.protocols.contract import Fault, Mode
-from cjt_gym.canbus.protocols.odrive import ERRORS, ERRORS_05, IN_05, MESSAGES, OdriveMaster
+from cjt_gym.canbus.protocols.odrive import OdriveMaster
 from cjt_gym.canbus.protocols.odrive_firmware import OdriveFirmware
+from cjt_gym.canbus.protocols.odrive_messages import ERRORS, ERRORS_05, IN_05, MESSAGES
 from cjt_gym.errors import ConfigurationError, ProtocolError
 from tests.canbus.protocols.line import Line, settings_for
 

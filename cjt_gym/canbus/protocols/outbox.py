@@ -1,0 +1,53 @@
+"""A bus that is a list of frames, for libraries that want to send on a bus."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from can import Message
+
+__all__ = ["Outbox"]
+
+
+@dataclass
+class Cycle:
+    """A frame that `canopen` wants sent periodically."""
+
+    frame: Message
+    period: float
+    due: float
+    on: bool = True
+
+    def stop(self) -> None:
+        self.on = False
+
+    def modify_data(self, frame: Message) -> None:
+        self.frame = frame
+
+
+@dataclass
+class Outbox:
+    """What `canopen` takes for a bus: frames wait here until the firmware hands them out."""
+
+    now: float = 0.0
+    waiting: list[Message] = field(default_factory=list)
+    cycles: list[Cycle] = field(default_factory=list)
+
+    def send(self, frame: Message) -> None:
+        """Keep a frame."""
+        self.waiting.append(frame)
+
+    def send_periodic(self, frame: Message, period: float) -> Cycle:
+        """Keep a frame that is to be sent every `period` [s]."""
+        self.cycles.append(Cycle(frame, period, self.now + period))
+        return self.cycles[-1]
+
+    def take(self) -> list[Message]:
+        """Return what waits, with what is due by now."""
+        self.cycles = [cycle for cycle in self.cycles if cycle.on]
+        for cycle in self.cycles:
+            if self.now >= cycle.due:
+                cycle.due = max(cycle.due + cycle.period, self.now)
+                self.waiting.append(cycle.frame)
+        taken, self.waiting = self.waiting, []
+        return taken
