@@ -19,6 +19,7 @@ COMMANDS: dict[str, str] = {
     "joints": "list the joints, structures, drives and effects there are",
     "simulate": "simulate a joint under a reference and a controller, and write the record",
     "train": "train a policy with Stable-Baselines3, or go on with a run that was stopped",
+    "tune": "search the gains of a controller on a joint, within limits on its robustness",
     "benchmark": "compare controllers and policies on the same joints and references",
     "blind-test": "diagnose joints whose effects are hidden, and score what was found",
     "export": "write a joint for another simulator: MuJoCo or Isaac Lab",
@@ -29,6 +30,8 @@ EXTRAS = {
     "stable_baselines3": "train",
     "tensorboard": "train",
     "tqdm": "train",
+    "cma": "tune",
+    "joblib": "benchmark",
     "matplotlib": "report",
     "pyarrow": "parquet",
 }

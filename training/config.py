@@ -9,9 +9,9 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from cjt_gym.baselines import CONTROLLERS, make_controller
 from cjt_gym.envs.torque_tracking import complete
 from cjt_gym.errors import ConfigurationError, MissingFileError, unknown_name
+from cjt_gym.training.gains import choose
 
 ALGORITHMS = ("PPO", "SAC")
 ACTIVATIONS = ("tanh", "relu", "elu")
@@ -76,7 +76,8 @@ class TrainConfig:
         checkpoint_every: Steps between two checkpoints.
         normalize_observations: Whether observations are scaled by their running statistics.
         normalize_rewards: Whether rewards are scaled by the running spread of returns.
-        env: Arguments of `TorqueTrackingEnv`; `base_controller` is a name of `CONTROLLERS`.
+        env: Arguments of `TorqueTrackingEnv`; `base_controller` is a name of `CONTROLLERS` or a
+            gain file.
         policy: The network.
         algorithm_options: Arguments of the Stable-Baselines3 class; `learning_rate` and
             `clip_range` may be {start = ..., end = ...} for a linear schedule.
@@ -154,7 +155,7 @@ def from_dict(data: Mapping[str, Any], origin: str) -> TrainConfig:
 def load_config(path: str | Path) -> TrainConfig:
     """Read a configuration.
 
-    A joint that is named by a path is looked for beside the file.
+    A joint or a controller that is named by a path is looked for beside the file.
 
     Args:
         path: A TOML file, or the name of one that ships with the package, such as "demo".
@@ -168,10 +169,12 @@ def load_config(path: str | Path) -> TrainConfig:
         data = tomllib.loads(file.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ConfigurationError(f"{path} must be a TOML file: {error}.") from None
-    joint = data["env"].get("joint") if isinstance(data.get("env"), dict) else None
-    if isinstance(joint, str) and joint.endswith(".toml"):
-        beside = file.parent / joint
-        data["env"]["joint"] = str(beside if beside.is_file() else joint)
+    env = data["env"] if isinstance(data.get("env"), dict) else {}
+    for key in ("joint", "base_controller"):
+        name = env.get(key)
+        if isinstance(name, str) and name.endswith(".toml"):
+            beside = file.parent / name
+            env[key] = str(beside if beside.is_file() else name)
     return from_dict(data, str(path))
 
 
@@ -190,9 +193,7 @@ def environment_arguments(env: Mapping[str, Any]) -> dict[str, Any]:
     arguments = complete(env)
     name = arguments["base_controller"]
     if name is not None:
-        if name not in CONTROLLERS:
-            raise unknown_name("controller", str(name), CONTROLLERS)
-        arguments["base_controller"] = lambda joint, dt: make_controller(name, joint, dt)
+        arguments["base_controller"] = choose(str(name)).make
     return arguments
 
 

@@ -9,13 +9,14 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.baselines import CONTROLLERS, make_controller
+from cjt_gym.baselines import CONTROLLERS
 from cjt_gym.envs.core import Episodes
 from cjt_gym.envs.torque_tracking import complete
-from cjt_gym.errors import unknown_name
+from cjt_gym.joint import Joint
 from cjt_gym.joint.arrays import TAU
 from cjt_gym.signals import Signal
 from cjt_gym.training.conditions import Conditions
+from cjt_gym.training.gains import Choice, choose
 
 Floats = NDArray[np.float64]
 
@@ -82,25 +83,38 @@ class Agent(Protocol):
 
 @dataclass(frozen=True)
 class ControllerAgent:
-    """A controller of the table, with its default gains.
+    """A controller of the table with its default gains, or one from a gain file.
 
     Attributes:
-        name: A row of `CONTROLLERS`.
+        word: A row of `CONTROLLERS`, the path of a gain file, or a `Choice`.
 
     Raises:
         UnknownNameError: There is no such row.
+        MissingFileError: There is no such file.
+        ConfigurationError: The file is not valid.
     """
 
-    name: str
+    word: str | Choice
 
     def __post_init__(self) -> None:
-        if self.name not in CONTROLLERS:
-            raise unknown_name("controller", self.name, CONTROLLERS)
+        if not isinstance(self.word, Choice):
+            object.__setattr__(self, "word", choose(self.word))
+
+    @property
+    def choice(self) -> Choice:
+        """The controller and its gains."""
+        assert isinstance(self.word, Choice)
+        return self.word
+
+    @property
+    def name(self) -> str:
+        """Name of the controller, or of the gain file without its ending."""
+        return self.choice.name
 
     @property
     def kind(self) -> str:
         """What the table says."""
-        return CONTROLLERS[self.name].kind
+        return CONTROLLERS[self.choice.controller].kind
 
     @property
     def trained_on(self) -> None:
@@ -113,8 +127,7 @@ class ControllerAgent:
 
     def base(self) -> dict[str, Any]:
         """Return the argument that makes the controller the base of an environment."""
-        name = self.name
-        return {"base_controller": lambda joint, dt: make_controller(name, joint, dt)}
+        return {"base_controller": self.choice.make}
 
     def act(self, observation: NDArray[np.float32]) -> NDArray[Any]:
         """Return zeros: the controller acts alone."""
@@ -133,6 +146,11 @@ def rollout(
     """
     arguments = agent.arguments(conditions) | {"reference": reference, "episode_steps": steps}
     return run_episodes(agent, arguments, num, seed)
+
+
+def joint_of(conditions: Conditions) -> Joint:
+    """Return the joint of the conditions, with the load that environments give it."""
+    return Episodes(1, **complete(conditions.arguments)).settings.joint
 
 
 def run_episodes(agent: Agent, arguments: Mapping[str, Any], num: int, seed: int) -> Traces:

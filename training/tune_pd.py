@@ -27,13 +27,11 @@ from cjt_gym.baselines import PdFeedForward
 from cjt_gym.baselines.pd_design import NOISE, SPARE_DELAY, design_gains, make_loop
 from cjt_gym.baselines.pd_feedforward import CUTOFF_HZ
 from cjt_gym.baselines.tuned_gains import TUNED_DT, Gains
-from cjt_gym.envs.core import Episodes
-from cjt_gym.envs.torque_tracking import complete
 from cjt_gym.joint import Joint, joint_names
 from cjt_gym.plant import limits_of
 from cjt_gym.training.conditions import TASKS, Conditions, realistic_conditions, task_reference
 from cjt_gym.training.metrics import rmse
-from cjt_gym.training.rollout import Agent, ControllerAgent, rollout
+from cjt_gym.training.rollout import Agent, ControllerAgent, joint_of, rollout
 
 STRUCTURES = ("output_fixed_rigid_gearbox", "output_fixed", "rigid_gearbox", "full_dynamics")
 DELAYS = {"low": 5e-4, "high": 3e-3, "operation": "set"}
@@ -72,11 +70,6 @@ def tuning_conditions(joint: str, structure: str) -> Conditions:
     usual = realistic_conditions(joint, structure)
     spec = {**usual.randomization, "command_delay.delay": DELAYS}
     return replace(usual, randomization=spec)
-
-
-def joint_of(conditions: Conditions) -> Joint:
-    """Return the joint of the conditions, with the load that environments give it."""
-    return Episodes(1, **complete(conditions.arguments)).settings.joint
 
 
 def candidates(joint: Joint) -> Iterator[Gains]:

@@ -188,7 +188,7 @@ def _law(record: Record, nominal: Joint, agents: Sequence[Agent]) -> tuple[str, 
         limit = limits_of(nominal).tau
         side = made.get("derivative", "error")
         return name, PdFeedForward(made["kp"], made["kd"], record.dt, side, torque_limit=limit)
-    return name, make_controller(name, nominal, record.dt)
+    return name, make_controller(name, nominal, record.dt, made.get("gains"))
 
 
 def _plain(replay: ClosedLoop) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.baselines import CONTROLLERS, make_controller
+from cjt_gym.baselines import CONTROLLERS
 from cjt_gym.envs.settings import default_amplitude, default_load
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import DRIVES, EFFECTS, STRUCTURES, Joint, load_joint
@@ -21,6 +21,7 @@ from cjt_gym.joint.arrays import CHANNELS
 from cjt_gym.plant import SimulatedPlant
 from cjt_gym.records import FORMATS, Record, read_record, record_names, write_record
 from cjt_gym.signals import Signal, make_signals, sampled_signal, signal_from_file
+from cjt_gym.training.gains import choose
 
 Floats = NDArray[np.float64]
 USUAL, TRACKING, NONE = "output_fixed_rigid_gearbox", "pd_feedforward", "none"
@@ -43,7 +44,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = "step, chirp, multisine, smooth, or a record: tau_ref is tracked, a command replayed"
     add("--reference", default="chirp", help=text)
     add("--amplitude", type=float, help="of the reference [N m]; default: from the joint")
-    text = f"{', '.join(CONTROLLERS)}, or {NONE}: replay the record's command; default: {TRACKING}"
+    text = f"{', '.join(CONTROLLERS)}, a gain file of `cjt-gym tune`, or {NONE}: replay the "
+    text += f"record's command; default: {TRACKING}"
     add("--controller", help=f"{text} where there is a tau_ref")
     add("--duration", type=float, help="[s]; default: that of the record, or 10")
     add("--dt", type=float, help="control step [s]; default: that of the record, or 0.001")
@@ -195,7 +197,8 @@ def simulate(
     Args:
         joint: The joint.
         reference: Wanted joint torque [N m].
-        controller: Name of the controller, or `NONE` for a reference that is the motor's torque.
+        controller: Name of the controller, gain file, or `NONE` for a reference that is the
+            motor's torque.
         duration: [s].
         dt: Control step [s].
         dt_physics: Substep [s].
@@ -207,7 +210,8 @@ def simulate(
     if not (np.isfinite(duration) and duration >= dt):
         raise ConfigurationError(f"--duration must be >= one control step, got {duration} s.")
     plant = SimulatedPlant(joint, 1, dt, dt_physics)
-    law = make_controller("open_loop" if controller == NONE else controller, joint, dt)
+    choice = choose("open_loop" if controller == NONE else controller)
+    law = choice.make(joint, dt)
     law.reset()
     samples = round(duration / dt)
     rows: dict[str, Floats] = {name: np.zeros(samples) for name in CHANNELS}
@@ -231,4 +235,10 @@ def simulate(
         del rows["tau_ref"]
     rows["i_cmd"] = rows["tau_cmd"] / (joint.parameters.k_t * joint.parameters.n)
     gains = {name: getattr(law, name) for name in GAINS if hasattr(law, name)}
-    return joint.record(rows, dt, seed, controller=controller, reference=reference.kind, **gains)
+    known: dict[str, Any] = {
+        "controller": NONE if controller == NONE else choice.controller,
+        **gains,
+    }
+    if choice.gains:
+        known["gains"] = dict(choice.gains)
+    return joint.record(rows, dt, seed, reference=reference.kind, **known)

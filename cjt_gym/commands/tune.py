@@ -1,0 +1,129 @@
+"""`cjt-gym tune`: gains of a controller for a joint, by search on the simulator."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shlex
+import sys
+import time
+from dataclasses import fields
+from pathlib import Path
+
+from cjt_gym import __version__
+from cjt_gym.baselines import CONTROLLERS
+from cjt_gym.joint import STRUCTURES
+from cjt_gym.training.gains import write_gains
+from cjt_gym.training.tune import Outcome, Search, tune
+from cjt_gym.training.tune_limits import Limits
+
+LIMITS = {
+    "gain_margin": "smallest gain margin, a factor",
+    "phase_margin": "smallest phase margin [deg]",
+    "delay_margin": "shortest delay to be borne on top [s]",
+    "sensitivity_peak": "largest sensitivity Ms",
+    "noise_amplification": "largest amplification of the torque sensor's noise",
+    "port_damping": "damping of the environment with which the output must be passive "
+    "[N m s/rad]; default: from the joint",
+}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what to tune, within which limits, how long, and where to write it."""
+    add = parser.add_argument
+    add("controller", metavar="CONTROLLER", help=", ".join(CONTROLLERS))
+    add("--joint", required=True, help="name of a joint, or path of a joint file")
+    add("--structure", default="output_fixed_rigid_gearbox", help=", ".join(STRUCTURES))
+    add("--out", type=Path, required=True, metavar="FILE.toml", help="gain file to write")
+    add("--budget", type=int, default=200, help="candidates to try, default 200")
+    add("--seed", type=int, default=0, help="of the search and its draws, 0 to 99, default 0")
+    add("--episodes", type=int, default=4, help="of each task per candidate, default 4")
+    add("--jobs", type=int, default=1, help="processes side by side, default 1")
+    for limit in fields(Limits):
+        default = "" if limit.default is None else f", default {limit.default:g}"
+        option = f"--{limit.name.replace('_', '-')}"
+        add(option, type=float, default=limit.default, help=LIMITS[limit.name] + default)
+
+
+def run(options: argparse.Namespace) -> None:
+    """Search, write the gain file, and say what came out. A stopped search goes on."""
+    limits = Limits(**{limit.name: getattr(options, limit.name) for limit in fields(Limits)})
+    search = Search(
+        options.controller,
+        options.joint,
+        options.structure,
+        options.budget,
+        options.seed,
+        options.episodes,
+        limits,
+    )
+    begun = time.monotonic()
+    trials = options.out.with_suffix(".trials.jsonl")
+    outcome = tune(search, trials, options.jobs, Progress(search.budget))
+    known = {"command": command(options), "version": __version__}
+    facts = {**known, **outcome.facts(), "seconds": round(time.monotonic() - begun, 1)}
+    write_gains(options.out, search.controller, outcome.best.gains, facts)
+    result = {
+        "file": str(options.out),
+        "controller": search.controller,
+        "gains": outcome.best.gains,
+        **facts,
+    }
+    sys.stdout.write((json.dumps(result, indent=1) if options.json else words(outcome)) + "\n")
+
+
+class Progress:
+    """A progress bar on standard error."""
+
+    def __init__(self, total: int) -> None:
+        """Begin the bar."""
+        from tqdm import tqdm
+
+        self.bar = tqdm(total=total, file=sys.stderr, unit="candidate")
+
+    def __call__(self, done: int, cost: float) -> None:
+        """Move the bar to what is done, with the least cost so far."""
+        self.bar.set_postfix_str("none keeps the limits" if cost >= 10.0 else f"best {cost:.3f}")
+        self.bar.update(done - self.bar.n)
+        if done >= self.bar.total:
+            self.bar.close()
+
+
+def command(options: argparse.Namespace) -> str:
+    """Return the command that repeats the search."""
+    words = ["cjt-gym", "tune", options.controller, "--joint", options.joint]
+    words += ["--structure", options.structure, "--budget", str(options.budget)]
+    words += ["--seed", str(options.seed), "--episodes", str(options.episodes)]
+    for limit in fields(Limits):
+        value = getattr(options, limit.name)
+        if value != limit.default:
+            words += [f"--{limit.name.replace('_', '-')}", f"{value:g}"]
+    return shlex.join([*words, "--out", options.out.name])
+
+
+def words(outcome: Outcome) -> str:
+    """Say in words what came out."""
+    units = {gain.name: gain.unit for gain in CONTROLLERS[outcome.search.controller].tunable}
+    gains = ", ".join(
+        f"{name} {value:g}" + (f" {units[name]}" if units[name] != "-" else "")
+        for name, value in outcome.best.gains.items()
+    )
+    held, a = outcome.held_out, outcome.assessment
+    port = "unknown" if a.port_shortage is None else f"{a.port_shortage:.3g} N m s/rad"
+    lines = [
+        gains,
+        f"error over that of the open loop, on unseen draws: {held['tuned']:.3f}, default gains "
+        f"{held['default']:.3f}, ratio {held['ratio']:.3f} ({held['low']:.3f} .. "
+        f"{held['high']:.3f})",
+        f"gain margin {a.gain_margin:.3g}, phase margin {a.phase_margin:.3g} deg, delay margin "
+        f"{1e3 * a.delay_margin:.3g} ms, Ms {a.sensitivity_peak:.3g}, noise "
+        f"{a.noise_amplification:.3g}, damping that the port lacks {port}",
+    ]
+    if not a.linear:
+        lines.append("The law is not linear: its margins come from multisines on the simulator.")
+    if not outcome.feasible:
+        lines.append("No candidate keeps all limits; this one breaks them least.")
+    elif held["low"] > 1.0:
+        breaks = ", but break the limits" if outcome.start.violation > 0.0 else ""
+        lines.append(f"The default gains are better on unseen draws{breaks}.")
+    return "\n".join(lines)

@@ -1,0 +1,176 @@
+"""Tuning: limits that are kept, searches that go on, and gain files that every command takes."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cjt_gym.analysis import probe_plant
+from cjt_gym.baselines import CONTROLLERS, PdFeedForward
+from cjt_gym.cli import main
+from cjt_gym.errors import ConfigurationError, MissingFileError, UnknownNameError
+from cjt_gym.records import read_record
+from cjt_gym.training.conditions import EVALUATION_SEEDS, realistic_conditions
+from cjt_gym.training.config import VALIDATION_SEEDS, environment_arguments
+from cjt_gym.training.gains import choose, read_gains, write_gains
+from cjt_gym.training.rollout import ControllerAgent, joint_of
+from cjt_gym.training.tune import (
+    HELD_OUT_SEEDS,
+    TUNING_SEEDS,
+    Search,
+    to_gains,
+    to_point,
+    tune,
+)
+from cjt_gym.training.tune_limits import Assessment, Limits, assess
+
+JOINT = "orange_80_6000"
+GAINS = {"kp": 0.3, "kd": 0.004, "lead": 1.0}
+SEARCH = Search("pd_feedforward", JOINT, budget=9, episodes=1)
+
+
+def test_a_search_keeps_the_limits_beats_the_open_loop_and_goes_on(tmp_path: Path) -> None:
+    log = tmp_path / "trials.jsonl"
+    outcome = tune(SEARCH, log)
+    assert outcome.feasible
+    assert outcome.best.cost < 1.0
+    assert outcome.held_out["tuned"] < 1.0
+    assert outcome.assessment.sensitivity_peak <= SEARCH.limits.sensitivity_peak
+    lines = log.read_text().splitlines()
+    log.write_text("\n".join(lines[:6]) + '\n{"search": "cut o')
+    asked: list[int] = []
+    again = tune(SEARCH, log, report=lambda done, cost: asked.append(done))
+    assert again == outcome
+    assert asked[-1] == outcome.trials == 9
+    assert sum(json.loads(line)["cost"] < 10.0 for line in lines) > 0
+
+
+def test_draws_of_tuning_are_apart_from_all_others() -> None:
+    seeds = [VALIDATION_SEEDS, TUNING_SEEDS, HELD_OUT_SEEDS, EVALUATION_SEEDS]
+    assert seeds == sorted(set(seeds))
+
+
+def test_points_and_gains_go_to_and_fro() -> None:
+    np.testing.assert_allclose(to_point("pd_feedforward", GAINS)[0], (0.3 / 10.0) ** (1 / 3))
+    for name, row in CONTROLLERS.items():
+        middle = to_gains(name, [0.5] * len(row.tunable))
+        row.check_gains(middle)
+        np.testing.assert_allclose(to_point(name, middle), 0.5, atol=1e-2)
+
+
+@pytest.mark.parametrize(
+    ("change", "broken"),
+    [
+        ({}, False),
+        ({"gain_margin": 1.5}, True),
+        ({"phase_margin": 20.0}, True),
+        ({"delay_margin": 5e-4}, True),
+        ({"sensitivity_peak": 2.5}, True),
+        ({"noise_amplification": 20.0}, True),
+        ({"port_shortage": 9.0}, True),
+        ({"port_shortage": None}, False),
+        ({"stable": False}, True),
+    ],
+)
+def test_every_limit_counts(change: dict[str, float], broken: bool) -> None:
+    good = Assessment(True, True, 0.0, 3.0, 45.0, 2e-3, 1.5, 4.0, 1.0, 30.0)
+    limits = replace(Limits(), port_damping=2.0)
+    assert (limits.violation(replace(good, **change)) > 0.0) == broken
+
+
+def test_a_law_that_is_not_linear_is_assessed_by_simulation() -> None:
+    conditions = realistic_conditions(JOINT)
+    joint = joint_of(conditions)
+    plant = probe_plant(joint, 1e-3)
+    law = PdFeedForward(0.3, 0.004, 1e-3)
+    linear = assess(law, joint, plant, conditions.amplitude)
+    limited = PdFeedForward(0.3, 0.004, 1e-3, torque_limit=0.3)
+    found = assess(limited, joint, plant, conditions.amplitude)
+    assert linear.linear
+    assert not found.linear
+    assert found.stable
+    assert found.port_shortage is None
+    assert found.noise_amplification > 0.0
+
+
+def test_a_gain_file_serves_wherever_a_controller_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = write_gains(tmp_path / "soft.toml", "pd_feedforward", GAINS, {"seed": 3})
+    choice = choose(str(path))
+    assert (choice.name, choice.gains, choice.facts) == ("soft", GAINS, {"seed": 3})
+    agent = ControllerAgent(str(path))
+    assert (agent.name, agent.kind) == ("soft", "classical")
+    law = environment_arguments({"base_controller": str(path)})["base_controller"](
+        joint_of(realistic_conditions(JOINT)), 1e-3
+    )
+    assert (law.kp, law.kd) == (0.3, 0.004)
+    out = tmp_path / "run.npz"
+    words = ["simulate", JOINT, "--duration", "0.1", "--controller", str(path)]
+    assert main([*words, "--json", "--out", str(out)]) == 0
+    known = read_record(out).provenance
+    assert known["controller"] == "pd_feedforward"
+    assert known["gains"] == GAINS
+    capsys.readouterr()
+
+
+def test_broken_gain_files_and_searches_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "g.toml"
+    with pytest.raises(MissingFileError, match=r"g\.toml does not exist"):
+        read_gains(path)
+    for text, error, says in (
+        ("controller =", ConfigurationError, "TOML"),
+        ('controller = "pdd"', UnknownNameError, "g.toml"),
+        ("gians = 1", ConfigurationError, "'gains'"),
+        ('controller = "pd_feedforward"\n[gains]\nkp = 1', ConfigurationError, "value = NUMBER"),
+        (
+            'controller = "pd_feedforward"\n[gains.kp]\nvalue = 1\nunit = "s"',
+            ConfigurationError,
+            "must be in -",
+        ),
+        (
+            'controller = "pd_feedforward"\n[gains.kq]\nvalue = 1\nunit = "-"',
+            UnknownNameError,
+            "kq",
+        ),
+        (
+            'controller = "pd_feedforward"\n[gains.kp]\nvalue = 99\nunit = "-"',
+            ConfigurationError,
+            "99",
+        ),
+    ):
+        path.write_text(text)
+        with pytest.raises(error, match=says):
+            read_gains(path)
+    with pytest.raises(ConfigurationError, match="no gains to tune"):
+        Search("open_loop", JOINT)
+    with pytest.raises(UnknownNameError, match="pd_feedforward"):
+        Search("pd_feedforwrd", JOINT)
+    with pytest.raises(ConfigurationError, match="--budget"):
+        Search("pd_feedforward", JOINT, budget=0)
+    with pytest.raises(ConfigurationError, match="sensitivity_peak"):
+        Limits(sensitivity_peak=0.5)
+
+
+def test_the_command_writes_a_gain_file_that_says_how_it_was_made(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "pd.toml"
+    words = ["tune", "pd_feedforward", "--joint", JOINT, "--budget", "3", "--seed", "1"]
+    words += ["--episodes", "1"]
+    assert main([*words, "--phase-margin", "20", "--json", "--out", str(out)]) == 0
+    captured = capsys.readouterr()
+    result = json.loads(captured.out)
+    assert "candidate" in captured.err
+    choice = read_gains(out)
+    assert choice.gains == result["gains"]
+    assert choice.facts["command"] == (
+        "cjt-gym tune pd_feedforward --joint orange_80_6000 --structure "
+        "output_fixed_rigid_gearbox --budget 3 --seed 1 --episodes 1 --phase-margin 20 --out pd.toml"
+    )
+    assert choice.facts["limits"]["phase_margin"] == 20.0
+    assert choice.facts["held_out"]["tuned"] == result["held_out"]["tuned"]

@@ -1,0 +1,118 @@
+"""Gain files: a controller with its gains, as `cjt-gym tune` writes them.
+
+Wherever a controller is named, such a file may stand instead: in `simulate`, `benchmark`,
+`diagnose`, and as `base_controller` of a training.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from cjt_gym.baselines import CONTROLLERS, Controller, make_controller
+from cjt_gym.errors import ConfigurationError, MissingFileError, unknown_name
+from cjt_gym.joint import Joint
+from cjt_gym.training.toml_text import to_toml
+
+KEYS = ("controller", "gains", "tuned")
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A controller, with gains of its own or those that it takes by default.
+
+    Attributes:
+        name: Name in tables.
+        controller: A row of `CONTROLLERS`.
+        gains: Gains that replace its defaults.
+        facts: What is known about them.
+    """
+
+    name: str
+    controller: str
+    gains: Mapping[str, float] = field(default_factory=dict)
+    facts: Mapping[str, Any] = field(default_factory=dict)
+
+    def make(self, joint: Joint, dt: float) -> Controller:
+        """Return the controller for a joint and a sample time [s].
+
+        Raises:
+            ConfigurationError: The law does not fit the joint or the sample time.
+        """
+        return make_controller(self.controller, joint, dt, self.gains or None)
+
+
+def choose(word: str | Path) -> Choice:
+    """Return the controller of that name, or the one in a gain file (*.toml).
+
+    Raises:
+        UnknownNameError: There is no such controller or gain.
+        MissingFileError: There is no such file.
+        ConfigurationError: The file is not valid.
+    """
+    if str(word).endswith(".toml"):
+        return read_gains(word)
+    if word not in CONTROLLERS:
+        raise unknown_name("controller", str(word), CONTROLLERS)
+    return Choice(str(word), str(word))
+
+
+def write_gains(
+    path: Path, controller: str, gains: Mapping[str, float], facts: Mapping[str, Any]
+) -> Path:
+    """Write a gain file and return its path.
+
+    Args:
+        path: A TOML file.
+        controller: A row of `CONTROLLERS`.
+        gains: Its gains, by name, in the units of the row.
+        facts: How they were found.
+    """
+    units = {gain.name: gain.unit for gain in CONTROLLERS[controller].tunable}
+    values = {name: {"value": value, "unit": units[name]} for name, value in gains.items()}
+    path.parent.mkdir(parents=True, exist_ok=True)
+    data = {"controller": controller, "gains": values, "tuned": facts}
+    path.write_text(to_toml(data), encoding="utf-8")
+    return path
+
+
+def read_gains(path: str | Path) -> Choice:
+    """Read a gain file.
+
+    Raises:
+        MissingFileError: There is no such file.
+        ConfigurationError: It is not valid.
+        UnknownNameError: There is no such controller or gain.
+    """
+    file = Path(path)
+    try:
+        data = tomllib.loads(file.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise MissingFileError(f"The gain file {path} does not exist. Make it with tune.") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigurationError(f"{path} must be a TOML file: {error}.") from None
+    for key in data:
+        if key not in KEYS:
+            raise ConfigurationError(f"{unknown_name('key', key, KEYS)} (in {path})")
+    controller = data.get("controller")
+    if controller not in CONTROLLERS:
+        raise unknown_name(f"controller of {path}", str(controller), CONTROLLERS)
+    row, table = CONTROLLERS[controller], data.get("gains", {})
+    units = {gain.name: gain.unit for gain in row.tunable}
+    gains = {}
+    for name, entry in table.items() if isinstance(table, dict) else ():
+        number = entry.get("value") if isinstance(entry, dict) else None
+        if isinstance(number, bool) or not isinstance(number, (int, float)):
+            raise ConfigurationError(
+                f'Gain {name} of {path} must be {{ value = NUMBER, unit = "..." }}, got {entry!r}.'
+            )
+        if name in units and entry.get("unit") != units[name]:
+            raise ConfigurationError(
+                f"Gain {name} of {path} must be in {units[name]}, got {entry.get('unit')!r}."
+            )
+        gains[name] = float(number)
+    row.check_gains(gains)
+    return Choice(file.stem, controller, gains, data.get("tuned", {}))

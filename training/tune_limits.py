@@ -1,0 +1,195 @@
+"""What a tuned loop must keep: margins, sensitivity, noise, and passivity of the port."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from cjt_gym.analysis import Law, LinearPlant, Loop, Responses, identify, margins, probe_law
+from cjt_gym.analysis.figures import figures_of
+from cjt_gym.errors import ConfigurationError, SimulationError
+from cjt_gym.joint import Joint
+from cjt_gym.plant import SimulatedPlant
+
+PORT_SHARE = 0.05
+QUIET_S = 0.4
+PHASES, PERIODS, LOWEST_HZ = 2, 2, 1.0
+EXCITATION = 0.5
+UNSTABLE = 10.0
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Limits on the loop around the nominal joint.
+
+    Attributes:
+        gain_margin: Smallest factor on the loop gain that the loop must bear, > 1 [-].
+        phase_margin: Smallest phase margin [deg].
+        delay_margin: Shortest delay that it must bear on top [s].
+        sensitivity_peak: Largest Ms, > 1 [-].
+        noise_amplification: Largest amplification of the torque sensor's white noise [-].
+        port_damping: Damping of the environment with which the output must be passive [N m s/rad];
+            None is 5 % of sqrt(k_b (I_m + I_g)), the resistance that a joint without losses has
+            to a sudden motion of its output.
+
+    Raises:
+        ConfigurationError: A limit is out of range.
+    """
+
+    gain_margin: float = 2.0
+    phase_margin: float = 30.0
+    delay_margin: float = 1e-3
+    sensitivity_peak: float = 2.0
+    noise_amplification: float = 8.0
+    port_damping: float | None = None
+
+    def __post_init__(self) -> None:
+        lowest = {"gain_margin": 1.0, "sensitivity_peak": 1.0}
+        for known in fields(self):
+            value, low = getattr(self, known.name), lowest.get(known.name, 0.0)
+            if value is not None and not value >= low:
+                raise ConfigurationError(
+                    f"{known.name} of the limits of tuning must be >= {low:g}, got {value}."
+                )
+
+    def resolved(self, joint: Joint) -> Limits:
+        """Return the limits with that of the port for a joint."""
+        p = joint.parameters
+        resistance = math.sqrt(p.get("k_b", 0.0) * (p.I_m + p.get("I_g", 0.0)))
+        damping = PORT_SHARE * resistance if self.port_damping is None else self.port_damping
+        return Limits(**(asdict(self) | {"port_damping": damping}))
+
+    def violation(self, found: Assessment) -> float:
+        """Return by how much a loop breaks the limits, 0 where it keeps them all.
+
+        It is the sum of the relative violations; an unstable loop breaks them by at least 10.
+        """
+        if not found.stable:
+            return UNSTABLE + max(0.0, found.growth)
+        short = {
+            "gain_margin": math.log(self.gain_margin / found.gain_margin)
+            if math.isfinite(found.gain_margin)
+            else 0.0,
+            "phase_margin": 1.0 - found.phase_margin / max(self.phase_margin, 1e-9),
+            "delay_margin": 1.0 - found.delay_margin / max(self.delay_margin, 1e-9),
+            "sensitivity_peak": math.log(found.sensitivity_peak / self.sensitivity_peak),
+            "noise_amplification": math.log(
+                max(found.noise_amplification, 1e-9) / max(self.noise_amplification, 1e-9)
+            ),
+        }
+        if found.port_shortage is not None and self.port_damping is not None:
+            over = found.port_shortage - self.port_damping
+            short["port_damping"] = over / max(self.port_damping, 1e-9)
+        return sum(max(0.0, value) for value in short.values())
+
+
+@dataclass(frozen=True)
+class Assessment:
+    """What the limits look at; infinite margins where there is no feedback.
+
+    Attributes:
+        linear: Whether it comes from the linear model. Otherwise the law is not linear, and it
+            comes from multisines on the simulated joint with all its effects.
+        stable: Whether the loop is stable.
+        growth: Of an unstable loop, the logarithm of its fastest pole's size per sample [-].
+        gain_margin: [-].
+        phase_margin: [deg].
+        delay_margin: [s].
+        sensitivity_peak: [-].
+        noise_amplification: [-].
+        port_shortage: Damping that the environment must add [N m s/rad]; None where it is not
+            known, because the law is not linear.
+        bandwidth_hz: From the reference [Hz].
+    """
+
+    linear: bool
+    stable: bool
+    growth: float = 0.0
+    gain_margin: float = math.inf
+    phase_margin: float = math.inf
+    delay_margin: float = math.inf
+    sensitivity_peak: float = 1.0
+    noise_amplification: float = 0.0
+    port_shortage: float | None = None
+    bandwidth_hz: float = math.nan
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the same as plain data; what is not finite or not known is left out."""
+        values = asdict(self)
+        return {
+            name: value
+            for name, value in values.items()
+            if isinstance(value, bool) or (value is not None and math.isfinite(value))
+        }
+
+
+def assess(law: Law, joint: Joint, plant: LinearPlant, amplitude: float) -> Assessment:
+    """Return what the limits look at.
+
+    Args:
+        law: The controller.
+        joint: The joint with all its effects.
+        plant: Its linear model.
+        amplitude: Of the references [N m], for laws that are not linear.
+    """
+    model = probe_law(law, joint, plant.dt)
+    if not model.is_linear:
+        return _by_simulation(law, joint, plant.dt, amplitude)
+    loop = Loop(model, plant)
+    found = figures_of(loop)
+    if not found.stable:
+        return Assessment(True, False, float(np.log(np.max(np.abs(loop.poles())))))
+    return Assessment(
+        True,
+        True,
+        0.0,
+        found.gain_margin,
+        found.phase_margin,
+        found.delay_margin,
+        found.sensitivity_peak,
+        found.noise_amplification,
+        found.port_shortage,
+        found.bandwidth_hz,
+    )
+
+
+def _by_simulation(law: Law, joint: Joint, dt: float, amplitude: float) -> Assessment:
+    """Assess a law that is not linear, around the signals of its use."""
+    try:
+        seen = identify(
+            law,
+            joint,
+            dt,
+            EXCITATION * amplitude,
+            "disturbance",
+            low=LOWEST_HZ,
+            phases=PHASES,
+            periods=PERIODS,
+        )
+    except SimulationError:
+        return Assessment(False, False)
+    s, nothing = seen.response, np.zeros(len(seen.f), dtype=np.complex128)
+    loop = 1.0 / s - 1.0
+    m = margins(Responses(seen.f, loop, s, nothing, nothing, nothing, nothing))
+    noise = _noise(law, joint, dt)
+    return Assessment(False, True, 0.0, m.gain, m.phase, m.delay, m.sensitivity, noise)
+
+
+def _noise(law: Law, joint: Joint, dt: float) -> float:
+    """Return the command's standard deviation over that of the torque sensor's noise, at rest."""
+    plant = SimulatedPlant(joint, 4, dt)
+    measured, zero = plant.reset(seed=0), np.zeros(4)
+    law.reset()
+    commands, noises = [], []
+    for _ in range(round(QUIET_S / dt)):
+        command = law.act(measured, zero)
+        commands.append(command)
+        noises.append(measured.tau - plant.batch.arrays.tau)
+        measured = plant.step(command)
+    half = len(commands) // 2
+    noise = float(np.std(np.array(noises)[half:]))
+    spread = float(np.sqrt(np.mean(np.var(np.array(commands)[half:], axis=0))))
+    return spread / noise if noise > 0.0 else 0.0
