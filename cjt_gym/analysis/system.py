@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 Floats = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -80,7 +81,8 @@ def realize(impulse: Floats, dt: float) -> tuple[System, float]:
     outputs, inputs = scaled.shape[1:]
     first = blocks[:-1].reshape(rows * outputs, rows * inputs)
     second = blocks[1:].reshape(rows * outputs, rows * inputs)
-    u, s, vt = np.linalg.svd(first, full_matrices=False)
+    with threadpool_limits(1):  # threads cost such small matrices more than they save
+        u, s, vt = np.linalg.svd(first, full_matrices=False)
     found: tuple[System, float] | None = None
     for tolerance in TOLERANCES:
         order = int(np.sum(s > tolerance * s[0])) if s[0] > 0.0 else 0
