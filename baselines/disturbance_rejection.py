@@ -20,7 +20,6 @@ from cjt_gym.baselines.observers.linear_observer import LinearObserver
 from cjt_gym.baselines.pid import damping_gains
 from cjt_gym.baselines.plant_model import SampledJoint
 
-
 OBSERVERS = (0.02, 0.1, 0.2, 0.4, 0.7, 1.0, 1.5, 2.0, 3.0, 4.0)
 """Bandwidths of observers that are tried, relative to the torsional mode."""
 

@@ -87,7 +87,11 @@ def _defaults(joint: Joint, dt: float) -> Gains:
     model, inner = SampledJoint(joint, dt), passivity_momentum.ROW.defaults(joint, dt)
     stiffness = STIFFNESS_SHARE * joint.parameters.k_b
     damping = 2.0 * DAMPING_RATIO * math.sqrt(stiffness * model.inertia)
-    return {"stiffness": stiffness, "damping": damping, **{f"inner_{k}": v for k, v in inner.items()}}
+    return {
+        "stiffness": stiffness,
+        "damping": damping,
+        **{f"inner_{k}": v for k, v in inner.items()},
+    }
 
 
 def _build(joint: Joint, dt: float, gains: Gains) -> Controller:

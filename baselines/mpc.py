@@ -101,7 +101,9 @@ class ModelPredictive(Controller):
         if len(self._sent) != len(fresh):
             self._sent = np.tile(measurement.tau[:, None], late + 1)
         self._sent = np.where(fresh[:, None], measurement.tau[:, None], self._sent)
-        estimate = np.array(list(self._observer.step(measurement, self._sent[:, 0], fresh).values()))
+        estimate = np.array(
+            list(self._observer.step(measurement, self._sent[:, 0], fresh).values())
+        )
         disturbance = estimate[order]
         arriving = (self._sent[:, :late] + disturbance[:, None]) @ self._arriving
         held = self._hold * reference

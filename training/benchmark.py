@@ -29,13 +29,13 @@ def make_agents(controllers: Sequence[str], policies: Sequence[str | Path]) -> l
     """Return the agents to compare.
 
     Args:
-        controllers: Names of `CONTROLLERS`.
+        controllers: Names of `CONTROLLERS`, or gain files.
         policies: Run folders.
 
     Raises:
         ConfigurationError: There is none, or two have the same name.
         UnknownNameError: There is no such controller.
-        MissingFileError: There is no such run.
+        MissingFileError: There is no such gain file or run.
     """
     agents: list[Agent] = [ControllerAgent(name) for name in controllers]
     if policies:
@@ -72,8 +72,12 @@ def rows_of(evaluations: Sequence[Evaluation]) -> list[Row]:
 
 def write_results(evaluations: Sequence[Evaluation], out: Path) -> Path:
     """Write `benchmark.json` and `benchmark.txt` into a folder; return the first."""
+    return write_rows([row.to_json() for row in rows_of(evaluations)], out)
+
+
+def write_rows(rows: Sequence[Mapping[str, object]], out: Path) -> Path:
+    """Write rows, as plain data, as `benchmark.json` and `benchmark.txt`; return the first."""
     out.mkdir(parents=True, exist_ok=True)
-    rows = [row.to_json() for row in rows_of(evaluations)]
     path = out / "benchmark.json"
     path.write_text(json.dumps(rows, indent=2) + "\n", encoding="utf-8")
     (out / "benchmark.txt").write_text(table(rows) + "\n", encoding="utf-8")
@@ -87,10 +91,12 @@ def table(rows: Sequence[Mapping[str, object]]) -> str:
 
 def cells_of(rows: Sequence[Mapping[str, object]]) -> list[list[str]]:
     """Return rows, as plain data, as the cells of a table with a head."""
-    cells = [[title for title, _, _ in COLUMNS]]
+    varied = [name for name in ("joint", "structure") if len({row[name] for row in rows}) > 1]
+    columns = (*((name, name, "{}") for name in varied), *COLUMNS)
+    cells = [[title for title, _, _ in columns]]
     for row in rows:
         cells.append(
-            ["-" if row[name] is None else form.format(row[name]) for _, name, form in COLUMNS]
+            ["-" if row[name] is None else form.format(row[name]) for _, name, form in columns]
         )
     return cells
 

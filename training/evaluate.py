@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
@@ -22,9 +22,9 @@ from cjt_gym.training.conditions import (
     task_reference,
     zero_reference,
 )
-from cjt_gym.training.rollout import Agent, Traces, rollout
+from cjt_gym.training.rollout import Agent, Traces, joint_of, rollout, run_task
+from cjt_gym.training.tasks import BENCHMARK_TASKS, get_task
 
-DURATION = 1.0
 NOISE_DURATION = 1.0
 CHARACTER_EPISODES = 8
 SEED_BLOCK = 10_000
@@ -43,7 +43,7 @@ class Row:
         kind: "classical", "learned" or "residual".
         joint: The joint.
         structure: Its structure.
-        task: One of `TASKS`.
+        task: One of `BENCHMARK_TASKS`.
         rmse: Root mean square error of the true joint torque [N m].
         nrmse: The same over the root mean square of the reference [-].
         bandwidth_hz: Where the response of the torque to the reference first falls 3 dB below
@@ -129,28 +129,35 @@ def evaluate(
     Args:
         agent: The agent.
         conditions: What it faces.
-        tasks: Which tasks, see `TASKS`.
+        tasks: Which tasks, see `BENCHMARK_TASKS`.
         episodes: Episodes of each task; each draws its own joint, reference and noise.
         seed: Which held-out episodes; the same for every agent that is to be compared.
         report: Told what is being done.
 
     Raises:
-        ConfigurationError: episodes or seed is out of range.
+        ConfigurationError: episodes or seed is out of range, or a task does not exist for the
+            structure or the kind of agent.
         UnknownNameError: There is no such task.
     """
     if not 1 <= episodes <= SEED_BLOCK or seed < 0:
         raise ConfigurationError(
             f"episodes must be 1 to {SEED_BLOCK} and seed >= 0, got {episodes} and {seed}."
         )
-    first = EVALUATION_SEEDS + seed * SEED_BLOCK * len(TASKS)
-    amplitude = conditions.amplitude
-    references = {task: task_reference(task, amplitude) for task in tasks}
+    names = list(BENCHMARK_TASKS)
+    first = EVALUATION_SEEDS + seed * SEED_BLOCK * len(names)
+    for task in tasks:
+        if not get_task(task).applies(conditions.structure, agent.kind):
+            raise ConfigurationError(
+                f"Task {task} does not exist for {agent.name} ({agent.kind}) on structure "
+                f"{conditions.structure}. Leave it out."
+            )
+    conditions = replace(conditions, torque_amplitude=conditions.amplitude)
+    joint = joint_of(conditions)
     traces = {}
-    steps = round(DURATION / conditions.dt_control)
-    for task, reference in references.items():
+    for task in tasks:
         report(f"{agent.name}: {task}")
-        offset = SEED_BLOCK * TASKS.index(task)
-        traces[task] = rollout(agent, conditions, reference, steps, episodes, first + offset)
+        setting = get_task(task).setting(conditions, joint)
+        traces[task] = run_task(agent, setting, episodes, first + SEED_BLOCK * names.index(task))
     report(f"{agent.name}: bandwidth and noise")
     sweep = _run(agent, conditions, "sweep", first)
     stepped = traces["step"] if "step" in traces else _run(agent, conditions, "step", first)

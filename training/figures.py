@@ -39,12 +39,14 @@ WIDTH = 7.2
 FULL_SPAN = 8.0
 
 
-def _figure(height: float) -> Figure:
+def new_figure(height: float) -> Figure:
+    """Return an empty figure of the usual width."""
     with matplotlib.rc_context(STYLE):
         return Figure(figsize=(WIDTH, height), layout="constrained")
 
 
-def _svg(figure: Figure) -> str:
+def to_svg(figure: Figure) -> str:
+    """Return a figure as SVG text."""
     buffer = io.StringIO()
     with matplotlib.rc_context(STYLE):
         figure.savefig(buffer, format="svg", metadata={"Date": None})
@@ -54,7 +56,7 @@ def _svg(figure: Figure) -> str:
 
 def emps_figure(replay: Replay) -> str:
     """Return measured and simulated force, velocity and position, and their differences."""
-    figure = _figure(5.6)
+    figure = new_figure(5.6)
     with matplotlib.rc_context(STYLE):
         axes = figure.subplots(3, 2, sharex=True, width_ratios=(1.5, 1.0))
         rows = replay.t <= FULL_SPAN
@@ -73,7 +75,7 @@ def emps_figure(replay: Replay) -> str:
         axes[0, 1].set_title("measured minus simulated", fontsize=9)
         for axis in axes[-1]:
             axis.set_xlabel("time [s]")
-    return _svg(figure)
+    return to_svg(figure)
 
 
 def learning_figure(
@@ -86,7 +88,7 @@ def learning_figure(
         levels: By name of a controller its error on the validation episodes.
         unit: Of the errors.
     """
-    figure = _figure(2.8)
+    figure = new_figure(2.8)
     with matplotlib.rc_context(STYLE):
         axis: Any = figure.subplots()
         steps = np.array([row["steps"] for row in progress]) / 1e3
@@ -102,7 +104,7 @@ def learning_figure(
         axis.set_xlabel("training steps [thousands]")
         axis.set_ylabel(f"tracking error, rms [{unit}]")
         axis.legend(ncols=2)
-    return _svg(figure)
+    return to_svg(figure)
 
 
 def traces_figure(tasks: Mapping[str, Mapping[str, Traces]], episode: int = 0) -> str:
@@ -112,7 +114,7 @@ def traces_figure(tasks: Mapping[str, Mapping[str, Traces]], episode: int = 0) -
         tasks: By task, by agent, what happened.
         episode: Which episode.
     """
-    figure = _figure(4.4)
+    figure = new_figure(4.4)
     with matplotlib.rc_context(STYLE):
         axes = figure.subplots(2, len(tasks), sharex=True, squeeze=False, height_ratios=(1.5, 1.0))
         for column, (task, agents) in enumerate(tasks.items()):
@@ -126,12 +128,12 @@ def traces_figure(tasks: Mapping[str, Mapping[str, Traces]], episode: int = 0) -
         axes[0, 0].set_ylabel("joint torque [N m]")
         axes[1, 0].set_ylabel("error [N m]")
         figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
-    return _svg(figure)
+    return to_svg(figure)
 
 
 def response_figure(sweeps: Mapping[str, Traces]) -> str:
     """Return gain and phase from reference to joint torque of every agent."""
-    figure = _figure(3.6)
+    figure = new_figure(3.6)
     with matplotlib.rc_context(STYLE):
         upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1.5, 1.0))
         for (name, run), colour in zip(sweeps.items(), COLOURS, strict=False):
@@ -145,4 +147,4 @@ def response_figure(sweeps: Mapping[str, Traces]) -> str:
         upper.legend(loc="lower left")
         lower.set_ylabel("phase [deg]")
         lower.set_xlabel("frequency [Hz]")
-    return _svg(figure)
+    return to_svg(figure)

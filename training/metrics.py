@@ -47,7 +47,11 @@ def effort_rms(traces: Traces) -> float:
 
 def bootstrap_rmse(traces: Traces, seed: int = 0) -> tuple[float, float]:
     """Return the 95 % interval of `rmse`, by drawing episodes with replacement [N m]."""
-    squares = squared_errors(traces)
+    return bootstrap_rms(squared_errors(traces), seed)
+
+
+def bootstrap_rms(squares: Floats, seed: int = 0) -> tuple[float, float]:
+    """Return the 95 % interval of the root of the mean of squares, shape (episodes,)."""
     means = squares[_resampled(len(squares), seed)].mean(axis=1)
     low, high = np.sqrt(np.quantile(means, (0.025, 0.975)))
     return float(low), float(high)

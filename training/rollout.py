@@ -13,10 +13,11 @@ from cjt_gym.baselines import CONTROLLERS
 from cjt_gym.envs.core import Episodes
 from cjt_gym.envs.torque_tracking import complete
 from cjt_gym.joint import Joint
-from cjt_gym.joint.arrays import TAU
+from cjt_gym.joint.arrays import DQ_L, Q_L, TAU
 from cjt_gym.signals import Signal
 from cjt_gym.training.conditions import Conditions
 from cjt_gym.training.gains import Choice, choose
+from cjt_gym.training.tasks import Rendering, Setting
 
 Floats = NDArray[np.float64]
 
@@ -153,11 +154,41 @@ def joint_of(conditions: Conditions) -> Joint:
     return Episodes(1, **complete(conditions.arguments)).settings.joint
 
 
-def run_episodes(agent: Agent, arguments: Mapping[str, Any], num: int, seed: int) -> Traces:
+def run_task(agent: Agent, setting: Setting, num: int, seed: int) -> Traces:
+    """Run an agent over `num` episodes of a task of the benchmark.
+
+    Raises:
+        SimulationError: A state ceased to be finite.
+    """
+    steps = round(setting.duration / setting.conditions.dt_control)
+    arguments = agent.arguments(setting.conditions)
+    arguments |= {"reference": setting.reference, "episode_steps": steps}
+    if setting.load is not None:
+        arguments["disturbance"] = setting.load
+    return run_episodes(agent, arguments, num, seed, setting.from_zero, setting.rendering)
+
+
+def run_episodes(
+    agent: Agent,
+    arguments: Mapping[str, Any],
+    num: int,
+    seed: int,
+    from_zero: bool = False,
+    rendering: Rendering | None = None,
+) -> Traces:
     """Run an agent over `num` episodes of the environment with these arguments, to their end.
 
     An episode that passes a safety limit goes on, so that all have the same length; `terminated`
     tells.
+
+    Args:
+        agent: Who drives.
+        arguments: Of the environment.
+        num: How many episodes.
+        seed: Of the first; episode i has seed + i.
+        from_zero: Whether all bodies start at an angle of zero.
+        rendering: Spring and damper that replace the reference. The agent is asked for their
+            torque by the measured motion; what counts is their torque by the true one.
 
     Raises:
         SimulationError: A state ceased to be finite.
@@ -166,12 +197,22 @@ def run_episodes(agent: Agent, arguments: Mapping[str, Any], num: int, seed: int
     episodes.plant.seed(seed)
     episodes.reset()
     task, arrays = episodes.task, episodes.plant.batch.arrays
+    if from_zero:
+        task.start[:] = 0.0
+        episodes.plant.restart(np.ones(num, dtype=np.bool_), task.start, task.load)
     shape = (num, episodes.settings.episode_steps)
     wanted, tau, measured, command = (np.zeros(shape) for _ in range(4))
     ended = np.zeros(shape, dtype=np.bool_)
+    rest = arrays.state[:, 2].copy()
     for k in range(shape[1]):
+        if rendering is not None:
+            angle, rate = arrays.measured[:, Q_L] - rest, arrays.measured[:, DQ_L]
+            task.reference[:] = -rendering.stiffness * angle - rendering.damping * rate
         episodes.step(agent.act(task.observation.copy()))
         wanted[:, k], tau[:, k] = task.reference, arrays.tau
+        if rendering is not None:
+            angle, rate = arrays.state[:, 2] - rest, arrays.state[:, 5]
+            wanted[:, k] = -rendering.stiffness * angle - rendering.damping * rate
         measured[:, k] = arrays.measured[:, TAU]
         command[:, k], ended[:, k] = task.command, task.terminated
     return Traces(wanted, tau, measured, command, ended, episodes.settings.dt)

@@ -1,4 +1,4 @@
-"""`cjt-gym benchmark`: controllers and policies on the same joint, tasks and seeds."""
+"""`cjt-gym benchmark`: controllers and policies on the same joints, tasks and seeds."""
 
 from __future__ import annotations
 
@@ -6,40 +6,117 @@ import argparse
 import json
 import sys
 from pathlib import Path
+from typing import Any
 
+from cjt_gym import __version__
 from cjt_gym.baselines import CONTROLLERS
+from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import STRUCTURES
-from cjt_gym.training.benchmark import benchmark, make_agents, rows_of, table, write_results
-from cjt_gym.training.conditions import TASKS, realistic_conditions
+from cjt_gym.training.grid import BACKENDS, Cell, make_cells, run_grid
+from cjt_gym.training.tasks import BENCHMARK_TASKS
+
+USUAL = "output_fixed_rigid_gearbox"
+ALL = "all"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what to compare, on what, and where to write it."""
+    """Add what to compare, on what, where to run it, and where to write it."""
     add = parser.add_argument
-    add("--joint", required=True, help="name of a joint, or path of a joint file")
-    add("--structure", default="output_fixed_rigid_gearbox", help=", ".join(STRUCTURES))
-    add("--controller", nargs="+", default=[], metavar="C", help=", ".join(CONTROLLERS))
+    add("--joint", nargs="+", required=True, metavar="J", help="joints, or paths of joint files")
+    add("--structure", nargs="+", default=[USUAL], metavar="S", help=", ".join(STRUCTURES))
+    text = f"{', '.join(CONTROLLERS)}, gain files of `cjt-gym tune`, or {ALL}"
+    add("--controller", nargs="+", default=[], metavar="C", help=text)
     add("--policy", nargs="+", default=[], metavar="RUN", help="run folders")
-    add("--task", nargs="+", default=list(TASKS), metavar="T", help=", ".join(TASKS))
+    text = f"{', '.join(BENCHMARK_TASKS)}; default: all that exist for the structure"
+    add("--task", nargs="+", metavar="T", help=text)
     add("--amplitude", type=float, help="of the references [N m]; default: from the peak torque")
-    add("--episodes", type=int, default=32, help="per task, default 32")
+    add("--episodes", type=int, default=32, help="per task and seed, default 32")
     add("--seed", type=int, default=0, help="of the episodes, default 0")
-    add("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
+    add("--seeds", type=int, default=1, help="how many seeds from there on, default 1")
+    add("--jobs", type=int, default=1, help="processes side by side, -1 for one per core")
+    text = "where cells run: processes here, or a cluster; default loky"
+    add("--backend", default="loky", metavar="B", help=f"{', '.join(BACKENDS)}: {text}")
+    text = "folder for the results; a benchmark that was stopped goes on"
+    add("--out", type=Path, required=True, metavar="DIR", help=text)
 
 
 def run(options: argparse.Namespace) -> None:
-    """Compare, write `benchmark.json` and `benchmark.txt`, print the table."""
-    agents = make_agents(options.controller, options.policy)
-    conditions = realistic_conditions(
-        options.joint, options.structure, torque_amplitude=options.amplitude
-    )
-    evaluations = benchmark(
-        agents, conditions, options.task, options.episodes, options.seed, _progress
-    )
-    write_results(evaluations, options.out)
-    rows = [row.to_json() for row in rows_of(evaluations)]
-    sys.stdout.write((json.dumps(rows, indent=1) if options.json else table(rows)) + "\n")
+    """Compare; write rows, ranking and report; print the table."""
+    cells = _cells(options)
+    from cjt_gym.training.benchmark_results import merge, write_benchmark
+
+    progress = Progress(len(cells))
+    kept = options.out / "cells"
+    results = run_grid(cells, kept, options.jobs, options.backend, progress)
+    progress.bar.close()
+    _tell(results)
+    text = write_benchmark(results, options.out, _facts(options, results))
+    rows = merge(results)
+    sys.stdout.write((json.dumps(rows, indent=1) if options.json else text) + "\n")
 
 
-def _progress(text: str) -> None:
-    sys.stderr.write(text + "\n")
+def _cells(options: argparse.Namespace) -> list[Cell]:
+    controllers = list(CONTROLLERS) if options.controller == [ALL] else options.controller
+    if options.seeds < 1:
+        raise ConfigurationError(f"--seeds must be >= 1, got {options.seeds}.")
+    tasks = options.task
+    if tasks is None:
+        tasks = [
+            name
+            for name, row in BENCHMARK_TASKS.items()
+            if any(row.applies(structure) for structure in options.structure)
+        ]
+        if not controllers:
+            tasks = [name for name in tasks if not BENCHMARK_TASKS[name].classical_only]
+    return make_cells(
+        controllers,
+        options.policy,
+        options.joint,
+        options.structure,
+        tasks,
+        range(options.seed, options.seed + options.seeds),
+        options.episodes,
+        options.amplitude,
+    )
+
+
+class Progress:
+    """A progress bar on standard error."""
+
+    def __init__(self, total: int) -> None:
+        """Begin the bar."""
+        from tqdm import tqdm
+
+        self.bar = tqdm(total=total, file=sys.stderr, unit="cell")
+
+    def __call__(self, result: dict[str, Any]) -> None:
+        """Count a cell."""
+        cell = result["cell"]
+        self.bar.set_postfix_str(f"{result['agent']}, {cell['joint']}, {cell['structure']}")
+        self.bar.update()
+
+
+def _tell(results: list[dict[str, Any]]) -> None:
+    """Say on standard error what was refused or failed; raise if that is all."""
+    others = {
+        (r["agent"], r["cell"]["joint"], r["cell"]["structure"]): r
+        for r in results
+        if r["status"] != "done"
+    }
+    if all(r["status"] != "done" for r in results):
+        raise ConfigurationError(str(results[0]["why"]))
+    for (agent, joint, structure), result in others.items():
+        sys.stderr.write(f"{agent} on {joint}, {structure}: {result['status']}. {result['why']}\n")
+
+
+def _facts(options: argparse.Namespace, results: list[dict[str, Any]]) -> list[str]:
+    seeds = f"seed {options.seed}" if options.seeds == 1 else f"{options.seeds} seeds"
+    done = [r for r in results if r["status"] == "done"]
+    agents = len({r["agent"] for r in done})
+    return [
+        f"{agents} controllers and policies, {len(options.joint)} joints, "
+        f"{len(options.structure)} structures, {options.episodes} episodes of each task and seed, "
+        f"{seeds}. All meet the same joints, references and noise. Every episode draws its own "
+        "parameters, from seeds that neither training nor tuning uses. "
+        f"cjt-gym {__version__}.",
+    ]

@@ -1,0 +1,336 @@
+"""The grid of the benchmark: joints x structures x agents x seeds, each cell run once and kept.
+
+A cell is one agent on one joint, structure and seed, through all tasks. Its result is a file, so
+that a benchmark which was stopped goes on, and cells run side by side through joblib: on this
+machine (loky), or on the workers of a Ray or Dask cluster.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import os
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import asdict, dataclass
+from importlib import import_module
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cjt_gym.analysis import Loop, figures_of, probe_law, probe_plant
+from cjt_gym.errors import ConfigurationError, SimulationError, unknown_name
+from cjt_gym.joint import get_structure, load_joint_file
+from cjt_gym.training.benchmark import make_agents
+from cjt_gym.training.conditions import BANDWIDTH_HIGH, BANDWIDTH_LOW, realistic_conditions
+from cjt_gym.training.evaluate import SEED_BLOCK, Evaluation, evaluate
+from cjt_gym.training.metrics import frequency_response, squared_errors
+from cjt_gym.training.rollout import Agent, ControllerAgent, Traces, joint_of
+from cjt_gym.training.tasks import get_task
+
+Floats = NDArray[np.float64]
+BACKENDS = ("loky", "ray", "dask")
+SHOWN_POINTS = 500
+BODE_HZ = np.geomspace(0.5, 400.0, 120)
+SPECTRUM_BANDS = np.geomspace(1.0, 450.0, 28)
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One agent on one joint, structure and seed.
+
+    Attributes:
+        agent: Name of a controller, path of a gain file, or run folder of a policy.
+        is_policy: Whether it is a run folder.
+        joint: Name of the joint, or path of its file.
+        structure: Its structure.
+        tasks: Its tasks.
+        seed: Which held-out episodes.
+        episodes: Of each task.
+        amplitude: Of the references [N m]; None for that of the joint.
+    """
+
+    agent: str
+    is_policy: bool
+    joint: str
+    structure: str
+    tasks: tuple[str, ...]
+    seed: int = 0
+    episodes: int = 32
+    amplitude: float | None = None
+
+    def key(self) -> str:
+        """Return a name that changes with everything that the result depends on."""
+        content = ""
+        if self.agent.endswith(".toml"):
+            content = Path(self.agent).read_text(encoding="utf-8")
+        elif self.is_policy:
+            files = sorted(p for p in Path(self.agent).rglob("*") if p.is_file())
+            content = " ".join(f"{p.name} {p.stat().st_size} {p.stat().st_mtime_ns}" for p in files)
+        joint = load_joint_file(self.joint).hash_hex()
+        text = json.dumps([asdict(self), content, joint, version("cjt-gym")], sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:20]
+
+    def load(self) -> Agent:
+        """Return the agent."""
+        if self.is_policy:
+            from cjt_gym.training.policy import load_policy
+
+            return load_policy(self.agent)
+        return ControllerAgent(self.agent)
+
+
+def run_cell(cell: Cell) -> dict[str, Any]:
+    """Run a cell and return its result as plain data.
+
+    Returns:
+        "status": "done"; "refused" where the law does not hold for the joint; "failed" where the
+        simulation left the finite numbers; for the last two, why. When done: the rows of
+        the benchmark, squared errors of every episode, one episode, error spectra, the response
+        to the sweep, and what the linear loop says.
+    """
+    agent = cell.load()
+    base = {"cell": asdict(cell), "agent": agent.name, "kind": agent.kind}
+    try:
+        conditions = realistic_conditions(
+            cell.joint, cell.structure, torque_amplitude=cell.amplitude
+        )
+        found = evaluate(agent, conditions, cell.tasks, cell.episodes, cell.seed)
+        linear = _linear(cell, agent)
+    except SimulationError as error:
+        return {**base, "status": "failed", "why": str(error)}
+    except ConfigurationError as error:
+        return {**base, "status": "refused", "why": str(error)}
+    return {**base, "status": "done", **_result(found), "linear": linear}
+
+
+def _result(found: Evaluation) -> dict[str, Any]:
+    f, response = frequency_response(found.sweep, BANDWIDTH_LOW, BANDWIDTH_HIGH)
+    return {
+        "rows": [row.to_json() for row in found.rows],
+        "squares": {task: squared_errors(run).tolist() for task, run in found.traces.items()},
+        "powers": {
+            task: np.mean(run.reference**2, axis=1).tolist() for task, run in found.traces.items()
+        },
+        "shown": {task: _shown(run) for task, run in found.traces.items()},
+        "spectra": {task: _spectrum(run) for task, run in found.traces.items()},
+        "sweep": {"f": _short(f), "gain": _short(np.abs(response)), "phase": _phase(response)},
+    }
+
+
+def _short(values: Iterable[float]) -> list[float | None]:
+    """Return numbers with five digits, None for what is not finite."""
+    return [float(f"{v:.5g}") if math.isfinite(v) else None for v in values]
+
+
+def _phase(response: NDArray[np.complex128]) -> list[float | None]:
+    return _short(np.rad2deg(np.unwrap(np.angle(response))))
+
+
+def _shown(run: Traces) -> dict[str, list[float | None]]:
+    """Return the first episode, thinned out."""
+    step = max(1, run.tau.shape[1] // SHOWN_POINTS)
+    names = ("reference", "tau", "command")
+    series = {name: _short(getattr(run, name)[0, ::step]) for name in names}
+    return {"t": _short(run.t[::step]), **series}
+
+
+def _spectrum(run: Traces) -> dict[str, list[float | None]]:
+    """Return the rms of the error in bands of frequency [N m], over all episodes."""
+    f = np.fft.rfftfreq(run.error.shape[1], run.dt)
+    power = np.mean(np.abs(np.fft.rfft(run.error, axis=1)) ** 2, axis=0)
+    power *= 2.0 / run.error.shape[1] ** 2
+    low, high = SPECTRUM_BANDS[:-1], SPECTRUM_BANDS[1:]
+    sums = [power[(f >= a) & (f < b)].sum() for a, b in zip(low, high, strict=True)]
+    kept = [k for k, total in enumerate(sums) if total > 0.0]
+    return {
+        "f": _short(np.sqrt(low * high)[kept]),
+        "rms": _short(np.sqrt(np.array(sums)[kept])),
+    }
+
+
+def _linear(cell: Cell, agent: Agent) -> dict[str, Any] | None:
+    """Return what the linear loop says of a classical controller; None of policies."""
+    if (
+        not isinstance(agent, ControllerAgent)
+        or "k_b" not in get_structure(cell.structure).needed_parameters
+    ):
+        return None
+    conditions = realistic_conditions(cell.joint, cell.structure, torque_amplitude=cell.amplitude)
+    joint = joint_of(conditions)
+    law = probe_law(agent.choice.make(joint, conditions.dt_control), joint, conditions.dt_control)
+    if not law.is_linear:
+        return {"is_linear": False, "mismatch": _short([law.mismatch])[0]}
+    loop = Loop(law, probe_plant(joint, conditions.dt_control))
+    r = loop.responses(BODE_HZ)
+    figures = figures_of(loop).to_dict()
+    plain = {n: v if isinstance(v, bool) else _short([v])[0] for n, v in figures.items()}
+    # Infinite margins are no missing ones: there is no feedback to lose.
+    endless = [n for n, v in figures.items() if isinstance(v, float) and math.isinf(v)]
+    return {
+        "is_linear": True,
+        "figures": plain,
+        "infinite": endless,
+        "f": _short(BODE_HZ),
+        "gain": _short(np.abs(r.reference)),
+        "phase": _phase(r.reference),
+        "sensitivity": _short(np.abs(r.sensitivity)),
+        "port": _short(np.abs(r.port)),
+    }
+
+
+def kept(cell: Cell, folder: Path) -> dict[str, Any] | None:
+    """Return the result of a cell that was run before, None if there is none."""
+    path = folder / f"{cell.key()}.json"
+    try:
+        result = json.loads(path.read_text(encoding="utf-8"))
+    except (FileNotFoundError, ValueError):
+        return None
+    return result if isinstance(result, dict) else None
+
+
+def _run_and_keep(cell: Cell, folder: Path) -> dict[str, Any]:
+    text = json.dumps(run_cell(cell))
+    path = folder / f"{cell.key()}.json"
+    beside = path.with_suffix(f".{os.getpid()}.tmp")
+    beside.write_text(text, encoding="utf-8")
+    beside.replace(path)
+    result: dict[str, Any] = json.loads(text)
+    return result
+
+
+def run_grid(
+    cells: Sequence[Cell],
+    folder: Path,
+    jobs: int = 1,
+    backend: str = "loky",
+    report: Callable[[dict[str, Any]], None] = lambda result: None,
+) -> list[dict[str, Any]]:
+    """Run cells, or take what the folder keeps of them; return their results in order.
+
+    Args:
+        cells: The grid.
+        folder: Where results are kept. Workers on other machines must see it.
+        jobs: Processes side by side; -1 for one per core.
+        backend: Of joblib, one of `BACKENDS`. For "ray" and "dask" a cluster that is already
+            there is used, as their environment variables say, else one on this machine.
+        report: Told each result as it comes.
+
+    Raises:
+        UnknownNameError: There is no such backend.
+        ConfigurationError: The backend is not installed.
+    """
+    if backend not in BACKENDS:
+        raise unknown_name("backend", backend, BACKENDS)
+    folder.mkdir(parents=True, exist_ok=True)
+    folder = folder.resolve()
+    results: dict[Cell, dict[str, Any]] = {}
+    for cell in cells:
+        known = kept(cell, folder)
+        if known is not None:
+            results[cell] = known
+            report(known)
+    missing = [cell for cell in cells if cell not in results]
+    if backend == "loky" and (jobs == 1 or len(missing) < 2):
+        for cell in missing:
+            results[cell] = _run_and_keep(cell, folder)
+            report(results[cell])
+    elif missing:
+        from joblib import Parallel, delayed
+
+        with cluster(backend, jobs):
+            # Ray's backend gives its results only all at once.
+            way = "list" if backend == "ray" else "generator_unordered"
+            tasks = (delayed(_numbered)(k, cell, folder) for k, cell in enumerate(missing))
+            for k, result in Parallel(n_jobs=jobs, return_as=way)(tasks):
+                results[missing[k]] = result
+                report(result)
+    return [results[cell] for cell in cells]
+
+
+def _numbered(k: int, cell: Cell, folder: Path) -> tuple[int, dict[str, Any]]:
+    return k, _run_and_keep(cell, folder)
+
+
+def cluster(backend: str, jobs: int) -> AbstractContextManager[Any]:
+    """Return joblib's context for a backend, with its cluster.
+
+    Raises:
+        ConfigurationError: The backend is not installed.
+    """
+    from joblib import parallel_config
+
+    count = (os.cpu_count() or 1) if jobs < 1 else jobs
+    try:
+        if backend == "ray":
+            ray = import_module("ray")
+            import_module("ray.util.joblib").register_ray()
+            if not ray.is_initialized():
+                here: dict[str, Any] = {} if "RAY_ADDRESS" in os.environ else {"num_cpus": count}
+                ray.init(include_dashboard=False, log_to_driver=False, **here)
+        elif backend == "dask":
+            address = os.environ.get("DASK_SCHEDULER_ADDRESS")
+            here = {} if address else {"n_workers": count, "threads_per_worker": 1}
+            import_module("distributed").Client(address, dashboard_address=None, **here)
+    except ModuleNotFoundError as error:
+        raise ConfigurationError(
+            f'--backend {backend} needs {error.name}: pip install "cjt-gym[{backend}]".'
+        ) from None
+    threads: dict[str, Any] = {"inner_max_num_threads": 1} if backend == "loky" else {}
+    context: AbstractContextManager[Any] = parallel_config(backend, **threads)
+    return context
+
+
+def make_cells(
+    controllers: Sequence[str],
+    policies: Sequence[str],
+    joints: Sequence[str],
+    structures: Sequence[str],
+    tasks: Sequence[str],
+    seeds: Sequence[int],
+    episodes: int,
+    amplitude: float | None = None,
+) -> list[Cell]:
+    """Return the cells of a grid.
+
+    Args:
+        controllers: Names of controllers, or gain files.
+        policies: Run folders.
+        joints: Names of joints, or paths of their files.
+        structures: Structures.
+        tasks: Tasks; those that do not exist for a structure are left out there.
+        seeds: Blocks of held-out episodes.
+        episodes: Of each task and seed.
+        amplitude: Of the references [N m]; None for that of each joint.
+
+    Raises:
+        ConfigurationError: There is no agent, two have the same name, or a task exists nowhere.
+        UnknownNameError: A name is not known.
+        MissingFileError: A file or folder does not exist.
+    """
+    agents = make_agents(controllers, policies)
+    words = [(word, False) for word in controllers] + [(str(word), True) for word in policies]
+    for joint in joints:
+        load_joint_file(joint)
+    for task in tasks:
+        if not any(get_task(task).applies(s, a.kind) for s in structures for a in agents):
+            raise ConfigurationError(
+                f"Task {task} does not exist for the structures {', '.join(structures)} and these "
+                "agents. Leave it out, or add a structure."
+            )
+    if not 1 <= episodes <= SEED_BLOCK or min(seeds) < 0:
+        raise ConfigurationError(
+            f"episodes must be 1 to {SEED_BLOCK} and seed >= 0, got {episodes} and {min(seeds)}."
+        )
+    return [
+        Cell(word, is_policy, joint, structure, kept_tasks, seed, episodes, amplitude)
+        for joint in joints
+        for structure in structures
+        for (word, is_policy), agent in zip(words, agents, strict=True)
+        if (kept_tasks := tuple(t for t in tasks if get_task(t).applies(structure, agent.kind)))
+        for seed in seeds
+    ]
