@@ -30,6 +30,7 @@ MARGINS = (
     ("rejection [Hz]", "rejection_hz", 1.0),
     ("noise", "noise_amplification", 1.0),
     ("port lacks [N m s/rad]", "port_shortage", 1.0),
+    ("stiffest [N m/rad]", "stiffest", 1.0),
 )
 
 
@@ -128,7 +129,9 @@ def _group(places: list[Place], results: list[Result], rows: list[dict[str, Any]
             "Linear loop around the nominal joint with its delays and filters, without friction "
             "and ripple. Disturbance: response to a torque at the motor up to 20 Hz, rms. "
             "Rejection: up to where less than 0.7 of it reaches the output. Port lacks: damping "
-            "that the environment must add for the output to be passive with zero reference.",
+            "that the environment must add for the output to be passive with zero reference. "
+            "Stiffest: virtual spring that is rendered stably and passively against an environment "
+            "with a damping of 5 % of sqrt(k_b (I_m + I_g)), the upper end of the Z-width.",
             note=True,
         ),
     ]

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.analysis import Loop, figures_of, probe_law, probe_plant
+from cjt_gym.analysis import Loop, figures_of, probe_law, probe_plant, stiffest_rendered
 from cjt_gym.errors import ConfigurationError, SimulationError, unknown_name
 from cjt_gym.joint import get_structure, load_joint_file
 from cjt_gym.training.benchmark import make_agents
@@ -31,6 +31,7 @@ from cjt_gym.training.evaluate import SEED_BLOCK, Evaluation, evaluate
 from cjt_gym.training.metrics import frequency_response, squared_errors
 from cjt_gym.training.rollout import Agent, ControllerAgent, Traces, joint_of
 from cjt_gym.training.tasks import get_task
+from cjt_gym.training.tune_limits import Limits
 
 Floats = NDArray[np.float64]
 BACKENDS = ("loky", "ray", "dask")
@@ -168,6 +169,8 @@ def _linear(cell: Cell, agent: Agent) -> dict[str, Any] | None:
     loop = Loop(law, probe_plant(joint, conditions.dt_control))
     r = loop.responses(BODE_HZ)
     figures = figures_of(loop).to_dict()
+    hand = Limits().resolved(joint).port_damping or 0.0
+    figures["stiffest"] = stiffest_rendered(loop, environment=hand) if figures["stable"] else 0.0
     plain = {n: v if isinstance(v, bool) else _short([v])[0] for n, v in figures.items()}
     # Infinite margins are no missing ones: there is no feedback to lose.
     endless = [n for n, v in figures.items() if isinstance(v, float) and math.isinf(v)]

@@ -16,7 +16,7 @@ SETTLED = 0.05
 LOW_HZ = 1.0
 REJECTION_HZ = 20.0
 STIFFEST = 1e6
-CLOSE = 1e-3
+CLOSE = 1e-2
 LAG_ALLOWED = 1e-3
 """Share of |Z| by which a real part may be negative: the error of the port's sampled model."""
 
@@ -245,7 +245,7 @@ def stiffest_rendered(loop: Loop, damping: float = 0.0, environment: float = 0.0
         environment: Damping of what touches the output, such as a hand [N m s/rad].
 
     Returns:
-        The stiffness, to a thousandth; 0 where even a soft spring is not passive, infinity where
+        The stiffness, to a hundredth; 0 where even a soft spring is not passive, infinity where
         every stiffness up to 1e6 N m/rad is.
     """
 
