@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 __all__ = [
     "CjtGymError",
     "ConfigurationError",
+    "HardwareError",
     "MissingFileError",
     "ParameterError",
     "ProtocolError",
@@ -52,6 +53,10 @@ class UnknownNameError(CjtGymError, LookupError):
 
 class MissingFileError(CjtGymError, FileNotFoundError):
     """A file that was asked for does not exist."""
+
+
+class HardwareError(CjtGymError, RuntimeError):
+    """A drive, a bus or a run on real hardware failed, and was stopped."""
 
 
 class SimulationError(CjtGymError, FloatingPointError):

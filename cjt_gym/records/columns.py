@@ -66,6 +66,9 @@ COLUMNS: Final[dict[str, Column]] = {
         Column("dq_l", _VELOCITY, "load velocity"),
         Column("tau", _TORQUE, "measured joint torque"),
         Column("tau_l", _TORQUE, "external load torque, positive where it accelerates the load"),
+        Column("temperature", ("degC",), "hottest temperature that the drive reports"),
+        Column("age", ("s",), "age of the motor angle where the control loop used it"),
+        Column("lateness", ("s",), "of the command behind the deadline of its control step"),
     )
 }
 

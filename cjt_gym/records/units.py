@@ -65,6 +65,7 @@ UNITS: Final[dict[str, Unit]] = {
     "N": Unit("N", 1.0),
     "mN": Unit("N", 1e-3),
     "kN": Unit("N", 1e3),
+    "degC": Unit("degC", 1.0),
 }
 
 

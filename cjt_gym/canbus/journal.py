@@ -1,0 +1,104 @@
+"""The record of a run as it is written: appended row by row, complete whenever the run ends."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, final
+
+from cjt_gym.errors import ConfigurationError
+from cjt_gym.records import Record, default_units, read_record, write_record
+from cjt_gym.records.metadata import write_metadata
+
+SUFFIX = ".csv"
+
+
+@final
+class Journal:
+    """A record on its way: a CSV file to which every sample is handed as soon as it is known.
+
+    Each row goes to the operating system in one call, so that it outlives this process; the facts
+    beside it are written at the beginning, and again at the end. A record of another format is made
+    from it by `close`.
+
+    Attributes:
+        path: The CSV file.
+        rows: Rows written so far.
+    """
+
+    def __init__(
+        self, path: str | Path, columns: Sequence[str], dt: float, facts: Mapping[str, Any]
+    ) -> None:
+        """Begin a record.
+
+        Args:
+            path: Where the record is to be, in any format that records are written in.
+            columns: Names of its columns, "t" first.
+            dt: Control step [s].
+            facts: Joint, structure, versions, provenance, sensors, as a `Record` takes them.
+
+        Raises:
+            ConfigurationError: The file cannot be written, or the record is there already.
+        """
+        self.wanted = Path(path)
+        self.path = self.wanted.with_suffix(SUFFIX)
+        self.rows = 0
+        self._columns, self._dt, self._facts = tuple(columns), dt, dict(facts)
+        self._format = ",".join(["%.10g"] * len(columns)) + "\n"
+        for there in (self.wanted, self.path):
+            if there.exists():
+                raise ConfigurationError(
+                    f"The record {there} is there already, and is not written over. Give another "
+                    "name, or move it away."
+                )
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_EXCL
+            self._file = os.open(self.path, flags, 0o644)
+        except OSError as error:
+            raise ConfigurationError(
+                f"The record {self.path} cannot be written: {error}."
+            ) from error
+        os.write(self._file, (",".join(columns) + "\n").encode())
+        self._describe({})
+
+    def write(self, row: Sequence[float]) -> None:
+        """Append a sample, its values in the order of the columns."""
+        os.write(self._file, (self._format % tuple(row)).encode())
+        self.rows += 1
+
+    def close(self, **known: Any) -> Path | None:
+        """End the record.
+
+        Args:
+            **known: What else belongs to its provenance, such as the fault that ended it.
+
+        Returns:
+            The record's file, None where nothing was recorded; a second call does nothing more.
+        """
+        if self._file < 0:
+            return self.path if self.rows else None
+        os.fsync(self._file)
+        os.close(self._file)
+        self._file = -1
+        if not self.rows:
+            self.path.unlink()
+            self.path.with_suffix(".toml").unlink()
+            return None
+        self._describe(known)
+        if self.wanted.suffix.lower() == SUFFIX:
+            return self.path
+        record = read_record(self.path, allow_nan=True)
+        written = write_record(record, self.wanted)
+        self.path.unlink()
+        return written
+
+    def _describe(self, known: Mapping[str, Any]) -> None:
+        """Write the facts beside the table."""
+        columns = {name: [0.0] for name in self._columns}
+        provenance = {**self._facts.get("provenance", {}), **known}
+        units = default_units(self._columns)
+        facts = {**self._facts, "provenance": provenance}
+        record = Record(columns, units, dt=self._dt, allow_nan=True, **facts)
+        write_metadata(record, self.path.with_suffix(".toml"))

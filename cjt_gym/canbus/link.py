@@ -1,0 +1,233 @@
+"""The way to the nodes: frames out, frames in with their times of arrival, and the clock."""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import os
+import socket
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple, Protocol, final
+
+import can
+
+from cjt_gym.canbus.config import BusSettings
+from cjt_gym.errors import ConfigurationError, HardwareError
+
+SPIN = 2e-4
+"""Time before a deadline from which it is awaited without sleeping [s]."""
+SWITCH = 2e-4
+"""Time after which the interpreter lets another thread run while the loop runs [s]."""
+
+PTYS = "/dev/pts/"
+"""Where pseudo-terminals are, behind which no adapter has to boot."""
+
+
+class Arrival(NamedTuple):
+    """A frame and when it arrived, on the clock of its link [s]."""
+
+    t: float
+    message: can.Message
+
+
+class Link(Protocol):
+    """A bus and the clock by which it is used."""
+
+    def now(self) -> float:
+        """Return the time [s]."""
+        ...
+
+    def wait_until(self, t: float) -> None:
+        """Wait for a time [s]; return at once where it has passed."""
+        ...
+
+    def send(self, messages: Sequence[can.Message]) -> None:
+        """Send frames.
+
+        Raises:
+            HardwareError: The bus does not take them.
+        """
+        ...
+
+    def receive(self) -> list[Arrival]:
+        """Return all frames since the last call, in order of arrival.
+
+        Raises:
+            HardwareError: The bus is lost.
+        """
+        ...
+
+    def watch(self, supervise: Callable[[float], None], every: float) -> None:
+        """Have `supervise(now)` called at least `every` so often [s], whatever the loop does."""
+        ...
+
+    def close(self) -> None:
+        """Release the bus."""
+        ...
+
+
+@final
+class BusLink:
+    """A link over a python-can bus, with a thread that receives and the machine's clock.
+
+    The thread takes every frame as soon as it arrives and notes the time, so that none is lost
+    and none seems younger than it is while the loop computes.
+    """
+
+    def __init__(self, bus: can.BusABC) -> None:
+        self._bus = bus
+        self._inbox: deque[Arrival] = deque()
+        self._failure: Exception | None = None
+        self._supervise: Callable[[float], None] | None = None
+        self._every = 0.05
+        self._stopped = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="can-receive", daemon=True)
+        self._thread.start()
+
+    def now(self) -> float:
+        """Return the machine's monotonic time [s]."""
+        return time.perf_counter()
+
+    def wait_until(self, t: float) -> None:
+        """Sleep until shortly before a time [s], then wait for it without sleeping."""
+        remaining = t - time.perf_counter()
+        if remaining > SPIN:
+            time.sleep(remaining - SPIN)
+        while time.perf_counter() < t:
+            pass
+
+    def send(self, messages: Sequence[can.Message]) -> None:
+        """Send frames.
+
+        Raises:
+            HardwareError: The bus does not take them.
+        """
+        try:
+            for message in messages:
+                self._bus.send(message)
+        except (can.CanError, OSError, ValueError) as error:
+            raise HardwareError(f"The bus does not take a frame: {error}.") from error
+
+    def receive(self) -> list[Arrival]:
+        """Return all frames since the last call, in order of arrival.
+
+        Raises:
+            HardwareError: The bus is lost.
+        """
+        if self._failure is not None:
+            raise HardwareError(f"The bus is lost: {self._failure}.") from self._failure
+        inbox = self._inbox
+        return [inbox.popleft() for _ in range(len(inbox))]
+
+    def watch(self, supervise: Callable[[float], None], every: float) -> None:
+        """Have `supervise(now)` called at least `every` so often [s] by the receiving thread."""
+        self._every, self._supervise = every, supervise
+
+    def close(self) -> None:
+        """Stop the thread and shut the bus down."""
+        self._stopped.set()
+        if threading.current_thread() is not self._thread:
+            self._thread.join(1.0)
+        with contextlib.suppress(can.CanError, OSError):
+            self._bus.shutdown()
+
+    def _run(self) -> None:
+        while not self._stopped.is_set():
+            try:
+                message = self._bus.recv(self._every)
+            except Exception as error:  # whatever a driver raises, the bus is lost
+                self._failure = error
+                message = None
+                self._stopped.wait(self._every)
+            now = time.perf_counter()
+            if message is not None:
+                self._inbox.append(Arrival(now, message))
+            if self._supervise is not None:
+                self._supervise(now)
+
+
+def open_bus(settings: BusSettings) -> can.BusABC:
+    """Return the python-can bus that a configuration describes.
+
+    Raises:
+        ConfigurationError: It cannot be opened.
+    """
+    options = dict(settings.options)
+    if settings.interface == "socketcand":
+        host, port = settings.host, settings.port
+        _probe(host, port)
+        options = {"host": host, "port": port, "tcp_tune": sys.platform == "linux"} | options
+    if settings.interface == "slcan" and os.path.realpath(settings.channel).startswith(PTYS):
+        options = {"sleep_after_open": 0.0} | options
+    if settings.fd:
+        options["fd"] = True
+    if settings.bitrate is not None:
+        options["bitrate"] = settings.bitrate
+    try:
+        return can.Bus(interface=settings.interface, channel=settings.channel, **options)
+    except (
+        can.CanError,
+        OSError,
+        ValueError,
+        TypeError,
+        ImportError,
+        NotImplementedError,
+    ) as error:
+        raise ConfigurationError(
+            f"The bus {settings.interface} {settings.channel} of {settings.owner} cannot be "
+            f"opened: {error}. Check [bus], and that it is there."
+        ) from error
+
+
+def _probe(host: str, port: int) -> None:
+    """Find out whether anybody listens: python-can's client would try for ten seconds."""
+    try:
+        socket.create_connection((host, port), timeout=2.0).close()
+    except OSError as error:
+        raise ConfigurationError(
+            f"Nobody serves socketcand at {host}:{port}: {error}. Start the daemon, or  "
+            "cjt-gym emulate CONFIG.toml  in another terminal."
+        ) from error
+
+
+@contextlib.contextmanager
+def quiet_machine(priority: int | None) -> Iterator[None]:
+    """Keep the garbage collector out of what runs within, and give it real-time priority.
+
+    Args:
+        priority: Priority of SCHED_FIFO from 1 to 99, or None to leave the scheduler alone.
+
+    Raises:
+        ConfigurationError: The priority is not permitted.
+    """
+    if priority is not None:
+        try:
+            _schedule(os.SCHED_FIFO, priority)
+        except (AttributeError, OSError) as error:
+            raise ConfigurationError(
+                f"priority {priority} of [control] is not permitted: {error}. Grant it (ulimit -r, "
+                "CAP_SYS_NICE), or leave it out."
+            ) from error
+    collects, interval = gc.isenabled(), sys.getswitchinterval()
+    gc.freeze()
+    gc.disable()
+    sys.setswitchinterval(SWITCH)
+    try:
+        yield
+    finally:
+        sys.setswitchinterval(interval)
+        gc.unfreeze()
+        if collects:
+            gc.enable()
+        if priority is not None:
+            _schedule(os.SCHED_OTHER, 0)
+
+
+def _schedule(policy: int, priority: int) -> None:
+    """Set the scheduling of every thread of this process."""
+    for thread in threading.enumerate():
+        os.sched_setscheduler(thread.native_id or 0, policy, os.sched_param(priority))

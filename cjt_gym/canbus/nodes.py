@@ -1,0 +1,212 @@
+"""The nodes of a joint as a master sees them: latest values, their ages, and excess reports."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import final
+
+import can
+
+from cjt_gym.canbus.config import HardwareConfig, NodeSettings
+from cjt_gym.canbus.link import Arrival
+from cjt_gym.canbus.protocols import protocol_of
+from cjt_gym.canbus.protocols.contract import Master, Mode
+from cjt_gym.canbus.safety import Fault
+from cjt_gym.errors import ProtocolError
+
+SPARE = 2.0
+"""Answers that a node which is asked may owe."""
+
+
+@dataclass
+class _Account:
+    """How many more frames of one identifier may come, and when the latest came [s]."""
+
+    credit: float
+    t: float
+
+
+@dataclass
+class Latest:
+    """The latest value of a channel.
+
+    Attributes:
+        value: In the channel's unit.
+        t: When its frame arrived [s].
+        period: Time between two reports [s].
+        node: Name of the node that reports it.
+    """
+
+    value: float = math.nan
+    t: float = -math.inf
+    period: float = math.inf
+    node: str = ""
+
+
+@final
+class Node:
+    """One node: its master, and how often its frames have come.
+
+    Attributes:
+        name: Its name in the configuration.
+        master: Its protocol.
+        mode: The mode it showed last, or None.
+        error: The error it showed last.
+        text: That error in words.
+        is_asked: Whether it reports only when asked.
+    """
+
+    def __init__(self, settings: NodeSettings) -> None:
+        self.name = settings.name
+        self.master: Master = protocol_of(settings.protocol).master(settings.settings)
+        self.mode: Mode | None = None
+        self.error, self.text = 0, ""
+        self.is_asked = bool(self.master.poll())
+        self._accounts: dict[int, _Account] = {}
+
+    def asked(self) -> None:
+        """Note that the node was asked: it may answer with one frame of each kind more."""
+        if self.is_asked:
+            for account in self._accounts.values():
+                account.credit = min(account.credit + 1.0, SPARE)
+
+    def is_excess(self, arrival: Arrival, period: float, oldest: float) -> bool:
+        """Whether a frame came more often than it should.
+
+        A node that is asked may answer once. One that reports by itself earns a frame per period,
+        and may send at once what was held up for as long as a report may be old.
+
+        Args:
+            arrival: The frame.
+            period: Time between two reports of its kind [s].
+            oldest: Age from which such a report is missing [s].
+        """
+        t, message = arrival
+        most = SPARE if self.is_asked else oldest / period + 1.0
+        account = self._accounts.setdefault(message.arbitration_id, _Account(most, t))
+        if not self.is_asked:
+            account.credit = min(account.credit + (t - account.t) / period, most)
+        account.t = t
+        account.credit -= 1.0
+        return account.credit < -0.5
+
+    def forgive(self) -> None:
+        """Forget how often frames have come."""
+        self._accounts.clear()
+
+
+@dataclass
+class Nodes:
+    """All nodes of a joint.
+
+    Attributes:
+        dt: Control step [s].
+        missed: Reports that may be missing in a row.
+        all: The drive, then the sensors.
+        latest: Latest value of every channel, by name; the first node that reports it counts.
+        strange: Frames that could not be decoded while no run was on.
+    """
+
+    dt: float
+    missed: int
+    all: Sequence[Node]
+    latest: dict[str, Latest] = field(default_factory=dict)
+    strange: int = 0
+
+    @staticmethod
+    def of(config: HardwareConfig) -> Nodes:
+        """Return the nodes of a configuration."""
+        nodes = Nodes(config.dt, config.missed, [Node(n) for n in config.nodes])
+        for node in nodes.all:
+            for name in sorted(node.master.channels):
+                period = max(node.master.periods.get(name, config.dt), 1e-6)
+                nodes.latest.setdefault(name, Latest(period=period, node=node.name))
+        return nodes
+
+    @property
+    def drive(self) -> Node:
+        """The node that moves the joint."""
+        return self.all[0]
+
+    def hear(self, arrivals: Sequence[Arrival]) -> Fault | None:
+        """Take frames; return what is wrong with them, the first of it."""
+        found: Fault | None = None
+        for arrival in arrivals:
+            found = self._hear_one(arrival) or found
+        return found
+
+    def _hear_one(self, arrival: Arrival) -> Fault | None:
+        t, message = arrival
+        if message.is_error_frame:
+            return Fault("bus_off", "The bus reports an error frame.", t)
+        for node in self.all:
+            try:
+                update = node.master.decode(message)
+            except ProtocolError as error:
+                self.strange += 1
+                return Fault("corrupt", f"{node.name}: {error}", t)
+            if update is None:
+                continue
+            node.mode = update.mode or node.mode
+            if update.error is not None:
+                node.error, node.text = update.error, update.text
+            return self._note(node, arrival, dict(update.channels))
+        return None
+
+    def _note(self, node: Node, arrival: Arrival, channels: dict[str, float]) -> Fault | None:
+        for name, value in channels.items():
+            latest = self.latest.get(name)
+            if latest is not None and latest.node == node.name:
+                latest.value, latest.t = value, arrival.t
+        if not channels:
+            return None
+        period = min(self.latest[name].period for name in channels if name in self.latest)
+        if node.is_excess(arrival, period, self.oldest(period)):
+            text = f"{node.name} sent more frames {arrival.message.arbitration_id:#x} than it was "
+            text += "asked for." if node.is_asked else f"one every {period * 1e3:.3g} ms."
+            return Fault("repeated", text, arrival.t)
+        return None
+
+    def oldest(self, period: float) -> float:
+        """Return the age from which a report with that period is missing [s]."""
+        return (1.0 + self.missed) * period + 0.5 * self.dt
+
+    def ages(self, now: float) -> dict[str, tuple[float, float]]:
+        """Return the age of every channel and that from which it is missing [s]."""
+        return {
+            f"{name} of {latest.node}": (now - latest.t, self.oldest(latest.period))
+            for name, latest in self.latest.items()
+        }
+
+    def values(self) -> dict[str, float]:
+        """Return the latest value of every channel."""
+        return {name: latest.value for name, latest in self.latest.items()}
+
+    def trouble(self, is_on: bool) -> Fault | None:
+        """Return what the drive complains of, or that it is not on while it should be."""
+        for node in self.all:
+            if node.mode is Mode.FAULT or node.error:
+                return Fault("drive", f"{node.name} reports {node.text or 'a fault'}.")
+        if is_on and self.drive.mode in (Mode.DISABLED, Mode.BOOTING):
+            return Fault("drive", f"The drive is {self.drive.mode.value}, no longer enabled.")
+        return None
+
+    def poll(self) -> list[can.Message]:
+        """Return the frames that ask all nodes for a report."""
+        return [frame for node in self.all for frame in self._asking(node)]
+
+    def command(self, tau_m: float) -> list[can.Message]:
+        """Return the frames that command a motor torque [N m] and ask the sensors."""
+        frames = list(self.drive.master.command(tau_m))
+        self.drive.asked()
+        for node in self.all[1:]:
+            frames += self._asking(node)
+        return frames
+
+    def _asking(self, node: Node) -> Sequence[can.Message]:
+        frames = node.master.poll()
+        if frames:
+            node.asked()
+        return frames

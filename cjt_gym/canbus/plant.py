@@ -1,0 +1,530 @@
+"""A real joint, or an emulated one, behind the contract of simulated plants."""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import math
+import sys
+import threading
+from collections.abc import Mapping, Sequence
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Self, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cjt_gym.canbus.config import HardwareConfig
+from cjt_gym.canbus.journal import Journal
+from cjt_gym.canbus.link import Arrival, BusLink, Link, open_bus, quiet_machine
+from cjt_gym.canbus.lock import NodeLock
+from cjt_gym.canbus.nodes import Node, Nodes
+from cjt_gym.canbus.protocols.contract import Step
+from cjt_gym.canbus.safety import Fault, Guard, HardwareFault, Seen, State
+from cjt_gym.canbus.sense import Sense
+from cjt_gym.canbus.timing import Timing
+from cjt_gym.errors import HardwareError, ProtocolError
+from cjt_gym.plant import Limits, Measurement
+
+Floats = NDArray[np.float64]
+PATIENCE = 0.5
+"""Time for which a first report of every channel is awaited [s]."""
+AFTERWARDS = 2
+"""Control steps for which switching off is repeated after a fault."""
+LOOKS = 4
+"""Looks per control step at whether the loop still runs."""
+
+
+@cache
+def _versions() -> dict[str, str]:
+    """Return the versions of what makes a record; the first call takes long."""
+    return {name: version(name) for name in ("cjt-gym", "numpy", "python-can")}
+
+
+@final
+class CanPlant:
+    """One joint on a CAN bus.
+
+    Nothing moves before `arm`. A run begins with `reset`, which measures, and the first `step`,
+    which switches the drive on; it goes on with one `step` per control step, at absolute deadlines.
+    Any fault takes the torque away, switches off, completes the record and raises `HardwareFault`.
+    Used as a context manager it also does so when the code within raises, or is interrupted.
+
+    Attributes:
+        config: The joint on its bus.
+        link: The way to it.
+        guard: State, limits and faults.
+        nodes: Latest values.
+        timing: Regularity of the latest run.
+    """
+
+    def __init__(
+        self,
+        config: HardwareConfig,
+        link: Link | None = None,
+        record: str | Path | None = None,
+        **facts: Any,
+    ) -> None:
+        """Prepare, without touching the bus.
+
+        Args:
+            config: The joint on its bus.
+            link: The way to it; by default python-can's bus as configured.
+            record: Where the record of the run is written; None for none.
+            **facts: What else belongs to the record's provenance.
+        """
+        self.config = config
+        self.nodes = Nodes.of(config)
+        self.sense = Sense(config, frozenset(self.nodes.latest))
+        self.guard = Guard(config.limits, config.dt, config.soft)
+        self.timing = Timing()
+        self._given, self._link = link, link
+        self._record, self._facts = record, facts
+        _versions()
+        self._journal: Journal | None = None
+        self._node_lock: NodeLock | None = None
+        self._lock = threading.RLock()
+        self._quiet: contextlib.ExitStack | None = None
+        self._begin = self._due = math.inf
+        self._k = 0
+        self._full: dict[str, float] = {}
+        self._sent = math.nan
+        self._tau_ref = math.nan
+
+    # ---- what a plant has
+    @property
+    def dt(self) -> float:
+        """Control step [s]."""
+        return self.config.dt
+
+    @property
+    def limits(self) -> Limits:
+        """What may be commanded and borne."""
+        s = self.config.limits
+        low, high = self.nodes.drive.master.torque_range
+        return Limits(tau=min(s.tau, -low, high), dq_m=s.dq_m, tau_joint=s.tau_joint)
+
+    @property
+    def link(self) -> Link:
+        """The way to the nodes.
+
+        Raises:
+            HardwareError: It is not connected.
+        """
+        if self._link is None:
+            raise HardwareError("The joint is not connected. Call connect() first.")
+        return self._link
+
+    @property
+    def state(self) -> State:
+        """State of the joint."""
+        return self.guard.state
+
+    @property
+    def sent(self) -> float:
+        """Motor torque that was commanded last [N m], 0 before a run and after a fault."""
+        return self.guard.commanded if self.state is State.RUNNING else 0.0
+
+    @property
+    def lateness(self) -> float:
+        """Time by which the last command was late [s]."""
+        return self.timing.lateness[-1] if self.timing.lateness else 0.0
+
+    # ---- before a run
+    def connect(self) -> None:
+        """Open the bus, set the nodes up, and wait until every channel was heard.
+
+        Raises:
+            HardwareError: Another process commands the drive, or a node does not answer.
+            ConfigurationError: The bus cannot be opened.
+        """
+        if self._given is None:
+            self._node_lock = NodeLock(self.config.bus.identity, self.config.drive.settings.node)
+            try:
+                self._link = BusLink(open_bus(self.config.bus))
+            except BaseException:
+                self._node_lock.release()
+                raise
+        self.link.watch(self._supervise, self.dt / LOOKS)
+        try:
+            for node in self.nodes.all:
+                self._perform(node, node.master.configure())
+            self._listen()
+        except BaseException:
+            self._release()
+            raise
+        self.guard.move(State.IDLE)
+
+    def arm(self) -> None:
+        """Allow the joint to be moved; it still is not.
+
+        Raises:
+            HardwareError: It is not connected, or what it shows is not within its limits.
+        """
+        if isinstance(self.link, BusLink):
+            gc.collect()  # now, for it is kept out of the run
+        for node in self.nodes.all:
+            self._perform(node, node.master.clear())
+        self._listen()
+        seen = self._seen(self._completed(), 0.0)
+        trouble = self.nodes.trouble(is_on=False) or self.guard.check(seen)
+        if trouble is not None:
+            raise HardwareError(f"The joint cannot be armed: {trouble.text}")
+        self.guard.move(State.ARMED)
+
+    def reset(self, seed: int | None = None) -> Measurement:
+        """End a run that is on, softly, and return the measurement with which another begins.
+
+        Args:
+            seed: Not used: a real joint draws nothing.
+
+        Raises:
+            HardwareError: The joint is not armed, or ended with a fault.
+        """
+        if self.state is State.RUNNING:
+            self.stop()
+        if self.state is not State.ARMED:
+            raise HardwareError(
+                f"The joint must be armed before it is moved, it is {self.state.value}. Call "
+                "arm(), or give --arm."
+            )
+        self._listen()
+        self.sense.zero(self.nodes.values())
+        self._full = self._completed()
+        self._k = 0
+        return self.sense.measurement(self._full, 0.0)
+
+    # ---- a run
+    def step(self, command: Floats, tau_ref: float = math.nan) -> Measurement:
+        """Command a motor torque for one control step and return the next measurement.
+
+        The first step after `reset` switches the drive on.
+
+        Args:
+            command: Motor torque [N m], shape (1,); it is limited, and so is its rate.
+            tau_ref: Joint torque that was wanted [N m], for the record.
+
+        Raises:
+            HardwareFault: Something went wrong; the torque is off.
+            HardwareError: The joint is not armed.
+        """
+        self._tau_ref = tau_ref if math.isfinite(tau_ref) else self._tau_ref
+        if self.state is State.ARMED:
+            self._start()
+        elif self.state is not State.RUNNING:
+            self._raise()
+        lateness = self.link.now() - self._due
+        allowed = self.guard.allowed(float(np.asarray(command).reshape(-1)[0]))
+        with self._lock:
+            if lateness > self.config.overrun:
+                self._trip(self._overrun(lateness))
+            elif isinstance(allowed, Fault):
+                self._trip(allowed)
+            self._raise_if_tripped()
+            assert isinstance(allowed, float)
+            self._command(allowed, lateness)
+        self.link.wait_until(self._due)
+        return self._next()
+
+    def stop(self) -> None:
+        """End a run softly: fade the torque out and switch the drive off; the joint stays armed.
+
+        Raises:
+            HardwareFault: Something went wrong on the way.
+        """
+        if self.state is not State.RUNNING:
+            return
+        for torque in self.guard.fading():
+            with self._lock:
+                self._raise_if_tripped()
+                self._command(torque, self.link.now() - self._due)
+            self.link.wait_until(self._due)
+            self._next()
+        with self._lock:
+            self._raise_if_tripped()
+            self.link.send(self.nodes.drive.master.disable())
+            self.guard.move(State.ARMED)
+            self._end()
+
+    def fail(self, kind: str, text: str) -> None:
+        """End the run with a fault that was found elsewhere.
+
+        Raises:
+            HardwareFault: Always, where a run was on.
+        """
+        self._trip(Fault(kind, text, self.link.now()))
+        self._raise_if_tripped()
+
+    def close(self) -> None:
+        """End a run, complete the record and release the bus.
+
+        The run ends softly; while an exception is on its way it ends at once, as with any fault.
+        """
+        if self.state is State.DISCONNECTED:
+            return
+        error = sys.exc_info()[1]
+        try:
+            if error is None:
+                self.stop()
+            elif not isinstance(error, HardwareFault):
+                interrupted = isinstance(error, KeyboardInterrupt | SystemExit)
+                kind = "interrupt" if interrupted else "exception"
+                self._trip(Fault(kind, f"{type(error).__name__}: {error}.", self._now()))
+                self._repeat_off()
+        finally:
+            self._end()
+            self._release()
+            if self.state is not State.FAULT:
+                self.guard.state = State.DISCONNECTED
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *raised: object) -> None:
+        self.close()
+
+    # ---- within a run
+    def _start(self) -> None:
+        """Switch the drive on and begin to count."""
+        self.timing = Timing()
+        self._quiet = contextlib.ExitStack()
+        if isinstance(self.link, BusLink):
+            self._quiet.enter_context(quiet_machine(self.config.priority))
+        if self._record is not None and self._journal is None:
+            self._journal = self._begin_record(self._record)
+        self.guard.move(State.RUNNING)
+        self._due = math.inf
+        try:
+            master = self.nodes.drive.master
+            self._perform(self.nodes.drive, [*master.clear(), *master.enable()])
+        except HardwareError as error:
+            self._trip(Fault("drive", str(error), self._now()))
+            self._raise()
+        for node in self.nodes.all:
+            node.forgive()
+        self._begin = self._due = self.link.now()
+
+    def _command(self, torque: float, lateness: float) -> None:
+        """Send a torque [N m], note it, and set the next deadline."""
+        try:
+            low, high = self.nodes.drive.master.torque_range
+            self.link.send(self.nodes.command(min(max(torque, low), high)))
+        except (HardwareError, ProtocolError) as error:
+            self._trip(Fault("bus_off", str(error), self._now()))
+            self._raise()
+        self._sent = self.link.now()
+        self.timing.lateness.append(max(lateness, 0.0))
+        self.timing.ages.append(self.age())
+        self._note(torque, max(lateness, 0.0))
+        self._k += 1
+        self._due = self._begin + self._k * self.dt
+
+    def _next(self) -> Measurement:
+        """Take what has arrived; return the measurement, or raise what is wrong with it."""
+        with self._lock:
+            self._raise_if_tripped()
+            try:
+                arrivals = self.link.receive()
+            except HardwareError as error:
+                self._trip(Fault("bus_off", str(error), self._now()))
+                self._raise()
+            if arrivals and arrivals[0].t >= self._sent:
+                self.timing.answers.append(arrivals[0].t - self._sent)
+            trouble = self.nodes.hear(arrivals)
+            full = self._completed()
+            seen = self._seen(full, self.dt)
+            trouble = trouble or self.nodes.trouble(is_on=True) or self.guard.check(seen)
+            finite = all(math.isfinite(full[name]) for name in self.sense.measured)
+            if trouble is None or (finite and trouble.kind != "corrupt"):
+                self._full = full  # what is corrupt stays out of the record
+            if trouble is not None:
+                self._trip(trouble)
+                self._raise()
+            return self.sense.measurement(self._full, self._k * self.dt)
+
+    def age(self) -> float:
+        """Return the age of the motor's angle [s]."""
+        return self._now() - self.nodes.latest["q_m"].t
+
+    def _completed(self) -> dict[str, float]:
+        return self.sense.complete(self.nodes.values(), self.nodes.latest["q_m"].t)
+
+    def _seen(self, full: Mapping[str, float], elapsed: float) -> Seen:
+        known = {
+            name: value
+            for name, value in full.items()
+            if name in self.nodes.latest or math.isfinite(value)
+        }
+        return Seen(known, self.nodes.ages(self._now()), elapsed)
+
+    def _overrun(self, lateness: float) -> Fault:
+        most = self.config.overrun * 1e3
+        text = f"The loop must be back within {most:.3g} ms of its deadline, it was "
+        return Fault("overrun", f"{text}{lateness * 1e3:.3g} ms late.", self._now())
+
+    # ---- faults
+    def _supervise(self, now: float) -> None:
+        """Take the torque away where the loop does not come back; called all the time."""
+        late = now - self._due
+        if self.state is State.RUNNING and late > self.config.overrun:
+            self._trip(self._overrun(late))
+
+    def _trip(self, fault: Fault) -> None:
+        """Switch off because of a fault, once, and complete the record."""
+        with self._lock:
+            if not self.guard.trip(fault):
+                return
+            self._switch_off()
+            if self._full:
+                self._note(0.0, 0.0)
+            self._end(fault={"kind": fault.kind, "text": fault.text})
+
+    def _switch_off(self) -> None:
+        with contextlib.suppress(HardwareError, ProtocolError):
+            self.link.send(self.nodes.drive.master.disable())
+
+    def _raise_if_tripped(self) -> None:
+        if self.state is State.FAULT:
+            self._raise()
+
+    def _raise(self) -> None:
+        """Repeat that the drive is to be off, and raise the fault."""
+        fault = self.guard.fault
+        if fault is None:
+            raise HardwareError(
+                f"A joint that is {self.state.value} does not take commands. Call connect(), "
+                "arm() and reset() first."
+            )
+        self._repeat_off()
+        raise HardwareFault(fault)
+
+    def _repeat_off(self) -> None:
+        """Switch off some more times, should a frame have been lost."""
+        for _ in range(AFTERWARDS):
+            self._switch_off()
+            self.link.wait_until(self._now() + self.dt)
+
+    # ---- frames
+    def _perform(self, node: Node, steps: Sequence[Step]) -> None:
+        """Take steps one by one, each confirmed by the node; each is tried twice."""
+        for step in steps:
+            if not (self._try(step) or self._try(step)):
+                raise HardwareError(
+                    f"{node.name} (node {self._address(node)}) did not confirm: {step.text}. Check "
+                    "that it is powered, and its protocol, number and bit rate."
+                )
+
+    def _address(self, node: Node) -> int:
+        return next(n.settings.node for n in self.config.nodes if n.name == node.name)
+
+    def _try(self, step: Step) -> bool:
+        self.nodes.hear(self.link.receive())
+        self.link.send(step.frames)
+        if step.confirmed is None:
+            return True
+        end = self._now() + step.timeout
+        again = self._now() + self.dt
+        while self._now() < end:
+            if step.meanwhile and self._now() >= again:
+                self.link.send(step.meanwhile)
+                again += self.dt
+            self.link.wait_until(self._now() + self.dt / LOOKS)
+            arrivals = self.link.receive()
+            self.nodes.hear(arrivals)
+            if self._is_confirmed(step, arrivals):
+                return True
+        return False
+
+    def _is_confirmed(self, step: Step, arrivals: Sequence[Arrival]) -> bool:
+        assert step.confirmed is not None
+        try:
+            return any(step.confirmed(arrival.message) for arrival in arrivals)
+        except ProtocolError as error:
+            raise HardwareError(f"{step.text}: {error}") from error
+
+    def _listen(self) -> None:
+        """Poll until every channel is fresh.
+
+        Raises:
+            HardwareError: One stays away.
+        """
+        end = self._now() + PATIENCE
+        missing = [""]
+        while missing and self._now() < end:
+            self.link.send(self.nodes.poll())
+            self.link.wait_until(self._now() + self.dt)
+            self.nodes.hear(self.link.receive())
+            ages = self.nodes.ages(self._now())
+            missing = [name for name, (age, oldest) in ages.items() if age > oldest]
+        if missing:
+            raise HardwareError(
+                f"Nothing fresh was heard of {', '.join(missing)} within {PATIENCE:g} s. Check "
+                "that the nodes are powered, and what they are set to report."
+            )
+
+    def _now(self) -> float:
+        return self.link.now()
+
+    # ---- the record
+    def _begin_record(self, path: str | Path) -> Journal:
+        joint = self.config.joint
+        names = self.sense.measured
+        self._columns = ["t", "i_cmd", "tau_cmd", *names, "age", "lateness"]
+        if math.isfinite(self._tau_ref):
+            self._columns.append("tau_ref")
+        if "temperature" in self.nodes.latest:
+            self._columns.append("temperature")
+        self._per_ampere = joint.parameters.k_t * joint.parameters.n
+        drive = self.config.drive
+        facts = {
+            "joint": joint.parameters.name,
+            "structure": joint.structure,
+            "parameter_hash": joint.file.hash_hex(),
+            "versions": _versions(),
+            "sensors": {n: v for n, v in joint.file.sensors.items() if n in names},
+            "provenance": {
+                "kind": "hardware",
+                "protocol": drive.protocol,
+                "node": drive.settings.node,
+                "bus": self.config.bus.identity,
+                "torque": self.sense.torque,
+                **self._facts,
+            },
+        }
+        return Journal(path, self._columns, self.dt, facts)
+
+    def _note(self, torque: float, lateness: float) -> None:
+        """Append a row: what was measured at a deadline, and what was commanded there."""
+        if self._journal is None:
+            return
+        row = {
+            **self._full,
+            "t": self._k * self.dt,
+            "tau_cmd": torque,
+            "i_cmd": torque / self._per_ampere,
+            "tau_ref": self._tau_ref,
+            "age": self.age(),
+            "lateness": lateness,
+        }
+        self._journal.write([row[name] for name in self._columns])
+
+    def _end(self, **known: Any) -> None:
+        """Complete the record of a run and let the machine be as it was."""
+        if self._quiet is not None:
+            quiet, self._quiet = self._quiet, None
+            quiet.close()
+        if self._journal is not None:
+            timing = self.timing.summary()
+            delays = self.timing.delay(self.dt)
+            self._journal.close(timing_us=timing, delays_s=delays, **known)
+            self._journal, self._record = None, None
+
+    def _release(self) -> None:
+        if self._given is None and self._link is not None:
+            self._link.close()
+            self._link = None
+        if self._node_lock is not None:
+            self._node_lock.release()
+            self._node_lock = None

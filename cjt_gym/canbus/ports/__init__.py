@@ -1,0 +1,31 @@
+"""Ends of a CAN bus on which an emulated node serves: python-can, socketcand, slcan on a pty."""
+
+from __future__ import annotations
+
+from cjt_gym.canbus.config import BusSettings
+from cjt_gym.canbus.link import open_bus
+from cjt_gym.canbus.ports.bus import BusPort
+from cjt_gym.canbus.ports.port import Port
+from cjt_gym.canbus.ports.slcan import SlcanPort
+from cjt_gym.canbus.ports.socketcand import SocketcandPort
+
+__all__ = ["BusPort", "Port", "SlcanPort", "SocketcandPort", "open_port"]
+
+PTY = "pty"
+"""Channel with which an emulated slcan adapter takes any free pseudo-terminal."""
+
+
+def open_port(settings: BusSettings) -> Port:
+    """Return the end on which an emulator serves.
+
+    With ``socketcand`` it is a server, with ``slcan`` an adapter on a pseudo-terminal, to which the
+    channel becomes a link where it is a path; with anything else python-can's own bus.
+
+    Raises:
+        ConfigurationError: It cannot be opened.
+    """
+    if settings.interface == "socketcand":
+        return SocketcandPort(settings.host, settings.port, settings.channel)
+    if settings.interface == "slcan":
+        return SlcanPort(None if settings.channel == PTY else settings.channel)
+    return BusPort(open_bus(settings))

@@ -1,0 +1,42 @@
+"""A port on any bus that python-can knows: virtual, socketcan, an adapter."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import final
+
+import can
+
+
+@final
+class BusPort:
+    """A port on a python-can bus.
+
+    Attributes:
+        bus: The bus, which the port shuts down.
+    """
+
+    def __init__(self, bus: can.BusABC) -> None:
+        self.bus = bus
+
+    @property
+    def address(self) -> str:
+        """What python-can calls the bus."""
+        return str(self.bus.channel_info)
+
+    def receive(self, timeout: float) -> Sequence[can.Message]:
+        """Return what has arrived, waiting up to `timeout` [s] where nothing has."""
+        found = []
+        message = self.bus.recv(timeout)
+        while message is not None:
+            found.append(message)
+            message = self.bus.recv(0.0)
+        return found
+
+    def send(self, message: can.Message) -> None:
+        """Send a frame; where nobody takes it, it is lost as on a bus."""
+        self.bus.send(message)
+
+    def close(self) -> None:
+        """Shut the bus down."""
+        self.bus.shutdown()

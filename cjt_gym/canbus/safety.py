@@ -1,0 +1,282 @@
+"""What keeps a real joint safe, whoever controls it: states, limits, faults.
+
+All of it is here, and all of it is always on. `Guard` has no bus and no clock: it is told what was
+measured and what is wanted, and says what may be commanded or which fault ends the run.
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import final
+
+from cjt_gym.errors import HardwareError
+
+FAULTS: Mapping[str, str] = {
+    "missing": "reports of a node stayed away, or were late",
+    "repeated": "a node sent more reports than it was asked for",
+    "corrupt": "a frame that no node sends, or a value that cannot be",
+    "out_of_range": "a measured value left its limits",
+    "bus_off": "the bus does not take frames, or reports an error",
+    "drive": "the drive reported an error, or left its mode",
+    "overrun": "the control loop did not come back in time",
+    "command": "a command or an action that is no number or out of its space",
+    "exception": "the controller, policy or program raised an exception",
+    "interrupt": "the run was interrupted from the keyboard or by a signal",
+}
+"""Every fault that ends a run, and what it means."""
+
+
+class State(enum.Enum):
+    """States of a joint on a bus."""
+
+    DISCONNECTED = "disconnected"
+    IDLE = "idle"
+    ARMED = "armed"
+    RUNNING = "running"
+    FAULT = "fault"
+
+
+MOVES: Mapping[State, frozenset[State]] = {
+    State.DISCONNECTED: frozenset({State.IDLE}),
+    State.IDLE: frozenset({State.ARMED, State.DISCONNECTED}),
+    State.ARMED: frozenset({State.RUNNING, State.IDLE, State.FAULT, State.DISCONNECTED}),
+    State.RUNNING: frozenset({State.ARMED, State.FAULT}),
+    State.FAULT: frozenset({State.DISCONNECTED}),
+}
+"""Which state may follow which."""
+
+
+@dataclass(frozen=True)
+class Fault:
+    """What ended a run.
+
+    Attributes:
+        kind: A name of `FAULTS`.
+        text: What happened, with values and units.
+        t: When it was found, on the clock of the link [s].
+    """
+
+    kind: str
+    text: str
+    t: float = math.nan
+
+    def __post_init__(self) -> None:
+        assert self.kind in FAULTS
+
+
+class HardwareFault(HardwareError):
+    """A run was ended by a fault; the joint is without torque and disabled.
+
+    Attributes:
+        fault: What happened.
+    """
+
+    fault: Fault
+
+    def __init__(self, fault: Fault) -> None:
+        super().__init__(f"Fault '{fault.kind}': {fault.text} Torque is off.")
+        self.fault = fault
+
+
+@dataclass(frozen=True)
+class SafetyLimits:
+    """What a joint may be asked for and what it may show; all at the link side.
+
+    Attributes:
+        tau: Largest motor torque that is commanded [N m].
+        tau_rate: Largest change of it over time [N m/s].
+        dq_m: Largest motor speed [rad/s].
+        q_low: Lowest motor angle [rad].
+        q_high: Highest motor angle [rad].
+        tau_joint: Largest joint torque [N m].
+        deflection: Largest spring deflection [rad].
+        temperature: Highest temperature that the drive reports [degC].
+        current: Largest motor current that is measured [A].
+    """
+
+    tau: float
+    tau_rate: float
+    dq_m: float
+    q_low: float
+    q_high: float
+    tau_joint: float
+    deflection: float
+    temperature: float
+    current: float
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What was measured at a control step.
+
+    Attributes:
+        values: Channels such as "q_m" [rad], "tau" [N m], "temperature" [degC], by name.
+        ages: Age of the latest report of each channel and that from which it is missing [s].
+        elapsed: Time since the control step before [s].
+    """
+
+    values: Mapping[str, float]
+    ages: Mapping[str, tuple[float, float]]
+    elapsed: float
+
+
+RANGES = (
+    ("dq_m", "dq_m", "motor speed", "rad/s"),
+    ("tau", "tau_joint", "joint torque", "N m"),
+    ("deflection", "deflection", "spring deflection", "rad"),
+    ("i", "current", "motor current", "A"),
+)
+"""Channel, limit on its magnitude, name in words, unit."""
+JUMP = 3.0
+"""Factor on the largest speed above which a change of angle is no motion but a corrupt value."""
+WANTED, MADE, DEAF = 0.05, 0.1, 10
+"""A drive is deaf if it makes less than the share `MADE` of a commanded current that is more than
+the share `WANTED` of the limit, for so many control steps in a row."""
+OUT_OF_SPACE = 1e-6
+"""Rounding that an action may be out of its space by."""
+
+
+@final
+class Guard:
+    """Says what may be commanded, and finds what is wrong.
+
+    Attributes:
+        limits: The limits.
+        dt: Control step [s].
+        soft: Time over which torque is given at the start and taken at the end [s].
+        state: State of the joint.
+        fault: What ended the run, or None.
+    """
+
+    def __init__(self, limits: SafetyLimits, dt: float, soft: float) -> None:
+        self.limits, self.dt, self.soft = limits, dt, soft
+        self.state = State.DISCONNECTED
+        self.fault: Fault | None = None
+        self._steps = 0
+        self._last = 0.0
+        self._angle: float | None = None
+        self._deaf = 0
+
+    def move(self, state: State) -> None:
+        """Change the state.
+
+        Raises:
+            HardwareError: It does not follow the present one.
+        """
+        if state not in MOVES[self.state]:
+            able = ", ".join(sorted(s.value for s in MOVES[self.state]))
+            raise HardwareError(
+                f"A joint that is {self.state.value} cannot become {state.value}; it can become "
+                f"{able}."
+            )
+        self.state = state
+        if state is State.RUNNING:
+            self._steps, self._last, self._deaf = 0, 0.0, 0
+        if state is State.ARMED:
+            self._angle = None
+
+    @property
+    def commanded(self) -> float:
+        """Motor torque that was allowed last [N m]."""
+        return self._last
+
+    def trip(self, fault: Fault) -> bool:
+        """Note a fault; return whether it is the first."""
+        if self.state not in (State.ARMED, State.RUNNING):
+            return False
+        self.fault, self.state = fault, State.FAULT
+        return True
+
+    def allowed(self, command: float) -> float | Fault:
+        """Return the motor torque that may be commanded instead [N m], or a fault.
+
+        A torque beyond the limit is limited, and so is its rate; at the start it grows softly.
+        """
+        if not math.isfinite(command):
+            return Fault("command", f"The command must be a finite torque in N m, got {command}.")
+        top = self.limits.tau
+        share = min(1.0, (self._steps + 1) * self.dt / self.soft) if self.soft > 0.0 else 1.0
+        wanted = share * min(max(command, -top), top)
+        step = self.limits.tau_rate * self.dt
+        self._last = min(max(wanted, self._last - step), self._last + step)
+        self._steps += 1
+        return self._last
+
+    def fading(self) -> list[float]:
+        """Return the motor torques that take the last one softly to zero [N m]."""
+        steps = max(1, round(self.soft / self.dt))
+        return [self._last * (1.0 - (k + 1) / steps) for k in range(steps)]
+
+    def check(self, seen: Seen) -> Fault | None:
+        """Return what is wrong with a measurement, None where nothing is."""
+        return self._late(seen) or self._corrupt(seen) or self._beyond(seen) or self._ignored(seen)
+
+    def _late(self, seen: Seen) -> Fault | None:
+        for name, (age, oldest) in seen.ages.items():
+            if age > oldest:
+                return Fault(
+                    "missing",
+                    f"The latest report of {name} must be younger than {oldest * 1e3:.3g} ms, got "
+                    f"{age * 1e3:.3g} ms.",
+                )
+        return None
+
+    def _corrupt(self, seen: Seen) -> Fault | None:
+        for name, value in seen.values.items():
+            if not math.isfinite(value):
+                return Fault("corrupt", f"{name} must be a finite number, got {value}.")
+        angle, before = seen.values.get("q_m"), self._angle
+        self._angle = angle
+        if angle is None or before is None or not math.isfinite(self.limits.dq_m):
+            return None
+        step = JUMP * self.limits.dq_m * (seen.elapsed + self.dt)
+        if abs(angle - before) > step:
+            return Fault(
+                "corrupt",
+                f"q_m cannot move by more than {step:.3g} rad within a control step, got "
+                f"{angle - before:.3g} rad.",
+            )
+        return None
+
+    def _ignored(self, seen: Seen) -> Fault | None:
+        """Find a drive that is off though it does not say so: it makes no torque."""
+        made = abs(seen.values.get("tau_m", math.inf))
+        wanted = abs(self._last)
+        is_deaf = wanted > WANTED * self.limits.tau and made < MADE * wanted
+        self._deaf = self._deaf + 1 if is_deaf else 0
+        if self._deaf < DEAF:
+            return None
+        return Fault(
+            "drive",
+            f"The drive must make the {self._last:.3g} N m that are commanded, it makes "
+            f"{made:.3g} N m.",
+        )
+
+    def _beyond(self, seen: Seen) -> Fault | None:
+        values, limits = seen.values, self.limits
+        for name, limit, words, unit in RANGES:
+            top = float(getattr(limits, limit))
+            if abs(values.get(name, 0.0)) > top:
+                return _out_of_range(words, f"within +-{top:.4g}", values[name], unit)
+        angle = values.get("q_m", limits.q_low)
+        if not limits.q_low <= angle <= limits.q_high:
+            span = f"from {limits.q_low:.4g} to {limits.q_high:.4g}"
+            return _out_of_range("motor angle", span, angle, "rad")
+        warmth = values.get("temperature", -math.inf)
+        if warmth > limits.temperature:
+            return _out_of_range("temperature", f"<= {limits.temperature:.4g}", warmth, "degC")
+        return None
+
+
+def _out_of_range(what: str, allowed: str, value: float, unit: str) -> Fault:
+    return Fault("out_of_range", f"The {what} must be {allowed} {unit}, got {value:.4g} {unit}.")
+
+
+def check_action(action: float) -> Fault | None:
+    """Return what is wrong with an action of an environment, whose space is [-1, 1]."""
+    if math.isfinite(action) and abs(action) <= 1.0 + OUT_OF_SPACE:
+        return None
+    return Fault("command", f"The action must be within [-1, 1], got {action}.")

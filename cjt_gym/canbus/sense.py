@@ -1,0 +1,110 @@
+"""From what nodes report to the measurement that every plant gives."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import final
+
+import numpy as np
+
+from cjt_gym.canbus.config import HardwareConfig
+from cjt_gym.errors import ConfigurationError
+from cjt_gym.joint.arrays import CHANNELS
+from cjt_gym.plant import Measurement
+
+
+@final
+class Sense:
+    """Completes what is reported by what the structure of the joint says.
+
+    A rigid gearbox has its motor's angle, a fixed output stands still, and where no sensor reports
+    the joint torque it is the spring's, k_b times its deflection, zero where a run begins. What
+    nobody knows is NaN.
+
+    Attributes:
+        measured: Names of the measurement's channels that a sensor reports.
+        torque: Where joint torque comes from: "sensor" or "spring".
+    """
+
+    def __init__(self, config: HardwareConfig, reported: frozenset[str]) -> None:
+        """Find out what can be known.
+
+        Args:
+            config: The joint on its bus.
+            reported: Channels that some node reports.
+
+        Raises:
+            ConfigurationError: The motor's angle or the joint torque cannot be known.
+        """
+        p, row = config.joint.parameters, config.joint.structure_row
+        has = {**dict.fromkeys(reported, True), "i": bool({"i", "tau_m"} & reported)}
+        self.measured = tuple(name for name in CHANNELS if has.get(name))
+        self._merged = row.groups[0] == row.groups[1]
+        self._is_rigid = self._merged and row.groups[1] == row.groups[2]
+        self._is_fixed = row.output_fixed
+        self._k_b = p.get("k_b", math.nan)
+        self._per_ampere = p.k_t * p.n
+        if "q_m" not in reported:
+            raise ConfigurationError(
+                f"Some node of {config.origin} must report the motor's angle q_m, got "
+                f"{', '.join(sorted(reported)) or 'no channel'}."
+            )
+        twist = ("q_g" in reported or self._merged) and ("q_l" in reported or self._is_fixed)
+        wanted = config.torque
+        if wanted == "auto":
+            wanted = "sensor" if "tau" in reported else "spring"
+        missing = wanted == "sensor" and "tau" not in reported
+        if missing or (wanted == "spring" and (not twist or self._is_rigid)):
+            raise ConfigurationError(
+                f"The joint torque of {config.origin} cannot be known: no node reports "
+                f"{'tau' if missing else 'both ends of the spring'}. Add a sensor: a table "
+                "[sensors.NAME] with its protocol."
+            )
+        self.torque = wanted
+        self._relaxed = 0.0
+        self._before: dict[str, tuple[float, float]] = {}
+
+    def zero(self, values: Mapping[str, float]) -> None:
+        """Take the present deflection as that of the relaxed spring, and forget velocities."""
+        q_g = values.get("q_g", values["q_m"] if self._merged else math.nan)
+        self._relaxed = q_g - values.get("q_l", 0.0)
+        self._before.clear()
+
+    def complete(self, values: Mapping[str, float], t: float) -> dict[str, float]:
+        """Return all channels of a measurement.
+
+        Args:
+            values: What was reported last.
+            t: When the motor's angle was [s].
+        """
+        full = dict(values)
+        q_m = full["q_m"]
+        full.setdefault("dq_m", self._rate("q_m", q_m, t))
+        if "i" not in full:
+            full["i"] = full.get("tau_m", math.nan) / self._per_ampere
+        full.setdefault("tau_m", full["i"] * self._per_ampere)
+        full.setdefault("q_g", q_m if self._merged else math.nan)
+        full.setdefault("dq_g", full["dq_m"] if self._merged else math.nan)
+        if self._is_rigid:
+            full.setdefault("q_l", q_m)
+            full.setdefault("dq_l", full["dq_m"])
+        if "q_l" in full:
+            full.setdefault("dq_l", self._rate("q_l", full["q_l"], t))
+        else:
+            full["q_l"] = full["dq_l"] = 0.0 if self._is_fixed else math.nan
+        if self.torque == "spring":
+            full["tau"] = self._k_b * (full["q_g"] - full["q_l"] - self._relaxed)
+        full["deflection"] = full["tau"] / self._k_b
+        return full
+
+    def _rate(self, name: str, value: float, t: float) -> float:
+        """Return the velocity by the difference to the value before."""
+        before, then = self._before.get(name, (value, t))
+        self._before[name] = (value, t)
+        return (value - before) / (t - then) if t > then else 0.0
+
+    def measurement(self, full: Mapping[str, float], t: float) -> Measurement:
+        """Return completed channels as a plant gives them, each of shape (1,)."""
+        columns = {name: np.array([full[name]]) for name in CHANNELS}
+        return Measurement(t=np.array([t]), **columns)

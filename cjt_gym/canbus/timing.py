@@ -1,0 +1,56 @@
+"""How regular a control loop was, and how old what it saw."""
+
+from __future__ import annotations
+
+from array import array
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+PERCENTILES = (50.0, 90.0, 99.0, 99.9, 100.0)
+
+
+@dataclass
+class Timing:
+    """Times of every control step of a run, in seconds.
+
+    Attributes:
+        lateness: Of the command behind its deadline.
+        ages: Of the motor's angle at the instant of control.
+        answers: From a command to the first report after it.
+    """
+
+    lateness: array[float] = field(default_factory=lambda: array("d"))
+    ages: array[float] = field(default_factory=lambda: array("d"))
+    answers: array[float] = field(default_factory=lambda: array("d"))
+
+    def summary(self) -> dict[str, Any]:
+        """Return percentiles of each in microseconds, as plain data; empty without samples."""
+        return {
+            name: {f"p{p:g}": round(float(value) * 1e6, 1) for p, value in _percentiles(values)}
+            for name, values in vars(self).items()
+            if len(values)
+        }
+
+    def delay(self, dt: float) -> dict[str, float]:
+        """Return what the loop adds to a joint, as values of the simulator's delays [s].
+
+        The command acts as late as it is sent, and half of what it takes until the answer; what is
+        measured is as old as it was on arrival and the other half.
+
+        Args:
+            dt: Control step [s], the answer's time where none was seen.
+        """
+        if not self.ages:
+            return {}
+        way = 0.5 * float(np.median(self.answers)) if self.answers else 0.0
+        return {
+            "command_delay.delay": round(float(np.median(self.lateness)) + min(way, dt), 6),
+            "measurement_delay.delay": round(float(np.median(self.ages)) + min(way, dt), 6),
+        }
+
+
+def _percentiles(values: array[float]) -> list[tuple[float, float]]:
+    found = np.percentile(np.frombuffer(values), PERCENTILES)
+    return list(zip(PERCENTILES, found.tolist(), strict=True))

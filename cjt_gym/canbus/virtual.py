@@ -1,0 +1,76 @@
+"""A link to an emulator in the same process, in the emulator's own time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import final
+
+import can
+
+from cjt_gym.canbus.emulator import Emulator
+from cjt_gym.canbus.link import Arrival
+from cjt_gym.errors import HardwareError
+
+
+@final
+class VirtualLink:
+    """A link whose clock is that of an emulator: it runs as fast as the machine can.
+
+    Attributes:
+        emulator: The emulator.
+        is_off: Whether the bus is lost; set it to try that.
+        sent: Called with every frame that is sent and the time, or None.
+    """
+
+    def __init__(self, emulator: Emulator) -> None:
+        self.emulator = emulator
+        self.is_off = False
+        self.sent: Callable[[float, can.Message], None] | None = None
+        self._supervise: Callable[[float], None] | None = None
+        self._every = 1e-3
+        self._inbox: list[Arrival] = []
+
+    def now(self) -> float:
+        """Return the emulator's time [s]."""
+        return self.emulator.now
+
+    def wait_until(self, t: float) -> None:
+        """Let the emulator's time pass."""
+        while self.emulator.now < t:
+            self.emulator.advance(min(t, self.emulator.now + self._every))
+            self._inbox += [Arrival(due.t, due.message) for due in self.emulator.receive()]
+            if self._supervise is not None:
+                self._supervise(self.emulator.now)
+
+    def send(self, messages: Sequence[can.Message]) -> None:
+        """Send frames.
+
+        Raises:
+            HardwareError: The bus is lost.
+        """
+        if self.is_off:
+            raise HardwareError("The bus does not take a frame: it is off.")
+        for message in messages:
+            if self.sent is not None:
+                self.sent(self.emulator.now, message)
+        self.emulator.send(messages)
+
+    def receive(self) -> list[Arrival]:
+        """Return all frames since the last call.
+
+        Raises:
+            HardwareError: The bus is lost.
+        """
+        if self.is_off:
+            raise HardwareError("The bus is lost: it is off.")
+        self._inbox += [Arrival(due.t, due.message) for due in self.emulator.receive()]
+        found, self._inbox = self._inbox, []
+        return found
+
+    def watch(self, supervise: Callable[[float], None], every: float) -> None:
+        """Have `supervise(now)` called every so often [s] while time passes."""
+        self._supervise, self._every = supervise, every
+
+    def close(self) -> None:
+        """Forget who watches; the emulator goes on to be usable."""
+        self._supervise = None

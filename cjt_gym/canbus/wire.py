@@ -1,0 +1,76 @@
+"""An emulated bus between a master and its nodes: latency, jitter, loss and load."""
+
+from __future__ import annotations
+
+import heapq
+from typing import NamedTuple, final
+
+import can
+import numpy as np
+
+from cjt_gym.canbus.config import EmulatorSettings
+
+OVERHEAD_BITS = 67
+"""Bits of a frame with extended identifier besides its data, without stuff bits (ISO 11898-1)."""
+BITRATE = 1e6
+"""Bit rate by which the time of a frame is reckoned where other nodes load the bus [bit/s]."""
+
+
+class Due(NamedTuple):
+    """A frame on its way.
+
+    Attributes:
+        t: When it arrives [s].
+        order: Number that tells frames of the same time apart.
+        message: The frame.
+    """
+
+    t: float
+    order: int
+    message: can.Message
+
+
+@final
+class Wire:
+    """One direction of a bus; frames keep their order."""
+
+    def __init__(self, settings: EmulatorSettings, seed: int) -> None:
+        self.settings = settings
+        self._random = np.random.default_rng(seed)
+        self._on_way: list[Due] = []
+        self._order = 0
+        self._latest = 0.0
+
+    def put(self, t: float, message: can.Message) -> None:
+        """Send a frame at a time [s]; some are lost."""
+        s = self.settings
+        if s.loss and self._random.random() < s.loss:
+            return
+        delay = s.latency
+        if s.jitter:
+            delay += self._random.exponential(s.jitter)
+        if s.load:
+            delay += self._waiting(message)
+        self._latest = max(self._latest, t + delay)
+        self._order += 1
+        heapq.heappush(self._on_way, Due(self._latest, self._order, message))
+
+    def _waiting(self, message: can.Message) -> float:
+        """Return the time that a frame waits for others [s]: a queue at constant service time.
+
+        Its mean is that of an M/D/1 queue, load / (2 (1 - load)) frames.
+        """
+        frame = (OVERHEAD_BITS + 8 * len(message.data)) / BITRATE
+        load = self.settings.load
+        return float(frame + self._random.exponential(frame * load / (2.0 * (1.0 - load))))
+
+    def next(self) -> float:
+        """Return when the next frame arrives [s], infinity where none is on its way."""
+        return self._on_way[0].t if self._on_way else np.inf
+
+    def take(self, t: float) -> list[Due]:
+        """Return the frames that have arrived by a time [s]."""
+        found = []
+        while self._on_way and self._on_way[0].t <= t:
+            found.append(heapq.heappop(self._on_way))
+        return found

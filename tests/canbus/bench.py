@@ -1,0 +1,62 @@
+"""A joint on a bus for tests: its configuration, and a plant in virtual time."""
+
+from __future__ import annotations
+
+import copy
+from pathlib import Path
+from typing import Any
+
+from cjt_gym.canbus.config import HardwareConfig, parse_hardware
+from cjt_gym.canbus.emulator import Emulator
+from cjt_gym.canbus.plant import CanPlant
+from cjt_gym.canbus.virtual import VirtualLink
+
+DRIVES: dict[str, dict[str, Any]] = {
+    "mit": {"protocol": "mit", "node": 1, "model": "AK80-64"},
+    "odrive": {"protocol": "odrive", "node": 3, "reports": "cyclic", "cycle_ms": 1},
+}
+"""A drive of each protocol."""
+
+BASE: dict[str, Any] = {
+    "bus": {"interface": "virtual", "channel": "bench"},
+    "drive": DRIVES["odrive"],
+    "joint": {"file": "orange_80_6000", "structure": "output_fixed_rigid_gearbox"},
+    "control": {"rate_hz": 500},
+}
+
+
+def document(**changes: dict[str, Any]) -> dict[str, Any]:
+    """Return a configuration's tables, some of their keys changed; a drive is replaced."""
+    tables = copy.deepcopy(BASE)
+    for name, table in changes.items():
+        tables[name] = table if name == "drive" else tables.get(name, {}) | table
+    return tables
+
+
+def config(**changes: dict[str, Any]) -> HardwareConfig:
+    """Return a configuration with some of its tables changed."""
+    return parse_hardware(document(**changes), "bench.toml", Path())
+
+
+def toml(tables: dict[str, Any]) -> str:
+    """Return tables as TOML."""
+    lines = []
+    for name, table in tables.items():
+        lines.append(f"[{name}]")
+        lines += [f"{key} = {_value(value)}" for key, value in table.items()]
+    return "\n".join(lines) + "\n"
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{k} = {_value(v)}" for k, v in value.items()) + " }"
+    return repr(value).replace("'", '"').replace("True", "true").replace("False", "false")
+
+
+def virtual_plant(given: HardwareConfig, record: Path | None = None) -> tuple[CanPlant, Emulator]:
+    """Return a connected and armed plant in virtual time, and its emulator."""
+    emulator = Emulator(given)
+    plant = CanPlant(given, VirtualLink(emulator), record)
+    plant.connect()
+    plant.arm()
+    return plant, emulator

@@ -1,0 +1,92 @@
+"""The configuration of a joint on a bus, and its mistakes."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cjt_gym.canbus.config import load_hardware, parse_hardware
+from cjt_gym.canbus.emulator import emulated_joint
+from cjt_gym.errors import CjtGymError, ConfigurationError, MissingFileError
+from tests.canbus.bench import config, document, toml
+
+
+def newton_metres(value: float) -> dict[str, Any]:
+    return {"value": value, "unit": "N m"}
+
+
+def test_limits_are_those_of_the_joint_file_unless_tightened() -> None:
+    assert config().limits.tau == pytest.approx(0.078 * 80.0 * 30.0)
+    assert config().limits.dq_m == 7.7284
+    assert config().limits.temperature == 155.0
+    tight = config(limits={"tau": newton_metres(40.0)}).limits
+    assert tight.tau == 40.0
+    assert tight.tau_rate == pytest.approx(4000.0)
+    assert tight.dq_m == 7.7284
+
+
+def test_file_of_the_contract_is_read(tmp_path: Path) -> None:
+    tables = document(
+        bus={"interface": "socketcand", "channel": "can0", "host": "127.0.0.1", "port": 29536},
+        drive={"protocol": "odrive", "node": 1},
+        joint={"effects": ["coulomb_asym", "cogging"]},
+        limits={"tau": newton_metres(40.0), "dq_m": {"value": 5.0, "unit": "rad/s"}},
+    )
+    tables["joint"]["effects"] = {"coulomb_asym": {}, "cogging": {"f": [480], "a": [1], "b": [0]}}
+    path = tmp_path / "joint.toml"
+    path.write_text(toml(tables))
+    found = load_hardware(path)
+    assert found.dt == 0.002
+    assert found.drive.settings.scaling.gear_ratio == 80.0
+    assert found.joint.effects == {}
+    joint = emulated_joint(found)
+    assert set(joint.effects) == {"coulomb_asym", "cogging", "noise", "quantization"}
+
+
+@pytest.mark.parametrize(
+    ("changes", "text"),
+    [
+        ({"limits": {"tau": newton_metres(400.0)}}, "tighter than the joint's, never looser"),
+        ({"limits": {"tau": {"value": 4.0, "unit": "A"}}}, "must be in N m"),
+        ({"limits": {"torque": newton_metres(4.0)}}, "unknown key 'torque'"),
+        ({"limits": {"q_m": {"low": 1.0, "high": 0.0, "unit": "rad"}}}, "high of q_m"),
+        ({"control": {"rate_hz": 0}}, "rate_hz .* must be > 0"),
+        ({"control": {"rate_hz": float("nan")}}, "rate_hz"),
+        ({"control": {"rate": 500}}, "Did you mean 'rate_hz'"),
+        ({"control": {"torque": "guess"}}, "torque of"),
+        ({"bus": {"port": 70000}}, "port .* from 1 to 65535"),
+        ({"drive": {"protocol": "odriv", "node": 1}}, "Did you mean 'odrive'"),
+        ({"drive": {"protocol": "odrive", "node": 64}}, "node"),
+        ({"joint": {"structure": "rigid"}}, "joint torque .* cannot be known"),
+        ({"joint": {"effects": "coulomb"}}, "list of names or a table"),
+        ({"emulator": {"loss": 1.5}}, "loss"),
+        ({"emulators": {}}, "Did you mean 'emulator'"),
+    ],
+)
+def test_mistakes_are_named(changes: dict[str, Any], text: str) -> None:
+    with pytest.raises(CjtGymError, match=text):
+        _ = _sensed(changes)
+
+
+def _sensed(changes: dict[str, Any]) -> object:
+    from cjt_gym.canbus.plant import CanPlant
+
+    return CanPlant(config(**changes))
+
+
+def test_missing_tables_and_files_are_named(tmp_path: Path) -> None:
+    tables = document()
+    del tables["drive"]
+    with pytest.raises(ConfigurationError, match=r"lacks the table \[drive\]"):
+        parse_hardware(tables, "x.toml", Path())
+    with pytest.raises(MissingFileError, match="does not exist"):
+        load_hardware(tmp_path / "none.toml")
+    (tmp_path / "bad.toml").write_bytes(b"\xff\xfe = 1")
+    with pytest.raises(ConfigurationError, match="must be a TOML file"):
+        load_hardware(tmp_path / "bad.toml")
+
+
+def test_limits_are_numbers() -> None:
+    limits = config().limits
+    assert all(np.isfinite([limits.tau, limits.tau_rate, limits.tau_joint, limits.deflection]))
