@@ -23,9 +23,12 @@ COMMANDS: dict[str, str] = {
     "benchmark": "compare controllers and policies on the same joints and references",
     "blind-test": "diagnose joints whose effects are hidden, and score what was found",
     "export": "write a joint for another simulator: MuJoCo or Isaac Lab",
+    "hardware": "run a controller, policy or experiment on a joint on a CAN bus",
+    "emulate": "serve an emulated drive with a simulated joint on a CAN bus",
     "diagnose": "find where a recorded joint and its simulation differ, why, and how far",
 }
 EXTRAS = {
+    "can": "can",
     "torch": "train",
     "stable_baselines3": "train",
     "tensorboard": "train",

@@ -17,8 +17,11 @@ ENVIRONMENTS: dict[str, dict[str, Any]] = {
 }
 
 
+HARDWARE = "CJT/Hardware-v0"
+
+
 def register() -> None:
-    """Register every row."""
+    """Register every row, and the environment of real joints, which is no batch."""
     for name, arguments in ENVIRONMENTS.items():
         gymnasium.register(
             id=name,
@@ -26,3 +29,4 @@ def register() -> None:
             vector_entry_point=f"{MODULE}:TorqueTrackingVectorEnv",
             kwargs=arguments,
         )
+    gymnasium.register(id=HARDWARE, entry_point="cjt_gym.envs.hardware:HardwareEnv")

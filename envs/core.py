@@ -90,6 +90,19 @@ class Episodes:
             ConfigurationError: The action has the wrong shape or is not finite.
             SimulationError: A state ceased to be finite.
         """
+        command = self.choose(action)
+        self.plant.advance(command, self.task.load)
+        conclude(self.plant.batch.arrays, self.task, command)
+
+    def choose(self, action: NDArray[np.floating[Any]]) -> Floats:
+        """Return the motor torques that an action and the base controller command, (num,) [N m].
+
+        Args:
+            action: In [-1, 1], shape (num, 1); values outside are clipped.
+
+        Raises:
+            ConfigurationError: The action has the wrong shape or is not finite.
+        """
         action = np.asarray(action, dtype=np.float64)
         if action.shape != (self.num, 1) or not np.isfinite(action).all():
             raise ConfigurationError(
@@ -100,9 +113,7 @@ class Episodes:
         if self.controller is not None:
             self.base = self.controller.act(self.measurement(), self.task.reference.copy())
         limit = self.plant.limits.tau
-        command = np.clip(self.base + self.residual, -limit, limit)
-        self.plant.advance(command, self.task.load)
-        conclude(self.plant.batch.arrays, self.task, command)
+        return np.clip(self.base + self.residual, -limit, limit)
 
     def measurement(self) -> Measurement:
         """Return the latest measurement of all joints."""

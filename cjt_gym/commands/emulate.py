@@ -1,0 +1,123 @@
+"""`cjt-gym emulate`: a drive with a simulated joint behind it, on a CAN bus."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import signal
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from cjt_gym.canbus.config import HardwareConfig, load_hardware
+from cjt_gym.canbus.emulator import Emulator, emulated_joint, serve
+from cjt_gym.canbus.hidden import draw_hidden
+from cjt_gym.canbus.link import quiet_machine
+from cjt_gym.canbus.ports import open_port
+from cjt_gym.canbus.ports.port import Port
+from cjt_gym.commands.simulate import parse_effects
+from cjt_gym.errors import ConfigurationError
+from cjt_gym.joint import EFFECTS
+
+WARM_UP = 0.1
+"""Time of the joint that passes before it is served, so that all code is compiled [s]."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add which joint, what it hides, and how bus and clock behave."""
+    add = parser.add_argument
+    add("config", type=Path, metavar="CONFIG.toml", help="the joint on its bus, as for hardware")
+    text = "draw the joint's effects by this number and do not show them, for a blind diagnosis"
+    add("--hidden-seed", type=int, metavar="N", help=text)
+    text = "write what the joint really has to this JSON file, to look at afterwards"
+    add("--truth", type=Path, metavar="FILE", help=text)
+    text = f"effects instead of the file's: name or name.parameter=value ({', '.join(EFFECTS)})"
+    add("--effect", nargs="+", metavar="E", help=text)
+    add("--speed", type=float, help="time of the joint over that of the clock, default 1")
+    add("--latency", type=float, help="time that a frame takes [s], default 0")
+    add("--jitter", type=float, help="mean of a further random time [s], default 0")
+    add("--loss", type=float, help="share of frames that are lost, default 0")
+    add("--load", type=float, help="share of the bus that other nodes take, default 0")
+    add("--seed", type=int, help="of the sensors' noise, latency and loss, default 0")
+    add("--seconds", type=float, help="end after so long; default: on Ctrl-C")
+
+
+def run(options: argparse.Namespace) -> None:
+    """Serve until it is stopped."""
+    config = with_options(load_hardware(options.config), options)
+    if options.hidden_seed is not None and options.effect is not None:
+        raise ConfigurationError("Give --hidden-seed or --effect, not both.")
+    effects: Any = parse_effects(options.effect)
+    if options.hidden_seed is not None:
+        effects = draw_hidden(config.joint, options.hidden_seed)
+    joint = emulated_joint(config, effects)
+    if options.truth is not None:
+        options.truth.write_text(json.dumps(joint.effects, indent=1) + "\n", encoding="utf-8")
+    port = open_port(config.bus)
+    try:
+        _announce(options, config, port, list(joint.effects))
+        emulator, stopped = Emulator(config, joint), _until(options.seconds)
+        emulator.advance(WARM_UP)
+        with quiet_machine(config.priority):
+            serve(emulator, [port], config.emulator.speed, stopped)
+    finally:
+        port.close()
+
+
+def with_options(config: HardwareConfig, options: argparse.Namespace) -> HardwareConfig:
+    """Return a configuration whose emulator behaves as the options say.
+
+    Raises:
+        ConfigurationError: A value is out of its range.
+    """
+    names = ("speed", "latency", "jitter", "loss", "load", "seed")
+    given = {name: getattr(options, name) for name in names if getattr(options, name) is not None}
+    for name, value in given.items():
+        top = 0.95 if name in ("loss", "load") else 1.0 if name in ("latency", "jitter") else 1e6
+        low_enough = value > 0.0 if name == "speed" else value >= 0.0
+        if not (low_enough and value <= top):
+            raise ConfigurationError(
+                f"--{name} must be {'>' if name == 'speed' else '>='} 0 and <= {top:g}, got "
+                f"{value}."
+            )
+    return replace(config, emulator=replace(config.emulator, **given))
+
+
+def _announce(
+    options: argparse.Namespace, config: HardwareConfig, port: Port, effects: list[str]
+) -> None:
+    """Say where the drive is, and, unless that is hidden, what the joint has."""
+    hidden = options.hidden_seed is not None
+    facts = {
+        "address": port.address,
+        "protocol": config.drive.protocol,
+        "node": config.drive.settings.node,
+        "joint": config.joint.parameters.name,
+        "effects": None if hidden else effects,
+    }
+    if options.json:
+        sys.stdout.write(json.dumps(facts) + "\n")
+    else:
+        what = "hidden" if hidden else ", ".join(effects) or "none"
+        sys.stdout.write(
+            f"{facts['joint']} behind {facts['protocol']} node {facts['node']} on "
+            f"{facts['address']}; effects: {what}. Ctrl-C ends it.\n"
+        )
+    sys.stdout.flush()
+
+
+def _until(seconds: float | None) -> Callable[[], bool]:
+    """Return a function that says whether to stop: time is up, or a signal came."""
+    stopped = False
+
+    def stop(number: int, frame: object) -> None:
+        nonlocal stopped
+        stopped = True
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, stop)
+    end = float("inf") if seconds is None else time.monotonic() + seconds
+    return lambda: stopped or time.monotonic() >= end

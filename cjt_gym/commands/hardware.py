@@ -1,0 +1,276 @@
+"""`cjt-gym hardware`: a controller, policy or experiment on a joint on a CAN bus."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import signal
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cjt_gym.baselines import CONTROLLERS, make_controller
+from cjt_gym.canbus.config import HardwareConfig, load_hardware
+from cjt_gym.canbus.dry_run import Frames
+from cjt_gym.canbus.emulator import Emulator, emulated_joint
+from cjt_gym.canbus.experiments import EXPERIMENTS, experiment_torque
+from cjt_gym.canbus.link import Link
+from cjt_gym.canbus.plant import CanPlant
+from cjt_gym.canbus.safety import HardwareFault
+from cjt_gym.canbus.virtual import VirtualLink
+from cjt_gym.commands.simulate import GAINS
+from cjt_gym.envs.settings import default_amplitude
+from cjt_gym.errors import ConfigurationError
+from cjt_gym.records import Record, read_record, record_names
+from cjt_gym.signals import make_signals, sampled_signal, signal_from_file
+
+Floats = NDArray[np.float64]
+NONE = "none"
+DRY = 1.0
+"""Length of a dry run where none is given [s]."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the joint, who moves it and how, and what keeps it still."""
+    add = parser.add_argument
+    add("config", type=Path, metavar="CONFIG.toml", help="the joint on its bus, as for emulate")
+    who = parser.add_mutually_exclusive_group()
+    text = f"{', '.join(CONTROLLERS)}, or {NONE}: the reference is the motor torque itself"
+    who.add_argument("--controller", metavar="C", help=text)
+    who.add_argument("--policy", metavar="RUN", help="run folder of a trained policy")
+    text = f"identification experiments, all or: {', '.join(EXPERIMENTS)}; --out is a folder then"
+    who.add_argument("--experiment", nargs="+", metavar="E", help=text)
+    text = "step, chirp, multisine, smooth, or a record: its tau_ref is tracked, without one its "
+    text += "command is replayed; default: chirp"
+    add("--reference", default="chirp", help=text)
+    add("--amplitude", type=float, help="of the reference [N m]; default: from the joint")
+    add("--duration", type=float, help="[s]; default: that of the record, or 10")
+    add("--seed", type=int, default=0, help="of the reference, default 0")
+    add("--out", type=Path, metavar="RECORD", help="record to write, or folder for experiments")
+    add("--arm", action="store_true", help="really move the joint; without it nothing moves")
+    text = "show the frames of a run against an emulated joint in this process; no bus is touched"
+    add("--dry-run", action="store_true", help=text)
+    text = "run against an emulated joint in this process, as fast as it goes; no bus is touched"
+    add("--emulated", action="store_true", help=text)
+
+
+def run(options: argparse.Namespace) -> None:
+    """Run, write the record and say what came out."""
+    config = load_hardware(options.config)
+    if options.dry_run and options.emulated:
+        raise ConfigurationError("Give --dry-run or --emulated, not both.")
+    moves = options.arm or options.dry_run or options.emulated
+    if not moves:
+        _tell(options, _look(config))
+        return
+    if options.out is None and not options.dry_run:
+        raise ConfigurationError("--out must name the record to write, such as run.csv.")
+    signal.signal(signal.SIGTERM, _terminate)
+    frames = Frames() if options.dry_run else None
+    results = [_run_one(config, options, job, frames) for job in _jobs(config, options)]
+    if frames is not None:
+        text = ", ".join(f"{n} of {identifier:#x}" for identifier, n in frames.by_id.items())
+        _tell(options, {"frames": frames.count, "by_id": text})
+        return
+    _tell(options, results[0] if options.experiment is None else {"records": results})
+
+
+def _terminate(number: int, frame: object) -> NoReturn:
+    raise SystemExit(f"Stopped by signal {number}.")
+
+
+@dataclass(frozen=True)
+class Job:
+    """One run.
+
+    Attributes:
+        path: Its record, None for none.
+        reference: Joint torque that is wanted, or motor torque that is commanded [N m], by control
+            step.
+        controller: A row of `CONTROLLERS`, or `NONE`.
+        policy: Run folder of a policy, or None.
+        facts: What else belongs to the record's provenance.
+    """
+
+    path: Path | None
+    reference: Floats
+    controller: str
+    policy: str | None
+    facts: dict[str, Any]
+
+
+def _jobs(config: HardwareConfig, options: argparse.Namespace) -> Sequence[Job]:
+    """Return the runs that are asked for; of experiments those that are not recorded yet."""
+    if options.experiment is None:
+        return [_tracking(config, options)]
+    names = list(EXPERIMENTS) if options.experiment == ["all"] else options.experiment
+    jobs = []
+    for name in names:
+        torque = experiment_torque(name, config.joint, config.limits, config.dt)
+        path = None if options.out is None else options.out / f"{name}.csv"
+        if path is not None and path.exists():
+            if _is_complete(path):
+                sys.stderr.write(f"{name}: recorded already, skipped\n")
+                continue
+            path.rename(path.with_suffix(".broken.csv"))
+        facts = {"excitation": name, "mode": "open loop"}
+        jobs.append(Job(path, torque, NONE, None, facts))
+    return jobs
+
+
+def _is_complete(path: Path) -> bool:
+    record = read_record(path)
+    return "fault" not in record.provenance and "timing_us" in record.provenance
+
+
+def _tracking(config: HardwareConfig, options: argparse.Namespace) -> Job:
+    """Return the run of a controller or policy along a reference."""
+    word = options.reference
+    record = read_record(word) if Path(word).suffix or word in record_names() else None
+    tracked = record is None or "tau_ref" in record
+    controller = options.controller or ("pd_feedforward" if tracked else NONE)
+    length = 10.0 if record is None else record.t[-1] - record.t[0] + record.dt
+    if options.dry_run:
+        length = min(length, DRY)
+    duration = length if options.duration is None else options.duration
+    samples = round(duration / config.dt)
+    if samples < 1:
+        raise ConfigurationError(f"--duration must be >= one control step, got {duration} s.")
+    if record is not None and controller == NONE:
+        reference = _commanded(record, config)(np.arange(samples) * config.dt)
+    else:
+        amplitude = options.amplitude
+        if amplitude is None:
+            amplitude = min(default_amplitude(config.joint.parameters), config.limits.tau)
+        spec = word if record is None else signal_from_file(word)
+        (signal_,) = make_signals(spec, amplitude)[:1]
+        drawn = signal_.reset(np.random.default_rng(options.seed))
+        reference = drawn.torque(np.arange(samples) * config.dt)
+    facts: dict[str, Any] = {"reference": word, "seed": options.seed}
+    if options.policy is None:
+        facts |= {"controller": controller} | ({"mode": "open loop"} if controller == NONE else {})
+    else:
+        facts["policy"] = str(options.policy)
+    return Job(options.out, reference, controller, options.policy, facts)
+
+
+def _commanded(record: Record, config: HardwareConfig) -> Callable[[Floats], Floats]:
+    """Return the motor torque [N m] that a record commands, as a function of time."""
+    p = config.joint.parameters
+    torque = record["i_cmd"] * p.k_t * p.n if "i_cmd" in record else record["tau_cmd"]
+    t = record.t - record.t[0]
+    return lambda at: torque[np.clip(np.searchsorted(t, at + 1e-9) - 1, 0, len(t) - 1)]
+
+
+def _link(
+    config: HardwareConfig, options: argparse.Namespace, frames: Frames | None
+) -> Link | None:
+    """Return a link to an emulator in this process, or None for the bus."""
+    if not (options.dry_run or options.emulated):
+        return None
+    link = VirtualLink(Emulator(config, emulated_joint(config, {} if options.dry_run else None)))
+    link.sent = frames
+    return link
+
+
+def _run_one(
+    config: HardwareConfig, options: argparse.Namespace, job: Job, frames: Frames | None
+) -> dict[str, Any]:
+    """Run one job and return what came out."""
+    law = None
+    if job.policy is None and job.controller != NONE:
+        law = make_controller(job.controller, config.joint, config.dt)
+        facts = {name: getattr(law, name) for name in GAINS if hasattr(law, name)}
+        job.facts.update(facts)
+    path = None if frames is not None else job.path
+    plant = CanPlant(config, _link(config, options, frames), path, **job.facts)
+    with plant:
+        plant.connect()
+        plant.arm()
+        error = _follow(plant, job, law) if job.policy is None else _follow_policy(plant, job)
+        plant.stop()
+        timing = plant.timing
+    return {
+        "record": None if path is None else str(path),
+        "samples": len(job.reference),
+        "rmse": float(np.sqrt(np.mean(np.square(error)))) if error else None,
+        "timing_us": timing.summary(),
+        "delays_s": timing.delay(plant.dt),
+    }
+
+
+def _follow(plant: CanPlant, job: Job, law: Any) -> list[float]:
+    """Run a controller, or command the reference itself; return the tracking errors [N m]."""
+    reference = job.reference
+    measured = plant.reset()
+    if law is None:
+        for torque in reference:
+            plant.step(np.array([torque]))
+        return []
+    law.act(measured, reference[:1])  # what is compiled on first use is compiled now
+    law.reset()
+    errors = []
+    for k in range(len(reference)):
+        wanted = reference[k : k + 1]
+        errors.append(float(wanted[0] - measured.tau[0]))
+        measured = plant.step(law.act(measured, wanted), float(wanted[0]))
+    return errors
+
+
+def _follow_policy(plant: CanPlant, job: Job) -> list[float]:
+    """Run a policy; return the tracking errors [N m]."""
+    from cjt_gym.envs.hardware import HardwareEnv
+    from cjt_gym.training.conditions import Conditions
+    from cjt_gym.training.fast_policy import fast_policy
+    from cjt_gym.training.policy import load_policy
+
+    assert job.policy is not None
+    agent = load_policy(job.policy)
+    config = plant.config
+    conditions = Conditions(config.joint_name, config.joint.structure, dt_control=config.dt)
+    t = np.arange(len(job.reference), dtype=np.float64) * config.dt
+    arguments = agent.arguments(conditions) | {"reference": sampled_signal(t, job.reference)}
+    arguments["episode_steps"] = len(job.reference) + 1
+    act = fast_policy(agent)
+    with HardwareEnv(plant=plant, **arguments) as env:
+        observation, _ = env.reset()
+        errors = []
+        for _ in job.reference:
+            observation, _, terminated, _, info = env.step(act(observation))
+            if terminated and plant.guard.fault is not None:
+                raise HardwareFault(plant.guard.fault)
+            errors.append(info["tau_reference"] - info["tau"])
+    return errors
+
+
+def _look(config: HardwareConfig) -> dict[str, Any]:
+    """Return what the joint shows, without moving it."""
+    with CanPlant(config) as plant:
+        plant.connect()
+        values = plant.nodes.values()
+    return {"armed": False, "values": values}
+
+
+def _tell(options: argparse.Namespace, result: dict[str, Any]) -> None:
+    if options.json:
+        sys.stdout.write(json.dumps(result) + "\n")
+    elif "values" in result:
+        text = ", ".join(f"{name} {value:.6g}" for name, value in sorted(result["values"].items()))
+        sys.stdout.write(f"Not armed, nothing was moved (--arm moves it). {text}\n")
+    elif "frames" in result:
+        sys.stdout.write(f"{result['frames']} frames would be sent: {result['by_id']}\n")
+    else:
+        for one in result.get("records", [result]):
+            sys.stdout.write(_line(one) + "\n")
+
+
+def _line(result: dict[str, Any]) -> str:
+    how = f", tracking error {result['rmse']:.4g} N m rms" if result["rmse"] is not None else ""
+    late = result["timing_us"].get("lateness", {})
+    when = f"; commands late by {late['p50']:g} us (median), {late['p99.9']:g} us (99.9 %)"
+    return f"{result['record']}: {result['samples']} samples{how}{when if late else ''}"
