@@ -262,8 +262,8 @@ def _node(
 ) -> NodeSettings:
     given = dict(check_keys(table, list(table) if isinstance(table, Mapping) else (), owner))
     protocol = text(given, "protocol", owner)
-    if "file" in given:
-        given["file"] = str(folder / text(given, "file", owner))
+    if "file" in given and (folder / text(given, "file", owner)).is_file():
+        given["file"] = str(folder / given["file"])
     p, limits = joint.parameters, limits_of(joint)
     settings = settings_of(
         protocol_of(protocol),

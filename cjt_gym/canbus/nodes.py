@@ -63,7 +63,8 @@ class Node:
         self.master: Master = protocol_of(settings.protocol).master(settings.settings)
         self.mode: Mode | None = None
         self.error, self.text = 0, ""
-        self.is_asked = bool(self.master.poll())
+        # what a DBC file describes comes in its own cycles, though its drive is polled to be off
+        self.is_asked = bool(self.master.poll()) and settings.protocol != "dbc"
         self._accounts: dict[int, _Account] = {}
 
     def asked(self) -> None:

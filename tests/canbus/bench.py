@@ -14,6 +14,15 @@ from cjt_gym.canbus.virtual import VirtualLink
 DRIVES: dict[str, dict[str, Any]] = {
     "mit": {"protocol": "mit", "node": 1, "model": "AK80-64"},
     "odrive": {"protocol": "odrive", "node": 3, "reports": "cyclic", "cycle_ms": 1},
+    "moteus": {"protocol": "moteus", "node": 3},
+    "cia402": {
+        "protocol": "cia402",
+        "node": 3,
+        "rated_torque": 0.5,
+        "rated_current": 6.4,
+        "increments": 1 << 20,
+    },
+    "dbc": {"protocol": "dbc", "file": "example_drive"},
 }
 """A drive of each protocol."""
 
