@@ -17,7 +17,7 @@ from cjt_gym.canbus.safety import Fault
 from cjt_gym.errors import ProtocolError
 
 SPARE = 2.0
-"""Answers that a node which is asked may owe."""
+"""Answers that a node which is asked may owe, besides those that may be missing."""
 
 
 @dataclass
@@ -67,11 +67,15 @@ class Node:
         self.is_asked = bool(self.master.poll()) and settings.protocol != "dbc"
         self._accounts: dict[int, _Account] = {}
 
-    def asked(self) -> None:
-        """Note that the node was asked: it may answer with one frame of each kind more."""
+    def asked(self, missed: int) -> None:
+        """Note that the node was asked: it may answer with one frame of each kind more.
+
+        Args:
+            missed: Answers that may be missing in a row, and may come later.
+        """
         if self.is_asked:
             for account in self._accounts.values():
-                account.credit = min(account.credit + 1.0, SPARE)
+                account.credit = min(account.credit + 1.0, SPARE + missed)
 
     def is_excess(self, arrival: Arrival, period: float, oldest: float) -> bool:
         """Whether a frame came more often than it should.
@@ -201,7 +205,7 @@ class Nodes:
     def command(self, tau_m: float) -> list[can.Message]:
         """Return the frames that command a motor torque [N m] and ask the sensors."""
         frames = list(self.drive.master.command(tau_m))
-        self.drive.asked()
+        self.drive.asked(self.missed)
         for node in self.all[1:]:
             frames += self._asking(node)
         return frames
@@ -209,5 +213,5 @@ class Nodes:
     def _asking(self, node: Node) -> Sequence[can.Message]:
         frames = node.master.poll()
         if frames:
-            node.asked()
+            node.asked(self.missed)
         return frames
