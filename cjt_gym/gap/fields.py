@@ -45,6 +45,7 @@ NEUTRAL: Final[Mapping[str, float]] = {
     "play": 0.0,  # width of a backlash at the torsion bar [rad]
     "play_g": 0.0,  # width of a backlash in the compliant gear [rad]
     "centre_g": 0.0,  # its middle, from the gear's first angle [rad]
+    "pull_g": 0.0,  # whether its damper holds teeth that part, 1 or 0
     "hard": 0.0,  # cubic stiffness over linear stiffness [1/rad^2]
     "hyst": 0.0,  # torque of the hysteresis [N m]
     "hyst_z": 1e-3,  # its displacement [rad]

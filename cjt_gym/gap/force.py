@@ -50,7 +50,7 @@ def torques(setting: Setting, fields: Fields) -> tuple[Floats, Floats]:
     friction = stages.predict("motor", fields).friction.sum(axis=1)
     current = motor_torque(fields, series) - fields["offset"]
     q = series["q_m"]
-    outside = periodic_torque(fields, series, np.zeros(len(q))) - weight(fields, q)
+    outside = periodic_torque(fields, q, np.zeros(len(q))) - weight(fields, q)
     if "tau_l" in series:
         outside = outside + series["tau_l"]
     known = friction + smooth_mean(outside) + fields["offset"]

@@ -147,57 +147,77 @@ def friction_torque(
 
 
 @compiled
-def touching(start: float, end: float, half: float) -> tuple[float, float]:
-    """Return the share of a sample in which the teeth of a gear touch, and on which side.
+def pushing(start: float, end: float, torque: float, after: float, half: float) -> float:
+    """Return the share of a sample in which the teeth of a gear push each other.
+
+    Teeth that touch push as long as spring and damper together do; they never pull.
 
     Args:
-        start: Deflection of the gear at the start [rad].
+        start: Deflection of the gear at the start, positive on the side that is looked at [rad].
         end: Deflection at the end, as if the state of touch stayed that of the start [rad].
+        torque: What spring and damper would push with at the start [N m].
+        after: The same at the end [N m].
         half: Half the play [rad].
     """
-    if abs(start) >= half:
-        side = 1.0 if start > 0.0 else -1.0
-        if side * end >= half:
-            return 1.0, side
-        return (abs(start) - half) / max(abs(start - end), 1e-15), side
-    side = 1.0 if end > 0.0 else -1.0
-    if abs(end) <= half:
-        return 0.0, side
-    return (abs(end) - half) / max(abs(end - start), 1e-15), side
+    if start >= half and torque > 0.0:
+        return 1.0 if after >= 0.0 else torque / (torque - after)
+    if start >= half:
+        return 0.0 if after <= 0.0 or end < half else after / (after - torque)
+    return 0.0 if end <= half else (end - half) / max(end - start, 1e-15)
 
 
 @compiled
 def pass_through(
-    play: Floats, loose: Floats, adrift: Floats, entry: Floats, x: Floats, new: Floats, t: int
+    play: Floats,
+    loose: Floats,
+    adrift: Floats,
+    entry: Floats,
+    x: Floats,
+    new: Floats,
+    t: int,
+    h: float,
 ) -> float:
     """Correct the new state, computed for a gear in touch, for its play; return the share in touch.
 
     For the arguments see `predict`.
     """
-    n = x.size
-    start = in_touch = apart = 0.0
+    n, half = x.size, play[0]
+    stiffness, damping = play[1 + 2 * n], play[2 + 2 * n]
+    start = touch = apart = 0.0
+    rate = touch_rate = apart_rate = 0.0
     free = np.zeros(n)
     for i in range(n):
         value = adrift[t, i]
         for j in range(n):
             value += loose[i, j] * x[j]
         free[i] = value
-        start += play[1 + i] * x[i]
-        in_touch += play[1 + i] * new[i]
-        apart += play[1 + i] * free[i]
+    for i in range(n // 2):
+        sign = play[1 + i]
+        start += sign * x[i]
+        touch += sign * new[i]
+        apart += sign * free[i]
+        rate += sign * x[i + n // 2]
+        touch_rate += sign * new[i + n // 2]
+        apart_rate += sign * free[i + n // 2]
     if entry.size > 0:
         after = entry[min(t + 1, entry.size - 1)]
-        start += entry[t]
-        in_touch += after
-        apart += after
-    half = play[0]
-    end = apart
+        moving = (after - entry[t]) / h
+        start, touch, apart = start + entry[t], touch + after, apart + after
+        rate, touch_rate, apart_rate = rate + moving, touch_rate + moving, apart_rate + moving
     if abs(start) >= half:
         side = 1.0 if start > 0.0 else -1.0
-        end = in_touch
-        for i in range(n):
-            end += side * play[1 + i] * play[1 + n + i]
-    share, side = touching(start, end, half)
+        push = stiffness * (side * start - half) + damping * side * rate
+        end, end_rate = apart, apart_rate
+        if push > 0.0:
+            end, end_rate = touch, touch_rate
+            for i in range(n // 2):
+                end += side * play[1 + i] * play[1 + n + i]
+                end_rate += side * play[1 + i] * play[1 + n + i + n // 2]
+    else:
+        side = 1.0 if apart > 0.0 else -1.0
+        push, end, end_rate = 0.0, apart, apart_rate
+    last = stiffness * (side * end - half) + damping * side * end_rate
+    share = pushing(side * start, side * end, push, last, half)
     for i in range(n):
         touched = new[i] + side * play[1 + n + i]
         new[i] = share * touched + (1.0 - share) * free[i]
@@ -240,7 +260,8 @@ def predict(
         load: Friction on each body beside its law [N m], shape (N, bodies).
         play: Backlash in the gear, shape (1 + 2 n,): half its width [rad], then the signs with
             which the state makes the gear's deflection, then what the gear's spring adds to the
-            state for a deflection of half the width. Shape (0,) for none.
+            state for a deflection of half the width, then the gear's stiffness [N m/rad] and the
+            part of its damping that keeps the teeth from pulling [N m s/rad]. Shape (0,) for none.
         loose: Transition matrix while the teeth do not touch, shape (n, n), or (0, 0).
         adrift: What the known inputs add meanwhile, shape (N, n), or (0, 0).
         slack_g: What `g` is meanwhile, shape (n, bodies), or (0, 0).
@@ -276,7 +297,7 @@ def predict(
                 value += a[i, j] * x[j]
             new[i] = value
         if play.size > 0:
-            share = pass_through(play, loose, adrift, entry, x, new, t)
+            share = pass_through(play, loose, adrift, entry, x, new, t, h)
             for i in range(n):
                 for b in range(nb):
                     g[i, b] = share * firm[i, b] + (1.0 - share) * slack_g[i, b]

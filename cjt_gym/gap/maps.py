@@ -89,7 +89,7 @@ def _lacking(
     assert transmitted is not None
     if stage == "motor":
         torque = motor_torque(fields, series) - transmitted
-        torque = torque + periodic_torque(fields, series, transmitted)
+        torque = torque + periodic_torque(fields, q, transmitted)
     else:
         torque = transmitted - fields["grav_a"] * np.cos(q) - fields["grav_b"] * np.sin(q)
         torque = torque + series.columns.get("tau_l", 0.0)

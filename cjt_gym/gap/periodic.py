@@ -14,13 +14,14 @@ from scipy.signal import fftconvolve, find_peaks
 from cjt_gym.gap.chain import MOTOR
 from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.predictor import torque_response
-from cjt_gym.gap.signals import joint_torque
+from cjt_gym.gap.signals import MEAN, joint_torque, within
 from cjt_gym.gap.stages import Stages
 
 Floats = NDArray[np.float64]
 HIGHEST = 20_000.0
 CELLS = 1 << 20
-PEAKS = 3
+TRIED, PEAKS = 12, 3
+"""Peaks of the spectrum that are fitted, and how many of them are returned."""
 SOME = 1500
 """Samples over which the power of a wave is averaged."""
 LINE_PERIODS = 8
@@ -58,14 +59,15 @@ def periodic_starts(
     if frequencies.size == 0:
         return ()
     peaks, _ = find_peaks(power)
-    peaks = peaks[np.argsort(power[peaks])[::-1][:PEAKS]]
+    peaks = peaks[np.argsort(power[peaks])[::-1][:TRIED]]
     found = []
+    angles, loads = within(q), within(weight)
     for f in frequencies[peaks]:
-        waves = np.column_stack([np.cos(f * q), np.sin(f * q)]) * weight[:, None]
-        fine = filtered(response, waves)
-        a, b = np.linalg.lstsq(fine, left, rcond=None)[0]
-        found.append((float(f), float(a), float(b)))
-    return tuple(found)
+        waves = [MEAN @ (wave(f * angles) * loads) for wave in (np.cos, np.sin)]
+        fine = filtered(response, np.column_stack(waves))
+        (a, b), rest = np.linalg.lstsq(fine, left, rcond=None)[:2]
+        found.append((float(rest.sum()), (float(f), float(a), float(b))))
+    return tuple(start for _, start in sorted(found)[:PEAKS])
 
 
 def ripple_amplitudes(stages: Stages, fields: Fields, residual: Floats) -> tuple[Floats, Floats]:
@@ -130,7 +132,10 @@ def _spectrum(
 
 
 def _wave_power(f: Floats, response: Floats, v: Floats, weight: Floats) -> Floats:
-    """Return the sum of squares of the innovations that a unit wave of each frequency causes."""
+    """Return the sum of squares of the innovations that a unit wave of each frequency causes.
+
+    A wave that a joint passes in less than two samples shows itself folded.
+    """
     gain = np.abs(np.fft.rfft(response, 4096)) ** 2
     cycles = np.linspace(0.0, 0.5, gain.size)
     some = slice(None, None, max(len(v) // SOME, 1))
@@ -139,10 +144,15 @@ def _wave_power(f: Floats, response: Floats, v: Floats, weight: Floats) -> Float
     step = np.abs(v[some])
     share = np.square(weight[some])
     table = np.array(
-        [np.sum(share * np.interp(x * step / (2.0 * np.pi), cycles, gain)) for x in coarse]
+        [np.sum(share * np.interp(_folded(x * step / (2.0 * np.pi)), cycles, gain)) for x in coarse]
     )
     table = np.maximum(table, 1e-3 * table.max())
     return np.asarray(np.exp(np.interp(np.log(f), np.log(coarse), np.log(table))))
+
+
+def _folded(cycles: Floats) -> Floats:
+    """Return frequencies in cycles per sample as they appear in samples, within 0 .. 0.5."""
+    return np.asarray(np.abs(cycles - np.round(cycles)))
 
 
 def command_steps(current: Floats, noise: float) -> tuple[tuple[float], ...]:

@@ -71,7 +71,8 @@ def backlash(
 ) -> Play:
     """Return the backlash of a gear as the kernel takes it; see `Play`."""
     half = 0.5 * fields["play_g"]
-    play = np.concatenate([[half], signs, bite * half])
+    damping = 0.0 if fields["pull_g"] > 0.0 else fields["d_mg"]
+    play = np.concatenate([[half], signs, bite * half, [fields["k_g"], damping]])
     nothing = np.zeros(0)
     return Play(play, loose, adrift, nothing if entry is None else entry)
 

@@ -22,10 +22,10 @@ Floats = NDArray[np.float64]
 SUBSTEP = 2.5e-4
 CONSTANTS = (
     "k_b", "d_gl", "hard", "play", "hyst", "hyst_z", "hyst_n", "k_g", "d_mg", "play_g",
-    "cog_f", "cog_a", "cog_b", "rip_f", "rip_a", "rip_b", "grav_a", "grav_b", "q_0",
+    "cog_f", "cog_a", "cog_b", "rip_f", "rip_a", "rip_b", "grav_a", "grav_b", "q_0", "pull_g",
 )  # fmt: skip
 (K_B, D_GL, HARD, PLAY, HYST, HYST_Z, HYST_N, K_G, D_MG, PLAY_G,
- COG_F, COG_A, COG_B, RIP_F, RIP_A, RIP_B, GRAV_A, GRAV_B, Q_0) = range(19)  # fmt: skip
+ COG_F, COG_A, COG_B, RIP_F, RIP_A, RIP_B, GRAV_A, GRAV_B, Q_0, PULL_G) = range(20)  # fmt: skip
 
 
 def replay(setting: Setting, fields: Fields) -> dict[str, Floats]:
@@ -173,10 +173,11 @@ def _simulate(
                 transmitted = c[K_G] * twist + c[D_MG] * twisting
                 if c[PLAY_G] > 0.0:
                     loose = 0.5 * c[PLAY_G]
-                    if abs(twist) <= loose:
+                    side = 1.0 if twist > 0.0 else -1.0
+                    excess = c[K_G] * loose * side
+                    parting = side * (transmitted - excess) < 0.0 and c[PULL_G] == 0.0
+                    if abs(twist) <= loose or parting:
                         excess = transmitted
-                    else:
-                        excess = c[K_G] * loose * (1.0 if twist > 0.0 else -1.0)
                     transmitted -= excess
             q = x[m]
             push[0] = torque[t] + excess

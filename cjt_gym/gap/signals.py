@@ -13,6 +13,10 @@ from cjt_gym.joint.compiled import compiled
 Floats = NDArray[np.float64]
 LEAST_TORQUE = 0.2
 """Share of the torque per ampere that hot windings keep at least."""
+_POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(5)
+INSTANTS = tuple(float(at) for at in 0.5 * (1.0 + _POINTS))
+MEAN: Floats = 0.5 * _WEIGHTS
+"""Weights of the mean over an interval, shape (5,)."""
 
 
 def ahead(x: Floats) -> Floats:
@@ -140,10 +144,9 @@ def motor_torque(fields: Fields, series: Series) -> Floats:
     return np.asarray(torque + fields["offset"])
 
 
-def periodic_torque(fields: Fields, series: Series, transmitted: Floats) -> Floats:
-    """Return cogging and gear ripple at the samples [N m], shape (N,)."""
-    q = series["q_m"]
-    torque = np.zeros(len(q))
+def periodic_torque(fields: Fields, q: Floats, transmitted: Floats) -> Floats:
+    """Return cogging and gear ripple at motor angles [N m], of the shape of q and transmitted."""
+    torque = np.zeros(np.shape(q))
     if fields["cog_f"] != 0.0:
         x = fields["cog_f"] * q
         torque += fields["cog_a"] * np.cos(x) + fields["cog_b"] * np.sin(x)
@@ -151,6 +154,15 @@ def periodic_torque(fields: Fields, series: Series, transmitted: Floats) -> Floa
         x = fields["rip_f"] * q
         torque += (fields["rip_a"] * np.cos(x) + fields["rip_b"] * np.sin(x)) * transmitted
     return torque
+
+
+def within(x: Floats) -> Floats:
+    """Return a smooth signal at Gauss's points of the interval after each sample, shape (5, N).
+
+    `MEAN @` what is computed there is its mean over the interval: also of a ripple that the joint
+    passes within few samples.
+    """
+    return np.stack([shifted(x, at) for at in INSTANTS])
 
 
 def weight(fields: Fields, q: Floats) -> Floats:

@@ -40,6 +40,7 @@ from cjt_gym.gap.predictor import (
 from cjt_gym.gap.series import Series
 from cjt_gym.gap.setting import PROCESS_TORQUE, Setting
 from cjt_gym.gap.signals import (
+    MEAN,
     ahead,
     commanded_current,
     joint_torque,
@@ -49,6 +50,7 @@ from cjt_gym.gap.signals import (
     shifted,
     smooth_mean,
     weight,
+    within,
 )
 from cjt_gym.gap.spring import spring_torque
 
@@ -145,8 +147,9 @@ class Stages:
         s = self.setting
         chain = self.chain("motor", fields)
         transmitted = joint_torque(fields, series) if "tau" in series else np.zeros(len(series))
-        ripple = periodic_torque(fields, series, transmitted + self._gear_inertia(fields))
-        torque = motor_torque(fields, series) + smooth_mean(ripple) + added.get("push_m", 0.0)
+        torque = motor_torque(fields, series) + added.get("push_m", 0.0)
+        if fields["cog_f"] != 0.0 or fields["rip_f"] != 0.0:
+            torque += self._ripple(fields, series, transmitted)
         forced = torque[:, None] * chain.torque[:, MOTOR]
         if chain.groups[LOAD] >= 0 and (outside := self._on_load(fields)) is not None:
             forced += smooth_mean(outside)[:, None] * chain.torque[:, LOAD]
@@ -181,12 +184,21 @@ class Stages:
         hanging = -weight(fields, series["q_m"])
         return hanging if outside is None else np.asarray(outside + hanging)
 
-    def _gear_inertia(self, fields: Fields) -> Floats | float:
-        """Return what a compliant gear carries on top of the joint torque, to move itself [N m]."""
-        if not self.setting.has_gear or (fields["cog_f"] == 0.0 and fields["rip_f"] == 0.0):
-            return 0.0
-        speed, acceleration = self._motion
-        return np.asarray(fields["I_g"] * acceleration + fields["d_g"] * speed)
+    def _ripple(self, fields: Fields, series: Series, transmitted: Floats) -> Floats:
+        """Return the mean of the periodic torques over each interval [N m], shape (N,)."""
+        own = series["q_m"] is self.setting.series["q_m"]
+        q = self._angles_within if own else within(series["q_m"])
+        if fields["rip_f"] == 0.0:
+            return np.asarray(MEAN @ periodic_torque(fields, q, np.zeros(1)))
+        if self.setting.has_gear:  # a compliant gear also carries what moves itself
+            speed, acceleration = self._motion
+            transmitted = transmitted + fields["I_g"] * acceleration + fields["d_g"] * speed
+        return np.asarray(MEAN @ periodic_torque(fields, q, within(transmitted)))
+
+    @cached_property
+    def _angles_within(self) -> Floats:
+        """Angles of the motor between the samples, shape (5, N)."""
+        return within(self.setting.series["q_m"])
 
     @cached_property
     def _motion(self) -> tuple[Floats, Floats]:

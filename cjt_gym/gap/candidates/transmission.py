@@ -34,7 +34,7 @@ def transmission_rows(setting: Setting, size: Scales) -> list[Hypothesis]:
         f["play"], f["q_0"] = v["b"], f["q_0"] + v["centre"]
 
     if setting.has_gear and setting.cut_at_spring:
-        rows.append(_gear_play(play, centre, x))
+        rows += [_gear_play(play, centre, x, pulls) for pulls in (False, True)]
     rows += [
         Hypothesis(
             "backlash",
@@ -72,9 +72,11 @@ def transmission_rows(setting: Setting, size: Scales) -> list[Hypothesis]:
     return rows
 
 
-def _gear_play(play: Unknown, centre: Unknown, x: float) -> Hypothesis:
+def _gear_play(play: Unknown, centre: Unknown, x: float, pulls: bool) -> Hypothesis:
+    """Return a play in the gear, whose damper may hold teeth that part or may not."""
+
     def apply(f: Fields, v: Values) -> None:
-        f["play_g"] = v["b"]
+        f["play_g"], f["pull_g"] = v["b"], float(pulls)
         f["centre_g"] = min(max(v["centre"], -0.5 * v["b"]), 0.5 * v["b"])
         f["q_0"] -= f["centre_g"]
 
@@ -86,5 +88,5 @@ def _gear_play(play: Unknown, centre: Unknown, x: float) -> Hypothesis:
         ("motor", "transmission"),
         starts=tuple((w * x, c * w * x) for w in (0.05, 0.25) for c in (-0.4, 0.0, 0.4)),
         family="spring",
-        variant="gear",
+        variant="gear, damper pulls" if pulls else "gear",
     )
