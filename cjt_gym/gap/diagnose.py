@@ -36,9 +36,18 @@ from cjt_gym.gap.intervals import (
 )
 from cjt_gym.gap.joint_file import identified_joint
 from cjt_gym.gap.localize import where
-from cjt_gym.gap.missing import not_judged, same_here
+from cjt_gym.gap.missing import not_judged, same_here, undecided
 from cjt_gym.gap.process import allow_for_colour
-from cjt_gym.gap.prune import COARSE_STRAIN, STRAIN, Need, prune, simplify, split_asymmetry, uneven
+from cjt_gym.gap.prune import (
+    COARSE_STRAIN,
+    STRAIN,
+    Need,
+    likelier_twins,
+    prune,
+    simplify,
+    split_asymmetry,
+    uneven,
+)
 from cjt_gym.gap.select import Progress, Selection, evidence, other_frequencies, silent
 from cjt_gym.gap.sensing import (
     SensorFinding,
@@ -176,6 +185,7 @@ def explain(
     outside = shown(rows, problem.stages.names)
     selection = Selection(problem, candidates, base, outside, until=until, progress=progress)
     fit = simplify(problem, selection.run(), selection.candidates)
+    fit = likelier_twins(problem, fit, selection.candidates)
     if setting.current_unspecified:
         fit = other_frequencies(problem, fit)
         fit = split_asymmetry(problem, fit, selection.candidates)
@@ -372,6 +382,7 @@ def _named(
             continue
         numbers = effect_intervals(problem, fit, index, spread)
         doubtful = may_be_nothing(effect, numbers) or at_an_end(effect, numbers)
+        doubtful = doubtful or undecided(problem.stages.setting, effect.name)
         if doubtful or _harmful(found, need, unseen):
             state = "tentative"
         lead = evidence(problem, fit) - best_rival(problem, fit, index, found.seen)

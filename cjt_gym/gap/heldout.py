@@ -128,8 +128,9 @@ def _kept(held: Problem, full: Fit) -> tuple[Problem, Fit]:
             free.append(k)
         else:
             nominal[n.field] = n.unknown.value(float(full.z[k]))
-    stages = Stages(replace(setting, nominal=nominal))
-    stages.gains = held.stages.gains
+    stages = Stages(
+        replace(setting, nominal=nominal), held.stages.gains, springs=held.stages.springs
+    )
     at, effects = len(held.shared), []
     for effect in full.model.effects:
         places = range(at, at + len(effect.unknowns))

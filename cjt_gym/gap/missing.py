@@ -37,13 +37,34 @@ def not_judged(setting: Setting) -> tuple[str, ...]:
     return tuple(said)
 
 
+TWINS = (("torque_bias", "torque_offset"), ("torque_gain", "torque_constant"))
+"""Effects that a record can be unable to tell apart, the likelier first.
+
+A strain gauge drifts more easily than an amplifier does."""
+
+
 def same_here(setting: Setting, name: str) -> tuple[str, ...]:
     """Return the effects that this record's channels cannot tell from one, whatever its motion."""
-    pairs = []
-    if setting.structure.output_fixed and setting.cut_at_spring:
-        pairs.append({"torque_offset", "torque_bias"})
-    if "q_m" in setting.series.derived:
-        pairs.append({"torque_constant", "torque_gain"})
+    pairs = [set(pair) for pair in twins(setting)]
     if not setting.has_spring:
         pairs += [{"inertia", "load_inertia"}, {"coulomb", "load_coulomb"}]
     return tuple(sorted(other for pair in pairs if name in pair for other in pair - {name}))
+
+
+def twins(setting: Setting) -> tuple[tuple[str, str], ...]:
+    """Return pairs of effects in different parts that this record's channels cannot tell apart.
+
+    Without a spring the bodies are one part, and a name that speaks of another body is no rival.
+    """
+    offset, gain = TWINS
+    found = []
+    if setting.structure.output_fixed and setting.cut_at_spring:
+        found.append(offset)
+    if "q_m" in setting.series.derived:
+        found.append(gain)
+    return tuple(found)
+
+
+def undecided(setting: Setting, name: str) -> bool:
+    """Return whether an effect has such a twin."""
+    return any(name in pair for pair in twins(setting))

@@ -9,6 +9,7 @@ import numpy as np
 
 from cjt_gym.gap.fit import FLOOR, Fit, Model, Problem, retuned, without
 from cjt_gym.gap.hypothesis import Hypothesis
+from cjt_gym.gap.missing import twins
 from cjt_gym.gap.select import MARGIN, evidence
 
 LOG_SHARE = 0.08
@@ -105,6 +106,17 @@ def simplify(problem: Problem, fit: Fit, candidates: tuple[Hypothesis, ...]) -> 
                 trial = _swapped(problem, fit, index, match[0])
                 if _as_good(trial, fit) and loss(problem, trial, fit) < SLACK:
                     return simplify(problem, trial, candidates)
+    return fit
+
+
+def likelier_twins(problem: Problem, fit: Fit, candidates: tuple[Hypothesis, ...]) -> Fit:
+    """Return the model with the likelier ones of effects that this record cannot tell apart."""
+    for likelier, twin in twins(problem.stages.setting):
+        for index, effect in enumerate(fit.model.effects):
+            other = [h for h in candidates if h.name == likelier]
+            if effect.name == twin and other:
+                trial = _swapped(problem, fit, index, other[0])
+                fit = trial if loss(problem, trial, fit) < NEAR else fit
     return fit
 
 

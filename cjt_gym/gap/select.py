@@ -35,8 +35,9 @@ BEYOND = 1.2
 """Normalised residual of a stage from which causes outside the table are looked at."""
 HOPEFUL = 0.3
 """Share of the leader's gain after one step from which a candidate is given some more."""
-NEAR = 60.0
-"""Evidence by which a rough fit may trail the best one and still be fitted in full."""
+NEAR, NEAR_SHARE = 60.0, 0.25
+"""Evidence by which a rough fit may trail the best one, or share of that one's gain, and still be
+fitted in full."""
 
 
 Progress = Callable[[str], None]
@@ -208,7 +209,7 @@ class Selection:
             return []
         top = evidence(self.problem, quick[0])
         base = evidence(self.problem, before)
-        near = max(NEAR, 0.05 * (top - base))
+        near = max(NEAR, NEAR_SHARE * (top - base))
         chosen = [f for f in quick[:SHORT_LIST] if evidence(self.problem, f) > top - near]
         first = quick[0].model.effects[-1]
         if first.family == "friction":

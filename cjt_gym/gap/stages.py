@@ -57,6 +57,8 @@ from cjt_gym.gap.spring import spring_torque
 Floats = NDArray[np.float64]
 Added = Mapping[str, Floats]
 STAGES = ("drive", "motor", "transmission", "load")
+SPRINGS = ("k_b", "k_g")
+"""Fields that noise of the angles is multiplied by."""
 PULSE = 800
 SMOOTH = 21
 
@@ -69,12 +71,18 @@ class Stages:
         setting: The record and its joint.
         gains: Predictor gains by stage, for the fields given to `tune`.
         others: The stages of further records of the same joint, to be explained together.
+        springs: What multiplies noise of the angles: the nominal joint with the stiffnesses of the
+            fields given to `tune`.
     """
 
     setting: Setting
     gains: dict[str, Gain] = field(default_factory=dict)
     others: tuple[Stages, ...] = ()
+    springs: Fields = field(default_factory=dict)
     _chains: dict[tuple[object, ...], Chain] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.springs = self.springs or self.setting.nominal
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -96,7 +104,10 @@ class Stages:
         return outside_rows(self.setting)
 
     def tune(self, fields: Fields) -> None:
-        """Compute the predictors' gains for these fields."""
+        """Compute the predictors' gains, and what noise does in the springs, for these fields."""
+        self.springs = self.setting.nominal | {name: fields[name] for name in SPRINGS}
+        for cached in ("spring_noise", "_shaken_angles"):
+            self.__dict__.pop(cached, None)
         for name in self.names:
             if name in ("motor", "load"):
                 self.gains[name] = self._gain(name, fields)
@@ -229,7 +240,7 @@ class Stages:
     @cached_property
     def _shaken_angles(self) -> Floats:
         """Variance of the spring's torque that jittering angles cause [N^2 m^2], shape (N,)."""
-        s, f = self.setting, self.setting.nominal
+        s, f = self.setting, self.springs
         stiffness = {"q_m": f["k_b"], "q_l": f["k_b"]}
         if s.has_gear:
             stiffness["q_m"] = f["k_b"] * f["k_g"] / (f["k_b"] + f["k_g"])
@@ -246,7 +257,7 @@ class Stages:
         Where the gear is compliant its angle is computed from the measured torque, so that the
         torque's noise enters twice; responses to a single wrong sample tell how much.
         """
-        s, f, dt = self.setting, self.setting.nominal, self.setting.series.dt
+        s, f, dt = self.setting, self.springs, self.setting.series.dt
         pulse = np.zeros(PULSE)
         pulse[PULSE // 4] = 1.0
 
