@@ -40,7 +40,6 @@ from cjt_gym.gap.missing import not_judged, same_here, undecided
 from cjt_gym.gap.process import allow_for_colour
 from cjt_gym.gap.prune import (
     COARSE_STRAIN,
-    STRAIN,
     Need,
     likelier_twins,
     prune,
@@ -48,7 +47,16 @@ from cjt_gym.gap.prune import (
     split_asymmetry,
     uneven,
 )
-from cjt_gym.gap.select import Progress, Selection, evidence, other_frequencies, silent
+from cjt_gym.gap.select import (
+    BEYOND,
+    COARSE_BEYOND,
+    STRAIN,
+    Progress,
+    Selection,
+    evidence,
+    other_frequencies,
+    silent,
+)
 from cjt_gym.gap.sensing import (
     SensorFinding,
     noisy_current,
@@ -180,10 +188,16 @@ def explain(
         problem, base = _without_effects(with_findings(setting, sensors), more)
     until = time.process_time() + PATIENCE
     candidates = hypotheses(setting, problem.stages.names)
+    coarse = any(finding.name == "quantization" for finding in sensors)
+    if any(finding.name == "quantization" and finding.channel == "i" for finding in sensors):
+        candidates = tuple(h for h in candidates if h.name != "command_quantization")
     # Causes outside the table are told by small traces, and those from colour by a stated noise.
     rows = () if setting.current_unspecified else problem.stages.outside.rows
     outside = shown(rows, problem.stages.names)
-    selection = Selection(problem, candidates, base, outside, until=until, progress=progress)
+    beyond = COARSE_BEYOND if coarse else BEYOND
+    selection = Selection(
+        problem, candidates, base, outside, until=until, beyond=beyond, progress=progress
+    )
     fit = simplify(problem, selection.run(), selection.candidates)
     fit = likelier_twins(problem, fit, selection.candidates)
     if setting.current_unspecified:
@@ -196,10 +210,9 @@ def explain(
         problem, base = _without_effects(with_findings(setting, sensors), more)
         fit = retuned(problem, fit)
     progress("leaving out one effect after the other")
-    coarse = any(finding.name == "quantization" for finding in sensors)
     tested = [with_findings(other, sensors) for other in others]
     fit, needs, held = _standing(problem, fit, tested, COARSE_STRAIN if coarse else STRAIN)
-    left = leftovers(base, fit, needs, held)
+    left = leftovers(base, fit, needs, held, coarse)
     if setting.current_unspecified:
         selection.seen += uneven(problem, fit, selection.candidates)
     seen = tuple(selection.seen)

@@ -7,6 +7,8 @@ over the angle shows the spatial frequencies at once.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import fftconvolve, find_peaks
@@ -14,7 +16,7 @@ from scipy.signal import fftconvolve, find_peaks
 from cjt_gym.gap.chain import MOTOR
 from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.predictor import torque_response
-from cjt_gym.gap.signals import MEAN, joint_torque, within
+from cjt_gym.gap.signals import MEAN, commanded_current, joint_torque, taken_over, within
 from cjt_gym.gap.stages import Stages
 
 Floats = NDArray[np.float64]
@@ -24,6 +26,8 @@ TRIED, PEAKS = 12, 3
 """Peaks of the spectrum that are fitted, and how many of them are returned."""
 SOME = 1500
 """Samples over which the power of a wave is averaged."""
+COARSE, FINE = 40.0, 41
+"""Steps within the range of a command up to which they count as coarse; rates tried in a cell."""
 LINE_PERIODS = 8
 """Fewest periods of a wave in time within a record."""
 
@@ -155,36 +159,57 @@ def _folded(cycles: Floats) -> Floats:
     return np.asarray(np.abs(cycles - np.round(cycles)))
 
 
-def command_steps(current: Floats, noise: float) -> tuple[tuple[float], ...]:
-    """Return candidates for the step [A] on whose multiples a current lies.
+def command_steps(stages: Stages, fields: Fields) -> tuple[tuple[float], ...]:
+    """Return candidates for the resolution [A] to which the drive rounds its command.
 
-    The characteristic function of values on a lattice has a peak at one over its step.
+    The error of rounding repeats with the command: a transform over the command shows its period.
 
     Args:
-        current: Samples [A], shape (N,).
-        noise: Their deviation [A].
+        stages: The record.
+        fields: The model so far, with its delay and lag.
     """
-    if noise <= 0.0 or np.ptp(current) <= 0.0:
+    s = stages.setting
+    if "drive" not in stages.names:
         return ()
-    cell = noise / 4.0
-    index = ((current - current.min()) / cell).astype(np.int64)
-    size = int(2 ** np.ceil(np.log2(index.max() + 1))) * 8
-    if size > CELLS * 4:
+    c = s.series["i_cmd"]
+    error = s.series["i"] - commanded_current(fields, s.series) - fields["i_0"]
+    older, newer, a, b = taken_over(fields, c, s.series.dt)
+    fresh = error[1:] - a * error[:-1]  # what this sample's command has added
+    parts = [(b - a, older[:-1]), (1.0 - b, newer[:-1])]
+    noise = s.std("i")
+    span = float(np.ptp(c))
+    if noise <= 0.0 or span <= 0.0:
         return ()
-    transform = np.abs(np.fft.rfft(np.bincount(index, minlength=size))) / len(current)
-    rate = np.arange(transform.size) / (size * cell)
-    good = (rate > 4.0 / np.ptp(current)) & (rate < 1.0 / (2.0 * noise))
-    height = np.where(good, transform, 0.0)
-    peaks, _ = find_peaks(height, height=5.0 / np.sqrt(len(current)))
-    peaks = peaks[np.argsort(height[peaks])[::-1][:PEAKS]]
-    return tuple((1.0 / _sharpened(current, float(rate[p]), float(rate[1])),) for p in peaks)
+    cell = max(noise / 16.0, span / CELLS * 4.0)
+    size = int(2 ** np.ceil(np.log2(span / cell + 1.0))) * 4
+    sums = np.zeros(size)
+    for share, command in parts:
+        sums += np.bincount(_cells(command, c, cell), weights=share * fresh, minlength=size)
+    power = np.abs(np.fft.rfft(sums)) ** 2
+    rate = np.arange(power.size) / (size * cell)
+    power[(rate < 3.0 / span) | (rate > 2.0 / noise)] = 0.0
+    peaks, _ = find_peaks(power)
+    peaks = peaks[np.argsort(power[peaks])[::-1]]
+    coarse = peaks[rate[peaks] < COARSE / span]
+    tried = {int(p) for p in (*peaks[:TRIED], *coarse[:TRIED])}
+    best = sorted(_sharpened(fresh, parts, float(rate[p]), float(rate[1])) for p in tried)
+    return tuple((1.0 / r,) for _, r in best[: -PEAKS - 1 : -1])
 
 
-def _sharpened(current: Floats, rate: float, cell: float) -> float:
-    """Return the rate [1/A] within a cell at which the values lie best on the lattice through 0."""
-    rates = rate + cell * np.linspace(-2.0, 2.0, 81)
-    fits = [float(np.sum(np.cos(2.0 * np.pi * r * current))) for r in rates]
-    return float(rates[int(np.argmax(fits))])
+def _cells(values: Floats, of: Floats, cell: float) -> NDArray[np.int64]:
+    return np.asarray((values - of.min()) / cell, dtype=np.int64)
+
+
+def _sharpened(
+    fresh: Floats, parts: Sequence[tuple[float, Floats]], rate: float, cell: float
+) -> tuple[float, float]:
+    """Return what rounding explains at most with a rate [1/A] within a cell, and that rate."""
+
+    def explained(r: float) -> float:
+        saw = sum(share * (np.round(r * command) / r - command) for share, command in parts)
+        return float(2.0 * fresh @ saw - saw @ saw)
+
+    return max((explained(r), r) for r in rate + cell * np.linspace(-1.0, 1.0, FINE))
 
 
 def line_starts(residual: Floats, dt: float) -> tuple[tuple[float, float, float], ...]:

@@ -10,14 +10,10 @@ import numpy as np
 from cjt_gym.gap.fit import FLOOR, Fit, Model, Problem, retuned, without
 from cjt_gym.gap.hypothesis import Hypothesis
 from cjt_gym.gap.missing import twins
-from cjt_gym.gap.select import MARGIN, evidence
+from cjt_gym.gap.select import LOG_SHARE, MARGIN, STRAIN, evidence
 
-LOG_SHARE = 0.08
-"""Least part of a stage's residual, in log, that an effect must take away."""
-STRAIN = 8.0
-"""Or least relief of the datasheet's priors: four standard deviations."""
 COARSE_STRAIN = 24.0
-"""The same where a channel is coarse, whose rounding errors are no white noise."""
+"""`STRAIN` where a channel is coarse, whose rounding errors are no white noise."""
 SAME = 0.03
 """Part of a residual, in log, by which a more complicated law must do better."""
 NEAR = 25.0

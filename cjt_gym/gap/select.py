@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from cjt_gym.gap.fit import DEFLATION, FLOOR, Fit, Model, Problem, retuned, without
+from cjt_gym.gap.fit import DEFLATION, FLOOR, Fit, Floats, Model, Problem, retuned, without
 from cjt_gym.gap.hypothesis import Hypothesis
 from cjt_gym.gap.periodic import command_steps, line_starts, periodic_starts
 from cjt_gym.gap.quick import Look
@@ -28,11 +28,16 @@ MARGIN = 3.0
 """Evidence that one more effect must add to what it costs."""
 LEAST = 0.1
 """Share of what is left that one more effect must explain."""
+LOG_SHARE = 0.08
+"""Least part of a stage's residual, in log, that an effect must take away."""
+STRAIN = 8.0
+"""Or least relief of the datasheet's priors: four standard deviations."""
 LINES = {"i": "drive", "push_m": "motor", "push_l": "load"}
 """Stage in whose residual a wave in time on a channel shows itself."""
 SHORT_LIST = 4
-BEYOND = 1.2
-"""Normalised residual of a stage from which causes outside the table are looked at."""
+BEYOND, COARSE_BEYOND = 1.2, 1.8
+"""Normalised residual of a stage from which causes outside the table are looked at, and the same
+where a channel is coarse, whose rounding errors are no white noise."""
 HOPEFUL = 0.3
 """Share of the leader's gain after one step from which a candidate is given some more."""
 NEAR, NEAR_SHARE = 60.0, 0.25
@@ -75,6 +80,7 @@ class Selection:
         base: The fit without any effect.
         seen: All fits made in full.
         until: Processor time after which no further effect is sought [s].
+        beyond: Normalised residual of a stage from which causes outside the table are looked at.
         progress: Is told which effects are being sought.
     """
 
@@ -84,6 +90,7 @@ class Selection:
     outside: tuple[Hypothesis, ...] = ()
     seen: list[Fit] = field(default_factory=list)
     until: float = np.inf
+    beyond: float = BEYOND
     progress: Progress = silent
 
     def run(self) -> Fit:
@@ -104,7 +111,7 @@ class Selection:
 
         Such a cause may stand beside the effects found or in the place of any of them.
         """
-        if all(best.mean_square[name] < BEYOND**2 for name in stages):
+        if all(best.mean_square[name] < self.beyond**2 for name in stages):
             return best
         pool = [h for h in self.outside if set(h.touches) & set(stages)]
         added = range(len(start.model.effects), len(best.model.effects))
@@ -131,7 +138,7 @@ class Selection:
         for _ in range(MOST - len(start.model.effects)):
             if time.process_time() > self.until:
                 break
-            if self.potential(best, stages) < RELEASE + MARGIN:
+            if self.potential(best, stages) < RELEASE + MARGIN or not self._material(best, stages):
                 break
             there = [effect.name for effect in best.model.effects]
             beside = f" beside {' and '.join(there)}" if there else ""
@@ -156,11 +163,21 @@ class Selection:
             self.problem.counts[n] / DEFLATION * np.log(max(fit.mean_square[n] / FLOOR**2, 1.0))
             for n in stages
         )
+        strain = self._strain(fit, stages)
+        return float(gap + 0.5 * np.sum(strain[strain > 4.0]))
+
+    def _strain(self, fit: Fit, stages: Sequence[str]) -> Floats:
+        """Return the squared deviations of the values that some stages depend on."""
         far = fit.z[: len(self.problem.shared)]
         flat = np.array([n.unknown.flat for n in self.problem.shared], dtype=bool)
         own = np.array([bool(set(n.stages) & set(stages)) for n in self.problem.shared])
-        strain = np.square(far[own & ~flat])
-        return float(gap + 0.5 * np.sum(strain[strain > 4.0]))
+        return np.asarray(np.square(far[own & ~flat]))
+
+    def _material(self, fit: Fit, stages: Sequence[str]) -> bool:
+        """Return whether enough is left in some stages for an effect that is worth its name."""
+        residual = max((0.5 * np.log(fit.mean_square[n]) for n in stages), default=0.0)
+        strain = self._strain(fit, stages)
+        return bool(residual > LOG_SHARE or 0.5 * strain[strain > 4.0].sum() > STRAIN)
 
     def _promising(self, fits: list[Fit], before: Fit) -> list[Fit]:
         """Return the fits to go on from: the best, and the next if it is nearly as good."""
@@ -225,7 +242,8 @@ class Selection:
 
     def _may_help(self, fit: Fit, effect: Hypothesis) -> bool:
         """Return whether the stages that an effect touches have enough left to pay for it."""
-        return self.potential(fit, effect.touches) > price(Model((effect,))) + MARGIN
+        enough = self.potential(fit, effect.touches) > price(Model((effect,))) + MARGIN
+        return enough and self._material(fit, effect.touches)
 
     def _look(self, fit: Fit) -> Look:
         self.problem.stages.tune(self.problem.fields(fit.model, fit.z))
@@ -238,8 +256,7 @@ class Selection:
         stages = self.problem.stages
         residuals = stages.first(fit.residuals)
         if effect.search == "step":
-            channel = "i" if "i" in stages.setting.series else "i_cmd"
-            return command_steps(stages.setting.series[channel], stages.setting.std("i"))
+            return command_steps(stages, fields)
         if effect.search in LINES:
             stage = LINES[effect.search]
             return line_starts(residuals[stage], stages.setting.series.dt)

@@ -94,17 +94,30 @@ def commanded_current(fields: Fields, series: Series) -> Floats:
         c = np.where(np.abs(c) < fields["dead"], 0.0, c - fields["less"] * np.sign(c))
     if np.isfinite(fields["slew"]):
         c = followed(c, fields["slew"] * series.dt)
-    dt, lag = series.dt, fields["lag"]
-    total = max(fields["delay"] / dt, -1.0)
-    whole = int(np.floor(total))
-    late = (total - whole) * dt
-    older, newer = _held(c, whole + 1), _held(c, whole)
-    a = np.exp(-dt / lag) if lag > 0.0 else 0.0
-    reach = np.exp(-(dt - late) / lag) if lag > 0.0 else 0.0
+    older, newer, a, reach = taken_over(fields, c, series.dt)
     drive = (reach - a) * older + (1.0 - reach) * newer
     start = newer[0]
     y, _ = lfilter([1.0], [1.0, -a], drive[:-1], zi=[a * start])
     return np.concatenate([[start], y])
+
+
+def taken_over(fields: Fields, c: Floats, dt: float) -> tuple[Floats, Floats, float, float]:
+    """Return how a drive takes its command over: y[k+1] = a y + (b - a) older + (1 - b) newer.
+
+    Args:
+        fields: The model.
+        c: Command, shape (N,).
+        dt: Sample time [s].
+
+    Returns:
+        The older and the newer command that act within each sample, shape (N,); a; b.
+    """
+    lag, total = fields["lag"], max(fields["delay"] / dt, -1.0)
+    whole = int(np.floor(total))
+    late = (total - whole) * dt
+    a = float(np.exp(-dt / lag)) if lag > 0.0 else 0.0
+    reach = float(np.exp(-(dt - late) / lag)) if lag > 0.0 else 0.0
+    return _held(c, whole + 1), _held(c, whole), a, reach
 
 
 @compiled

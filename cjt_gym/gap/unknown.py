@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 
 from cjt_gym.gap.fit import Fit
 from cjt_gym.gap.heldout import HeldOut, Trial
-from cjt_gym.gap.prune import STRAIN, Need
+from cjt_gym.gap.prune import Need
+from cjt_gym.gap.select import STRAIN
 
 LEFT = 1.3
 """Normalised residual above which a stage is not explained."""
@@ -20,6 +21,8 @@ WEAK = 0.5
 HELD_LEFT = 1.6
 """The same as LEFT on a held-out record, to which nothing was fitted."""
 HELD_SHARE = 0.02
+COARSE = 1.5
+"""Factor on both where a channel is coarse, whose rounding errors are no white noise."""
 DOUBTFUL = 0.6
 """Worth of an effect on held-out data below which it is no more than tentative."""
 CLOSE = 0.2
@@ -42,12 +45,19 @@ class Leftover:
 
 
 def leftovers(
-    base: Fit, fit: Fit, needs: Sequence[Need], held: Sequence[HeldOut]
+    base: Fit, fit: Fit, needs: Sequence[Need], held: Sequence[HeldOut], coarse: bool
 ) -> tuple[Leftover, ...]:
     """Return the stages in which a material part of the gap is left, the worst first.
 
     What a cause outside the effect table takes away is left, too, and so is what comes up on a
     held-out record.
+
+    Args:
+        base: The fit without effects.
+        fit: The fit with those that are needed.
+        needs: What each of them is needed for.
+        held: What it is worth on held-out records.
+        coarse: Whether a channel is coarser than specified.
     """
     found = []
     for effect, need in zip(fit.model.effects, needs, strict=True):
@@ -57,11 +67,12 @@ def leftovers(
     levels: list[tuple[Mapping[str, float], Mapping[str, float], float, float]]
     levels = [(base.mean_square, fit.mean_square, LEFT, LEFT_SHARE)]
     levels += [(h.before, h.after, HELD_LEFT, HELD_SHARE) for h in held]
+    allowance = COARSE if coarse else 1.0
     for before, after, limit, least in levels:
         blamed = {item.stage for item in found}
         for name, ms in after.items():
             share = _share(before, name, ms)
-            if name not in blamed and ms > limit**2 and share > least:
+            if name not in blamed and ms > (allowance * limit) ** 2 and share > least:
                 found.append(Leftover(name, share))
     return tuple(sorted(found, key=lambda left: -left.share))
 
