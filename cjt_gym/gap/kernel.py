@@ -14,7 +14,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.joint.compiled import compiled
+from cjt_gym.joint.compiled import compiled, lean
 
 Floats = NDArray[np.float64]
 
@@ -25,7 +25,7 @@ presliding displacement [rad], friction per transmitted torque [-], smoothing ve
 LAW_SIZE = 10
 
 
-@compiled
+@lean
 def level(law: Floats, side: float, speed: float, load: float) -> float:
     """Return the friction level [N m] at a speed [rad/s] on one side of zero, `load` included."""
     base, extra = law[LEVEL_P], law[EXTRA_P]
@@ -36,7 +36,7 @@ def level(law: Floats, side: float, speed: float, load: float) -> float:
     return float(max(base + load, 0.0))
 
 
-@compiled
+@lean
 def smooth_speed(start: float, free: float, gain: float, force: float, width: float) -> float:
     """Solve v + gain * force * tanh(m / width) = free for v by Newton's method.
 
@@ -56,7 +56,7 @@ def smooth_speed(start: float, free: float, gain: float, force: float, width: fl
     return v
 
 
-@compiled
+@lean
 def elastic_step(
     start: float, free: float, gain: float, force: float, z: float, width: float, h: float
 ) -> tuple[float, float]:
@@ -76,7 +76,7 @@ def elastic_step(
     return free - 0.5 * gain * side * (y + new), side * new
 
 
-@compiled
+@lean
 def turning(
     law: Floats, start: float, free: float, gain: float, load: float, h: float
 ) -> tuple[float, float]:
@@ -102,7 +102,7 @@ def turning(
     return end, 0.5 * h * (start * share + end * (1.0 - share) - start - end)
 
 
-@compiled
+@lean
 def friction_torque(
     law: Floats, start: float, free: float, gain: float, load: float, h: float, bristle: float
 ) -> tuple[float, float, float]:
@@ -146,7 +146,7 @@ def friction_torque(
     return (v - free) / gain, 0.0, lost
 
 
-@compiled
+@lean
 def pushing(start: float, end: float, torque: float, after: float, half: float) -> float:
     """Return the share of a sample in which the teeth of a gear push each other.
 
@@ -166,7 +166,7 @@ def pushing(start: float, end: float, torque: float, after: float, half: float) 
     return 0.0 if end <= half else (end - half) / max(end - start, 1e-15)
 
 
-@compiled
+@lean
 def pass_through(
     play: Floats,
     loose: Floats,
@@ -174,18 +174,18 @@ def pass_through(
     entry: Floats,
     x: Floats,
     new: Floats,
+    free: Floats,
     t: int,
     h: float,
 ) -> float:
     """Correct the new state, computed for a gear in touch, for its play; return the share in touch.
 
-    For the arguments see `predict`.
+    For the arguments see `predict`; `free` is scratch, shape (n,).
     """
     n, half = x.size, play[0]
     stiffness, damping = play[1 + 2 * n], play[2 + 2 * n]
     start = touch = apart = 0.0
     rate = touch_rate = apart_rate = 0.0
-    free = np.zeros(n)
     for i in range(n):
         value = adrift[t, i]
         for j in range(n):
@@ -280,7 +280,7 @@ def predict(
     bristle = np.zeros(nb)
     slack = np.zeros(nb)
     x = x0.copy()
-    new = np.zeros(n)
+    new, free = np.zeros(n), np.zeros(n)
     firm = g
     g = g.copy()
     for t in range(size):
@@ -297,7 +297,7 @@ def predict(
                 value += a[i, j] * x[j]
             new[i] = value
         if play.size > 0:
-            share = pass_through(play, loose, adrift, entry, x, new, t, h)
+            share = pass_through(play, loose, adrift, entry, x, new, free, t, h)
             for i in range(n):
                 for b in range(nb):
                     g[i, b] = share * firm[i, b] + (1.0 - share) * slack_g[i, b]
@@ -305,9 +305,9 @@ def predict(
             for b in range(nb):
                 row = bodies[b]
                 before = torque[t, b] if sweep else 0.0
-                free = new[row] - g[row, b] * before
+                alone = new[row] - g[row, b] * before
                 lam, z, lost = friction_torque(
-                    laws[b], x[row], free, g[row, b], load[t, b], h, bristle[b]
+                    laws[b], x[row], alone, g[row, b], load[t, b], h, bristle[b]
                 )
                 for i in range(n):
                     new[i] += g[i, b] * (lam - before)
