@@ -20,6 +20,7 @@ class Chain:
     Attributes:
         a: Transition matrix, shape (n, n); the state is the coordinates, then their velocities.
         torque: Effect of a torque held on motor, gear and load, shape (n, 3).
+        ramp: Effect of a torque that rises from -1/2 to 1/2 over the sample, shape (n, 3).
         start: Effect of the prescribed position at the start of the sample, shape (n,).
         slope: Effect of its mean velocity over the sample, shape (n,).
         groups: Coordinate of motor, gear and load; -1 where the body is no part of it.
@@ -27,6 +28,7 @@ class Chain:
 
     a: Floats
     torque: Floats
+    ramp: Floats
     start: Floats
     slope: Floats
     groups: tuple[int, int, int]
@@ -108,8 +110,9 @@ def _discretise(
 ) -> Chain:
     size = mass.size
     n = 2 * size
-    # Augmented state: chain, the three torques, the prescribed position and its velocity.
-    full = np.zeros((n + 5, n + 5))
+    # Augmented state: chain, the three torques, the prescribed position and its velocity, and how
+    # fast the torques rise.
+    full = np.zeros((n + 8, n + 8))
     full[:size, size:n] = np.eye(size)
     full[size:n, :size] = -spring / mass[:, None]
     full[size:n, size:n] = -drag / mass[:, None]
@@ -119,8 +122,11 @@ def _discretise(
     full[size:n, n + 3] = entry / mass
     full[size:n, n + 4] = entry_rate / mass
     full[n + 3, n + 4] = 1.0
+    full[n : n + 3, n + 5 :] = np.eye(3)
     step = expm(full * dt)
-    return Chain(step[:n, :n], step[:n, n : n + 3], step[:n, n + 3], step[:n, n + 4], groups)
+    torque = step[:n, n : n + 3]
+    ramp = step[:n, n + 5 :] / dt - 0.5 * torque
+    return Chain(step[:n, :n], torque, ramp, step[:n, n + 3], step[:n, n + 4], groups)
 
 
 def kalman_gain(

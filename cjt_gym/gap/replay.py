@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
+from scipy.signal import lfilter, savgol_filter
 
 from cjt_gym.gap.chain import GEAR, LOAD, MOTOR, Chain, Link, build_chain
 from cjt_gym.gap.fields import Fields, friction_law
@@ -20,6 +20,8 @@ from cjt_gym.joint.compiled import compiled
 
 Floats = NDArray[np.float64]
 SUBSTEP = 2.5e-4
+SMOOTH = 11
+"""Samples over which a prescribed angle of the load is smoothed."""
 CONSTANTS = (
     "k_b", "d_gl", "hard", "play", "hyst", "hyst_z", "hyst_n", "k_g", "d_mg", "play_g",
     "cog_f", "cog_a", "cog_b", "rip_f", "rip_a", "rip_b", "grav_a", "grav_b", "q_0", "pull_g",
@@ -44,6 +46,8 @@ def replay(setting: Setting, fields: Fields) -> dict[str, Floats]:
         torque *= np.maximum(1.0 - fields["derate"] * warm, LEAST_TORQUE)
     torque = torque + fields["offset"]
     q_l = series["q_l"] if "q_l" in series else np.zeros(len(series))
+    if len(q_l) > SMOOTH and np.ptp(q_l) > 0.0:
+        q_l = savgol_filter(q_l, SMOOTH, 3)  # a stiff spring would make torque of its noise
     out = _simulate(
         np.ascontiguousarray(chain.a),
         np.ascontiguousarray(chain.torque),

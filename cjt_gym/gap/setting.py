@@ -23,6 +23,11 @@ LEAST_JITTER = 0.5
 """Share of the stated jitter that is allowed for in any case."""
 FOLLOWED = 0.1
 """Periods of a swing per sample up to which a slow log follows it."""
+MOVES, FOLLOWS = 1.3, 5.0
+"""Spread of a locked output's angle, in deviations of its noise, and its correlation with the
+torque, in deviations of chance, from which it moves."""
+STILL = 1e-12
+"""Deviation of the angle of an output that does not move [rad]."""
 SETTLE = 0.05
 """Time that a predictor is given to settle before its residuals count [s]."""
 
@@ -113,10 +118,28 @@ def make_setting(
     }
     shown = _common_jitter(series, noise, jitter)
     noise = {name: replace(known, jitter=shown) for name, known in noise.items()}
+    if structure.output_fixed and "q_l" in series and _is_still(series, noise["q_l"]):
+        still = {"q_l": np.full(len(series), float(np.mean(series["q_l"])))}
+        series = replace(series, columns={**series.columns, **still})
+        noise["q_l"] = replace(noise["q_l"], std=STILL, jitter=0.0)
     if "q_m" in series.derived:
         std = noise["tau"].std * compliance(joint, structure)
         noise["q_m"] = replace(noise["q_m"], std=std, jitter=0.0)
     return Setting(series, structure, joint, nominal_fields(joint, structure), noise, jitter)
+
+
+def _is_still(series: Series, noise: ChannelNoise) -> bool:
+    """Return whether a locked output shows no more than noise of its encoder.
+
+    One that yields follows the torque.
+    """
+    angle = series["q_l"] - np.mean(series["q_l"])
+    spread = float(np.std(angle))
+    if spread == 0.0:
+        return True
+    torque = series["tau"] - np.mean(series["tau"]) if "tau" in series else np.zeros(len(angle))
+    follows = float(angle @ torque) / max(spread * float(np.std(torque)) * len(angle), 1e-300)
+    return spread < MOVES * noise.std and abs(follows) < FOLLOWS / np.sqrt(len(angle))
 
 
 def as_noisy(setting: Setting, known: Setting) -> Setting:

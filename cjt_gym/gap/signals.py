@@ -157,6 +157,28 @@ def motor_torque(fields: Fields, series: Series) -> Floats:
     return np.asarray(torque + fields["offset"])
 
 
+def torque_rise(fields: Fields, series: Series) -> Floats:
+    """Return how much the torque of the current rises over each interval [N m], shape (N,).
+
+    A current that follows its command at once does not rise within an interval; one with a lag
+    does, in the first moment about the middle, as a straight line of a share of its change does.
+    """
+    if "i" not in series:
+        return np.zeros(len(series))
+    change = ahead(series["i"]) - series["i"]
+    share = 1.0 if series.slow else _rising(fields["lag"] / series.dt)
+    return np.asarray(fields["n"] * fields["k_t"] * share * change)
+
+
+def _rising(lag: float) -> float:
+    """Return that share for a lag in samples: 1 for a long one, 0 for none."""
+    if lag > 20.0 or lag <= 0.0:
+        return float(lag > 0.0)
+    rest = float(np.exp(-1.0 / lag))
+    moment = 0.5 * lag * (1.0 - rest) - lag * lag + rest * (lag * lag + lag)
+    return 12.0 * moment / (1.0 - rest)
+
+
 def periodic_torque(fields: Fields, q: Floats, transmitted: Floats) -> Floats:
     """Return cogging and gear ripple at motor angles [N m], of the shape of q and transmitted."""
     torque = np.zeros(np.shape(q))

@@ -49,6 +49,7 @@ from cjt_gym.gap.signals import (
     shift_noise,
     shifted,
     smooth_mean,
+    torque_rise,
     weight,
     within,
 )
@@ -162,11 +163,11 @@ class Stages:
         if fields["cog_f"] != 0.0 or fields["rip_f"] != 0.0:
             torque += self._ripple(fields, series, transmitted)
         forced = torque[:, None] * chain.torque[:, MOTOR]
+        forced += torque_rise(fields, series)[:, None] * chain.ramp[:, MOTOR]
         if chain.groups[LOAD] >= 0 and (outside := self._on_load(fields)) is not None:
-            forced += smooth_mean(outside)[:, None] * chain.torque[:, LOAD]
+            forced += passed_on(chain, LOAD, outside)
         if s.cut_at_spring:
-            mean = smooth_mean(transmitted)
-            forced -= mean[:, None] * chain.torque[:, GEAR]
+            forced -= passed_on(chain, GEAR, transmitted)
         elif s.has_spring and chain.groups[LOAD] < 0:
             forced += self._prescribed(chain, load_angle(series) + fields["q_0"])
         bodies = (("m", MOTOR),) if not s.has_gear else (("m", MOTOR), ("g", GEAR))
@@ -175,9 +176,7 @@ class Stages:
         play = None
         if fields["play_g"] > 0.0 and s.has_gear and s.cut_at_spring:
             loose = self.chain("motor loose", fields)
-            adrift = (
-                torque[:, None] * loose.torque[:, MOTOR] - mean[:, None] * loose.torque[:, GEAR]
-            )
+            adrift = torque[:, None] * loose.torque[:, MOTOR] - passed_on(loose, GEAR, transmitted)
             bite = (chain.torque[:, MOTOR] - chain.torque[:, GEAR]) * fields["k_g"]
             play = backlash(fields, np.array([1.0, -1.0, 0.0, 0.0]), bite, loose, adrift, None)
         return self._innovations(
@@ -269,7 +268,7 @@ class Stages:
             return s.std("tau"), angle * float(np.hypot(s.std("q_m"), s.std("q_l")))
         chain = self.chain("transmission", f)
         drives = (
-            -smooth_mean(pulse)[:, None] * chain.torque[:, GEAR],
+            -passed_on(chain, GEAR, pulse),
             self._prescribed(chain, pulse),
         )
         nothing = np.zeros(PULSE)
@@ -289,13 +288,12 @@ class Stages:
             return q_m, np.zeros((len(q_m), 0)), np.zeros((len(q_m), 0))
         chain = self.chain("transmission", fields)
         transmitted = joint_torque(fields, series)
-        mean = smooth_mean(transmitted)
-        forced = self._prescribed(chain, q_m) - mean[:, None] * chain.torque[:, GEAR]
+        forced = self._prescribed(chain, q_m) - passed_on(chain, GEAR, transmitted)
         x0 = np.array([q_m[0] - transmitted[0] / fields["k_g"] - fields["centre_g"], 0.0])
         play = None
         if fields["play_g"] > 0.0:
             loose = self.chain("transmission loose", fields)
-            adrift = -mean[:, None] * loose.torque[:, GEAR]
+            adrift = -passed_on(loose, GEAR, transmitted)
             bite = -chain.torque[:, GEAR] * fields["k_g"]
             play = backlash(fields, np.array([-1.0, 0.0]), bite, loose, adrift, q_m)
         load, bodies = np.abs(transmitted), (("g", GEAR),)
@@ -307,13 +305,13 @@ class Stages:
     # ---- load
     def _load(self, fields: Fields, series: Series, added: Added) -> Prediction:
         chain = self.chain("load", fields)
-        torque = smooth_mean(joint_torque(fields, series))
+        torque = joint_torque(fields, series)
         if fields["grav_a"] != 0.0 or fields["grav_b"] != 0.0:
             torque = torque - weight(fields, series["q_l"])
         if "tau_l" in series:
-            torque = torque + smooth_mean(series["tau_l"])
+            torque = torque + series["tau_l"]
         torque = torque + added.get("push_l", 0.0)
-        forced = torque[:, None] * chain.torque[:, LOAD]
+        forced = passed_on(chain, LOAD, torque)
         bodies = (("l", LOAD),)
         return self._innovations("load", series, fields, chain, forced, bodies, torque)
 
@@ -422,6 +420,20 @@ class Stages:
         if self.setting.has_gear and channel == "q_m":
             x0[1] -= torque[0] / fields["k_g"] + fields["centre_g"]
         return x0
+
+
+def passed_on(chain: Chain, body: int, torque: Floats) -> Floats:
+    """Return what a smooth torque on a body adds over each sample, shape (N, n).
+
+    Args:
+        chain: The stage's piece of the joint.
+        body: MOTOR, GEAR or LOAD.
+        torque: At the samples [N m], shape (N,).
+    """
+    rise = ahead(torque) - torque
+    return np.asarray(
+        smooth_mean(torque)[:, None] * chain.torque[:, body] + rise[:, None] * chain.ramp[:, body]
+    )
 
 
 def load_angle(series: Series) -> Floats:
