@@ -61,6 +61,10 @@ class Hypothesis:
         return (self.name, self.body, self.channel, self.variant)
 
 
+OVERDAMPED = 5.0
+"""Damping ratio that no joint exceeds."""
+
+
 @dataclass(frozen=True)
 class Scales:
     """Typical sizes in a record, from which starting points are taken.
@@ -91,3 +95,20 @@ def scales(setting: Setting) -> Scales:
     # A deflection below what the encoder resolves is no scale to work with.
     deflection = max(load / bar, setting.std("q_m"), 1e-12)
     return Scales(torque, speed, deflection, current, len(s) * s.dt)
+
+
+def most_damping(setting: Setting, body: str) -> float:
+    """Return the largest damping that a body on a spring may plausibly have [N m s/rad].
+
+    It is that of `OVERDAMPED` times the critical one; a body without a spring has no such limit.
+
+    Args:
+        setting: The record and its joint.
+        body: Its letter.
+    """
+    if not setting.has_spring:
+        return float(np.inf)
+    inertia = (
+        setting.nominal["I_l"] if body == "l" else sum(setting.nominal[f"I_{b}"] for b in "mg")
+    )
+    return 2.0 * OVERDAMPED * float(np.sqrt(setting.nominal["k_b"] * inertia))

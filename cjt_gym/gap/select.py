@@ -8,7 +8,17 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from cjt_gym.gap.fit import DEFLATION, FLOOR, Fit, Floats, Model, Problem, retuned, without
+from cjt_gym.gap.fit import (
+    DEFLATION,
+    FLOOR,
+    MOVES,
+    Fit,
+    Floats,
+    Model,
+    Problem,
+    retuned,
+    without,
+)
 from cjt_gym.gap.hypothesis import Hypothesis
 from cjt_gym.gap.periodic import command_steps, line_starts, periodic_starts
 from cjt_gym.gap.quick import Look
@@ -40,6 +50,8 @@ BEYOND, COARSE_BEYOND = 1.2, 1.8
 where a channel is coarse, whose rounding errors are no white noise."""
 HOPEFUL = 0.3
 """Share of the leader's gain after one step from which a candidate is given some more."""
+USUAL, STRETCHED = 2.0, 10.0
+"""Deviations that a datasheet value usually has, and from which a fit counts as strained."""
 NEAR, NEAR_SHARE = 60.0, 0.25
 """Evidence by which a rough fit may trail the best one, or share of that one's gain, and still be
 fitted in full."""
@@ -203,22 +215,41 @@ class Selection:
             for h in pool
             if h.key not in used and compatible(fit.model, h) and self._may_help(fit, h)
         ]
-        look = self._look(fit)
-        firsts: list[Fit] = []
+        places = self._places(fit)
+        self.problem.stages.tune(self.problem.fields(fit.model, places[-1]))
+        looks = [self._look(fit, z) for z in places]
+        firsts: list[tuple[float, Look, Fit]] = []
         for effect in free:
             if time.process_time() > self.until and firsts:
                 break
-            first = look.first(effect, self._starts(look.fit, effect))
-            firsts += [] if first is None else [first]
+            found = [
+                (evidence(self.problem, first), look, first)
+                for look in looks
+                if (first := look.first(effect, self._starts(look.fit, effect))) is not None
+            ]
+            firsts += [max(found, key=lambda row: row[0])] if found else []
         if not firsts:
             return []
-        values = [evidence(self.problem, f) for f in firsts]
-        before, top = evidence(self.problem, fit), max(values)
+        before, top = evidence(self.problem, fit), max(value for value, _, _ in firsts)
         limit = min(top - 2.0 * NEAR, before + HOPEFUL * (top - before))
-        quick = [look.refine(f) if v > limit else f for f, v in zip(firsts, values, strict=True)]
-        for f in quick:
-            f.jacobian = look.fit.jacobian
+        quick = []
+        for value, look, first in firsts:
+            rough = look.refine(first) if value > limit else first
+            rough.jacobian = look.fit.jacobian
+            quick.append(rough)
         return sorted(quick, key=lambda f: -evidence(self.problem, f))
+
+    def _places(self, fit: Fit) -> list[Floats]:
+        """Return the coordinates from which candidates are tried, the most usual ones last.
+
+        A model that lacks a large effect strains the datasheet to where that effect would not help;
+        then they are tried beside the datasheet, too.
+        """
+        known = len(self.problem.shared)
+        z = fit.z.copy()
+        z[:known] = np.clip(z[:known], -USUAL, USUAL)
+        strained = np.abs(fit.z - z).max(initial=0.0) > STRETCHED - USUAL
+        return [fit.z, z] if strained else [fit.z]
 
     def _short_list(self, quick: list[Fit], before: Fit) -> list[Fit]:
         """Return the leading fits, and the whole friction family where one of them leads."""
@@ -245,9 +276,8 @@ class Selection:
         enough = self.potential(fit, effect.touches) > price(Model((effect,))) + MARGIN
         return enough and self._material(fit, effect.touches)
 
-    def _look(self, fit: Fit) -> Look:
-        self.problem.stages.tune(self.problem.fields(fit.model, fit.z))
-        again = self.problem.fit(fit.model, fit.z)
+    def _look(self, fit: Fit, z: Floats) -> Look:
+        again = self.problem.fit(fit.model, z, moves=0 if z is not fit.z else MOVES)
         again.jacobian = self.problem.jacobian(fit.model, again.z, again.residuals)
         return Look(self.problem, again)
 

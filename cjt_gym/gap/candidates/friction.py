@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cjt_gym.gap.fields import Fields
-from cjt_gym.gap.hypothesis import BODIES, Apply, Hypothesis, Scales, Values
+from cjt_gym.gap.hypothesis import BODIES, Apply, Hypothesis, Scales, Values, most_damping
 from cjt_gym.gap.setting import Setting
 from cjt_gym.gap.unknowns import Unknown
 from cjt_gym.joint.effects.motor import DQ_0
@@ -46,8 +46,9 @@ def friction_of(
     stribeck = Unknown("v_s", "rad/s", 0.1 * speed, 1.2, True, slow, fast, shape=True)
     slide = Unknown("z_s", "rad", 1e-3, 2.0, log=True, low=1e-6, high=0.3, shape=True)
     mu = Unknown("mu", "-", 0.0, 0.2, low=0.0, high=1.0)
-    d_p = Unknown(f"d_{body}", "N m s/rad", 0.0, torque / speed)
-    d_n = Unknown(f"d_{body}_n", "N m s/rad", 0.0, torque / speed)
+    most = most_damping(setting, body)
+    d_p = Unknown(f"d_{body}", "N m s/rad", 0.0, torque / speed, high=most)
+    d_n = Unknown(f"d_{body}_n", "N m s/rad", 0.0, torque / speed, high=most)
     guess = 0.05 * torque
     travel = max(float(np.std(setting.series["q_m"])), 1e-9)
 

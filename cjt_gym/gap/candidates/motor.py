@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from cjt_gym.gap.candidates.released import released
 from cjt_gym.gap.fields import Fields
-from cjt_gym.gap.hypothesis import BODIES, Hypothesis, Scales, Values
+from cjt_gym.gap.hypothesis import BODIES, Hypothesis, Scales, Values, most_damping
 from cjt_gym.gap.nuisances import active_parameters
 from cjt_gym.gap.setting import Setting
 from cjt_gym.gap.unknowns import Unknown
@@ -59,7 +59,8 @@ def _damping(setting: Setting, size: Scales, body: str) -> Hypothesis:
     if body == "m" and not setting.has_gear:
         start += setting.nominal["d_g"]
         start += 0.0 if setting.has_spring else setting.nominal["d_l"]
-    total = Unknown(f"d_{body}", unit, start, typical, low=-start)
+    most = most_damping(setting, body)
+    total = Unknown(f"d_{body}", unit, start, typical, low=0.0, high=start + most)
 
     def apply(f: Fields, v: Values) -> None:
         f[f"d_{body}"] += v[f"d_{body}"] - start
