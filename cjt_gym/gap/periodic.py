@@ -206,7 +206,9 @@ def _sharpened(
     """Return what rounding explains at most with a rate [1/A] within a cell, and that rate."""
 
     def explained(r: float) -> float:
-        saw = sum(share * (np.round(r * command) / r - command) for share, command in parts)
+        saw = np.zeros(len(fresh))
+        for share, command in parts:
+            saw += share * (np.round(r * command) / r - command)
         return float(2.0 * fresh @ saw - saw @ saw)
 
     return max((explained(r), r) for r in rate + cell * np.linspace(-1.0, 1.0, FINE))
