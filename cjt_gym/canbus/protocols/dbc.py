@@ -101,7 +101,7 @@ class Codec:
         message = self.by_frame.get((frame.arbitration_id, frame.is_extended_id))
         if message is None or message.name not in names:
             return None
-        if frame.is_remote_frame or frame.is_error_frame or frame.is_fd != message.is_fd:
+        if frame.is_remote_frame or frame.is_error_frame or frame.is_fd > message.is_fd:
             return None
         try:
             return message.name, message.decode(bytes(frame.data), **AS_NUMBERS)  # type: ignore[return-value]

@@ -105,7 +105,7 @@ class MoteusMaster:
 
     def commanded(self, frame: Message) -> float | None:
         """Return the feedforward torque that is written."""
-        if frame.is_error_frame or not frame.is_fd:
+        if frame.is_error_frame or frame.is_remote_frame:
             return None
         if frame.arbitration_id & 0x7FFF != self._to_drive & 0x7FFF:
             return None
@@ -136,7 +136,7 @@ class MoteusMaster:
         return _with_mode(channels, values)
 
     def _read(self, frame: Message) -> Mapping[int, float]:
-        if frame.is_error_frame or not frame.is_fd:
+        if frame.is_error_frame or frame.is_remote_frame:
             return {}
         if frame.arbitration_id != self._from_drive:
             return {}

@@ -187,3 +187,15 @@ def test_a_limiting_code_is_no_fault() -> None:
     )
     assert update is not None
     assert (update.mode, update.error) == (Mode.ENABLED, 0)
+
+
+def test_a_gateway_that_forgets_that_frames_are_can_fd() -> None:
+    firmware = MoteusFirmware(settings())
+    firmware.boot(0.0)
+    (sent,) = MoteusMaster(settings()).poll()
+    (reply,) = firmware.receive(sent, 0.0)
+    plain = Message(arbitration_id=reply.arbitration_id, is_extended_id=False, check=False)
+    plain.data = reply.data
+    update = MoteusMaster(settings()).decode(plain)
+    assert update is not None
+    assert update.mode is Mode.DISABLED
