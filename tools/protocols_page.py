@@ -115,7 +115,7 @@ def _section(row: DriveProtocol) -> Iterator[str]:
     yield _filled(f"Before: {row.before}")
     yield "| option | left out | |\n|---|---|---|"
     for name, option in row.options.items():
-        choices = "" if len(option.choices) in (0, 127) else _choices(option.choices)
+        choices = _choices(option.choices) if option.choices else ""
         yield f"| `{name}` | {_shown(option.default)} | {option.text}{choices} |"
     yield ""
     registers = row.registers()
@@ -178,6 +178,8 @@ def _about_mappings() -> str:
 
 
 def _choices(choices: Sequence[object]) -> str:
+    if isinstance(choices, range):
+        return f" ({choices[0]} to {choices[-1]})"
     return f" ({', '.join(_shown(choice) for choice in choices)})"
 
 

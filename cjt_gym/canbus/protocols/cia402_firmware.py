@@ -358,7 +358,7 @@ CIA402: Final = DriveProtocol(
         "rated_torque": Option(1.0, "rated torque of the motor [N m], as in object 0x6076"),
         "rated_current": Option(1.0, "rated current of the motor [A], as in object 0x6075"),
         "map_pdos": Option(True, "map the PDOs; false where the drive has these fixed"),
-        "master_node": Option(127, "node of the master's heartbeat", tuple(range(1, 128))),
+        "master_node": Option(127, "node of the master's heartbeat", range(1, 128)),
     },
     check=_check,
     master=Cia402Master,

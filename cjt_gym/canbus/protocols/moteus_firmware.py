@@ -214,7 +214,7 @@ MOTEUS: Final = DriveProtocol(
     ),
     fd=True,
     nodes=(1, 126),
-    options={"source": Option(0, "address of the master", tuple(range(127)))},
+    options={"source": Option(0, "address of the master", range(127))},
     master=MoteusMaster,
     firmware=MoteusFirmware,
     registers=_registers,

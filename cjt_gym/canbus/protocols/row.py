@@ -20,12 +20,12 @@ class Option:
     Attributes:
         default: Its value where it is not given; its type is that of the option.
         text: What it is.
-        choices: The values it may have; empty for any of its type.
+        choices: The values it may have, as a tuple or a range; empty for any of its type.
     """
 
     default: Any
     text: str
-    choices: tuple[Any, ...] = ()
+    choices: Sequence[Any] = ()
 
 
 @dataclass(frozen=True)
@@ -156,6 +156,9 @@ def _option(what: str, option: Option, value: Any) -> Any:
     if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
         raise ConfigurationError(f"{what} must be a {kind.__name__}, got {value!r}.")
     if option.choices and value not in option.choices:
-        choices = ", ".join(map(str, option.choices))
-        raise ConfigurationError(f"{what} must be one of {choices}, got {value!r}.")
+        if isinstance(option.choices, range):
+            allowed = f"lie in [{option.choices[0]}, {option.choices[-1]}]"
+        else:
+            allowed = f"be one of {', '.join(map(str, option.choices))}"
+        raise ConfigurationError(f"{what} must {allowed}, got {value!r}.")
     return value

@@ -25,7 +25,7 @@ from cjt_gym.canbus.protocols.moteus_registers import (
     read,
     subframe,
 )
-from cjt_gym.errors import ProtocolError
+from cjt_gym.errors import ConfigurationError, ProtocolError
 from tests.canbus.protocols.line import Line, settings_for
 
 TYPES = {INT8: moteus.INT8, INT16: moteus.INT16, INT32: moteus.INT32, FLOAT: moteus.F32}
@@ -77,6 +77,12 @@ def test_the_documents_example_of_a_reply() -> None:
     assert update.channels["v_bus"] == 12.0
     assert update.channels["temperature"] == 20.0
     assert (update.mode, update.error) == (Mode.ENABLED, 0)
+
+
+def test_the_address_of_the_master_has_seven_bits() -> None:
+    assert MoteusMaster(settings(source=5)).poll()[0].arbitration_id == 0x8501
+    with pytest.raises(ConfigurationError, match=r"source of .* must lie in \[0, 126\], got 200"):
+        settings(source=200)
 
 
 def test_identifiers_of_the_document() -> None:
