@@ -27,6 +27,8 @@ FLOOR = 1.05
 """Root mean square of a normalised residual below which a better fit is no better."""
 STEP = 1e-3
 MOVES = 12
+STRAINED, RELAXED = 3.0, 0.5
+"""Deviations from the datasheet from which a value is strained, and those to which it is let go."""
 LONGEST = 100.0
 """Longest step of a coordinate."""
 
@@ -181,7 +183,35 @@ class Problem:
                 break
             fresh = small  # derivatives of nuisances are renewed only where the old ones do no more
             jacobian = self.jacobian(model, z, residuals, None if small else jacobian)
-        return Fit(model, z, cost, ms, residuals, jacobian)
+        fitted = Fit(model, z, cost, ms, residuals, jacobian)
+        return self._relaxed(fitted, flat) if moves else fitted
+
+    def _relaxed(self, fit: Fit, flat: NDArray[np.bool_]) -> Fit:
+        """Return a fit without strain of the datasheet that only lowers residuals below the floor.
+
+        There a lower residual is no better: a body that friction holds scatters less than a free
+        one, and less still if it were heavier.
+        """
+        for j in range(len(self.shared)):
+            if flat[j] or abs(fit.z[j]) <= STRAINED:
+                continue
+            z = fit.z.copy()
+            z[j] = np.clip(z[j], -RELAXED, RELAXED)
+            residuals = fit.residuals | self.residuals(fit.model, z, self.shared[j].stages)
+            ms = self.mean_square(residuals)
+            if self._above(ms, z, flat) < self._above(fit.mean_square, fit.z, flat):
+                cost = self.cost(ms, z, flat)
+                fit = replace(fit, z=z, cost=cost, mean_square=ms, residuals=residuals)
+        return fit
+
+    def _above(self, mean_square: dict[str, float], z: Floats, flat: NDArray[np.bool_]) -> float:
+        """Return the cost of a fit without reward for residuals below the floor."""
+        total = 0.5 * float(np.sum(z[~flat] ** 2))
+        for name, ms in mean_square.items():
+            if not np.isfinite(ms):
+                return np.inf
+            total += self.counts[name] / DEFLATION * float(np.log(max(ms / FLOOR**2, 1.0)))
+        return total
 
     def _search(
         self,

@@ -50,6 +50,8 @@ BEYOND, COARSE_BEYOND = 1.2, 1.8
 where a channel is coarse, whose rounding errors are no white noise."""
 HOPEFUL = 0.3
 """Share of the leader's gain after one step from which a candidate is given some more."""
+EVEN = 20.0
+"""Evidence within which models are compared under predictors of their own."""
 USUAL, STRETCHED = 2.0, 10.0
 """Deviations that a datasheet value usually has, and from which a fit counts as strained."""
 NEAR, NEAR_SHARE = 60.0, 0.25
@@ -160,7 +162,7 @@ class Selection:
                 grown += self.expand(fit, pool)
             grown.sort(key=lambda f: -evidence(self.problem, f))
             self.seen += grown
-            beam = self._promising(_distinct(grown), best)
+            beam = self._promising(self._settled(_distinct(grown)), best)
             if not beam:
                 break
             gain = evidence(self.problem, beam[0]) - evidence(self.problem, best)
@@ -190,6 +192,31 @@ class Selection:
         residual = max((0.5 * np.log(fit.mean_square[n]) for n in stages), default=0.0)
         strain = self._strain(fit, stages)
         return bool(residual > LOG_SHARE or 0.5 * strain[strain > 4.0].sum() > STRAIN)
+
+    def _settled(self, fits: list[Fit]) -> list[Fit]:
+        """Return fits, the best first, those of the same evidence each under its own predictor.
+
+        The predictor of a model that lacks an effect may be too dull to tell its laws apart.
+        """
+        if not fits:
+            return fits
+        top = evidence(self.problem, fits[0])
+        even = [f for f in fits[:SHORT_LIST] if evidence(self.problem, f) > top - EVEN]
+        if len(even) < 2:
+            return fits
+        tuned = [(retuned(self.problem, fit), self._sharpness()) for fit in even]
+        worth = {id(f): evidence(self.problem, f) + sharp for f, sharp in tuned}
+        even = sorted((f for f, _ in tuned), key=lambda f: -worth[id(f)])
+        self.problem.stages.tune(self.problem.fields(even[0].model, even[0].z))
+        return [*even, *fits[len(even) :]]
+
+    def _sharpness(self) -> float:
+        """Return the log evidence that the present predictors gain by expecting small errors."""
+        gains = self.problem.stages.gains
+        return sum(
+            -2.0 * self.problem.counts[name] / DEFLATION * float(np.log(gain.std[0]))
+            for name, gain in gains.items()
+        )
 
     def _promising(self, fits: list[Fit], before: Fit) -> list[Fit]:
         """Return the fits to go on from: the best, and the next if it is nearly as good."""
