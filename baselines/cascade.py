@@ -13,7 +13,6 @@ from cjt_gym.baselines.entry import SPRUNG, Gain, Gains
 from cjt_gym.baselines.linear_law import LinearLaw, assemble, integrator, static
 from cjt_gym.baselines.linear_row import grid, linear_row
 from cjt_gym.baselines.passivity import damper
-from cjt_gym.baselines.pid import WINDUP
 from cjt_gym.baselines.plant_model import SampledJoint
 
 
@@ -28,7 +27,7 @@ def cascade_law(kt: float, kv: float, ki: float, dt: float) -> LinearLaw:
     """
     error = {"reference": kt, "tau": -kt, "dq_l": 1.0, "dq_m": -1.0}
     proportional = static(**{name: kv * weight for name, weight in error.items()})
-    integral = integrator(ki, dt, WINDUP, **error)
+    integral = integrator(ki, dt, 1.0 + kv * kt, **error)
     return assemble(dt, static(reference=1.0), proportional, integral)
 
 

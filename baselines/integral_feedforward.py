@@ -13,7 +13,6 @@ import numpy as np
 from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST, Gain, Gains
 from cjt_gym.baselines.linear_law import LinearLaw, assemble, integrator, static
 from cjt_gym.baselines.linear_row import grid, linear_row
-from cjt_gym.baselines.pid import WINDUP
 from cjt_gym.baselines.plant_model import SampledJoint
 
 
@@ -24,7 +23,7 @@ def integral_law(ki: float, dt: float) -> LinearLaw:
         ki: Integral gain [1/s].
         dt: Sample time [s].
     """
-    integral = integrator(ki, dt, WINDUP, reference=1.0, tau=-1.0)
+    integral = integrator(ki, dt, 1.0, reference=1.0, tau=-1.0)
     return assemble(dt, static(reference=1.0), integral)
 
 

@@ -19,6 +19,9 @@ Complex = NDArray[np.complex128]
 
 MEASURED = ("tau", "q_m", "q_g", "q_l", "dq_m", "dq_g", "dq_l")
 SIGNALS = ("reference", *MEASURED, "command")
+SLOWEST, FASTEST = 1e-5, 0.5
+"""Shares of the command's excess over a limit that integrals give back per sample."""
+
 REFERENCE, TAU, COMMAND = 0, 1, len(SIGNALS) - 1
 
 
@@ -78,18 +81,25 @@ def through(
     return Block(a, np.outer(b, row), gain * c, gain * d * row, np.zeros(len(b)))
 
 
-def integrator(rate: float, dt: float, windup: float, **weights: float) -> Block:
+def integrator(rate: float, dt: float, direct: float, **weights: float) -> Block:
     """Return the integral of the weighted signals, forward Euler.
+
+    While a limit holds the command, it goes on as if the reference had asked for just that
+    command (conditioning).
 
     Args:
         rate: Gain of the integral [1/s].
         dt: Sample time [s].
-        windup: Share of the command's excess over a limit that is taken back per sample.
+        direct: How much of a lasting reference the law feeds to the command at once, >= 0.
         weights: Signals that are integrated.
+
+    References:
+        Hanus, Kinnaert, Henrotte (1987), Conditioning technique, a general anti-windup and
+        bumpless transfer method, Automatica 23(6).
     """
-    b = dt * rate * signals(**weights)[None, :]
-    one = np.ones(1)
-    return Block(np.eye(1), b, one, np.zeros(len(SIGNALS)), windup * one)
+    row = dt * rate * signals(**weights)
+    back = min(max(float(row[REFERENCE]) / max(direct, 1e-6), SLOWEST), FASTEST)
+    return Block(np.eye(1), row[None, :], np.ones(1), np.zeros(len(SIGNALS)), np.array([back]))
 
 
 def total(blocks: Sequence[Block]) -> Block:

@@ -1,6 +1,6 @@
 """Linear-quadratic-Gaussian control: quadratic feedback of what a Kalman filter estimates.
 
-    u = n r - k [x^; commands on their way] - d^
+    u = n r - k [x^; commands on their way + d^] - d^
 
 The Kalman filter estimates the states and, as a random walk, the torque d that disturbs the
 motor; taking d^ off the command is the integral action. It measures the joint torque and the
@@ -27,10 +27,14 @@ from cjt_gym.baselines.state_feedback import (
 
 
 def observed_feedback(feedback: Feedback, observer: LinearObserver) -> Block:
-    """Return - k x^ - d^ as a block; the observer's first estimates are states, then d^."""
+    """Return - k x^ - d^ as a block; the observer's first estimates are states, then d^.
+
+    The disturbance adds to the commands on their way too, whose gains are those of `feedback`.
+    """
     row = np.zeros(len(observer.names))
     n = len(feedback.states)
-    row[:n], row[observer.names.index("disturbance")] = -feedback.states, -1.0
+    row[:n] = -feedback.states
+    row[observer.names.index("disturbance")] = -1.0 - float(np.sum(feedback.commands))
     return observer.weighted(row)
 
 

@@ -14,7 +14,6 @@ import numpy as np
 from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST, Gain, Gains
 from cjt_gym.baselines.linear_law import LinearLaw, assemble, integrator, static
 from cjt_gym.baselines.linear_row import grid, linear_row
-from cjt_gym.baselines.pid import WINDUP
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.baselines.state_feedback import (
     measured_states,
@@ -37,7 +36,8 @@ def lqi_law(model: SampledJoint, effort: float, reset: float) -> LinearLaw:
     feedback = quadratic_feedback(model, effort, reset)
     states = static()
     states.d[:] = -feedback.states @ measured_states(model)
-    integral = integrator(feedback.integral, model.dt, WINDUP, reference=1.0, tau=-1.0)
+    direct = feedback.reference_gain
+    integral = integrator(feedback.integral, model.dt, direct, reference=1.0, tau=-1.0)
     return assemble(model.dt, *reference_and_commands(feedback), states, integral)
 
 

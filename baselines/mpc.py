@@ -114,7 +114,7 @@ class ModelPredictive(Controller):
             planned[i, 0] = self._solve(error[i], float(shift[i])) + shift[i]
         limited = np.clip(planned[:, 0], -self.torque_limit, self.torque_limit)
         self._sent = np.column_stack([limited, self._sent[:, :-1]])
-        return limited
+        return np.asarray(limited)
 
     def _solve(self, error: Floats, shift: float) -> float:
         """Return the first command of the limited program, counted from the shift [N m]."""
@@ -125,8 +125,10 @@ class ModelPredictive(Controller):
             self._solver = _make_solver(self._hessian, slope, low, high)
         else:
             self._solver.update(q=slope, l=low, u=high)
-        self._solver.warm_start(x=np.clip(self._free_answer @ error, low, high))
-        answer = self._solver.solve()
+        # The start is the same whatever was solved before, so that the answer is too.
+        start = np.clip(self._free_answer @ error, low, high)
+        self._solver.warm_start(x=start, y=np.zeros(self.horizon))
+        answer = self._solver.solve(raise_error=False)
         return float(np.clip(answer.x[0], low[0], high[0]))
 
 
@@ -134,9 +136,10 @@ def _make_solver(hessian: Floats, slope: Floats, low: Floats, high: Floats) -> A
     import osqp
 
     solver = osqp.OSQP()
-    options = {"verbose": False, "eps_abs": PRECISION, "eps_rel": PRECISION, "max_iter": 2000}
     upper, every = csc_matrix(np.triu(hessian)), csc_matrix(np.eye(len(slope)))
-    solver.setup(P=upper, q=slope, A=every, l=low, u=high, **options)
+    options = {"verbose": False, "adaptive_rho": False, "polishing": True, "max_iter": 10_000}
+    precision = {"eps_abs": PRECISION, "eps_rel": PRECISION}
+    solver.setup(P=upper, q=slope, A=every, l=low, u=high, **options, **precision)
     return solver
 
 

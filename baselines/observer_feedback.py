@@ -1,6 +1,6 @@
 """State feedback by pole placement, on a Luenberger observer.
 
-    u = n r - k [x^; commands on their way] - d^
+    u = n r - k [x^; commands on their way + d^] - d^
 
 The joint's torsional mode, its two slowest poles, goes to a natural frequency and damping that are
 asked for; a mode of the gearbox stays where it is. A Luenberger observer on the joint torque alone

@@ -16,8 +16,6 @@ Floats = NDArray[np.float64]
 
 CUTOFF_HZ = 200.0
 INTEGRALS = (0.5, 2.0, 5.0, 10.0, 20.0, 40.0)
-WINDUP = 0.1
-"""Share of the command's excess over the limit that integrals give back per sample."""
 
 
 def derivative(dt: float, cutoff_hz: float = CUTOFF_HZ) -> tuple[Floats, Floats, Floats, float]:
@@ -26,7 +24,9 @@ def derivative(dt: float, cutoff_hz: float = CUTOFF_HZ) -> tuple[Floats, Floats,
     return np.array([[f.a]]), np.array([f.b * (f.a - 1.0)]), np.ones(1), f.b
 
 
-def pid(kp: float, ki: float, kd: float, dt: float, lead: bool = True) -> Block:
+def pid(
+    kp: float, ki: float, kd: float, dt: float, lead: bool = True, forward: float = 0.0
+) -> Block:
     """Return kp e + ki integral of e + kd F e_d, e = r - tau, e_d = e or, without lead, -tau.
 
     The integral is forward Euler, and is held back where the command is limited.
@@ -37,6 +37,7 @@ def pid(kp: float, ki: float, kd: float, dt: float, lead: bool = True) -> Block:
         kd: Derivative gain [s].
         dt: Sample time [s].
         lead: Whether the reference is differentiated too.
+        forward: Gain of the reference that is added to it [-].
 
     References:
         Readman (1994), Flexible Joint Robots, CRC Press; Astrom, Hagglund (2006), Advanced PID
@@ -44,9 +45,9 @@ def pid(kp: float, ki: float, kd: float, dt: float, lead: bool = True) -> Block:
     """
     error = {"reference": 1.0, "tau": -1.0}
     late = error if lead else {"tau": -1.0}
-    parts = [static(reference=kp, tau=-kp), through(derivative(dt), kd, **late)]
+    parts = [static(reference=forward + kp, tau=-kp), through(derivative(dt), kd, **late)]
     if ki > 0.0:
-        parts.append(integrator(ki, dt, WINDUP, **error))
+        parts.append(integrator(ki, dt, forward + kp, **error))
     return total(parts)
 
 

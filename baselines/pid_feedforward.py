@@ -8,7 +8,7 @@ in parallel form, with the filtered derivative F of `FilteredDerivative` at 200 
 from __future__ import annotations
 
 from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST, Gain, Gains
-from cjt_gym.baselines.linear_law import LinearLaw, assemble, static
+from cjt_gym.baselines.linear_law import LinearLaw, assemble
 from cjt_gym.baselines.linear_row import grid, linear_row
 from cjt_gym.baselines.pid import INTEGRALS, damping_gains, pid
 from cjt_gym.baselines.plant_model import SampledJoint
@@ -23,7 +23,7 @@ def pid_feedforward_law(kp: float, ki: float, kd: float, dt: float) -> LinearLaw
         kd: Derivative gain [s].
         dt: Sample time [s].
     """
-    return assemble(dt, static(reference=1.0), pid(kp, ki, kd, dt))
+    return assemble(dt, pid(kp, ki, kd, dt, forward=1.0))
 
 
 def _law(model: SampledJoint, gains: Gains) -> LinearLaw:

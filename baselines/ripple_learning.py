@@ -3,10 +3,10 @@
     u = v_pd + sum_j (a_j cos(f_j q_m) + b_j sin(f_j q_m))
 
 with as many periods f_j per revolution as cogging and gear ripple have. The weights follow, by
-normalised least mean squares, the torque against the motor that a momentum observer sees; the regressors pass
-the same low pass as the disturbance (filtered-x), so that the observer's lag does not turn the
-phase. Friction is among the regressors and is not compensated: what is learnt is only what repeats
-with the angle. The map is kept while the joint stands still, and forgotten at a reset.
+normalised least mean squares, the torque against the motor that a momentum observer sees; the
+regressors pass the same low pass as that torque (filtered-x), so that the observer's lag does not
+turn the phase. Friction is among the regressors and is not compensated: what is learnt is only
+what repeats with the angle. The map is kept while the joint stands still, and forgotten at a reset.
 
 References:
     Widrow, Stearns (1985), Adaptive Signal Processing, Prentice-Hall, chapter 11;
@@ -86,7 +86,7 @@ class RippleLearning(Controller):
         command = command + np.clip(ripple, -largest, largest)
         self._sent = np.clip(command, -self.torque_limit, self.torque_limit)
         self._memory.commit(self._sent)
-        return command
+        return np.asarray(command)
 
     def _learn(self, regressors: Floats, measurement: Measurement, fresh: Mask) -> None:
         """Move the weights towards what explains the observed disturbance."""
