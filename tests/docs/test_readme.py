@@ -21,7 +21,11 @@ COMMANDS = [
     if language == "sh"
     for line in text.splitlines()
 ]
-SHORTENED = {"train": ["--steps", "2048", "--quiet"], "benchmark": ["--episodes", "2"]}
+SHORTENED = {
+    "train": ["--steps", "2048", "--quiet"],
+    "tune": ["--budget", "2", "--episodes", "1"],
+    "benchmark": ["--episodes", "2"],
+}
 
 
 @pytest.mark.parametrize("text", PYTHON, ids=[str(k) for k in range(len(PYTHON))])

@@ -170,7 +170,8 @@ def test_the_command_writes_a_gain_file_that_says_how_it_was_made(
     assert choice.gains == result["gains"]
     assert choice.facts["command"] == (
         "cjt-gym tune pd_feedforward --joint orange_80_6000 --structure "
-        "output_fixed_rigid_gearbox --budget 3 --seed 1 --episodes 1 --phase-margin 20 --out pd.toml"
+        "output_fixed_rigid_gearbox --budget 3 --seed 1 --episodes 1 --phase-margin 20 "
+        "--out pd.toml"
     )
     assert choice.facts["limits"]["phase_margin"] == 20.0
     assert choice.facts["held_out"]["tuned"] == result["held_out"]["tuned"]
