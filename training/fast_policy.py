@@ -64,12 +64,10 @@ def _layers(model: Any) -> list[Layer] | None:
         if getattr(policy, "use_sde", False) or policy.squash_output:
             return None
         chain = [*policy.mlp_extractor.policy_net, policy.action_net]
-    elif hasattr(policy.actor, "latent_pi"):  # SAC
-        chain = [*policy.actor.latent_pi, policy.actor.mu, torch.nn.Tanh()]
+    else:  # SAC
         if policy.actor.use_sde:
             return None
-    else:  # TD3
-        chain = [*policy.actor.mu]
+        chain = [*policy.actor.latent_pi, policy.actor.mu, torch.nn.Tanh()]
     layers: list[Layer] = []
     for module in chain:
         if isinstance(module, torch.nn.Linear):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import enum
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import final
 
@@ -205,10 +205,12 @@ class Guard:
         self._steps += 1
         return self._last
 
-    def fading(self) -> list[float]:
-        """Return the motor torques that take the last one softly to zero [N m]."""
-        steps = max(1, round(self.soft / self.dt))
-        return [self._last * (1.0 - (k + 1) / steps) for k in range(steps)]
+    def fading(self) -> Iterator[float]:
+        """Yield the motor torques that take the last one softly to zero [N m], step by step."""
+        begin, steps = self._last, max(1, round(self.soft / self.dt))
+        for k in range(steps):
+            self._last = begin * (1.0 - (k + 1) / steps)
+            yield self._last
 
     def check(self, seen: Seen) -> Fault | None:
         """Return what is wrong with a measurement, None where nothing is."""

@@ -16,8 +16,8 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from contextlib import contextmanager
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -59,7 +59,7 @@ def emulator(path: Path, *words: str) -> Iterator[subprocess.Popen[str]]:
         yield process
     finally:
         process.terminate()
-        process.wait(10.0)
+        process.communicate(timeout=10.0)
 
 
 def soak(given: HardwareConfig, seconds: float) -> dict[str, Any]:

@@ -1,0 +1,191 @@
+"""`cjt-gym emulate` and `cjt-gym hardware`."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cjt_gym.canbus.config import load_hardware
+from cjt_gym.canbus.experiments import EXPERIMENTS, experiment_torque
+from cjt_gym.canbus.hidden import draw_hidden
+from cjt_gym.canbus.lock import NodeLock
+from cjt_gym.canbus.ports import SocketcandPort
+from cjt_gym.cli import main
+from cjt_gym.joint import load_joint
+from cjt_gym.records import Record, read_record
+from tests.canbus.bench import config, document, toml
+from tests.canbus.soak import MAIN, emulator, free_port
+from tests.canbus.test_buses import PATIENT, served
+
+SENSORS = {"torque": {"protocol": "dbc", "file": "torque_sensor"}}
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    found = tmp_path / "joint.toml"
+    bus = {"interface": "socketcand", "channel": "can0", "port": free_port()}
+    text = toml(
+        document(bus=bus, joint={"effects": ["coulomb"]}, control=PATIENT | {"rate_hz": 500})
+    )
+    found.write_text(text + '[sensors.torque]\nprotocol = "dbc"\nfile = "torque_sensor"\n')
+    return found
+
+
+def test_emulated_run_writes_a_record_for_the_diagnosis(
+    path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = path.with_name("run.npz")
+    words = ["hardware", str(path), "--emulated", "--controller", "pd_feedforward", "--json"]
+    assert main([*words, "--duration", "1", "--out", str(out)]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["samples"] == 500
+    assert told["rmse"] < 10.0
+    record = read_record(out)
+    assert {"i_cmd", "i", "tau_cmd", "tau_ref", "q_m", "dq_m", "tau", "age"} <= set(record.keys())
+    assert record.joint == "orange_80_6000"
+    assert record.structure == "output_fixed_rigid_gearbox"
+    assert record.provenance["controller"] == "pd_feedforward"
+    assert record.provenance["kp"] > 0.0
+
+
+def test_two_terminals(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = path.with_name("run.csv")
+    with emulator(path, "--hidden-seed", "4", "--truth", str(path.with_name("truth.json"))):
+        assert main(["hardware", str(path)]) == 0
+        assert "Not armed, nothing was moved" in capsys.readouterr().out
+        words = ["hardware", str(path), "--arm", "--controller", "none", "--reference", "multisine"]
+        assert main([*words, "--duration", "0.3", "--out", str(out)]) == 0
+    assert len(read_record(out)) == 200  # 150, and 50 that fade
+    assert "spring_hysteresis" in json.loads(path.with_name("truth.json").read_text())
+
+
+def test_dry_run_shows_frames_and_touches_no_bus(
+    path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["hardware", str(path), "--dry-run", "--duration", "0.05"]) == 0
+    shown = capsys.readouterr()
+    assert "frames would be sent" in shown.out
+    assert "06E" in shown.err  # torque of node 3
+    assert not path.with_name("run.csv").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (["--arm"], "--out must name the record"),
+        (["--dry-run", "--emulated"], "not both"),
+        (["--emulated", "--out", "x.csv", "--controller", "pid"], "Unknown controller"),
+        (["--emulated", "--out", "x.csv", "--reference", "nothing"], "Unknown signal"),
+        (["--emulated", "--out", "x.csv", "--duration", "0"], "--duration"),
+        (["--emulated", "--out", "x", "--experiment", "dance"], "Unknown experiment"),
+        ([], "Nobody serves socketcand"),
+    ],
+)
+def test_bad_input_is_one_line(
+    words: list[str], text: str, path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["hardware", str(path), *words]) == 2
+    error = capsys.readouterr().err
+    assert text in error
+    assert error.count("\n") == 1
+
+
+@pytest.mark.slow
+def test_series_of_experiments_goes_on(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = path.with_name("series")
+    words = ["hardware", str(path), "--emulated", "--out", str(out), "--experiment"]
+    assert main([*words, "steps"]) == 0
+    record = read_record(out / "steps.csv")
+    assert record.provenance["excitation"] == "steps"
+    (out / "chirp.csv").write_text("t,tau_cmd\n0,0\n")  # what a dead process left
+    (out / "chirp.toml").write_text('dt = 0.002\n[units]\nt = "s"\ntau_cmd = "N m"\n')
+    capsys.readouterr()
+    assert main([*words, "steps", "chirp"]) == 0
+    assert "steps: recorded already" in capsys.readouterr().err
+    assert len(read_record(out / "chirp.csv")) > 5000
+    assert (out / "chirp.broken.csv").exists()
+
+
+def test_next_record_of_a_diagnosis_is_replayed(path: Path) -> None:
+    t = np.arange(1000) * 1e-3
+    current = np.where(t > 0.3, 1.0, 0.0)
+    units = {"t": "s", "i_cmd": "A"}
+    Record({"t": t, "i_cmd": current}, units).to_npz(path.with_name("next.npz"))
+    out = path.with_name("run.csv")
+    words = ["hardware", str(path), "--emulated", "--reference", str(path.with_name("next.npz"))]
+    assert main([*words, "--out", str(out)]) == 0
+    record = read_record(out)
+    command = record["i_cmd"][record.t < 0.999]
+    np.testing.assert_allclose(command, np.where(record.t[record.t < 0.999] > 0.3, 1.0, 0.0))
+
+
+@pytest.mark.parametrize("name", EXPERIMENTS)
+def test_experiments_keep_within_the_limits(name: str) -> None:
+    given = config()
+    torque = experiment_torque(name, given.joint, given.limits, given.dt)
+    assert torque[0] == 0.0
+    assert abs(torque[-1]) < 1.0
+    assert 1.0 < np.abs(torque).max() <= given.limits.tau
+    record = given.joint.simulate(torque, dt=given.dt, dt_physics=1e-4)
+    assert np.abs(record["true_dq_m"]).max() < given.limits.dq_m
+    assert np.abs(record["true_tau"]).max() < given.limits.tau_joint
+
+
+def test_hidden_effects_are_repeatable_and_valid() -> None:
+    for structure in ("output_fixed_rigid_gearbox", "full_dynamics"):
+        joint = load_joint("orange_80_6000", structure, effects=[])
+        drawn = [draw_hidden(joint, seed) for seed in range(30)]
+        assert drawn == [draw_hidden(joint, seed) for seed in range(30)]
+        assert len({name for effects in drawn for name in effects}) > 8
+        for effects in drawn:
+            assert load_joint("orange_80_6000", structure, effects=effects).effects
+
+
+def test_lock_is_given_back_when_a_process_dies() -> None:
+    code = "from cjt_gym.canbus.lock import NodeLock; import time; l = NodeLock('bus', 9); "
+    code += "print('held', flush=True); time.sleep(60)"
+    holder = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    try:
+        assert holder.stdout is not None
+        assert holder.stdout.readline() == "held\n"
+        with pytest.raises(RuntimeError, match=str(holder.pid)):
+            NodeLock("bus", 9)
+    finally:
+        holder.kill()
+        holder.wait()
+        holder.stdout.close() if holder.stdout else None
+    NodeLock("bus", 9).release()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
+def test_process_that_is_ended_leaves_no_torque_and_a_whole_record(
+    number: signal.Signals, path: Path
+) -> None:
+    given, out = load_hardware(path), path.with_name("run.csv")
+    port = SocketcandPort(port=given.bus.port)
+    words = ["hardware", str(path), "--arm", "--controller", "none", "--reference", "smooth"]
+    with served(given, port) as joint:
+        run = subprocess.Popen([sys.executable, "-c", MAIN, *words, "--out", str(out)])
+        for _ in range(600):
+            if out.exists() and len(out.read_bytes()) > 20_000:
+                break
+            time.sleep(0.05)
+        assert joint.torque != 0.0
+        os.kill(run.pid, number)
+        run.wait(10.0)
+        time.sleep(1.2)  # the watchdog's time, and some more
+        assert joint.torque == 0.0
+    record = read_record(out)
+    assert len(record) > 100
+    if number is not signal.SIGKILL:
+        assert record.provenance["fault"]["kind"] == "interrupt"
+        assert run.returncode == 1
