@@ -1,44 +1,118 @@
-"""PD with feed-forward against the toolbox's PID block, run open loop over 400 samples.
+"""Laws and observers against the toolbox's blocks, run open loop over 400 samples.
 
-The block has an integral part and a choice of what is added to the PID; both are put around our
-law here: u = o + PD(e) + I with I[k+1] = I[k] + Ts Ki e[k] and o = r, tau or nothing.
+Where the toolbox is right: the PID block with its three choices of what is added to it, integral
+control with feed-forward, the passivity-based law, the momentum observer, the filter that inverts
+the joint in a disturbance observer, and the closed loop that an outer one inverts.
 """
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from cjt_gym import load_joint
 from cjt_gym.baselines import PdFeedForward
+from cjt_gym.baselines.integral_feedforward import integral_law
+from cjt_gym.baselines.linear_law import LinearController, LinearLaw, assemble, static
+from cjt_gym.baselines.observers import momentum_observer
+from cjt_gym.baselines.passivity import passivity_law
+from cjt_gym.baselines.pid import pid
+from cjt_gym.baselines.pid_outer_dob import closed_plant
+from cjt_gym.baselines.plant_model import SampledJoint
+from cjt_gym.baselines.rational import inverse_times, low_pass, tustin
 from cjt_gym.plant import Measurement
 
+Floats = NDArray[np.float64]
 VECTORS = np.load(Path(__file__).parent / "controllers.npz")
-CASES = {
-    "pid1": (0.3, 2.0, 0.005, "reference", "error"),
-    "pid2": (2.0, 0.0, 0.01, "torque", "error"),
-    "pid3": (0.5, 1.0, 0.001, "nothing", "output"),
-}
 DT = 1e-3
+PIDS = {
+    "pid1": (0.3, 2.0, 0.005, "reference", True),
+    "pid2": (2.0, 0.0, 0.01, "tau", True),
+    "pid3": (0.5, 1.0, 0.001, None, False),
+}
 
 
-def measurement(tau: NDArray[np.float64]) -> Measurement:
-    zero = np.zeros_like(tau)
-    return Measurement(zero, zero, zero, zero, zero, zero, zero, zero, tau)
+def measurement(k: int | None) -> Measurement:
+    """Sample k of the test vectors, or a joint at rest before them."""
+    names = ("t", "i", "q_m", "q_g", "q_l", "dq_m", "dq_g", "dq_l", "tau")
+    source = {"tau": "tau", "dq_m": "dq_g", "dq_g": "dq_g", "dq_l": "dq_l"}
+    values = {name: np.zeros(1) for name in names}
+    if k is not None:
+        values |= {name: VECTORS[key][k : k + 1] for name, key in source.items()}
+    return Measurement(**values)
 
 
-@pytest.mark.parametrize("case", CASES)
-def test_the_law_agrees_with_the_toolbox(case: str) -> None:
-    kp, ki, kd, forward, derivative = CASES[case]
+def run(law: LinearLaw) -> Floats:
+    controller = LinearController(law)
+    controller.act(measurement(None), np.zeros(1))  # the toolbox's filters start at zero
+    r = VECTORS["r"]
+    return np.array([controller.act(measurement(k), r[k : k + 1])[0] for k in range(len(r))])
+
+
+def same(found: Floats, expected: Floats) -> None:
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-11 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("case", PIDS)
+def test_pid_agrees_with_the_toolbox(case: str) -> None:
+    kp, ki, kd, added, lead = PIDS[case]
+    more = [static(**{added: 1.0})] if added else []
+    same(run(assemble(DT, pid(kp, ki, kd, DT, lead), *more)), VECTORS[case])
+
+
+def test_pd_with_feedforward_agrees_with_the_toolbox() -> None:
+    kp, ki, kd, _, _ = PIDS["pid1"]
     r, tau = VECTORS["r"], VECTORS["tau"]
-    law = PdFeedForward(kp, kd, DT, derivative=derivative, cutoff_hz=200.0)
-    law.act(measurement(np.zeros(1)), np.zeros(1))  # the toolbox's filters start at zero
-    u = np.array([law.act(measurement(tau[k : k + 1]), r[k : k + 1])[0] for k in range(len(r))])
+    law = PdFeedForward(kp, kd, DT, cutoff_hz=200.0)
+    law.act(measurement(None), np.zeros(1))
+    u = np.array([law.act(measurement(k), r[k : k + 1])[0] for k in range(len(r))])
     integral = np.concatenate([[0.0], np.cumsum(DT * ki * (r - tau))[:-1]])
-    added = {"reference": r, "torque": tau, "nothing": 0.0 * r}[forward]
-    expected = VECTORS[case]
-    np.testing.assert_allclose(
-        u - r + added + integral, expected, rtol=0, atol=1e-12 * np.abs(expected).max()
+    same(u + integral, VECTORS["pid1"])
+
+
+def test_integral_with_feedforward_agrees_with_the_toolbox() -> None:
+    same(run(integral_law(10.0, DT)), VECTORS["iff"])
+
+
+def test_passivity_based_control_agrees_with_the_toolbox() -> None:
+    """B / B_d = 4 and D_s = 25 N m s/rad; this joint has no damper beside its spring."""
+    same(run(passivity_law(4.0, 25.0, DT)), VECTORS["passivity"])
+
+
+def test_the_momentum_observer_agrees_with_the_toolbox() -> None:
+    """The toolbox's forward Euler with L = 2 pi 25 has the pole of a slightly faster observer."""
+    joint = load_joint("orange_80_6000", "output_fixed_rigid_gearbox", effects={})
+    gain = 2.0 * math.pi * 25.0
+    bandwidth = -math.log(1.0 - gain * DT) / (2.0 * math.pi * DT)
+    observer = momentum_observer(SampledJoint(joint, DT), bandwidth)
+    observer.step(measurement(None), np.zeros(1), np.ones(1, dtype=np.bool_))
+    nobody, found, sent = np.zeros(1, dtype=np.bool_), [], np.zeros(1)
+    for k in range(len(VECTORS["gm"])):
+        found.append(observer.step(measurement(k), sent, nobody)["disturbance"][0])
+        sent = VECTORS["gm_u"][k : k + 1]
+    same(np.array(found), VECTORS["gm"])
+
+
+def test_the_inverse_of_the_joint_agrees_with_the_toolbox() -> None:
+    """P^-1 Q at 80 Hz by the bilinear rule; the toolbox's own Q has another gain at rest."""
+    joint = load_joint("orange_80_6000", "output_fixed_rigid_gearbox", effects={})
+    a, b, c, d = tustin(
+        inverse_times(SampledJoint(joint, DT).torque, low_pass(2, 80.0), "joint"), DT
     )
+    z = np.exp(2j * math.pi * DT * np.geomspace(0.1, 490.0, 60))
+    found = [c @ np.linalg.solve(one * np.eye(len(b)) - a, b) + d for one in z]
+    expected = np.polyval(VECTORS["dob_num"], z) / np.polyval(VECTORS["dob_den"], z)
+    np.testing.assert_allclose(found, expected, rtol=1e-8)
+
+
+def test_the_loop_inside_an_outer_observer_agrees_with_the_toolbox() -> None:
+    joint = load_joint("orange_80_6000", "output_fixed_rigid_gearbox", effects={})
+    loop = closed_plant(SampledJoint(joint, DT), 0.1, 0.001)
+    s = 2j * math.pi * np.geomspace(0.1, 500.0, 60)
+    found = [loop.gain * np.prod(one - loop.zeros) / np.prod(one - loop.poles) for one in s]
+    expected = np.polyval(VECTORS["loop_num"], s) / np.polyval(VECTORS["loop_den"], s)
+    np.testing.assert_allclose(found, expected, rtol=1e-8)
