@@ -111,6 +111,14 @@ class HardwareEnv(gym.Env[Observation, Action]):
         self.observation_space = self.episodes.observation_space
         self.action_space = self.episodes.action_space
         self._all = np.ones(1, dtype=np.bool_)
+        self._rehearse()
+
+    def _rehearse(self) -> None:
+        """Do once what a step computes, so that nothing is compiled while the joint runs."""
+        self.episodes.reset()
+        command = self.episodes.choose(np.zeros((1, 1)))
+        conclude(self.episodes.plant.batch.arrays, self.episodes.task, command)
+        self.episodes.info()
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None

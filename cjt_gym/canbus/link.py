@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple, Protocol, final
 
 import can
+from threadpoolctl import threadpool_limits
 
 from cjt_gym.canbus.config import BusSettings
 from cjt_gym.errors import ConfigurationError, HardwareError
@@ -23,6 +24,8 @@ SPIN = 2e-4
 SWITCH = 2e-4
 """Time after which the interpreter lets another thread run while the loop runs [s]."""
 
+KEPT = 20_000
+"""Frames that wait for whoever fetches none; a loop fetches them at every control step."""
 PTYS = "/dev/pts/"
 """Where pseudo-terminals are, behind which no adapter has to boot."""
 
@@ -80,7 +83,7 @@ class BusLink:
 
     def __init__(self, bus: can.BusABC) -> None:
         self._bus = bus
-        self._inbox: deque[Arrival] = deque()
+        self._inbox: deque[Arrival] = deque(maxlen=KEPT)
         self._failure: Exception | None = None
         self._supervise: Callable[[float], None] | None = None
         self._every = 0.05
@@ -217,7 +220,8 @@ def quiet_machine(priority: int | None) -> Iterator[None]:
     gc.disable()
     sys.setswitchinterval(SWITCH)
     try:
-        yield
+        with threadpool_limits(1):  # small matrices are not worth waking other threads
+            yield
     finally:
         sys.setswitchinterval(interval)
         gc.unfreeze()

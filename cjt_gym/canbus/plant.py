@@ -262,7 +262,7 @@ class CanPlant:
 
         The run ends softly; while an exception is on its way it ends at once, as with any fault.
         """
-        if self.state is State.DISCONNECTED:
+        if self.state is State.DISCONNECTED or self._link is None:
             return
         error = sys.exc_info()[1]
         try:
@@ -450,6 +450,7 @@ class CanPlant:
         Raises:
             HardwareError: One stays away.
         """
+        self.nodes.hear(self.link.receive())  # what came while nobody listened
         end = self._now() + PATIENCE
         missing = [""]
         while missing and self._now() < end:

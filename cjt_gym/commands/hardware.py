@@ -238,6 +238,7 @@ def _follow_policy(plant: CanPlant, job: Job) -> list[float]:
     arguments["episode_steps"] = len(job.reference) + 1
     act = fast_policy(agent)
     with HardwareEnv(plant=plant, **arguments) as env:
+        act(env.reset()[0])  # once before it counts
         observation, _ = env.reset()
         errors = []
         for _ in job.reference:

@@ -1,0 +1,88 @@
+"""Whatever comes over the bus or a line, nothing but a clear fault comes of it."""
+
+from __future__ import annotations
+
+import can
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cjt_gym.canbus.config import EmulatorSettings
+from cjt_gym.canbus.link import Arrival
+from cjt_gym.canbus.nodes import Nodes
+from cjt_gym.canbus.ports.slcan import line_of, parse_line
+from cjt_gym.canbus.ports.socketcand import parse_send
+from cjt_gym.canbus.safety import FAULTS, HardwareFault, State
+from cjt_gym.canbus.wire import Wire
+from tests.canbus.bench import DRIVES, config, virtual_plant
+
+FRAMES = st.builds(
+    can.Message,
+    arbitration_id=st.one_of(st.integers(0, 0x7FF), st.sampled_from([0, 1, 3, 0x61, 0x69, 0x201])),
+    is_extended_id=st.just(False),
+    is_remote_frame=st.booleans(),
+    data=st.binary(max_size=8),
+)
+
+
+@pytest.mark.parametrize("protocol", DRIVES)
+def test_any_frames_are_heard_without_an_exception(protocol: str) -> None:
+    nodes = Nodes.of(config(drive=DRIVES[protocol]))
+    rng = np.random.default_rng(0)
+    for k in range(3000):
+        message = can.Message(
+            arbitration_id=int(rng.choice([rng.integers(0x800), 0, 1, 3, 0x61, 0x69, 0x201])),
+            is_extended_id=False,
+            data=rng.bytes(int(rng.integers(0, 9))),
+        )
+        fault = nodes.hear([Arrival(k * 1e-3, message)])
+        assert fault is None or fault.kind in FAULTS
+
+
+@settings(max_examples=25)
+@given(frames=st.lists(FRAMES, min_size=1, max_size=5))
+def test_foreign_frames_in_a_run_end_in_a_fault_or_in_nothing(frames: list[can.Message]) -> None:
+    plant, emulator = virtual_plant(config())
+    plant.reset()
+    for _ in range(3):
+        plant.step(np.array([5.0]))
+    for frame in frames:
+        emulator.inject(frame, emulator.now)
+    try:
+        for _ in range(4):
+            plant.step(np.array([5.0]))
+    except HardwareFault as error:
+        assert error.fault.kind in FAULTS
+        assert plant.state is State.FAULT
+        assert emulator.torque == 0.0
+    plant.close()
+    assert emulator.torque == 0.0
+
+
+@given(frame=FRAMES)
+def test_frames_survive_an_slcan_line(frame: can.Message) -> None:
+    back = parse_line(line_of(frame).rstrip(b"\r"))
+    assert back is not None
+    assert back.arbitration_id == frame.arbitration_id
+    assert back.is_remote_frame == frame.is_remote_frame
+    if not frame.is_remote_frame:
+        assert bytes(back.data) == bytes(frame.data)
+
+
+@given(line=st.binary(max_size=40))
+def test_any_line_is_a_frame_or_none(line: bytes) -> None:
+    parse_line(line)
+    parse_send(line.split())
+
+
+def test_a_wire_keeps_the_order_and_loses_its_share() -> None:
+    lossy = EmulatorSettings(latency=1e-3, jitter=1e-3, loss=0.25, load=0.5)
+    wire = Wire(lossy, seed=1)
+    for k in range(4000):
+        wire.put(k * 1e-4, can.Message(arbitration_id=k % 0x800, is_extended_id=False))
+    found = wire.take(10.0)
+    assert [due.order for due in found] == sorted(due.order for due in found)
+    assert all(a.t <= b.t for a, b in zip(found, found[1:], strict=False))
+    assert len(found) == pytest.approx(3000, abs=150)
+    assert found[0].t > 1e-3
