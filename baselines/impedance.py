@@ -86,7 +86,9 @@ def rendered(law: LinearLaw, stiffness: float, damping: float) -> LinearLaw:
 def _defaults(joint: Joint, dt: float) -> Gains:
     model, inner = SampledJoint(joint, dt), passivity_momentum.ROW.defaults(joint, dt)
     stiffness = STIFFNESS_SHARE * joint.parameters.k_b
-    damping = 2.0 * DAMPING_RATIO * math.sqrt(stiffness * model.inertia)
+    free = not joint.structure_row.output_fixed
+    inertia = model.inertia + (joint.parameters.get("I_l", 0.0) if free else 0.0)
+    damping = 2.0 * DAMPING_RATIO * math.sqrt(stiffness * inertia)
     return {
         "stiffness": stiffness,
         "damping": damping,
