@@ -163,7 +163,9 @@ def _linear(cell: Cell, agent: Agent) -> dict[str, Any] | None:
         return None
     conditions = realistic_conditions(cell.joint, cell.structure, torque_amplitude=cell.amplitude)
     joint = joint_of(conditions)
-    law = probe_law(agent.choice.make(joint, conditions.dt_control), joint, conditions.dt_control)
+    law = probe_law(
+        agent.base()["base_controller"](joint, conditions.dt_control), joint, conditions.dt_control
+    )
     if not law.is_linear:
         return {"is_linear": False, "mismatch": _short([law.mismatch])[0]}
     loop = Loop(law, probe_plant(joint, conditions.dt_control))

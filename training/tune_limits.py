@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -12,10 +12,12 @@ from cjt_gym.analysis import Law, LinearPlant, Loop, Responses, identify, margin
 from cjt_gym.analysis.figures import figures_of
 from cjt_gym.errors import ConfigurationError, SimulationError
 from cjt_gym.joint import Joint
-from cjt_gym.plant import SimulatedPlant
+from cjt_gym.plant import SimulatedPlant, limits_of
 
 PORT_SHARE = 0.05
 QUIET_S = 0.4
+NOISE_SHARE = 1e-3
+SENSORS = ("i", "q_m", "q_g", "q_l")
 PHASES, PERIODS, LOWEST_HZ = 2, 2, 1.0
 EXCITATION = 0.5
 UNSTABLE = 10.0
@@ -81,8 +83,8 @@ class Limits:
             ),
         }
         if found.port_shortage is not None and self.port_damping is not None:
-            over = found.port_shortage - self.port_damping
-            short["port_damping"] = over / max(self.port_damping, 1e-9)
+            lacking = max(found.port_shortage, 1e-9) / max(self.port_damping, 1e-9)
+            short["port_damping"] = math.log(lacking)
         return sum(max(0.0, value) for value in short.values())
 
 
@@ -179,8 +181,16 @@ def _by_simulation(law: Law, joint: Joint, dt: float, amplitude: float) -> Asses
 
 
 def _noise(law: Law, joint: Joint, dt: float) -> float:
-    """Return the command's standard deviation over that of the torque sensor's noise, at rest."""
-    plant = SimulatedPlant(joint, 4, dt)
+    """Return the command's standard deviation over that of the torque sensor's noise, at rest.
+
+    As in the linear model, no other sensor is noisy; where the joint says nothing of its torque
+    sensor, the noise is a thousandth of the torque limit.
+    """
+    still = {n: v for n, v in joint.effects.items() if n not in ("noise", "quantization")}
+    known = joint.effects.get("noise", {})
+    std = known.get("tau", 0.0) or NOISE_SHARE * limits_of(joint).tau
+    noisy = replace(joint, effects={**still, "noise": {**dict.fromkeys(SENSORS, 0.0), "tau": std}})
+    plant = SimulatedPlant(noisy, 4, dt)
     measured, zero = plant.reset(seed=0), np.zeros(4)
     law.reset()
     commands, noises = [], []

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from cjt_gym.analysis import probe_plant
+from cjt_gym.analysis.probe import linear_joint
 from cjt_gym.baselines import CONTROLLERS, PdFeedForward
 from cjt_gym.cli import main
 from cjt_gym.errors import ConfigurationError, MissingFileError, UnknownNameError
@@ -26,7 +27,7 @@ from cjt_gym.training.tune import (
     to_point,
     tune,
 )
-from cjt_gym.training.tune_limits import Assessment, Limits, assess
+from cjt_gym.training.tune_limits import Assessment, Limits, _by_simulation, assess
 
 JOINT = "orange_80_6000"
 GAINS = {"kp": 0.3, "kd": 0.004, "lead": 1.0}
@@ -88,9 +89,12 @@ def test_a_law_that_is_not_linear_is_assessed_by_simulation() -> None:
     plant = probe_plant(joint, 1e-3)
     law = PdFeedForward(0.3, 0.004, 1e-3)
     linear = assess(law, joint, plant, conditions.amplitude)
+    simulated = _by_simulation(law, linear_joint(joint), 1e-3, conditions.amplitude)
     limited = PdFeedForward(0.3, 0.004, 1e-3, torque_limit=0.3)
     found = assess(limited, joint, plant, conditions.amplitude)
     assert linear.linear
+    assert simulated.noise_amplification == pytest.approx(linear.noise_amplification, rel=0.2)
+    assert simulated.sensitivity_peak == pytest.approx(linear.sensitivity_peak, rel=0.1)
     assert not found.linear
     assert found.stable
     assert found.port_shortage is None
@@ -116,6 +120,15 @@ def test_a_gain_file_serves_wherever_a_controller_is_named(
     assert known["controller"] == "pd_feedforward"
     assert known["gains"] == GAINS
     capsys.readouterr()
+
+
+def test_an_agent_designs_its_controller_once_for_a_joint() -> None:
+    make = ControllerAgent("pd_feedforward").base()["base_controller"]
+    joint, other = (joint_of(realistic_conditions(name)) for name in (JOINT, "lemon_50_6000"))
+    first = make(joint, 1e-3)
+    assert make(joint, 1e-3) is first
+    assert make(other, 1e-3) is not first
+    assert make(joint, 2e-3) is not first
 
 
 def test_broken_gain_files_and_searches_are_refused(tmp_path: Path) -> None:
