@@ -11,9 +11,8 @@ from tests.canbus.campaign import FAULTS, campaign, inject, table
 @pytest.mark.parametrize("fault", FAULTS)
 @pytest.mark.parametrize("protocol", DRIVES)
 def test_fault_takes_the_torque_away(fault: str, protocol: str, tmp_path: Path) -> None:
-    for seed in range(2):
-        outcome = inject(fault, protocol, tmp_path, seed)
-        assert not outcome.is_miss, outcome
+    outcome = inject(fault, protocol, tmp_path, seed=0)
+    assert not outcome.is_miss, outcome
 
 
 @pytest.mark.slow

@@ -25,6 +25,7 @@ SHORTENED = {
     "train": ["--steps", "2048", "--quiet"],
     "tune": ["--budget", "2", "--episodes", "1"],
     "benchmark": ["--episodes", "2"],
+    "hardware": ["--duration", "2"],
 }
 
 
@@ -39,6 +40,7 @@ def test_python_blocks_run(text: str, tmp_path: Path) -> None:
 def test_commands_run_one_after_the_other(tmp_path: Path) -> None:
     ours = [shlex.split(line) for line in COMMANDS if line.startswith("cjt-gym ")]
     assert {words[1] for words in ours} >= {"joints", "simulate", "train", "benchmark", "diagnose"}
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     for words in ours:
         run = subprocess.run(
