@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import logging
 import signal
 import sys
 from collections.abc import Callable, Sequence
@@ -61,6 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Run, write the record and say what came out."""
+    logging.getLogger("can").setLevel(logging.ERROR)  # which warns of frames that come in pieces
     config = load_hardware(options.config)
     if options.dry_run and options.emulated:
         raise ConfigurationError("Give --dry-run or --emulated, not both.")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+from itertools import pairwise
 
 import can
 import numpy as np
@@ -84,6 +85,6 @@ def test_a_wire_keeps_the_order_and_loses_its_share() -> None:
         wire.put(k * 1e-4, can.Message(arbitration_id=k % 0x800, is_extended_id=False))
     found = wire.take(10.0)
     assert [due.order for due in found] == sorted(due.order for due in found)
-    assert all(a.t <= b.t for a, b in zip(found, found[1:], strict=False))
+    assert all(a.t <= b.t for a, b in pairwise(found))
     assert len(found) == pytest.approx(3000, abs=150)
     assert found[0].t > 1e-3
