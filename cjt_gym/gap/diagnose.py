@@ -27,6 +27,7 @@ from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.fit import Fit, Model, Problem, retuned
 from cjt_gym.gap.heldout import HeldOut, on_held_out, worth
 from cjt_gym.gap.hypotheses import hypotheses, shown
+from cjt_gym.gap.hypothesis import Hypothesis
 from cjt_gym.gap.intervals import (
     Covariance,
     at_an_end,
@@ -41,6 +42,7 @@ from cjt_gym.gap.process import allow_for_colour
 from cjt_gym.gap.prune import (
     COARSE_STRAIN,
     Need,
+    alternatives,
     likelier_twins,
     prune,
     simplify,
@@ -67,7 +69,7 @@ from cjt_gym.gap.setting import Setting, as_noisy, make_setting
 from cjt_gym.gap.shrink import Gap, harms, measure_gap
 from cjt_gym.gap.stages import Stages
 from cjt_gym.gap.suggest import suggest
-from cjt_gym.gap.unknown import Leftover, leftovers, status, untouched, verdict
+from cjt_gym.gap.unknown import HELD_LEFT, Leftover, leftovers, status, untouched, verdict
 from cjt_gym.joint import Joint, JointFile, get_structure, load_joint_file
 from cjt_gym.joint.structures import Structure
 from cjt_gym.records import Record
@@ -80,6 +82,8 @@ PATIENCE = 60.0
 """Processor time after which the search for effects ends with what it has [s]."""
 REFUTED = 0.2
 """Worth on held-out data below which an effect is refuted."""
+BETTER = 0.7
+"""Share of a held-out mean square to which another model of the same evidence must bring it."""
 EVEN_CHANCE = 0.5
 """Confidence below which no effect counts as confirmed."""
 KNOWN = 0.7
@@ -211,7 +215,11 @@ def explain(
         fit = retuned(problem, fit)
     progress("leaving out one effect after the other")
     tested = [with_findings(other, sensors) for other in others]
-    fit, needs, held = _standing(problem, fit, tested, COARSE_STRAIN if coarse else STRAIN)
+    strain = COARSE_STRAIN if coarse else STRAIN
+    fit, needs, held = _standing(problem, fit, tested, strain)
+    other = _decided(problem, fit, held, tested, selection.candidates)
+    if other is not fit:
+        fit, needs, held = _standing(problem, retuned(problem, other), tested, strain)
     left = leftovers(base, fit, needs, held, coarse)
     if setting.current_unspecified:
         selection.seen += uneven(problem, fit, selection.candidates)
@@ -232,6 +240,29 @@ def _standing(
             return fit, needs, held
         worst = min(refuted, key=lambda k: needs[k].evidence)
         fit = retuned(problem, needs[worst].without)
+
+
+def _decided(
+    problem: Problem,
+    fit: Fit,
+    held: Sequence[HeldOut],
+    others: Sequence[Setting],
+    candidates: tuple[Hypothesis, ...],
+) -> Fit:
+    """Return the best on held-out records of models that the first record cannot tell apart.
+
+    They are asked only where the chosen one leaves something there.
+    """
+    stages = {n for h in held for n, ms in h.after.items() if ms > HELD_LEFT**2}
+    best, least = fit, sum(sum(h.after.values()) for h in held)
+    for index, effect in enumerate(fit.model.effects):
+        if effect.outside or not stages & set(effect.touches):
+            continue
+        for trial in alternatives(problem, fit, index, candidates):
+            left = sum(sum(on_held_out(o, problem, trial).after.values()) for o in others)
+            if left < BETTER * least:
+                best, least = trial, left
+    return best
 
 
 def _found_late(

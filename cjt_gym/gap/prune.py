@@ -105,6 +105,31 @@ def simplify(problem: Problem, fit: Fit, candidates: tuple[Hypothesis, ...]) -> 
     return fit
 
 
+def alternatives(
+    problem: Problem, fit: Fit, index: int, candidates: tuple[Hypothesis, ...]
+) -> list[Fit]:
+    """Return fits with another effect of the same kind in the place of one, if as good."""
+    effect = fit.model.effects[index]
+    there = {e.key for e in fit.model.effects}
+    kin = [
+        h
+        for h in candidates
+        if h.key not in there
+        and h.stage == effect.stage
+        and h.body == effect.body
+        and (h.family == effect.family or effect.stage == "drive")
+        and not h.search
+    ]
+    trials = [
+        max(
+            (_swapped(problem, fit, index, h, start=k) for k in range(len(h.starts))),
+            key=lambda f: evidence(problem, f),
+        )
+        for h in kin
+    ]
+    return [trial for trial in trials if loss(problem, trial, fit) < NEAR]
+
+
 def likelier_twins(problem: Problem, fit: Fit, candidates: tuple[Hypothesis, ...]) -> Fit:
     """Return the model with the likelier ones of effects that this record cannot tell apart."""
     for likelier, twin in twins(problem.stages.setting):
@@ -156,15 +181,15 @@ def uneven(problem: Problem, fit: Fit, candidates: tuple[Hypothesis, ...]) -> li
     return found
 
 
-def _swapped(problem: Problem, fit: Fit, index: int, *effects: Hypothesis) -> Fit:
+def _swapped(problem: Problem, fit: Fit, index: int, *effects: Hypothesis, start: int = 0) -> Fit:
     less = without(problem, fit, index)
-    start = [
+    first = [
         u.coordinate(x)
         for effect in effects
-        for u, x in zip(effect.unknowns, effect.starts[0], strict=True)
+        for u, x in zip(effect.unknowns, effect.starts[start], strict=True)
     ]
     model = Model((*less.model.effects, *effects))
-    return problem.fit(model, np.concatenate([less.z, start]), known=less.jacobian)
+    return problem.fit(model, np.concatenate([less.z, first]), known=less.jacobian)
 
 
 def loss(problem: Problem, less: Fit, more: Fit) -> float:

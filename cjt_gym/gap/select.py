@@ -162,12 +162,12 @@ class Selection:
                 grown += self.expand(fit, pool)
             grown.sort(key=lambda f: -evidence(self.problem, f))
             self.seen += grown
-            beam = self._promising(self._settled(_distinct(grown)), best)
-            if not beam:
+            if not grown:
                 break
-            gain = evidence(self.problem, beam[0]) - evidence(self.problem, best)
+            gain = evidence(self.problem, grown[0]) - evidence(self.problem, best)
             if gain < max(MARGIN, LEAST * self.potential(best, stages)):
                 break
+            beam = self._promising(self._settled(_distinct(grown)), best)
             best = beam[0]
         return best
 
@@ -223,7 +223,8 @@ class Selection:
         if len(fits) < 2:
             return fits
         worth = [evidence(self.problem, f) - evidence(self.problem, before) for f in fits[:BEAM]]
-        return [f for f, w in zip(fits, worth, strict=False) if w > CLOSE * worth[0]]
+        near = [f for f, w in zip(fits, worth, strict=False) if w > CLOSE * worth[0]]
+        return [fits[0], *(f for f in near if f is not fits[0])]
 
     # ---- one more effect
     def expand(self, fit: Fit, pool: Sequence[Hypothesis]) -> list[Fit]:
