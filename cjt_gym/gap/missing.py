@@ -37,10 +37,10 @@ def not_judged(setting: Setting) -> tuple[str, ...]:
     return tuple(said)
 
 
-TWINS = (("torque_bias", "torque_offset"), ("torque_gain", "torque_constant"))
+TWINS = (("torque_bias", "torque_offset"), ("torque_constant", "torque_gain"))
 """Effects that a record can be unable to tell apart, the likelier first.
 
-A strain gauge drifts more easily than an amplifier does."""
+A strain gauge drifts more easily than an amplifier, and keeps its scale better than a motor."""
 
 
 def same_here(setting: Setting, name: str) -> tuple[str, ...]:

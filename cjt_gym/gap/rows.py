@@ -247,6 +247,8 @@ def _load_friction(x: Found) -> Rows:
 def _backlash(x: Found) -> Rows:
     inside = x.fields["play_g"] == 0.0 and x.setting.has_gear
     note = "the record puts it at the torsion bar, the model into the gear" if inside else ""
+    if x.fields["pull_g"] > 0.0:
+        note = "the record's damper holds teeth that part, the model's does not"
     play = x.fields["play"] or x.fields["play_g"]
     return {"backlash": {"gap": x.moved("b", play, note=note), "offset": _exact(0.0)}}
 

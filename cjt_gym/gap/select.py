@@ -158,13 +158,14 @@ class Selection:
             beside = f" beside {' and '.join(there)}" if there else ""
             self.progress(f"trying {len(pool)} effects{beside}")
             grown: list[Fit] = []
+            gain = 0.0
             for fit in beam:
-                grown += self.expand(fit, pool)
+                more = self.expand(fit, pool)
+                grown += more
+                behind = evidence(self.problem, fit) - evidence(self.problem, best)
+                gain = max([gain, *(g + behind for g in self._gains(fit, more))])
             grown.sort(key=lambda f: -evidence(self.problem, f))
             self.seen += grown
-            if not grown:
-                break
-            gain = evidence(self.problem, grown[0]) - evidence(self.problem, best)
             if gain < max(MARGIN, LEAST * self.potential(best, stages)):
                 break
             beam = self._promising(self._settled(_distinct(grown)), best)
@@ -192,6 +193,11 @@ class Selection:
         residual = max((0.5 * np.log(fit.mean_square[n]) for n in stages), default=0.0)
         strain = self._strain(fit, stages)
         return bool(residual > LOG_SHARE or 0.5 * strain[strain > 4.0].sum() > STRAIN)
+
+    def _gains(self, before: Fit, fits: Sequence[Fit]) -> list[float]:
+        """Return what fits gain over another one under the present predictors."""
+        here = evidence(self.problem, self.problem.fit(before.model, before.z, moves=0))
+        return [evidence(self.problem, f) - here for f in fits]
 
     def _settled(self, fits: list[Fit]) -> list[Fit]:
         """Return fits, the best first, those of the same evidence each under its own predictor.
@@ -258,7 +264,8 @@ class Selection:
             firsts += [max(found, key=lambda row: row[0])] if found else []
         if not firsts:
             return []
-        before, top = evidence(self.problem, fit), max(value for value, _, _ in firsts)
+        before = evidence(self.problem, looks[0].fit)
+        top = max(value for value, _, _ in firsts)
         limit = min(top - 2.0 * NEAR, before + HOPEFUL * (top - before))
         quick = []
         for value, look, first in firsts:
@@ -284,7 +291,7 @@ class Selection:
         if not quick:
             return []
         top = evidence(self.problem, quick[0])
-        base = evidence(self.problem, before)
+        base = top - self._gains(before, quick[:1])[0]
         near = max(NEAR, NEAR_SHARE * (top - base))
         chosen = [f for f in quick[:SHORT_LIST] if evidence(self.problem, f) > top - near]
         first = quick[0].model.effects[-1]
