@@ -74,6 +74,7 @@ def unhurried(drive: dict[str, Any], folder: Path) -> dict[str, Any]:
     return drive | {"file": str(folder / "example_drive.map.toml")}
 
 
+@pytest.mark.slow  # in real time: a machine that stalls for seconds fails it
 @pytest.mark.parametrize("protocol", DRIVES)
 @pytest.mark.parametrize("interface", BUSES)
 def test_run_over_a_bus(interface: str, protocol: str, tmp_path: Path) -> None:
@@ -89,17 +90,20 @@ def test_run_over_a_bus(interface: str, protocol: str, tmp_path: Path) -> None:
         plant.arm()
         first = plant.reset()
         assert emulator.torque == 0.0
-        for _ in range(20):
+        k_b = given.joint.parameters.k_b
+        for steps in range(1, 500):  # as long as a busy machine needs
             last = plant.step(np.array([20.0]))
+            near = abs(last.tau[0] - 20.0) < 2.0 + 2.0 * k_b * 2e-4
+            if steps >= 20 and near and abs(emulator.torque - 20.0) < 0.1:
+                break
+        assert near
         assert emulator.torque == pytest.approx(20.0, abs=0.1)
         plant.stop()
         assert plant.state is State.ARMED
-        k_b = given.joint.parameters.k_b
-        assert last.tau[0] == pytest.approx(20.0, abs=2.0 + 2.0 * k_b * 2e-4)
         assert abs(first.tau[0]) < 2.0 + k_b * 4e-4
     assert emulator.torque == 0.0
     record = read_record(path)
-    assert len(record) == 25  # 20 and five that fade
+    assert len(record) == steps + 5  # that fade
     assert record["tau_cmd"].max() == 20.0
     assert record["tau_cmd"][-1] == 0.0
     assert record.provenance["timing_us"]["ages"]["p50"] > 0.0

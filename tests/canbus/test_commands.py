@@ -56,6 +56,7 @@ def test_emulated_run_writes_a_record_for_the_diagnosis(
     assert record.provenance["kp"] > 0.0
 
 
+@pytest.mark.slow  # in real time
 def test_two_terminals(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = path.with_name("run.csv")
     with emulator(path, "--hidden-seed", "4", "--truth", str(path.with_name("truth.json"))):
