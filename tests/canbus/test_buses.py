@@ -26,6 +26,7 @@ from cjt_gym.canbus.safety import State
 from cjt_gym.errors import ConfigurationError, HardwareError
 from cjt_gym.records import read_record
 from tests.canbus.bench import DRIVES, config
+from tests.canbus.pump import PumpLink, client_of
 
 SECOND = {"value": 1.0, "unit": "s"}
 PATIENT = {"rate_hz": 100, "missed": 100, "overrun": SECOND, "watchdog": SECOND}
@@ -72,6 +73,28 @@ def unhurried(drive: dict[str, Any], folder: Path) -> dict[str, Any]:
         slow = re.sub(r'("GenMsgCycleTime" BO_ \d+) 1;', r"\1 10;", text)
         (folder / name).write_text(slow)
     return drive | {"file": str(folder / "example_drive.map.toml")}
+
+
+@pytest.mark.parametrize("protocol", DRIVES)
+@pytest.mark.parametrize("interface", BUSES)
+def test_every_frame_goes_through(interface: str, protocol: str) -> None:
+    settings, port = bus_of(interface)
+    given = replace(config(drive=DRIVES[protocol], control=SOFT), bus=settings)
+    emulator = Emulator(given)
+    link = PumpLink(emulator, port, client_of(settings, port))
+    try:
+        with CanPlant(given, link) as plant:
+            plant.connect()
+            plant.arm()
+            plant.reset()
+            for _ in range(60):
+                last = plant.step(np.array([20.0]))
+            assert emulator.torque == pytest.approx(20.0, abs=0.1)
+            assert last.tau[0] == pytest.approx(20.0, abs=5.0)
+        assert emulator.torque == 0.0
+    finally:
+        link.close()
+        port.close()
 
 
 @pytest.mark.slow  # in real time: a machine that stalls for seconds fails it
