@@ -1,4 +1,4 @@
-"""A link over a real bus in the emulator's time: every frame goes through the bus, no clock counts."""
+"""A link over a real bus in the time of the emulator: every frame goes through, no clock counts."""
 
 from __future__ import annotations
 
