@@ -66,7 +66,7 @@ from cjt_gym.gap.sensing import (
     with_findings,
 )
 from cjt_gym.gap.setting import Setting, as_noisy, make_setting
-from cjt_gym.gap.shrink import Gap, harms, measure_gap
+from cjt_gym.gap.shrink import HARM, Gap, harms, measure_gap
 from cjt_gym.gap.stages import Stages
 from cjt_gym.gap.suggest import suggest
 from cjt_gym.gap.unknown import HELD_LEFT, Leftover, leftovers, status, untouched, verdict
@@ -346,6 +346,8 @@ def _report(
     explains = bool(named)
     fit = found.fit if explains else found.base
     gap = _gap(found, settings, held_out, explains)
+    if gap.high < -HARM:  # whatever each is worth, together they do not make the joint
+        named = tuple(_doubted(effect) for effect in named)
     left = found.left if explains else untouched(found.left)
     stages = _stages(found, fit, all_before, named)
     nominal = _nominal_fields(found)
@@ -451,6 +453,13 @@ def _named(
         )
     rows += [_sensor_row(finding, problem.stages.setting) for finding in found.sensors]
     return tuple(sorted(rows, key=lambda row: -row.gap_removed))
+
+
+def _doubted(effect: NamedEffect) -> NamedEffect:
+    """Return an effect as tentative, unless it was read off a channel."""
+    if effect.stage == "sensing" and effect.name in ("noise", "quantization"):
+        return effect
+    return replace(effect, status="tentative", confidence=min(effect.confidence, EVEN_CHANCE))
 
 
 def _harmful(found: Explanation, need: Need, unseen: Sequence[Setting]) -> bool:
