@@ -9,8 +9,8 @@ import pytest
 
 from cjt_gym.gap import Diagnosis, diagnose
 from cjt_gym.gap.confidence import confidence
-from cjt_gym.gap.diagnose import Explanation, explain
 from cjt_gym.gap.diagnosis import Interval
+from cjt_gym.gap.explain import Explanation, explain
 from cjt_gym.gap.heldout import Trial, on_held_out, worth
 from cjt_gym.gap.hypotheses import hypotheses
 from cjt_gym.gap.intervals import may_be_nothing

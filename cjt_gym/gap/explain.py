@@ -1,0 +1,186 @@
+"""The explanation of records: which effects, how large, and what is left."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cjt_gym.gap.fit import Fit, Model, Problem, retuned
+from cjt_gym.gap.heldout import HeldOut, on_held_out, worth
+from cjt_gym.gap.hypotheses import hypotheses, shown
+from cjt_gym.gap.hypothesis import Hypothesis
+from cjt_gym.gap.process import allow_for_colour
+from cjt_gym.gap.prune import (
+    COARSE_STRAIN,
+    Need,
+    alternatives,
+    likelier_twins,
+    prune,
+    simplify,
+    split_asymmetry,
+    uneven,
+)
+from cjt_gym.gap.select import (
+    BEYOND,
+    COARSE_BEYOND,
+    STRAIN,
+    Progress,
+    Selection,
+    other_frequencies,
+    silent,
+)
+from cjt_gym.gap.sensing import SensorFinding, noisy_current, sensor_findings, with_findings
+from cjt_gym.gap.setting import Setting, as_noisy
+from cjt_gym.gap.stages import Stages
+from cjt_gym.gap.unknown import HELD_LEFT, Leftover, leftovers
+
+PATIENCE = 60.0
+"""Processor time after which the search for effects ends with what it has [s]."""
+REFUTED = 0.2
+"""Worth on held-out data below which an effect is refuted."""
+BETTER = 0.7
+"""Share of a held-out mean square to which another model of the same evidence must bring it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Explanation:
+    """The fitted explanation of one record.
+
+    Attributes:
+        problem: The record.
+        base: The fit without effects.
+        fit: The fit with those that are needed.
+        needs: What each of them is needed for.
+        held: What it is worth on held-out records.
+        seen: All other fits.
+        left: Stages that are not explained.
+        sensors: Channels that are worse than specified.
+    """
+
+    problem: Problem
+    base: Fit
+    fit: Fit
+    needs: tuple[Need, ...]
+    held: tuple[HeldOut, ...]
+    seen: tuple[Fit, ...]
+    left: tuple[Leftover, ...]
+    sensors: tuple[SensorFinding, ...]
+
+
+def explain(
+    setting: Setting,
+    others: Sequence[Setting] = (),
+    more: Sequence[Setting] = (),
+    progress: Progress = silent,
+) -> Explanation:
+    """Return the explanation of a record, or of several together.
+
+    Args:
+        setting: The record.
+        others: Records that were not used to find it, on which it must stand.
+        more: Further records to be explained together with it.
+        progress: Is told what is being done.
+    """
+    progress("fitting the nominal joint within its tolerances")
+    problem, base = _without_effects(setting, more)
+    sensors = sensor_findings(setting, base.residuals)
+    if any(finding.name == "noise" for finding in sensors):
+        problem, base = _without_effects(with_findings(setting, sensors), more)
+    until = time.process_time() + PATIENCE
+    candidates = hypotheses(setting, problem.stages.names)
+    coarse = any(finding.name == "quantization" for finding in sensors)
+    if any(finding.name == "quantization" and finding.channel == "i" for finding in sensors):
+        candidates = tuple(h for h in candidates if h.name != "command_quantization")
+    # Causes outside the table are told by small traces, and those from colour by a stated noise.
+    rows = () if setting.current_unspecified else problem.stages.outside.rows
+    outside = shown(rows, problem.stages.names)
+    beyond = COARSE_BEYOND if coarse else BEYOND
+    selection = Selection(
+        problem, candidates, base, outside, until=until, beyond=beyond, progress=progress
+    )
+    fit = simplify(problem, selection.run(), selection.candidates)
+    fit = likelier_twins(problem, fit, selection.candidates)
+    if setting.current_unspecified:
+        fit = other_frequencies(problem, fit)
+        fit = split_asymmetry(problem, fit, selection.candidates)
+        selection.seen.append(fit)
+    late = _found_late(setting, fit, sensors)
+    if late:
+        sensors = (*sensors, *late)
+        problem, base = _without_effects(with_findings(setting, sensors), more)
+        fit = retuned(problem, fit)
+    progress("leaving out one effect after the other")
+    tested = [with_findings(other, sensors) for other in others]
+    strain = COARSE_STRAIN if coarse else STRAIN
+    fit, needs, held = _standing(problem, fit, tested, strain)
+    other = _decided(problem, fit, held, tested, selection.candidates)
+    if other is not fit:
+        fit, needs, held = _standing(problem, retuned(problem, other), tested, strain)
+    left = leftovers(base, fit, needs, held, coarse)
+    if setting.current_unspecified:
+        selection.seen += uneven(problem, fit, selection.candidates)
+    seen = tuple(selection.seen)
+    return Explanation(problem, base, fit, tuple(needs), held, seen, left, sensors)
+
+
+def _standing(
+    problem: Problem, fit: Fit, others: Sequence[Setting], strain: float
+) -> tuple[Fit, list[Need], tuple[HeldOut, ...]]:
+    """Return the model without what it can do without and without what held-out data refute."""
+    while True:
+        fit, needs = prune(problem, fit, strain)
+        held = tuple(on_held_out(other, problem, fit) for other in others)
+        trials = [worth(held, k) for k in range(len(needs))]
+        refuted = [k for k, trial in enumerate(trials) if trial and trial.worth < REFUTED]
+        if not refuted:
+            return fit, needs, held
+        worst = min(refuted, key=lambda k: needs[k].evidence)
+        fit = retuned(problem, needs[worst].without)
+
+
+def _decided(
+    problem: Problem,
+    fit: Fit,
+    held: Sequence[HeldOut],
+    others: Sequence[Setting],
+    candidates: tuple[Hypothesis, ...],
+) -> Fit:
+    """Return the best on held-out records of models that the first record cannot tell apart.
+
+    They are asked only where the chosen one leaves something there.
+    """
+    stages = {n for h in held for n, ms in h.after.items() if ms > HELD_LEFT**2}
+    best, least = fit, sum(sum(h.after.values()) for h in held)
+    for index, effect in enumerate(fit.model.effects):
+        if effect.outside or not stages & set(effect.touches):
+            continue
+        for trial in alternatives(problem, fit, index, candidates):
+            left = sum(sum(on_held_out(o, problem, trial).after.values()) for o in others)
+            if left < BETTER * least:
+                best, least = trial, left
+    return best
+
+
+def _found_late(
+    setting: Setting, fit: Fit, known: tuple[SensorFinding, ...]
+) -> tuple[SensorFinding, ...]:
+    """Return noisy channels that show themselves only when the effects are out of the way."""
+    found = list(sensor_findings(setting, fit.residuals))
+    if "drive" in fit.residuals and (noisy := noisy_current(setting, fit.residuals["drive"])):
+        found.append(noisy)
+    channels = {finding.channel for finding in known}
+    return tuple(f for f in found if f.name == "noise" and f.channel not in channels)
+
+
+def _without_effects(setting: Setting, more: Sequence[Setting]) -> tuple[Problem, Fit]:
+    """Return the problem of one or more records, and its fit without any effect."""
+    others = tuple(Stages(as_noisy(one, setting)) for one in more)
+    problem = Problem.of(Stages(setting, others=others))
+    base = retuned(problem, problem.fit(Model(), np.zeros(len(problem.shared))))
+    if setting.current_unspecified:
+        allow_for_colour(problem.stages, base.mean_square["motor"])
+        base = retuned(problem, base)
+    return problem, base
