@@ -102,9 +102,10 @@ def diagnose(
             known = explanation.problem.stages.setting
             replayed = [as_noisy(one, known) for one in replayed]
             source = source_of(file, shape, fitted, _long(tested))
-            return _report(
+            found = _report(
                 explanation, replayed or [known], bool(replayed), started, source, _title(first)
             )
+            return _with_structure_said(found, first, shape)
     except (np.linalg.LinAlgError, FloatingPointError, ValueError) as error:
         if isinstance(error, CjtGymError):
             raise
@@ -112,6 +113,15 @@ def diagnose(
             f"{first.owner} could not be diagnosed with {file.name} as {shape.name}: {error}. "
             "Check that its units are SI on the link side and that the structure is right."
         ) from error
+
+
+def _with_structure_said(found: Diagnosis, record: Record, shape: Structure) -> Diagnosis:
+    """Return a diagnosis that says where another structure was asked for than the record states."""
+    if record.structure in (None, shape.name):
+        return found
+    said = f"{record.owner} states {record.structure}, but was diagnosed as {shape.name}."
+    left = replace(found.unexplained, text=f"{said} {found.unexplained.text}")
+    return replace(found, unexplained=left)
 
 
 def _as_list(records: Record | Sequence[Record]) -> list[Record]:

@@ -68,19 +68,26 @@ def effect_intervals(
     """Return the numbers of one effect of a fit with their 95 % intervals."""
     effects = fit.model.effects
     at = len(problem.shared) + sum(len(e.unknowns) for e in effects[:index])
+    slides = problem.stages.setting.joint.parameters.axis == "prismatic"
     out = {}
     for k, unknown in enumerate(effects[index].unknowns):
         z = fit.z[at + k]
         value = unknown.value(z)
         std = max(spread.std(at + k), _least(unknown, value))
         ends = sorted((unknown.value(z - NORMAL * std), unknown.value(z + NORMAL * std)))
-        out[unknown.symbol] = Interval(value, ends[0], ends[1], unknown.unit)
+        unit = along(unknown.unit) if slides else unknown.unit
+        out[unknown.symbol] = Interval(value, ends[0], ends[1], unit)
     released = effects[index].releases
     if released is not None and released in out:
         out[released] = _with_tolerance(problem, fit, released, out[released])
     if effects[index].name == "command_delay":
         out["delay"] = _whole_delay(problem, fit, out["delay"])
     return out
+
+
+def along(unit: str) -> str:
+    """Return the unit of a sliding axis for that of a turning one: N for N m, m for rad."""
+    return unit.replace("N m", "N").replace("rad", "m")
 
 
 def _least(unknown: Unknown, value: float) -> float:

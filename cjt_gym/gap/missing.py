@@ -1,4 +1,4 @@
-"""What a record cannot tell, because a channel is missing: said, not guessed."""
+"""What a record cannot tell, because a channel is missing or still: said, not guessed."""
 
 from __future__ import annotations
 
@@ -22,6 +22,11 @@ def not_judged(setting: Setting) -> tuple[str, ...]:
         )
     if setting.cut_at_spring and "q_l" not in there and not setting.structure.output_fixed:
         said.append("Without the load angle neither the spring nor the load is judged.")
+    if setting.still_load:
+        said.append(
+            "The load never moves, so that nothing of it is judged. If it is locked, give a "
+            "structure whose output is fixed."
+        )
     if "i_cmd" not in there:
         said.append("Without the command the drive is not judged.")
     elif "i" not in there:

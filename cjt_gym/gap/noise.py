@@ -120,8 +120,8 @@ def high_frequency_std(
     d = np.where(good, d, np.nan)[: count * WINDOW].reshape(count, WINDOW)
     shaken = jitter[: count * WINDOW].reshape(count, WINDOW)
     steep = shaken.max(axis=1)
-    with np.errstate(all="ignore"):
-        power = np.nanmean(d * d, axis=1) if np.isfinite(d).any() else np.zeros(count)
+    known = np.isfinite(d)
+    power = np.where(known, d * d, 0.0).sum(axis=1) / np.where(known.any(1), known.sum(1), np.nan)
     flattest = np.argsort(steep)[: max(int(QUIET * count), 4)]
     chosen = np.maximum(power - np.mean(shaken**2, axis=1), 0.0)[flattest]
     chosen = chosen[np.isfinite(chosen)]

@@ -45,6 +45,7 @@ class Setting:
         jitter: Deviation of the sampling times [s].
         process: Torque noise on the motor beyond what is specified [N m].
         allowance: Factor by which the motor's residual may exceed what white noise explains.
+        still_load: Whether a load that could move does not.
     """
 
     series: Series
@@ -55,6 +56,7 @@ class Setting:
     jitter: float
     process: float = 0.0
     allowance: float = 1.0
+    still_load: bool = False
 
     def std(self, channel: str) -> float:
         """Return the deviation of one sample of a channel; 0 where it is not measured."""
@@ -118,14 +120,16 @@ def make_setting(
     }
     shown = _common_jitter(series, noise, jitter)
     noise = {name: replace(known, jitter=shown) for name, known in noise.items()}
-    if structure.output_fixed and "q_l" in series and _is_still(series, noise["q_l"]):
-        still = {"q_l": np.full(len(series), float(np.mean(series["q_l"])))}
-        series = replace(series, columns={**series.columns, **still})
+    still = "q_l" in series and _is_still(series, noise["q_l"])
+    if structure.output_fixed and still:
+        held = {"q_l": np.full(len(series), float(np.mean(series["q_l"])))}
+        series = replace(series, columns={**series.columns, **held})
         noise["q_l"] = replace(noise["q_l"], std=STILL, jitter=0.0)
     if "q_m" in series.derived:
         std = noise["tau"].std * compliance(joint, structure)
         noise["q_m"] = replace(noise["q_m"], std=std, jitter=0.0)
-    return Setting(series, structure, joint, nominal_fields(joint, structure), noise, jitter)
+    setting = Setting(series, structure, joint, nominal_fields(joint, structure), noise, jitter)
+    return replace(setting, still_load=still and setting.has_spring and not structure.output_fixed)
 
 
 def _is_still(series: Series, noise: ChannelNoise) -> bool:

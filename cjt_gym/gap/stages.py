@@ -95,7 +95,10 @@ class Stages:
             "transmission": s.cut_at_spring
             and ("q_l" in s.series or s.structure.output_fixed)
             and "q_m" not in s.series.derived,
-            "load": s.cut_at_spring and not s.structure.output_fixed and "q_l" in s.series,
+            "load": s.cut_at_spring
+            and not s.structure.output_fixed
+            and "q_l" in s.series
+            and not s.still_load,
         }
         return tuple(name for name in STAGES if there[name])
 
