@@ -29,7 +29,7 @@ def test_shipped_configurations_make_a_model_and_survive_a_round_trip(name: str)
         ("total_stps = 10", "Unknown key 'total_stps'. Did you mean 'total_steps'"),
         ("[policy]\nnet_arc = [3]", r"'net_arc'. Did you mean 'net_arch'.*\[policy\]"),
         ("[env]\njiont = 'x'", "'jiont'. Did you mean 'joint'"),
-        ("[env]\nbase_controller = 'pd'", "Unknown controller 'pd'"),
+        ("[env]\nbase_controller = 'pdd'", "Unknown controller 'pdd'"),
         ("[evaluation]\nevery = 0", "every of .evaluation. must be a whole number >= 1, got 0"),
         ("algorithm = 'PPP'", "Unknown algorithm 'PPP'. Did you mean 'PPO'"),
         ("total_steps = 1.5", "total_steps must be a whole number >= 1, got 1.5"),
