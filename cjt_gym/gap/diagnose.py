@@ -38,7 +38,7 @@ from cjt_gym.gap.joint_file import identified_joint
 from cjt_gym.gap.localize import where
 from cjt_gym.gap.missing import not_judged, same_here, undecided
 from cjt_gym.gap.prune import Need
-from cjt_gym.gap.select import Progress, evidence, silent
+from cjt_gym.gap.select import MARGIN, Progress, evidence, silent
 from cjt_gym.gap.sensing import SensorFinding
 from cjt_gym.gap.setting import Setting, as_noisy, make_setting
 from cjt_gym.gap.shrink import HARM, Gap, harms, measure_gap
@@ -270,6 +270,8 @@ def _named(
             state = "tentative"
         lead = evidence(problem, fit) - best_rival(problem, fit, index, found.seen)
         lead = min(lead, need.evidence)
+        if lead < MARGIN:  # another explanation is as good
+            state = "tentative"
         chance = confidence(lead, trial, state == "tentative")
         if chance < EVEN_CHANCE:
             state = "tentative"

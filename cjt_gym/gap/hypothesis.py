@@ -61,7 +61,7 @@ class Hypothesis:
         return (self.name, self.body, self.channel, self.variant)
 
 
-OVERDAMPED = 5.0
+OVERDAMPED = 50.0
 """Damping ratio that no joint exceeds."""
 
 
