@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from cjt_gym.commands.in_the_loop import InTheLoop, agents_for, in_the_loop
-from cjt_gym.errors import ConfigurationError
+from cjt_gym.errors import ConfigurationError, RecordError
 from cjt_gym.gap import Diagnosis, diagnose
 from cjt_gym.gap.orient import orient
 from cjt_gym.gap.report import WIDTH, summary, write_report
@@ -81,7 +81,7 @@ def run(options: argparse.Namespace) -> None:
     found = write_files(found, folder, Path(options.records[0]).stem, repairs, loop)
     tell.end()
     if options.json:
-        sys.stdout.write(_json(found, loop))
+        sys.stdout.write((folder / "diagnosis.json").read_text(encoding="utf-8"))
         return
     tables = [table.text(WIDTH) for table in loop.tables()]
     parts = [summary(found).rstrip(), *tables, *loop.notes, _where(folder, found)]
@@ -109,7 +109,7 @@ def write_files(
     """
     next_record = diagnosis.suggestion.written(folder / "next.npz")
     diagnosis = replace(diagnosis, suggestion=next_record)
-    (folder / "diagnosis.json").write_text(_json(diagnosis, loop), encoding="utf-8")
+    (folder / "diagnosis.json").write_text(_json(diagnosis, loop, repairs), encoding="utf-8")
     (folder / "joint.toml").write_text(joint_text(diagnosis, name), encoding="utf-8")
     notes = [*(repair.text for repair in repairs), *loop.notes]
     title, tables = f"Diagnosis of {name}", loop.tables()
@@ -189,8 +189,20 @@ def _read(words: Sequence[str], options: argparse.Namespace) -> tuple[list[Recor
 def _oriented(
     records: Sequence[Record], joint: JointFile, structure: str
 ) -> tuple[list[Record], list[Repair]]:
-    """Return records whose channels agree in their signs, and what was turned."""
+    """Return records whose channels agree in their signs, and what was turned.
+
+    Raises:
+        RecordError: A channel has another unit than its record states.
+    """
     pairs = [orient(record, joint, get_structure(structure)) for record in records]
+    for record, repairs in pairs:
+        odd = [repair.text for repair in repairs if repair.kind == "unit"]
+        if odd:
+            raise RecordError(
+                f"{record.owner}: {' '.join(odd)} A channel is in another unit than the record "
+                f"states, or {joint.name} is another joint. Give the unit, the gear side or the "
+                "joint: [columns] of --mapping, [units] beside the record, --joint."
+            )
     return [record for record, _ in pairs], [repair for _, found in pairs for repair in found]
 
 
@@ -208,8 +220,9 @@ def _nominal(record: Record, given: str | None) -> str | Path:
     )
 
 
-def _json(diagnosis: Diagnosis, loop: InTheLoop) -> str:
-    return json.dumps(diagnosis.to_dict() | loop.to_dict(), indent=1, allow_nan=False) + "\n"
+def _json(diagnosis: Diagnosis, loop: InTheLoop, repairs: Sequence[Repair]) -> str:
+    more = {"repairs": [repair.text for repair in repairs]}
+    return json.dumps(diagnosis.to_dict() | loop.to_dict() | more, indent=1, allow_nan=False) + "\n"
 
 
 def _where(folder: Path, diagnosis: Diagnosis) -> str:

@@ -179,16 +179,18 @@ def _report(
     within = _within_tolerance(found)
     all_before = {n: problem.stages.residual(n, within) for n in problem.stages.names}
     before = problem.stages.first(all_before)
-    # Where nothing is named, nothing is said to explain: the nominal joint stays.
+    # Where nothing is named, nothing is said to explain: the nominal joint stays, its values
+    # refined within their tolerances where that leaves no gap.
     explains = bool(named)
+    refined = explains or not found.left
     fit = found.fit if explains else found.base
-    gap = _gap(found, settings, held_out, explains)
+    gap = _gap(found, settings, held_out, fit if refined else None)
     if gap.high < -HARM:  # whatever each is worth, together they do not make the joint
         named = tuple(_doubted(effect) for effect in named)
     left = found.left if explains else untouched(found.left)
     stages = _stages(found, fit, all_before, named)
     nominal = _nominal_fields(found)
-    drawn = gather(problem, fit, nominal, within, before, settings, named, explains)
+    drawn = gather(problem, fit, nominal, within, before, settings, named, refined)
     lying = where(problem.stages.setting, stages, before, problem.stages.first(fit.residuals))
     drawn = replace(drawn, regimes=lying, steps=_steps(found), source=source)
     return Diagnosis(
@@ -203,17 +205,17 @@ def _report(
         evidence=drawn,
         joint=identified_joint(
             problem.stages.setting,
-            problem.fields(found.fit.model, found.fit.z),
+            problem.fields(fit.model, fit.z),
             named,
-            _refined(found, spread) if explains or not left else {},
+            _refined(found, fit, spread) if refined else {},
             record,
         ),
     )
 
 
-def _refined(found: Explanation, spread: Covariance) -> dict[str, tuple[float, float]]:
+def _refined(found: Explanation, fit: Fit, spread: Covariance) -> dict[str, tuple[float, float]]:
     """Return the datasheet values that the record tells, each with its relative deviation."""
-    fit, shared = found.fit, found.problem.shared
+    shared = found.problem.shared
     known = found.problem.stages.setting.joint.parameters.quantities
     released = {effect.releases for effect in fit.model.effects}
     return {
@@ -255,6 +257,7 @@ def _named(
     found: Explanation, spread: Covariance, unseen: Sequence[Setting]
 ) -> tuple[NamedEffect, ...]:
     problem, fit = found.problem, found.fit
+    whole = _whole(found)
     rows = []
     for index, (effect, need) in enumerate(zip(fit.model.effects, found.needs, strict=True)):
         if effect.outside:
@@ -284,7 +287,7 @@ def _named(
                 numbers,
                 state,
                 chance,
-                _removed(found, need),
+                float(np.clip(need.evidence / whole, 0.0, 1.0)),
                 _confusable(found, index),
                 lead,
                 None if trial is None else trial.worth,
@@ -315,14 +318,16 @@ def _confusable(found: Explanation, index: int) -> tuple[str, ...]:
     return tuple(dict.fromkeys((*names, *same_here(found.problem.stages.setting, name))))
 
 
-def _removed(found: Explanation, need: Need) -> float:
-    """Return the share of the whole gap that an effect removes, in log of the cost.
+def _whole(found: Explanation) -> float:
+    """Return the evidence that the joint without effects lacks, of which each effect has a share.
 
     The gap is measured by its evidence, in which residuals and strained datasheet values count
-    alike.
+    alike, under the predictors of the joint that was found.
     """
-    total = evidence(found.problem, found.fit) - evidence(found.problem, found.base)
-    return float(np.clip(need.evidence / max(total, need.evidence, 1e-9), 0.0, 1.0))
+    problem, needs = found.problem, found.needs
+    bare = needs[0].without if len(needs) == 1 else problem.fit(found.base.model, found.base.z)
+    gained = evidence(problem, found.fit) - evidence(problem, bare)
+    return max(gained, -evidence(problem, bare), *(need.evidence for need in needs), 1e-9)
 
 
 def _sensor_row(finding: SensorFinding, setting: Setting) -> NamedEffect:
@@ -360,11 +365,11 @@ def _stages(
     return out
 
 
-def _gap(found: Explanation, settings: Sequence[Setting], held_out: bool, explains: bool) -> Gap:
-    """Return how far the gap shrinks; where nothing is explained the nominal joint stays."""
+def _gap(found: Explanation, settings: Sequence[Setting], held_out: bool, fit: Fit | None) -> Gap:
+    """Return how far the gap shrinks with a fit; without one the nominal joint stays."""
     nominal = _nominal_fields(found)
-    explained = found.problem.fields(found.fit.model, found.fit.z)
-    return measure_gap(settings, nominal, explained if explains else nominal, held_out)
+    after = nominal if fit is None else found.problem.fields(fit.model, fit.z)
+    return measure_gap(settings, nominal, after, held_out)
 
 
 def _unexplained(left: Sequence[Leftover], open_ends: Sequence[str]) -> Unexplained:

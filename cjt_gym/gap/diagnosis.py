@@ -335,6 +335,10 @@ class Diagnosis:
             "unexplained": vars(self.unexplained),
             "suggestion": {"text": self.suggestion.text, "record": self.suggestion.record},
             "seconds": self.seconds,
+            "joint": self.evidence.source.joint,
+            "structure": self.evidence.source.structure,
+            "fitted": list(self.evidence.source.fitted),
+            "held_out": list(self.evidence.source.held_out),
         }
         cleaned = _plain(plain)
         assert isinstance(cleaned, dict)

@@ -41,7 +41,7 @@ def gather(
         before: Residuals of the latter by stage, each of shape (N,).
         settings: The held-out records.
         named: What is named.
-        explains: Whether the explanation replaces the nominal joint.
+        explains: Whether the explanation replaces the nominal joint, be it without an effect.
     """
     stages, effects = problem.stages, fit.model.effects
     after = problem.fields(fit.model, fit.z)

@@ -101,8 +101,11 @@ def explain(
     selection = Selection(
         problem, candidates, base, outside, until=until, beyond=beyond, progress=progress
     )
-    fit = simplify(problem, selection.run(), selection.candidates)
+    found = selection.run()
+    fit = simplify(problem, found, selection.candidates)
     fit = likelier_twins(problem, fit, selection.candidates)
+    if fit is not found:  # another law was tried from where the first had left the datasheet
+        fit = retuned(problem, fit)
     if setting.current_unspecified:
         fit = other_frequencies(problem, fit)
         fit = split_asymmetry(problem, fit, selection.candidates)

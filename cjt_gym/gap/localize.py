@@ -122,7 +122,7 @@ def _axes(setting: Setting, stage: str, residual: Floats) -> list[Axis]:
     if "tau" in series:
         rows.append(_over("tau", torque, series["tau"], _even(series["tau"])))
     name = "i" if "i" in series else "i_cmd"
-    rows.append(_over(name, "A", series[name], _even(series[name])))
+    rows.append(_over(name, setting.command_unit, series[name], _even(series[name])))
     cycles = _cycles(q, v * series.dt, residual, metre)
     return rows if cycles is None else [*rows, cycles]
 

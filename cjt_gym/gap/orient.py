@@ -290,10 +290,18 @@ def _scales(
         slope = np.polyfit(wound, channels["tau"], 1)[0] if np.ptp(wound) > 0.0 else 0.0
         if abs(_alike(wound, channels["tau"], 1.0)) > CERTAIN and k_b > 0.0:
             found.append(("q_m", "spring deflection per torque", k_b / abs(slope)))
-    if motor is not None and "tau" in motor.terms and motor.driving in ("i", "i_cmd"):
-        share, factor = motor.fit()[1], abs(motor.fit()[0]["tau"])
-        if share > EXPLAINED and _partial(motor.drive, motor.terms)["tau"] != 0.0:
-            found.append((motor.driving, "current per torque", factor * p.k_t * p.n))
+    if motor is not None and motor.driving in ("i", "i_cmd"):
+        per_term, share = motor.fit()
+        alike = _partial(motor.drive, motor.terms) if share > EXPLAINED else {}
+        torque = p.k_t * p.n
+        if alike.get("tau"):
+            found.append((motor.driving, "current per torque", abs(per_term["tau"]) * torque))
+        if alike.get("acceleration"):
+            apart = "tau" in motor.terms and structure.groups[1] != structure.groups[2]
+            bodies = ("I_m", "I_g") if apart else ("I_m", "I_g", "I_l")
+            mass = sum(p.get(name, 0.0) for name in bodies)
+            measured = abs(per_term["acceleration"]) * torque
+            found.append(("q_m", "acceleration per current", mass / measured))
     return [
         Repair("unit", name, 0, False, f"{name}: {what} is {ratio:.4g} times nominal, near {text}.")
         for name, what, ratio in found

@@ -83,6 +83,11 @@ class Setting:
         return "i" not in self.series or "i" not in self.joint.sensors
 
     @property
+    def command_unit(self) -> str:
+        """Return the unit of current and its command, which of a drive may be a voltage."""
+        return "V" if self.joint.parameters.unit("k_t").endswith("/V") else "A"
+
+    @property
     def too_slow(self) -> bool:
         """Whether the motor swings on its spring too fast for the log to follow its torque."""
         stiffness, inertia = self.nominal["k_b"], self.nominal["I_m"]

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from cjt_gym.gap.confusable import NOTHING, advice, difference, rival_fits
-from cjt_gym.gap.design import Cross, Prospect, prospects
+from cjt_gym.gap.design import TELLS, Cross, Prospect, prospects
 from cjt_gym.gap.diagnosis import NamedEffect, Suggestion
 from cjt_gym.gap.fit import Fit, Problem
 from cjt_gym.gap.prune import Need
@@ -52,7 +52,10 @@ def suggest(
         return Suggestion(preface + ELSEWHERE if left else "No further record is needed.")
     ranked = prospects(problem, question)
     if ranked and ranked[0].tells:
-        return Suggestion(preface + _text(ranked[0]), excitation=record_of(problem, ranked[0]))
+        return Suggestion(
+            preface + _text(ranked[0], problem.stages.setting.command_unit),
+            excitation=record_of(problem, ranked[0]),
+        )
     return Suggestion(preface + _needs_more(tuple(question), ranked))
 
 
@@ -88,13 +91,13 @@ def _open_question(
     return {}
 
 
-def _text(best: Prospect) -> str:
+def _text(best: Prospect, unit: str) -> str:
     names = list(dict.fromkeys(cross.true for cross in best.crosses))
     telling = [cross for cross in best.crosses if cross.margin >= 0.5 * best.margin]
     shown = ". ".join(_sentence(cross) for cross in sorted(telling, key=lambda c: -c.margin)[:2])
     return (
         f"To tell {difference(*names)}, record {best.input.text}: "
-        f"{len(best.current) * best.dt:.3g} s, up to {np.abs(best.current).max():.3g} A, from "
+        f"{len(best.current) * best.dt:.3g} s, up to {np.abs(best.current).max():.3g} {unit}, from "
         f"rest. {shown}."
     )
 
@@ -104,7 +107,7 @@ def _sentence(cross: Cross) -> str:
     truth = "there is none" if cross.true == NOTHING else f"it is {cross.true}"
     return (
         f"If {truth}, {what} would then leave {cross.residual:.2g} times the noise in the "
-        f"{cross.stage} stage (predicted margin {cross.margin:.0f} in log evidence)"
+        f"{cross.stage} stage (evidence {cross.margin:.0f}; {TELLS:.0f} decides)"
     )
 
 
@@ -127,8 +130,8 @@ def record_of(problem: Problem, prospect: Prospect) -> Record:
         "tau_cmd": current * setting.nominal["k_t"] * setting.nominal["n"],
     }
     units = default_units(tuple(columns), prismatic=p.axis == "prismatic")
-    if p.unit("k_t").endswith("/V"):
-        units["i_cmd"] = "V"
+    if "i_cmd" in units:
+        units["i_cmd"] = setting.command_unit
     return Record(
         columns,
         units,
@@ -138,7 +141,7 @@ def record_of(problem: Problem, prospect: Prospect) -> Record:
         provenance={
             "mode": "open loop",
             "excitation": prospect.input.name,
-            "purpose": _text(prospect),
+            "purpose": _text(prospect, setting.command_unit),
             "predicted_margin": round(prospect.margin, 1),
         },
     )

@@ -100,7 +100,7 @@ def page(
 def _head(diagnosis: Diagnosis, title: str) -> str:
     gap, source = diagnosis.gap, diagnosis.evidence.source
     figures = [("gap", percent(gap.before)), ("noise floor", percent(gap.floor))]
-    if diagnosis.effects:
+    if diagnosis.effects or gap.after != gap.before:
         figures = [("gap before", figures[0][1]), ("gap after", percent(gap.after)), figures[1]]
         spread = f"{percent(gap.low)} … {percent(gap.high)}"
         figures.append(("removed", f"{percent(gap.removed)}<small>{spread}</small>"))

@@ -13,17 +13,18 @@ MOST_EFFECTS = 5
 
 
 def summary(diagnosis: Diagnosis) -> str:
-    """Return a diagnosis as plain text of at most 25 lines.
+    """Return a diagnosis as plain text of at most 30 lines.
 
     Args:
         diagnosis: What is told.
     """
     gap, explained = diagnosis.gap, bool(diagnosis.effects)
+    refined = explained or gap.after != gap.before
     title = VERDICTS[diagnosis.verdict].upper()
     lines = textwrap.wrap(f"{title}. {verdict_sentence(diagnosis)}", WIDTH, max_lines=4)
     kept = "held-out data" if gap.held_out else "the fitted data"
-    after = f"after {percent(gap.after)}   " if explained else ""
-    before = f"{'before ' if explained else ''}{percent(gap.before)}"
+    after = f"after {percent(gap.after)}   " if refined else ""
+    before = f"{'before ' if refined else ''}{percent(gap.before)}"
     lines += ["", f"gap on {kept}   {before}   {after}noise floor {percent(gap.floor)}"]
     head = f"{'before':>10}{'after':>10}" if explained else f"{'residual':>10}"
     lines += [f"{'stage':<14}{head}   (residual, 1 = noise)"]
@@ -35,7 +36,7 @@ def summary(diagnosis: Diagnosis) -> str:
         lines += [_row(effect) for effect in diagnosis.effects[:MOST_EFFECTS]]
     if diagnosis.unexplained.text != NOTHING_LEFT:
         lines += textwrap.wrap(f"left: {diagnosis.unexplained.text}", WIDTH, max_lines=3)
-    lines += textwrap.wrap(f"next: {diagnosis.suggestion.text}", WIDTH, max_lines=2)
+    lines += textwrap.wrap(f"next: {diagnosis.suggestion.text}", WIDTH, max_lines=4)
     return "\n".join(lines)
 
 

@@ -55,6 +55,8 @@ CHANNELS: Mapping[str, str] = {
 WITH_BODY = ("coulomb", "coulomb_asym", "viscous_asym", "stribeck", "presliding", "damping")
 NOTABLE = 0.1
 """Share of the replay error that must be gone for the verdict to say how much."""
+OPEN, AGAIN = 0.1, 3.0
+"""Replay error, and its ratio to the noise floor, from which an explained joint needs a word."""
 MINUS = "\N{MINUS SIGN}"
 SPACE = "\N{NO-BREAK SPACE}"
 CONCENTRATED = 0.5
@@ -148,7 +150,8 @@ def place(regimes: Sequence[Regime]) -> str:
         return "at low speed"
     for r in lines:
         if r.share >= CONCENTRATED and r.high - r.low < 0.1 * r.high:
-            return f"at {number(0.5 * (r.low + r.high))} cycles per revolution"
+            unit = "revolution" if r.unit != "1/m" else "metre"
+            return f"at {number(0.5 * (r.low + r.high))} cycles per {unit}"
     ends = [r.share for r in speeds[:1] + speeds[-1:]]
     if sum(ends) >= CONCENTRATED:
         return "at high speed"
@@ -174,10 +177,13 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
     """Return the verdict in one plain sentence."""
     gap = diagnosis.gap
     if diagnosis.verdict == "no_gap":
-        return (
+        text = (
             "There is no gap: within tolerances and sensor noise the joint does what its "
             "datasheet says."
         )
+        change = f"{percent(gap.before)} to {percent(gap.after)}"
+        better = f" Refining its values within them takes the replay error from {change}."
+        return text + (better if gap.removed >= NOTABLE else "")
     size = f" of {percent(gap.before)}" if gap.before else ""
     lies = f"The gap{size} lies {where(diagnosis)}"
     if diagnosis.verdict == "unexplained" or not diagnosis.effects:
@@ -189,4 +195,10 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
     if left.stage is not None:
         rest = f"{percent(left.share)} of the gap of the {left.stage} stage is left"
         return f"{lies}; {names} {verb} {share or 'part of it'}, and {rest}."
-    return f"{lies}; {names} {verb} {share or 'it, although the replay hardly changes'}."
+    text = f"{lies}; {names} {verb} {share or 'it, although the replay hardly changes'}."
+    if gap.after > max(OPEN, AGAIN * gap.floor):
+        text += (
+            f" The replay is still {percent(gap.after)} off while no stage is: in open loop small "
+            "errors add up, most of all where the joint is little damped or friction holds it."
+        )
+    return text
