@@ -38,7 +38,7 @@ from cjt_gym.gap.joint_file import identified_joint
 from cjt_gym.gap.localize import where
 from cjt_gym.gap.missing import not_judged, same_here, undecided
 from cjt_gym.gap.prune import Need
-from cjt_gym.gap.select import MARGIN, Progress, evidence, silent
+from cjt_gym.gap.select import BEYOND, MARGIN, Progress, evidence, silent
 from cjt_gym.gap.sensing import SensorFinding
 from cjt_gym.gap.setting import Setting, as_noisy, make_setting
 from cjt_gym.gap.shrink import HARM, Gap, harms, measure_gap
@@ -92,12 +92,15 @@ def diagnose(
     cuts = [int((1.0 - TAIL) * len(record)) for record in given]
     fitted = given if held else [r.slice(0, cut) for r, cut in zip(given, cuts, strict=True)]
     tested = held or [r.slice(cut, None) for r, cut in zip(given, cuts, strict=True)]
-    setting = make_setting(fitted[0], file, shape)
-    more = [make_setting(r, file, shape, setting.series.zero) for r in fitted[1:]]
     try:
         with threadpool_limits(1, "blas"):  # small matrices lose more by threads than they gain
-            replayed = [make_setting(r, file, shape, setting.series.zero) for r in _long(tested)]
-            explanation = explain(setting, replayed, more, progress)
+            explanation, replayed = _explained(fitted, _long(tested), file, shape, progress)
+            if _seen_elsewhere(explanation) and len(given) == len(_long(held)) == 1:
+                progress("explaining the other record, which alone shows a gap")
+                turned, others = _explained(held, _long(fitted), file, shape, progress)
+                if turned.fit.model.effects:
+                    explanation, replayed = turned, others
+                    fitted, tested = held, fitted
             progress("replaying what was kept from the fit")
             known = explanation.problem.stages.setting
             replayed = [as_noisy(one, known) for one in replayed]
@@ -113,6 +116,27 @@ def diagnose(
             f"{first.owner} could not be diagnosed with {file.name} as {shape.name}: {error}. "
             "Check that its units are SI on the link side and that the structure is right."
         ) from error
+
+
+def _explained(
+    fitted: Sequence[Record],
+    tested: Sequence[Record],
+    file: JointFile,
+    shape: Structure,
+    progress: Progress,
+) -> tuple[Explanation, list[Setting]]:
+    """Return the explanation of records, and those on which it is tested."""
+    setting = make_setting(fitted[0], file, shape)
+    zero = setting.series.zero
+    more = [make_setting(r, file, shape, zero) for r in fitted[1:]]
+    replayed = [make_setting(r, file, shape, zero) for r in tested]
+    return explain(setting, replayed, more, progress), replayed
+
+
+def _seen_elsewhere(found: Explanation) -> bool:
+    """Return whether only the held-out record shows a gap."""
+    small = all(ms < BEYOND**2 for ms in found.base.mean_square.values())
+    return bool(found.left) and not found.fit.model.effects and small
 
 
 def _with_structure_said(found: Diagnosis, record: Record, shape: Structure) -> Diagnosis:

@@ -52,6 +52,8 @@ HOPEFUL = 0.3
 """Share of the leader's gain after one step from which a candidate is given some more."""
 EVEN = 20.0
 """Evidence within which models are compared under predictors of their own."""
+HOLLOW = 0.5
+"""Share of its gain that a leader must keep under a predictor of its own, or others are tried."""
 USUAL, STRETCHED = 2.0, 10.0
 """Deviations that a datasheet value usually has, and from which a fit counts as strained."""
 NEAR, NEAR_SHARE = 60.0, 0.25
@@ -106,6 +108,8 @@ class Selection:
     until: float = np.inf
     beyond: float = BEYOND
     progress: Progress = silent
+    untried: list[Fit] = field(default_factory=list)
+    """Rough fits of the last round that were not fitted in full, the best first."""
 
     def run(self) -> Fit:
         """Return the best model after forward selection."""
@@ -159,6 +163,7 @@ class Selection:
             self.progress(f"trying {len(pool)} effects{beside}")
             grown: list[Fit] = []
             gain = 0.0
+            self.untried = []
             for fit in beam:
                 more = self.expand(fit, pool)
                 grown += more
@@ -168,7 +173,7 @@ class Selection:
             self.seen += grown
             if gain < max(MARGIN, LEAST * self.potential(best, stages)):
                 break
-            beam = self._promising(self._settled(_distinct(grown)), best)
+            beam = self._promising(self._kept(self._settled(_distinct(grown)), best, gain), best)
             best = beam[0]
         return best
 
@@ -216,6 +221,21 @@ class Selection:
         self.problem.stages.tune(self.problem.fields(even[0].model, even[0].z))
         return [*even, *fits[len(even) :]]
 
+    def _kept(self, fits: list[Fit], before: Fit, gain: float) -> list[Fit]:
+        """Return fits, the best first, with others before a leader whose gain does not last.
+
+        A predictor that is tuned to a model without the effect can favour one that only dulls it.
+        """
+        own = retuned(self.problem, fits[0])
+        if evidence(self.problem, own) - evidence(self.problem, before) > HOLLOW * gain:
+            return [own, *fits[1:]]
+        self.untried.sort(key=lambda f: -evidence(self.problem, f))
+        trials = [own, *fits[1:SHORT_LIST], *self.untried[:SHORT_LIST]]
+        tuned = [own, *(retuned(self.problem, fit) for fit in trials[1:])]
+        self.seen += tuned
+        worth = {id(own): evidence(self.problem, own) for own in tuned}
+        return sorted(tuned, key=lambda f: -worth[id(f)])
+
     def _sharpness(self) -> float:
         """Return the log evidence that the present predictors gain by expecting small errors."""
         gains = self.problem.stages.gains
@@ -236,10 +256,9 @@ class Selection:
     def expand(self, fit: Fit, pool: Sequence[Hypothesis]) -> list[Fit]:
         """Return the best fits with one effect more than a fit has."""
         quick = self.rough(fit, pool)
-        return [
-            self.problem.fit(f.model, f.z, TRIAL_MOVES, f.jacobian)
-            for f in self._short_list(quick, fit)
-        ]
+        chosen = self._short_list(quick, fit)
+        self.untried += [f for f in quick if f not in chosen][:SHORT_LIST]
+        return [self.problem.fit(f.model, f.z, TRIAL_MOVES, f.jacobian) for f in chosen]
 
     def rough(self, fit: Fit, pool: Sequence[Hypothesis]) -> list[Fit]:
         """Return rough fits with one effect more, the best first."""
