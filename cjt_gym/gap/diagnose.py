@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -38,6 +38,7 @@ from cjt_gym.gap.joint_file import identified_joint
 from cjt_gym.gap.localize import where
 from cjt_gym.gap.missing import not_judged, same_here, undecided
 from cjt_gym.gap.prune import Need
+from cjt_gym.gap.refine import settled
 from cjt_gym.gap.select import BEYOND, MARGIN, Progress, evidence, silent
 from cjt_gym.gap.sensing import SensorFinding
 from cjt_gym.gap.setting import Setting, as_noisy, make_setting
@@ -52,6 +53,8 @@ TAIL = 0.2
 """Share of a record, its end, that is kept for the replay where there is no second record."""
 WITHIN = 2.5
 """Deviations of a datasheet value that count as its tolerance."""
+FAR = 3.0
+"""Residual within tolerances, as a multiple of noise, from which there is a gap."""
 EVEN_CHANCE = 0.5
 """Confidence below which no effect counts as confirmed."""
 KNOWN = 0.7
@@ -206,9 +209,15 @@ def _report(
     # Where nothing is named, nothing is said to explain: the nominal joint stays, its values
     # refined within their tolerances where that leaves no gap.
     explains = bool(named)
+    if not explains and not found.left:
+        found = replace(found, left=_beyond_tolerance(problem.mean_square(all_before)))
     refined = explains or not found.left
     fit = found.fit if explains else found.base
+    if refined:
+        fit = settled(problem, fit, spread if explains else covariance(problem, fit))
     gap = _gap(found, settings, held_out, fit if refined else None)
+    if not explains and gap.removed < 0.0:
+        refined, gap = False, _gap(found, settings, held_out, None)
     if gap.high < -HARM:  # whatever each is worth, together they do not make the joint
         named = tuple(_doubted(effect) for effect in named)
     left = found.left if explains else untouched(found.left)
@@ -266,6 +275,13 @@ def _within_tolerance(found: Explanation) -> Fields:
     limited = np.array(held) | np.array(sensor)
     z[limited] = np.clip(z[limited], -WITHIN, WITHIN)
     return problem.fields(Model(), z)
+
+
+def _beyond_tolerance(mean_square: Mapping[str, float]) -> tuple[Leftover, ...]:
+    """Return the stages that only values beyond their tolerances would explain, the worst first."""
+    far = [(ms, name) for name, ms in mean_square.items() if ms > FAR**2]
+    text = "datasheet values that are further off than their tolerances"
+    return tuple(Leftover(name, 1.0, text) for _, name in sorted(far, reverse=True))
 
 
 def _nominal_fields(found: Explanation) -> Fields:

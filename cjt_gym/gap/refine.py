@@ -1,0 +1,79 @@
+"""Datasheet values settled by the replay, where the predictors leave them open.
+
+A predictor is corrected at every sample, so that it hardly feels a resonance that is a little off;
+a replay of a little-damped joint feels nothing else. What the record tells through the predictors
+stays: values move within their covariance, and only as far as the replay of the fitted record,
+never of one that is kept for the test, asks for it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cjt_gym.gap.fit import DEFLATION, STEP, Fit, Problem
+from cjt_gym.gap.intervals import Covariance
+from cjt_gym.gap.shrink import compared, main_channel
+
+Floats = NDArray[np.float64]
+MOVES = 6
+WORTH = 0.9
+"""Factor on the replay error below which a refinement is taken."""
+
+
+def settled(problem: Problem, fit: Fit, spread: Covariance) -> Fit:
+    """Return a fit whose datasheet values are those that replay the fitted record best.
+
+    Args:
+        problem: The record.
+        fit: The explanation.
+        spread: Covariance of its coordinates, shape (p, p).
+    """
+    setting = problem.stages.setting
+    known = setting.joint.parameters.quantities
+    free = [k for k, n in enumerate(problem.shared) if n.field in known and not n.unknown.flat]
+    if not setting.has_spring or not free:
+        return fit
+    channel = main_channel(setting)
+    precision = np.linalg.inv(spread.matrix)[np.ix_(free, free)]
+
+    def error(move: Floats) -> Floats:
+        z = fit.z.copy()
+        z[free] += move
+        signal, model = compared(setting, problem.fields(fit.model, z))[channel]
+        return model - signal
+
+    def cost(e: Floats, move: Floats) -> float:
+        ms = float(e @ e) / len(e)
+        penalty = 0.5 * float(move @ precision @ move)
+        return len(e) / DEFLATION * float(np.log(max(ms, 1e-300))) + penalty
+
+    move = np.zeros(len(free))
+    e = first = error(move)
+    best, damping = cost(e, move), 1e-2
+    for _ in range(MOVES if np.isfinite(best) else 0):
+        steps = [error(move + STEP * unit) for unit in np.eye(len(free))]
+        jacobian = (np.stack(steps, axis=1) - e[:, None]) / STEP
+        weight = 2.0 / DEFLATION * len(e) / max(float(e @ e), 1e-300)
+        hessian = weight * jacobian.T @ jacobian + precision
+        gradient = weight * jacobian.T @ e + precision @ move
+        if not np.isfinite(hessian).all():
+            break
+        for _ in range(5):
+            change = -np.linalg.solve(hessian + damping * np.diag(np.diag(hessian)), gradient)
+            trial = error(move + change)
+            value = cost(trial, move + change)
+            if value < best:
+                break
+            damping *= 10.0
+        else:
+            break
+        gain, best, move, e = best - value, value, move + change, trial
+        damping /= 10.0
+        if gain < 1.0:
+            break
+    if not float(np.linalg.norm(e)) < WORTH * float(np.linalg.norm(first)):
+        return fit
+    z = fit.z.copy()
+    z[free] += move
+    return problem.fit(fit.model, z, moves=0)
