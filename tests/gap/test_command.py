@@ -141,6 +141,7 @@ def broken(place: Path) -> None:
     """Fill a folder with what people hand in by mistake."""
     length = len(simulate(seconds=1.0))
     change(place, "good.csv")
+    change(place, "degrees.csv", q_m=np.degrees(simulate(seconds=1.0)["q_m"]))
     change(place, "no_angle.csv", q_m=None, q_l=None, tau=None)
     change(place, "no_drive.csv", i=None, i_cmd=None)
     nothing = np.full(length, np.nan)
@@ -171,6 +172,7 @@ BROKEN = [
     (["good.csv", "--joint", "bad.toml"], "TOML"),
     (["good.csv", "--joint", "odd.toml"], "speed"),
     (["good.csv", "--joint", "poor.toml"], "needed and absent"),
+    (["degrees.csv", *J], "180/pi"),
     (["no_angle.csv", *J], "q_m"),
     (["no_drive.csv", *J], "i_cmd"),
     (["nothing_there.csv", *J], "q_m"),

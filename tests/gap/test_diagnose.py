@@ -22,6 +22,10 @@ KEYS = {
     "unexplained",
     "suggestion",
     "seconds",
+    "joint",
+    "structure",
+    "fitted",
+    "held_out",
 }
 
 
