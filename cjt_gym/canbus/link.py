@@ -19,7 +19,7 @@ from threadpoolctl import threadpool_limits
 from cjt_gym.canbus.config import BusSettings
 from cjt_gym.errors import ConfigurationError, HardwareError
 
-SPIN = 2e-4
+SPIN = 1e-4
 """Time before a deadline from which it is awaited without sleeping [s]."""
 SWITCH = 2e-4
 """Time after which the interpreter lets another thread run while the loop runs [s]."""

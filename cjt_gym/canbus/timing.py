@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-PERCENTILES = (50.0, 90.0, 99.0, 99.9, 100.0)
+PERCENTILES = (50.0, 90.0, 99.0, 99.9, 99.99, 100.0)
 
 
 @dataclass

@@ -2,28 +2,33 @@
 
     python -m tests.canbus.soak --seconds 3600 --rate 1000 --priority 40
 
-The emulator serves socketcand on this machine; the loop runs PD control of a smooth reference. A
-fault ends a run; the next one begins, and its kind is counted.
+The emulator serves socketcand on this machine; the loop runs PD control of a smooth reference and
+writes its record. A fault ends a run; the next one begins, and its kind is counted. Beside the
+percentiles stand the worst seconds, with the time that the host of a virtual machine took from it
+in each (steal) and how busy its processors were: so a late loop can be told from a late machine.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import os
 import socket
 import subprocess
 import sys
 import tempfile
+import threading
 import time
-from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from cjt_gym.baselines import make_controller
+from cjt_gym.baselines import Controller, make_controller
 from cjt_gym.canbus.config import HardwareConfig, load_hardware
 from cjt_gym.canbus.plant import CanPlant
 from cjt_gym.canbus.safety import HardwareFault
@@ -36,6 +41,9 @@ MAIN = "import sys; from cjt_gym.cli import main; sys.exit(main())"
 AMPLITUDE = 10.0
 PIECE = 10.0
 """Length of the reference, which is repeated [s]."""
+WORST = 5
+"""Seconds that are shown one by one."""
+STAT = Path("/proc/stat")
 
 
 def free_port() -> int:
@@ -62,67 +70,216 @@ def emulator(path: Path, *words: str) -> Iterator[subprocess.Popen[str]]:
         process.communicate(timeout=10.0)
 
 
-def soak(given: HardwareConfig, seconds: float) -> dict[str, Any]:
-    """Run so long and return what was counted and measured."""
+@dataclass
+class Machine:
+    """What the processors did, looked at once per second; nothing where the system cannot say.
+
+    Attributes:
+        looks: Time [s], busy, idle and stolen time of all processors since they started [s].
+    """
+
+    looks: list[tuple[float, float, float, float]] = field(default_factory=list)
+
+    @contextmanager
+    def watched(self) -> Iterator[None]:
+        """Look while the code within runs."""
+        stopped = threading.Event()
+
+        def look() -> None:
+            while True:
+                self._look()
+                if stopped.wait(1.0):
+                    return
+
+        thread = threading.Thread(target=look, name="machine", daemon=True)
+        if STAT.exists():
+            thread.start()
+        try:
+            yield
+        finally:
+            stopped.set()
+            if thread.is_alive():
+                thread.join()
+            self._look()
+
+    def _look(self) -> None:
+        if STAT.exists():
+            now, words = time.perf_counter(), STAT.read_text().split("\n", 1)[0].split()[1:9]
+            user, nice, system, idle, waiting, *interrupts, steal = (
+                int(word) / os.sysconf("SC_CLK_TCK") for word in words
+            )
+            busy = user + nice + system + sum(interrupts)
+            self.looks.append((now, busy, idle + waiting, steal))
+
+    def shares(self) -> dict[str, float]:
+        """Return the shares of the processors' time that were busy and stolen."""
+        if len(self.looks) < 2:
+            return {}
+        _, busy, idle, steal = np.subtract(self.looks[-1], self.looks[0])
+        total = max(busy + idle + steal, 1e-9)
+        return {"busy": round(busy / total, 4), "steal": round(steal / total, 4)}
+
+    def worst(
+        self, times: NDArray[np.float64], lateness: NDArray[np.float64]
+    ) -> list[dict[str, float]]:
+        """Return the seconds with the latest commands, the latest first."""
+        looks = np.array(self.looks)
+        if len(looks) < 2:
+            return []
+        at = np.clip(np.searchsorted(looks[:, 0], times) - 1, 0, len(looks) - 2)
+        most = np.zeros(len(looks) - 1)
+        np.maximum.at(most, at, lateness)
+        rows = []
+        for k in np.argsort(most)[::-1][:WORST]:
+            _, busy, idle, steal = looks[k + 1] - looks[k]
+            rows.append(
+                {
+                    "second": round(float(looks[k, 0] - looks[0, 0]), 1),
+                    "latest_us": round(float(most[k]) * 1e6, 1),
+                    "steal_ms": round(float(steal) * 1e3),
+                    "busy": round(float(busy / max(busy + idle + steal, 1e-9)), 3),
+                }
+            )
+        return rows
+
+
+@dataclass
+class Tally:
+    """What came of all runs of a soak.
+
+    Attributes:
+        steps: Control steps.
+        rows: Rows of the records on disk.
+        squares: Sum of the squared tracking errors [N^2 m^2].
+        faults: Kind and text of every fault.
+        times: Times of every control step, by name [s]; "at" is its deadline.
+    """
+
+    steps: int = 0
+    rows: int = 0
+    squares: float = 0.0
+    faults: list[str] = field(default_factory=list)
+    times: dict[str, list[NDArray[np.float64]]] = field(default_factory=dict)
+
+    def add(self, began: float, plant: CanPlant, record: Path) -> None:
+        """Add a run that has ended."""
+        given = {name: np.array(values) for name, values in vars(plant.timing).items()}
+        given["at"] = began + plant.dt * np.arange(len(given["lateness"]))
+        for name, values in given.items():
+            self.times.setdefault(name, []).append(values)
+        self.steps += len(given["lateness"])
+        if record.exists():
+            with record.open("rb") as file:
+                self.rows += sum(1 for _ in file) - 1
+            record.unlink()
+            record.with_suffix(".toml").unlink()
+
+    def of(self, name: str) -> NDArray[np.float64]:
+        """Return the times of one kind of all runs [s]."""
+        return np.concatenate(self.times.get(name, [np.zeros(0)]))
+
+
+def soak(given: HardwareConfig, seconds: float, folder: Path, served_by: int) -> dict[str, Any]:
+    """Run so long and return what was counted and measured.
+
+    Args:
+        given: The joint on its bus.
+        seconds: How long, counted from the first control step [s].
+        folder: Where the record lies meanwhile.
+        served_by: Number of the emulator's process.
+    """
     law = make_controller("pd_feedforward", given.joint, given.dt)
     (signal,) = make_signals("smooth", AMPLITUDE)
     reference = signal.torque(np.arange(round(PIECE / given.dt)) * given.dt)
-    faults: Counter[str] = Counter()
-    times: dict[str, list[float]] = {"lateness": [], "ages": [], "answers": []}
-    end, squares = time.monotonic() + seconds, []
-    while time.monotonic() < end:
-        plant = CanPlant(given)
-        try:
-            with plant:
-                plant.connect()
-                plant.arm()
-                measured = plant.reset()
-                law.act(measured, reference[:1])
-                law.reset()
-                k = 0
-                while time.monotonic() < end:
-                    wanted = reference[k % len(reference) :][:1]
-                    squares.append(float(wanted[0] - measured.tau[0]) ** 2)
-                    measured = plant.step(law.act(measured, wanted), float(wanted[0]))
-                    k += 1
-        except HardwareFault as fault:
-            faults[fault.fault.kind] += 1
-        for name, values in vars(plant.timing).items():
-            times[name] += list(values)
+    tally, machine = Tally(), Machine()
+    _warm_up(given, law, reference)
+    end = time.monotonic() + seconds
+    used = np.array([_cpu(os.getpid()), _cpu(served_by)])
+    with machine.watched():
+        while time.monotonic() < end:
+            record, began = folder / "soak.csv", time.perf_counter()
+            plant = CanPlant(given, record=record)
+            try:
+                with plant:
+                    plant.connect()
+                    plant.arm()
+                    measured = plant.reset()
+                    law.reset()
+                    k, began = 0, time.perf_counter()
+                    while time.monotonic() < end:
+                        wanted = reference[k % len(reference) :][:1]
+                        error = float(wanted[0] - measured.tau[0])
+                        tally.squares += error * error
+                        measured = plant.step(law.act(measured, wanted), float(wanted[0]))
+                        k += 1
+            except HardwareFault as fault:
+                tally.faults.append(str(fault))
+            tally.add(began, plant, record)
+        used = (np.array([_cpu(os.getpid()), _cpu(served_by)]) - used) / seconds
     return {
         "seconds": seconds,
         "rate_hz": round(1.0 / given.dt),
-        "steps": len(squares),
-        "rmse": float(np.sqrt(np.mean(squares))),
-        "faults": dict(faults),
-        **{
-            f"{name}_us": {
-                f"p{p:g}": round(float(np.percentile(values, p)) * 1e6, 1) for p in PERCENTILES
-            }
-            for name, values in times.items()
-            if values
-        },
+        "protocol": given.drive.protocol,
+        "priority": given.priority,
+        "steps": tally.steps,
+        "rows_missing": tally.steps + len(tally.faults) - tally.rows,
+        "rmse": float(np.sqrt(tally.squares / max(tally.steps, 1))),
+        "faults": tally.faults,
+        "cpu_of_loop": round(float(used[0]), 3),
+        "cpu_of_emulator": round(float(used[1]), 3),
+        "machine": machine.shares(),
+        **{f"{name}_us": _percentiles(tally.of(name)) for name in ("lateness", "ages", "answers")},
+        "worst_seconds": machine.worst(tally.of("at"), tally.of("lateness")),
     }
+
+
+def _warm_up(given: HardwareConfig, law: Controller, reference: NDArray[np.float64]) -> None:
+    """Let everything be compiled, without moving the joint."""
+    with CanPlant(given) as plant:
+        plant.connect()
+        plant.arm()
+        law.act(plant.reset(), reference[:1])
+
+
+def _cpu(process: int) -> float:
+    """Return the processor time that a process has used [s], NaN where the system cannot say."""
+    stat = Path(f"/proc/{process}/stat")
+    if not stat.exists():
+        return float("nan")
+    words = stat.read_text().rsplit(")", 1)[1].split()
+    return (int(words[11]) + int(words[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def _percentiles(values: NDArray[np.float64]) -> dict[str, float]:
+    if not len(values):
+        return {}
+    found = np.percentile(values, PERCENTILES) * 1e6
+    return {f"p{p:g}": round(float(v), 1) for p, v in zip(PERCENTILES, found, strict=True)}
+
+
+def soaked(seconds: float, rate: float, priority: int | None, protocol: str) -> dict[str, Any]:
+    """Serve an emulated joint in another process, run against it, and return the result."""
+    second = {"value": 0.02, "unit": "s"}
+    control = {"rate_hz": rate, "missed": 20, "overrun": second, "watchdog": second}
+    if priority is not None:
+        control["priority"] = priority
+    bus = {"interface": "socketcand", "channel": "can0", "port": free_port()}
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "joint.toml"
+        path.write_text(toml(document(bus=bus, drive=DRIVES[protocol], control=control)))
+        with emulator(path) as process:
+            return soak(load_hardware(path), seconds, Path(folder), process.pid)
 
 
 def main() -> None:
     """Run and print the result."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--seconds", type=float, default=3600.0)
-    parser.add_argument("--rate", type=float, default=1000.0)
-    parser.add_argument("--priority", type=int)
+    parser.add_argument("--rate", type=float, default=1000.0, help="[Hz]")
+    parser.add_argument("--priority", type=int, help="real-time priority of both processes")
     parser.add_argument("--protocol", default="mit", choices=list(DRIVES))
     options = parser.parse_args()
-    second = {"value": 0.02, "unit": "s"}
-    control = {"rate_hz": options.rate, "missed": 20, "overrun": second, "watchdog": second}
-    if options.priority is not None:
-        control["priority"] = options.priority
-    bus = {"interface": "socketcand", "channel": "can0", "port": free_port()}
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "joint.toml"
-        path.write_text(toml(document(bus=bus, drive=DRIVES[options.protocol], control=control)))
-        with emulator(path):
-            result = soak(load_hardware(path), options.seconds)
+    result = soaked(options.seconds, options.rate, options.priority, options.protocol)
     sys.stdout.write(json.dumps(result, indent=1) + "\n")
 
 
