@@ -201,6 +201,12 @@ def parse_hardware(document: Table, origin: str, folder: Path) -> HardwareConfig
     control = check_keys(document["control"], CONTROL, owner)
     dt = 1.0 / number(control, "rate_hz", owner, "Hz", high=20e3)
     watchdog = quantity(control, "watchdog", owner, "s", low=dt, high=1.0, default=WATCHDOG * dt)
+    overrun = quantity(control, "overrun", owner, "s", low=0.0, high=1.0, default=dt)
+    if overrun > watchdog:
+        raise ConfigurationError(
+            f"overrun of {owner} must be <= watchdog, {watchdog:.4g} s, after which the drive "
+            f"stops by itself, got {overrun:g} s. Give a longer watchdog, too."
+        )
     torque = text(control, "torque", owner, "auto")
     if torque not in TORQUES:
         raise ConfigurationError(f"torque of {owner} must be one of {TORQUES}, got {torque!r}.")
@@ -219,7 +225,7 @@ def parse_hardware(document: Table, origin: str, folder: Path) -> HardwareConfig
         dt=dt,
         priority=whole(control, "priority", owner, 1, 99, default=None),
         missed=whole(control, "missed", owner, 0, 100, default=1),
-        overrun=quantity(control, "overrun", owner, "s", low=0.0, high=1.0, default=dt),
+        overrun=overrun,
         soft=quantity(control, "soft", owner, "s", low=0.0, high=10.0, default=0.1),
         torque=torque,
         limits=limits,

@@ -51,6 +51,7 @@ class Node:
 
     Attributes:
         name: Its name in the configuration.
+        address: Its number on the bus.
         master: Its protocol.
         mode: The mode it showed last, or None.
         error: The error it showed last.
@@ -59,7 +60,7 @@ class Node:
     """
 
     def __init__(self, settings: NodeSettings) -> None:
-        self.name = settings.name
+        self.name, self.address = settings.name, settings.settings.node
         self.master: Master = protocol_of(settings.protocol).master(settings.settings)
         self.mode: Mode | None = None
         self.error, self.text = 0, ""

@@ -7,9 +7,7 @@ import gc
 import math
 import sys
 import threading
-from collections.abc import Mapping, Sequence
-from functools import cache
-from importlib.metadata import version
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Self, final
 
@@ -17,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.canbus.config import HardwareConfig
-from cjt_gym.canbus.journal import Journal
-from cjt_gym.canbus.link import Arrival, BusLink, Link, open_bus, quiet_machine
+from cjt_gym.canbus.dialogue import LOOKS, Dialogue
+from cjt_gym.canbus.link import BusLink, Link, open_bus, quiet_machine
 from cjt_gym.canbus.lock import NodeLock
-from cjt_gym.canbus.nodes import Node, Nodes
-from cjt_gym.canbus.protocols.contract import Step
+from cjt_gym.canbus.nodes import Nodes
+from cjt_gym.canbus.run_record import RunRecord, versions
 from cjt_gym.canbus.safety import Fault, Guard, HardwareFault, Seen, State
 from cjt_gym.canbus.sense import Sense
 from cjt_gym.canbus.timing import Timing
@@ -29,18 +27,6 @@ from cjt_gym.errors import HardwareError, ProtocolError
 from cjt_gym.plant import Limits, Measurement
 
 Floats = NDArray[np.float64]
-PATIENCE = 0.5
-"""Time for which a first report of every channel is awaited [s]."""
-AFTERWARDS = 2
-"""Control steps for which switching off is repeated after a fault."""
-LOOKS = 4
-"""Looks per control step at whether the loop still runs."""
-
-
-@cache
-def _versions() -> dict[str, str]:
-    """Return the versions of what makes a record; the first call takes long."""
-    return {name: version(name) for name in ("cjt-gym", "numpy", "python-can")}
 
 
 @final
@@ -78,12 +64,13 @@ class CanPlant:
         self.config = config
         self.nodes = Nodes.of(config)
         self.sense = Sense(config, frozenset(self.nodes.latest))
-        self.guard = Guard(config.limits, config.dt, config.soft)
+        self.guard = Guard(config.limits, config.dt, config.soft, config.overrun)
         self.timing = Timing()
-        self._given, self._link = link, link
-        self._record, self._facts = record, facts
-        _versions()
-        self._journal: Journal | None = None
+        self._is_given = link is not None
+        self._dialogue = None if link is None else Dialogue(link, self.nodes)
+        self._path, self._facts = record, facts
+        self._record: RunRecord | None = None
+        versions()
         self._node_lock: NodeLock | None = None
         self._lock = threading.RLock()
         self._quiet: contextlib.ExitStack | None = None
@@ -113,9 +100,13 @@ class CanPlant:
         Raises:
             HardwareError: It is not connected.
         """
-        if self._link is None:
+        return self._talk.link
+
+    @property
+    def _talk(self) -> Dialogue:
+        if self._dialogue is None:
             raise HardwareError("The joint is not connected. Call connect() first.")
-        return self._link
+        return self._dialogue
 
     @property
     def state(self) -> State:
@@ -140,18 +131,18 @@ class CanPlant:
             HardwareError: Another process commands the drive, or a node does not answer.
             ConfigurationError: The bus cannot be opened.
         """
-        if self._given is None:
+        if not self._is_given:
             self._node_lock = NodeLock(self.config.bus.identity, self.config.drive.settings.node)
             try:
-                self._link = BusLink(open_bus(self.config.bus))
+                self._dialogue = Dialogue(BusLink(open_bus(self.config.bus)), self.nodes)
             except BaseException:
                 self._node_lock.release()
                 raise
         self.link.watch(self._supervise, self.dt / LOOKS)
         try:
             for node in self.nodes.all:
-                self._perform(node, node.master.configure())
-            self._listen()
+                self._talk.perform(node, node.master.configure())
+            self._talk.listen()
         except BaseException:
             self._release()
             raise
@@ -166,8 +157,8 @@ class CanPlant:
         if isinstance(self.link, BusLink):
             gc.collect()  # now, for it is kept out of the run
         for node in self.nodes.all:
-            self._perform(node, node.master.clear())
-        self._listen()
+            self._talk.perform(node, node.master.clear())
+        self._talk.listen()
         seen = self._seen(self._completed(), 0.0)
         trouble = self.nodes.trouble(is_on=False) or self.guard.check(seen)
         if trouble is not None:
@@ -190,7 +181,7 @@ class CanPlant:
                 f"The joint must be armed before it is moved, it is {self.state.value}. Call "
                 "arm(), or give --arm."
             )
-        self._listen()
+        self._talk.listen()
         self.sense.zero(self.nodes.values())
         self._full = self._completed()
         self._k = 0
@@ -216,11 +207,10 @@ class CanPlant:
         elif self.state is not State.RUNNING:
             self._raise()
         lateness = self.link.now() - self._due
-        allowed = self.guard.allowed(float(np.asarray(command).reshape(-1)[0]))
+        late = self.guard.late(lateness)
+        allowed = late or self.guard.allowed(float(np.asarray(command).reshape(-1)[0]))
         with self._lock:
-            if lateness > self.config.overrun:
-                self._trip(self._overrun(lateness))
-            elif isinstance(allowed, Fault):
+            if isinstance(allowed, Fault):
                 self._trip(allowed)
             self._raise_if_tripped()
             assert isinstance(allowed, float)
@@ -262,7 +252,7 @@ class CanPlant:
 
         The run ends softly; while an exception is on its way it ends at once, as with any fault.
         """
-        if self.state is State.DISCONNECTED or self._link is None:
+        if self.state is State.DISCONNECTED or self._dialogue is None:
             return
         error = sys.exc_info()[1]
         try:
@@ -272,7 +262,7 @@ class CanPlant:
                 interrupted = isinstance(error, KeyboardInterrupt | SystemExit)
                 kind = "interrupt" if interrupted else "exception"
                 self._trip(Fault(kind, f"{type(error).__name__}: {error}.", self._now()))
-                self._repeat_off()
+                self._talk.repeat_off()
         finally:
             self._end()
             self._release()
@@ -292,13 +282,16 @@ class CanPlant:
         self._quiet = contextlib.ExitStack()
         if isinstance(self.link, BusLink):
             self._quiet.enter_context(quiet_machine(self.config.priority))
-        if self._record is not None and self._journal is None:
-            self._journal = self._begin_record(self._record)
+        if self._path is not None and self._record is None:
+            hot = "temperature" in self.nodes.latest
+            self._record = RunRecord(
+                self._path, self.config, self.sense, self._tau_ref, hot, self._facts
+            )
         self.guard.move(State.RUNNING)
         self._due = math.inf
         try:
             master = self.nodes.drive.master
-            self._perform(self.nodes.drive, [*master.clear(), *master.enable()])
+            self._talk.perform(self.nodes.drive, [*master.clear(), *master.enable()])
         except HardwareError as error:
             self._trip(Fault("drive", str(error), self._now()))
             self._raise()
@@ -359,31 +352,22 @@ class CanPlant:
         }
         return Seen(known, self.nodes.ages(self._now()), elapsed)
 
-    def _overrun(self, lateness: float) -> Fault:
-        most = self.config.overrun * 1e3
-        text = f"The loop must be back within {most:.3g} ms of its deadline, it was "
-        return Fault("overrun", f"{text}{lateness * 1e3:.3g} ms late.", self._now())
-
     # ---- faults
     def _supervise(self, now: float) -> None:
         """Take the torque away where the loop does not come back; called all the time."""
-        late = now - self._due
-        if self.state is State.RUNNING and late > self.config.overrun:
-            self._trip(self._overrun(late))
+        late = self.guard.late(now - self._due)
+        if self.state is State.RUNNING and late is not None:
+            self._trip(late)
 
     def _trip(self, fault: Fault) -> None:
         """Switch off because of a fault, once, and complete the record."""
         with self._lock:
             if not self.guard.trip(fault):
                 return
-            self._switch_off()
+            self._talk.switch_off()
             if self._full:
                 self._note(0.0, 0.0)
             self._end(fault={"kind": fault.kind, "text": fault.text})
-
-    def _switch_off(self) -> None:
-        with contextlib.suppress(HardwareError, ProtocolError):
-            self.link.send(self.nodes.drive.master.disable())
 
     def _raise_if_tripped(self) -> None:
         if self.state is State.FAULT:
@@ -397,135 +381,32 @@ class CanPlant:
                 f"A joint that is {self.state.value} does not take commands. Call connect(), "
                 "arm() and reset() first."
             )
-        self._repeat_off()
+        self._talk.repeat_off()
         raise HardwareFault(fault)
-
-    def _repeat_off(self) -> None:
-        """Switch off some more times, should a frame have been lost."""
-        for _ in range(AFTERWARDS):
-            self._switch_off()
-            self.link.wait_until(self._now() + self.dt)
-
-    # ---- frames
-    def _perform(self, node: Node, steps: Sequence[Step]) -> None:
-        """Take steps one by one, each confirmed by the node; each is tried twice."""
-        for step in steps:
-            if not (self._try(step) or self._try(step)):
-                raise HardwareError(
-                    f"{node.name} (node {self._address(node)}) did not confirm: {step.text}. Check "
-                    "that it is powered, and its protocol, number and bit rate."
-                )
-
-    def _address(self, node: Node) -> int:
-        return next(n.settings.node for n in self.config.nodes if n.name == node.name)
-
-    def _try(self, step: Step) -> bool:
-        self.nodes.hear(self.link.receive())
-        self.link.send(step.frames)
-        if step.confirmed is None:
-            return True
-        end = self._now() + step.timeout
-        again = self._now() + self.dt
-        while self._now() < end:
-            if step.meanwhile and self._now() >= again:
-                self.link.send(step.meanwhile)
-                again += self.dt
-            self.link.wait_until(self._now() + self.dt / LOOKS)
-            arrivals = self.link.receive()
-            self.nodes.hear(arrivals)
-            if self._is_confirmed(step, arrivals):
-                return True
-        return False
-
-    def _is_confirmed(self, step: Step, arrivals: Sequence[Arrival]) -> bool:
-        assert step.confirmed is not None
-        try:
-            return any(step.confirmed(arrival.message) for arrival in arrivals)
-        except ProtocolError as error:
-            raise HardwareError(f"{step.text}: {error}") from error
-
-    def _listen(self) -> None:
-        """Poll until every channel is fresh.
-
-        Raises:
-            HardwareError: One stays away.
-        """
-        self.nodes.hear(self.link.receive())  # what came while nobody listened
-        end = self._now() + PATIENCE
-        missing = [""]
-        while missing and self._now() < end:
-            self.link.send(self.nodes.poll())
-            self.link.wait_until(self._now() + self.dt)
-            self.nodes.hear(self.link.receive())
-            ages = self.nodes.ages(self._now())
-            missing = [name for name, (age, oldest) in ages.items() if age > oldest]
-        if missing:
-            raise HardwareError(
-                f"Nothing fresh was heard of {', '.join(missing)} within {PATIENCE:g} s. Check "
-                "that the nodes are powered, and what they are set to report."
-            )
 
     def _now(self) -> float:
         return self.link.now()
 
     # ---- the record
-    def _begin_record(self, path: str | Path) -> Journal:
-        joint = self.config.joint
-        names = self.sense.measured
-        self._columns = ["t", "i_cmd", "tau_cmd", *names, "age", "lateness"]
-        if math.isfinite(self._tau_ref):
-            self._columns.append("tau_ref")
-        if "temperature" in self.nodes.latest:
-            self._columns.append("temperature")
-        self._per_ampere = joint.parameters.k_t * joint.parameters.n
-        drive = self.config.drive
-        facts = {
-            "joint": joint.parameters.name,
-            "structure": joint.structure,
-            "parameter_hash": joint.file.hash_hex(),
-            "versions": _versions(),
-            "sensors": {n: v for n, v in joint.file.sensors.items() if n in names},
-            "provenance": {
-                "kind": "hardware",
-                "protocol": drive.protocol,
-                "node": drive.settings.node,
-                "bus": self.config.bus.identity,
-                "torque": self.sense.torque,
-                **self._facts,
-            },
-        }
-        return Journal(path, self._columns, self.dt, facts)
-
     def _note(self, torque: float, lateness: float) -> None:
-        """Append a row: what was measured at a deadline, and what was commanded there."""
-        if self._journal is None:
-            return
-        row = {
-            **self._full,
-            "t": self._k * self.dt,
-            "tau_cmd": torque,
-            "i_cmd": torque / self._per_ampere,
-            "tau_ref": self._tau_ref,
-            "age": self.age(),
-            "lateness": lateness,
-        }
-        self._journal.write([row[name] for name in self._columns])
+        """Append a row to the record."""
+        if self._record is not None:
+            age = self.age()
+            self._record.note(self._k, self._full, torque, self._tau_ref, age, lateness)
 
     def _end(self, **known: Any) -> None:
         """Complete the record of a run and let the machine be as it was."""
         if self._quiet is not None:
             quiet, self._quiet = self._quiet, None
             quiet.close()
-        if self._journal is not None:
-            timing = self.timing.summary()
-            delays = self.timing.delay(self.dt)
-            self._journal.close(timing_us=timing, delays_s=delays, **known)
-            self._journal, self._record = None, None
+        if self._record is not None:
+            self._record.close(self.timing, **known)
+            self._record, self._path = None, None
 
     def _release(self) -> None:
-        if self._given is None and self._link is not None:
-            self._link.close()
-            self._link = None
+        if not self._is_given and self._dialogue is not None:
+            self._dialogue.link.close()
+            self._dialogue = None
         if self._node_lock is not None:
             self._node_lock.release()
             self._node_lock = None

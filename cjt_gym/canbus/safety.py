@@ -135,6 +135,11 @@ JUMP = 3.0
 WANTED, MADE, DEAF = 0.05, 0.1, 10
 """A drive is deaf if it makes less than the share `MADE` of a commanded current that is more than
 the share `WANTED` of the limit, for so many control steps in a row."""
+REMEDY = (
+    "Where other programs hold the loop up: lower rate_hz, give it real-time priority or a quieter "
+    "machine, or allow more in [control] with"
+)
+"""What helps against a loop that is late, but for the name of the allowance."""
 OUT_OF_SPACE = 1e-6
 """Rounding that an action may be out of its space by."""
 
@@ -147,12 +152,13 @@ class Guard:
         limits: The limits.
         dt: Control step [s].
         soft: Time over which torque is given at the start and taken at the end [s].
+        overrun: Time by which a command may be late [s].
         state: State of the joint.
         fault: What ended the run, or None.
     """
 
-    def __init__(self, limits: SafetyLimits, dt: float, soft: float) -> None:
-        self.limits, self.dt, self.soft = limits, dt, soft
+    def __init__(self, limits: SafetyLimits, dt: float, soft: float, overrun: float) -> None:
+        self.limits, self.dt, self.soft, self.overrun = limits, dt, soft, overrun
         self.state = State.DISCONNECTED
         self.fault: Fault | None = None
         self._steps = 0
@@ -205,6 +211,16 @@ class Guard:
         self._steps += 1
         return self._last
 
+    def late(self, lateness: float) -> Fault | None:
+        """Return the fault of a command that is late by more than it may [s], or None."""
+        if lateness <= self.overrun:
+            return None
+        return Fault(
+            "overrun",
+            f"The loop must be back within {self.overrun * 1e3:.3g} ms of its deadline, it was "
+            f"{lateness * 1e3:.3g} ms late. {REMEDY} overrun and watchdog.",
+        )
+
     def fading(self) -> Iterator[float]:
         """Yield the motor torques that take the last one softly to zero [N m], step by step."""
         begin, steps = self._last, max(1, round(self.soft / self.dt))
@@ -222,7 +238,7 @@ class Guard:
                 return Fault(
                     "missing",
                     f"The latest report of {name} must be younger than {oldest * 1e3:.3g} ms, got "
-                    f"{age * 1e3:.3g} ms.",
+                    f"{age * 1e3:.3g} ms. {REMEDY} missed.",
                 )
         return None
 

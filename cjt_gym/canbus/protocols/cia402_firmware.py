@@ -25,10 +25,11 @@ from cjt_gym.canbus.protocols.cia402_objects import (
     State,
     object_dictionary,
 )
-from cjt_gym.canbus.protocols.contract import NO_CHANNELS, Fault, Mode, Settings, frame_of
+from cjt_gym.canbus.protocols.contract import Fault, Mode, Settings, frame_of
 from cjt_gym.canbus.protocols.outbox import Outbox
 from cjt_gym.canbus.protocols.power_stage import PowerStage
 from cjt_gym.canbus.protocols.row import DriveProtocol, Option, Register
+from cjt_gym.canbus.protocols.staged import StagedFirmware
 from cjt_gym.errors import ConfigurationError
 
 __all__ = ["CIA402", "Cia402Firmware"]
@@ -70,13 +71,11 @@ class _Setting:
     objects: Sequence[tuple[int, int, int]]
 
 
-class Cia402Firmware:
+class Cia402Firmware(StagedFirmware):
     """Answers as a drive does; see :class:`~cjt_gym.canbus.protocols.contract.Firmware`."""
 
     def __init__(self, settings: Settings) -> None:
-        self.settings = settings
-        self.stage = PowerStage(settings.limits, 0.0)
-        self._channels: Mapping[str, float] = NO_CHANNELS
+        super().__init__(settings, PowerStage(settings.limits, watchdog=0.0))
         self._outbox = Outbox()
         self._start()
 
@@ -94,23 +93,9 @@ class Cia402Firmware:
         self._timers: dict[str, float] = {}
         self._reported: Fault | None = None
         self._operation = 0
+        self.stage.in_torque_mode = False
         self._watched = 0
         self._set: dict[str, _Setting] = {}
-
-    @property
-    def mode(self) -> Mode:
-        """What it is doing."""
-        return self.stage.mode
-
-    @property
-    def fault(self) -> Fault | None:
-        """Why it stopped by itself."""
-        return self.stage.fault
-
-    @property
-    def torque(self) -> float:
-        """Motor torque [N m, link side]; none in other modes of operation."""
-        return self.stage.torque if self._operation == CST else 0.0
 
     def boot(self, now: float) -> Sequence[Message]:
         """Start, with the boot-up message, to pre-operational."""
@@ -158,10 +143,6 @@ class Cia402Firmware:
         for pdo in TPDOS:
             self._send_timed(pdo, now)
         return self._outbox.take()
-
-    def fail(self, fault: Fault) -> None:
-        """Fault now."""
-        self.stage.fail(fault)
 
     @property
     def _operational(self) -> bool:
@@ -219,6 +200,7 @@ class Cia402Firmware:
             self.stage.demand(self.settings.scaling.torque(value * rated / 1e3))
         elif (index, subindex) == (0x6060, 0):
             self._operation = value
+            self.stage.in_torque_mode = value == CST
         elif (index, subindex) == (0x1016, 1):
             self._watched, self.stage.watchdog = value >> 16 & 0x7F, (value & 0xFFFF) / 1e3
         elif 0x1400 <= index < 0x1C00:

@@ -7,10 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Final
 
 from cjt_gym.canbus.protocols.contract import (
-    NO_CHANNELS,
     Fault,
     Message,
-    Mode,
     Settings,
 )
 from cjt_gym.canbus.protocols.dbc import (
@@ -21,8 +19,8 @@ from cjt_gym.canbus.protocols.dbc import (
     torque_of_command,
 )
 from cjt_gym.canbus.protocols.dbc_mapping import Signal
-from cjt_gym.canbus.protocols.power_stage import PowerStage
 from cjt_gym.canbus.protocols.row import DriveProtocol, Option, Register
+from cjt_gym.canbus.protocols.staged import Cycles, StagedFirmware
 from cjt_gym.errors import ProtocolError
 
 __all__ = ["DBC", "DbcFirmware"]
@@ -35,12 +33,11 @@ def _by_message(signals: Iterable[Signal]) -> dict[str, list[str]]:
     return made
 
 
-class DbcFirmware:
+class DbcFirmware(StagedFirmware):
     """Answers as the mapping's node would; see the contract's `Firmware`."""
 
     def __init__(self, settings: Settings) -> None:
-        self.settings = settings
-        self.stage = PowerStage(settings.limits, settings.watchdog)
+        super().__init__(settings)
         self._mapping = mapping = mapping_of(settings)
         self._codec = Codec(mapping)
         self._per_unit = torque_of_command(mapping, settings)
@@ -51,29 +48,15 @@ class DbcFirmware:
         commands += [mapping.command[0]] if mapping.command else []
         self._commands = _by_message(commands)
         self._told: dict[Signal, float] = {}
-        self._channels: Mapping[str, float] = NO_CHANNELS
-        self._due: dict[str, float] = {}
-
-    @property
-    def mode(self) -> Mode:
-        """What it is doing."""
-        return self.stage.mode
-
-    @property
-    def fault(self) -> Fault | None:
-        """Why it stopped by itself."""
-        return self.stage.fault
-
-    @property
-    def torque(self) -> float:
-        """Motor torque [N m, link side]."""
-        return self.stage.torque
+        self._cycles = Cycles(
+            {name: mapping.cycles.get(name, settings.period) for name in self._reports}
+        )
 
     def boot(self, now: float) -> Sequence[Message]:
         """Start, with all of its reports."""
         self.stage.boot()
         self._told = {}
-        self._due = {name: now + self._period(name) for name in self._reports}
+        self._cycles.begin(now)
         return [self._report(name) for name in self._reports]
 
     def receive(self, frame: Message, now: float) -> Sequence[Message]:
@@ -98,19 +81,7 @@ class DbcFirmware:
         """Take the joint's values; return the reports that are due."""
         self._channels = channels
         self.stage.supervise(channels, now)
-        sent = []
-        for name, due in self._due.items():
-            if now >= due:
-                self._due[name] = max(due + self._period(name), now)
-                sent.append(self._report(name))
-        return sent
-
-    def fail(self, fault: Fault) -> None:
-        """Fault now."""
-        self.stage.fail(fault)
-
-    def _period(self, message: str) -> float:
-        return self._mapping.cycles.get(message, self.settings.period)
+        return [self._report(name) for name in self._cycles.due(now)]
 
     def _obey(self, now: float) -> None:
         if self._in_phase("clear"):

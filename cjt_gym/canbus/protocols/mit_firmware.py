@@ -10,7 +10,6 @@ from cjt_gym.canbus.protocols.contract import (
     NO_CHANNELS,
     Fault,
     Message,
-    Mode,
     Settings,
     frame_of,
     is_plain,
@@ -27,6 +26,7 @@ from cjt_gym.canbus.protocols.mit import (
 )
 from cjt_gym.canbus.protocols.power_stage import PowerStage
 from cjt_gym.canbus.protocols.row import DriveProtocol, Option, Register
+from cjt_gym.canbus.protocols.staged import StagedFirmware
 from cjt_gym.errors import ConfigurationError
 
 __all__ = ["MIT", "MitFirmware"]
@@ -43,33 +43,17 @@ AMBIENT: Final = 25.0
 """Temperature that is shown where none is handed in [degC]."""
 
 
-class MitFirmware:
+class MitFirmware(StagedFirmware):
     """Answers as a drive does; see :class:`~cjt_gym.canbus.protocols.contract.Firmware`."""
 
     def __init__(self, settings: Settings) -> None:
-        self.settings = settings
-        self.stage = PowerStage(settings.limits, settings.watchdog, forgiving=True)
+        stage = PowerStage(settings.limits, settings.watchdog, forgiving=True)
+        super().__init__(settings, stage)
         ranges = ranges_of(settings)
         self._layout = command_layout(ranges)
         self._answer = reply_layout(ranges, settings.options["reply_bytes"])
         self._told: Mapping[str, float] = NO_CHANNELS
-        self._channels: Mapping[str, float] = NO_CHANNELS
         self._zero = 0.0
-
-    @property
-    def mode(self) -> Mode:
-        """What it is doing."""
-        return self.stage.mode
-
-    @property
-    def fault(self) -> Fault | None:
-        """Why it stopped by itself."""
-        return self.stage.fault
-
-    @property
-    def torque(self) -> float:
-        """Motor torque [N m, link side]."""
-        return self.stage.torque
 
     def boot(self, now: float) -> Sequence[Message]:
         """Start; it says nothing."""
@@ -102,10 +86,6 @@ class MitFirmware:
         self._act()
         self.stage.supervise(channels, now)
         return []
-
-    def fail(self, fault: Fault) -> None:
-        """Fault now."""
-        self.stage.fail(fault)
 
     def _seen(self) -> tuple[float, float]:
         scaling, channels = self.settings.scaling, self._channels

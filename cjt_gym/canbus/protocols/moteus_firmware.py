@@ -7,7 +7,6 @@ from math import isnan, nan, tau
 from typing import Final
 
 from cjt_gym.canbus.protocols.contract import (
-    NO_CHANNELS,
     Fault,
     Message,
     Mode,
@@ -37,8 +36,8 @@ from cjt_gym.canbus.protocols.moteus_registers import (
     read,
     subframe,
 )
-from cjt_gym.canbus.protocols.power_stage import PowerStage
 from cjt_gym.canbus.protocols.row import DriveProtocol, Option, Register
+from cjt_gym.canbus.protocols.staged import StagedFirmware
 from cjt_gym.errors import ProtocolError
 
 __all__ = ["MOTEUS", "MoteusFirmware"]
@@ -59,30 +58,13 @@ KP, KD = 4.0, 0.05
 """Position gains of an emulated drive [N m/rev, N m/(rev/s)]: the firmware's `pid_position`."""
 
 
-class MoteusFirmware:
+class MoteusFirmware(StagedFirmware):
     """Answers as a drive does; see :class:`~cjt_gym.canbus.protocols.contract.Firmware`."""
 
     def __init__(self, settings: Settings) -> None:
-        self.settings = settings
-        self.stage = PowerStage(settings.limits, settings.watchdog)
+        super().__init__(settings)
         self._told: dict[int, float] = {}
         self._held = 0.0
-        self._channels: Mapping[str, float] = NO_CHANNELS
-
-    @property
-    def mode(self) -> Mode:
-        """What it is doing."""
-        return self.stage.mode
-
-    @property
-    def fault(self) -> Fault | None:
-        """Why it stopped by itself."""
-        return self.stage.fault
-
-    @property
-    def torque(self) -> float:
-        """Motor torque [N m, link side]."""
-        return self.stage.torque
 
     def boot(self, now: float) -> Sequence[Message]:
         """Start; it says nothing."""
@@ -116,10 +98,6 @@ class MoteusFirmware:
         self._act()
         self.stage.supervise(channels, now)
         return []
-
-    def fail(self, fault: Fault) -> None:
-        """Fault now."""
-        self.stage.fail(fault)
 
     def _write(self, written: dict[int, float], now: float) -> None:
         mode = written.get(0x000)

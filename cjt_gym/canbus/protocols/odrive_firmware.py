@@ -7,7 +7,6 @@ from math import tau
 from typing import Any, Final
 
 from cjt_gym.canbus.protocols.contract import (
-    NO_CHANNELS,
     Fault,
     Message,
     Mode,
@@ -26,8 +25,8 @@ from cjt_gym.canbus.protocols.odrive_messages import (
     State,
     reports_of,
 )
-from cjt_gym.canbus.protocols.power_stage import PowerStage
 from cjt_gym.canbus.protocols.row import DriveProtocol, Option, Register
+from cjt_gym.canbus.protocols.staged import Cycles, StagedFirmware
 from cjt_gym.errors import ConfigurationError, ProtocolError
 
 __all__ = ["ODRIVE", "OdriveFirmware"]
@@ -58,15 +57,12 @@ CODES_05: Final = {
 COMMANDS: Final = {row.command: row for row in MESSAGES.values() if row.to_drive}
 
 
-class OdriveFirmware:
+class OdriveFirmware(StagedFirmware):
     """Answers as an axis does; see :class:`~cjt_gym.canbus.protocols.contract.Firmware`."""
 
     def __init__(self, settings: Settings) -> None:
-        self.settings = settings
-        self.stage = PowerStage(settings.limits, settings.watchdog)
-        self._torque_mode = False
-        self._channels: Mapping[str, float] = NO_CHANNELS
-        self._due: dict[str, float] = {}
+        super().__init__(settings)
+        self.stage.in_torque_mode = False
         options = settings.options
         self._codes = CODES_05 if options["firmware"] == "0.5" else CODES
         self._known = reports_of(options["firmware"]) | COMMANDS
@@ -74,32 +70,18 @@ class OdriveFirmware:
             options["watchdog_timeout_endpoint"]: "time",
             options["enable_watchdog_endpoint"]: "switch",
         }
-        self._periods = {"Heartbeat": HEARTBEAT_PERIOD}
+        periods = {"Heartbeat": HEARTBEAT_PERIOD}
         if options["reports"] == "cyclic":
-            self._periods |= dict.fromkeys(FAST, options["cycle_ms"] * 1e-3)
+            periods |= dict.fromkeys(FAST, options["cycle_ms"] * 1e-3)
             known = {row.name for row in self._known.values()}
-            self._periods |= {name: SLOW_PERIOD for name in SLOW if name in known}
-
-    @property
-    def mode(self) -> Mode:
-        """What it is doing."""
-        return self.stage.mode
-
-    @property
-    def fault(self) -> Fault | None:
-        """Why it stopped by itself."""
-        return self.stage.fault
-
-    @property
-    def torque(self) -> float:
-        """Motor torque [N m, link side]."""
-        return self.stage.torque if self._torque_mode else 0.0
+            periods |= {name: SLOW_PERIOD for name in SLOW if name in known}
+        self._cycles = Cycles(periods)
 
     def boot(self, now: float) -> Sequence[Message]:
         """Start, with a heartbeat."""
         self.stage.boot()
-        self._torque_mode = False
-        self._due = {name: now + period for name, period in self._periods.items()}
+        self.stage.in_torque_mode = False
+        self._cycles.begin(now)
         return [self._report("Heartbeat")]
 
     def receive(self, frame: Message, now: float) -> Sequence[Message]:
@@ -123,16 +105,7 @@ class OdriveFirmware:
         """Take the joint's values; return the messages of its cycles that are due."""
         self._channels = channels
         self.stage.supervise(channels, now)
-        sent = []
-        for name, due in self._due.items():
-            if now >= due:
-                self._due[name] = max(due + self._periods[name], now)
-                sent.append(self._report(name))
-        return sent
-
-    def fail(self, fault: Fault) -> None:
-        """Fault now."""
-        self.stage.fail(fault)
+        return [self._report(name) for name in self._cycles.due(now)]
 
     def _obey(self, name: str, values: Mapping[str, float], now: float) -> Sequence[Message]:
         match name:
@@ -143,7 +116,8 @@ class OdriveFirmware:
                 self._go(int(values["Axis_Requested_State"]), now)
             case "Set_Controller_Mode":
                 wanted = (TORQUE_CONTROL, PASSTHROUGH)
-                self._torque_mode = (values["Control_Mode"], values["Input_Mode"]) == wanted
+                mode = (values["Control_Mode"], values["Input_Mode"])
+                self.stage.in_torque_mode = mode == wanted
             case "Clear_Errors":
                 self.stage.clear()
             case "Estop":

@@ -20,6 +20,7 @@ class PowerStage:
         watchdog: Time without a command after which it gives up [s]; 0 switches this off.
         forgiving: After its watchdog it makes no torque but stays enabled, and obeys the next
             command; otherwise it faults.
+        in_torque_mode: Whether it controls torque; in other modes it makes none here.
         mode: What it is doing.
         fault: Why it stopped by itself.
     """
@@ -27,6 +28,7 @@ class PowerStage:
     limits: Limits
     watchdog: float
     forgiving: bool = False
+    in_torque_mode: bool = True
     mode: Mode = Mode.BOOTING
     fault: Fault | None = None
     _demand: float = 0.0
@@ -35,7 +37,7 @@ class PowerStage:
     @property
     def torque(self) -> float:
         """Motor torque that it makes now, link side [N m]."""
-        return self._demand if self.mode is Mode.ENABLED else 0.0
+        return self._demand if self.mode is Mode.ENABLED and self.in_torque_mode else 0.0
 
     def boot(self) -> None:
         """Start: disabled, without fault."""

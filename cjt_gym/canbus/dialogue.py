@@ -1,0 +1,105 @@
+"""Talking with the nodes where no deadline presses: setting up, listening, switching off."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Sequence
+from typing import final
+
+from cjt_gym.canbus.link import Arrival, Link
+from cjt_gym.canbus.nodes import Node, Nodes
+from cjt_gym.canbus.protocols.contract import Step
+from cjt_gym.errors import HardwareError, ProtocolError
+
+PATIENCE = 0.5
+"""Time for which a first report of every channel is awaited [s]."""
+AFTERWARDS = 2
+"""Control steps for which switching off is repeated after a fault."""
+LOOKS = 4
+"""Looks per control step at what has arrived, and at whether a loop still runs."""
+
+
+@final
+class Dialogue:
+    """Says to the nodes of a joint what takes more than one frame.
+
+    Attributes:
+        link: The way to them.
+    """
+
+    def __init__(self, link: Link, nodes: Nodes) -> None:
+        self.link = link
+        self._nodes = nodes
+
+    def perform(self, node: Node, steps: Sequence[Step]) -> None:
+        """Take steps one by one, each confirmed by the node; each is tried twice.
+
+        Raises:
+            HardwareError: The node does not confirm one, or the bus does not take it.
+        """
+        for step in steps:
+            if not (self._try(step) or self._try(step)):
+                raise HardwareError(
+                    f"{node.name} (node {node.address}) did not confirm: {step.text}. Check that "
+                    "it is powered, and its protocol, number and bit rate."
+                )
+
+    def listen(self) -> None:
+        """Poll until every channel is fresh.
+
+        Raises:
+            HardwareError: One stays away.
+        """
+        link, nodes = self.link, self._nodes
+        nodes.hear(link.receive())  # what came while nobody listened
+        end = link.now() + PATIENCE
+        missing = [""]
+        while missing and link.now() < end:
+            link.send(nodes.poll())
+            link.wait_until(link.now() + nodes.dt)
+            nodes.hear(link.receive())
+            ages = nodes.ages(link.now())
+            missing = [name for name, (age, oldest) in ages.items() if age > oldest]
+        if missing:
+            raise HardwareError(
+                f"Nothing fresh was heard of {', '.join(missing)} within {PATIENCE:g} s. Check "
+                "that the nodes are powered, and what they are set to report."
+            )
+
+    def switch_off(self) -> None:
+        """Take the drive's torque away and switch it off, as far as the bus lets it."""
+        with contextlib.suppress(HardwareError, ProtocolError):
+            self.link.send(self._nodes.drive.master.disable())
+
+    def repeat_off(self) -> None:
+        """Switch off some more times, should a frame have been lost."""
+        for _ in range(AFTERWARDS):
+            self.switch_off()
+            self.link.wait_until(self.link.now() + self._nodes.dt)
+
+    def _try(self, step: Step) -> bool:
+        link, dt = self.link, self._nodes.dt
+        self._nodes.hear(link.receive())
+        link.send(step.frames)
+        if step.confirmed is None:
+            return True
+        end = link.now() + step.timeout
+        again = link.now() + dt
+        while link.now() < end:
+            if step.meanwhile and link.now() >= again:
+                link.send(step.meanwhile)
+                again += dt
+            link.wait_until(link.now() + dt / LOOKS)
+            arrivals = link.receive()
+            self._nodes.hear(arrivals)
+            if _is_confirmed(step, arrivals):
+                return True
+        return False
+
+
+def _is_confirmed(step: Step, arrivals: Sequence[Arrival]) -> bool:
+    assert step.confirmed is not None
+    try:
+        return any(step.confirmed(arrival.message) for arrival in arrivals)
+    except ProtocolError as error:
+        raise HardwareError(f"{step.text}: {error}") from error

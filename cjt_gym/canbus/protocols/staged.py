@@ -1,0 +1,67 @@
+"""What the firmwares of all emulated drives share: a power stage, and reports in cycles."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from cjt_gym.canbus.protocols.contract import NO_CHANNELS, Fault, Mode, Settings
+from cjt_gym.canbus.protocols.power_stage import PowerStage
+
+__all__ = ["Cycles", "StagedFirmware"]
+
+
+class StagedFirmware:
+    """A firmware whose modes, watchdog and limits are those of a power stage.
+
+    Attributes:
+        settings: What makes it that of one drive.
+        stage: Its power stage.
+    """
+
+    def __init__(self, settings: Settings, stage: PowerStage | None = None) -> None:
+        self.settings = settings
+        self.stage = stage or PowerStage(settings.limits, settings.watchdog)
+        self._channels: Mapping[str, float] = NO_CHANNELS
+
+    @property
+    def mode(self) -> Mode:
+        """What it is doing."""
+        return self.stage.mode
+
+    @property
+    def fault(self) -> Fault | None:
+        """Why it stopped by itself."""
+        return self.stage.fault
+
+    @property
+    def torque(self) -> float:
+        """Motor torque [N m, link side]."""
+        return self.stage.torque
+
+    def fail(self, fault: Fault) -> None:
+        """Fault now."""
+        self.stage.fail(fault)
+
+
+class Cycles:
+    """Reports that a node sends by itself, each in a cycle of its own."""
+
+    def __init__(self, periods: Mapping[str, float]) -> None:
+        """Begin none yet.
+
+        Args:
+            periods: Time between two reports, by name [s].
+        """
+        self._periods = periods
+        self._due: dict[str, float] = {}
+
+    def begin(self, now: float) -> None:
+        """Begin all cycles at a time [s]."""
+        self._due = {name: now + period for name, period in self._periods.items()}
+
+    def due(self, now: float) -> list[str]:
+        """Return the names of the reports that are due by a time [s]."""
+        names = [name for name, due in self._due.items() if now >= due]
+        for name in names:
+            self._due[name] = max(self._due[name] + self._periods[name], now)
+        return names

@@ -1,0 +1,109 @@
+"""The record of a run on a bus: which columns it has, what is known of it, a row per step."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, final
+
+from cjt_gym.canbus.config import HardwareConfig
+from cjt_gym.canbus.journal import Journal
+from cjt_gym.canbus.sense import Sense
+from cjt_gym.canbus.timing import Timing
+
+
+@cache
+def versions() -> dict[str, str]:
+    """Return the versions of what makes a record; the first call takes long."""
+    return {name: version(name) for name in ("cjt-gym", "numpy", "python-can")}
+
+
+@final
+class RunRecord:
+    """A record that is on disk up to the latest control step."""
+
+    def __init__(
+        self,
+        path: str | Path,
+        config: HardwareConfig,
+        sense: Sense,
+        tau_ref: float,
+        shows_temperature: bool,
+        facts: Mapping[str, Any],
+    ) -> None:
+        """Begin it.
+
+        Args:
+            path: Where it is to be, in any format that records are written in.
+            config: The joint on its bus.
+            sense: What is measured.
+            tau_ref: First joint torque that is wanted [N m], NaN where the run has none.
+            shows_temperature: Whether some node reports its temperature.
+            facts: What else belongs to its provenance.
+
+        Raises:
+            ConfigurationError: The file cannot be written, or the record is there already.
+        """
+        joint, drive = config.joint, config.drive
+        names = sense.measured
+        self._columns = ["t", "i_cmd", "tau_cmd", *names, "age", "lateness"]
+        if math.isfinite(tau_ref):
+            self._columns.append("tau_ref")
+        if shows_temperature:
+            self._columns.append("temperature")
+        self._per_ampere = joint.parameters.k_t * joint.parameters.n
+        self._dt = config.dt
+        known = {
+            "joint": joint.parameters.name,
+            "structure": joint.structure,
+            "parameter_hash": joint.file.hash_hex(),
+            "versions": versions(),
+            "sensors": {n: v for n, v in joint.file.sensors.items() if n in names},
+            "provenance": {
+                "kind": "hardware",
+                "protocol": drive.protocol,
+                "node": drive.settings.node,
+                "bus": config.bus.identity,
+                "torque": sense.torque,
+                **facts,
+            },
+        }
+        self._journal = Journal(path, self._columns, config.dt, known)
+
+    def note(
+        self,
+        k: int,
+        measured: Mapping[str, float],
+        torque: float,
+        tau_ref: float,
+        age: float,
+        lateness: float,
+    ) -> None:
+        """Append a row: what was measured at a deadline, and what was commanded there.
+
+        Args:
+            k: Number of the control step.
+            measured: Channels of the measurement, by name.
+            torque: Motor torque that is commanded [N m].
+            tau_ref: Joint torque that is wanted [N m].
+            age: Of the motor's angle [s].
+            lateness: Of the command behind its deadline [s].
+        """
+        row = {
+            **measured,
+            "t": k * self._dt,
+            "tau_cmd": torque,
+            "i_cmd": torque / self._per_ampere,
+            "tau_ref": tau_ref,
+            "age": age,
+            "lateness": lateness,
+        }
+        self._journal.write([row[name] for name in self._columns])
+
+    def close(self, timing: Timing, **known: Any) -> None:
+        """Complete it with how regular the run was, and whatever else is known."""
+        summary, delays = timing.summary(), timing.delay(self._dt)
+        self._journal.close(timing_us=summary, delays_s=delays, **known)
