@@ -1,7 +1,7 @@
 # Everything runs in .venv, which is made on demand; only Python >= 3.11 and make are needed.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help install demo test test-all soak lint format bench clean
+.PHONY: help install demo test test-all soak hardware-soak lint format bench clean
 
 PYTHON ?= $(shell for name in python3.11 python3.12 python3.13 python3 python; do \
 	if $$name -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1; then \
@@ -12,12 +12,16 @@ WORKERS ?= 2
 PYTEST_ARGS ?=
 SUBSTEPS ?= 1e8
 SEED ?= 0
+SOAK_SECONDS ?= 3600
+RATE ?= 1000
+SOAK_ARGS ?=
 
 help:
 	@echo "make demo    train, compare and write demo/report.html"
 	@echo "make test    run the tests (WORKERS=$(WORKERS), PYTEST_ARGS=...)"
 	@echo "make test-all  and the slow ones"
 	@echo "make soak    run random joints with random effects (SUBSTEPS=$(SUBSTEPS), SEED=$(SEED))"
+	@echo "make hardware-soak  run a control loop against an emulated joint (SOAK_SECONDS=$(SOAK_SECONDS), RATE=$(RATE))"
 	@echo "make lint    ruff, mypy and import-linter"
 	@echo "make format  let ruff rewrite the code"
 	@echo "make bench   run the benchmarks"
@@ -42,6 +46,9 @@ test-all: $(STAMP)
 
 soak: $(STAMP)
 	$(BIN)/python -m tests.physics.soak --substeps $(SUBSTEPS) --seed $(SEED)
+
+hardware-soak: $(STAMP)
+	$(BIN)/python -m tests.canbus.soak --seconds $(SOAK_SECONDS) --rate $(RATE) $(SOAK_ARGS)
 
 lint: $(STAMP)
 	$(BIN)/ruff check .

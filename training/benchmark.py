@@ -91,7 +91,7 @@ def table(rows: Sequence[Mapping[str, object]]) -> str:
 
 def cells_of(rows: Sequence[Mapping[str, object]]) -> list[list[str]]:
     """Return rows, as plain data, as the cells of a table with a head."""
-    varied = [name for name in ("joint", "structure") if len({row[name] for row in rows}) > 1]
+    varied = [n for n in ("joint", "structure", "where") if len({row.get(n) for row in rows}) > 1]
     columns = (*((name, name, "{}") for name in varied), *COLUMNS)
     cells = [[title for title, _, _ in columns]]
     for row in rows:

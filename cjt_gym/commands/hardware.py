@@ -31,7 +31,7 @@ from cjt_gym.records import Record, read_record, record_names
 from cjt_gym.signals import make_signals, sampled_signal, signal_from_file
 
 Floats = NDArray[np.float64]
-NONE = "none"
+NONE, TRACKING = "none", "pd_feedforward"
 DRY = 1.0
 """Length of a dry run where none is given [s]."""
 
@@ -53,6 +53,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--duration", type=float, help="[s]; default: that of the record, or 10")
     add("--seed", type=int, default=0, help="of the reference, default 0")
     add("--out", type=Path, metavar="RECORD", help="record to write, or folder for experiments")
+    text = "run the tasks of the benchmark, and show the figures beside those of the nominal joint "
+    text += "in simulation; --out is a folder then"
+    add("--benchmark", action="store_true", help=text)
+    text = "further joints to simulate with --benchmark, such as the joint.toml of a diagnosis"
+    add("--against", nargs="+", default=[], metavar="FILE.toml", help=text)
     add("--arm", action="store_true", help="really move the joint; without it nothing moves")
     text = "show the frames of a run against an emulated joint in this process; no bus is touched"
     add("--dry-run", action="store_true", help=text)
@@ -78,6 +83,9 @@ def run(options: argparse.Namespace) -> None:
     if frames is not None:
         text = ", ".join(f"{n} of {identifier:#x}" for identifier, n in frames.by_id.items())
         _tell(options, {"frames": frames.count, "by_id": text})
+        return
+    if options.benchmark:
+        _tell(options, {"records": results, "rows": _compare(config, options)})
         return
     _tell(options, results[0] if options.experiment is None else {"records": results})
 
@@ -107,7 +115,9 @@ class Job:
 
 
 def _jobs(config: HardwareConfig, options: argparse.Namespace) -> Sequence[Job]:
-    """Return the runs that are asked for; of experiments those that are not recorded yet."""
+    """Return the runs that are asked for; of a series those that are not recorded yet."""
+    if options.benchmark:
+        return _missing(_tasks(config, options))
     if options.experiment is None:
         return [_tracking(config, options)]
     names = list(EXPERIMENTS) if options.experiment == ["all"] else options.experiment
@@ -115,19 +125,79 @@ def _jobs(config: HardwareConfig, options: argparse.Namespace) -> Sequence[Job]:
     for name in names:
         torque = experiment_torque(name, config.joint, config.limits, config.dt)
         path = None if options.out is None else options.out / f"{name}.csv"
-        if path is not None and path.exists():
-            if _is_complete(path):
-                sys.stderr.write(f"{name}: recorded already, skipped\n")
-                continue
-            path.rename(path.with_suffix(".broken.csv"))
         facts = {"excitation": name, "mode": "open loop"}
         jobs.append(Job(path, torque, NONE, None, facts))
+    return _missing(jobs)
+
+
+def _missing(jobs: Sequence[Job]) -> Sequence[Job]:
+    """Return the jobs of a series that have no complete record; move broken records away."""
+    found = []
+    for job in jobs:
+        path = job.path
+        if path is not None and path.exists():
+            if _is_complete(path, job):
+                sys.stderr.write(f"{path.stem}: recorded already, skipped\n")
+                continue
+            path.rename(path.with_suffix(".broken.csv"))
+        found.append(job)
+    return found
+
+
+def _tasks(config: HardwareConfig, options: argparse.Namespace) -> Sequence[Job]:
+    """Return the runs of the benchmark."""
+    from cjt_gym.commands.hardware_benchmark import RUNS, SECONDS, reference_of
+
+    if options.experiment is not None or options.controller == NONE:
+        raise ConfigurationError("--benchmark needs a --controller or a --policy.")
+    amplitude, seed = _amplitude(config, options), options.seed
+    seconds = SECONDS if options.duration is None else options.duration
+    controller = options.controller or TRACKING
+    jobs = []
+    for name in RUNS:
+        reference = reference_of(name, amplitude, config.dt, seconds, seed)
+        path = None if options.out is None else options.out / f"{name}.csv"
+        facts: dict[str, Any] = {"task": name, "amplitude": amplitude, "seed": seed}
+        facts |= {"policy": options.policy} if options.policy else {"controller": controller}
+        jobs.append(Job(path, reference, controller, options.policy, facts))
     return jobs
 
 
-def _is_complete(path: Path) -> bool:
-    record = read_record(path)
-    return "fault" not in record.provenance and "timing_us" in record.provenance
+def _compare(config: HardwareConfig, options: argparse.Namespace) -> list[dict[str, Any]]:
+    """Write and return the figures of the records beside those of simulations."""
+    from cjt_gym.commands.hardware_benchmark import RUNS, side_by_side
+    from cjt_gym.training.benchmark import write_rows
+
+    paths = {name: options.out / f"{name}.csv" for name in RUNS}
+    controller = options.controller or TRACKING
+    rows = side_by_side(config, controller, options.policy, paths, options.against, options.seed)
+    write_rows(rows, options.out)
+    return rows
+
+
+def _amplitude(config: HardwareConfig, options: argparse.Namespace) -> float:
+    """Return the amplitude of the reference [N m], within the limits where none is given."""
+    if options.amplitude is not None:
+        return float(options.amplitude)
+    return min(default_amplitude(config.joint.parameters), config.limits.tau)
+
+
+def _is_complete(path: Path, job: Job) -> bool:
+    """Return whether a record is all of a job.
+
+    Raises:
+        ConfigurationError: It is that of another one.
+    """
+    known = read_record(path).provenance
+    if "fault" in known or "timing_us" not in known:
+        return False
+    for name, value in job.facts.items():
+        if known.get(name) != value:
+            raise ConfigurationError(
+                f"{path} has {name} {known.get(name)!r}, this series has {value!r}. Give another "
+                "--out, or the same options as before."
+            )
+    return True
 
 
 def _tracking(config: HardwareConfig, options: argparse.Namespace) -> Job:
@@ -135,7 +205,7 @@ def _tracking(config: HardwareConfig, options: argparse.Namespace) -> Job:
     word = options.reference
     record = read_record(word) if Path(word).suffix or word in record_names() else None
     tracked = record is None or "tau_ref" in record
-    controller = options.controller or ("pd_feedforward" if tracked else NONE)
+    controller = options.controller or (TRACKING if tracked else NONE)
     length = 10.0 if record is None else record.t[-1] - record.t[0] + record.dt
     if options.dry_run:
         length = min(length, DRY)
@@ -146,9 +216,7 @@ def _tracking(config: HardwareConfig, options: argparse.Namespace) -> Job:
     if record is not None and controller == NONE:
         reference = _commanded(record, config)(np.arange(samples) * config.dt)
     else:
-        amplitude = options.amplitude
-        if amplitude is None:
-            amplitude = min(default_amplitude(config.joint.parameters), config.limits.tau)
+        amplitude = _amplitude(config, options)
         spec = word if record is None else signal_from_file(word)
         (signal_,) = make_signals(spec, amplitude)[:1]
         drawn = signal_.reset(np.random.default_rng(options.seed))
@@ -270,6 +338,10 @@ def _tell(options: argparse.Namespace, result: dict[str, Any]) -> None:
     else:
         for one in result.get("records", [result]):
             sys.stdout.write(_line(one) + "\n")
+        if "rows" in result:
+            from cjt_gym.training.benchmark import table
+
+            sys.stdout.write(table(result["rows"]) + "\n")
 
 
 def _line(result: dict[str, Any]) -> str:

@@ -33,7 +33,7 @@ from cjt_gym.canbus.config import HardwareConfig, load_hardware
 from cjt_gym.canbus.plant import CanPlant
 from cjt_gym.canbus.safety import HardwareFault
 from cjt_gym.canbus.timing import PERCENTILES
-from cjt_gym.errors import ConfigurationError
+from cjt_gym.errors import ConfigurationError, HardwareError
 from cjt_gym.signals import make_signals
 from tests.canbus.bench import DRIVES, document, toml
 
@@ -149,14 +149,16 @@ class Tally:
 
     Attributes:
         steps: Control steps.
-        rows: Rows of the records on disk.
+        rows: Rows of the records on disk; a fault that ends a run adds one.
+        zeros: Faults that ended a run.
         squares: Sum of the squared tracking errors [N^2 m^2].
-        faults: Kind and text of every fault.
+        faults: What ended a run before its time.
         times: Times of every control step, by name [s]; "at" is its deadline.
     """
 
     steps: int = 0
     rows: int = 0
+    zeros: int = 0
     squares: float = 0.0
     faults: list[str] = field(default_factory=list)
     times: dict[str, list[NDArray[np.float64]]] = field(default_factory=dict)
@@ -212,8 +214,9 @@ def soak(given: HardwareConfig, seconds: float, folder: Path, served_by: int) ->
                         tally.squares += error * error
                         measured = plant.step(law.act(measured, wanted), float(wanted[0]))
                         k += 1
-            except HardwareFault as fault:
-                tally.faults.append(str(fault))
+            except HardwareError as error:
+                tally.faults.append(str(error))
+                tally.zeros += isinstance(error, HardwareFault)
             tally.add(began, plant, record)
         used = (np.array([_cpu(os.getpid()), _cpu(served_by)]) - used) / seconds
     return {
@@ -222,7 +225,7 @@ def soak(given: HardwareConfig, seconds: float, folder: Path, served_by: int) ->
         "protocol": given.drive.protocol,
         "priority": given.priority,
         "steps": tally.steps,
-        "rows_missing": tally.steps + len(tally.faults) - tally.rows,
+        "rows_missing": tally.steps + tally.zeros - tally.rows,
         "rmse": float(np.sqrt(tally.squares / max(tally.steps, 1))),
         "faults": tally.faults,
         "cpu_of_loop": round(float(used[0]), 3),
@@ -257,10 +260,25 @@ def _percentiles(values: NDArray[np.float64]) -> dict[str, float]:
     return {f"p{p:g}": round(float(v), 1) for p, v in zip(PERCENTILES, found, strict=True)}
 
 
-def soaked(seconds: float, rate: float, priority: int | None, protocol: str) -> dict[str, Any]:
-    """Serve an emulated joint in another process, run against it, and return the result."""
-    second = {"value": 0.02, "unit": "s"}
-    control = {"rate_hz": rate, "missed": 20, "overrun": second, "watchdog": second}
+def soaked(
+    seconds: float,
+    rate: float,
+    priority: int | None = None,
+    protocol: str = "mit",
+    allowance: float = 0.02,
+) -> dict[str, Any]:
+    """Serve an emulated joint in another process, run against it, and return the result.
+
+    Args:
+        seconds: How long [s].
+        rate: Of the loop [Hz].
+        priority: Real-time priority of both processes, or None.
+        protocol: What the drive speaks.
+        allowance: Time by which command and reports may be late before that is a fault [s].
+    """
+    time_ = {"value": allowance, "unit": "s"}
+    missed = min(100, round(allowance * rate))
+    control = {"rate_hz": rate, "missed": missed, "overrun": time_, "watchdog": time_}
     if priority is not None:
         control["priority"] = priority
     bus = {"interface": "socketcand", "channel": "can0", "port": free_port()}

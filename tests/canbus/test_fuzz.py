@@ -19,6 +19,7 @@ from cjt_gym.canbus.ports.socketcand import parse_send
 from cjt_gym.canbus.safety import FAULTS, HardwareFault, State
 from cjt_gym.canbus.wire import Wire
 from tests.canbus.bench import DRIVES, config, virtual_plant
+from tests.canbus.storm import storm
 
 FRAMES = st.builds(
     can.Message,
@@ -88,3 +89,11 @@ def test_a_wire_keeps_the_order_and_loses_its_share() -> None:
     assert all(a.t <= b.t for a, b in pairwise(found))
     assert len(found) == pytest.approx(3000, abs=150)
     assert found[0].t > 1e-3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("protocol", DRIVES)
+def test_a_storm_of_random_frames_ends_in_a_fault_or_in_nothing(protocol: str) -> None:
+    found = storm(protocol, 200_000, seed=0)
+    assert found.frames >= 200_000
+    assert found.misses == 0

@@ -1,0 +1,156 @@
+"""Tasks of the benchmark on a real joint, and its figures beside those of the simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cjt_gym.canbus.config import HardwareConfig
+from cjt_gym.errors import ConfigurationError
+from cjt_gym.records import Record, read_record
+from cjt_gym.signals import sampled_signal
+from cjt_gym.training import metrics
+from cjt_gym.training.benchmark import make_agents
+from cjt_gym.training.conditions import (
+    BANDWIDTH_HIGH,
+    BANDWIDTH_LOW,
+    SWEEP,
+    TASKS,
+    Conditions,
+    bandwidth_reference,
+    task_reference,
+)
+from cjt_gym.training.evaluate import Row
+from cjt_gym.training.rollout import Agent, Traces, run_episodes
+
+Floats = NDArray[np.float64]
+SWEEP_NAME = "sweep"
+RUNS = (*TASKS, SWEEP_NAME)
+"""What is run: the tasks that track a torque, and the sweep that tells the bandwidth."""
+SWEEP_SHARE = 0.5
+"""Share of the amplitude in the sweep, which meets the joint's resonance."""
+SECONDS = 10.0
+PIECE = 1.0
+"""Length of the pieces that stand for episodes; the first, with the soft start, is left out [s]."""
+REAL, NOMINAL = "real", "nominal"
+
+
+def reference_of(run: str, amplitude: float, dt: float, duration: float, seed: int) -> Floats:
+    """Return the joint torque that is wanted at every control step of a run [N m]."""
+    signal, seconds = bandwidth_reference(SWEEP_SHARE * amplitude), SWEEP
+    if run != SWEEP_NAME:
+        signal, seconds = task_reference(run, amplitude), duration
+    drawn = signal.reset(np.random.default_rng(seed))
+    return np.asarray(drawn.torque(np.arange(round(seconds / dt)) * dt))
+
+
+def side_by_side(
+    config: HardwareConfig,
+    controller: str,
+    policy: str | None,
+    paths: Mapping[str, Path],
+    joints: Sequence[str],
+    seed: int,
+) -> list[dict[str, Any]]:
+    """Return the rows of the benchmark on the real joint and on simulated ones.
+
+    All follow the references of the records. The real joint's torque is the measured one; what its
+    sensor's noise makes of the command cannot be told from it.
+
+    Args:
+        config: The joint on its bus.
+        controller: A row of the table of controllers; not used where there is a policy.
+        policy: Run folder of a policy, or None.
+        paths: Records of `RUNS`.
+        joints: Files of further joints than the nominal one, such as what a diagnosis found.
+        seed: Of the simulated sensors' noise.
+
+    Raises:
+        ConfigurationError: The joint torque was not measured, or a joint has no name of its own.
+    """
+    records = {name: read_record(path) for name, path in paths.items()}
+    for record in records.values():
+        if "tau" not in record:
+            raise ConfigurationError(
+                f"{record.owner} has no measured joint torque, which the figures need. Add a "
+                "sensor: a table [sensors.NAME] with its protocol."
+            )
+    (agent,) = make_agents([] if policy else [controller], [policy] if policy else [])
+    conditions = Conditions(config.joint_name, config.joint.structure, dt_control=config.dt)
+    rows = _rows(REAL, agent, conditions, {n: _traces(r) for n, r in records.items()})
+    for joint in (None, *joints):
+        simulated = {n: _simulated(agent, conditions, joint, r, seed) for n, r in records.items()}
+        rows += _rows(joint or NOMINAL, agent, conditions, simulated)
+    return rows
+
+
+def _traces(record: Record) -> Traces:
+    """Return a record as an episode: sample k is what holds at the end of control step k."""
+    wanted, tau, command = (record[n][None, :] for n in ("tau_ref", "tau", "tau_cmd"))
+    ended = np.zeros((1, len(record) - 1), dtype=np.bool_)
+    return Traces(wanted[:, 1:], tau[:, 1:], tau[:, 1:], command[:, :-1], ended, record.dt)
+
+
+def _simulated(
+    agent: Agent, conditions: Conditions, joint: str | None, record: Record, seed: int
+) -> Traces:
+    """Return what the agent does in a simulated joint along the reference of a record.
+
+    It observes and acts in the units of the nominal joint, as on the real one.
+    """
+    arguments = agent.arguments(conditions) | {
+        "reference": sampled_signal(np.arange(len(record)) * record.dt, record["tau_ref"]),
+        "episode_steps": len(record) - 1,
+    }
+    if joint is not None:
+        arguments |= {"joint": joint, "effects": None}
+    return run_episodes(agent, arguments, 1, seed, from_zero=True)
+
+
+def _rows(
+    where: str, agent: Agent, conditions: Conditions, runs: Mapping[str, Traces]
+) -> list[dict[str, Any]]:
+    nan = float("nan")
+    cut = {name: _pieces(run) for name, run in runs.items()}
+    rows = []
+    for task in (name for name in TASKS if name in runs):
+        run = cut[task]
+        row = Row(
+            controller=agent.name,
+            kind=agent.kind,
+            joint=conditions.joint,
+            structure=conditions.structure,
+            task=task,
+            rmse=metrics.rmse(run),
+            nrmse=metrics.nrmse(run),
+            bandwidth_hz=metrics.bandwidth(runs[SWEEP_NAME], BANDWIDTH_LOW, BANDWIDTH_HIGH)
+            if SWEEP_NAME in runs
+            else nan,
+            overshoot=metrics.overshoot(runs["step"]) if "step" in runs else nan,
+            settling_s=metrics.settling_time(runs["step"]) if "step" in runs else nan,
+            effort_rms=metrics.effort_rms(run),
+            noise_amplification=nan,
+            episodes=len(run.tau),
+            ci95=metrics.bootstrap_rmse(run),
+            terminated=float(np.mean(run.terminated.any(axis=1))),
+        )
+        rows.append({"where": where, **row.to_json()})
+    return rows
+
+
+def _pieces(run: Traces) -> Traces:
+    """Return a long run as a batch of episodes of a second each, without the first second."""
+    steps = round(PIECE / run.dt)
+    count = run.tau.shape[1] // steps
+    if count < 2:
+        raise ConfigurationError(
+            f"A run of the benchmark must be >= {2.0 * PIECE:g} s long, got "
+            f"{run.tau.shape[1] * run.dt:.3g} s."
+        )
+    names = ("reference", "tau", "tau_measured", "command", "terminated")
+    arrays = {n: getattr(run, n)[0, steps : steps * count].reshape(-1, steps) for n in names}
+    return Traces(dt=run.dt, **arrays)

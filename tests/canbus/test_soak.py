@@ -1,0 +1,45 @@
+"""A loop that runs for some time loses no sample, and tells how late it was.
+
+No time is asserted: machines on which tests run are busy.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.canbus.soak import Machine, soaked
+
+
+def check(result: dict[str, Any], share: float) -> None:
+    """Look whether everything is there."""
+    assert result["rows_missing"] == 0
+    assert result["steps"] > share * result["seconds"] * result["rate_hz"]
+    for name in ("lateness_us", "ages_us", "answers_us"):
+        values = list(result[name].values())
+        assert values == sorted(values)
+        assert values[-1] > 0.0
+    assert 0.0 < result["rmse"] < 10.0
+
+
+def test_short_soak_is_complete_and_tells_how_late_it_was() -> None:
+    result = soaked(3.0, rate=250.0, allowance=0.9)
+    check(result, share=0.3)
+    assert result["worst_seconds"][0]["latest_us"] <= result["lateness_us"]["p100"] + 0.1
+
+
+@pytest.mark.slow
+def test_soak_of_a_minute_at_a_kilohertz() -> None:
+    result = soaked(60.0, rate=1000.0, allowance=0.5)
+    check(result, share=0.7)
+    assert result["faults"] == []
+
+
+def test_worst_seconds_come_with_what_the_machine_did() -> None:
+    machine = Machine([(float(t), 1.6 * t, 0.4 * t, 0.1 * (t > 1)) for t in range(4)])
+    late = machine.worst(np.array([0.5, 1.5, 2.5, 2.6]), np.array([1e-3, 5e-3, 2e-3, 3e-3]))
+    assert [row["second"] for row in late] == [1.0, 2.0, 0.0]
+    assert late[0] == {"second": 1.0, "latest_us": 5000.0, "steal_ms": 100, "busy": 0.762}
+    assert machine.shares() == {"busy": 0.7869, "steal": 0.0164}
