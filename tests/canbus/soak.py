@@ -181,16 +181,19 @@ class Tally:
         return np.concatenate(self.times.get(name, [np.zeros(0)]))
 
 
-def soak(given: HardwareConfig, seconds: float, folder: Path, served_by: int) -> dict[str, Any]:
+def soak(
+    given: HardwareConfig, seconds: float, controller: str, folder: Path, served_by: int
+) -> dict[str, Any]:
     """Run so long and return what was counted and measured.
 
     Args:
         given: The joint on its bus.
         seconds: How long, counted from the first control step [s].
+        controller: What controls it.
         folder: Where the record lies meanwhile.
         served_by: Number of the emulator's process.
     """
-    law = make_controller("pd_feedforward", given.joint, given.dt)
+    law = make_controller(controller, given.joint, given.dt)
     (signal,) = make_signals("smooth", AMPLITUDE)
     reference = signal.torque(np.arange(round(PIECE / given.dt)) * given.dt)
     tally, machine = Tally(), Machine()
@@ -223,6 +226,7 @@ def soak(given: HardwareConfig, seconds: float, folder: Path, served_by: int) ->
         "seconds": seconds,
         "rate_hz": round(1.0 / given.dt),
         "protocol": given.drive.protocol,
+        "controller": controller,
         "priority": given.priority,
         "steps": tally.steps,
         "rows_missing": tally.steps + tally.zeros - tally.rows,
@@ -266,6 +270,7 @@ def soaked(
     priority: int | None = None,
     protocol: str = "mit",
     allowance: float = 0.02,
+    controller: str = "pd_feedforward",
 ) -> dict[str, Any]:
     """Serve an emulated joint in another process, run against it, and return the result.
 
@@ -275,6 +280,7 @@ def soaked(
         priority: Real-time priority of both processes, or None.
         protocol: What the drive speaks.
         allowance: Time by which command and reports may be late before that is a fault [s].
+        controller: What controls the joint.
     """
     time_ = {"value": allowance, "unit": "s"}
     missed = min(100, round(allowance * rate))
@@ -286,7 +292,7 @@ def soaked(
         path = Path(folder) / "joint.toml"
         path.write_text(toml(document(bus=bus, drive=DRIVES[protocol], control=control)))
         with emulator(path) as process:
-            return soak(load_hardware(path), seconds, Path(folder), process.pid)
+            return soak(load_hardware(path), seconds, controller, Path(folder), process.pid)
 
 
 def main() -> None:
