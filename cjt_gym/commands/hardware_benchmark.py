@@ -45,7 +45,7 @@ def reference_of(run: str, amplitude: float, dt: float, duration: float, seed: i
     if run != SWEEP_NAME:
         signal, seconds = task_reference(run, amplitude), duration
     drawn = signal.reset(np.random.default_rng(seed))
-    return np.asarray(drawn.torque(np.arange(round(seconds / dt)) * dt))
+    return np.asarray(drawn.torque(np.arange(round(seconds / dt), dtype=np.float64) * dt))
 
 
 def side_by_side(
@@ -103,7 +103,9 @@ def _simulated(
     It observes and acts in the units of the nominal joint, as on the real one.
     """
     arguments = agent.arguments(conditions) | {
-        "reference": sampled_signal(np.arange(len(record)) * record.dt, record["tau_ref"]),
+        "reference": sampled_signal(
+            np.arange(len(record), dtype=np.float64) * record.dt, record["tau_ref"]
+        ),
         "episode_steps": len(record) - 1,
     }
     if joint is not None:

@@ -51,7 +51,7 @@ FORMATS: Final[dict[str, Format]] = {
     ".mat": Format(mat_table.read, mat_table.stream, mat_table.write),
     ".h5": _HDF5,
     ".hdf5": _HDF5,
-    ".mcap": Format(mcap_table.read, mcap_table.stream, None),
+    ".mcap": Format(mcap_table.read, mcap_table.stream, mcap_table.write),
     ".log": _CAN,
     ".asc": _CAN,
     ".blf": _CAN,

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import logging
 import os
 import socket
 import subprocess
@@ -303,6 +304,7 @@ def main() -> None:
     parser.add_argument("--priority", type=int, help="real-time priority of both processes")
     parser.add_argument("--protocol", default="mit", choices=list(DRIVES))
     options = parser.parse_args()
+    logging.getLogger("can").setLevel(logging.ERROR)  # which warns of frames that come in pieces
     result = soaked(options.seconds, options.rate, options.priority, options.protocol)
     sys.stdout.write(json.dumps(result, indent=1) + "\n")
 

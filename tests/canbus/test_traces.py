@@ -1,5 +1,6 @@
 """Traces of a bus, written by python-can and read as records."""
 
+import json
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -10,8 +11,10 @@ import pytest
 
 from cjt_gym.canbus.protocols import PROTOCOLS, settings_of
 from cjt_gym.canbus.traces import read_trace
+from cjt_gym.cli import main
 from cjt_gym.errors import RecordError
-from cjt_gym.records import read_log
+from cjt_gym.records import read_log, read_record
+from tests.canbus.bench import document, toml
 from tests.canbus.protocols.line import DRIVES, Line, settings_for
 
 SAMPLES = 300
@@ -131,3 +134,31 @@ def test_what_is_no_trace_is_told(tmp_path: Path, suffix: str) -> None:
     path.write_bytes(b"\x00\x01 no trace \xff\n" * 20)
     with pytest.raises(RecordError):
         read_trace(path, nodes("odrive"))
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_traces_are_converted_from_the_command_line(
+    tmp_path: Path, suffix: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    config = tmp_path / "joint.toml"
+    drive = DRIVES["odrive"] | {"protocol": "odrive"}
+    config.write_text(
+        toml(document(drive=drive)) + '[sensors.t]\nprotocol = "dbc"\nfile = "torque_sensor"\n'
+    )
+    recorded(tmp_path / f"run{suffix}", "odrive")
+    out = tmp_path / "run.mcap"
+    words = ["convert", str(tmp_path / f"run{suffix}"), "--bus", str(config), "--out", str(out)]
+    assert main([*words, "--json"]) == 0
+    (told,) = json.loads(capsys.readouterr().out)["records"]
+    record = read_record(out, allow_nan=True)
+    assert len(record) == told["samples"] > 200
+    assert {"tau_cmd", "q_m", "tau"} <= set(record.columns)
+    assert record.joint == "orange_80_6000"
+
+
+@pytest.mark.parametrize("name", ["run.csv", "run.parquet", "run.mat", "run.mcap", "run.npz"])
+def test_records_are_converted_to_every_format(tmp_path: Path, name: str) -> None:
+    assert main(["convert", "hebi_sea", "--out", str(tmp_path / name)]) == 0
+    there, back = read_record("hebi_sea"), read_record(tmp_path / name)
+    assert list(there.columns) == list(back.columns)
+    np.testing.assert_allclose(back["t"], there["t"], rtol=1e-9)

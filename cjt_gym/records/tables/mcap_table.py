@@ -2,15 +2,18 @@
 
 A column is called ``/topic:field``, and ``/topic:log_time`` is the time at which the messages of a
 topic were logged [ns]. Messages are read where they are encoded as JSON or by ROS 2.
+
+A record is written as one topic with a message in JSON per sample, whose fields are the columns.
 """
 
 from __future__ import annotations
 
 import importlib
 import json
+import math
 import struct
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -19,9 +22,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.errors import RecordError
+from cjt_gym.records.checks import FloatArray
 from cjt_gym.records.tables.flat import flat_numbers, sliced
 
 LOG_TIME: Final = "log_time"
+RECORD: Final = "/cjt_gym/record"
+"""Topic of a record that was written here."""
 Decode = Callable[[bytes], Any]
 
 
@@ -50,6 +56,8 @@ def read(path: Path) -> dict[str, NDArray[Any]]:
             f"found {', '.join(sorted(encodings)) or 'no messages'}. Convert the file, or export "
             "the topics you need as CSV."
         )
+    if set(topics) == {RECORD}:
+        return {name: values for name, values in topics[RECORD].columns() if name != LOG_TIME}
     return {
         f"{name}:{field}": values
         for name, topic in topics.items()
@@ -60,6 +68,26 @@ def read(path: Path) -> dict[str, NDArray[Any]]:
 def stream(path: Path, rows: int) -> Iterator[dict[str, NDArray[Any]]]:
     """Yield the columns; topics have clocks of their own, so the file is read as a whole."""
     return sliced(read(path), rows)
+
+
+def write(columns: Mapping[str, FloatArray], path: Path) -> None:
+    """Write columns as one topic; a sample that is missing is left out of its message.
+
+    Raises:
+        RecordError: mcap is not installed.
+    """
+    writer = _import("mcap.writer", path).Writer(str(path))
+    writer.start()
+    numbers = {name: {"type": "number"} for name in columns}
+    schema = json.dumps({"type": "object", "properties": numbers}).encode()
+    schema_id = writer.register_schema("cjt_gym.Record", "jsonschema", schema)
+    channel = writer.register_channel(RECORD, "json", schema_id)
+    samples = zip(*(values.tolist() for values in columns.values()), strict=True)
+    for k, sample in enumerate(samples):
+        message = {n: v for n, v in zip(columns, sample, strict=True) if math.isfinite(v)}
+        stamp = max(0, round(message.get("t", float(k)) * 1e9))
+        writer.add_message(channel, stamp, json.dumps(message).encode(), stamp, k)
+    writer.finish()
 
 
 def clock_of(source: str) -> str | None:
