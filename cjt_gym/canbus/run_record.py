@@ -105,5 +105,9 @@ class RunRecord:
 
     def close(self, timing: Timing, **known: Any) -> None:
         """Complete it with how regular the run was, and whatever else is known."""
-        summary, delays = timing.summary(), timing.delay(self._dt)
-        self._journal.close(timing_us=summary, delays_s=delays, **known)
+        facts = {
+            "timing_us": timing.summary(),
+            "delays_s": timing.delay(self._dt),
+            "randomization": timing.randomization(self._dt),
+        }
+        self._journal.close(**facts, **known)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 PERCENTILES = (50.0, 90.0, 99.0, 99.9, 99.99, 100.0)
 
@@ -42,13 +43,26 @@ class Timing:
         Args:
             dt: Control step [s], the answer's time where none was seen.
         """
+        return {name: round(float(np.median(v)), 6) for name, v in self._delays(dt).items()}
+
+    def randomization(self, dt: float) -> dict[str, dict[str, Any]]:
+        """Return how these delays vary, as environments draw parameters: from 5 to 95 % of them.
+
+        Args:
+            dt: Control step [s].
+        """
+        found = {}
+        for name, values in self._delays(dt).items():
+            low, high = (round(float(q), 6) for q in np.percentile(values, (5.0, 95.0)))
+            found[name] = {"low": low, "high": high, "operation": "set"}
+        return found
+
+    def _delays(self, dt: float) -> dict[str, NDArray[np.float64]]:
         if not self.ages:
             return {}
-        way = 0.5 * float(np.median(self.answers)) if self.answers else 0.0
-        return {
-            "command_delay.delay": round(float(np.median(self.lateness)) + min(way, dt), 6),
-            "measurement_delay.delay": round(float(np.median(self.ages)) + min(way, dt), 6),
-        }
+        way = min(0.5 * float(np.median(self.answers)), dt) if self.answers else 0.0
+        times = {"command_delay.delay": self.lateness, "measurement_delay.delay": self.ages}
+        return {name: np.array(values) + way for name, values in times.items()}
 
 
 def _percentiles(values: array[float]) -> list[tuple[float, float]]:

@@ -7,6 +7,7 @@ import pytest
 
 from cjt_gym.canbus.plant import CanPlant
 from cjt_gym.canbus.safety import FAULTS, MOVES, Guard, HardwareFault, State
+from cjt_gym.canbus.timing import Timing
 from cjt_gym.errors import ConfigurationError, HardwareError
 from cjt_gym.plant import SimulatedPlant
 from cjt_gym.records import read_record
@@ -137,3 +138,26 @@ def test_a_silent_node_is_named() -> None:
     emulator.nodes[0].alive = False
     with pytest.raises(HardwareError, match=r"drive \(node 3\) did not confirm"):
         CanPlant(given, VirtualLink(emulator)).connect()
+
+
+def test_measured_delays_are_what_environments_draw() -> None:
+    import gymnasium
+
+    import cjt_gym
+
+    assert cjt_gym.__version__
+    timing = Timing()
+    rng = np.random.default_rng(0)
+    timing.lateness.extend(rng.uniform(1e-4, 3e-4, 1000).tolist())
+    timing.ages.extend(rng.uniform(5e-4, 9e-4, 1000).tolist())
+    timing.answers.extend([4e-4] * 1000)
+    assert timing.delay(1e-3)["command_delay.delay"] == pytest.approx(4e-4, abs=2e-5)
+    drawn = timing.randomization(1e-3)
+    assert drawn["measurement_delay.delay"]["low"] == pytest.approx(7.2e-4, abs=2e-5)
+    assert drawn["measurement_delay.delay"]["high"] == pytest.approx(10.8e-4, abs=2e-5)
+    middle = timing.delay(1e-3)
+    effects = {name.split(".")[0]: {"delay": value} for name, value in middle.items()}
+    env = gymnasium.make("CJT/TorqueTracking-v0", effects=effects, randomization=drawn)
+    parameters = env.reset(seed=1)[1]["parameters"]
+    low, high = (drawn["command_delay.delay"][end] for end in ("low", "high"))
+    assert low <= parameters["command_delay.delay"] <= high
