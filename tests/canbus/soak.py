@@ -20,7 +20,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -120,6 +120,19 @@ class Machine:
         total = max(busy + idle + steal, 1e-9)
         return {"busy": round(busy / total, 4), "steal": round(steal / total, 4)}
 
+    def at(self, t: float) -> dict[str, float]:
+        """Return what the processors did in the second of a time [s]."""
+        looks = np.array(self.looks)
+        if len(looks) < 2:
+            return {}
+        k = int(np.clip(np.searchsorted(looks[:, 0], t) - 1, 0, len(looks) - 2))
+        _, busy, idle, steal = looks[k + 1] - looks[k]
+        return {
+            "second": round(float(looks[k, 0] - looks[0, 0]), 1),
+            "steal_ms": round(float(steal) * 1e3),
+            "busy": round(float(busy / max(busy + idle + steal, 1e-9)), 3),
+        }
+
     def worst(
         self, times: NDArray[np.float64], lateness: NDArray[np.float64]
     ) -> list[dict[str, float]]:
@@ -130,18 +143,10 @@ class Machine:
         at = np.clip(np.searchsorted(looks[:, 0], times) - 1, 0, len(looks) - 2)
         most = np.zeros(len(looks) - 1)
         np.maximum.at(most, at, lateness)
-        rows = []
-        for k in np.argsort(most)[::-1][:WORST]:
-            _, busy, idle, steal = looks[k + 1] - looks[k]
-            rows.append(
-                {
-                    "second": round(float(looks[k, 0] - looks[0, 0]), 1),
-                    "latest_us": round(float(most[k]) * 1e6, 1),
-                    "steal_ms": round(float(steal) * 1e3),
-                    "busy": round(float(busy / max(busy + idle + steal, 1e-9)), 3),
-                }
-            )
-        return rows
+        return [
+            {"latest_us": round(float(most[k]) * 1e6, 1), **self.at(looks[k + 1, 0])}
+            for k in np.argsort(most)[::-1][:WORST]
+        ]
 
 
 @dataclass
@@ -153,7 +158,7 @@ class Tally:
         rows: Rows of the records on disk; a fault that ends a run adds one.
         zeros: Faults that ended a run.
         squares: Sum of the squared tracking errors [N^2 m^2].
-        faults: What ended a run before its time.
+        faults: When and why runs ended before their time [s].
         times: Times of every control step, by name [s]; "at" is its deadline.
     """
 
@@ -161,7 +166,7 @@ class Tally:
     rows: int = 0
     zeros: int = 0
     squares: float = 0.0
-    faults: list[str] = field(default_factory=list)
+    faults: list[tuple[float, str]] = field(default_factory=list)
     times: dict[str, list[NDArray[np.float64]]] = field(default_factory=dict)
 
     def add(self, began: float, plant: CanPlant, record: Path) -> None:
@@ -219,7 +224,7 @@ def soak(
                         measured = plant.step(law.act(measured, wanted), float(wanted[0]))
                         k += 1
             except HardwareError as error:
-                tally.faults.append(str(error))
+                tally.faults.append((time.perf_counter(), str(error)))
                 tally.zeros += isinstance(error, HardwareFault)
             tally.add(began, plant, record)
         used = (np.array([_cpu(os.getpid()), _cpu(served_by)]) - used) / seconds
@@ -232,7 +237,7 @@ def soak(
         "steps": tally.steps,
         "rows_missing": tally.steps + tally.zeros - tally.rows,
         "rmse": float(np.sqrt(tally.squares / max(tally.steps, 1))),
-        "faults": tally.faults,
+        "faults": [{"text": text, **machine.at(t)} for t, text in tally.faults],
         "cpu_of_loop": round(float(used[0]), 3),
         "cpu_of_emulator": round(float(used[1]), 3),
         "machine": machine.shares(),
@@ -272,6 +277,7 @@ def soaked(
     protocol: str = "mit",
     allowance: float = 0.02,
     controller: str = "pd_feedforward",
+    cpus: Sequence[int] = (),
 ) -> dict[str, Any]:
     """Serve an emulated joint in another process, run against it, and return the result.
 
@@ -282,6 +288,7 @@ def soaked(
         protocol: What the drive speaks.
         allowance: Time by which command and reports may be late before that is a fault [s].
         controller: What controls the joint.
+        cpus: Processors to which loop and emulator are bound, or none.
     """
     time_ = {"value": allowance, "unit": "s"}
     missed = min(100, round(allowance * rate))
@@ -293,6 +300,8 @@ def soaked(
         path = Path(folder) / "joint.toml"
         path.write_text(toml(document(bus=bus, drive=DRIVES[protocol], control=control)))
         with emulator(path) as process:
+            for number, cpu in zip((0, process.pid), cpus, strict=False):
+                os.sched_setaffinity(number, {cpu})
             return soak(load_hardware(path), seconds, controller, Path(folder), process.pid)
 
 
@@ -303,9 +312,12 @@ def main() -> None:
     parser.add_argument("--rate", type=float, default=1000.0, help="[Hz]")
     parser.add_argument("--priority", type=int, help="real-time priority of both processes")
     parser.add_argument("--protocol", default="mit", choices=list(DRIVES))
+    text = "bind loop and emulator to a processor each"
+    parser.add_argument("--cpus", type=int, nargs=2, default=[], metavar="CPU", help=text)
     options = parser.parse_args()
     logging.getLogger("can").setLevel(logging.ERROR)  # which warns of frames that come in pieces
-    result = soaked(options.seconds, options.rate, options.priority, options.protocol)
+    o = options
+    result = soaked(o.seconds, o.rate, o.priority, o.protocol, cpus=o.cpus)
     sys.stdout.write(json.dumps(result, indent=1) + "\n")
 
 
