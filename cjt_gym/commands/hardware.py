@@ -7,8 +7,6 @@ import json
 import logging
 import signal
 import sys
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -19,21 +17,17 @@ from cjt_gym.baselines import CONTROLLERS, make_controller
 from cjt_gym.canbus.config import HardwareConfig, load_hardware
 from cjt_gym.canbus.dry_run import Frames
 from cjt_gym.canbus.emulator import Emulator, emulated_joint
-from cjt_gym.canbus.experiments import EXPERIMENTS, experiment_torque
+from cjt_gym.canbus.experiments import EXPERIMENTS
 from cjt_gym.canbus.link import Link
 from cjt_gym.canbus.plant import CanPlant
 from cjt_gym.canbus.safety import HardwareFault
 from cjt_gym.canbus.virtual import VirtualLink
+from cjt_gym.commands.hardware_jobs import NONE, TRACKING, Job, jobs_of
 from cjt_gym.commands.simulate import GAINS
-from cjt_gym.envs.settings import default_amplitude
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.records import Record, read_record, record_names
-from cjt_gym.signals import make_signals, sampled_signal, signal_from_file
+from cjt_gym.signals import sampled_signal
 
 Floats = NDArray[np.float64]
-NONE, TRACKING = "none", "pd_feedforward"
-DRY = 1.0
-"""Length of a dry run where none is given [s]."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -53,9 +47,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--duration", type=float, help="[s]; default: that of the record, or 10")
     add("--seed", type=int, default=0, help="of the reference, default 0")
     add("--out", type=Path, metavar="RECORD", help="record to write, or folder for experiments")
-    text = "run the tasks of the benchmark, and show the figures beside those of the nominal joint "
-    text += "in simulation; --out is a folder then"
-    add("--benchmark", action="store_true", help=text)
+    text = "run tasks of the benchmark, all or: step, chirp, multisine, smooth, and sweep for the "
+    text += (
+        "bandwidth; show the figures beside those of the nominal joint in simulation; --out is a "
+    )
+    text += "folder then"
+    add("--benchmark", nargs="*", metavar="T", help=text)
     text = "further joints to simulate with --benchmark, such as the joint.toml of a diagnosis"
     add("--against", nargs="+", default=[], metavar="FILE.toml", help=text)
     add("--arm", action="store_true", help="really move the joint; without it nothing moves")
@@ -79,12 +76,12 @@ def run(options: argparse.Namespace) -> None:
         raise ConfigurationError("--out must name the record to write, such as run.csv.")
     signal.signal(signal.SIGTERM, _terminate)
     frames = Frames() if options.dry_run else None
-    results = [_run_one(config, options, job, frames) for job in _jobs(config, options)]
+    results = [_run_one(config, options, job, frames) for job in jobs_of(config, options)]
     if frames is not None:
         text = ", ".join(f"{n} of {identifier:#x}" for identifier, n in frames.by_id.items())
         _tell(options, {"frames": frames.count, "by_id": text})
         return
-    if options.benchmark:
+    if options.benchmark is not None:
         _tell(options, {"records": results, "rows": _compare(config, options)})
         return
     _tell(options, results[0] if options.experiment is None else {"records": results})
@@ -94,147 +91,16 @@ def _terminate(number: int, frame: object) -> NoReturn:
     raise SystemExit(f"Stopped by signal {number}.")
 
 
-@dataclass(frozen=True)
-class Job:
-    """One run.
-
-    Attributes:
-        path: Its record, None for none.
-        reference: Joint torque that is wanted, or motor torque that is commanded [N m], by control
-            step.
-        controller: A row of `CONTROLLERS`, or `NONE`.
-        policy: Run folder of a policy, or None.
-        facts: What else belongs to the record's provenance.
-    """
-
-    path: Path | None
-    reference: Floats
-    controller: str
-    policy: str | None
-    facts: dict[str, Any]
-
-
-def _jobs(config: HardwareConfig, options: argparse.Namespace) -> Sequence[Job]:
-    """Return the runs that are asked for; of a series those that are not recorded yet."""
-    if options.benchmark:
-        return _missing(_tasks(config, options))
-    if options.experiment is None:
-        return [_tracking(config, options)]
-    names = list(EXPERIMENTS) if options.experiment == ["all"] else options.experiment
-    jobs = []
-    for name in names:
-        torque = experiment_torque(name, config.joint, config.limits, config.dt)
-        path = None if options.out is None else options.out / f"{name}.csv"
-        facts = {"excitation": name, "mode": "open loop"}
-        jobs.append(Job(path, torque, NONE, None, facts))
-    return _missing(jobs)
-
-
-def _missing(jobs: Sequence[Job]) -> Sequence[Job]:
-    """Return the jobs of a series that have no complete record; move broken records away."""
-    found = []
-    for job in jobs:
-        path = job.path
-        if path is not None and path.exists():
-            if _is_complete(path, job):
-                sys.stderr.write(f"{path.stem}: recorded already, skipped\n")
-                continue
-            path.rename(path.with_suffix(".broken.csv"))
-        found.append(job)
-    return found
-
-
-def _tasks(config: HardwareConfig, options: argparse.Namespace) -> Sequence[Job]:
-    """Return the runs of the benchmark."""
-    from cjt_gym.commands.hardware_benchmark import RUNS, SECONDS, reference_of
-
-    if options.experiment is not None or options.controller == NONE:
-        raise ConfigurationError("--benchmark needs a --controller or a --policy.")
-    amplitude, seed = _amplitude(config, options), options.seed
-    seconds = SECONDS if options.duration is None else options.duration
-    controller = options.controller or TRACKING
-    jobs = []
-    for name in RUNS:
-        reference = reference_of(name, amplitude, config.dt, seconds, seed)
-        path = None if options.out is None else options.out / f"{name}.csv"
-        facts: dict[str, Any] = {"task": name, "amplitude": amplitude, "seed": seed}
-        facts |= {"policy": options.policy} if options.policy else {"controller": controller}
-        jobs.append(Job(path, reference, controller, options.policy, facts))
-    return jobs
-
-
 def _compare(config: HardwareConfig, options: argparse.Namespace) -> list[dict[str, Any]]:
     """Write and return the figures of the records beside those of simulations."""
-    from cjt_gym.commands.hardware_benchmark import RUNS, side_by_side
+    from cjt_gym.commands.hardware_benchmark import runs_of, side_by_side
     from cjt_gym.training.benchmark import write_rows
 
-    paths = {name: options.out / f"{name}.csv" for name in RUNS}
+    paths = {name: options.out / f"{name}.csv" for name in runs_of(options.benchmark)}
     controller = options.controller or TRACKING
     rows = side_by_side(config, controller, options.policy, paths, options.against, options.seed)
     write_rows(rows, options.out)
     return rows
-
-
-def _amplitude(config: HardwareConfig, options: argparse.Namespace) -> float:
-    """Return the amplitude of the reference [N m], within the limits where none is given."""
-    if options.amplitude is not None:
-        return float(options.amplitude)
-    return min(default_amplitude(config.joint.parameters), config.limits.tau)
-
-
-def _is_complete(path: Path, job: Job) -> bool:
-    """Return whether a record is all of a job.
-
-    Raises:
-        ConfigurationError: It is that of another one.
-    """
-    known = read_record(path).provenance
-    if "fault" in known or "timing_us" not in known:
-        return False
-    for name, value in job.facts.items():
-        if known.get(name) != value:
-            raise ConfigurationError(
-                f"{path} has {name} {known.get(name)!r}, this series has {value!r}. Give another "
-                "--out, or the same options as before."
-            )
-    return True
-
-
-def _tracking(config: HardwareConfig, options: argparse.Namespace) -> Job:
-    """Return the run of a controller or policy along a reference."""
-    word = options.reference
-    record = read_record(word) if Path(word).suffix or word in record_names() else None
-    tracked = record is None or "tau_ref" in record
-    controller = options.controller or (TRACKING if tracked else NONE)
-    length = 10.0 if record is None else record.t[-1] - record.t[0] + record.dt
-    if options.dry_run:
-        length = min(length, DRY)
-    duration = length if options.duration is None else options.duration
-    samples = round(duration / config.dt)
-    if samples < 1:
-        raise ConfigurationError(f"--duration must be >= one control step, got {duration} s.")
-    if record is not None and controller == NONE:
-        reference = _commanded(record, config)(np.arange(samples) * config.dt)
-    else:
-        amplitude = _amplitude(config, options)
-        spec = word if record is None else signal_from_file(word)
-        (signal_,) = make_signals(spec, amplitude)[:1]
-        drawn = signal_.reset(np.random.default_rng(options.seed))
-        reference = drawn.torque(np.arange(samples) * config.dt)
-    facts: dict[str, Any] = {"reference": word, "seed": options.seed}
-    if options.policy is None:
-        facts |= {"controller": controller} | ({"mode": "open loop"} if controller == NONE else {})
-    else:
-        facts["policy"] = str(options.policy)
-    return Job(options.out, reference, controller, options.policy, facts)
-
-
-def _commanded(record: Record, config: HardwareConfig) -> Callable[[Floats], Floats]:
-    """Return the motor torque [N m] that a record commands, as a function of time."""
-    p = config.joint.parameters
-    torque = record["i_cmd"] * p.k_t * p.n if "i_cmd" in record else record["tau_cmd"]
-    t = record.t - record.t[0]
-    return lambda at: torque[np.clip(np.searchsorted(t, at + 1e-9) - 1, 0, len(t) - 1)]
 
 
 def _link(

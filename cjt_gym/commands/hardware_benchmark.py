@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.canbus.config import HardwareConfig
-from cjt_gym.errors import ConfigurationError
+from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.records import Record, read_record
 from cjt_gym.signals import sampled_signal
 from cjt_gym.training import metrics
@@ -37,6 +37,18 @@ SECONDS = 10.0
 PIECE = 1.0
 """Length of the pieces that stand for episodes; the first, with the soft start, is left out [s]."""
 REAL, NOMINAL = "real", "nominal"
+
+
+def runs_of(names: Sequence[str]) -> tuple[str, ...]:
+    """Return the runs that are asked for, all where none is named.
+
+    Raises:
+        UnknownNameError: There is no such run.
+    """
+    for name in names:
+        if name not in RUNS:
+            raise unknown_name("task", name, RUNS)
+    return tuple(names) or RUNS
 
 
 def reference_of(run: str, amplitude: float, dt: float, duration: float, seed: int) -> Floats:

@@ -190,3 +190,26 @@ def test_process_that_is_ended_leaves_no_torque_and_a_whole_record(
     if number is not signal.SIGKILL:
         assert record.provenance["fault"]["kind"] == "interrupt"
         assert run.returncode == 1
+
+
+def test_figures_of_the_joint_beside_those_of_the_simulation(
+    path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = path.with_name("series")
+    words = ["hardware", str(path), "--emulated", "--out", str(out), "--controller", "open_loop"]
+    words += ["--duration", "3", "--amplitude", "10", "--benchmark"]
+    assert main([*words, "smooth", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    real, nominal = told["rows"]
+    assert set(real) == set(nominal) >= {"rmse", "nrmse", "effort_rms", "ci95", "kind", "task"}
+    assert (real["where"], nominal["where"]) == ("real", "nominal")
+    assert real["effort_rms"] == pytest.approx(nominal["effort_rms"], rel=0.02)
+    assert real["rmse"] > 2.0 * nominal["rmse"]  # friction, which the nominal joint has not
+    assert json.loads((out / "benchmark.json").read_text()) == told["rows"]
+    assert main([*words, "smooth"]) == 0
+    shown = capsys.readouterr()
+    assert "smooth: recorded already" in shown.err
+    assert "nominal" in shown.out
+    assert main([*words, "smooth", "--seed", "1"]) == 2
+    assert "has seed 0, this series has 1" in capsys.readouterr().err
+    assert main([*words, "dance"]) == 2
