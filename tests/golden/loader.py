@@ -122,6 +122,16 @@ def secondary(name: str) -> dict[str, float]:
     return dict(_json("secondary.json")[name])
 
 
+def datasheet_sets() -> tuple[str, ...]:
+    """Return the names of the sets that have curves of the data sheet."""
+    return tuple(dict.fromkeys(key.split("/")[0] for key in _npz("datasheet.npz")))
+
+
+def datasheet(name: str, curve: str) -> Array:
+    """Return a curve of the data sheet of a set, such as ``"torque_speed/speed"``."""
+    return _npz("datasheet.npz")[f"{name}/{curve}"]
+
+
 @dataclass(frozen=True)
 class NonlinearCase:
     """50 states of one set and structure, and the nonlinear torques there.

@@ -1,0 +1,213 @@
+"""The table of characteristics: every quantity with its name, symbol, unit, formula and function.
+
+Names are those of the Compliant Joint Toolbox where it has the quantity. Symbols and formulas are
+plain text in which an underscore begins an index: k_t n i_c.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from cjt_gym.characteristics import bandwidth, motor, thermal
+from cjt_gym.errors import ParameterError, unknown_name
+from cjt_gym.joint import JointParameters
+from cjt_gym.joint.parameter_table import axis_units
+
+GROUPS = ("constants", "rated", "no load", "stall", "peak", "heat", "dynamics")
+STEP = 1e-4
+"""Share of a parameter by which it is moved to see what its tolerance does."""
+_PRISMATIC = {
+    "N m/W^0.5": "N/W^0.5",
+    "rad/(s V)": "m/(s V)",
+    "rad/(s N m)": "m/(s N)",
+}
+
+
+@dataclass(frozen=True)
+class Characteristic:
+    """One row of the table.
+
+    Attributes:
+        name: Its name in every interface.
+        group: One of `GROUPS`.
+        title: What it is, in a few words.
+        symbol: How it is written.
+        rotary_unit: Unit on a rotary axis.
+        formula: How it follows from parameters and other rows.
+        text: What it says to a user of the joint.
+        function: Computes it.
+    """
+
+    name: str
+    group: str
+    title: str
+    symbol: str
+    rotary_unit: str
+    formula: str
+    text: str
+    function: Callable[[JointParameters], float]
+
+    def unit(self, axis: str = "rotary") -> str:
+        """Return the unit on that kind of axis."""
+        if axis == "rotary":
+            return self.rotary_unit
+        return _PRISMATIC.get(self.rotary_unit, axis_units(self.rotary_unit, axis)[0])
+
+    def value(self, p: JointParameters) -> float | None:
+        """Return the value [unit], or None where the joint lacks a parameter that it needs."""
+        try:
+            return self.function(p)
+        except ParameterError:
+            return None
+
+    def tolerance(self, p: JointParameters) -> float | None:
+        """Return one sigma of the value [unit] from the tolerances of the parameters.
+
+        The parameters are taken as independent and the quantity as linear in them.
+
+        Returns:
+            The standard deviation; None where no parameter that matters has a tolerance, or where
+            the value is not finite.
+        """
+        value, variance = self.value(p), 0.0
+        if value is None or not math.isfinite(value):
+            return None
+        for symbol, quantity in p.quantities.items():
+            if quantity.tolerance and quantity.number:
+                moved = self.value(p.replace(**{symbol: quantity.number * (1.0 + STEP)}))
+                if moved is not None:
+                    variance += ((moved - value) / STEP * quantity.tolerance) ** 2
+        return math.sqrt(variance) if variance > 0.0 else None
+
+
+def _hold_cold(p: JointParameters) -> float:
+    return thermal.time_to_critical(p, motor.peak_torque(p))
+
+
+def _hold_warm(p: JointParameters) -> float:
+    warm = 0.5 * (p.Tmp_ANom + p.Tmp_WMax)
+    return thermal.time_to_critical(p, motor.peak_torque(p), warm)
+
+
+def _band_peak(p: JointParameters) -> float:
+    return bandwidth.torque_bandwidth(p, motor.peak_torque(p))
+
+
+def _band_rated(p: JointParameters) -> float:
+    return bandwidth.torque_bandwidth(p, motor.rated_torque(p), lasting=True)
+
+
+def _percent_best(p: JointParameters) -> float:
+    return 100.0 * motor.best_efficiency(p)
+
+
+def _steady_peak(p: JointParameters) -> float:
+    return float(thermal.steady_temperature(p, motor.peak_torque(p)))
+
+
+_ROWS = (
+    Characteristic("k_w", "constants", "speed constant", "k_w", "rad/(s V)", "1 / k_t",
+                   "Rotor speed per volt of back-EMF.", motor.speed_constant),
+    Characteristic("k_m", "constants", "motor constant", "k_M", "N m/W^0.5", "k_t n / √r",
+                   "Torque per root of copper loss: compares motors of any winding.",
+                   motor.motor_constant),
+    Characteristic("dq_over_dm", "constants", "speed drop", "s", "rad/(s N m)", "r / (k_t n)²",
+                   "How much slower the joint gets per torque at full voltage.", motor.speed_drop),
+    Characteristic("T_mech", "constants", "mechanical time constant", "T_mech", "s",
+                   "(I_m + I_g + I_l) s",
+                   "Time to 63 % of the final speed after a step of voltage.",
+                   motor.mechanical_time_constant),
+    Characteristic("T_el", "constants", "electrical time constant", "T_el", "s", "l_a / r",
+                   "Time to 63 % of the final current after a step of voltage.",
+                   motor.electrical_time_constant),
+    Characteristic("dv", "constants", "viscous friction", "d_v", "N m s/rad", "d_m + d_g + d_l",
+                   "All bodies together.", motor.viscous),
+    Characteristic("Mc", "constants", "Coulomb friction", "τ_C", "N m", "d_cm + d_cg + d_cl",
+                   "All bodies together: no motion below this torque.", motor.coulomb),
+    Characteristic("i_c", "rated", "rated current", "i_c", "A",
+                   "√(ΔT / ((r_th1 + r_th2) r (1 + a_CU ΔT)))",
+                   "Holds the winding at its highest temperature; ΔT is that over ambient.",
+                   motor.continuous_current),
+    Characteristic("t_r", "rated", "rated torque", "τ_r", "N m", "k_t n i_c",
+                   "Torque that the motor gives for ever, friction included.", motor.rated_torque),
+    Characteristic("dq_r", "rated", "rated speed", "ω_r", "rad/s", "ω_0 - s τ_r",
+                   "Highest speed at the rated torque.", motor.rated_speed),
+    Characteristic("p_cm", "rated", "rated mechanical power", "P_r", "W", "τ_r ω_r",
+                   "At the motor, friction included.", motor.rated_mechanical_power),
+    Characteristic("p_ce", "rated", "rated electrical power", "P_r,el", "W", "v_0 i_c",
+                   "From the supply at the rated point.", motor.rated_electrical_power),
+    Characteristic("dq_0", "no load", "zero-torque speed", "ω_0", "rad/s", "v_0 / (k_t n)",
+                   "Where the back-EMF is the supply; no friction.", motor.zero_torque_speed),
+    Characteristic("dq_NL", "no load", "no-load speed", "ω_NL", "rad/s",
+                   "(ω_0 - s τ_C) / (1 + s d_v)", "Highest speed with nothing attached.",
+                   motor.no_load_speed),
+    Characteristic("t_NL", "no load", "no-load torque", "τ_NL", "N m", "τ_C + d_v ω_NL",
+                   "Friction at that speed.", motor.no_load_torque),
+    Characteristic("i_NL", "no load", "no-load current", "i_NL", "A", "τ_NL / (k_t n)",
+                   "Current at that speed.", motor.no_load_current),
+    Characteristic("i_start", "stall", "starting current", "i_start", "A", "v_0 / r",
+                   "At rest and full voltage, were it not limited to i_p.", motor.starting_current),
+    Characteristic("t_stall", "stall", "stall torque", "τ_stall", "N m", "k_t n i_start",
+                   "Torque of that current: end of the torque-speed line.", motor.stall_torque),
+    Characteristic("t_p", "peak", "peak torque", "τ_p", "N m", "k_t n i_p",
+                   "Torque of the peak current, for a short while.", motor.peak_torque),
+    Characteristic("p_pm", "peak", "peak mechanical power", "P_p", "W",
+                   "τ (ω_0 - s τ), τ = min(τ_p, τ_stall / 2)",
+                   "Largest power on the torque-speed line.", motor.peak_mechanical_power),
+    Characteristic("p_pe", "peak", "peak electrical power", "P_p,el", "W", "v_0 i_p",
+                   "From the supply at peak current and full voltage.",
+                   motor.peak_electrical_power),
+    Characteristic("eta_max", "peak", "largest efficiency", "η_max", "%",
+                   "max (τ - τ_C - d_v ω) ω / (r i² + τ ω)",
+                   "Over all torques and speeds that supply and peak current allow; motoring.",
+                   _percent_best),
+    Characteristic("T_ss_p", "heat", "steady temperature at peak torque", "T_∞(τ_p)", "degC",
+                   "T_A + R P / (1 - a_CU R P), R = r_th1 + r_th2, P = r i_p²",
+                   "Where the winding would end; infinite where heat runs away.", _steady_peak),
+    Characteristic("t_hold_cold", "heat", "peak torque from cold", "t_hold", "s",
+                   "two-stage model, from T_A", "How long peak torque can be held from ambient.",
+                   _hold_cold),
+    Characteristic("t_hold_warm", "heat", "peak torque from half warm", "t_hold,½", "s",
+                   "two-stage model, from (T_A + T_max) / 2",
+                   "Likewise with the winding half-way to its limit for long.", _hold_warm),
+    Characteristic("f_0", "dynamics", "resonance, locked output", "f_0", "Hz",
+                   "√(k_b / (I_m + I_g)) / 2π", "Undamped, with a rigid gearbox.",
+                   bandwidth.resonance),
+    Characteristic("f_p", "dynamics", "bandwidth of the peak torque", "f_p", "Hz",
+                   "highest f with min(current, voltage, speed limit) ≥ τ_p",
+                   "Locked output; up to it the joint delivers the peak torque.", _band_peak),
+    Characteristic("f_r", "dynamics", "bandwidth of the rated torque", "f_r", "Hz",
+                   "highest f with min(all limits) ≥ τ_r",
+                   "Locked output; up to it the joint delivers the rated torque for ever.",
+                   _band_rated),
+)  # fmt: skip
+
+CHARACTERISTICS: Mapping[str, Characteristic] = MappingProxyType({row.name: row for row in _ROWS})
+
+
+def characteristics(p: JointParameters) -> dict[str, float]:
+    """Return all characteristics of a joint that its parameters allow, by name.
+
+    Example:
+        >>> from cjt_gym.joint import load_joint_file
+        >>> values = characteristics(load_joint_file("orange_80_6000").parameters)
+        >>> round(values["t_r"], 3), round(values["dq_NL"], 3)
+        (17.177, 7.509)
+    """
+    values = {name: row.value(p) for name, row in CHARACTERISTICS.items()}
+    return {name: value for name, value in values.items() if value is not None}
+
+
+def characteristic(p: JointParameters, name: str) -> float:
+    """Return one characteristic of a joint [unit of its row].
+
+    Raises:
+        UnknownNameError: There is none of that name.
+        ParameterError: The joint lacks a parameter that it needs.
+    """
+    if name not in CHARACTERISTICS:
+        raise unknown_name("characteristic", name, CHARACTERISTICS)
+    return CHARACTERISTICS[name].function(p)
