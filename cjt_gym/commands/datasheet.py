@@ -1,0 +1,37 @@
+"""`cjt-gym datasheet`: what a joint can do, on a few pages."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+from cjt_gym.datasheet import FORMATS, make_sheet, quantities, write_sheet
+from cjt_gym.errors import ConfigurationError
+from cjt_gym.joint import load_joint_file
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the joints and the file to write."""
+    text = "name of a joint, or path of a joint file; several are compared"
+    parser.add_argument("joints", metavar="JOINT", nargs="+", help=text)
+    text = f"file to write ({', '.join(FORMATS)}); may be left out with --json"
+    parser.add_argument("--out", type=Path, metavar="FILE", help=text)
+
+
+def run(options: argparse.Namespace) -> None:
+    """Write the sheet, and print its numbers where they are asked for."""
+    if options.out is None and not options.json:
+        raise ConfigurationError(
+            f"--out FILE is needed ({', '.join(FORMATS)}), or --json for the numbers alone."
+        )
+    files = [load_joint_file(name) for name in options.joints]
+    written: tuple[Path, ...] = ()
+    if options.out is not None:
+        written = write_sheet(make_sheet(files), options.out)
+    if options.json:
+        result = {"files": [str(path) for path in written], **quantities(files)}
+        sys.stdout.write(json.dumps(result, indent=1, allow_nan=False) + "\n")
+    else:
+        sys.stdout.write(" ".join(str(path) for path in written) + "\n")

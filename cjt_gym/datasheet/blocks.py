@@ -1,0 +1,92 @@
+"""What a sheet is made of: headings, paragraphs, tables and figures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True)
+class Heading:
+    """A heading of a part of the sheet."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Paragraph:
+    """A paragraph.
+
+    Attributes:
+        text: Text, see `cjt_gym.datasheet.notation`.
+        small: Whether it is a note in small print.
+    """
+
+    text: str
+    small: bool = False
+
+
+@dataclass(frozen=True)
+class Facts:
+    """A few figures in large print: name, value and unit of each."""
+
+    items: Sequence[tuple[str, str, str]]
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table.
+
+    Attributes:
+        head: Titles of the columns.
+        rows: Cells; a row with one cell only is a title across all columns.
+        align: "l" or "r" per column.
+        wide: Columns that share the width that the others leave.
+        columns: In how many columns side by side the rows are set.
+    """
+
+    head: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    align: str
+    wide: Sequence[int] = ()
+    columns: int = 1
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A figure.
+
+    Attributes:
+        svg: The drawing, as SVG text.
+        caption: What it shows.
+        whole: Whether it takes the whole width, or stands beside the next.
+    """
+
+    svg: str
+    caption: str
+    whole: bool = False
+
+
+@dataclass(frozen=True)
+class PageBreak:
+    """Where a new page begins, on paper."""
+
+
+Block = Heading | Paragraph | Facts | Table | Figure | PageBreak
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A sheet, ready to be written.
+
+    Attributes:
+        title: Title.
+        subtitle: One line below it.
+        blocks: What follows.
+        footer: Small print at the foot of each page.
+    """
+
+    title: str
+    subtitle: str
+    blocks: Sequence[Block] = field(default_factory=tuple)
+    footer: str = ""

@@ -1,0 +1,257 @@
+"""What a sheet says about one joint or several."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+
+from cjt_gym import __version__
+from cjt_gym.characteristics import CHARACTERISTICS, characteristic
+from cjt_gym.characteristics.table import GROUPS
+from cjt_gym.datasheet import figures
+from cjt_gym.datasheet.blocks import (
+    Block,
+    Facts,
+    Figure,
+    Heading,
+    PageBreak,
+    Paragraph,
+    Sheet,
+    Table,
+)
+from cjt_gym.datasheet.notation import number, unit, with_tolerance
+from cjt_gym.datasheet.resistance import friction_and_ripple
+from cjt_gym.errors import ParameterError
+from cjt_gym.joint import EFFECTS, JointFile, JointParameters, Quantity
+from cjt_gym.joint.parameters import PARAMETERS
+
+FACTS = ("t_r", "t_p", "dq_NL", "p_pm", "eta_max", "f_p")
+SYMBOLS = {"Tmp_WMax": "T_max", "Tmp_ANom": "T_A", "diam": "D", "len": "L", "dq_p": "ω_p"}
+
+
+def make_sheet(files: Sequence[JointFile]) -> Sheet:
+    """Return the sheet of one joint, or of several side by side."""
+    joints = [file.parameters for file in files]
+    if len(joints) == 1:
+        title, subtitle = joints[0].name.replace("_", " "), joints[0].source
+    else:
+        title = " · ".join(p.name.replace("_", " ") for p in joints)
+        subtitle = f"Comparison of {len(joints)} joints"
+    blocks = [
+        *_facts(joints),
+        *_plots(joints),
+        *_effects(files),
+        *_notes(joints),
+        *_characteristics(joints),
+        *_parameters(joints),
+    ]
+    footer = (
+        f"Computed by cjt-gym {__version__} from the parameters listed; link side, SI units, "
+        "positive direction."
+    )
+    return Sheet(title, subtitle, blocks, footer)
+
+
+def _facts(joints: Sequence[JointParameters]) -> Iterator[Block]:
+    if len(joints) > 1:
+        return
+    (p,) = joints
+    rows = [CHARACTERISTICS[name] for name in FACTS]
+    shown = [
+        (row.title, number(value, 3), unit(row.unit(p.axis)))
+        for row in rows
+        if (value := row.value(p)) is not None
+    ]
+    if shown:
+        yield Facts(shown)
+
+
+def _plots(joints: Sequence[JointParameters]) -> Iterator[Block]:
+    """Yield the figures that the parameters of all joints allow."""
+    one = len(joints) == 1
+    drawings: list[tuple[Callable[[], str], str, bool]] = [
+        (
+            lambda: figures.torque_speed(joints),
+            "Torque and speed. Dark: for ever (black point: rated). Light: for a short while. "
+            "Friction comes off the motor's torque (red point: no load)."
+            if one
+            else "Torque-speed lines up to the peak torque; points: rated.",
+            False,
+        ),
+        (
+            lambda: figures.efficiency_map(joints),
+            "Efficiency of driving, friction and copper loss included. Red: largest; black: rated "
+            "point. White: friction takes all, or the supply is too low.",
+            not one,
+        ),
+        (
+            lambda: figures.heat(joints),
+            "Above: how long the winding bears a constant torque. Below: where its temperature "
+            f"ends; dashed: its limit. Dotted: rated torque{'' if one else 's'}.",
+            False,
+        ),
+        (
+            lambda: figures.torque_bandwidth(joints),
+            "Torque on a locked output over frequency, by what limits it. Light: for a short "
+            "while. Dark: for ever."
+            if one
+            else "Torque on a locked output over frequency: for a short while; dashed: for ever.",
+            False,
+        ),
+    ]
+    if one:
+        drawings.append(
+            (
+                lambda: figures.torque_with_load(joints),
+                "The same for a short while, with free loads. Below, a light load gives way; at "
+                "the resonance little motor torque is needed.",
+                False,
+            )
+        )
+    drawings.append((lambda: _impedance(joints), _impedance_caption(joints), False))
+    for draw, caption, whole in drawings:
+        try:
+            svg = draw()
+        except ParameterError:
+            continue
+        yield Figure(svg, caption, whole)
+
+
+def _impedance(joints: Sequence[JointParameters]) -> str:
+    return figures.impedance(joints, min(figures.usual_motion(p) for p in joints))
+
+
+def _impedance_caption(joints: Sequence[JointParameters]) -> str:
+    try:
+        motion = min(figures.usual_motion(p) for p in joints)
+    except ParameterError:
+        return ""
+    unit_of_angle = "rad" if joints[0].axis == "rotary" else "m"
+    return (
+        f"Impedance of the output that moves by ± {motion:g} {unit_of_angle}: what an "
+        "ideal controller can make of it with the motor's torque and voltage."
+    )
+
+
+def _notes(joints: Sequence[JointParameters]) -> Iterator[Block]:
+    """Yield what a user must know that no number says."""
+    for p in joints:
+        rated, peak, coulomb = (CHARACTERISTICS[name].value(p) for name in ("t_r", "t_p", "Mc"))
+        if rated is None or peak is None or coulomb is None:
+            continue
+        lost = characteristic(p, "t_NL")
+        name = p.name.replace("_", " ")
+        if rated < lost:
+            yield Paragraph(
+                f"{name}: friction at the no-load speed ({number(lost, 3)} {p.unit('d_cm')}) is "
+                f"above the rated torque ({number(rated, 3)} {p.unit('d_cm')}), so that the joint "
+                "cannot run at full speed for ever.",
+                small=True,
+            )
+
+
+def _characteristics(joints: Sequence[JointParameters]) -> Iterator[Block]:
+    """Yield the table of characteristics with an explanation of each."""
+    axis = joints[0].axis
+    rows: list[tuple[str, ...]] = []
+    for group in GROUPS:
+        found = []
+        for row in CHARACTERISTICS.values():
+            values = [row.value(p) for p in joints]
+            if row.group != group or all(value is None for value in values):
+                continue
+            cells = [
+                with_tolerance(value, row.tolerance(p))
+                for p, value in zip(joints, values, strict=True)
+            ]
+            title = row.title[0].upper() + row.title[1:]
+            what = f"{title}. {row.text}" if len(joints) == 1 else title
+            formula = (f"${row.formula}$",) if len(joints) == 1 else ()
+            found.append((f"${row.symbol}$", *cells, unit(row.unit(axis)), what, *formula))
+        if found:
+            rows += [(group[0].upper() + group[1:],), *found]
+    yield PageBreak()
+    yield Heading("Characteristics")
+    if len(joints) == 1:
+        yield Table(("", "Value", "Unit", "What it is", "Formula"), rows, "lrlll", wide=(3, 4))
+        return
+    names = [p.name.replace("_", " ") for p in joints]
+    head = ("", *names, "Unit", "What it is")
+    yield Table(head, rows, "l" + "r" * len(joints) + "ll", wide=(len(head) - 1,))
+
+
+def _parameters(joints: Sequence[JointParameters]) -> Iterator[Block]:
+    """Yield the parameters of the joint files, with the sources below."""
+    sources: dict[str, int] = {}
+    rows = []
+    for symbol, spec in PARAMETERS.items():
+        quantities = [p.quantities.get(symbol) for p in joints]
+        if all(q is None for q in quantities) or _repeats(symbol, joints):
+            continue
+        marks = []
+        for q in quantities:
+            source = "" if q is None else q.source or "this file"
+            marks.append(str(sources.setdefault(source, len(sources) + 1)) if source else "")
+        cells = [_value(q) for q in quantities]
+        where = ", ".join(dict.fromkeys(mark for mark in marks if mark))
+        what = spec.description.split(";")[0]
+        name = f"${SYMBOLS.get(symbol, symbol)}$"
+        rows.append((name, *cells, unit(joints[0].unit(symbol)), what, where))
+    yield Heading("Parameters")
+    head = ("", *(["Value"] if len(joints) == 1 else [p.name.replace("_", " ") for p in joints]),
+            "Unit", "What it is", "Source")  # fmt: skip
+    align = "l" + "r" * len(joints) + "lll"
+    columns = 2 if len(joints) == 1 else 1
+    yield Table(head, rows, align, wide=(len(head) - 2,), columns=columns)
+    listed = "; ".join(f"{k}: {text}" for text, k in sources.items())
+    yield Paragraph(
+        f"Sources: {listed}. ± is one sigma; in brackets the 95 % interval.", small=True
+    )
+
+
+def _repeats(symbol: str, joints: Sequence[JointParameters]) -> bool:
+    """Return whether a value of negative direction is that of positive direction."""
+    partner = symbol.removesuffix("_n")
+    return partner != symbol and all(p.get(symbol, 0.0) == p.get(partner, 0.0) for p in joints)
+
+
+def _value(quantity: Quantity | None) -> str:
+    """Return the value of a parameter with tolerance or interval."""
+    if quantity is None:
+        return number(None)
+    if isinstance(quantity.value, tuple):
+        return ", ".join(number(x, 5) for x in quantity.value)
+    text = number(quantity.value, 6)
+    if isinstance(quantity.low, float) and isinstance(quantity.high, float):
+        return f"{number(quantity.value)} ({number(quantity.low)} … {number(quantity.high)})"
+    if quantity.tolerance:
+        text = with_tolerance(quantity.value, abs(quantity.tolerance * quantity.value))
+    return text
+
+
+def _effects(files: Sequence[JointFile]) -> Iterator[Block]:
+    """Yield the effects that joint files list: their numbers, and friction and ripple drawn."""
+    rows = []
+    for file in files:
+        name = file.name.replace("_", " ")
+        for effect, entries in file.effects.items():
+            row = EFFECTS[effect]
+            title = f"{effect.replace('_', ' ')}: {row.summary}"
+            rows.append(((f"{name}, " if len(files) > 1 else "") + title,))
+            for symbol, setting in entries.items():
+                if not isinstance(setting, Quantity):
+                    continue
+                known = row.parameter(symbol)
+                text = known.description if known else ""
+                rows.append((f"${symbol}$", _value(setting), unit(setting.unit), text))
+    if not rows:
+        return
+    yield Heading("Effects beyond the linear joint")
+    drawn = friction_and_ripple(files)
+    if drawn:
+        yield Figure(
+            drawn,
+            "Left: friction over speed, with the effects and as the parameters alone have it "
+            "(dashed). Right: torque of ripple over the motor's angle, at rest.",
+            whole=True,
+        )
+    yield Table(("", "Value", "Unit", "What it is"), rows, "lrll", wide=(3,))
