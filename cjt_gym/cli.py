@@ -38,6 +38,7 @@ EXTRAS = {
     "cma": "tune",
     "joblib": "benchmark",
     "matplotlib": "report",
+    "sympy": "symbolic",
     "typst": "datasheet",
     "pyarrow": "parquet",
 }

@@ -160,7 +160,7 @@ def torque_bandwidth(
     """
     if not amplitude > 0.0:
         raise ConfigurationError(f"The amplitude must be > 0 N m, got {amplitude:g}.")
-    f = np.geomspace(LOWEST_HZ, HIGHEST_HZ, 2001)
+    f = np.geomspace(LOWEST_HZ, HIGHEST_HZ, 601)
     for _ in range(3):
         limits = torque_limits(p, f, load, rigid_gearbox=rigid_gearbox)
         enough = (limits.lasting if lasting else limits.peak) >= amplitude
@@ -173,5 +173,5 @@ def torque_bandwidth(
             return 0.0
         if last == len(f) - 1:
             return float(f[-1])
-        f = np.linspace(f[last], f[last + 1], 201)
+        f = np.linspace(f[last], f[last + 1], 101)
     return float(f[0])

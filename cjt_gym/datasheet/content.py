@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Sequence
 
 from cjt_gym import __version__
@@ -25,6 +26,7 @@ from cjt_gym.joint import EFFECTS, JointFile, JointParameters, Quantity
 from cjt_gym.joint.parameters import PARAMETERS
 
 FACTS = ("t_r", "t_p", "dq_NL", "p_pm", "eta_max", "f_p")
+ASIDE = re.compile(r";| \(|, (?=acts|whose|motor|limit|reflected)")
 SYMBOLS = {"Tmp_WMax": "T_max", "Tmp_ANom": "T_A", "diam": "D", "len": "L", "dq_p": "ω_p"}
 
 
@@ -68,20 +70,20 @@ def _facts(joints: Sequence[JointParameters]) -> Iterator[Block]:
 def _plots(joints: Sequence[JointParameters]) -> Iterator[Block]:
     """Yield the figures that the parameters of all joints allow."""
     one = len(joints) == 1
+    efficiency: tuple[Callable[[], str], str, bool] = (
+        lambda: figures.efficiency_map(joints),
+        "Efficiency of driving, friction and copper loss included. Red: largest; black: rated "
+        "point. White: friction takes all, or the supply is too low.",
+        not one,
+    )
     drawings: list[tuple[Callable[[], str], str, bool]] = [
         (
             lambda: figures.torque_speed(joints),
-            "Torque and speed. Dark: for ever (black point: rated). Light: for a short while. "
+            "Torque and speed. Dark: continuous (black point: rated). Light: for a short time. "
             "Friction comes off the motor's torque (red point: no load)."
             if one
             else "Torque-speed lines up to the peak torque; points: rated.",
             False,
-        ),
-        (
-            lambda: figures.efficiency_map(joints),
-            "Efficiency of driving, friction and copper loss included. Red: largest; black: rated "
-            "point. White: friction takes all, or the supply is too low.",
-            not one,
         ),
         (
             lambda: figures.heat(joints),
@@ -92,9 +94,9 @@ def _plots(joints: Sequence[JointParameters]) -> Iterator[Block]:
         (
             lambda: figures.torque_bandwidth(joints),
             "Torque on a locked output over frequency, by what limits it. Light: for a short "
-            "while. Dark: for ever."
+            "time. Dark: continuous."
             if one
-            else "Torque on a locked output over frequency: for a short while; dashed: for ever.",
+            else "Torque on a locked output over frequency: for a short time; dashed: continuous.",
             False,
         ),
     ]
@@ -102,12 +104,13 @@ def _plots(joints: Sequence[JointParameters]) -> Iterator[Block]:
         drawings.append(
             (
                 lambda: figures.torque_with_load(joints),
-                "The same for a short while, with free loads. Below, a light load gives way; at "
+                "The same for a short time, with free loads. Below, a light load gives way; at "
                 "the resonance little motor torque is needed.",
                 False,
             )
         )
     drawings.append((lambda: _impedance(joints), _impedance_caption(joints), False))
+    drawings.insert(1 if one else len(drawings), efficiency)
     for draw, caption, whole in drawings:
         try:
             svg = draw()
@@ -144,7 +147,7 @@ def _notes(joints: Sequence[JointParameters]) -> Iterator[Block]:
             yield Paragraph(
                 f"{name}: friction at the no-load speed ({number(lost, 3)} {p.unit('d_cm')}) is "
                 f"above the rated torque ({number(rated, 3)} {p.unit('d_cm')}), so that the joint "
-                "cannot run at full speed for ever.",
+                "cannot run at full speed continuously.",
                 small=True,
             )
 
@@ -172,7 +175,7 @@ def _characteristics(joints: Sequence[JointParameters]) -> Iterator[Block]:
     yield PageBreak()
     yield Heading("Characteristics")
     if len(joints) == 1:
-        yield Table(("", "Value", "Unit", "What it is", "Formula"), rows, "lrlll", wide=(3, 4))
+        yield Table(("", "Value", "Unit", "What it is", "Formula"), rows, "lrlll", wide=(3,))
         return
     names = [p.name.replace("_", " ") for p in joints]
     head = ("", *names, "Unit", "What it is")
@@ -193,7 +196,7 @@ def _parameters(joints: Sequence[JointParameters]) -> Iterator[Block]:
             marks.append(str(sources.setdefault(source, len(sources) + 1)) if source else "")
         cells = [_value(q) for q in quantities]
         where = ", ".join(dict.fromkeys(mark for mark in marks if mark))
-        what = spec.description.split(";")[0]
+        what = ASIDE.split(spec.description)[0]
         name = f"${SYMBOLS.get(symbol, symbol)}$"
         rows.append((name, *cells, unit(joints[0].unit(symbol)), what, where))
     yield Heading("Parameters")

@@ -16,7 +16,6 @@ from cjt_gym.characteristics import (
     characteristic,
     efficiency,
     friction,
-    highest_speed,
     impedance_range,
     resonance,
     speed_at_torque,
@@ -26,6 +25,7 @@ from cjt_gym.characteristics import (
 )
 from cjt_gym.datasheet.drawing import BLUE, COLOURS, GREEN, GREY, HALF, INK, ORANGE, RED, canvas
 from cjt_gym.datasheet.drawing import legend as place_legend
+from cjt_gym.datasheet.notation import number
 from cjt_gym.joint import JointParameters
 
 Joints = Sequence[JointParameters]
@@ -70,7 +70,7 @@ def _one_diagram(axes: Any, p: JointParameters) -> None:
     for name, style, text in (("p_pm", "--", "peak power"), ("p_cm", ":", "rated power")):
         power = characteristic(p, name)
         shown = power / tau <= 1.12 * top
-        label = f"{text}, {power:.3g} W"
+        label = f"{text}, {number(power, 3)} W"
         axes.plot(tau[shown], (power / tau)[shown], color=GREY, ls=style, lw=0.9, label=label)
     speed = np.linspace(0.0, characteristic(p, "dq_0"), 50)
     axes.plot(friction(p, speed), speed, color=RED, lw=1.0, label="friction")
@@ -103,15 +103,15 @@ def efficiency_map(joints: Joints) -> str:
             values = 100.0 * efficiency(p, tau[None, :], speed[:, None])
             levels = np.arange(0.0, 91.0, 10.0)
             shown = axes.contourf(tau, speed, values, levels=levels, cmap=shades)
-            lines = axes.contour(tau, speed, values, levels=levels[1:], colors="white",
-                                 linewidths=0.4)  # fmt: skip
-            axes.clabel(lines, fmt="%d", fontsize=6.5, colors=INK)
+            axes.contour(tau, speed, values, levels=levels[1:], colors="white", linewidths=0.4)
             best = best_point(p)
             label = f"{100.0 * best_efficiency(p):.0f} %"
             axes.plot(*best, color=RED, label=label, **POINT)
             axes.plot(characteristic(p, "t_r"), characteristic(p, "dq_r"), color=INK, **POINT)
             axes.set_xlabel(_label(p, "d_cm", "motor torque at the link"))
-            axes.set_title(p.name if len(joints) > 1 else "")
+            axes.set_title(p.name.replace("_", " ") if len(joints) > 1 else "")
+            axes.set_xlim(0.0, 1.03 * characteristic(p, "t_p"))
+            axes.set_ylim(0.0, 1.05 * characteristic(p, "dq_0"))
             place_legend(axes, loc="lower right", handletextpad=0.2)
         for axes in grid[:, 0]:
             axes.set_ylabel(_label(joints[0], "dq_p", "speed"))
@@ -238,18 +238,5 @@ def impedance(joints: Joints, motion: float) -> str:
         axes.set_xlim(f[0], f[-1])
         axes.set_xlabel("frequency [Hz]")
         axes.set_ylabel(_label(joints[0], "d_gl", "impedance of the output"))
-        place_legend(axes)
-        return written()
-
-
-def net_speed(joints: Joints) -> str:
-    """Return the highest speed that is left at a torque of the motor when friction has its part."""
-    with canvas() as (figure, written):
-        axes = figure.subplots()
-        for p, colour in zip(joints, COLOURS, strict=False):
-            tau = np.linspace(0.0, characteristic(p, "t_p"), 600)
-            axes.plot(tau, highest_speed(p, tau), color=colour, label=p.name)
-        axes.set_xlabel(_label(joints[0], "d_cm", "motor torque at the link"))
-        axes.set_ylabel(_label(joints[0], "dq_p", "steady speed"))
         place_legend(axes)
         return written()

@@ -10,13 +10,13 @@ import math
 import re
 from collections.abc import Callable
 
-UNITS = {"degC": "°C", "Ohm": "Ω", "W^0.5": "W^½", "m^2": "m²", "s^2": "s²"}
+UNITS = {"degC": "°C", "Ohm": "Ω", "W^0.5": "√W", "m^2": "m²", "s^2": "s²"}
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-TOKEN = re.compile(r"([^\W\d_]+)_([\w½∞]+(?:,[\w½]+)*)|([^\W\d_]+)")
+TOKEN = re.compile(r"([^\W\d_²]+)_((?:[^\W²]|[½∞])+(?:,[\w½]+)*)|([^\W\d_²]+)")
 
 
 def unit(name: str) -> str:
-    """Return a unit as it is printed: ``N m/W^½``, ``°C``; nothing for a pure number."""
+    """Return a unit as it is printed: ``N m/√W``, ``°C``; nothing for a pure number."""
     for plain, printed in UNITS.items():
         name = name.replace(plain, printed)
     return "" if name == "-" else name

@@ -129,7 +129,7 @@ def _block(block: Block, number: int) -> str:
 def _table(table: Table) -> str:
     """Return a table, cut into equal parts where it is set in several columns."""
     if table.columns == 1:
-        return f"#text(8.3pt)[{_part(table, table.rows)}]"
+        return f"#text(8pt)[{_part(table, table.rows)}]"
     length = -(-len(table.rows) // table.columns)
     parts = [table.rows[k : k + length] for k in range(0, len(table.rows), length)]
     cells = ", ".join(f"[{_part(table, rows)}]" for rows in parts)
