@@ -43,6 +43,7 @@ def make_sheet(files: Sequence[JointFile]) -> Sheet:
         *_plots(joints),
         *_effects(files),
         *_notes(joints),
+        *([PageBreak()] if CHARACTERISTICS["t_r"].value(joints[0]) is not None else []),
         *_characteristics(joints),
         *_parameters(joints),
     ]
@@ -172,8 +173,8 @@ def _characteristics(joints: Sequence[JointParameters]) -> Iterator[Block]:
             found.append((f"${row.symbol}$", *cells, unit(row.unit(axis)), what, *formula))
         if found:
             rows += [(group[0].upper() + group[1:],), *found]
-    yield PageBreak()
-    yield Heading("Characteristics")
+    if any(row.value(p) is not None for row in CHARACTERISTICS.values() for p in joints):
+        yield Heading("Characteristics")
     if len(joints) == 1:
         yield Table(("", "Value", "Unit", "What it is", "Formula"), rows, "lrlll", wide=(3,))
         return
@@ -222,7 +223,12 @@ def _value(quantity: Quantity | None) -> str:
     if quantity is None:
         return number(None)
     if isinstance(quantity.value, tuple):
-        return ", ".join(number(x, 5) for x in quantity.value)
+        parts = [number(x) for x in quantity.value]
+        if isinstance(quantity.low, tuple) and isinstance(quantity.high, tuple):
+            ends = zip(quantity.low, quantity.high, strict=True)
+            spans = [f" ({number(low)} … {number(high)})" for low, high in ends]
+            parts = [part + span for part, span in zip(parts, spans, strict=True)]
+        return ", ".join(parts)
     text = number(quantity.value, 6)
     if isinstance(quantity.low, float) and isinstance(quantity.high, float):
         return f"{number(quantity.value)} ({number(quantity.low)} … {number(quantity.high)})"

@@ -61,7 +61,8 @@ def to_pdf(sheet: Sheet, *, image: bool = False, ppi: float = 100.0) -> list[byt
             made = typst.compile(str(source), format="png", ppi=ppi)
         else:
             made = typst.compile(str(source), format="pdf")
-    return list(made) if isinstance(made, list) else [made]
+    pages: object = made  # a list where there are several images
+    return pages if isinstance(pages, list) else [made]
 
 
 def to_typst(sheet: Sheet) -> str:

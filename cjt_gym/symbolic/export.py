@@ -29,11 +29,11 @@ def to_latex(expression: sp.Expr | sp.Matrix) -> str:
         >>> to_latex(symbol("k_b") / symbol("I_m"))
         '\\frac{k_{\\mathrm{b}}}{I_{\\mathrm{m}}}'
     """
-    names = {
-        x: (lambda base, _, low: f"{base}_{{\\mathrm{{{low}}}}}")(*str(x).partition("_"))
-        for x in expression.free_symbols
-        if "_" in str(x)
-    }
+    names = {}
+    for x in expression.free_symbols:
+        base, _, low = str(x).partition("_")
+        if low:
+            names[x] = f"{base}_{{\\mathrm{{{low}}}}}"
     return str(sp.latex(expression, symbol_names=names))
 
 

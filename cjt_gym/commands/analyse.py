@@ -1,0 +1,80 @@
+"""`cjt-gym analyse`: joints by themselves, linear, laid over each other."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from cjt_gym.analysis import identify
+from cjt_gym.analysis.open_loop import INPUTS
+from cjt_gym.baselines import make_controller
+from cjt_gym.commands.simulate import USUAL, parse_effects
+from cjt_gym.datasheet import FORMATS, write_sheet
+from cjt_gym.datasheet.linear import Case, analyse_case, linear_sheet
+from cjt_gym.errors import ConfigurationError
+from cjt_gym.joint import DRIVES, STRUCTURES, load_joint
+from cjt_gym.joint.linear import OUTPUTS
+
+DT = 1e-3
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add joints, structures, and from where to where."""
+    add = parser.add_argument
+    add("joints", metavar="JOINT", nargs="+", help="names of joints, or paths of joint files")
+    text = f"one or several of {', '.join(STRUCTURES)}; default: {USUAL}"
+    add("--structure", nargs="+", default=[USUAL], metavar="S", help=text)
+    add("--drive", default="current", help=f"{', '.join(DRIVES)}; one with a voltage for v")
+    add("--input", default="tau_m", help=f"{', '.join(INPUTS)}; default: tau_m")
+    add("--output", default="tau", help=f"{', '.join(OUTPUTS)}; default: tau")
+    add("--dt", type=float, help="sample time of an input that is held [s]; default: continuous")
+    text = "measure the response, too: rms of the multisine of motor torque [N m]"
+    add("--identify", type=float, metavar="RMS", help=text)
+    add("--effect", nargs="+", metavar="E", help="effects of the measured joint, as in simulate")
+    add("--seed", type=int, default=0, help="of the multisine and the noise, default 0")
+    text = f"file to write ({', '.join(FORMATS)}); may be left out with --json"
+    add("--out", type=Path, metavar="FILE", help=text)
+
+
+def run(options: argparse.Namespace) -> None:
+    """Analyse, write the sheet, and print the figures where they are asked for."""
+    if options.out is None and not options.json:
+        raise ConfigurationError(
+            f"--out FILE is needed ({', '.join(FORMATS)}), or --json for the figures alone."
+        )
+    if options.identify is not None and (options.input, options.output) != ("tau_m", "tau"):
+        raise ConfigurationError(
+            "--identify measures from tau_m to tau; leave --input and --output at them."
+        )
+    cases = list(_cases(options))
+    written: tuple[Path, ...] = ()
+    if options.out is not None:
+        sheet = linear_sheet(cases, options.input, options.output, options.dt)
+        written = write_sheet(sheet, options.out)
+    if not options.json:
+        sys.stdout.write(" ".join(str(path) for path in written) + "\n")
+        return
+    results = {}
+    for case in cases:
+        results[case.label] = analyse_case(case, options.input, options.output).to_dict()
+        if case.identified is not None:
+            results[case.label]["distortion"] = case.identified.distortion
+    result = {"files": [str(path) for path in written], "cases": results}
+    sys.stdout.write(json.dumps(result, indent=1, allow_nan=False) + "\n")
+
+
+def _cases(options: argparse.Namespace) -> Iterator[Case]:
+    effects = parse_effects(options.effect)
+    for name in options.joints:
+        for structure in options.structure:
+            joint = load_joint(name, structure, options.drive, effects)
+            label = joint.file.name if len(options.structure) == 1 else f"{joint.file.name}, "
+            label += "" if len(options.structure) == 1 else structure
+            seen = None
+            if options.identify is not None:
+                law = make_controller("open_loop", joint, DT)
+                seen = identify(law, joint, DT, options.identify, seed=options.seed)
+            yield Case(label, joint, seen)
