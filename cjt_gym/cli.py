@@ -23,6 +23,7 @@ COMMANDS: dict[str, str] = {
     "benchmark": "compare controllers and policies on the same joints and references",
     "blind-test": "diagnose joints whose effects are hidden, and score what was found",
     "analyse": "draw linear responses, poles, zeros and steps of joints",
+    "build": "make many joints from a table of parameter sets, structures and effects",
     "datasheet": "write what a joint can do on a few pages, as PDF or HTML; compare several",
     "export": "write a joint for another simulator: MuJoCo or Isaac Lab",
     "hardware": "run a controller, policy or experiment on a joint on a CAN bus",

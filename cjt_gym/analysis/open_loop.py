@@ -299,5 +299,7 @@ def step(
     final, peak = float(y[-samples // 20 :].mean()), float(np.abs(y).max())
     if abs(y[-1] - y[-samples // 10]) > 0.02 * peak or abs(final) <= 1e-3 * peak:
         return Step(t, y, float("nan"), float("nan"), float("nan"), float("nan"))
+    if np.abs(np.linalg.eigvals(a)).min() > STILL * np.abs(np.linalg.eigvals(a)).max():
+        final = float((d - c @ np.linalg.solve(a, b))[0, 0])
     figures = step_figures(y / final, dt)
     return Step(t, y, final, figures["rise_s"], figures["overshoot"], figures["settling_s"])

@@ -13,7 +13,7 @@ from cjt_gym.analysis import Identified
 from cjt_gym.analysis.open_loop import Mode, Step, frequency_response, poles, step, zeros
 from cjt_gym.analysis.system import Floats
 from cjt_gym.datasheet.blocks import Block, Figure, Heading, Paragraph, Sheet, Table
-from cjt_gym.datasheet.drawing import COLOURS, HALF, INK, canvas, legend
+from cjt_gym.datasheet.drawing import COLOURS, HALF, INK, canvas
 from cjt_gym.datasheet.notation import number
 from cjt_gym.joint import Joint
 
@@ -151,7 +151,8 @@ def _draw(
             if case.identified is not None:
                 _draw_identified(axes, case.identified, colour)
         _finish(axes, input, output)
-        legend(axes["gain"], loc="lower left")
+        handles, labels = axes["gain"].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=2)
         return written()
 
 

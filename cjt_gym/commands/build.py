@@ -1,0 +1,44 @@
+"""`cjt-gym build`: many joints from one table."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+from cjt_gym.joint import to_toml
+from cjt_gym.joint.build import build_joints, file_of
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the table and where its joints are written."""
+    text = "TOML file with joints, structures, drives and effects; see help(cjt_gym.joint.build)"
+    parser.add_argument("table", metavar="TABLE", help=text)
+    text = "folder for one joint file per joint; default: they are only listed"
+    parser.add_argument("--out", type=Path, metavar="DIR", help=text)
+
+
+def run(options: argparse.Namespace) -> None:
+    """List the joints of the table, and write them."""
+    rows = []
+    for name, joint in build_joints(options.table).items():
+        path = None
+        if options.out is not None:
+            options.out.mkdir(parents=True, exist_ok=True)
+            path = options.out / f"{name}.toml"
+            path.write_text(to_toml(file_of(joint)), encoding="utf-8")
+        rows.append(
+            {
+                "name": name,
+                "structure": joint.structure,
+                "drive": joint.drive,
+                "effects": list(joint.effects),
+                "file": None if path is None else str(path),
+            }
+        )
+    if options.json:
+        sys.stdout.write(json.dumps({"joints": rows}, indent=1) + "\n")
+        return
+    for row in rows:
+        sys.stdout.write(f"{row['name']}  {', '.join(row['effects'])}\n")

@@ -1,0 +1,125 @@
+"""Many joints from one table: parameter sets times structures times drives times effects.
+
+The table is a TOML file:
+
+    structures = ["rigid_gearbox", "output_fixed_rigid_gearbox"]
+    drives = ["current"]                          # this is the default
+
+    [joints]
+    plain = { file = "orange_80_6000" }
+    stiff = { file = "orange_80_6000", parameters = { k_b = 12000.0 } }
+
+    [effects]
+    smooth = {}
+    rough = { coulomb = { dq_0 = 0.002 }, cogging = { f = [480.0], a = [0.5], b = [0.2] } }
+
+It stands for eight joints, with names such as ``stiff-rigid_gearbox-rough``; the drive is part of
+the name where there are several.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+from cjt_gym.errors import ConfigurationError, MissingFileError, did_you_mean
+from cjt_gym.joint.effects import EFFECTS
+from cjt_gym.joint.files import JointFile
+from cjt_gym.joint.joint import Joint, load_joint
+from cjt_gym.joint.parameter_table import axis_units
+from cjt_gym.joint.quantity import FrozenMapping, Quantity, Setting
+
+KEYS = ("joints", "structures", "drives", "effects")
+JOINT_KEYS = ("file", "parameters")
+
+
+def build_joints(table: str | Path | Mapping[str, Any]) -> dict[str, Joint]:
+    """Return the joints of a table by name.
+
+    Args:
+        table: Path of a TOML file, or the same as a mapping. Paths of joint files in it are
+            relative to the table.
+
+    Raises:
+        MissingFileError: There is no such table.
+        ConfigurationError: A key is unknown or missing, or the file is no TOML.
+        UnknownNameError, ParameterError: As for `load_joint`; an effect that cannot act in one of
+            the structures is an error.
+
+    Example:
+        >>> table = {"joints": {"soft": {"file": "orange_80_6000", "parameters": {"k_b": 3e3}}},
+        ...          "structures": ["rigid", "output_fixed"]}
+        >>> list(build_joints(table))
+        ['soft-rigid', 'soft-output_fixed']
+    """
+    folder, owner = Path(), "the table"
+    if not isinstance(table, Mapping):
+        folder, owner = Path(table).parent, str(table)
+        table = _read(Path(table))
+    _check_keys(table, KEYS, owner)
+    for key in ("joints", "structures"):
+        if not table.get(key):
+            raise ConfigurationError(f"{owner} must have '{key}', got none. Add at least one.")
+    drives = table.get("drives", ["current"])
+    effects: Mapping[str, Any] = table.get("effects") or {"": None}
+    found: dict[str, Joint] = {}
+    sets = table["joints"].items()
+    for (name, row), structure, drive, kind in product(sets, table["structures"], drives, effects):
+        _check_keys(row, JOINT_KEYS, f"joint {name} of {owner}")
+        parts = [name, structure, drive if len(drives) > 1 else "", kind]
+        label = "-".join(part for part in parts if part)
+        joint = load_joint(
+            _located(row.get("file", name), folder),
+            structure,
+            drive,
+            effects[kind],
+            row.get("parameters"),
+        )
+        parameters = replace(joint.parameters, name=label)
+        found[label] = replace(joint, file=replace(joint.file, parameters=parameters))
+    return found
+
+
+def file_of(joint: Joint) -> JointFile:
+    """Return a joint file that lists the active effects of a joint with all their values."""
+    axis = joint.parameters.axis
+    tables: dict[str, Mapping[str, Setting]] = {}
+    for name, values in joint.effects.items():
+        entries: dict[str, Setting] = {}
+        for symbol, value in values.items():
+            row = EFFECTS[name].parameter(symbol)
+            if row is None:
+                entries[symbol] = value  # type: ignore[assignment]
+            else:
+                entries[symbol] = Quantity(value, axis_units(row.unit, axis)[0], "set in a table")
+        tables[name] = FrozenMapping(entries)
+    return replace(joint.file, effects=FrozenMapping(tables))
+
+
+def _read(path: Path) -> Mapping[str, Any]:
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise MissingFileError(f"The table of joints {path} does not exist.") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigurationError(f"{path} must be a TOML file: {error}.") from None
+
+
+def _check_keys(row: object, known: tuple[str, ...], owner: str) -> None:
+    if not isinstance(row, Mapping):
+        raise ConfigurationError(f"{owner} must be a table with {', '.join(known)}, got {row!r}.")
+    for key in row:
+        if key not in known:
+            raise ConfigurationError(
+                f"{owner} has the unknown key '{key}'.{did_you_mean(key, known)} Known: "
+                f"{', '.join(known)}."
+            )
+
+
+def _located(file: str, folder: Path) -> str | Path:
+    """Return the name of a shipped joint, or the path of a file beside the table."""
+    return folder / file if file.endswith(".toml") else file

@@ -1,0 +1,151 @@
+"""Data sheets: what they say, both formats, the commands."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("matplotlib")
+pytest.importorskip("typst")
+
+from cjt_gym.analysis import Identified
+from cjt_gym.characteristics import CHARACTERISTICS, characteristics
+from cjt_gym.cli import main
+from cjt_gym.datasheet import make_sheet, quantities, write_sheet
+from cjt_gym.datasheet.blocks import Figure, Heading, Paragraph, Sheet, Table
+from cjt_gym.datasheet.notation import number, render, unit, with_tolerance
+from cjt_gym.joint import JointFile, load_joint_file
+from cjt_gym.joint.quantity import Quantity
+
+
+@pytest.fixture(scope="module")
+def orange() -> JointFile:
+    file = load_joint_file("orange_80_6000")
+    k_t = replace(file.parameters.quantities["k_t"], tolerance=0.03)
+    return replace(file, parameters=file.parameters.replace(k_t=k_t))
+
+
+@pytest.fixture(scope="module")
+def sheet(orange: JointFile) -> Sheet:
+    return make_sheet([orange])
+
+
+def rows(sheet: Sheet) -> list[str]:
+    tables = [block for block in sheet.blocks if isinstance(block, Table)]
+    return [" | ".join(cells) for table in tables for cells in table.rows]
+
+
+def test_a_sheet_has_every_quantity_with_unit_tolerance_and_source(sheet: Sheet) -> None:
+    lines = rows(sheet)
+    for row in CHARACTERISTICS.values():
+        assert any(line.startswith(f"${row.symbol}$ |") and row.text in line for line in lines)
+    assert any(line.startswith("$τ_p$ | 187.2 ± 5.6 | N m") for line in lines)
+    assert any(line.startswith("$k_t$ | 0.0780 ± 0.0023 | N m/A") for line in lines)
+    notes = [b.text for b in sheet.blocks if isinstance(b, Paragraph)]
+    assert any("1: toolbox parameter set cjt_Orange_80_6000" in text for text in notes)
+    assert any("cannot run at full speed continuously" in text for text in notes)
+    assert sum(isinstance(block, Figure) for block in sheet.blocks) == 6
+
+
+def test_both_formats_and_images(sheet: Sheet, tmp_path: Path) -> None:
+    (pdf,) = write_sheet(sheet, tmp_path / "sheet.pdf")
+    assert pdf.read_bytes().startswith(b"%PDF")
+    assert len(write_sheet(sheet, tmp_path / "sheet.png")) == 2
+    (page,) = write_sheet(sheet, tmp_path / "sheet.html")
+    text = page.read_text(encoding="utf-8")
+    assert text.count("<figure>") == 6
+    assert "<i>k</i><sub>t</sub>" in text
+    ids = re.findall(r'id="([^"]+)"', text)
+    assert len(ids) == len(set(ids))
+    assert not re.findall(r'(?:src|href)="(?!#)', text.replace("xlink:", ""))
+
+
+def test_a_joint_with_few_parameters_has_a_short_sheet(tmp_path: Path) -> None:
+    sheet = make_sheet([load_joint_file("emps")])
+    assert not any(line.startswith("$τ_r$") for line in rows(sheet))
+    headings = [block.text for block in sheet.blocks if isinstance(block, Heading)]
+    assert "Effects beyond the linear joint" in headings
+    assert any(line.startswith("$d_cm$ | 20.39") for line in rows(sheet))
+    assert write_sheet(sheet, tmp_path / "emps.pdf")[0].stat().st_size > 10_000
+
+
+def test_several_joints_side_by_side(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    names, out = ("lemon_50_6000", "avocado_100_21000"), tmp_path / "both.html"
+    assert main(["datasheet", *names, "--out", str(out), "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    for name in names:
+        values = result["joints"][name]
+        expected = characteristics(load_joint_file(name).parameters)
+        assert values["t_r"] == expected["t_r"]
+        assert values["x"] == values["l_a"]
+        assert values["T_ss_p"] is None
+        assert set(expected) < set(values) <= set(result["units"])
+    assert "avocado 100 21000" in out.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["orange_80_6000"], "--out FILE is needed"),
+        (["orange_80_6000", "--out", "sheet.doc"], ".pdf, .html, .png"),
+        (["orange_80_6000", "emps", "--out", "sheet.pdf"], "same kind of axis"),
+        (["orang", "--json"], "Did you mean"),
+    ],
+)
+def test_bad_input(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["datasheet", *words]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_notation() -> None:
+    def mark(text: str) -> str:
+        return render(text, str, lambda x: f"<{x}>", lambda x: f"[{x}]")
+
+    assert mark("at $k_t n i_c$, twice") == "at <k>[t] <n> <i>[c], twice"
+    assert mark("$T_A + R P / (1 - a_CU R P), P = r i_p²$").endswith("<P> = <r> <i>[p]²")
+    assert mark("$min(τ_p, τ_stall / 2)$") == "min(<τ>[p], <τ>[stall] / 2)"
+    assert [unit(x) for x in ("kg m^2", "-", "N m/W^0.5")] == ["kg m²", "", "N m/√W"]
+    assert [number(x) for x in (16000.0, 0.0, -2.5, 1.25e-7)] == ["16000", "0", "-2.5", "1.25·10⁻⁷"]
+    assert with_tolerance(6000.0, 90.0) == "6000 ± 90"
+
+
+def test_intervals_are_printed() -> None:
+    file = load_joint_file("emps")
+    effects = {"coulomb": {"d_cm": Quantity(20.0, "N", low=19.0, high=21.0)}}
+    assert "$d_cm$ | 20 (19 … 21) | N | Coulomb level of the motor" in rows(
+        make_sheet([replace(file, effects=effects)])
+    )
+    assert quantities([file])["joints"]["emps"]["n"] == 1.0
+
+
+def test_linear_analysis_from_the_command_line(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    out = tmp_path / "linear.html"
+    words = ["orange_80_6000", "--structure", "output_fixed", "rigid_gearbox", "--drive", "rl"]
+    assert main(["analyse", *words, "--input", "v", "--out", str(out), "--json"]) == 0
+    cases = json.loads(capsys.readouterr().out)["cases"]
+    assert list(cases) == ["orange_80_6000, output_fixed", "orange_80_6000, rigid_gearbox"]
+    names = [mode["name"] for mode in cases["orange_80_6000, rigid_gearbox"]["poles"]]
+    assert names == ["free motion", "resonance", "torsion-bar mode"]
+    assert "torsion-bar mode" in out.read_text(encoding="utf-8")
+    assert main(["analyse", "orange_80_6000", "--input", "v", "--json"]) == 2
+    assert "needs a drive with a voltage" in capsys.readouterr().err
+
+
+def test_an_identified_response_is_drawn_over_the_linear_one() -> None:
+    import numpy as np
+
+    from cjt_gym.datasheet.linear import Case, linear_sheet
+    from cjt_gym.joint import load_joint
+
+    f = np.array([1.0, 10.0, 50.0])
+    level = np.full(3, 0.01)
+    seen = Identified("reference", f, np.ones(3) + 0j, level, level, level, 5.0)
+    joint = load_joint("orange_80_6000", "output_fixed_rigid_gearbox", effects={})
+    sheet = linear_sheet([Case("orange", joint, seen)])
+    assert any("distortion 1.41 %" in b.text for b in sheet.blocks if isinstance(b, Paragraph))
