@@ -18,10 +18,11 @@ ENVIRONMENTS: dict[str, dict[str, Any]] = {
 
 
 HARDWARE = "CJT/Hardware-v0"
+ROBOTS = {"CJT/Arm-v0": "arm", "CJT/Leg-v0": "leg"}
 
 
 def register() -> None:
-    """Register every row, and the environment of real joints, which is no batch."""
+    """Register every row, and the environments of real joints and robots, which are no batch."""
     for name, arguments in ENVIRONMENTS.items():
         gymnasium.register(
             id=name,
@@ -30,3 +31,7 @@ def register() -> None:
             kwargs=arguments,
         )
     gymnasium.register(id=HARDWARE, entry_point="cjt_gym.envs.hardware:HardwareEnv")
+    for name, robot in ROBOTS.items():
+        gymnasium.register(
+            id=name, entry_point="cjt_gym.envs.robot:RobotEnv", kwargs={"robot": robot}
+        )

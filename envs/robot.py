@@ -1,0 +1,236 @@
+"""The environment of robots whose joints are moved by compliant actuators, in MuJoCo."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from cjt_gym.envs.settings import BaseController
+from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.joint import Joint, load_joint
+from cjt_gym.plant import Measurement
+from cjt_gym.plant.randomization import Randomization
+from cjt_gym.robots import CoupledRobot, get_robot, load_model
+from cjt_gym.robots.models import mujoco
+
+Floats = NDArray[np.float64]
+Observation = NDArray[np.float32]
+CLIP, ERROR_SCALE, SPEED_SCALE = 5.0, 0.5, 5.0
+PERIODS = (1.0, 3.0)
+SMOOTHNESS = 0.05
+SIGNALS = 6
+
+
+class RobotEnv(gym.Env[Observation, NDArray[np.float32]]):
+    """Make the actuated joints of a robot follow angles, through their springs.
+
+    ## Description
+
+    The bodies are MuJoCo's, the actuators `cjt_gym.robots.CoupledRobot`. `CJT/Arm-v0` is one link
+    under gravity, `CJT/Leg-v0` a leg that squats on a vertical rail.
+
+    ## Action space
+
+    `Box(-1, 1, (actuators,), float32)`: motor torques divided by `action_scale` or, with a
+    `base_controller`, the joint torques that it is asked for.
+
+    ## Observation space
+
+    `Box(-5, 5, (6 actuators,), float32)`, for each actuator in turn:
+
+    | Index | Observation | Unit before scaling | Scale |
+    |---|---|---|---|
+    | 0 | measured load angle | rad | pi |
+    | 1 | wanted angle minus it | rad | 0.5 |
+    | 2 | wanted velocity | rad/s | 5 |
+    | 3 | measured load velocity | rad/s | 5 |
+    | 4 | measured joint torque | N m | `action_scale` |
+    | 5 | action before | - | 1 |
+
+    ## Reward
+
+    -mean(abs(e)) / 0.5 rad - 0.05 mean((a - a before)^2), e the error of the true angles and a the
+    action; 50 less if the episode terminates.
+
+    ## Starting state
+
+    At rest at the wanted angles, with relaxed springs. The wanted angles are sines between the
+    robot's limits, with random periods of 1 to 3 s and random phases.
+
+    ## Episode end
+
+    Termination: the joint torque or the motor speed of an actuator exceeds its limits, or the
+    trunk falls. Truncation: after `episode_steps`.
+
+    ## Information
+
+    Each step gives `q`, `q_wanted` [rad], `tau`, `tau_command` [N m], shape (actuators,).
+
+    ## Arguments
+
+    | Argument | Default | Meaning |
+    |---|---|---|
+    | `robot` | "arm" | "arm" or "leg" |
+    | `joint` | "orange_80_6000" | name, path or `Joint` with a fixed output, for all actuators |
+    | `effects` | None | as in `TorqueTrackingEnv` |
+    | `randomization` | None | likewise |
+    | `base_controller` | None | function (joint, dt) -> torque controller, one per actuator |
+    | `action_scale` | 60 | torque of an action of 1 [N m] |
+    | `decimation` | 5 | time steps of 1 ms per action |
+    | `episode_steps` | 600 | actions until truncation |
+    | `render_mode` | None | "rgb_array" |
+
+    ## Version history
+
+    * v0: first version.
+
+    Raises:
+        UnknownNameError: A name is not known; the message suggests the nearest.
+        ConfigurationError: A number is out of its range, or MuJoCo is not installed.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 200}  # noqa: RUF012
+
+    def __init__(
+        self,
+        robot: str = "arm",
+        joint: str | Joint = "orange_80_6000",
+        effects: Any = None,
+        randomization: Randomization = None,
+        base_controller: Any = None,
+        action_scale: float = 60.0,
+        decimation: int = 5,
+        episode_steps: int = 600,
+        render_mode: str | None = None,
+    ) -> None:
+        if render_mode not in (None, "rgb_array"):
+            raise unknown_name("render mode", str(render_mode), ["rgb_array"])
+        if not (math.isfinite(action_scale) and action_scale > 0.0):
+            raise ConfigurationError(f"action_scale must be > 0 N m, got {action_scale}.")
+        if decimation < 1 or episode_steps < 1:
+            raise ConfigurationError(
+                f"decimation and episode_steps must be >= 1, got {decimation} and {episode_steps}."
+            )
+        if not isinstance(joint, Joint):
+            joint = load_joint(joint, "output_fixed_rigid_gearbox", effects=effects)
+        self.robot = get_robot(robot)
+        names = list(self.robot.posture)
+        self.coupled = CoupledRobot(
+            load_model(robot), dict.fromkeys(names, joint), randomization=randomization
+        )
+        self.controllers: list[BaseController] = [
+            base_controller(joint, self.coupled.dt) for _ in names if base_controller is not None
+        ]
+        self.action_scale, self.decimation = action_scale, decimation
+        self.episode_steps, self.render_mode = episode_steps, render_mode
+        self.action_space = spaces.Box(-1.0, 1.0, (len(names),), np.float32)
+        self.observation_space = spaces.Box(-CLIP, CLIP, (SIGNALS * len(names),), np.float32)
+        self._renderer: Any = None
+        span = np.array(list(self.robot.posture.values()))
+        self._middle, self._half = span.mean(axis=1), 0.5 * np.diff(span)[:, 0]
+        self._omega, self._phase = np.zeros(len(names)), np.zeros(len(names))
+        self._steps, self._before = 0, np.zeros(len(names))
+        self._measured: list[Measurement] = []
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Begin an episode; there are no options."""
+        super().reset(seed=seed)
+        if options:
+            raise unknown_name("reset option", next(iter(options)), [])
+        size = len(self._middle)
+        self._omega = 2.0 * math.pi / self.np_random.uniform(*PERIODS, size)
+        self._phase = self.np_random.uniform(0.0, 2.0 * math.pi, size)
+        self._steps, self._before = 0, np.zeros(size)
+        start = dict(zip(self.robot.posture, self._wanted()[0].tolist(), strict=True))
+        drawn = int(self.np_random.integers(2**31))
+        self._measured = self.coupled.reset({**self.robot.start, **start}, drawn)
+        for controller in self.controllers:
+            controller.reset()
+        return self._observe(), {}
+
+    def step(
+        self, action: NDArray[np.float32]
+    ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Advance by `decimation` time steps.
+
+        Raises:
+            ConfigurationError: The action has the wrong shape or is not finite.
+            SimulationError: A state ceased to be finite.
+        """
+        chosen = np.asarray(action, dtype=np.float64)
+        if chosen.shape != self._before.shape or not np.isfinite(chosen).all():
+            raise ConfigurationError(
+                f"The action must hold {len(self._before)} finite numbers, got {action!r}."
+            )
+        chosen = np.clip(chosen, -1.0, 1.0)
+        command = self.action_scale * chosen
+        for _ in range(self.decimation):
+            command = self._command(self.action_scale * chosen)
+            self._measured = self.coupled.step(command)
+        self._steps += 1
+        ports = self.coupled.ports.values()
+        q = np.array([float(port.plant.batch.arrays.state[0, 2]) for port in ports])
+        tau = np.array([port.torque for port in ports])
+        wanted = self._wanted()[0]
+        reward = -float(np.mean(np.abs(wanted - q))) / ERROR_SCALE
+        reward -= SMOOTHNESS * float(np.mean((chosen - self._before) ** 2))
+        self._before = chosen
+        terminated = self._failed(tau)
+        truncated = self._steps >= self.episode_steps
+        info = {"q": q, "q_wanted": wanted, "tau": tau, "tau_command": command}
+        return self._observe(), reward - 50.0 * terminated, terminated, truncated, info
+
+    def _command(self, asked: Floats) -> Floats:
+        """Return the motor torques [N m] for what the action asks for."""
+        if not self.controllers:
+            return asked
+        rows = zip(self.controllers, self._measured, asked, strict=True)
+        return np.array([float(law.act(m, np.array([tau]))[0]) for law, m, tau in rows])
+
+    def _wanted(self) -> tuple[Floats, Floats]:
+        angle = self._omega * self._steps * self.decimation * self.coupled.dt + self._phase
+        return (
+            self._middle + self._half * np.sin(angle),
+            self._half * self._omega * np.cos(angle),
+        )
+
+    def _failed(self, tau: Floats) -> bool:
+        for port, torque in zip(self.coupled.ports.values(), tau.tolist(), strict=True):
+            limits = port.plant.limits
+            speed = abs(float(port.plant.batch.arrays.state[0, 3]))
+            if abs(torque) > limits.tau_joint or speed > limits.dq_m:
+                return True
+        lowest = self.robot.lowest
+        return lowest is not None and float(self.coupled.data.body("trunk").xpos[2]) < lowest
+
+    def _observe(self) -> Observation:
+        wanted, rate = self._wanted()
+        m = self._measured
+        q, dq = np.array([[float(k.q_l[0]), float(k.dq_l[0])] for k in m]).T
+        tau = np.array([float(k.tau[0]) for k in m])
+        rows = [q / math.pi, (wanted - q) / ERROR_SCALE, rate / SPEED_SCALE, dq / SPEED_SCALE]
+        rows += [tau / self.action_scale, self._before]
+        found = np.clip(np.stack(rows, axis=1).ravel(), -CLIP, CLIP)
+        return np.asarray(found, dtype=np.float32)
+
+    def render(self) -> Any:
+        """Return a picture, shape (640, 960, 3), for "rgb_array"."""
+        if self.render_mode is None:
+            return None
+        if self._renderer is None:
+            self._renderer = mujoco().Renderer(self.coupled.model, 640, 960)
+        self._renderer.update_scene(self.coupled.data)
+        return self._renderer.render()
+
+    def close(self) -> None:
+        """Release the renderer."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
