@@ -17,10 +17,11 @@ from typing import final
 
 import numpy as np
 
-from cjt_gym.baselines.controller import Controller, Floats, Mask, check, check_sampling
+from cjt_gym.baselines.compensation import CompensatedPd
+from cjt_gym.baselines.controller import Controller, Floats, Mask, check
 from cjt_gym.baselines.entry import SPRUNG, ControllerEntry, Gain, Gains
-from cjt_gym.baselines.feedforward import ReferenceVelocity, pd_defaults, pd_law
-from cjt_gym.baselines.linear_law import LawMemory
+from cjt_gym.baselines.feedforward import ReferenceVelocity, pd_defaults
+from cjt_gym.baselines.pid import KD, KP
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.joint import Joint
 from cjt_gym.plant import Measurement, limits_of
@@ -31,7 +32,7 @@ LARGEST_SHARE = 0.2
 
 @final
 @dataclass(eq=False)
-class AdaptiveFriction(Controller):
+class AdaptiveFriction(CompensatedPd):
     """Feed-forward, PD and a Coulomb friction that is learnt; see the module.
 
     Attributes:
@@ -59,29 +60,22 @@ class AdaptiveFriction(Controller):
 
     def __post_init__(self) -> None:
         self.dt = self.model.dt
-        check_sampling(self)
-        check(self, "kp", "", low=0.0)
-        check(self, "kd", "s", low=0.0)
+        self._prepare()
         check(self, "rate_hz", "Hz", above=0.0)
         check(self, "threshold", "rad/s", above=0.0)
         check(self, "share", "", low=0.0)
-        self.linear = pd_law(self.kp, self.kd, self.dt)
-        self._memory = LawMemory(self.linear)
         self._velocity = ReferenceVelocity(self.model.joint, self.dt)
         self.level, self._speed = np.zeros(0), np.zeros(0)
         self._sent = np.zeros((0, 0))
 
-    def _command(self, measurement: Measurement, reference: Floats, fresh: Mask) -> Floats:
-        self._learn(measurement, fresh)
+    def _compensation(
+        self, measurement: Measurement, reference: Floats, applied: Floats, fresh: Mask
+    ) -> Floats:
+        self._learn(measurement, applied, fresh)
         w = self._velocity.step(measurement, reference, fresh)
-        friction = self.share * self.level * np.tanh(w / SMOOTHING)
-        command = self._memory.propose(measurement, reference, fresh) + friction
-        limited = np.clip(command, -self.torque_limit, self.torque_limit)
-        self._memory.commit(limited)
-        self._sent = np.column_stack([limited, self._sent[:, :-1]])
-        return command
+        return np.asarray(self.share * self.level * np.tanh(w / SMOOTHING))
 
-    def _learn(self, measurement: Measurement, fresh: Mask) -> None:
+    def _learn(self, measurement: Measurement, applied: Floats, fresh: Mask) -> None:
         """Update the levels with what happened since the sample before."""
         p, late = self.model.joint.parameters, self.model.loop.delay + 1
         momentum = p.I_m * measurement.dq_m + p.get("I_g", 0.0) * measurement.dq_g
@@ -89,6 +83,7 @@ class AdaptiveFriction(Controller):
         if len(self.level) != len(fresh):
             self.level, self._speed = np.zeros(len(fresh)), v.copy()
             self._sent = np.tile(measurement.tau[:, None], late)
+        self._sent = np.column_stack([applied, self._sent[:, :-1]])
         self._sent = np.where(fresh[:, None], measurement.tau[:, None], self._sent)
         self.level = np.where(fresh, 0.0, self.level)
         gain, sign = 2.0 * math.pi * self.rate_hz * self.dt, np.sign(v)
@@ -114,8 +109,8 @@ ROW = ControllerEntry(
     summary="Feed-forward of reference and of a friction level that is learnt, and PD.",
     source="Friedland, Park (1992), IEEE Transactions on Automatic Control 37(10)",
     tunable=(
-        Gain("kp", "-", 0.0, 10.0),
-        Gain("kd", "s", 0.0, 0.1),
+        KP,
+        KD,
         Gain("rate_hz", "Hz", 0.01, 20.0, log=True),
         Gain("threshold", "rad/s", 1e-3, 1.0, log=True),
         Gain("share", "-", 0.0, 1.5),

@@ -17,7 +17,7 @@ from cjt_gym.baselines.linear_law import LinearLaw, assemble, static
 from cjt_gym.baselines.linear_row import grid, linear_row
 from cjt_gym.baselines.observers.extended_state import extended_state_observer
 from cjt_gym.baselines.observers.linear_observer import LinearObserver
-from cjt_gym.baselines.pid import damping_gains
+from cjt_gym.baselines.pid import KD, KP, damping_gains
 from cjt_gym.baselines.plant_model import SampledJoint
 
 OBSERVERS = (0.02, 0.1, 0.2, 0.4, 0.7, 1.0, 1.5, 2.0, 3.0, 4.0)
@@ -66,8 +66,8 @@ ROW = linear_row(
     source="Han (2009), IEEE Transactions on Industrial Electronics 56(3); Gao (2003), American "
     "Control Conference",
     tunable=(
-        Gain("kp", "-", 0.0, 10.0),
-        Gain("kd", "s", 0.0, 0.1),
+        KP,
+        KD,
         Gain("observer_hz", "Hz", 0.1, 250.0, log=True),
     ),
     law=_law,

@@ -28,6 +28,8 @@ class Gain:
         low: Smallest value that makes sense.
         high: Largest value that makes sense.
         log: Whether it is to be searched on a logarithmic scale; then low > 0.
+        asked: Whether it says what is wanted rather than how well it is done, such as a stiffness
+            to render. A search leaves it as it is.
     """
 
     name: str
@@ -35,6 +37,7 @@ class Gain:
     low: float
     high: float
     log: bool = False
+    asked: bool = False
 
 
 @dataclass(frozen=True)
@@ -50,6 +53,8 @@ class ControllerEntry:
         build: Makes the controller for a joint, a sample time [s] and a value of every gain.
         structures: The structures that it holds for.
         refusal: Why it does not hold for the others with a torsion bar.
+        renders: Whether it renders a spring and a damper of its own, gains `stiffness` and
+            `damping`, so that the joint torque is not meant to equal the reference.
         kind: "classical", to tell it from learned policies.
     """
 
@@ -61,7 +66,13 @@ class ControllerEntry:
     build: Callable[[Joint, float, Gains], Controller]
     structures: tuple[str, ...] = EVERY
     refusal: str = ""
+    renders: bool = False
     kind: str = "classical"
+
+    @property
+    def searched(self) -> tuple[Gain, ...]:
+        """The gains that a search may change."""
+        return tuple(gain for gain in self.tunable if not gain.asked)
 
     def check_structure(self, joint: Joint) -> None:
         """Raise ConfigurationError with the reason if the law does not hold for the structure."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from cjt_gym.baselines.controller import Floats, Mask
 from cjt_gym.baselines.filters import FilteredDerivative
-from cjt_gym.baselines.linear_law import LinearLaw, assemble, static
+from cjt_gym.baselines.linear_law import Block, LinearLaw, assemble, static
 from cjt_gym.baselines.linear_row import grid
 from cjt_gym.baselines.pid import CUTOFF_HZ, damping_gains, pid
 from cjt_gym.baselines.plant_model import SampledJoint
@@ -34,9 +34,16 @@ class ReferenceVelocity:
         return np.asarray(moved, dtype=np.float64)
 
 
-def pd_law(kp: float, kd: float, dt: float) -> LinearLaw:
-    """Return feed-forward and PD whose derivative is that of the torque."""
-    return assemble(dt, static(reference=1.0), pid(kp, 0.0, kd, dt, lead=False))
+def pd_law(kp: float, kd: float, dt: float, *more: Block) -> LinearLaw:
+    """Return feed-forward and PD whose derivative is that of the torque, and more blocks."""
+    return assemble(dt, static(reference=1.0), pid(kp, 0.0, kd, dt, lead=False), *more)
+
+
+def dob_candidates(model: SampledJoint) -> list[dict[str, float]]:
+    """Return candidates for `pd_law` with a disturbance observer: kp, kd [s], dob_hz [Hz]."""
+    damping = damping_gains(model, (0.0, 0.03, 0.1, 0.2, 0.3, 0.5))
+    cutoffs = (0.2, 2.0, 4.0, 6.0, 9.0, 14.0, 20.0, 35.0, 60.0)
+    return grid(kp=(0.0, 0.15, 0.3, 0.6, 1.0), kd=damping, dob_hz=cutoffs)
 
 
 def pd_defaults(model: SampledJoint) -> dict[str, float]:

@@ -17,10 +17,11 @@ from typing import final
 
 import numpy as np
 
-from cjt_gym.baselines.controller import Controller, Floats, Mask, check, check_sampling
+from cjt_gym.baselines.compensation import CompensatedPd
+from cjt_gym.baselines.controller import Controller, Floats, Mask, check
 from cjt_gym.baselines.entry import SPRUNG, ControllerEntry, Gain, Gains
-from cjt_gym.baselines.feedforward import ReferenceVelocity, pd_defaults, pd_law
-from cjt_gym.baselines.linear_law import LawMemory
+from cjt_gym.baselines.feedforward import ReferenceVelocity, pd_defaults
+from cjt_gym.baselines.pid import KD, KP
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.joint import Joint
 from cjt_gym.plant import Measurement, limits_of
@@ -30,7 +31,7 @@ SHARE, SMOOTHING = 0.8, 0.02
 
 @final
 @dataclass(eq=False)
-class FrictionFeedForward(Controller):
+class FrictionFeedForward(CompensatedPd):
     """Feed-forward of friction, and PD; see the module.
 
     Attributes:
@@ -55,24 +56,20 @@ class FrictionFeedForward(Controller):
     torque_limit: float = math.inf
 
     def __post_init__(self) -> None:
-        check_sampling(self)
-        check(self, "kp", "", low=0.0)
-        check(self, "kd", "s", low=0.0)
+        self._prepare()
         check(self, "share", "", low=0.0)
         check(self, "smoothing", "rad/s", above=0.0)
         p = self.joint.parameters
         self.coulomb = p.get("d_cm", 0.0) + p.get("d_cg", 0.0)
         self.viscous = p.get("d_m", 0.0) + p.get("d_g", 0.0)
-        self.linear = pd_law(self.kp, self.kd, self.dt)
-        self._memory = LawMemory(self.linear)
         self._velocity = ReferenceVelocity(self.joint, self.dt)
 
-    def _command(self, measurement: Measurement, reference: Floats, fresh: Mask) -> Floats:
+    def _compensation(
+        self, measurement: Measurement, reference: Floats, applied: Floats, fresh: Mask
+    ) -> Floats:
         w = self._velocity.step(measurement, reference, fresh)
         friction = self.coulomb * np.tanh(w / self.smoothing) + self.viscous * w
-        command = self._memory.propose(measurement, reference, fresh) + self.share * friction
-        self._memory.commit(np.clip(command, -self.torque_limit, self.torque_limit))
-        return command
+        return np.asarray(self.share * friction)
 
 
 def _defaults(joint: Joint, dt: float) -> Gains:
@@ -89,8 +86,8 @@ ROW = ControllerEntry(
     summary="Feed-forward of reference and known friction, and PD.",
     source="Armstrong-Helouvry, Dupont, Canudas de Wit (1994), Automatica 30(7)",
     tunable=(
-        Gain("kp", "-", 0.0, 10.0),
-        Gain("kd", "s", 0.0, 0.1),
+        KP,
+        KD,
         Gain("share", "-", 0.0, 1.5),
         Gain("smoothing", "rad/s", 1e-4, 1.0, log=True),
     ),

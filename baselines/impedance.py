@@ -26,6 +26,7 @@ from cjt_gym.baselines.controller import Controller, Floats, Mask, check, check_
 from cjt_gym.baselines.entry import SPRUNG, ControllerEntry, Gain, Gains
 from cjt_gym.baselines.linear_law import REFERENCE, SIGNALS, LawMemory, LinearLaw
 from cjt_gym.baselines.plant_model import SampledJoint
+from cjt_gym.baselines.shipped import gains_of
 from cjt_gym.joint import Joint
 from cjt_gym.plant import Measurement, limits_of
 
@@ -84,7 +85,7 @@ def rendered(law: LinearLaw, stiffness: float, damping: float) -> LinearLaw:
 
 
 def _defaults(joint: Joint, dt: float) -> Gains:
-    model, inner = SampledJoint(joint, dt), passivity_momentum.ROW.defaults(joint, dt)
+    model, inner = SampledJoint(joint, dt), gains_of(passivity_momentum.ROW, joint, dt)
     stiffness = STIFFNESS_SHARE * joint.parameters.k_b
     free = not joint.structure_row.output_fixed
     inertia = model.inertia + (joint.parameters.get("I_l", 0.0) if free else 0.0)
@@ -110,11 +111,12 @@ ROW = ControllerEntry(
     source="Hogan (1985), Journal of Dynamic Systems, Measurement and Control 107(1); Ott, "
     "Albu-Schaeffer, Kugi, Hirzinger (2008), IEEE Transactions on Robotics 24(2)",
     tunable=(
-        Gain("stiffness", "N m/rad", 0.0, 1e5),
-        Gain("damping", "N m s/rad", 0.0, 1e3),
+        Gain("stiffness", "N m/rad", 0.0, 1e5, asked=True),
+        Gain("damping", "N m s/rad", 0.0, 1e3, asked=True),
         *(replace(gain, name=f"inner_{gain.name}") for gain in passivity_momentum.ROW.tunable),
     ),
     defaults=_defaults,
     build=_build,
     structures=SPRUNG,
+    renders=True,
 )

@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST, Gain, Gains
+from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST, Gains
 from cjt_gym.baselines.linear_law import LinearLaw, assemble, integrator, static
 from cjt_gym.baselines.linear_row import grid, linear_row
+from cjt_gym.baselines.pid import KI
 from cjt_gym.baselines.plant_model import SampledJoint
 
 
@@ -39,7 +40,7 @@ ROW = linear_row(
     name="integral_feedforward",
     summary="Feed-forward and integral of the torque error.",
     source="Vischer, Khatib (1995), IEEE Transactions on Robotics and Automation 11(4)",
-    tunable=(Gain("ki", "1/s", 0.01, 300.0, log=True),),
+    tunable=(KI,),
     law=_law,
     candidates=_candidates,
     structures=FIXED,

@@ -14,10 +14,11 @@ from functools import lru_cache
 
 import numpy as np
 
-from cjt_gym.baselines.entry import SPRUNG, Gain, Gains
-from cjt_gym.baselines.linear_law import Block, LinearLaw, assemble, static, through, total
-from cjt_gym.baselines.linear_row import grid, linear_row
-from cjt_gym.baselines.pid import damping_gains, pid
+from cjt_gym.baselines.entry import SPRUNG, Gains
+from cjt_gym.baselines.feedforward import dob_candidates, pd_law
+from cjt_gym.baselines.linear_law import Block, LinearLaw, through, total
+from cjt_gym.baselines.linear_row import linear_row
+from cjt_gym.baselines.pid import DOB_HZ, KD, KP
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.baselines.rational import (
     Rational,
@@ -62,18 +63,11 @@ def mass_dob_law(model: SampledJoint, kp: float, kd: float, dob_hz: float) -> Li
         kd: Derivative gain [s].
         dob_hz: Cut-off of Q [Hz].
     """
-    feedback = pid(kp, 0.0, kd, model.dt, lead=False)
-    return assemble(model.dt, static(reference=1.0), feedback, mass_observer(model, dob_hz))
+    return pd_law(kp, kd, model.dt, mass_observer(model, dob_hz))
 
 
 def _law(model: SampledJoint, gains: Gains) -> LinearLaw:
     return mass_dob_law(model, gains["kp"], gains["kd"], gains["dob_hz"])
-
-
-def _candidates(model: SampledJoint) -> list[dict[str, float]]:
-    damping = damping_gains(model, (0.0, 0.03, 0.1, 0.2, 0.3, 0.5))
-    cutoffs = (0.2, 2.0, 4.0, 6.0, 9.0, 14.0, 20.0, 35.0, 60.0)
-    return grid(kp=(0.0, 0.15, 0.3, 0.6, 1.0), kd=damping, dob_hz=cutoffs)
 
 
 ROW = linear_row(
@@ -82,11 +76,11 @@ ROW = linear_row(
     source="Ohnishi, Shibata, Murakami (1996), IEEE/ASME Transactions on Mechatronics 1(1); Kong, "
     "Bae, Tomizuka (2009), IEEE/ASME Transactions on Mechatronics 14(1)",
     tunable=(
-        Gain("kp", "-", 0.0, 10.0),
-        Gain("kd", "s", 0.0, 0.1),
-        Gain("dob_hz", "Hz", 0.1, 200.0, log=True),
+        KP,
+        KD,
+        DOB_HZ,
     ),
     law=_law,
-    candidates=_candidates,
+    candidates=dob_candidates,
     structures=SPRUNG,
 )

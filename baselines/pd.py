@@ -8,10 +8,10 @@ integral it leaves an error of 1 / (1 + kp): it shows what feed-forward is worth
 
 from __future__ import annotations
 
-from cjt_gym.baselines.entry import SPRUNG, Gain, Gains
+from cjt_gym.baselines.entry import SPRUNG, Gains
 from cjt_gym.baselines.linear_law import LinearLaw, assemble
 from cjt_gym.baselines.linear_row import grid, linear_row
-from cjt_gym.baselines.pid import damping_gains, pid
+from cjt_gym.baselines.pid import KD, KP, damping_gains, pid
 from cjt_gym.baselines.plant_model import SampledJoint
 
 
@@ -39,7 +39,7 @@ ROW = linear_row(
     name="pd",
     summary="PD on the torque error without feed-forward, derivative filtered at 200 Hz.",
     source="Readman (1994), Flexible Joint Robots, CRC Press",
-    tunable=(Gain("kp", "-", 0.0, 10.0), Gain("kd", "s", 0.0, 0.1)),
+    tunable=(KP, KD),
     law=_law,
     candidates=_candidates,
     structures=SPRUNG,

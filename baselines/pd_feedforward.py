@@ -7,15 +7,19 @@ from dataclasses import dataclass
 from typing import final
 
 from cjt_gym.baselines.controller import Controller, Floats, Mask, check, check_sampling
-from cjt_gym.baselines.entry import ControllerEntry, Gain, Gains
+from cjt_gym.baselines.entry import SPRUNG, ControllerEntry, Gain, Gains
 from cjt_gym.baselines.filters import FilteredDerivative
-from cjt_gym.baselines.pd_design import default_gains
+from cjt_gym.baselines.linear_law import LinearLaw, assemble
+from cjt_gym.baselines.linear_row import grid
+from cjt_gym.baselines.pid import CUTOFF_HZ, KD, KP, damping_gains, pid
+from cjt_gym.baselines.plant_model import SampledJoint
+from cjt_gym.baselines.robust import best_gains
 from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.joint import Joint
 from cjt_gym.plant import Measurement, limits_of
 
 DERIVATIVES = ("error", "output")
-CUTOFF_HZ = 200.0
+RIGID_KP = 0.5
 
 
 @final
@@ -66,6 +70,8 @@ class PdFeedForward(Controller):
         if self.derivative not in DERIVATIVES:
             raise unknown_name("derivative of PdFeedForward", self.derivative, DERIVATIVES)
         self._filter = FilteredDerivative(self.cutoff_hz, self.dt)
+        lead = self.derivative == "error"
+        self.linear = pd_feedforward_law(self.kp, self.kd, self.dt, lead, self.cutoff_hz)
 
     def _command(self, measurement: Measurement, reference: Floats, fresh: Mask) -> Floats:
         error = reference - measurement.tau
@@ -74,9 +80,33 @@ class PdFeedForward(Controller):
         return reference + self.kp * error + self.kd * rate
 
 
+def pd_feedforward_law(
+    kp: float, kd: float, dt: float, lead: bool = True, cutoff_hz: float | None = None
+) -> LinearLaw:
+    """Return the law; see `PdFeedForward`.
+
+    Args:
+        kp: Proportional gain [-].
+        kd: Derivative gain [s].
+        dt: Sample time [s].
+        lead: Whether the derivative is that of the error.
+        cutoff_hz: Of the derivative; see `cjt_gym.baselines.pid.derivative` [Hz].
+    """
+    return assemble(dt, pid(kp, 0.0, kd, dt, lead, 1.0, cutoff_hz))
+
+
 def _defaults(joint: Joint, dt: float) -> Gains:
-    gains = default_gains(joint, dt, CUTOFF_HZ)
-    return {"kp": gains.kp, "kd": gains.kd, "lead": float(gains.derivative == "error")}
+    """Return designed gains; a rigid joint, which has no torque dynamics, gets kp alone."""
+    if joint.structure not in SPRUNG:
+        return {"kp": RIGID_KP, "kd": 0.0, "lead": 1.0}
+    model = SampledJoint(joint, dt)
+    damping = damping_gains(model, (0.0, 0.03, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5))
+    kp = (0.0, 0.05, 0.1, 0.2, 0.3, 0.4, 0.6, 0.8, 1.0, 1.25, 1.5, 2.0, 3.0)
+    return best_gains(
+        model,
+        lambda g: pd_feedforward_law(g["kp"], g["kd"], dt, g["lead"] >= 0.5),
+        grid(kp=kp, kd=damping, lead=(1.0, 0.0)),
+    )
 
 
 def _build(joint: Joint, dt: float, gains: Gains) -> Controller:
@@ -90,8 +120,8 @@ ROW = ControllerEntry(
     summary="Feed-forward and PD on the torque error, derivative filtered at 200 Hz.",
     source="Vischer, Khatib (1995), IEEE Transactions on Robotics and Automation 11(4)",
     tunable=(
-        Gain("kp", "-", 0.0, 10.0),
-        Gain("kd", "s", 0.0, 0.1),
+        KP,
+        KD,
         Gain("lead", "-", 0.0, 1.0),
     ),
     defaults=_defaults,

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from cjt_gym.baselines.entry import Gain
 from cjt_gym.baselines.filters import FilteredDerivative
 from cjt_gym.baselines.linear_law import Block, integrator, static, through, total
 from cjt_gym.baselines.plant_model import SampledJoint
@@ -15,17 +16,30 @@ from cjt_gym.baselines.plant_model import SampledJoint
 Floats = NDArray[np.float64]
 
 CUTOFF_HZ = 200.0
+KP, KD = Gain("kp", "-", 0.0, 10.0), Gain("kd", "s", 0.0, 0.1)
+KI = Gain("ki", "1/s", 0.01, 300.0, log=True)
+DOB_HZ = Gain("dob_hz", "Hz", 0.1, 200.0, log=True)
+"""Gains that several laws share."""
 INTEGRALS = (0.5, 2.0, 5.0, 10.0, 20.0, 40.0)
 
 
-def derivative(dt: float, cutoff_hz: float = CUTOFF_HZ) -> tuple[Floats, Floats, Floats, float]:
-    """Return `FilteredDerivative` as a state space (a, b, c, d)."""
-    f = FilteredDerivative(min(cutoff_hz, 0.4 / dt), dt)
+def derivative(dt: float, cutoff_hz: float | None = None) -> tuple[Floats, Floats, Floats, float]:
+    """Return `FilteredDerivative` as a state space (a, b, c, d), at 200 Hz unless told otherwise.
+
+    Where samples are slow, 200 Hz become four fifths of the Nyquist frequency.
+    """
+    f = FilteredDerivative(min(CUTOFF_HZ, 0.4 / dt) if cutoff_hz is None else cutoff_hz, dt)
     return np.array([[f.a]]), np.array([f.b * (f.a - 1.0)]), np.ones(1), f.b
 
 
 def pid(
-    kp: float, ki: float, kd: float, dt: float, lead: bool = True, forward: float = 0.0
+    kp: float,
+    ki: float,
+    kd: float,
+    dt: float,
+    lead: bool = True,
+    forward: float = 0.0,
+    cutoff_hz: float | None = None,
 ) -> Block:
     """Return kp e + ki integral of e + kd F e_d, e = r - tau, e_d = e or, without lead, -tau.
 
@@ -38,6 +52,7 @@ def pid(
         dt: Sample time [s].
         lead: Whether the reference is differentiated too.
         forward: Gain of the reference that is added to it [-].
+        cutoff_hz: Of the derivative, see `derivative` [Hz].
 
     References:
         Readman (1994), Flexible Joint Robots, CRC Press; Astrom, Hagglund (2006), Advanced PID
@@ -45,7 +60,10 @@ def pid(
     """
     error = {"reference": 1.0, "tau": -1.0}
     late = error if lead else {"tau": -1.0}
-    parts = [static(reference=forward + kp, tau=-kp), through(derivative(dt), kd, **late)]
+    parts = [
+        static(reference=forward + kp, tau=-kp),
+        through(derivative(dt, cutoff_hz), kd, **late),
+    ]
     if ki > 0.0:
         parts.append(integrator(ki, dt, forward + kp, **error))
     return total(parts)

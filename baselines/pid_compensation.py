@@ -8,10 +8,10 @@ bare mass and kp takes the part of the spring. The reference is not differentiat
 
 from __future__ import annotations
 
-from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST, Gain, Gains
+from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST, Gains
 from cjt_gym.baselines.linear_law import LinearLaw, assemble, static
 from cjt_gym.baselines.linear_row import grid, linear_row
-from cjt_gym.baselines.pid import INTEGRALS, damping_gains, pid
+from cjt_gym.baselines.pid import INTEGRALS, KD, KI, KP, damping_gains, pid
 from cjt_gym.baselines.plant_model import SampledJoint
 
 
@@ -41,9 +41,9 @@ ROW = linear_row(
     summary="Compensation of the measured torque and PID on the torque error.",
     source="Readman (1994), Flexible Joint Robots, CRC Press",
     tunable=(
-        Gain("kp", "-", 0.0, 10.0),
-        Gain("ki", "1/s", 0.01, 300.0, log=True),
-        Gain("kd", "s", 0.0, 0.1),
+        KP,
+        KI,
+        KD,
     ),
     law=_law,
     candidates=_candidates,

@@ -7,10 +7,10 @@ in parallel form, with the filtered derivative F of `FilteredDerivative` at 200 
 
 from __future__ import annotations
 
-from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST, Gain, Gains
+from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST, Gains
 from cjt_gym.baselines.linear_law import LinearLaw, assemble
 from cjt_gym.baselines.linear_row import grid, linear_row
-from cjt_gym.baselines.pid import INTEGRALS, damping_gains, pid
+from cjt_gym.baselines.pid import INTEGRALS, KD, KI, KP, damping_gains, pid
 from cjt_gym.baselines.plant_model import SampledJoint
 
 
@@ -41,9 +41,9 @@ ROW = linear_row(
     source="Readman (1994), Flexible Joint Robots, CRC Press; Vischer, Khatib (1995), IEEE "
     "Transactions on Robotics and Automation 11(4)",
     tunable=(
-        Gain("kp", "-", 0.0, 10.0),
-        Gain("ki", "1/s", 0.01, 300.0, log=True),
-        Gain("kd", "s", 0.0, 0.1),
+        KP,
+        KI,
+        KD,
     ),
     law=_law,
     candidates=_candidates,

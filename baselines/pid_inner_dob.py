@@ -11,11 +11,12 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST, Gain, Gains
-from cjt_gym.baselines.linear_law import Block, LinearLaw, assemble, static
-from cjt_gym.baselines.linear_row import grid, linear_row
+from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST, Gains
+from cjt_gym.baselines.feedforward import dob_candidates, pd_law
+from cjt_gym.baselines.linear_law import Block, LinearLaw
+from cjt_gym.baselines.linear_row import linear_row
 from cjt_gym.baselines.observers.disturbance import disturbance_observer
-from cjt_gym.baselines.pid import damping_gains, pid
+from cjt_gym.baselines.pid import DOB_HZ, KD, KP
 from cjt_gym.baselines.plant_model import SampledJoint
 
 
@@ -31,10 +32,7 @@ def inner_dob_law(model: SampledJoint, kp: float, kd: float, dob_hz: float) -> L
     Raises:
         ConfigurationError: The joint cannot be inverted.
     """
-    against = _observer(model, dob_hz)
-    return assemble(
-        model.dt, static(reference=1.0), pid(kp, 0.0, kd, model.dt, lead=False), against
-    )
+    return pd_law(kp, kd, model.dt, _observer(model, dob_hz))
 
 
 @lru_cache(maxsize=64)
@@ -46,24 +44,18 @@ def _law(model: SampledJoint, gains: Gains) -> LinearLaw:
     return inner_dob_law(model, gains["kp"], gains["kd"], gains["dob_hz"])
 
 
-def _candidates(model: SampledJoint) -> list[dict[str, float]]:
-    damping = damping_gains(model, (0.0, 0.03, 0.1, 0.2, 0.3, 0.5))
-    cutoffs = (0.2, 2.0, 4.0, 6.0, 9.0, 14.0, 20.0, 35.0, 60.0)
-    return grid(kp=(0.0, 0.15, 0.3, 0.6), kd=damping, dob_hz=cutoffs)
-
-
 ROW = linear_row(
     name="pid_inner_dob",
     summary="Feed-forward and PD, with an open-loop disturbance observer of the joint.",
     source="Lee, Tomizuka (1996), IEEE Transactions on Industrial Electronics 43(1); Hopkins et "
     "al. (2015), IEEE/ASME Transactions on Mechatronics 20(6); Roozing et al. (2016), IROS",
     tunable=(
-        Gain("kp", "-", 0.0, 10.0),
-        Gain("kd", "s", 0.0, 0.1),
-        Gain("dob_hz", "Hz", 0.1, 200.0, log=True),
+        KP,
+        KD,
+        DOB_HZ,
     ),
     law=_law,
-    candidates=_candidates,
+    candidates=dob_candidates,
     structures=FIXED,
     refusal=ZERO_AT_REST,
 )

@@ -26,7 +26,7 @@ from cjt_gym.baselines.linear_law import (
     total,
 )
 from cjt_gym.baselines.linear_row import grid, linear_row
-from cjt_gym.baselines.pid import CUTOFF_HZ, damping_gains, pid
+from cjt_gym.baselines.pid import CUTOFF_HZ, DOB_HZ, KD, KP, damping_gains, pid
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.baselines.rational import (
     Rational,
@@ -116,9 +116,9 @@ ROW = linear_row(
     source="Kong, Bae, Tomizuka (2009), IEEE/ASME Transactions on Mechatronics 14(1); Paine, Oh, "
     "Sentis (2014), IEEE/ASME Transactions on Mechatronics 19(3)",
     tunable=(
-        Gain("kp", "-", 0.0, 10.0),
-        Gain("kd", "s", 0.0, 0.1),
-        Gain("dob_hz", "Hz", 0.1, 200.0, log=True),
+        KP,
+        KD,
+        DOB_HZ,
         Gain("prefilter_hz", "Hz", 0.0, 200.0),
     ),
     law=_law,

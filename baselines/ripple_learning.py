@@ -22,11 +22,12 @@ from typing import final
 
 import numpy as np
 
-from cjt_gym.baselines.controller import Controller, Floats, Mask, check, check_sampling
+from cjt_gym.baselines.compensation import CompensatedPd
+from cjt_gym.baselines.controller import Controller, Floats, Mask, check
 from cjt_gym.baselines.entry import SPRUNG, ControllerEntry, Gain, Gains
-from cjt_gym.baselines.feedforward import pd_defaults, pd_law
-from cjt_gym.baselines.linear_law import LawMemory
+from cjt_gym.baselines.feedforward import pd_defaults
 from cjt_gym.baselines.observers.momentum import momentum_observer
+from cjt_gym.baselines.pid import KD, KP
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.joint import Joint
 from cjt_gym.plant import Measurement, limits_of
@@ -37,7 +38,7 @@ LARGEST_SHARE = 0.1
 
 @final
 @dataclass(eq=False)
-class RippleLearning(Controller):
+class RippleLearning(CompensatedPd):
     """PD and a ripple that is learnt over the motor angle; see the module.
 
     Attributes:
@@ -63,37 +64,31 @@ class RippleLearning(Controller):
 
     def __post_init__(self) -> None:
         self.dt = self.model.dt
-        check_sampling(self)
-        check(self, "kp", "", low=0.0)
-        check(self, "kd", "s", low=0.0)
+        self._prepare()
         check(self, "rate", "1/s", above=0.0)
-        self.linear = pd_law(self.kp, self.kd, self.dt)
         self.periods = ripple_periods(self.model.joint)
-        self._memory = LawMemory(self.linear)
         self._observer = momentum_observer(self.model, self.observer_hz)
         self._keep = math.exp(-2.0 * math.pi * self.observer_hz * self.dt)
         self._weights = self._filtered = np.zeros((0, 0))
-        self._sent = np.zeros(0)
 
-    def _command(self, measurement: Measurement, reference: Floats, fresh: Mask) -> Floats:
+    def _compensation(
+        self, measurement: Measurement, reference: Floats, applied: Floats, fresh: Mask
+    ) -> Floats:
         angle = self.periods[:, None] * measurement.q_m
         waves = np.concatenate([np.cos(angle), np.sin(angle)])
         friction = np.tanh(measurement.dq_m / SMOOTHING)[None]
-        self._learn(np.concatenate([waves, friction]), measurement, fresh)
+        self._learn(np.concatenate([waves, friction]), measurement, applied, fresh)
         ripple = np.sum(self._weights[:-1] * waves, axis=0)
         largest = LARGEST_SHARE * self.torque_limit
-        command = self._memory.propose(measurement, reference, fresh)
-        command = command + np.clip(ripple, -largest, largest)
-        self._sent = np.clip(command, -self.torque_limit, self.torque_limit)
-        self._memory.commit(self._sent)
-        return np.asarray(command)
+        return np.asarray(np.clip(ripple, -largest, largest))
 
-    def _learn(self, regressors: Floats, measurement: Measurement, fresh: Mask) -> None:
+    def _learn(
+        self, regressors: Floats, measurement: Measurement, applied: Floats, fresh: Mask
+    ) -> None:
         """Move the weights towards what explains the observed disturbance."""
         if self._weights.shape[1] != len(fresh):
             self._weights, self._filtered = np.zeros_like(regressors), np.zeros_like(regressors)
-            self._sent = measurement.tau.copy()
-        seen = self._observer.step(measurement, self._sent, fresh)["disturbance"]
+        seen = self._observer.step(measurement, applied, fresh)["disturbance"]
         self._weights = np.where(fresh, 0.0, self._weights)
         low = self._keep * self._filtered + (1.0 - self._keep) * regressors
         self._filtered = np.where(fresh, regressors, low)
@@ -132,8 +127,8 @@ ROW = ControllerEntry(
     source="Widrow, Stearns (1985), Adaptive Signal Processing, chapter 11; Bodson, Douglas "
     "(1997), Automatica 33(12)",
     tunable=(
-        Gain("kp", "-", 0.0, 10.0),
-        Gain("kd", "s", 0.0, 0.1),
+        KP,
+        KD,
         Gain("rate", "1/s", 0.01, 100.0, log=True),
         Gain("observer_hz", "Hz", 1.0, 200.0, log=True),
     ),

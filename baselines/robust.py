@@ -85,6 +85,11 @@ def is_stable(loop: LoopModel, law: LinearLaw) -> bool:
     return bool(np.max(np.abs(poles)) <= MARGIN)
 
 
+def stays_stable(model: SampledJoint, law: LinearLaw) -> bool:
+    """Return whether a law is stable on a joint, with more delay and with other parameters."""
+    return make_bench(model).is_stable(law)
+
+
 def noise_gain(loop: LoopModel, law: LinearLaw) -> float:
     """Return the standard deviation of the command over that of the torque sensor's noise."""
     a, noise, command = loop.closed(law)

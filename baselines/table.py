@@ -10,6 +10,7 @@ from cjt_gym.baselines import (
     h_infinity,
     impedance,
     integral_feedforward,
+    iterative_learning,
     lqg,
     lqi,
     mass_dob,
@@ -29,6 +30,7 @@ from cjt_gym.baselines import (
 )
 from cjt_gym.baselines.controller import Controller
 from cjt_gym.baselines.entry import ControllerEntry, Gains
+from cjt_gym.baselines.shipped import gains_of
 from cjt_gym.errors import unknown_name
 from cjt_gym.joint import Joint
 
@@ -57,6 +59,7 @@ CONTROLLERS: dict[str, ControllerEntry] = {
         friction_feedforward,
         adaptive_friction,
         ripple_learning,
+        iterative_learning,
         impedance,
     )
 }
@@ -76,6 +79,9 @@ def get_entry(name: str) -> ControllerEntry:
 def default_gains(name: str, joint: Joint, dt: float) -> dict[str, float]:
     """Return the gains that a controller takes unless it is given others.
 
+    For some joints they ship with the package (`cjt_gym.baselines.shipped`); for all others they
+    are designed on the linear model.
+
     Args:
         name: A row of `CONTROLLERS`.
         joint: The joint that it is for; delays among its effects are taken into account.
@@ -85,9 +91,7 @@ def default_gains(name: str, joint: Joint, dt: float) -> dict[str, float]:
         UnknownNameError: There is none of that name.
         ConfigurationError: The law does not fit the joint or the sample time.
     """
-    entry = get_entry(name)
-    entry.check_structure(joint)
-    return dict(entry.defaults(joint, dt))
+    return gains_of(get_entry(name), joint, dt)
 
 
 def make_controller(name: str, joint: Joint, dt: float, gains: Gains | None = None) -> Controller:
@@ -109,5 +113,5 @@ def make_controller(name: str, joint: Joint, dt: float, gains: Gains | None = No
     entry.check_gains(gains or {})
     given = dict(gains or {})
     complete = all(gain.name in given for gain in entry.tunable)
-    designed = {} if complete else dict(entry.defaults(joint, dt))
-    return entry.build(joint, dt, designed | given)
+    usual = {} if complete else gains_of(entry, joint, dt)
+    return entry.build(joint, dt, usual | given)

@@ -27,8 +27,7 @@ from cjt_gym.analysis import (
 )
 from cjt_gym.analysis.probe import CHANNELS, TRUE, linear_joint
 from cjt_gym.baselines import OpenLoop, PdFeedForward
-from cjt_gym.baselines.pd_design import make_loop
-from cjt_gym.baselines.pd_feedforward import CUTOFF_HZ
+from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.errors import ConfigurationError, UnknownNameError
 from cjt_gym.joint import Joint, load_joint
 from cjt_gym.plant import Measurement, SimulatedPlant
@@ -117,10 +116,11 @@ def test_a_law_that_is_not_linear_is_called_so(joint: Joint) -> None:
 
 def test_the_loop_gain_is_that_of_the_design(joint: Joint) -> None:
     whole = replace(joint, effects={**joint.effects, "command_delay": {"delay": 1e-3}})
-    loop, known = analyse(pd(), whole, DT), make_loop(whole, DT, CUTOFF_HZ, 0.0)
+    loop, law = analyse(pd(), whole, DT), pd().linear
+    assert law is not None
     f = np.geomspace(0.5, 400.0, 50)
-    back = np.exp(-2j * np.pi * f * DT * known.delay)
-    expected = known.law(f, 0.5, 0.002) * known.plant(f) * back
+    answers = SampledJoint(whole, DT).loop.response(f)[:, :-1]
+    expected = -np.sum(law.response(f)[:, 1:] * answers, axis=1)
     np.testing.assert_allclose(loop.responses(f).loop, expected, rtol=1e-6)
     assert loop.plant.left_out == ("coulomb",)
 

