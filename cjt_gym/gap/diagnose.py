@@ -55,6 +55,8 @@ WITHIN = 2.5
 """Deviations of a datasheet value that count as its tolerance."""
 FAR = 3.0
 """Residual within tolerances, as a multiple of noise, from which there is a gap."""
+SHADOW = 0.25
+"""Confidence below which an effect beside a cause outside the table is taken for its shadow."""
 EVEN_CHANCE = 0.5
 """Confidence below which no effect counts as confirmed."""
 KNOWN = 0.7
@@ -316,6 +318,9 @@ def _named(
         if lead < MARGIN:  # another explanation is as good
             state = "tentative"
         chance = confidence(lead, trial, state == "tentative")
+        beside = any(other.outside for other in fit.model.effects)
+        if beside and chance < SHADOW and not undecided(problem.stages.setting, effect.name):
+            continue
         if chance < EVEN_CHANCE:
             state = "tentative"
         rows.append(
