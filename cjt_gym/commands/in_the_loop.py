@@ -24,6 +24,8 @@ if TYPE_CHECKING:  # environments and controllers load only where a closed loop 
     from cjt_gym.training.rollout import Agent
 
 DRIVE = "current"
+REPEATED = 0.2
+"""Share of samples that a sensor may have repeated, which logs mark as missing."""
 WORLDS = ("nominal", "identified", "recorded")
 
 
@@ -126,6 +128,7 @@ def in_the_loop(
     replay, gaps = None, []
     try:
         was_fitted = any(record is other for other in fitted)
+        record = _held(record)
         replay = _replay(record, one, two, was_fitted, agents)
     except CjtGymError as error:
         notes.append(f"Not replayed in a closed loop: {error}")
@@ -140,12 +143,21 @@ def in_the_loop(
 
 
 def _tracking(records: Sequence[Record]) -> Record | None:
-    """Return the first record that tracks a torque and has all of it."""
+    """Return the first record that tracks a torque and has all of it, but for repeated samples."""
     for record in records:
-        there = all(n in record and np.isfinite(record[n]).all() for n in ("tau_ref", "tau"))
-        if there and np.any(record["tau_ref"]):
+        if "tau_ref" not in record or "tau" not in record:
+            continue
+        tracks = np.any(record["tau_ref"]) and np.isfinite(record["tau_ref"]).all()
+        if tracks and np.isnan(record["tau"]).mean() <= REPEATED:
             return record
     return None
+
+
+def _held(record: Record) -> Record:
+    """Return a record whose missing samples of the torque are the ones before, as they were."""
+    tau, rows = record["tau"], np.arange(len(record))
+    known = np.maximum.accumulate(np.where(np.isnan(tau), 0, rows))
+    return record.with_columns({"tau": np.nan_to_num(tau[known])})
 
 
 def _joint(file: JointFile, structure: str) -> Joint:
