@@ -94,8 +94,9 @@ def ranking_cells(places: Sequence[Place]) -> list[list[str]]:
 
 def _group(places: list[Place], results: list[Result], rows: list[dict[str, Any]]) -> list[str]:
     tasks = [t for t in BENCHMARK_TASKS if any(t in r["squares"] for r in results)]
-    names = [place.agent for place in places]
+    names = [result["agent"] for result in results]
     values, columns, high = _heat(names, tasks, rows)
+    ranked = results[: len(places)]
     return [
         report.html_table(ranking_cells(places)),
         report.paragraph(
@@ -103,7 +104,8 @@ def _group(places: list[Place], results: list[Result], rows: list[dict[str, Any]
             "agents take part in. Rank: one more than the number of agents that are significantly "
             "better, at 5 % for all comparisons together, and no less than that of an agent with a "
             "better score; equal ranks are ties. Against the next: ratio of the scores over the "
-            "same episodes.",
+            "same episodes. What renders a spring of its own follows no torque: it takes part in "
+            "the task impedance alone, and has no rank.",
             note=True,
         ),
         report.figure(
@@ -112,18 +114,16 @@ def _group(places: list[Place], results: list[Result], rows: list[dict[str, Any]
             "the column; four times worse and more is darkest.",
         ),
         report.figure(
-            figures.trace_figure(results, tasks),
+            figures.trace_figure(ranked, tasks),
             "The first episode of each task: the three best, the last, and the reference. In the "
             "task impedance the reference follows from the motion; that of the best is shown.",
         ),
         report.figure(
-            figures.bode_figure(results),
+            figures.bode_figure(ranked),
             "From reference to joint torque: a sweep on the simulated joint with all its effects "
             "(solid) and the linear loop (dashed, for laws that are linear).",
         ),
-        report.figure(
-            figures.spectrum_figure(results, tasks), "Where in frequency the error lies."
-        ),
+        report.figure(figures.spectrum_figure(ranked, tasks), "Where in frequency the error lies."),
         report.html_table(_margins(results)),
         report.paragraph(
             "Linear loop around the nominal joint with its delays and filters, without friction "

@@ -56,11 +56,13 @@ def _pool(rows: Sequence[Result], same: Sequence[Result], task: str) -> dict[str
 
 
 def rankings(results: Sequence[Result]) -> dict[Group, list[Place]]:
-    """Return the ranking of every joint and structure, over all seeds."""
+    """Return the ranking of every joint and structure, over all seeds.
+
+    A controller that renders a spring has no part in it: it follows no torque.
+    """
     groups: dict[Group, dict[str, dict[str, dict[str, list[float]]]]] = {}
-    for result in results:
-        if result["status"] != "done":
-            continue
+    following = [r for r in results if r["status"] == "done" and not r["renders"]]
+    for result in following or [r for r in results if r["status"] == "done"]:
         cell = result["cell"]
         group = groups.setdefault((cell["joint"], cell["structure"]), {})
         agent = group.setdefault(result["agent"], {"squares": {}, "powers": {}})
@@ -104,13 +106,14 @@ def write_benchmark(results: Sequence[Result], out: Path, facts: Sequence[str]) 
 def _group(
     key: Group, places: list[Place], results: Sequence[Result], rows: list[dict[str, Any]]
 ) -> tuple[list[Place], list[Result], list[dict[str, Any]]]:
-    """Return a ranking, the first seed's cells in its order, and its rows."""
+    """Return a ranking, the first seed's cells in its order, those without rank last, its rows."""
     here = [r for r in results if (r["cell"]["joint"], r["cell"]["structure"]) == key]
     first: dict[str, Result] = {}
     for result in here:
         if result["status"] == "done":
             first.setdefault(result["agent"], result)
     ordered = [first[place.agent] for place in places]
+    ordered += [result for result in first.values() if result not in ordered]
     return places, ordered, [r for r in rows if (r["joint"], r["structure"]) == key]
 
 

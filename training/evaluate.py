@@ -146,7 +146,7 @@ def evaluate(
     names = list(BENCHMARK_TASKS)
     first = EVALUATION_SEEDS + seed * SEED_BLOCK * len(names)
     for task in tasks:
-        if not get_task(task).applies(conditions.structure, agent.kind):
+        if not get_task(task).suits(conditions.structure, agent):
             raise ConfigurationError(
                 f"Task {task} does not exist for {agent.name} ({agent.kind}) on structure "
                 f"{conditions.structure}. Leave it out."

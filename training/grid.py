@@ -15,7 +15,6 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass
 from importlib import import_module
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +25,7 @@ from cjt_gym.analysis import Loop, figures_of, probe_law, probe_plant, stiffest_
 from cjt_gym.errors import ConfigurationError, SimulationError, unknown_name
 from cjt_gym.joint import get_structure, load_joint_file
 from cjt_gym.training.benchmark import make_agents
+from cjt_gym.training.code_hash import code_hash
 from cjt_gym.training.conditions import BANDWIDTH_HIGH, BANDWIDTH_LOW, realistic_conditions
 from cjt_gym.training.evaluate import SEED_BLOCK, Evaluation, evaluate
 from cjt_gym.training.metrics import frequency_response, squared_errors
@@ -65,7 +65,11 @@ class Cell:
     amplitude: float | None = None
 
     def key(self) -> str:
-        """Return a name that changes with everything that the result depends on."""
+        """Return a name that changes with everything that the result depends on.
+
+        That is the cell itself, the joint, what is in a gain file or a run folder, and the code
+        with the gains that ship (`code_hash`).
+        """
         content = ""
         if self.agent.endswith(".toml"):
             content = Path(self.agent).read_text(encoding="utf-8")
@@ -73,7 +77,7 @@ class Cell:
             files = sorted(p for p in Path(self.agent).rglob("*") if p.is_file())
             content = " ".join(f"{p.name} {p.stat().st_size} {p.stat().st_mtime_ns}" for p in files)
         joint = load_joint_file(self.joint).hash_hex()
-        text = json.dumps([asdict(self), content, joint, version("cjt-gym")], sort_keys=True)
+        text = json.dumps([asdict(self), content, joint, code_hash()], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:20]
 
     def load(self) -> Agent:
@@ -95,7 +99,8 @@ def run_cell(cell: Cell) -> dict[str, Any]:
         to the sweep, and what the linear loop says.
     """
     agent = cell.load()
-    base = {"cell": asdict(cell), "agent": agent.name, "kind": agent.kind}
+    base: dict[str, Any] = {"cell": asdict(cell), "agent": agent.name}
+    base |= {"kind": agent.kind, "renders": agent.renders}
     try:
         conditions = realistic_conditions(
             cell.joint, cell.structure, torque_amplitude=cell.amplitude
@@ -322,7 +327,7 @@ def make_cells(
     for joint in joints:
         load_joint_file(joint)
     for task in tasks:
-        if not any(get_task(task).applies(s, a.kind) for s in structures for a in agents):
+        if not any(get_task(task).suits(s, a) for s in structures for a in agents):
             raise ConfigurationError(
                 f"Task {task} does not exist for the structures {', '.join(structures)} and these "
                 "agents. Leave it out, or add a structure."
@@ -336,6 +341,6 @@ def make_cells(
         for joint in joints
         for structure in structures
         for (word, is_policy), agent in zip(words, agents, strict=True)
-        if (kept_tasks := tuple(t for t in tasks if get_task(t).applies(structure, agent.kind)))
+        if (kept_tasks := tuple(t for t in tasks if get_task(t).suits(structure, agent)))
         for seed in seeds
     ]

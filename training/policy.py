@@ -66,6 +66,11 @@ class PolicyAgent:
         return arguments
 
     @property
+    def renders(self) -> bool:
+        """False: it follows a torque."""
+        return False
+
+    @property
     def trained_on(self) -> tuple[str, str]:
         """Joint and structure that it was trained on."""
         arguments = environment_arguments(self.config.env)

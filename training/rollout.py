@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -69,6 +69,11 @@ class Agent(Protocol):
         ...
 
     @property
+    def renders(self) -> bool:
+        """Whether it renders a spring and a damper of its own, instead of following a torque."""
+        ...
+
+    @property
     def trained_on(self) -> tuple[str, str] | None:
         """Joint and structure that it was trained on; None if it was not trained."""
         ...
@@ -119,9 +124,19 @@ class ControllerAgent:
         return CONTROLLERS[self.choice.controller].kind
 
     @property
+    def renders(self) -> bool:
+        """What the table says."""
+        return CONTROLLERS[self.choice.controller].renders
+
+    @property
     def trained_on(self) -> None:
         """None: it was not trained."""
         return None
+
+    def rendering(self, rendering: Rendering) -> ControllerAgent:
+        """Return the same with the spring and the damper that it is to render as its gains."""
+        asked = {"stiffness": rendering.stiffness, "damping": rendering.damping}
+        return ControllerAgent(replace(self.choice, gains={**self.choice.gains, **asked}))
 
     def arguments(self, conditions: Conditions) -> dict[str, Any]:
         """Return the conditions with the controller as base."""
@@ -174,6 +189,9 @@ def run_task(agent: Agent, setting: Setting, num: int, seed: int) -> Traces:
         SimulationError: A state ceased to be finite.
     """
     steps = round(setting.duration / setting.conditions.dt_control)
+    if agent.renders and setting.rendering is not None:
+        assert isinstance(agent, ControllerAgent)
+        agent = agent.rendering(setting.rendering)
     arguments = agent.arguments(setting.conditions)
     arguments |= {"reference": setting.reference, "episode_steps": steps}
     if setting.load is not None:
@@ -201,7 +219,8 @@ def run_episodes(
         seed: Of the first; episode i has seed + i.
         from_zero: Whether all bodies start at an angle of zero.
         rendering: Spring and damper that replace the reference. The agent is asked for their
-            torque by the measured motion; what counts is their torque by the true one.
+            torque by the measured motion, unless it renders them by itself; what counts is their
+            torque by the true motion.
 
     Raises:
         SimulationError: A state ceased to be finite.
@@ -218,7 +237,7 @@ def run_episodes(
     ended = np.zeros(shape, dtype=np.bool_)
     rest = arrays.state[:, 2].copy()
     for k in range(shape[1]):
-        if rendering is not None:
+        if rendering is not None and not agent.renders:
             angle, rate = arrays.measured[:, Q_L] - rest, arrays.measured[:, DQ_L]
             task.reference[:] = -rendering.stiffness * angle - rendering.damping * rate
         episodes.step(agent.act(task.observation.copy()))

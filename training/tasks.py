@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,6 +12,9 @@ from cjt_gym.errors import unknown_name
 from cjt_gym.joint import Joint, get_structure
 from cjt_gym.signals import Signal
 from cjt_gym.training.conditions import STEP_HOLD, TASKS, Conditions, task_reference
+
+if TYPE_CHECKING:
+    from cjt_gym.training.rollout import Agent
 
 REVERSAL_PERIOD, REVERSAL_SHARE = 1.0, 0.5
 RENDERED_SHARE, RENDERED_CORNER_HZ = 0.02, 8.0
@@ -73,6 +77,11 @@ class Task:
     setting: Callable[[Conditions, Joint], Setting]
     needs: str = "any"
     classical_only: bool = False
+
+    def suits(self, structure: str, agent: Agent) -> bool:
+        """Return whether an agent takes part: one that renders a spring does nothing else."""
+        rendering = self.name == "impedance"
+        return self.applies(structure, agent.kind) and (rendering or not agent.renders)
 
     def applies(self, structure: str, kind: str = "classical") -> bool:
         """Return whether the task exists for a structure and a kind of agent."""

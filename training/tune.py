@@ -3,8 +3,9 @@
 CMA-ES (Hansen, 2016, arXiv 1604.00772) searches the ranges that the controller's row gives. A
 candidate that breaks a limit on margins, noise or passivity costs more than any that keeps them
 all, and is not simulated. The others cost their tracking error over that of the open loop on
-randomised joints, mean over the tasks. The gains that come out are compared with the default ones
-on joints, references and noise that the search has not seen.
+randomised joints, mean over the tasks. The search starts from the gains that are designed on the
+linear model, and what comes out is compared with them on joints, references and noise that it has
+not seen. Gains that say what is asked for, as a stiffness to render, stay as they are.
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.analysis import LinearPlant, probe_plant
-from cjt_gym.baselines.table import CONTROLLERS, default_gains
+from cjt_gym.baselines.shipped import designed_gains
+from cjt_gym.baselines.table import CONTROLLERS
 from cjt_gym.errors import ConfigurationError, SimulationError, unknown_name
 from cjt_gym.joint import Joint
 from cjt_gym.training.conditions import realistic_conditions, task_reference
@@ -56,7 +58,7 @@ class Search:
         budget: Candidates that are tried.
         seed: Of the search and of its draws.
         episodes: Episodes of each task that a candidate runs; four times as many unseen ones
-            compare the best with the default gains.
+            compare the best with the designed gains.
         limits: What the loop must keep.
         dt: Sample time [s].
 
@@ -77,10 +79,10 @@ class Search:
     def __post_init__(self) -> None:
         if self.controller not in CONTROLLERS:
             raise unknown_name("controller", self.controller, CONTROLLERS)
-        if not CONTROLLERS[self.controller].tunable:
+        if not CONTROLLERS[self.controller].searched:
             raise ConfigurationError(
                 f"Controller {self.controller} has no gains to tune. Choose another: "
-                f"{', '.join(name for name, row in CONTROLLERS.items() if row.tunable)}."
+                f"{', '.join(name for name, row in CONTROLLERS.items() if row.searched)}."
             )
         if (
             self.budget < 1
@@ -115,9 +117,9 @@ class Outcome:
     Attributes:
         search: What was asked for.
         best: The best candidate.
-        start: The default gains, as a candidate.
+        start: The designed gains, as a candidate.
         assessment: Margins and so on of the best.
-        held_out: Errors over that of the open loop on unseen draws, for the best and the default
+        held_out: Errors over that of the open loop on unseen draws, for the best and the designed
             gains, and their ratio with its 95 % interval.
         trials: How many were tried.
     """
@@ -148,8 +150,8 @@ class Outcome:
             "trials": self.trials,
             "feasible": self.feasible,
             "cost": self.best.cost,
-            "default_cost": self.start.cost,
-            "default_feasible": self.start.violation == 0.0,
+            "designed_cost": self.start.cost,
+            "designed_feasible": self.start.violation == 0.0,
             "held_out": self.held_out,
             "limits": limits,
             "figures": self.assessment.to_dict(),
@@ -168,7 +170,9 @@ class Problem:
         self.plant: LinearPlant = probe_plant(self.joint, search.dt)
         self.first = TUNING_SEEDS + SEED_BLOCK * search.seed
         self.open_loop = self.errors(ControllerAgent("open_loop"), self.first, search.episodes)
-        self.start = default_gains(search.controller, self.joint, search.dt)
+        row = CONTROLLERS[search.controller]
+        row.check_structure(self.joint)
+        self.start = designed_gains(row, self.joint, search.dt)
 
     def errors(self, agent: Agent, seed: int, episodes: int) -> Floats:
         """Return the mean squared error of every episode [N^2 m^2], shape (tasks, episodes)."""
@@ -205,7 +209,7 @@ class Problem:
         return Trial(gains, min(relative(errors, self.open_loop), BROKEN), 0.0)
 
     def held_out(self, best: dict[str, float]) -> dict[str, float]:
-        """Compare gains with the default ones on draws that the search has not seen."""
+        """Compare gains with the designed ones on draws that the search has not seen."""
         seed = HELD_OUT_SEEDS + SEED_BLOCK * self.search.seed
         count = HELD_OUT_FACTOR * self.search.episodes
         agents = [ControllerAgent(self.choice(gains)) for gains in (best, self.start)]
@@ -219,8 +223,8 @@ class Problem:
             for row in rows
         ]
         low, high = np.quantile(ratios, (0.025, 0.975))
-        tuned, default = relative(one, base), relative(other, base)
-        found = {"tuned": tuned, "default": default, "ratio": tuned / default}
+        tuned, designed = relative(one, base), relative(other, base)
+        found = {"tuned": tuned, "designed": designed, "ratio": tuned / designed}
         return found | {"low": float(low), "high": float(high)}
 
 
@@ -230,13 +234,13 @@ def relative(errors: Floats, base: Floats) -> float:
 
 
 def to_gains(controller: str, x: Sequence[float]) -> dict[str, float]:
-    """Return the gains at a point of the unit cube.
+    """Return the gains that a search may change at a point of the unit cube.
 
     A gain on a logarithmic scale is exponential in its coordinate; the others go with its cube
     where their range begins at zero, so that small values are searched finely, and linearly else.
     """
     gains = {}
-    for gain, at in zip(CONTROLLERS[controller].tunable, x, strict=False):
+    for gain, at in zip(CONTROLLERS[controller].searched, x, strict=False):
         if gain.log:
             value = gain.low * (gain.high / gain.low) ** at
         else:
@@ -249,7 +253,7 @@ def to_gains(controller: str, x: Sequence[float]) -> dict[str, float]:
 def to_point(controller: str, gains: dict[str, float]) -> list[float]:
     """Return the point of the unit cube of gains."""
     x = []
-    for gain in CONTROLLERS[controller].tunable:
+    for gain in CONTROLLERS[controller].searched:
         value = min(max(gains[gain.name], gain.low), gain.high)
         if gain.log:
             at = math.log(value / gain.low) / math.log(gain.high / gain.low)
@@ -308,7 +312,7 @@ def _generations(search: Search, start: dict[str, float]) -> Iterator[Generation
         strategy = cma.CMAEvolutionStrategy(np.clip(x0, 0.02, 0.98), SPREAD, options)
         while not strategy.stop():
             points = strategy.ask()
-            gains = [to_gains(search.controller, list(x)) for x in points]
+            gains = [start | to_gains(search.controller, list(x)) for x in points]
             yield gains, partial(strategy.tell, points)
         x0 = list(rng.random(len(x0)))
 

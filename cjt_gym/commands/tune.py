@@ -112,8 +112,8 @@ def words(outcome: Outcome) -> str:
     port = "unknown" if a.port_shortage is None else f"{a.port_shortage:.3g} N m s/rad"
     lines = [
         gains,
-        f"error over that of the open loop, on unseen draws: {held['tuned']:.3f}, default gains "
-        f"{held['default']:.3f}, ratio {held['ratio']:.3f} ({held['low']:.3f} .. "
+        f"error over that of the open loop, on unseen draws: {held['tuned']:.3f}, designed gains "
+        f"{held['designed']:.3f}, ratio {held['ratio']:.3f} ({held['low']:.3f} .. "
         f"{held['high']:.3f})",
         f"gain margin {a.gain_margin:.3g}, phase margin {a.phase_margin:.3g} deg, delay margin "
         f"{1e3 * a.delay_margin:.3g} ms, Ms {a.sensitivity_peak:.3g}, noise "
@@ -125,5 +125,5 @@ def words(outcome: Outcome) -> str:
         lines.append("No candidate keeps all limits; this one breaks them least.")
     elif held["low"] > 1.0:
         breaks = ", but break the limits" if outcome.start.violation > 0.0 else ""
-        lines.append(f"The default gains are better on unseen draws{breaks}.")
+        lines.append(f"The designed gains are better on unseen draws{breaks}.")
     return "\n".join(lines)

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import json
 import shutil
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from cjt_gym.baselines.shipped import FOLDER
 from cjt_gym.cli import main
 from cjt_gym.errors import ConfigurationError, UnknownNameError
 from cjt_gym.training import grid
 from cjt_gym.training.benchmark_results import merge, rankings
+from cjt_gym.training.code_hash import code_hash, sources
 from cjt_gym.training.conditions import realistic_conditions
 from cjt_gym.training.gains import write_gains
 from cjt_gym.training.grid import Cell, make_cells, run_cell, run_grid
@@ -88,11 +91,46 @@ def test_a_grid_goes_on_where_it_was_stopped(
     assert len(seen) == 2 * len(CELLS)
 
 
-def test_what_a_cell_depends_on_changes_its_key(tmp_path: Path) -> None:
+def test_what_a_cell_depends_on_changes_its_key(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = write_gains(tmp_path / "g.toml", "pd_feedforward", {"kp": 0.2}, {})
     keys = [small("open_loop").key(), small("open_loop", 1).key(), small(str(path)).key()]
+    assert keys[0] == small("open_loop").key()
     write_gains(path, "pd_feedforward", {"kp": 0.3}, {})
     assert len({*keys, small(str(path)).key()}) == 4
+    monkeypatch.setattr(grid, "code_hash", lambda: "another")
+    assert small("open_loop").key() not in keys
+
+
+def test_code_and_shipped_gains_are_counted() -> None:
+    counted = dict(sources(resources.files("cjt_gym.baselines"), "baselines"))
+    assert "baselines/observers/kalman.py" in counted
+    assert {
+        f"baselines/tuned/{path.relative_to(FOLDER)}" for path in FOLDER.glob("*/*/*.toml")
+    } <= {*counted}
+    assert len(code_hash()) == 64
+
+
+def test_a_controller_that_renders_takes_part_in_that_alone() -> None:
+    tasks = ["smooth", "impedance"]
+    cells = make_cells(["passivity_momentum", "impedance"], [], [JOINT], [FIXED], tasks, [0], 2)
+    assert [cell.tasks for cell in cells] == [("smooth", "impedance"), ("impedance",)]
+    conditions = realistic_conditions(JOINT, FIXED)
+    setting = get_task("impedance").setting(conditions, joint_of(conditions))
+    asked, own = (
+        run_task(ControllerAgent(name), setting, 2, 0)
+        for name in ("passivity_momentum", "impedance")
+    )
+    assert np.ptp(own.reference) > 0.1 * conditions.amplitude
+    assert own.error.std() < 1.3 * asked.error.std()  # the same law inside, asked by itself
+    done = {"status": "done", "cell": {"joint": JOINT, "structure": FIXED}}
+    results = [
+        {**done, "agent": name, "renders": name == "impedance", "squares": s, "powers": s}
+        for name, s in (("pd", {"smooth": [1.0]}), ("impedance", {"impedance": [1.0]}))
+    ]
+    (places,) = rankings(results).values()
+    assert [place.agent for place in places] == ["pd"]
 
 
 def test_a_cell_says_what_the_linear_loop_says(ran: tuple[Path, list[dict[str, Any]]]) -> None:

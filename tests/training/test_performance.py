@@ -65,7 +65,7 @@ def test_gains_are_those_for_the_nominal_joint_in_both_worlds(worlds: Worlds) ->
     seen = []
 
     class Watcher:
-        name, kind, trained_on = "watcher", "classical", None
+        name, kind, trained_on, renders = "watcher", "classical", None, False
 
         def arguments(self, conditions):  # type: ignore[no-untyped-def]
             def make(joint: Joint, dt: float) -> object:

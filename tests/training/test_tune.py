@@ -58,9 +58,11 @@ def test_draws_of_tuning_are_apart_from_all_others() -> None:
 def test_points_and_gains_go_to_and_fro() -> None:
     np.testing.assert_allclose(to_point("pd_feedforward", GAINS)[0], (0.3 / 10.0) ** (1 / 3))
     for name, row in CONTROLLERS.items():
-        middle = to_gains(name, [0.5] * len(row.tunable))
+        middle = to_gains(name, [0.5] * len(row.searched))
         row.check_gains(middle)
         np.testing.assert_allclose(to_point(name, middle), 0.5, atol=1e-2)
+    asked = {"stiffness", "damping"}  # what impedance is to render is not for a search to change
+    assert not asked & set(to_gains("impedance", [0.5] * 3))
 
 
 @pytest.mark.parametrize(
