@@ -1,7 +1,7 @@
 # Everything runs in .venv, which is made on demand; only Python >= 3.11 and make are needed.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help install demo test test-all soak hardware-soak lint format bench clean
+.PHONY: help install demo test test-all soak hardware-soak lint format bench clean docs
 
 PYTHON ?= $(shell for name in python3.11 python3.12 python3.13 python3 python; do \
 	if $$name -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1; then \
@@ -23,6 +23,7 @@ help:
 	@echo "make soak    run random joints with random effects (SUBSTEPS=$(SUBSTEPS), SEED=$(SEED))"
 	@echo "make hardware-soak  run a control loop against an emulated joint (SOAK_SECONDS=$(SOAK_SECONDS), RATE=$(RATE))"
 	@echo "make lint    ruff, mypy and import-linter"
+	@echo "make docs    build the documentation site in build/site"
 	@echo "make format  let ruff rewrite the code"
 	@echo "make bench   run the benchmarks"
 	@echo "make clean   remove what was generated, except .venv"
@@ -56,6 +57,10 @@ lint: $(STAMP)
 	$(BIN)/python tools/link_tree.py
 	cd .links && ../$(BIN)/mypy --config-file ../pyproject.toml --cache-dir ../.mypy_cache -p cjt_gym
 	cd .links && ../$(BIN)/lint-imports --config ../pyproject.toml --cache-dir ../.import_linter_cache
+
+docs: $(STAMP)
+	$(BIN)/python tools/link_tree.py
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 format: $(STAMP)
 	$(BIN)/ruff check --fix .
