@@ -295,7 +295,7 @@ def step(
     for k in range(samples):
         y[k] = c[0] @ x + d[0, 0]
         x = a_d @ x + b_d[:, 0]
-    t = dt * np.arange(samples)
+    t = np.asarray(dt * np.arange(samples), dtype=np.float64)
     final, peak = float(y[-samples // 20 :].mean()), float(np.abs(y).max())
     if abs(y[-1] - y[-samples // 10]) > 0.02 * peak or abs(final) <= 1e-3 * peak:
         return Step(t, y, float("nan"), float("nan"), float("nan"), float("nan"))

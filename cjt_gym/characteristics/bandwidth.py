@@ -91,7 +91,7 @@ def response(
     rows = [OUTPUTS.index("tau"), OUTPUTS.index("dq_m")]
     s = 2j * np.pi * f[:, None, None]
     x = np.linalg.solve(s * np.eye(len(a)) - a, b[:, :1] + 0j)
-    out = (c[rows] @ x + d[rows, :1])[..., 0]
+    out = np.asarray((c[rows] @ x + d[rows, :1])[..., 0], dtype=np.complex128)
     return out[:, 0], out[:, 1]
 
 

@@ -76,13 +76,13 @@ def impedance_range(
     rows = [OUTPUTS.index("tau"), OUTPUTS.index("dq_m")]
     s = 2j * np.pi * f
     x = np.linalg.solve(s[:, None, None] * np.eye(len(a)) - a, b + 0j)
-    out = c[rows] @ x + d[rows]
+    out = np.asarray(c[rows] @ x + d[rows], dtype=np.complex128)
     gain, own, follows = np.abs(out[:, 0, 0]), -out[:, 0, 1], np.abs(out[:, 1, 1])
     k, velocity = torque_per_ampere(p), np.abs(s) * motion
     volts = np.abs((p.r + s * p.get("l_a", 0.0)) / k + k * out[:, 1, 0])
     spare = np.maximum(p.v_0 - k * follows * velocity, 0.0)  # the motion induces a voltage, too
     torque = np.minimum(peak_torque(p), spare / volts)
-    held = p.k_b / s + p.get("d_gl", 0.0)
+    held = np.asarray(p.k_b / s + p.get("d_gl", 0.0), dtype=np.complex128)
     if not rigid_gearbox:
         gear = p.k_g / s + p.get("d_mg", 0.0) + s * p.get("I_g", 0.0) + p.get("d_g", 0.0)
         held = 1.0 / (1.0 / held + 1.0 / gear)

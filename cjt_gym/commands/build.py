@@ -21,13 +21,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """List the joints of the table, and write them."""
-    rows = []
+    rows, lines = [], []
     for name, joint in build_joints(options.table).items():
         path = None
         if options.out is not None:
             options.out.mkdir(parents=True, exist_ok=True)
             path = options.out / f"{name}.toml"
             path.write_text(to_toml(file_of(joint)), encoding="utf-8")
+        lines.append(f"{name}  {', '.join(joint.effects)}\n")
         rows.append(
             {
                 "name": name,
@@ -40,5 +41,4 @@ def run(options: argparse.Namespace) -> None:
     if options.json:
         sys.stdout.write(json.dumps({"joints": rows}, indent=1) + "\n")
         return
-    for row in rows:
-        sys.stdout.write(f"{row['name']}  {', '.join(row['effects'])}\n")
+    sys.stdout.write("".join(lines))

@@ -239,7 +239,7 @@ def _value(quantity: Quantity | None) -> str:
 
 def _effects(files: Sequence[JointFile]) -> Iterator[Block]:
     """Yield the effects that joint files list: their numbers, and friction and ripple drawn."""
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for file in files:
         name = file.name.replace("_", " ")
         for effect, entries in file.effects.items():
