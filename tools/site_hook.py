@@ -1,9 +1,11 @@
-"""Put the examples into the documentation site, where its pages link to them."""
+"""What the site needs beyond its pages: the examples as files, and docstrings as they are meant."""
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
+import griffe
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
@@ -22,4 +24,16 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
     """Let links that lead out of the folder of pages lead to the file in the site."""
-    return markdown.replace("](../examples/", "](examples/")
+    return re.sub(r"\]\(((?:\.\./)*)\.\./examples/", r"](\1examples/", markdown)
+
+
+class PlainDocstrings(griffe.Extension):
+    """Read docstrings as they are meant: ``Example:`` holds code, ``:func:`` is only a mark."""
+
+    def on_instance(self, *, obj: griffe.Object, **_: object) -> None:
+        """Rewrite the text of one docstring."""
+        if obj.docstring:
+            text = re.sub(
+                r":(?:func|class|data|mod|meth):`~?([^`]+)`", r"`\1`", obj.docstring.value
+            )
+            obj.docstring.value = re.sub(r"(?m)^( *)Example:$", r"\1Examples:", text)
