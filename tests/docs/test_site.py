@@ -10,8 +10,11 @@ from pathlib import Path
 
 import pytest
 
+from cjt_gym.joint import joint_names
+
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
+GENERATED = {"joints.md"}
 PAGES = sorted(path.relative_to(DOCS) for path in DOCS.rglob("*.md"))
 BLOCKS = [
     (page, text)
@@ -32,7 +35,7 @@ def test_links_lead_somewhere(page: Path) -> None:
 
 def test_every_page_is_in_the_navigation() -> None:
     named = set(re.findall(r"[\w/]+\.md", (ROOT / "mkdocs.yml").read_text("utf-8")))
-    assert named == {page.as_posix() for page in PAGES}
+    assert named == {page.as_posix() for page in PAGES} | GENERATED
 
 
 @pytest.mark.slow
@@ -56,6 +59,8 @@ def test_it_builds_without_a_warning(tmp_path: Path) -> None:
         check=False,
     )
     assert run.returncode == 0, run.stderr
+    joints = (tmp_path / "site/joints.html").read_text("utf-8")
+    assert all(f'id="{name}"' in joints for name in joint_names())
     for page in (tmp_path / "site").rglob("*.html"):
         outside = re.findall(r'(?:src|<link[^>]*href)="(https?://[^"]+)', page.read_text("utf-8"))
         assert not outside, (page, outside)
