@@ -20,6 +20,8 @@ from cjt_gym.records import Record, Repair, read_log, record_names
 
 SECONDS, WINDOW = 60.0, 10.0
 """Length of a log beyond which only its most informative windows are used, and theirs [s]."""
+MOST_REPAIRS = 6
+"""Repairs that are told on the terminal; the report lists all."""
 ENOUGH = 500
 """Samples below which a piece of a log is left out where there are longer ones."""
 NOMINAL = "nominal.toml"
@@ -78,14 +80,26 @@ def run(options: argparse.Namespace) -> None:
     loop = in_the_loop(found, file, structure, fitted, held, agents)
     tell("writing the report")
     repairs = [*notes, *more, *turned, *also]
-    found = write_files(found, folder, Path(options.records[0]).stem, repairs, loop)
+    found = write_files(found, folder, _short_name(Path(options.records[0])), repairs, loop)
     tell.end()
     if options.json:
         sys.stdout.write((folder / "diagnosis.json").read_text(encoding="utf-8"))
         return
     tables = [table.text(WIDTH) for table in loop.tables()]
-    parts = [summary(found).rstrip(), *tables, *loop.notes, _where(folder, found)]
+    mended = "\n".join(f"record: {repair.text}" for repair in repairs[:MOST_REPAIRS])
+    parts = [
+        *filter(None, [mended]),
+        summary(found).rstrip(),
+        *tables,
+        *loop.notes,
+        _where(folder, found),
+    ]
     sys.stdout.write("\n\n".join(parts) + "\n")
+
+
+def _short_name(path: Path) -> str:
+    """Return the name of a record with its folder's, without a suffix."""
+    return "/".join((*path.parent.parts[-1:], path.stem)).lstrip("/")
 
 
 def write_files(

@@ -43,7 +43,7 @@ from cjt_gym.gap.select import BEYOND, MARGIN, Progress, evidence, silent
 from cjt_gym.gap.sensing import SensorFinding
 from cjt_gym.gap.setting import Setting, as_noisy, make_setting
 from cjt_gym.gap.shrink import HARM, Gap, harms, measure_gap
-from cjt_gym.gap.suggest import suggest
+from cjt_gym.gap.suggest import cautious, suggest
 from cjt_gym.gap.unknown import Leftover, status, untouched, verdict
 from cjt_gym.joint import Joint, JointFile, get_structure, load_joint_file
 from cjt_gym.joint.structures import Structure
@@ -235,7 +235,11 @@ def _report(
         effects=named,
         gap=GapSize(**{k: v for k, v in vars(gap).items() if k != "replays"}),
         unexplained=_unexplained(left, not_judged(problem.stages.setting)),
-        suggestion=suggest(problem, found.base, found.fit, found.needs, found.seen, named, left),
+        suggestion=cautious(
+            suggest(problem, found.base, found.fit, found.needs, found.seen, named, left),
+            problem.stages.setting,
+            held_out,
+        ),
         seconds=time.perf_counter() - started,
         evidence=drawn,
         joint=identified_joint(

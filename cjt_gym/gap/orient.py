@@ -289,22 +289,30 @@ def _scales(
         k_b = p.get("k_b", 0.0)
         slope = np.polyfit(wound, channels["tau"], 1)[0] if np.ptp(wound) > 0.0 else 0.0
         if abs(_alike(wound, channels["tau"], 1.0)) > CERTAIN and k_b > 0.0:
-            found.append(("q_m", "spring deflection per torque", k_b / abs(slope)))
+            found.append(("q_m", "tau", "spring deflection per torque", k_b / abs(slope)))
     if motor is not None and motor.driving in ("i", "i_cmd"):
         per_term, share = motor.fit()
         alike = _partial(motor.drive, motor.terms) if share > EXPLAINED else {}
         torque = p.k_t * p.n
         if alike.get("tau"):
-            found.append((motor.driving, "current per torque", abs(per_term["tau"]) * torque))
+            found.append(
+                (motor.driving, "tau", "current per torque", abs(per_term["tau"]) * torque)
+            )
         if alike.get("acceleration"):
             apart = "tau" in motor.terms and structure.groups[1] != structure.groups[2]
             bodies = ("I_m", "I_g") if apart else ("I_m", "I_g", "I_l")
             mass = sum(p.get(name, 0.0) for name in bodies)
             measured = abs(per_term["acceleration"]) * torque
-            found.append(("q_m", "acceleration per current", mass / measured))
+            found.append(("q_m", motor.driving, "acceleration per current", mass / measured))
     return [
-        Repair("unit", name, 0, False, f"{name}: {what} is {ratio:.4g} times nominal, near {text}.")
-        for name, what, ratio in found
+        Repair(
+            "unit",
+            name,
+            0,
+            False,
+            f"{name} or {other}: {what} is {ratio:.4g} times nominal, near {text}.",
+        )
+        for name, other, what, ratio in found
         for factor, text in factors.items()
         if abs(ratio / factor - 1.0) < FACTOR_MISFIT
     ]

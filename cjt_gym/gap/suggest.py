@@ -17,6 +17,10 @@ from cjt_gym.gap.unknown import Leftover
 from cjt_gym.records import Record, default_units
 
 MOST_RIVALS = 2
+ENOUGH = "No further record is needed."
+WEAK = "What was found stands on little: "
+SHORT = 5.0
+"""Length of a record below which a longer one is asked for [s]."""
 ELSEWHERE = (
     "Look at the regimes in which it lies, and record the joint again with one input at a time: "
     "slow ramps, steps, a chirp."
@@ -49,7 +53,7 @@ def suggest(
         question = _nearest(problem, seen, left[0].stage)
         preface = f"The {left[0].stage} stage has a gap that no effect of the table explains. "
     if len(question) < 2:
-        return Suggestion(preface + ELSEWHERE if left else "No further record is needed.")
+        return Suggestion(preface + ELSEWHERE if left else ENOUGH)
     ranked = prospects(problem, question)
     if ranked and ranked[0].tells:
         return Suggestion(
@@ -57,6 +61,26 @@ def suggest(
             excitation=record_of(problem, ranked[0]),
         )
     return Suggestion(preface + _needs_more(tuple(question), ranked))
+
+
+def cautious(suggestion: Suggestion, setting: Setting, held_out: bool) -> Suggestion:
+    """Return a suggestion that asks for a better record where this one tells little.
+
+    Args:
+        suggestion: What was suggested.
+        setting: The record.
+        held_out: Whether data were kept from the fit.
+    """
+    asked = []
+    if setting.series.slow:
+        asked.append("record at 1 kHz")
+    if len(setting.series) * setting.series.dt < SHORT:
+        asked.append("record 10 s")
+    if not held_out:
+        asked.append("record a second run with other excitation and give it as validation")
+    if suggestion.text != ENOUGH or not asked:
+        return suggestion
+    return Suggestion(f"{WEAK}{', '.join(asked)}.")
 
 
 def _nearest(problem: Problem, seen: Sequence[Fit], stage: str) -> Mapping[str, Fit]:
@@ -106,9 +130,13 @@ def _sentence(cross: Cross) -> str:
     what = "a model without it" if cross.rival == NOTHING else cross.rival
     truth = "there is none" if cross.true == NOTHING else f"it is {cross.true}"
     return (
-        f"If {truth}, {what} would then leave {cross.residual:.2g} times the noise in the "
+        f"If {truth}, {what} would then leave {_times(cross.residual)} times the noise in the "
         f"{cross.stage} stage (evidence {cross.margin:.0f}; {TELLS:.0f} decides)"
     )
+
+
+def _times(ratio: float) -> str:
+    return f"{ratio:.0f}" if ratio >= 10.0 else f"{ratio:.2g}"
 
 
 def _needs_more(names: Sequence[str], ranked: Sequence[Prospect]) -> str:

@@ -30,6 +30,8 @@ from cjt_gym.gap.report.words import (
     verdict_sentence,
 )
 
+ONE_BODY = {"inertia": ("load_inertia",), "coulomb": ("load_coulomb",)}
+"""Effects that are one where motor and load are."""
 PACKAGES = ("cjt-gym", "numpy", "scipy", "numba")
 
 
@@ -159,10 +161,12 @@ def _which(diagnosis: Diagnosis) -> str:
     return (
         _aid(
             "Numbers with their 95 % intervals; confidence is the chance that the name is right; "
-            "a tentative effect may be the shadow of something that the table lacks."
+            "a tentative effect may be the shadow of something that the table lacks. The share of "
+            "evidence is how much of the proof of a gap comes back if this effect alone is left "
+            "out; how far the replay improves stands above."
         )
         + "<div class=wide><table><thead><tr><th>effect</th><th>parameters</th><th>status</th>"
-        "<th>confidence</th><th>share removed</th></tr></thead>"
+        "<th>confidence</th><th>share of evidence</th></tr></thead>"
         f"<tbody>{rows}</tbody></table></div>"
     )
 
@@ -179,7 +183,7 @@ def _effect(effect: NamedEffect) -> str:
         ("", numbers),
         ("status", f"<span class='pill {effect.status}'>{escape(effect.status)}</span>"),
         ("confidence", confidence_bar(effect.confidence)),
-        ("share removed", percent(effect.gap_removed)),
+        ("share of evidence", percent(effect.gap_removed)),
     )
     row = "".join(
         f"<td{f' data-head={head!r}' if head else ''}>{cell}</td>" for head, cell in cells
@@ -208,8 +212,21 @@ def _charts(kind: str, charts: Iterable[Chart]) -> str:
 
 def _confusable(diagnosis: Diagnosis) -> str:
     pairs = [(e, rival) for e in diagnosis.effects for rival in e.confusable_with]
-    items = [_pair(effect.name, rival, diagnosis.suggestion.text) for effect, rival in pairs]
+    one = diagnosis.evidence.source.structure == "rigid"
+    items = [
+        _same(effect.name, rival)
+        if one and rival in ONE_BODY.get(effect.name, ())
+        else _pair(effect.name, rival, diagnosis.suggestion.text)
+        for effect, rival in pairs
+    ]
     return f"<ul>{''.join(items)}</ul>" if items else ""
+
+
+def _same(name: str, rival: str) -> str:
+    return (
+        f"<li><b>{escape(name)}</b> or <b>{escape(rival)}</b>: motor and load are one body here, "
+        "so that no record tells them apart.</li>"
+    )
 
 
 def _pair(name: str, rival: str, suggestion: str) -> str:

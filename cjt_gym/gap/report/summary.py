@@ -32,7 +32,7 @@ def summary(diagnosis: Diagnosis) -> str:
         if stage.before > 0.0 and name != "sensing":
             lines.append(_stage(name, stage, explained))
     if explained:
-        lines += [f"{'effect':<20}{'status':<11}{'confidence':>10}{'removes':>9}  parameters"]
+        lines += [f"{'effect':<20}{'status':<11}{'confidence':>10}{'evidence':>9}  parameters"]
         lines += [_row(effect) for effect in diagnosis.effects[:MOST_EFFECTS]]
     if diagnosis.unexplained.text != NOTHING_LEFT:
         lines += textwrap.wrap(f"left: {diagnosis.unexplained.text}", WIDTH, max_lines=3)

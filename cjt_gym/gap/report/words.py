@@ -57,6 +57,8 @@ NOTABLE = 0.1
 """Share of the replay error that must be gone for the verdict to say how much."""
 OPEN, AGAIN = 0.1, 3.0
 """Replay error, and its ratio to the noise floor, from which an explained joint needs a word."""
+DOUBTED = 0.3
+"""Confidence of the surest name below which names are only a guess."""
 MINUS = "\N{MINUS SIGN}"
 SPACE = "\N{NO-BREAK SPACE}"
 CONCENTRATED = 0.5
@@ -190,6 +192,8 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
         return f"{lies}; no effect of the table explains it."
     names = joined([in_words(effect) for effect in diagnosis.effects])
     verb = "explain" if len(diagnosis.effects) > 1 else "explains"
+    if max(effect.confidence for effect in diagnosis.effects) < DOUBTED:
+        verb = "might explain"
     share = f"{percent(gap.removed)} of it" if gap.removed >= NOTABLE else ""
     left = diagnosis.unexplained
     if left.stage is not None:
