@@ -2,7 +2,8 @@
 
 One `cjt-gym tune` for every controller with gains to search, on every joint and structure that is
 named, with one budget. What is there already stays; a run that was stopped goes on. Gains ship if
-they keep all limits, and unless the designed ones do so too and are better on unseen draws.
+they keep all limits and are better than the open loop on unseen draws, unless the designed ones
+keep the limits too and are better still.
 """
 
 from __future__ import annotations
@@ -28,8 +29,9 @@ INSIDE = ("impedance",)
 
 def ships(tuned: dict[str, Any]) -> bool:
     """Return whether gains ship, from what their file says."""
-    better = tuned["held_out"]["low"] <= 1.0 or not tuned["designed_feasible"]
-    return bool(tuned["feasible"] and better)
+    found = tuned["held_out"]
+    better = found["low"] <= 1.0 or not tuned["designed_feasible"]
+    return bool(tuned["feasible"] and better and found["tuned"] < 1.0)
 
 
 def searches(joints: Sequence[str], structures: Sequence[str]) -> Iterator[tuple[str, str, str]]:
