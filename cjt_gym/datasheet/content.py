@@ -255,6 +255,10 @@ def _effects(files: Sequence[JointFile]) -> Iterator[Block]:
     if not rows:
         return
     yield Heading("Effects beyond the linear joint")
+    yield Paragraph(
+        "The characteristics above follow from the parameters alone, without these effects.",
+        small=True,
+    )
     drawn = friction_and_ripple(files)
     if drawn:
         yield Figure(
