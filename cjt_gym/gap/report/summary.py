@@ -36,8 +36,17 @@ def summary(diagnosis: Diagnosis) -> str:
         lines += [_row(effect) for effect in diagnosis.effects[:MOST_EFFECTS]]
     if diagnosis.unexplained.text != NOTHING_LEFT:
         lines += textwrap.wrap(f"left: {diagnosis.unexplained.text}", WIDTH, max_lines=3)
-    lines += textwrap.wrap(f"next: {diagnosis.suggestion.text}", WIDTH, max_lines=4)
+    lines += _sentences(f"next: {diagnosis.suggestion.text}", 5)
     return "\n".join(lines)
+
+
+def _sentences(text: str, most: int) -> list[str]:
+    """Return text as lines, without its last sentences where there would be too many."""
+    lines = textwrap.wrap(text, WIDTH)
+    while len(lines) > most and ". " in text:
+        text = text.rsplit(". ", 1)[0] + "."
+        lines = textwrap.wrap(f"{text} More in the report.", WIDTH)
+    return lines[:most]
 
 
 def _stage(name: str, stage: StageGap, explained: bool) -> str:
