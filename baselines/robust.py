@@ -85,9 +85,10 @@ def is_stable(loop: LoopModel, law: LinearLaw) -> bool:
     return bool(np.max(np.abs(poles)) <= MARGIN)
 
 
-def stays_stable(model: SampledJoint, law: LinearLaw) -> bool:
-    """Return whether a law is stable on a joint, with more delay and with other parameters."""
-    return make_bench(model).is_stable(law)
+def is_robust(model: SampledJoint, law: LinearLaw) -> bool:
+    """Return whether a law is stable on a joint, also a changed one, and |S| keeps its limit."""
+    bench = make_bench(model)
+    return bench.is_stable(law) and math.isfinite(bench.cost(law))
 
 
 def noise_gain(loop: LoopModel, law: LinearLaw) -> float:

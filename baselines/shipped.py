@@ -1,7 +1,7 @@
 """Gains that ship with the package: files that `cjt-gym tune` wrote, by joint and structure.
 
 Each file names the command that made it. Its gains hold for the joint, the structure and the
-sample time that it names, and are taken where the joint at hand is robustly stable with them;
+sample time that it names, and are taken where the joint at hand is robust with them;
 every other joint gets gains that are designed on its linear model (`cjt_gym.baselines.robust`).
 """
 
@@ -14,7 +14,7 @@ from typing import Any
 
 from cjt_gym.baselines.entry import ControllerEntry
 from cjt_gym.baselines.plant_model import SampledJoint
-from cjt_gym.baselines.robust import stays_stable
+from cjt_gym.baselines.robust import is_robust
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import Joint
 
@@ -46,7 +46,7 @@ def shipped_gains(entry: ControllerEntry, joint: Joint, dt: float) -> dict[str, 
         law = entry.build(joint, dt, gains).linear
     except ConfigurationError:  # the law does not take them on this joint
         return None
-    if law is not None and not stays_stable(SampledJoint(joint, dt), law):
+    if law is not None and not is_robust(SampledJoint(joint, dt), law):
         return None
     return gains
 
