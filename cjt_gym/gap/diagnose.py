@@ -61,6 +61,8 @@ EVEN_CHANCE = 0.5
 """Confidence below which no effect counts as confirmed."""
 KNOWN = 0.7
 """Share of its tolerance within which a fit must know a datasheet value to refine it."""
+MOVED = 0.1
+"""Or share of it by which the fit moves the value; several may be known only together."""
 
 
 @np.errstate(all="ignore")  # a trial of a fit may overflow; it is then not taken
@@ -261,7 +263,7 @@ def _refined(found: Explanation, fit: Fit, spread: Covariance) -> dict[str, tupl
         n.field: (n.unknown.value(fit.z[k]), n.unknown.scale * spread.std(k))
         for k, n in enumerate(shared)
         if (n.field in known or n.field == "lag") and n.field not in released
-        if n.unknown.log and spread.std(k) < KNOWN
+        if n.unknown.log and (spread.std(k) < KNOWN or abs(fit.z[k]) > MOVED)
     }
 
 

