@@ -112,8 +112,9 @@ def diagnose(
             known = explanation.problem.stages.setting
             replayed = [as_noisy(one, known) for one in replayed]
             source = source_of(file, shape, fitted, _long(tested))
+            title = _title(fitted[0])
             found = _report(
-                explanation, replayed or [known], bool(replayed), started, source, _title(first)
+                explanation, replayed or [known], bool(replayed), started, source, title
             )
             return _with_structure_said(found, first, shape)
     except (np.linalg.LinAlgError, FloatingPointError, ValueError) as error:

@@ -230,11 +230,10 @@ class Selection:
         if evidence(self.problem, own) - evidence(self.problem, before) > HOLLOW * gain:
             return [own, *fits[1:]]
         self.untried.sort(key=lambda f: -evidence(self.problem, f))
-        trials = [own, *fits[1:SHORT_LIST], *self.untried[:SHORT_LIST]]
-        tuned = [own, *(retuned(self.problem, fit) for fit in trials[1:])]
+        others = [*fits[1:SHORT_LIST], *self.untried[:SHORT_LIST]]
+        tuned = [own, *(retuned(self.problem, fit) for fit in others)]
         self.seen += tuned
-        worth = {id(own): evidence(self.problem, own) for own in tuned}
-        return sorted(tuned, key=lambda f: -worth[id(f)])
+        return sorted(tuned, key=lambda f: -evidence(self.problem, f))
 
     def _sharpness(self) -> float:
         """Return the log evidence that the present predictors gain by expecting small errors."""
