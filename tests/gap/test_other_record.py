@@ -1,4 +1,4 @@
-"""A gap that only the validation record shows, and values that the replay settles."""
+"""A gap that only the validation record shows, values settled by the replay, a weak record."""
 
 from __future__ import annotations
 
@@ -46,3 +46,9 @@ def test_values_within_their_tolerance_are_refined_by_the_replay() -> None:
     assert found.gap.after < 0.2 * found.gap.before
     assert found.joint.parameters.I_m == pytest.approx(0.3, rel=0.005)
     assert found.joint.parameters.k_b == pytest.approx(6000.0, rel=0.005)
+
+
+def test_a_short_record_is_followed_by_a_request_for_a_better_one() -> None:
+    found = diagnose(simulate(seconds=3.0, friction=(1.5, 1.5)), nominal())
+    assert [effect.name for effect in found.effects] == ["coulomb"]
+    assert "record 10 s" in found.suggestion.text
