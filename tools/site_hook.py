@@ -1,21 +1,46 @@
-"""What the site has beside its pages: the examples as files, and the page of the joints."""
+"""What the site has beside its pages: examples as files, the tour, the page of the joints."""
 
 from __future__ import annotations
 
 import re
+from functools import cache
 from pathlib import Path
 
+import tour
 from joints_page import joints_page
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
 ROOT = Path(__file__).resolve().parent.parent
+TABLE = re.compile(r"<!-- tour -->\n.*?<!-- end -->\n", re.DOTALL)
+OPENED = "[Notebook](%s.ipynb){ download } · [script](../../examples/tour/%s.py)"
+
+
+@cache
+def _tour(_: tuple[float, ...]) -> tuple[tour.Page, ...]:
+    """Run the tour, once for every state of its scripts."""
+    return tuple(tour.run(path) for path in tour.scripts())
+
+
+def _pages() -> tuple[tour.Page, ...]:
+    return _tour(tuple(path.stat().st_mtime for path in tour.scripts()))
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Add every example as a file of the site, and the page of the joints."""
-    files.append(File.generated(config, "joints.md", content=joints_page()))
+    """Add every example as a file of the site, the tour, and the page of the joints."""
+
+    def add(uri: str, content: str) -> None:
+        files.append(File.generated(config, uri, content=content))
+
+    add("joints.md", joints_page())
+    for page in _pages():
+        opened = OPENED % (page.name, page.name)
+        head, _, rest = page.markdown.partition("\n")
+        add(f"tour/{page.name}.md", f"{head}\n\n{opened}\n{rest}")
+        add(f"tour/{page.name}.ipynb", page.notebook)
+        for name, svg in page.pictures.items():
+            add(f"tour/{name}", svg)
     for path in sorted((ROOT / "examples").rglob("*.*")):
         if path.suffix in (".py", ".toml"):
             uri = path.relative_to(ROOT).as_posix()
@@ -24,5 +49,16 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Let links that lead out of the folder of pages lead to the file in the site."""
+    """Show the tour as cards; let links out of the folder of pages lead to the file in the site."""
+    if page.file.src_uri == "examples.md":
+        cards = "\n".join(_card(one) for one in _pages())
+        markdown = TABLE.sub(f'<div class="grid cards" markdown>\n\n{cards}\n\n</div>\n', markdown)
     return re.sub(r"\]\(((?:\.\./)*)\.\./examples/", r"](\1examples/", markdown)
+
+
+def _card(page: tour.Page) -> str:
+    """Return a part of the tour as an item of a grid: its picture, title and first sentence."""
+    to = f"tour/{page.name}.md"
+    first = next(iter(page.pictures), None)
+    picture = f"    [![](tour/{first})]({to})\n\n" if first else ""
+    return f"-   [**{page.title}**]({to})\n\n{picture}    {page.opening}\n"

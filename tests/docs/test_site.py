@@ -14,7 +14,8 @@ from cjt_gym.joint import joint_names
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
-GENERATED = {"joints.md"}
+TOUR = {f"tour/{path.stem}.md" for path in (ROOT / "examples/tour").glob("[0-9]*.py")}
+GENERATED = {"joints.md", *TOUR}
 PAGES = sorted(path.relative_to(DOCS) for path in DOCS.rglob("*.md"))
 BLOCKS = [
     (page, text)

@@ -1,0 +1,80 @@
+# %% [markdown]
+# # Friction, ripple, noise and delay
+#
+# `simulate` takes motor torques and gives a record: what the sensors say, and what is true.
+
+# %%
+import numpy as np
+from matplotlib import pyplot as plt
+
+import cjt_gym
+
+t = 1e-3 * np.arange(1000)
+command = 8.0 * np.sin(2.0 * np.pi * 2.0 * t)
+
+
+def simulated(**effects):
+    joint = cjt_gym.load_joint("orange_80_6000", "output_fixed_rigid_gearbox", effects=effects)
+    return joint.simulate(command, seed=1)
+
+
+linear = simulated()
+print(f"{linear['tau'].max():.2f} N m of {command.max():.2f} N m arrive")
+
+# %% [markdown]
+# ## Friction
+#
+# Coulomb friction takes a constant torque from whatever moves; below it nothing does. With Stribeck
+# friction it takes more to start than to go on.
+
+# %%
+runs = {
+    "linear": linear,
+    "coulomb": simulated(coulomb={}),
+    "coulomb and stribeck": simulated(coulomb={}, stribeck={"d_sm": 1.5, "v_s": 0.02}),
+}
+figure, axes = plt.subplots(figsize=(7, 3), layout="constrained")
+for name, record in runs.items():
+    axes.plot(t, record["true_tau"], label=name)
+axes.plot(t, command, ":", color="black", label="commanded")
+axes.set(xlabel="time [s]", ylabel="torque [N m]", xlim=(0.0, 0.6))
+axes.legend(loc="lower left")
+
+# %% [markdown]
+# ## Ripple
+#
+# Cogging and the meshing of teeth are periodic in the motor's angle, so that their frequency rises
+# with the speed. Here the joint carries a free load and gathers speed: what ripple adds to the
+# torque is largest where it passes the resonance at 28 Hz.
+
+# %%
+push = 4.0 * np.minimum(2.0 * t, 1.0)
+moved = {}
+cogging = {"f": (480.0,), "a": (0.8,), "b": (0.3,)}
+for name, effects in (("smooth", {}), ("ripple", {"cogging": cogging})):
+    joint = cjt_gym.load_joint(
+        "orange_80_6000", "rigid_gearbox", effects=effects, parameters={"I_l": 0.5}
+    )
+    moved[name] = joint.simulate(push)
+figure, (upper, lower) = plt.subplots(2, 1, sharex=True, figsize=(7, 4), layout="constrained")
+upper.plot(t, moved["ripple"]["true_tau"] - moved["smooth"]["true_tau"])
+upper.set(ylabel="added torque [N m]")
+lower.plot(t, 480.0 * moved["smooth"]["true_dq_m"] / (2.0 * np.pi))
+lower.axhline(28.2, color="black", ls=":")
+lower.set(xlabel="time [s]", ylabel="frequency of ripple [Hz]")
+
+# %% [markdown]
+# ## What the controller sees
+#
+# Noise, resolution and delay are between the joint and its controller.
+
+# %%
+record = simulated(noise={"tau": 0.1}, quantization={"tau": 0.2}, measurement_delay={"delay": 3e-3})
+figure, axes = plt.subplots(figsize=(7, 2.6), layout="constrained")
+axes.plot(t[:150], record["true_tau"][:150], label="true")
+axes.plot(t[:150], record["tau"][:150], lw=0.8, label="measured")
+axes.set(xlabel="time [s]", ylabel="torque [N m]")
+axes.legend()
+
+# %% [markdown]
+# All effects with their equations and parameters are on the page of [the effects](../effects.md).
