@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -55,6 +56,18 @@ class Identified:
     def distortion(self) -> float:
         """Level of all distortion over the linear output, rms over the frequencies [-]."""
         return float(np.sqrt(np.mean(self.odd**2 + self.even**2)))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the same as plain data: gain [-] and phase [deg] for the response."""
+        return {
+            "place": self.place,
+            "amplitude": self.amplitude,
+            "distortion": self.distortion,
+            "f": self.f.tolist(),
+            "gain": np.abs(self.response).tolist(),
+            "phase": np.degrees(np.unwrap(np.angle(self.response))).tolist(),
+            **{name: getattr(self, name).tolist() for name in ("noise", "odd", "even")},
+        }
 
 
 def identify(

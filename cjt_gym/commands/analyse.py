@@ -18,7 +18,8 @@ from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import DRIVES, STRUCTURES, load_joint
 from cjt_gym.joint.linear import OUTPUTS
 
-DT = 1e-3
+DT, HIGHEST = 1e-3, 200.0
+"""Step of a torque that is held [s], and highest frequency that is measured [Hz]."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -31,7 +32,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--input", default="tau_m", help=f"{', '.join(INPUTS)}; default: tau_m")
     add("--output", default="tau", help=f"{', '.join(OUTPUTS)}; default: tau")
     add("--dt", type=float, help="sample time of an input that is held [s]; default: continuous")
-    text = "measure the response, too: rms of the multisine of motor torque [N m]"
+    text = "measure the response of the joint with its effects, too: rms of the multisine of motor "
+    text += f"torque [N m]; torques are held for --dt, {DT:g} s unless given"
     add("--identify", type=float, metavar="RMS", help=text)
     add("--effect", nargs="+", metavar="E", help="effects of the measured joint, as in simulate")
     add("--seed", type=int, default=0, help="of the multisine and the noise, default 0")
@@ -49,10 +51,11 @@ def run(options: argparse.Namespace) -> None:
         raise ConfigurationError(
             "--identify measures from tau_m to tau; leave --input and --output at them."
         )
+    dt = options.dt or (None if options.identify is None else DT)
     cases = list(_cases(options))
     written: tuple[Path, ...] = ()
     if options.out is not None:
-        sheet = linear_sheet(cases, options.input, options.output, options.dt)
+        sheet = linear_sheet(cases, options.input, options.output, dt)
         written = write_sheet(sheet, options.out)
     if not options.json:
         sys.stdout.write(" ".join(str(path) for path in written) + "\n")
@@ -61,7 +64,7 @@ def run(options: argparse.Namespace) -> None:
     for case in cases:
         results[case.label] = analyse_case(case, options.input, options.output).to_dict()
         if case.identified is not None:
-            results[case.label]["distortion"] = case.identified.distortion
+            results[case.label]["identified"] = case.identified.to_dict()
     result = {"files": [str(path) for path in written], "cases": results}
     sys.stdout.write(json.dumps(result, indent=1, allow_nan=False) + "\n")
 
@@ -75,6 +78,8 @@ def _cases(options: argparse.Namespace) -> Iterator[Case]:
             label += "" if len(options.structure) == 1 else structure
             seen = None
             if options.identify is not None:
-                law = make_controller("open_loop", joint, DT)
-                seen = identify(law, joint, DT, options.identify, seed=options.seed)
+                dt = options.dt or DT
+                high = min(HIGHEST, 0.4 / dt)
+                law = make_controller("open_loop", joint, dt)
+                seen = identify(law, joint, dt, options.identify, seed=options.seed, high=high)
             yield Case(label, joint, seen)

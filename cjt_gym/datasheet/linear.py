@@ -13,7 +13,7 @@ from cjt_gym.analysis import Identified
 from cjt_gym.analysis.open_loop import Mode, Step, frequency_response, poles, step, zeros
 from cjt_gym.analysis.system import Floats
 from cjt_gym.datasheet.blocks import Block, Figure, Heading, Paragraph, Sheet, Table
-from cjt_gym.datasheet.drawing import COLOURS, HALF, INK, canvas
+from cjt_gym.datasheet.drawing import COLOURS, HALF, canvas
 from cjt_gym.datasheet.notation import number
 from cjt_gym.joint import Joint
 
@@ -98,7 +98,7 @@ def linear_sheet(
     name = {"load": "load"}.get(input, f"${input.replace('tau', 'τ')}$")
     title = f"Linear analysis, {name} to ${output.replace('tau', 'τ').replace('dq', 'ω')}$"
     subtitle = " · ".join(case.label.replace("_", " ") for case in cases)
-    footer = f"Computed by cjt-gym {__version__}; link side, SI units; effects are not linear."
+    footer = f"Computed by cjt-gym {__version__}; link side, SI units."
     blocks = [
         Figure(_draw(cases, found, input, output, dt), _caption(cases, dt), whole=True),
         *_tables(found),
@@ -109,10 +109,14 @@ def linear_sheet(
 
 def _caption(cases: Sequence[Case], dt: float | None) -> str:
     held = "" if dt is None else f" for an input that is held for {1e3 * dt:g} ms"
-    points = " Points: identified on the simulated joint with its effects."
+    points = (
+        " Points: the best linear approximation of the simulated joint with its effects, by "
+        "multisines; crosses: its nonlinear distortion."
+    )
     return (
         f"Frequency response{held}, its Nyquist curve, poles (crosses) and zeros (circles), and "
-        f"the answer to a step.{points if any(case.identified for case in cases) else ''}"
+        "the answer to a step; effects left out."
+        f"{points if any(case.identified for case in cases) else ''}"
     )
 
 
@@ -123,7 +127,7 @@ def _grid(found: Mapping[str, Analysis], dt: float | None) -> Floats:
     low, high = centres.min() / 10.0**DECADES, centres.max() * 10.0**DECADES
     near = [m.frequency * (1.0 + np.linspace(-0.05, 0.05, 101)) for m in modes if m.value.imag > 0]
     f = np.unique(np.concatenate([np.geomspace(low, high, 800), *near]))
-    return f if dt is None else f[f < 0.5 / dt]
+    return f if dt is None else f[f < 0.45 / dt]
 
 
 def _draw(
@@ -160,8 +164,8 @@ def _draw_identified(axes: Mapping[str, Any], seen: Identified, colour: str) -> 
     """Draw a measured response and its nonlinear distortion."""
     gain = 20.0 * np.log10(np.abs(seen.response))
     distortion = 20.0 * np.log10(np.maximum(np.hypot(seen.odd, seen.even), 1e-6)) + gain
-    axes["gain"].plot(seen.f, gain, "o", color=colour, ms=2.5)
-    axes["gain"].plot(seen.f, distortion, "+", color=INK, ms=3, label="distortion")
+    axes["gain"].plot(seen.f, gain, "o", color=colour, ms=2.5, label="with its effects")
+    axes["gain"].plot(seen.f, distortion, "+", color=colour, ms=3, label="distortion")
     turns = np.degrees(np.unwrap(np.angle(seen.response)))
     axes["phase"].plot(seen.f, turns, "o", color=colour, ms=2.5)
     axes["nyquist"].plot(seen.response.real, seen.response.imag, "o", color=colour, ms=2)
@@ -179,8 +183,11 @@ def _finish(axes: Mapping[str, Any], input: str, output: str) -> None:
     axes["nyquist"].set_ylabel("imaginary")
     axes["plane"].set_xlabel("real [rad/s]")
     axes["plane"].set_ylabel("imaginary [rad/s]")
+    axes["nyquist"].set_aspect("equal", adjustable="datalim")
+    ends = np.concatenate([line.get_xdata() for line in axes["plane"].lines] or [np.zeros(1)])
     axes["plane"].set_xscale("symlog", linthresh=1.0)
     axes["plane"].set_yscale("symlog", linthresh=1.0)
+    axes["plane"].set_xlim(3.0 * min(float(ends.min()), -1.0), 3.0 * max(float(ends.max()), 0.3))
     axes["step"].set_xlabel("time [s]")
     axes["step"].set_ylabel("step")
 

@@ -77,4 +77,29 @@ axes.set(xlabel="time [s]", ylabel="torque [N m]")
 axes.legend()
 
 # %% [markdown]
+# ## What is left of the linear joint
+#
+# A nonlinear joint has no frequency response, but a best linear approximation that depends on the
+# size of the signal. Multisines measure it together with the distortion, which is what comes out at
+# frequencies that were not put in. With friction it is another joint at every size: `cjt-gym analyse
+# orange_80_6000 --effect coulomb --identify 10 --out seen.html` draws it over the linear one.
+
+# %%
+from cjt_gym.analysis import identify
+from cjt_gym.analysis.open_loop import frequency_response
+from cjt_gym.baselines import make_controller
+
+joint = cjt_gym.load_joint("orange_80_6000", "output_fixed_rigid_gearbox", effects=["coulomb"])
+law = make_controller("open_loop", joint, 1e-3)
+figure, axes = plt.subplots(figsize=(7, 3), layout="constrained")
+f = np.geomspace(0.5, 150.0, 500)
+axes.loglog(f, np.abs(frequency_response(joint, f, dt=1e-3)), color="black", label="linear")
+for rms in (40.0, 10.0, 4.0):
+    seen = identify(law, joint, 1e-3, rms, high=150.0, phases=3)
+    axes.loglog(seen.f, np.abs(seen.response), "o", ms=3, label=f"{rms:.0f} N m rms")
+    print(f"{rms:4.0f} N m rms: distortion {100.0 * seen.distortion:.1f} % of the output")
+axes.set(xlabel="frequency [Hz]", ylabel="joint torque over motor torque")
+axes.legend()
+
+# %% [markdown]
 # All effects with their equations and parameters are on the page of [the effects](../effects.md).

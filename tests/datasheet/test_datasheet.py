@@ -7,18 +7,19 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 pytest.importorskip("matplotlib")
 pytest.importorskip("typst")
 
-from cjt_gym.analysis import Identified
+from cjt_gym.analysis.open_loop import frequency_response
 from cjt_gym.characteristics import CHARACTERISTICS, characteristics
 from cjt_gym.cli import main
 from cjt_gym.datasheet import make_sheet, quantities, write_sheet
 from cjt_gym.datasheet.blocks import Figure, Heading, Paragraph, Sheet, Table
 from cjt_gym.datasheet.notation import number, render, unit, with_tolerance
-from cjt_gym.joint import JointFile, load_joint_file
+from cjt_gym.joint import JointFile, load_joint, load_joint_file
 from cjt_gym.joint.quantity import Quantity
 
 
@@ -137,15 +138,25 @@ def test_linear_analysis_from_the_command_line(
     assert "needs a drive with a voltage" in capsys.readouterr().err
 
 
-def test_an_identified_response_is_drawn_over_the_linear_one() -> None:
-    import numpy as np
-
-    from cjt_gym.datasheet.linear import Case, linear_sheet
-    from cjt_gym.joint import load_joint
-
-    f = np.array([1.0, 10.0, 50.0])
-    level = np.full(3, 0.01)
-    seen = Identified("reference", f, np.ones(3) + 0j, level, level, level, 5.0)
+def test_a_joint_with_friction_is_measured_beside_its_linear_response(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """Without effects the measurement is the linear joint; friction damps and distorts it."""
+    out = tmp_path / "seen.html"
+    cases = {}
+    for words in ([], ["--effect", "coulomb", "--out", str(out)]):
+        assert main(["analyse", "orange_80_6000", *words, "--identify", "10", "--json"]) == 0
+        cases[len(words)] = json.loads(capsys.readouterr().out)["cases"]["orange_80_6000"]
+    linear, rubbing = (case["identified"] for case in cases.values())
     joint = load_joint("orange_80_6000", "output_fixed_rigid_gearbox", effects={})
-    sheet = linear_sheet([Case("orange", joint, seen)])
-    assert any("distortion 1.41 %" in b.text for b in sheet.blocks if isinstance(b, Paragraph))
+    model = np.abs(frequency_response(joint, np.array(linear["f"]), dt=1e-3))
+    np.testing.assert_allclose(linear["gain"], model, rtol=2e-3)
+    assert linear["distortion"] < 1e-3
+    assert rubbing["distortion"] > 0.05
+    assert max(rubbing["gain"]) < 0.5 * max(linear["gain"])
+    text = out.read_text(encoding="utf-8")
+    assert re.search(r"nonlinear distortion 1\d\.?\d* % of the output", text)
+    assert "with its effects" in text
+    words = ["analyse", "orange_80_6000", "--output", "q_m", "--identify", "10", "--json"]
+    assert main(words) == 2
+    assert "leave --input and --output" in capsys.readouterr().err
