@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from cjt_gym.characteristics import CHARACTERISTICS
+from cjt_gym.characteristics import CHARACTERISTICS, acting
 from cjt_gym.joint import JointFile, joint_names, load_joint_file
 
 HEAD = """# Joints that ship
 
 Each is a file of parameters with units and sources; its name goes wherever a joint is asked for.
 The figures follow from the parameters ([characteristics](characteristics.md)), on the link side;
-what a file lacks is left out. Effects are those that act unless others are asked for.
+what a file lacks is left out. Effects are those that act unless others are asked for; the figures
+include those that are another value of a parameter, such as Coulomb friction.
 """
 
 
@@ -20,12 +21,11 @@ def joints_page() -> str:
 
 
 def _section(name: str, joint: JointFile) -> str:
-    p = joint.parameters
-    left_out = {"Mc"} if "coulomb" in joint.effects else set()  # the effect says what acts
+    p = acting(joint)
     rows = [
         f"| {row.title} | {row.symbol} | {value:.4g} | {row.unit(p.axis)} |"
         for row in CHARACTERISTICS.values()
-        if row.name not in left_out and (value := row.value(p)) is not None
+        if (value := row.value(p)) is not None
     ]
     effects = [
         f"| {effect} | {key} | {setting.value:.4g} | {setting.unit} |"

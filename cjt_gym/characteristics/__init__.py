@@ -3,8 +3,12 @@
 `CHARACTERISTICS` is the table of single figures, `characteristics(p)` computes them. Curves and
 maps are plain functions of parameters and a torque, velocity or frequency: `highest_speed`,
 `efficiency`, `steady_temperature`, `time_to_critical`, `torque_limits`, `impedance_range`.
+
+They follow from the parameters alone; `acting` gives those of a joint file with its effects, such
+as the friction that a diagnosis found.
 """
 
+from cjt_gym.characteristics.acting import acting, changing, with_effects
 from cjt_gym.characteristics.bandwidth import (
     TorqueLimits,
     back_emf_limit,
@@ -43,9 +47,11 @@ __all__ = [
     "Characteristic",
     "ImpedanceRange",
     "TorqueLimits",
+    "acting",
     "back_emf_limit",
     "best_efficiency",
     "best_point",
+    "changing",
     "characteristic",
     "characteristics",
     "coulomb",
@@ -65,4 +71,5 @@ __all__ = [
     "torque_bandwidth",
     "torque_limits",
     "viscous",
+    "with_effects",
 ]

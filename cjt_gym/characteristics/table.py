@@ -19,6 +19,7 @@ from cjt_gym.joint.parameter_table import axis_units
 GROUPS = ("constants", "rated", "no load", "stall", "peak", "heat", "dynamics")
 STEP = 1e-4
 """Share of a parameter by which it is moved to see what its tolerance does."""
+FOREVER = "for ever: the winding does not reach its limit"
 _PRISMATIC = {
     "N m/W^0.5": "N/W^0.5",
     "rad/(s V)": "m/(s V)",
@@ -39,6 +40,7 @@ class Characteristic:
         formula: How it follows from parameters and other rows.
         text: What it says to a user of the joint.
         function: Computes it.
+        infinite: What it means where it is infinite; empty where it cannot be.
     """
 
     name: str
@@ -49,6 +51,7 @@ class Characteristic:
     formula: str
     text: str
     function: Callable[[JointParameters], float]
+    infinite: str = ""
 
     def unit(self, axis: str = "rotary") -> str:
         """Return the unit on that kind of axis."""
@@ -166,13 +169,15 @@ _ROWS = (
                    _percent_best),
     Characteristic("T_ss_p", "heat", "steady temperature at peak torque", "T_∞(τ_p)", "degC",
                    "T_A + R P / (1 - a_CU R P), P = r i_p²",
-                   "Where the winding would end; infinite where heat runs away.", _steady_peak),
+                   "Where the winding would end.", _steady_peak,
+                   "there is none: the resistance rises faster than heat leaves, until it burns"),
     Characteristic("t_hold_cold", "heat", "peak torque from cold", "t_hold", "s",
                    "two-stage model, from T_A", "How long peak torque can be held from ambient.",
-                   _hold_cold),
+                   _hold_cold, FOREVER),
     Characteristic("t_hold_warm", "heat", "peak torque from half warm", "t_hold,½", "s",
                    "two-stage model, from (T_A + T_max) / 2",
-                   "Likewise with the winding half-way to its limit for long.", _hold_warm),
+                   "Likewise with the winding half-way to its limit for long.", _hold_warm,
+                   FOREVER),
     Characteristic("f_0", "dynamics", "resonance, locked output", "f_0", "Hz",
                    "√(k_b / (I_m + I_g)) / 2π", "Undamped, with a rigid gearbox.",
                    bandwidth.resonance),

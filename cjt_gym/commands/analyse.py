@@ -12,7 +12,7 @@ from cjt_gym.analysis import identify
 from cjt_gym.analysis.open_loop import INPUTS
 from cjt_gym.baselines import make_controller
 from cjt_gym.commands.simulate import USUAL, parse_effects
-from cjt_gym.datasheet import FORMATS, write_sheet
+from cjt_gym.datasheet import FORMATS, check_format, write_sheet
 from cjt_gym.datasheet.linear import Case, analyse_case, linear_sheet
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import DRIVES, STRUCTURES, load_joint
@@ -47,6 +47,8 @@ def run(options: argparse.Namespace) -> None:
         raise ConfigurationError(
             f"--out FILE is needed ({', '.join(FORMATS)}), or --json for the figures alone."
         )
+    if options.out is not None:
+        check_format(options.out)
     if options.identify is not None and (options.input, options.output) != ("tau_m", "tau"):
         raise ConfigurationError(
             "--identify measures from tau_m to tau; leave --input and --output at them."

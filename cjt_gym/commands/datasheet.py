@@ -7,7 +7,7 @@ import json
 import sys
 from pathlib import Path
 
-from cjt_gym.datasheet import FORMATS, make_sheet, quantities, write_sheet
+from cjt_gym.datasheet import FORMATS, check_format, make_sheet, quantities, write_sheet
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import load_joint_file
 
@@ -26,6 +26,8 @@ def run(options: argparse.Namespace) -> None:
         raise ConfigurationError(
             f"--out FILE is needed ({', '.join(FORMATS)}), or --json for the numbers alone."
         )
+    if options.out is not None:
+        check_format(options.out)
     files = [load_joint_file(name) for name in options.joints]
     written: tuple[Path, ...] = ()
     if options.out is not None:

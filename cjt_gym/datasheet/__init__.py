@@ -11,12 +11,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from cjt_gym.characteristics import CHARACTERISTICS, characteristics
+from cjt_gym.characteristics import CHARACTERISTICS, acting, changing, characteristics
 from cjt_gym.datasheet.blocks import Sheet
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import JointFile
 
-__all__ = ["FORMATS", "make_sheet", "quantities", "write_sheet"]
+__all__ = ["FORMATS", "check_format", "make_sheet", "quantities", "write_sheet"]
 
 FORMATS = (".pdf", ".html", ".png")
 MOST = 6
@@ -44,6 +44,20 @@ def make_sheet(files: Sequence[JointFile]) -> Sheet:
     return content.make_sheet(files)
 
 
+def check_format(path: str | Path) -> str:
+    """Return the ending of a file to write, in lower case.
+
+    Raises:
+        ConfigurationError: No sheet is written in this format.
+    """
+    ending = Path(path).suffix.lower()
+    if ending not in FORMATS:
+        raise ConfigurationError(
+            f"A data sheet must end in {', '.join(FORMATS)}, got '{Path(path).name}'."
+        )
+    return ending
+
+
 def write_sheet(sheet: Sheet, path: str | Path) -> tuple[Path, ...]:
     """Write a sheet as PDF, as one HTML page, or as one PNG image per page; return the paths.
 
@@ -54,12 +68,7 @@ def write_sheet(sheet: Sheet, path: str | Path) -> tuple[Path, ...]:
     Raises:
         ConfigurationError: The ending is another one.
     """
-    path = Path(path)
-    ending = path.suffix.lower()
-    if ending not in FORMATS:
-        raise ConfigurationError(
-            f"A data sheet must end in {', '.join(FORMATS)}, got '{path.name}'."
-        )
+    path, ending = Path(path), check_format(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     if ending == ".html":
         from cjt_gym.datasheet.html import to_html
@@ -82,19 +91,27 @@ def quantities(files: Sequence[JointFile]) -> dict[str, Any]:
     """Return parameters and characteristics of joints as plain data.
 
     Returns:
-        ``{"joints": {joint: {name: value}}, "units": {name: unit}}``; the winding inductance is
-        there as `l_a` and, as in the toolbox, as `x`. A value that is infinite is None.
+        ``{"joints": {joint: {name: value}}, "units": {name: unit}, "infinite": {joint: {name:
+        what that means}}, "included": {joint: [effect]}}``. Parameters are those of the file;
+        characteristics are those of the joint with the effects that are included. The winding
+        inductance is there as `l_a` and, as in the toolbox, as `x`. A value that is infinite is
+        None; what the parameters do not allow is absent.
     """
     joints: dict[str, dict[str, float | None]] = {}
     units: dict[str, str] = {}
+    infinite: dict[str, dict[str, str]] = {}
     for file in files:
         p = file.parameters
         values = {symbol: quantity.number for symbol, quantity in p.quantities.items()}
         units |= {symbol: p.unit(symbol) for symbol in values}
         if "l_a" in values:
             values["x"], units["x"] = values["l_a"], units["l_a"]
-        found = characteristics(p)
+        found = characteristics(acting(file))
         units |= {name: CHARACTERISTICS[name].unit(p.axis) for name in found}
         values |= found
         joints[file.name] = {k: v if math.isfinite(v) else None for k, v in values.items()}
-    return {"joints": joints, "units": units}
+        infinite[file.name] = {
+            k: CHARACTERISTICS[k].infinite for k, v in values.items() if math.isinf(v)
+        }
+    included = {file.name: list(changing(file)) for file in files}
+    return {"joints": joints, "units": units, "infinite": infinite, "included": included}

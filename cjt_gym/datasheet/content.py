@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Iterator, Sequence
 
 from cjt_gym import __version__
-from cjt_gym.characteristics import CHARACTERISTICS, characteristic
+from cjt_gym.characteristics import CHARACTERISTICS, acting, changing, characteristic
 from cjt_gym.characteristics.table import GROUPS
 from cjt_gym.datasheet import figures
 from cjt_gym.datasheet.blocks import (
@@ -32,7 +33,7 @@ SYMBOLS = {"Tmp_WMax": "T_max", "Tmp_ANom": "T_A", "diam": "D", "len": "L", "dq_
 
 def make_sheet(files: Sequence[JointFile]) -> Sheet:
     """Return the sheet of one joint, or of several side by side."""
-    joints = [file.parameters for file in files]
+    joints = [acting(file) for file in files]
     if len(joints) == 1:
         title, subtitle = joints[0].name.replace("_", " "), joints[0].source
     else:
@@ -41,11 +42,11 @@ def make_sheet(files: Sequence[JointFile]) -> Sheet:
     blocks = [
         *_facts(joints),
         *_plots(joints),
-        *_effects(files),
         *_notes(joints),
         *([PageBreak()] if CHARACTERISTICS["t_r"].value(joints[0]) is not None else []),
+        *_effects(files),
         *_characteristics(joints),
-        *_parameters(joints),
+        *_parameters([file.parameters for file in files]),
     ]
     footer = (
         f"Computed by cjt-gym {__version__} from the parameters listed; link side, SI units, "
@@ -175,12 +176,20 @@ def _characteristics(joints: Sequence[JointParameters]) -> Iterator[Block]:
             rows += [(group[0].upper() + group[1:],), *found]
     if any(row.value(p) is not None for row in CHARACTERISTICS.values() for p in joints):
         yield Heading("Characteristics")
+    endless = {
+        f"${row.symbol}$ = ∞: {row.infinite}."
+        for row in CHARACTERISTICS.values()
+        if any((value := row.value(p)) is not None and math.isinf(value) for p in joints)
+    }
+    notes = [Paragraph(" ".join(sorted(endless)), small=True)] if endless else []
     if len(joints) == 1:
         yield Table(("", "Value", "Unit", "What it is", "Formula"), rows, "lrlll", wide=(3,))
+        yield from notes
         return
     names = [p.name.replace("_", " ") for p in joints]
     head = ("", *names, "Unit", "What it is")
     yield Table(head, rows, "l" + "r" * len(joints) + "ll", wide=(len(head) - 1,))
+    yield from notes
 
 
 def _parameters(joints: Sequence[JointParameters]) -> Iterator[Block]:
@@ -255,16 +264,21 @@ def _effects(files: Sequence[JointFile]) -> Iterator[Block]:
     if not rows:
         return
     yield Heading("Effects beyond the linear joint")
-    yield Paragraph(
-        "The characteristics above follow from the parameters alone, without these effects.",
-        small=True,
-    )
+    included = list(dict.fromkeys(name for file in files for name in changing(file)))
+    if included:
+        names = " and ".join(name.replace("_", " ") for name in included)
+        text = f"Figures and characteristics include {names}, which are other values of parameters;"
+        text += " what else stands here is not in them."
+    else:
+        text = "Figures and characteristics follow from the parameters, without these effects."
+    yield Paragraph(text, small=True)
     drawn = friction_and_ripple(files)
     if drawn:
         yield Figure(
             drawn,
-            "Left: friction over speed, with the effects and as the parameters alone have it "
-            "(dashed). Right: torque of ripple over the motor's angle, at rest.",
+            "Left: friction over speed, with the effects"
+            f"{' and as the parameters alone have it (dashed)' if len(files) == 1 else ''}. "
+            "Right: torque of ripple over the motor's angle, at rest.",
             whole=True,
         )
     yield Table(("", "Value", "Unit", "What it is"), rows, "lrll", wide=(3,))

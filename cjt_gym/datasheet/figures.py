@@ -85,7 +85,8 @@ def _finish_diagram(axes: Any, joints: Joints) -> None:
     axes.set_ylim(0.0, 1.12 * max(characteristic(p, "dq_0") for p in joints))
     axes.set_xlabel(_label(joints[0], "d_cm", "motor torque at the link"))
     axes.set_ylabel(_label(joints[0], "dq_p", "speed"))
-    place_legend(axes, loc="lower left" if len(joints) == 1 else "best")
+    below = {"loc": "lower right", "bbox_to_anchor": (0.94, 0.08)}
+    place_legend(axes, **below if len(joints) == 1 else {})
 
 
 def efficiency_map(joints: Joints) -> str:
@@ -95,13 +96,15 @@ def efficiency_map(joints: Joints) -> str:
     width = HALF if len(joints) == 1 else 2.0 * HALF
     with canvas(width, 2.55 if len(joints) == 1 else 2.0 * rows + 0.3) as (figure, written):
         grid = figure.subplots(rows, columns, squeeze=False)
-        shades = mpl.colormaps["YlGnBu"].resampled(9)
+        top = max(10.0, 10.0 * math.ceil(10.0 * max(best_efficiency(p) for p in joints)))
+        step = 5.0 if top <= 50.0 else 10.0
+        shades = mpl.colormaps["YlGnBu"].resampled(round(top / step))
         shown = None
         for axes, p in zip(grid.ravel(), joints, strict=False):
             tau = np.linspace(0.0, characteristic(p, "t_p"), 240)
             speed = np.linspace(0.0, min(characteristic(p, "dq_0"), p.get("dq_p", math.inf)), 240)
             values = 100.0 * efficiency(p, tau[None, :], speed[:, None])
-            levels = np.arange(0.0, 91.0, 10.0)
+            levels = np.arange(0.0, top + 1.0, step)
             shown = axes.contourf(tau, speed, values, levels=levels, cmap=shades)
             axes.contour(tau, speed, values, levels=levels[1:], colors="white", linewidths=0.4)
             best = best_point(p)
@@ -179,7 +182,7 @@ def torque_bandwidth(joints: Joints) -> str:
                     axes.loglog(f, values, color=line, lw=1.0, label=text)
         peak = max(characteristic(p, "t_p") for p in joints)
         rated = min(characteristic(p, "t_r") for p in joints)
-        axes.set_ylim(0.2 * rated, 10.0 * peak)
+        axes.set_ylim(0.02 * rated, 10.0 * peak)
         axes.set_xlim(f[0], f[-1])
         axes.set_xlabel("frequency [Hz]")
         axes.set_ylabel(_label(joints[0], "d_cm", "joint torque, amplitude"))
@@ -207,7 +210,7 @@ def torque_with_load(joints: Joints) -> str:
         axes.set_ylabel(_label(p, "d_cm", "joint torque, amplitude"))
         scale = mpl.cm.ScalarMappable(norm, shades)
         figure.colorbar(scale, ax=axes, label="load inertia / $(I_m + I_g)$", aspect=25, pad=0.02)
-        place_legend(axes, loc="upper right")
+        place_legend(axes, loc="upper left")
         return written()
 
 

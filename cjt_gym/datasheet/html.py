@@ -51,7 +51,7 @@ def _block(block: Block, number: int) -> str:
             return f'<p class="small">{_text(text)}</p>' if small else f"<p>{_text(text)}</p>"
         case Facts(items):
             cells = (
-                f"<div><span>{_text(name)}</span><b>{_text(value)}</b> {_text(unit)}</div>"
+                f"<div><b>{_text(value)}</b> {_text(unit)}<span>{_text(name)}</span></div>"
                 for name, value, unit in items
             )
             return f'<div class="facts">{"".join(cells)}</div>'

@@ -34,7 +34,7 @@ PREAMBLE = """
 #show heading: it => block(above: 1.1em, below: 0.55em, text(11pt, fill: accent, it.body))
 #let small(body) = text(7.8pt, fill: luma(35%), body)
 #let fact(name, value, unit) = block(stroke: (left: 2pt + accent), inset: (left: 6pt, y: 2pt))[
-  #text(7.8pt, fill: luma(35%), name) \\ #text(13pt, weight: "semibold", value) #unit]
+  #text(13pt, weight: "semibold", value) #unit \\ #text(7.8pt, fill: luma(35%), name)]
 #let part(body, n) = table.cell(colspan: n, inset: (x: 3.5pt, top: 5pt, bottom: 2pt),
   text(weight: "semibold", fill: accent, body))
 """

@@ -7,12 +7,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cjt_gym.characteristics import viscous
+from cjt_gym.characteristics import coulomb, viscous, with_effects
 from cjt_gym.characteristics.motor import Floats
 from cjt_gym.datasheet.drawing import COLOURS, HALF, INK, canvas
 from cjt_gym.datasheet.drawing import legend as place_legend
-from cjt_gym.joint import Joint, JointFile, get_structure
-from cjt_gym.joint.configure import resolve_effects
+from cjt_gym.joint import Joint, JointFile
 from cjt_gym.joint.ripple import RIPPLES
 
 PERIODS = 3.0
@@ -21,32 +20,23 @@ SHARE = 0.2
 """Share of the peak torque at which ripple that grows with the torque is drawn."""
 
 
-EFFECTS = {
-    *("coulomb", "coulomb_asym", "viscous_asym", "stribeck", "presliding", "load_friction"),
-    *("damping", "load_coulomb"),
-    *RIPPLES,
-}
+DRY = {"coulomb", "coulomb_asym", "stribeck", "presliding", "load_coulomb"}
+EFFECTS = {*DRY, *("viscous_asym", "load_friction", "damping"), *RIPPLES}
 """Effects that the drawing shows."""
 
 
-def with_effects(file: JointFile) -> Joint:
-    """Return the joint of a file in the widest structure that its stiffnesses allow."""
-    p = file.parameters
-    structure = "rigid"
-    if "k_b" in p:
-        structure = "full_dynamics" if "k_g" in p else "rigid_gearbox"
-    effects = resolve_effects(None, file, get_structure(structure), "current")
-    return Joint(file, structure, "current", effects)
-
-
 def friction_over_speed(joint: Joint, speed: Floats) -> Floats:
-    """Return the friction of all bodies at a common velocity [N m], shape of `speed`."""
+    """Return the friction of all bodies at a common velocity [N m], shape of `speed`.
+
+    Where no effect says otherwise, Coulomb friction is that of the parameters.
+    """
     still = np.zeros((*speed.shape, 3))
     moving = np.repeat(speed[..., None], 3, axis=-1)
     drag = joint.nonlinear_torque(still, still) - joint.nonlinear_torque(still, moving)
     record, _ = joint.packed()
     damping = sum(float(record[name][0]) for name in DAMPINGS)
-    return np.asarray(drag.sum(axis=-1) + damping * speed)
+    known = 0.0 if DRY & set(joint.effects) else coulomb(joint.parameters)
+    return np.asarray(drag.sum(axis=-1) + damping * speed + known * np.sign(speed))
 
 
 def friction_and_ripple(files: Sequence[JointFile]) -> str | None:
@@ -64,11 +54,11 @@ def friction_and_ripple(files: Sequence[JointFile]) -> str | None:
                                     np.geomspace(1e-4 * top, top, 300)])  # fmt: skip
             left.plot(speed, friction_over_speed(joint, speed), color=colour, label=p.name)
             if len(joints) == 1:
-                coulomb = sum(p.get(name, 0.0) for name in ("d_cm", "d_cg", "d_cl"))
-                nominal = coulomb * np.sign(speed) + viscous(p) * speed
+                nominal = coulomb(p) * np.sign(speed) + viscous(p) * speed
                 left.plot(speed, nominal, color=INK, lw=0.8, ls="--")
-            angle, ripple = _ripple(joint)
-            right.plot(angle, ripple, color=colour)
+            if set(RIPPLES) & set(joint.effects):
+                right.plot(*_ripple(joint), color=colour)
+        right.set_visible(bool(right.lines))
         p = joints[0].parameters
         left.set_xlabel(f"speed [{p.unit('dq_p')}]")
         left.set_ylabel(f"friction [{p.unit('d_cm')}]")

@@ -81,7 +81,7 @@ axes.legend()
 #
 # A nonlinear joint has no frequency response, but a best linear approximation that depends on the
 # size of the signal. Multisines measure it together with the distortion, which is what comes out at
-# frequencies that were not put in. With friction it is another joint at every size: `cjt-gym analyse
+# frequencies that were not put in. With friction it differs at every size: `cjt-gym analyse
 # orange_80_6000 --effect coulomb --identify 10 --out seen.html` draws it over the linear one.
 
 # %%

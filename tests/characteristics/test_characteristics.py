@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,10 +11,13 @@ from scipy.integrate import solve_ivp
 
 from cjt_gym.characteristics import (
     CHARACTERISTICS,
+    acting,
     best_efficiency,
     best_point,
+    changing,
     characteristic,
     characteristics,
+    coulomb,
     efficiency,
     friction,
     highest_speed,
@@ -28,10 +32,18 @@ from cjt_gym.characteristics import (
     to_motor,
     torque_bandwidth,
     torque_limits,
+    viscous,
 )
 from cjt_gym.characteristics.table import GROUPS
 from cjt_gym.errors import ConfigurationError, ParameterError, UnknownNameError
-from cjt_gym.joint import JointParameters, Quantity, joint_names, load_joint, load_joint_file
+from cjt_gym.joint import (
+    JointFile,
+    JointParameters,
+    Quantity,
+    joint_names,
+    load_joint,
+    load_joint_file,
+)
 from cjt_gym.joint.parameter_table import AXES
 
 
@@ -65,6 +77,8 @@ class TestTable:
         values = characteristics(shipped(name))
         assert all(not math.isnan(value) and value >= 0.0 for value in values.values())
         assert len(values) == (2 if name == "emps" else len(CHARACTERISTICS))
+        endless = {name for name, value in values.items() if math.isinf(value)}
+        assert all(CHARACTERISTICS[name].infinite for name in endless)
 
     def test_a_name_or_parameter_that_is_missing(self) -> None:
         with pytest.raises(UnknownNameError, match="Did you mean 't_p'"):
@@ -264,3 +278,58 @@ class TestReflection:
             to_link(Quantity(380.0, "J/(kg K)"), 80.0)
         with pytest.raises(ConfigurationError, match="must be > 0"):
             to_link(Quantity(1.0, "N m"), 0.0)
+
+
+class TestEffects:
+    """Effects that are other values of parameters enter what the joint can do."""
+
+    def found(self) -> JointFile:
+        file = load_joint_file("orange_80_6000")
+        interval = Quantity(4.0, "N m", low=3.8, high=4.2)
+        return replace(
+            file,
+            effects={
+                "coulomb": {"d_cm": interval},
+                "damping": {"d_g": Quantity(3.0, "N m s/rad")},
+                "cogging": {
+                    "f": Quantity((480.0,), "1/rev"),
+                    "a": Quantity((0.5,), "N m"),
+                    "b": Quantity((0.0,), "N m"),
+                },
+            },
+        )
+
+    def test_friction_that_was_found_is_in_speed_and_efficiency(self) -> None:
+        file = self.found()
+        p, nominal = acting(file), file.parameters
+        assert (coulomb(p), viscous(p)) == pytest.approx((4.0 + 3.28, 0.0036 + 3.0))
+        new, old = characteristics(p), characteristics(nominal)
+        slope = old["dq_over_dm"]
+        expected = (old["dq_0"] - slope * 7.28) / (1.0 + slope * 3.0036)
+        assert new["dq_NL"] == pytest.approx(expected)
+        assert new["eta_max"] < old["eta_max"]
+        assert changing(file) == ("damping", "coulomb")
+        assert CHARACTERISTICS["Mc"].tolerance(p) == pytest.approx(0.4 / 3.92, rel=1e-4)
+
+    def test_the_speed_that_friction_leaves_is_that_of_the_simulated_joint(self) -> None:
+        p = acting(self.found())
+        effects = {"coulomb": {"d_cm": 4.0}, "damping": {"d_g": 3.0}}
+        joint = load_joint("orange_80_6000", "rigid", "static", effects=effects)
+        record = joint.simulate(voltage=np.full(300, p.v_0), dt_physics=1e-4)
+        assert record["true_dq_m"][-1] == pytest.approx(characteristic(p, "dq_NL"), rel=1e-3)
+
+    def test_a_joint_without_effects_is_as_its_file_says(self) -> None:
+        file = load_joint_file("lemon_50_6000")
+        assert acting(file) == file.parameters
+        assert changing(file) == ()
+
+    def test_torque_constant_and_stiffness_move_torque_and_resonance(self) -> None:
+        file = load_joint_file("orange_80_6000")
+        effects = {
+            "torque_constant": {"k_t": Quantity(0.07, "N m/A")},
+            "stiffness": {"k_b": Quantity(5000.0, "N m/rad")},
+        }
+        p = acting(replace(file, effects=effects))
+        assert characteristic(p, "t_p") == pytest.approx(0.07 * 80.0 * p.i_p)
+        ratio = characteristic(p, "f_0") / characteristic(file.parameters, "f_0")
+        assert ratio == pytest.approx(np.sqrt(5000.0 / 6000.0))
