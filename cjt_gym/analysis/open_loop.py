@@ -15,7 +15,7 @@ import numpy as np
 from cjt_gym.analysis.figures import step_figures
 from cjt_gym.analysis.system import Complex, Floats
 from cjt_gym.errors import ConfigurationError, unknown_name
-from cjt_gym.joint import Joint
+from cjt_gym.joint import Joint, linear
 from cjt_gym.joint.linear import (
     OUTPUTS,
     body_matrices,
@@ -179,8 +179,7 @@ def frequency_response(
     s = 2j * np.pi * np.asarray(f, dtype=np.float64)
     if dt is not None:
         (a, b), s = zero_order_hold(a, b, dt), np.exp(s * dt)
-    x = np.linalg.solve(s[:, None, None] * np.eye(len(a)) - a, b + 0j)
-    return np.asarray((c @ x + d)[:, 0, 0])
+    return linear.frequency_response(a, b, c, d, s)[:, 0, 0]
 
 
 def poles(joint: Joint, input: str = "tau_m") -> tuple[Mode, ...]:

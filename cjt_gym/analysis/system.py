@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from cjt_gym.joint.linear import frequency_response
+
 Floats = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 TOLERANCES = (1e-9, 1e-7, 1e-5, 1e-3)
@@ -39,8 +41,7 @@ class System:
             f: Frequencies [Hz], shape (frequencies,).
         """
         z = np.exp(2j * np.pi * np.asarray(f) * self.dt)
-        inverted = np.linalg.solve(z[:, None, None] * np.eye(len(self.a)) - self.a, self.b + 0j)
-        return np.asarray(self.c @ inverted + self.d)
+        return frequency_response(self.a, self.b, self.c, self.d, z)
 
     def impulse(self, samples: int) -> Floats:
         """Return the impulse response, shape (samples, outputs, inputs)."""

@@ -25,9 +25,8 @@ from cjt_gym.characteristics.motor import (
 )
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import JointParameters, get_structure
-from cjt_gym.joint.linear import OUTPUTS, state_matrices
+from cjt_gym.joint.linear import OUTPUTS, Complex, frequency_response, state_matrices
 
-Complex = np.ndarray[tuple[int, ...], np.dtype[np.complex128]]
 LOCKED = math.inf
 LOWEST_HZ, HIGHEST_HZ = 1e-2, 1e4
 
@@ -75,6 +74,16 @@ def response(
     Raises:
         ConfigurationError: A frequency or the load is not positive.
     """
+    out = responses(p, f, load, rigid_gearbox=rigid_gearbox)
+    return out[:, 0, 0], out[:, 1, 0]
+
+
+def responses(p: JointParameters, f: Floats, load: float, *, rigid_gearbox: bool) -> Complex:
+    """Return joint torque and motor velocity by motor torque and load input, (frequencies, 2, 2).
+
+    The load input is the velocity of a locked output and the torque on a free load. Arguments and
+    errors are those of `response`.
+    """
     f = np.asarray(f, dtype=np.float64)
     if not np.all(f > 0.0) or not load > 0.0:
         raise ConfigurationError(
@@ -82,17 +91,11 @@ def response(
             f"and {load:g} kg m^2."
         )
     locked = math.isinf(load)
-    name = (
-        ("output_fixed" if locked else "full_dynamics")
-        if not rigid_gearbox
-        else ("output_fixed_rigid_gearbox" if locked else "rigid_gearbox")
-    )
+    free, fixed = ("full_dynamics", "rigid_gearbox"), ("output_fixed", "output_fixed_rigid_gearbox")
+    name = (fixed if locked else free)[rigid_gearbox]
     a, b, c, d = state_matrices(p if locked else p.replace(I_l=load), get_structure(name))
     rows = [OUTPUTS.index("tau"), OUTPUTS.index("dq_m")]
-    s = 2j * np.pi * f[:, None, None]
-    x = np.linalg.solve(s * np.eye(len(a)) - a, b[:, :1] + 0j)
-    out = np.asarray((c[rows] @ x + d[rows, :1])[..., 0], dtype=np.complex128)
-    return out[:, 0], out[:, 1]
+    return frequency_response(a, b, c[rows], d[rows], 2j * np.pi * f)
 
 
 def torque_limits(

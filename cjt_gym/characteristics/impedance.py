@@ -17,11 +17,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cjt_gym.characteristics.bandwidth import Complex
+from cjt_gym.characteristics.bandwidth import LOCKED, responses
 from cjt_gym.characteristics.motor import Floats, peak_torque, torque_per_ampere
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.joint import JointParameters, get_structure
-from cjt_gym.joint.linear import OUTPUTS, state_matrices
+from cjt_gym.joint import JointParameters
+from cjt_gym.joint.linear import Complex
 
 
 @dataclass(frozen=True)
@@ -71,12 +71,8 @@ def impedance_range(
             f"Frequencies must be > 0 Hz and the motion > 0 rad, got {np.min(f):g} Hz and "
             f"{motion:g} rad."
         )
-    name = "output_fixed_rigid_gearbox" if rigid_gearbox else "output_fixed"
-    a, b, c, d = state_matrices(p, get_structure(name))
-    rows = [OUTPUTS.index("tau"), OUTPUTS.index("dq_m")]
     s = 2j * np.pi * f
-    x = np.linalg.solve(s[:, None, None] * np.eye(len(a)) - a, b + 0j)
-    out = np.asarray(c[rows] @ x + d[rows], dtype=np.complex128)
+    out = responses(p, f, LOCKED, rigid_gearbox=rigid_gearbox)
     gain, own, follows = np.abs(out[:, 0, 0]), -out[:, 0, 1], np.abs(out[:, 1, 1])
     k, velocity = torque_per_ampere(p), np.abs(s) * motion
     volts = np.abs((p.r + s * p.get("l_a", 0.0)) / k + k * out[:, 1, 0])

@@ -7,7 +7,7 @@ States are z, dz and, where the output is fixed, q_l between them, in the order
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ if TYPE_CHECKING:  # it loads matplotlib, so it is imported only where it is use
     import control
 
 Matrix = NDArray[np.float64]
+Complex = NDArray[np.complex128]
 
 OUTPUTS = ("q_m", "q_g", "q_l", "dq_m", "dq_g", "dq_l", "tau")
 
@@ -129,6 +130,22 @@ def zero_order_hold(a: Matrix, b: Matrix, dt: float) -> tuple[Matrix, Matrix]:
     full = np.concatenate([scale, np.ones(m)])
     exact = expm(joined * full[None, :] / full[:, None]) * full[:, None] / full[None, :]
     return exact[:n, :n], exact[:n, n:]
+
+
+def frequency_response(
+    a: Matrix, b: Matrix, c: Matrix, d: Matrix, s: NDArray[np.complexfloating[Any, Any]]
+) -> Complex:
+    """Return C (s - A)^-1 B + D, shape (points, outputs, inputs).
+
+    Args:
+        a: Of the system, continuous, or sampled with points z = exp(s dt).
+        b: Likewise.
+        c: Likewise.
+        d: Likewise.
+        s: Points of the complex plane, shape (points,).
+    """
+    x = np.linalg.solve(s[:, None, None] * np.eye(len(a)) - a, b + 0j)
+    return np.asarray(c @ x + d, dtype=np.complex128)
 
 
 def state_space(p: JointParameters, structure: Structure, dt: float | None) -> control.StateSpace:
