@@ -15,6 +15,10 @@ from cjt_gym.baselines.linear_row import grid, linear_row
 from cjt_gym.baselines.passivity import damper
 from cjt_gym.baselines.plant_model import SampledJoint
 
+LOOPS = (0.0, 0.03, 0.1, 0.2, 0.5, 1.0, 1.5, 2.0)
+RESETS = (0.5, 2.0, 5.0, 10.0, 20.0, 50.0, 150.0, 400.0)
+"""Candidates for kt kv [-] and ki / kv [1/s]."""
+
 
 def cascade_law(kt: float, kv: float, ki: float, dt: float) -> LinearLaw:
     """Return the law; see the module.
@@ -38,7 +42,7 @@ def _law(model: SampledJoint, gains: Gains) -> LinearLaw:
 def _candidates(model: SampledJoint) -> list[dict[str, float]]:
     rows = []
     for kv in damper(model, (0.003, 0.01, 0.03, 0.1, 0.2, 0.3, 0.5, 0.8)):
-        for row in grid(loop=(0.0, 0.2, 0.5, 1.0, 1.5, 2.0), reset=(0.5, 2.0, 5.0, 10.0, 20.0)):
+        for row in grid(loop=LOOPS, reset=RESETS):
             rows.append({"kt": row["loop"] / kv, "kv": kv, "ki": row["reset"] * kv})
     return rows
 

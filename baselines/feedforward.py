@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from cjt_gym.baselines.controller import Floats, Mask
@@ -14,9 +16,14 @@ from cjt_gym.baselines.robust import best_gains
 from cjt_gym.joint import Joint
 from cjt_gym.plant import Measurement
 
+LOAD_HZ = 10.0
+
 
 class ReferenceVelocity:
     """The motor velocity that a reference asks for, dr/dt over the joint's stiffness, plus dq_l.
+
+    The sign of that velocity is what laws use, so that noise of dq_l would come out as large as
+    friction is wherever the joint rests: dq_l goes through a low pass of first order at 10 Hz.
 
     Attributes:
         stiffness: Of gearbox and torsion bar in series [N m/rad].
@@ -27,11 +34,15 @@ class ReferenceVelocity:
         gear = 1.0 / p.k_g if groups[0] != groups[1] else 0.0
         self.stiffness = 1.0 / (1.0 / p.k_b + gear)
         self._rate = FilteredDerivative(min(CUTOFF_HZ, 0.4 / dt), dt)
+        self._share = -math.expm1(-2.0 * math.pi * LOAD_HZ * dt)
+        self._load = np.zeros(0)
 
     def step(self, measurement: Measurement, reference: Floats, fresh: Mask) -> Floats:
         """Return the velocity [rad/s], shape (n,)."""
-        moved = self._rate.step(reference, fresh) / self.stiffness + measurement.dq_l
-        return np.asarray(moved, dtype=np.float64)
+        seen = measurement.dq_l
+        before = np.where(fresh, seen, self._load) if len(self._load) == len(fresh) else seen
+        self._load = before + self._share * (seen - before)
+        return np.asarray(self._rate.step(reference, fresh) / self.stiffness + self._load)
 
 
 def pd_law(kp: float, kd: float, dt: float, *more: Block) -> LinearLaw:

@@ -141,7 +141,7 @@ def _law(model: SampledJoint, gains: Gains) -> LinearLaw:
 
 def _candidates(model: SampledJoint) -> list[dict[str, float]]:
     effort = np.geomspace(0.03, 1e4, 16).tolist()
-    return grid(bandwidth_hz=(0.2, 1.0, 2.0, 4.0, 7.0, 12.0, 20.0), effort=effort)
+    return grid(bandwidth_hz=(0.2, 1.0, 2.0, 4.0, 7.0, 12.0, 20.0, 30.0), effort=effort)
 
 
 ROW = linear_row(

@@ -47,7 +47,7 @@ def _law(model: SampledJoint, gains: Gains) -> LinearLaw:
 
 def _candidates(model: SampledJoint) -> list[dict[str, float]]:
     effort = np.geomspace(0.03, 1e4, 18).tolist()
-    return grid(effort=effort, reset=(0.5, 2.0, 6.0, 15.0, 30.0, 60.0))
+    return grid(effort=effort, reset=(0.5, 2.0, 6.0, 15.0, 30.0, 60.0, 120.0))
 
 
 ROW = linear_row(

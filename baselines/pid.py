@@ -20,7 +20,7 @@ KP, KD = Gain("kp", "-", 0.0, 10.0), Gain("kd", "s", 0.0, 0.1)
 KI = Gain("ki", "1/s", 0.01, 300.0, log=True)
 DOB_HZ = Gain("dob_hz", "Hz", 0.1, 200.0, log=True)
 """Gains that several laws share."""
-INTEGRALS = (0.5, 2.0, 5.0, 10.0, 20.0, 40.0)
+INTEGRALS = (0.5, 2.0, 5.0, 10.0, 20.0, 40.0, 60.0, 90.0)
 
 
 def derivative(dt: float, cutoff_hz: float | None = None) -> tuple[Floats, Floats, Floats, float]:

@@ -3,8 +3,8 @@
 Every law with gains gets its defaults by one rule. Among the candidates that its file lists, the
 one with the least
 
-    the mean of |P S|^2 over frequency    (friction and ripple, which enter at the motor)
-    + the mean of |1 - T|^2 to 20 Hz      (the reference)
+    the mean of |P S|^2, weighted by 1 / f    (friction, which enters at the motor)
+    + the mean of |1 - T|^2 to 20 Hz          (the reference)
 
 is taken for which the sampled loop with its delays
 
@@ -15,7 +15,9 @@ is taken for which the sampled loop with its delays
         noise of the torque sensor.
 
 P is the joint from motor torque to joint torque, S the sensitivity at the motor's command, T the
-response from reference to joint torque.
+response from reference to joint torque. Frequencies are spread evenly over the octaves, so that
+the first mean is the squared error after a step of torque at the motor: such a step is what
+friction does wherever the motor turns back.
 """
 
 from __future__ import annotations
@@ -75,8 +77,8 @@ class Bench:
             return math.inf
         low = self.f <= REFERENCE_BAND
         tracking = 1.0 - (answer[:, 0] * torque * sensitivity)[low]
-        cost = np.mean(np.abs(torque * sensitivity) ** 2) + np.mean(np.abs(tracking) ** 2)
-        return float(cost)
+        disturbed = np.average(np.abs(torque * sensitivity) ** 2, weights=1.0 / self.f)
+        return float(disturbed + np.mean(np.abs(tracking) ** 2))
 
 
 def is_stable(loop: LoopModel, law: LinearLaw) -> bool:

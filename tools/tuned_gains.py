@@ -48,7 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--structure", nargs="+", default=STRUCTURES)
     parser.add_argument("--controller", nargs="+", default=list(CONTROLLERS))
     parser.add_argument("--budget", default="60")
-    parser.add_argument("--episodes", default="2")
+    parser.add_argument("--episodes", default="32")
     usual = Path(tempfile.gettempdir()) / "cjt_gym_tuned"
     parser.add_argument("--work", type=Path, default=usual, help="folder for all that was tried")
     options = parser.parse_args(arguments)

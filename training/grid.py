@@ -31,13 +31,15 @@ from cjt_gym.training.evaluate import SEED_BLOCK, Evaluation, evaluate
 from cjt_gym.training.metrics import frequency_response, squared_errors
 from cjt_gym.training.rollout import Agent, ControllerAgent, Traces, joint_of
 from cjt_gym.training.tasks import get_task
-from cjt_gym.training.tune_limits import Limits
+from cjt_gym.training.tune_limits import port_resistance
 
 Floats = NDArray[np.float64]
 BACKENDS = ("loky", "ray", "dask")
 SHOWN_POINTS = 500
 BODE_HZ = np.geomspace(0.5, 400.0, 120)
 SPECTRUM_BANDS = np.geomspace(1.0, 450.0, 28)
+HAND_SHARE = 0.05
+"""Damping of a hand at the output where a stiffness is rendered, over `port_resistance`."""
 
 
 @dataclass(frozen=True)
@@ -176,7 +178,7 @@ def _linear(cell: Cell, agent: Agent) -> dict[str, Any] | None:
     loop = Loop(law, probe_plant(joint, conditions.dt_control))
     r = loop.responses(BODE_HZ)
     figures = figures_of(loop).to_dict()
-    hand = Limits().resolved(joint).port_damping or 0.0
+    hand = HAND_SHARE * port_resistance(joint)
     figures["stiffest"] = stiffest_rendered(loop, environment=hand) if figures["stable"] else 0.0
     plain = {n: v if isinstance(v, bool) else _short([v])[0] for n, v in figures.items()}
     # Infinite margins are no missing ones: there is no feedback to lose.

@@ -1,4 +1,14 @@
-"""What a tuned loop must keep: margins, sensitivity, noise, and passivity of the port."""
+"""What a tuned loop must keep: margins, sensitivity, noise, and passivity of the port.
+
+The impedance of the output is Z = S Z_0, with S the sensitivity and Z_0 = I s k / (I s^2 + k) that
+of the inertia I = I_m + I_g behind the spring k. A law that takes disturbances at the motor away up
+to w has S near s / (s + w), and Re Z falls to about -I w: unless the joint has as much viscous
+friction, no law is passive by itself that integrates or observes a disturbance. What touches the
+output has to add the damping I w, which is (w / w_0) sqrt(k I) with w_0 = sqrt(k / I). So the limit
+on the port is a share of sqrt(k I), and says up to which share of the joint's own frequency
+disturbances may be taken away. What integrals do to passivity: Vallery, Ekkelenkamp, van der Kooij,
+Buss (2007), IEEE/RSJ IROS.
+"""
 
 from __future__ import annotations
 
@@ -10,14 +20,16 @@ import numpy as np
 
 from cjt_gym.analysis import Law, LinearPlant, Loop, Responses, identify, margins, probe_law
 from cjt_gym.analysis.figures import figures_of
+from cjt_gym.baselines import Controller
+from cjt_gym.baselines.plant_model import SampledJoint
+from cjt_gym.baselines.robust import is_robust, noise_gain
 from cjt_gym.errors import ConfigurationError, SimulationError
 from cjt_gym.joint import Joint
 from cjt_gym.plant import SimulatedPlant, limits_of
 
-PORT_SHARE = 0.05
 QUIET_S = 0.4
 NOISE_SHARE = 1e-3
-SENSORS = ("i", "q_m", "q_g", "q_l")
+SENSORS = ("noise", "quantization")
 PHASES, PERIODS, LOWEST_HZ = 2, 2, 1.0
 EXCITATION = 0.5
 UNSTABLE = 10.0
@@ -32,10 +44,10 @@ class Limits:
         phase_margin: Smallest phase margin [deg].
         delay_margin: Shortest delay that it must bear on top [s].
         sensitivity_peak: Largest Ms, > 1 [-].
-        noise_amplification: Largest amplification of the torque sensor's white noise [-].
-        port_damping: Damping of the environment with which the output must be passive [N m s/rad];
-            None is 5 % of sqrt(k_b (I_m + I_g)), the resistance that a joint without losses has
-            to a sudden motion of its output.
+        noise_amplification: Largest standard deviation of the command over that of the torque
+            sensor's noise, from the noise of all sensors [-].
+        port_share: Damping of the environment with which the output must be passive, as a share
+            of `port_resistance` [-].
 
     Raises:
         ConfigurationError: A limit is out of range.
@@ -46,28 +58,22 @@ class Limits:
     delay_margin: float = 1e-3
     sensitivity_peak: float = 2.0
     noise_amplification: float = 8.0
-    port_damping: float | None = None
+    port_share: float = 0.25
 
     def __post_init__(self) -> None:
         lowest = {"gain_margin": 1.0, "sensitivity_peak": 1.0}
         for known in fields(self):
             value, low = getattr(self, known.name), lowest.get(known.name, 0.0)
-            if value is not None and not value >= low:
+            if not value >= low:
                 raise ConfigurationError(
                     f"{known.name} of the limits of tuning must be >= {low:g}, got {value}."
                 )
 
-    def resolved(self, joint: Joint) -> Limits:
-        """Return the limits with that of the port for a joint."""
-        p = joint.parameters
-        resistance = math.sqrt(p.get("k_b", 0.0) * (p.I_m + p.get("I_g", 0.0)))
-        damping = PORT_SHARE * resistance if self.port_damping is None else self.port_damping
-        return Limits(**(asdict(self) | {"port_damping": damping}))
-
     def violation(self, found: Assessment) -> float:
         """Return by how much a loop breaks the limits, 0 where it keeps them all.
 
-        It is the sum of the relative violations; an unstable loop breaks them by at least 10.
+        It is the sum of the relative violations, and 1 more where the loop is not robust; an
+        unstable loop breaks them by at least 10.
         """
         if not found.stable:
             return UNSTABLE + max(0.0, found.growth)
@@ -82,10 +88,15 @@ class Limits:
                 max(found.noise_amplification, 1e-9) / max(self.noise_amplification, 1e-9)
             ),
         }
-        if found.port_shortage is not None and self.port_damping is not None:
-            lacking = max(found.port_shortage, 1e-9) / max(self.port_damping, 1e-9)
-            short["port_damping"] = math.log(lacking)
-        return sum(max(0.0, value) for value in short.values())
+        if found.port_share is not None:
+            short["port_share"] = math.log(max(found.port_share, 1e-9) / max(self.port_share, 1e-9))
+        return sum(max(0.0, value) for value in short.values()) + (not found.robust)
+
+
+def port_resistance(joint: Joint) -> float:
+    """Return sqrt(k_b (I_m + I_g)), with which a joint resists a sudden motion [N m s/rad]."""
+    p = joint.parameters
+    return math.sqrt(p.get("k_b", 0.0) * (p.I_m + p.get("I_g", 0.0)))
 
 
 @dataclass(frozen=True)
@@ -102,9 +113,11 @@ class Assessment:
         delay_margin: [s].
         sensitivity_peak: [-].
         noise_amplification: [-].
-        port_shortage: Damping that the environment must add [N m s/rad]; None where it is not
-            known, because the law is not linear.
+        port_share: Damping that the environment must add, as a share of `port_resistance` [-];
+            None where it is not known, because the law is not linear.
         bandwidth_hz: From the reference [Hz].
+        robust: Whether the linear part of the law is stable on changed joints too, see
+            `cjt_gym.baselines.robust`; gains that ship are taken only there.
     """
 
     linear: bool
@@ -115,8 +128,9 @@ class Assessment:
     delay_margin: float = math.inf
     sensitivity_peak: float = 1.0
     noise_amplification: float = 0.0
-    port_shortage: float | None = None
+    port_share: float | None = None
     bandwidth_hz: float = math.nan
+    robust: bool = True
 
     def to_dict(self) -> dict[str, Any]:
         """Return the same as plain data; what is not finite or not known is left out."""
@@ -128,7 +142,7 @@ class Assessment:
         }
 
 
-def assess(law: Law, joint: Joint, plant: LinearPlant, amplitude: float) -> Assessment:
+def assess(law: Controller, joint: Joint, plant: LinearPlant, amplitude: float) -> Assessment:
     """Return what the limits look at.
 
     Args:
@@ -137,9 +151,11 @@ def assess(law: Law, joint: Joint, plant: LinearPlant, amplitude: float) -> Asse
         plant: Its linear model.
         amplitude: Of the references [N m], for laws that are not linear.
     """
+    sampled = SampledJoint(joint, plant.dt)
+    robust = law.linear is None or is_robust(sampled, law.linear)
     model = probe_law(law, joint, plant.dt)
-    if not model.is_linear:
-        return _by_simulation(law, joint, plant.dt, amplitude)
+    if not model.is_linear or law.linear is None:
+        return replace(_by_simulation(law, joint, plant.dt, amplitude), robust=robust)
     loop = Loop(model, plant)
     found = figures_of(loop)
     if not found.stable:
@@ -152,9 +168,10 @@ def assess(law: Law, joint: Joint, plant: LinearPlant, amplitude: float) -> Asse
         found.phase_margin,
         found.delay_margin,
         found.sensitivity_peak,
-        found.noise_amplification,
-        found.port_shortage,
+        noise_gain(sampled.loop, law.linear),
+        found.port_shortage / max(port_resistance(joint), 1e-9),
         found.bandwidth_hz,
+        robust,
     )
 
 
@@ -183,14 +200,14 @@ def _by_simulation(law: Law, joint: Joint, dt: float, amplitude: float) -> Asses
 def _noise(law: Law, joint: Joint, dt: float) -> float:
     """Return the command's standard deviation over that of the torque sensor's noise, at rest.
 
-    As in the linear model, no other sensor is noisy; where the joint says nothing of its torque
-    sensor, the noise is a thousandth of the torque limit.
+    The sensors are as noisy as the joint says; where it says nothing of them, the noise of the
+    torque sensor alone is a thousandth of the torque limit.
     """
-    still = {n: v for n, v in joint.effects.items() if n not in ("noise", "quantization")}
-    known = joint.effects.get("noise", {})
-    std = known.get("tau", 0.0) or NOISE_SHARE * limits_of(joint).tau
-    noisy = replace(joint, effects={**still, "noise": {**dict.fromkeys(SENSORS, 0.0), "tau": std}})
-    plant = SimulatedPlant(noisy, 4, dt)
+    if not any(name in joint.effects for name in SENSORS):
+        quiet = dict.fromkeys(("i", "q_m", "q_g", "q_l"), 0.0)
+        alone: dict[str, Any] = {"noise": {**quiet, "tau": NOISE_SHARE * limits_of(joint).tau}}
+        joint = replace(joint, effects=alone | dict(joint.effects))
+    plant = SimulatedPlant(joint, 4, dt)
     measured, zero = plant.reset(seed=0), np.zeros(4)
     law.reset()
     commands, noises = [], []

@@ -111,12 +111,22 @@ def _tell(results: list[dict[str, Any]]) -> None:
 
 def _facts(options: argparse.Namespace, results: list[dict[str, Any]]) -> list[str]:
     seeds = f"seed {options.seed}" if options.seeds == 1 else f"{options.seeds} seeds"
+    places = [counted(options.joint, "joint"), counted(options.structure, "structure")]
     done = [r for r in results if r["status"] == "done"]
     agents = len({r["agent"] for r in done})
     return [
-        f"{agents} controllers and policies, {len(options.joint)} joints, "
-        f"{len(options.structure)} structures, {options.episodes} episodes of each task and seed, "
-        f"{seeds}. All meet the same joints, references and noise. Every episode draws its own "
-        "parameters, from seeds that neither training nor tuning uses. "
+        f"{agents} controllers and policies, {', '.join(places)}, {options.episodes} episodes of "
+        f"each task and seed, {seeds}. All meet the same joints, references and noise. Every "
+        "episode draws its own parameters, from seeds that neither training nor tuning uses. "
         f"cjt-gym {__version__}.",
     ]
+
+
+def counted(things: list[str], word: str) -> str:
+    """Return how many there are, in words.
+
+    Example:
+        >>> counted(["orange_80_6000"], "joint")
+        '1 joint'
+    """
+    return f"{len(things)} {word}{'' if len(things) == 1 else 's'}"

@@ -22,9 +22,9 @@ LIMITS = {
     "phase_margin": "smallest phase margin [deg]",
     "delay_margin": "shortest delay to be borne on top [s]",
     "sensitivity_peak": "largest sensitivity Ms",
-    "noise_amplification": "largest amplification of the torque sensor's noise",
-    "port_damping": "damping of the environment with which the output must be passive "
-    "[N m s/rad]; default: from the joint",
+    "noise_amplification": "largest command for the sensors' noise, over that of the torque sensor",
+    "port_share": "damping of the environment with which the output must be passive, as a share "
+    "of sqrt(k_b (I_m + I_g))",
 }
 
 
@@ -37,10 +37,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--out", type=Path, required=True, metavar="FILE.toml", help="gain file to write")
     add("--budget", type=int, default=200, help="candidates to try, default 200")
     add("--seed", type=int, default=0, help="of the search and its draws, 0 to 99, default 0")
-    add("--episodes", type=int, default=4, help="of each task per candidate, default 4")
+    add("--episodes", type=int, default=32, help="side by side per candidate, default 32")
     add("--jobs", type=int, default=1, help="processes side by side, default 1")
     for limit in fields(Limits):
-        default = "" if limit.default is None else f", default {limit.default:g}"
+        default = f", default {limit.default:g}"
         option = f"--{limit.name.replace('_', '-')}"
         add(option, type=float, default=limit.default, help=LIMITS[limit.name] + default)
 
@@ -109,7 +109,7 @@ def words(outcome: Outcome) -> str:
         for name, value in outcome.best.gains.items()
     )
     held, a = outcome.held_out, outcome.assessment
-    port = "unknown" if a.port_shortage is None else f"{a.port_shortage:.3g} N m s/rad"
+    port = "unknown" if a.port_share is None else f"{100.0 * a.port_share:.3g} %"
     lines = [
         gains,
         f"error over that of the open loop, on unseen draws: {held['tuned']:.3f}, designed gains "
@@ -117,7 +117,7 @@ def words(outcome: Outcome) -> str:
         f"{held['high']:.3f})",
         f"gain margin {a.gain_margin:.3g}, phase margin {a.phase_margin:.3g} deg, delay margin "
         f"{1e3 * a.delay_margin:.3g} ms, Ms {a.sensitivity_peak:.3g}, noise "
-        f"{a.noise_amplification:.3g}, damping that the port lacks {port}",
+        f"{a.noise_amplification:.3g}, damping that the port lacks, of sqrt(k I), {port}",
     ]
     if not a.linear:
         lines.append("The law is not linear: its margins come from multisines on the simulator.")
