@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -53,8 +54,15 @@ def run(options: argparse.Namespace) -> None:
         raise ConfigurationError(
             "--identify measures from tau_m to tau; leave --input and --output at them."
         )
-    dt = options.dt or (None if options.identify is None else DT)
-    cases = list(_cases(options))
+    dt = options.dt
+    if dt is not None and not 0.0 < dt < math.inf:
+        raise ConfigurationError(f"--dt must be > 0 s, got {dt:g}.")
+    if dt is None and options.identify is not None:
+        dt = DT
+    cases = list(_cases(options, dt or DT))
+    labels = [case.label for case in cases]
+    if repeated := [label for label in labels if labels.count(label) > 1]:
+        raise ConfigurationError(f"Every joint must be there once, got {repeated[0]} twice.")
     written: tuple[Path, ...] = ()
     if options.out is not None:
         sheet = linear_sheet(cases, options.input, options.output, dt)
@@ -71,7 +79,7 @@ def run(options: argparse.Namespace) -> None:
     sys.stdout.write(json.dumps(result, indent=1, allow_nan=False) + "\n")
 
 
-def _cases(options: argparse.Namespace) -> Iterator[Case]:
+def _cases(options: argparse.Namespace, dt: float) -> Iterator[Case]:
     effects = parse_effects(options.effect)
     for name in options.joints:
         for structure in options.structure:
@@ -80,7 +88,6 @@ def _cases(options: argparse.Namespace) -> Iterator[Case]:
             label += "" if len(options.structure) == 1 else structure
             seen = None
             if options.identify is not None:
-                dt = options.dt or DT
                 high = min(HIGHEST, 0.4 / dt)
                 law = make_controller("open_loop", joint, dt)
                 seen = identify(law, joint, dt, options.identify, seed=options.seed, high=high)

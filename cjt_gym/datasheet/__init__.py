@@ -29,12 +29,14 @@ def make_sheet(files: Sequence[JointFile]) -> Sheet:
         files: Joint files, one to six, all of the same kind of axis.
 
     Raises:
-        ConfigurationError: There are none or too many, or rotary and prismatic ones.
+        ConfigurationError: There are none or too many, two of one name, or rotary and prismatic
+            ones.
     """
     from cjt_gym.datasheet import content  # loads matplotlib
 
     if not 1 <= len(files) <= MOST:
         raise ConfigurationError(f"A sheet holds 1 to {MOST} joints, got {len(files)}.")
+    _check_names(files)
     axes = {file.parameters.axis for file in files}
     if len(axes) > 1:
         raise ConfigurationError(
@@ -96,7 +98,11 @@ def quantities(files: Sequence[JointFile]) -> dict[str, Any]:
         characteristics are those of the joint with the effects that are included. The winding
         inductance is there as `l_a` and, as in the toolbox, as `x`. A value that is infinite is
         None; what the parameters do not allow is absent.
+
+    Raises:
+        ConfigurationError: Two joints have the same name.
     """
+    _check_names(files)
     joints: dict[str, dict[str, float | None]] = {}
     units: dict[str, str] = {}
     infinite: dict[str, dict[str, str]] = {}
@@ -115,3 +121,12 @@ def quantities(files: Sequence[JointFile]) -> dict[str, Any]:
         }
     included = {file.name: list(changing(file)) for file in files}
     return {"joints": joints, "units": units, "infinite": infinite, "included": included}
+
+
+def _check_names(files: Sequence[JointFile]) -> None:
+    names = [file.name for file in files]
+    if repeated := [name for name in names if names.count(name) > 1]:
+        raise ConfigurationError(
+            f"Every joint of a sheet needs a name of its own, got {repeated[0]} twice. Change name "
+            "in one of the files."
+        )

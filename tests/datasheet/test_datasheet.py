@@ -117,6 +117,7 @@ def test_several_joints_side_by_side(capsys: pytest.CaptureFixture[str], tmp_pat
         (["orange_80_6000", "--out", "sheet.doc"], ".pdf, .html, .png"),
         (["orange_80_6000", "emps", "--out", "sheet.pdf"], "same kind of axis"),
         (["orange_80", "--json"], "Did you mean"),
+        (["emps", "emps", "--json"], "got emps twice"),
     ],
 )
 def test_bad_input(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -145,8 +146,13 @@ def test_linear_analysis_from_the_command_line(capsys: pytest.CaptureFixture[str
     assert names == ["free motion", "resonance", "torsion-bar mode"]
     assert main(["analyse", "orange_80_6000", "--input", "v", "--json"]) == 2
     assert "needs a drive with a voltage" in capsys.readouterr().err
-    assert main(["analyse", "orange_80_6000", "--out", "linear.doc"]) == 2
-    assert ".pdf, .html, .png" in capsys.readouterr().err
+    for words, message in (
+        (["--out", "linear.doc"], ".pdf, .html, .png"),
+        (["--dt", "0", "--json"], "--dt must be > 0 s"),
+        (["orange_80_6000", "--json"], "got orange_80_6000 twice"),
+    ):
+        assert main(["analyse", "orange_80_6000", *words]) == 2
+        assert message in capsys.readouterr().err
 
 
 def test_a_joint_with_friction_is_measured(capsys: pytest.CaptureFixture[str]) -> None:
