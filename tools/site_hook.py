@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import re
+from concurrent.futures import ProcessPoolExecutor
 from functools import cache
+from multiprocessing import get_context
 from pathlib import Path
+from site import addsitedir
 
 import tour
 from joints_page import joints_page
@@ -13,6 +16,7 @@ from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
 ROOT = Path(__file__).resolve().parent.parent
+WORKERS = 2
 TABLE = re.compile(r"<!-- tour -->\n.*?<!-- end -->\n", re.DOTALL)
 OPENED = "[Notebook](%s.ipynb){ download } · [script](../../examples/tour/%s.py)"
 
@@ -20,7 +24,9 @@ OPENED = "[Notebook](%s.ipynb){ download } · [script](../../examples/tour/%s.py
 @cache
 def _tour(_: tuple[float, ...]) -> tuple[tour.Page, ...]:
     """Run the tour, once for every state of its scripts."""
-    return tuple(tour.run(path) for path in tour.scripts())
+    tools = (str(ROOT / "tools"),)
+    with ProcessPoolExecutor(WORKERS, get_context("spawn"), addsitedir, tools) as pool:
+        return tuple(pool.map(tour.run, tour.scripts()))
 
 
 def _pages() -> tuple[tour.Page, ...]:

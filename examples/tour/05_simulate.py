@@ -92,10 +92,10 @@ from cjt_gym.baselines import make_controller
 joint = cjt_gym.load_joint("orange_80_6000", "output_fixed_rigid_gearbox", effects=["coulomb"])
 law = make_controller("open_loop", joint, 1e-3)
 figure, axes = plt.subplots(figsize=(7, 3), layout="constrained")
-f = np.geomspace(0.5, 150.0, 500)
+f = np.geomspace(1.0, 150.0, 500)
 axes.loglog(f, np.abs(frequency_response(joint, f, dt=1e-3)), color="black", label="linear")
 for rms in (40.0, 10.0, 4.0):
-    seen = identify(law, joint, 1e-3, rms, high=150.0, phases=3)
+    seen = identify(law, joint, 1e-3, rms, low=1.0, high=150.0, phases=3)
     axes.loglog(seen.f, np.abs(seen.response), "o", ms=3, label=f"{rms:.0f} N m rms")
     print(f"{rms:4.0f} N m rms: distortion {100.0 * seen.distortion:.1f} % of the output")
 axes.set(xlabel="frequency [Hz]", ylabel="joint torque over motor torque")

@@ -18,7 +18,7 @@ joint = cjt_gym.load_joint(
     "output_fixed_rigid_gearbox",
     effects={"coulomb": {}, "stribeck": {"d_sm": 1.0, "v_s": 0.02}, "noise": {}},
 )
-t = DT * np.arange(2000)
+t = DT * np.arange(1500)
 wanted = 20.0 * np.sin(2.0 * np.pi * 1.0 * t)
 
 

@@ -1,4 +1,4 @@
-"""The leg squats under torque controllers, and its energy adds up."""
+"""The examples with robots run: the arm follows, the leg squats, and energy adds up."""
 
 from __future__ import annotations
 
@@ -13,10 +13,19 @@ from cjt_gym.baselines.table import make_controller
 
 pytest.importorskip("mujoco")
 
-EXAMPLE = Path(__file__).parents[2] / "examples/leg.py"
+EXAMPLES = Path(__file__).parents[2] / "examples"
+EXAMPLE = EXAMPLES / "leg.py"
 
 
-def test_the_example_squats_and_its_energy_adds_up() -> None:
+def test_the_arm_follows_and_its_energy_adds_up() -> None:
+    found = runpy.run_path(str(EXAMPLES / "arm.py"))["run"](0.8)
+    late = found["t"] > 0.3
+    assert np.sqrt(np.mean((found["asked"] - found["tau"])[late] ** 2)) < 1.5
+    assert np.abs(found["wanted"] - found["q_l"]).max() < 0.1
+    assert np.abs(found["given"] - found["taken"]).max() < 5e-3
+
+
+def test_the_leg_squats_and_its_energy_adds_up() -> None:
     example = runpy.run_path(str(EXAMPLE))
     found = example["run"](1.2)
     late = found["t"] > 0.5
