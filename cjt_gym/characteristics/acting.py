@@ -1,9 +1,9 @@
 """The parameters that a joint has once its effects act, such as those that a diagnosis named.
 
 Some effects are another value of a parameter: friction that the data sheet does not know, another
-stiffness, inertia or torque constant. Torque, speed, power and bandwidth follow from the values
-that act. Other effects (Stribeck and load-dependent friction, ripple, delays, noise) are no
-parameter and are left out.
+stiffness, inertia, torque constant or peak current. Torque, speed, power and bandwidth follow from
+the values that act. Other effects (Stribeck and load-dependent friction, ripple, delays, noise) are
+no parameter and are left out.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from cjt_gym.joint import EFFECTS, Joint, JointFile, JointParameters, Quantity, 
 from cjt_gym.joint.configure import resolve_effects
 
 SYMBOLS = (
-    *("I_m", "I_g", "I_l", "k_g", "k_b", "k_t"),
+    *("I_m", "I_g", "I_l", "k_g", "k_b", "k_t", "i_p"),
     *("d_m", "d_g", "d_l", "d_cm", "d_cg", "d_cl"),
 )
 """Parameters that effects may change."""
@@ -66,10 +66,20 @@ def changing(file: JointFile) -> tuple[str, ...]:
 
 
 def _changed(joint: Joint) -> dict[str, float]:
-    """Return the parameters that effects change, with the values that act."""
+    """Return the parameters that effects change, with the values that act.
+
+    A level that the file does not give and that stands for no parameter, such as the Coulomb
+    friction that may come with Stribeck friction, changes none.
+    """
     record, _ = joint.packed()
-    rows = [parameter for name in joint.effects for parameter in EFFECTS[name].parameters]
-    touched = {field for row in rows for field in row.fields} & set(SYMBOLS)
+    touched = {
+        field
+        for name in joint.effects
+        for row in EFFECTS[name].parameters
+        if row.symbol in joint.file.effects[name] or row.joint_parameter or row.relative_to
+        for field in row.fields
+        if field in SYMBOLS
+    }
     values = {symbol: float(record[symbol][0]) for symbol in sorted(touched)}
     return {s: value for s, value in values.items() if value != joint.parameters.get(s, 0.0)}
 

@@ -266,9 +266,9 @@ def _effects(files: Sequence[JointFile]) -> Iterator[Block]:
     yield Heading("Effects beyond the linear joint")
     included = list(dict.fromkeys(name for file in files for name in changing(file)))
     if included:
-        names = " and ".join(name.replace("_", " ") for name in included)
-        text = f"Figures and characteristics include {names}, which are other values of parameters;"
-        text += " what else stands here is not in them."
+        names = ", ".join(name.replace("_", " ") for name in included)
+        text = f"Figures and characteristics include what is another value of a parameter: {names}."
+        text += " What else stands here is not in them."
     else:
         text = "Figures and characteristics follow from the parameters, without these effects."
     yield Paragraph(text, small=True)

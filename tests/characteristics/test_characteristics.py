@@ -322,14 +322,22 @@ class TestEffects:
         file = load_joint_file("lemon_50_6000")
         assert acting(file) == file.parameters
         assert changing(file) == ()
+        breakaway = {"d_sm": Quantity(1.0, "N m"), "v_s": Quantity(0.02, "rad/s")}
+        assert acting(replace(file, effects={"stribeck": breakaway})) == file.parameters
 
-    def test_torque_constant_and_stiffness_move_torque_and_resonance(self) -> None:
+    def test_an_effect_on_one_body_leaves_none_of_it_on_the_others(self) -> None:
+        file = load_joint_file("orange_80_6000")
+        level = {"body": "motor", "d_cm": Quantity(5.0, "N m")}
+        assert coulomb(acting(replace(file, effects={"coulomb": level}))) == 5.0
+
+    def test_torque_constant_current_and_stiffness_move_torque_and_resonance(self) -> None:
         file = load_joint_file("orange_80_6000")
         effects = {
             "torque_constant": {"k_t": Quantity(0.07, "N m/A")},
             "stiffness": {"k_b": Quantity(5000.0, "N m/rad")},
+            "current_saturation": {"i_p": Quantity(15.0, "A")},
         }
         p = acting(replace(file, effects=effects))
-        assert characteristic(p, "t_p") == pytest.approx(0.07 * 80.0 * p.i_p)
+        assert characteristic(p, "t_p") == pytest.approx(0.07 * 80.0 * 15.0)
         ratio = characteristic(p, "f_0") / characteristic(file.parameters, "f_0")
         assert ratio == pytest.approx(np.sqrt(5000.0 / 6000.0))

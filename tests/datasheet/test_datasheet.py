@@ -76,7 +76,7 @@ def test_a_joint_with_few_parameters_has_a_short_sheet(tmp_path: Path) -> None:
     assert "$d_cm$ | 20 (19 … 21) | N | Coulomb level of the motor" in lines
     assert any(line.startswith("$τ_C$ | 20.00 ± 0.51 | N |") for line in lines)
     notes = [block.text for block in sheet.blocks if isinstance(block, Paragraph)]
-    assert any("include coulomb, which are other values" in text for text in notes)
+    assert any("another value of a parameter: coulomb." in text for text in notes)
     assert write_sheet(sheet, tmp_path / "emps.pdf")[0].stat().st_size > 10_000
     result = quantities([file])
     assert result["joints"]["emps"]["n"] == 1.0
