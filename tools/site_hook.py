@@ -39,7 +39,10 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     def add(uri: str, content: str) -> None:
         files.append(File.generated(config, uri, content=content))
 
-    add("joints.md", joints_page())
+    joints, pictures = joints_page()
+    add("joints.md", joints)
+    for name, svg in pictures.items():
+        add(name, svg)
     for page in _pages():
         opened = OPENED % (page.name, page.name)
         head, _, rest = page.markdown.partition("\n")

@@ -28,7 +28,7 @@ def run(options: argparse.Namespace) -> None:
             options.out.mkdir(parents=True, exist_ok=True)
             path = options.out / f"{name}.toml"
             path.write_text(to_toml(file_of(joint)), encoding="utf-8")
-        lines.append(f"{name}  {', '.join(joint.effects)}\n")
+        lines.append(f"{name}  {', '.join(joint.effects) or 'no effects'}\n")
         rows.append(
             {
                 "name": name,
