@@ -111,7 +111,7 @@ def _caption(cases: Sequence[Case], dt: float | None) -> str:
     held = "" if dt is None else f" for an input that is held for {1e3 * dt:g} ms"
     points = (
         " Points: the best linear approximation of the simulated joint with its effects, by "
-        "multisines; crosses: its nonlinear distortion."
+        "multisines; plus signs: its nonlinear distortion."
     )
     return (
         f"Frequency response{held}, its Nyquist curve, poles (crosses) and zeros (circles), and "
@@ -120,11 +120,12 @@ def _caption(cases: Sequence[Case], dt: float | None) -> str:
     )
 
 
-def _grid(found: Mapping[str, Analysis], dt: float | None) -> Floats:
-    """Return frequencies around all oscillations, dense at them."""
+def _grid(cases: Sequence[Case], found: Mapping[str, Analysis], dt: float | None) -> Floats:
+    """Return frequencies around all oscillations and measurements, dense at the former."""
     modes = [m for one in found.values() for m in (*one.poles, *one.zeros) if m.value != 0.0]
     centres = np.array([m.frequency for m in modes]) if modes else np.array([1.0])
     low, high = centres.min() / 10.0**DECADES, centres.max() * 10.0**DECADES
+    low = min([low, *(float(case.identified.f[0]) for case in cases if case.identified)])
     near = [m.frequency * (1.0 + np.linspace(-0.05, 0.05, 101)) for m in modes if m.value.imag > 0]
     f = np.unique(np.concatenate([np.geomspace(low, high, 800), *near]))
     return f if dt is None else f[f < 0.45 / dt]
@@ -137,7 +138,7 @@ def _draw(
     output: str,
     dt: float | None,
 ) -> str:
-    f = _grid(found, dt)
+    f = _grid(cases, found, dt)
     with canvas(2.0 * HALF, 5.4) as (figure, written):
         axes = figure.subplot_mosaic([["gain", "nyquist"], ["phase", "plane"], ["step", "plane"]])
         for case, colour in zip(cases, COLOURS, strict=False):
