@@ -5,7 +5,9 @@
 The emulator serves socketcand on this machine; the loop runs PD control of a smooth reference and
 writes its record. A fault ends a run; the next one begins, and its kind is counted. Beside the
 percentiles stand the worst seconds, with the time that the host of a virtual machine took from it
-in each (steal) and how busy its processors were: so a late loop can be told from a late machine.
+in each (steal) and how busy its processors were. Witnesses (`tests.canbus.witness`) tell how long
+each processor stood still for everybody: a fault within such a stall is the machine's, any other is
+ours, and only the latter make the soak fail.
 """
 
 from __future__ import annotations
@@ -37,6 +39,7 @@ from cjt_gym.canbus.timing import PERCENTILES
 from cjt_gym.errors import ConfigurationError, HardwareError
 from cjt_gym.signals import make_signals
 from tests.canbus.bench import DRIVES, document, toml
+from tests.canbus.witness import Witnesses
 
 MAIN = "import sys; from cjt_gym.cli import main; sys.exit(main())"
 AMPLITUDE = 10.0
@@ -45,6 +48,10 @@ PIECE = 10.0
 WORST = 5
 """Seconds that are shown one by one."""
 STAT = Path("/proc/stat")
+BEFORE_FAULT = 0.2
+"""How long before a fault a stall of the machine counts as its cause [s]."""
+SHARE = 0.75
+"""Share of the allowed lateness that such a stall must take."""
 
 
 def free_port() -> int:
@@ -206,11 +213,13 @@ def soak(
     law = make_controller(controller, given.joint, given.dt)
     (signal,) = make_signals("smooth", AMPLITUDE)
     reference = signal.torque(np.arange(round(PIECE / given.dt)) * given.dt)
-    tally, machine = Tally(), Machine()
+    tally, machine, witnesses = Tally(), Machine(), Witnesses()
     _warm_up(given, law, reference)
+    above = None if given.priority is None else min(given.priority + 1, 99)
+    seen_on = sorted(_processors(os.getpid()) | _processors(served_by))
     end = time.monotonic() + seconds
     used = np.array([_cpu(os.getpid()), _cpu(served_by)])
-    with machine.watched():
+    with machine.watched(), witnesses.watching(folder, seen_on, above):
         while time.monotonic() < end:
             record, began = folder / "soak.csv", time.perf_counter()
             plant = CanPlant(given, record=record)
@@ -232,6 +241,7 @@ def soak(
                 tally.zeros += isinstance(error, HardwareFault)
             tally.add(began, plant, record)
         used = (np.array([_cpu(os.getpid()), _cpu(served_by)]) - used) / seconds
+    faults = [_fault(t, text, given.overrun, machine, witnesses) for t, text in tally.faults]
     return {
         "seconds": seconds,
         "rate_hz": round(1.0 / given.dt),
@@ -241,7 +251,9 @@ def soak(
         "steps": tally.steps,
         "rows_missing": tally.steps + tally.zeros - tally.rows,
         "rmse": float(np.sqrt(tally.squares / max(tally.steps, 1))),
-        "faults": [{"text": text, **machine.at(t)} for t, text in tally.faults],
+        "faults": faults,
+        "faults_of_ours": sum(not fault["of_the_machine"] for fault in faults),
+        "stalls_ms": [round(1e3 * (b - a), 1) for a, b in witnesses.stalls],
         "cpu_of_loop": round(float(used[0]), 3),
         "cpu_of_emulator": round(float(used[1]), 3),
         "machine": machine.shares(),
@@ -250,12 +262,26 @@ def soak(
     }
 
 
+def _fault(
+    t: float, text: str, allowance: float, machine: Machine, witnesses: Witnesses
+) -> dict[str, Any]:
+    """Return when and why a run ended, and how long the machine stood still just before."""
+    stall = witnesses.longest(t - BEFORE_FAULT, t)
+    seen = {"stall_ms": round(1e3 * stall, 1), "of_the_machine": stall > SHARE * allowance}
+    return {"text": text, **machine.at(t), **seen}
+
+
 def _warm_up(given: HardwareConfig, law: Controller, reference: NDArray[np.float64]) -> None:
     """Let everything be compiled, without moving the joint."""
     with CanPlant(given) as plant:
         plant.connect()
         plant.arm()
         law.act(plant.reset(), reference[:1])
+
+
+def _processors(process: int) -> set[int]:
+    """Return the processors that a process may use; none where the system cannot say."""
+    return os.sched_getaffinity(process) if hasattr(os, "sched_getaffinity") else set()
 
 
 def _cpu(process: int) -> float:
@@ -323,6 +349,7 @@ def main() -> None:
     o = options
     result = soaked(o.seconds, o.rate, o.priority, o.protocol, cpus=o.cpus)
     sys.stdout.write(json.dumps(result, indent=1) + "\n")
+    sys.exit(1 if result["faults_of_ours"] or result["rows_missing"] else 0)
 
 
 if __name__ == "__main__":

@@ -6,12 +6,17 @@ machine that stalls would make unstable.
 
 from __future__ import annotations
 
+import os
+import signal
+import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from tests.canbus.soak import Machine, soaked
+from tests.canbus.witness import Witnesses
 
 
 def check(result: dict[str, Any]) -> None:
@@ -44,3 +49,18 @@ def test_worst_seconds_come_with_what_the_machine_did() -> None:
     assert [row["second"] for row in late] == [1.0, 2.0, 0.0]
     assert late[0] == {"second": 1.0, "latest_us": 5000.0, "steal_ms": 100, "busy": 0.762}
     assert machine.shares() == {"busy": 0.7869, "steal": 0.0164}
+
+
+def test_witnesses_see_a_processor_that_stands_still_and_nothing_else(tmp_path: Path) -> None:
+    cpu = min(os.sched_getaffinity(0))
+    witnesses = Witnesses()
+    with witnesses.watching(tmp_path, [cpu], None) as (number,):
+        time.sleep(1.0)  # until it has begun
+        begin = time.perf_counter()
+        os.kill(number, signal.SIGSTOP)
+        time.sleep(0.3)
+        os.kill(number, signal.SIGCONT)
+        end = time.perf_counter()
+        time.sleep(0.2)
+    assert 0.25 < witnesses.longest(begin, end) < end - begin + 0.1
+    assert witnesses.longest(end + 10.0, end + 11.0) == 0.0
