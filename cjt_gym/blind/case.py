@@ -56,6 +56,7 @@ class Case:
         validate: Record to check a diagnosis on.
         label: What is hidden, how large its trace in the first record is, the true values of the
             joint, and how far the stated and the true model are from the second record.
+        world: The joint as it is, for whoever may try something on it.
     """
 
     sheet: Datasheet
@@ -63,6 +64,7 @@ class Case:
     diagnose: Log
     validate: Log
     label: dict[str, Any]
+    world: World
 
 
 def draw_case(
@@ -75,6 +77,7 @@ def draw_case(
     strength: float = 1.0,
     variant: str | None = None,
     duration: float = DURATION,
+    joint: int | None = None,
 ) -> Case:
     """Return a random case; the same one for the same arguments.
 
@@ -88,6 +91,8 @@ def draw_case(
         strength: Factor on the magnitudes of the effects, such as SMALL.
         variant: A disorder of the records, one of VARIANTS.
         duration: Of each record [s]; tripled in the variant "long".
+        joint: Seed of the joint and its datasheet alone, so that several cases can have the same;
+            None takes it from `seed`.
 
     Raises:
         UnknownNameError: An effect, place, structure, excitation or variant has no such name.
@@ -96,7 +101,8 @@ def draw_case(
     streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(5)]
     wishes = (effects, structure, excitation, closed_loop, strength, variant, duration)
     plan = draw_plan(*wishes, streams[0], streams[1])
-    return _case(plan, streams[2], streams[3], streams[4])
+    of_joint = streams[2] if joint is None else np.random.default_rng(joint)
+    return _case(plan, of_joint, streams[3], streams[4])
 
 
 def _case(
@@ -137,7 +143,7 @@ def _case(
         "stated": sheet.values,
         "gap": true_gap(models, runs[1]) | {"floor": noise_floor(runs[1])},
     }
-    return Case(sheet, plan.structure.name, logs[0], logs[1], label)
+    return Case(sheet, plan.structure.name, logs[0], logs[1], label, true)
 
 
 def _signal(

@@ -163,42 +163,102 @@ def _advance(
     out: tuple[Floats, Floats, Floats, Floats],
 ) -> None:
     """Run all samples; results go to `out` in place."""
-    p, d, s = joint
     resolution, reference, restarts = given
     command, measured, clean, states = out
     samples = len(reference)
-    past, memory = np.zeros((2, PAST)), np.zeros(3)
-    head, applied, shift = 0, -1, 0.0
-    w, work = np.zeros((2, 4, 4)), np.zeros((4, 4))
+    past, counts, lost, memory = np.zeros((2, PAST)), np.zeros(2, np.int64), np.zeros(1), np.zeros(3)
     for k in range(samples):
         if every > 0 and k > 0 and k % every == 0:
             x[:] = restarts[k]
-        t = chances.times[k]
-        tau, _ = sensed_torque(p, frame.leads, x)
-        if k == 0:
-            past[0, :], past[1, :] = t - 1.0, tau
-        tau = late_torque(past, head, t, s.delay, tau) if s.delay > 0.0 else tau
-        shift -= chances.lost[k] * np.sign(x[Q + 4])
-        clean_channels(s, x, tau, t, clean[k])
-        measure(s, clean[k], chances.channels[k], resolution, shift, measured[k])
+        look(joint, frame, chances, resolution, k, x, (past, counts, lost), clean[k], measured[k])
         states[k] = x
         command[k] = decide(gains, memory, reference, k, measured[k, 4])
         if k + 1 == samples:
             return
-        length = chances.times[k + 1] - t
-        steps = max(int(np.ceil(length / fine_step - 1e-6)), 1)
-        h = length / steps
-        for contact in range(2):
-            w[contact] = mobility(frame.mass, frame.damping[contact], frame.s, h)
-        for j in range(steps):
-            now = t + j * h
-            while applied < k and chances.times[applied + 1] + d.delay <= now + 0.5 * h:
-                applied += 1
-            value = command[applied] if applied >= 0 else 0.0
-            noise = chances.process[k]
-            tau = step(p, d, frame.leads, frame.attach, w, x, work, value, noise, now, h)
-            head = (head + 1) % PAST
-            past[0, head], past[1, head] = now + 0.5 * h, tau
+        move(joint, frame, chances, command, k, fine_step, x, (past, counts))
+
+
+@jit
+def look(
+    joint: tuple[Plant, Drive, Sensing],
+    frame: Frame,
+    chances: Chances,
+    resolution: Floats,
+    k: int,
+    x: Floats,
+    kept: tuple[Floats, Ints, Floats],
+    clean: Floats,
+    measured: Floats,
+) -> float:
+    """Take sample k; return the torque of the joint at that instant [N m].
+
+    Args:
+        joint: Its parts.
+        frame: See `frame_of`.
+        chances: Random numbers of the run.
+        resolution: Of CHANNELS, shape (5,).
+        k: Sample.
+        x: State, shape (SIZE,).
+        kept: Torques of the fine steps so far, shape (2, PAST); newest of them and last command
+            that arrived, shape (2,); counts that the encoder has lost [rad], shape (1,); in place.
+        clean: Receives the measurements without noise, rounding and calibration errors, shape (5,).
+        measured: Receives the measurements, shape (5,).
+    """
+    p, _, s = joint
+    past, counts, lost = kept
+    t = chances.times[k]
+    true, _ = sensed_torque(p, frame.leads, x)
+    if k == 0:
+        past[0, :], past[1, :] = t - 1.0, true
+        counts[1] = -1
+    tau = late_torque(past, counts[0], t, s.delay, true) if s.delay > 0.0 else true
+    lost[0] -= chances.lost[k] * np.sign(x[Q + 4])
+    clean_channels(s, x, tau, t, clean)
+    measure(s, clean, chances.channels[k], resolution, lost[0], measured)
+    return float(true)
+
+
+@jit
+def move(
+    joint: tuple[Plant, Drive, Sensing],
+    frame: Frame,
+    chances: Chances,
+    command: Floats,
+    k: int,
+    fine_step: float,
+    x: Floats,
+    kept: tuple[Floats, Ints],
+) -> None:
+    """Go from sample k to the next, in place.
+
+    Args:
+        joint: Its parts.
+        frame: See `frame_of`.
+        chances: Random numbers of the run.
+        command: Commands up to sample k [A].
+        k: Sample.
+        fine_step: Longest step of the integrator [s].
+        x: State, shape (SIZE,).
+        kept: As in `look`.
+    """
+    p, d, _ = joint
+    past, counts = kept
+    t = chances.times[k]
+    length = chances.times[k + 1] - t
+    steps = max(int(np.ceil(length / fine_step - 1e-6)), 1)
+    h = length / steps
+    w, work = np.zeros((2, 4, 4)), np.zeros((4, 4))
+    for contact in range(2):
+        w[contact] = mobility(frame.mass, frame.damping[contact], frame.s, h)
+    for j in range(steps):
+        now = t + j * h
+        while counts[1] < k and chances.times[counts[1] + 1] + d.delay <= now + 0.5 * h:
+            counts[1] += 1
+        value = command[counts[1]] if counts[1] >= 0 else 0.0
+        noise = chances.process[k]
+        tau = step(p, d, frame.leads, frame.attach, w, x, work, value, noise, now, h)
+        counts[0] = (counts[0] + 1) % PAST
+        past[0, counts[0]], past[1, counts[0]] = now + 0.5 * h, tau
 
 
 @jit
