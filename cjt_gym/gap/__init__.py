@@ -19,6 +19,7 @@ The way through the package, in the order of the work:
 `replay`, `shrink` how far it shrinks on held-out data
 `intervals`        how sure the numbers are
 `confusable`       what the record leaves open
+`naming`           which effects are named, and how surely
 `menu`, `design`   inputs, and which of them would tell
 `suggest`          what to record next, and its excitation file
 =================  ================================================================

@@ -10,13 +10,10 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from cjt_gym.errors import CjtGymError, ConfigurationError, RecordError
-from cjt_gym.gap.confidence import confidence
-from cjt_gym.gap.confusable import best_rival, rivals
 from cjt_gym.gap.diagnosis import (
     NOTHING_LEFT,
     Diagnosis,
     GapSize,
-    Interval,
     NamedEffect,
     Source,
     StageGap,
@@ -26,25 +23,20 @@ from cjt_gym.gap.evidence import gather, source_of
 from cjt_gym.gap.explain import Explanation, explain
 from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.fit import Fit, Model
-from cjt_gym.gap.heldout import worth
 from cjt_gym.gap.intervals import (
     Covariance,
-    at_an_end,
     covariance,
-    effect_intervals,
-    may_be_nothing,
 )
 from cjt_gym.gap.joint_file import identified_joint
 from cjt_gym.gap.localize import where
-from cjt_gym.gap.missing import not_judged, same_here, undecided
-from cjt_gym.gap.prune import Need
+from cjt_gym.gap.missing import not_judged
+from cjt_gym.gap.naming import doubted, name_effects
 from cjt_gym.gap.refine import settled
-from cjt_gym.gap.select import BEYOND, MARGIN, Progress, evidence, silent
-from cjt_gym.gap.sensing import SensorFinding
+from cjt_gym.gap.select import BEYOND, Progress, silent
 from cjt_gym.gap.setting import Setting, as_noisy, make_setting
-from cjt_gym.gap.shrink import HARM, Gap, harms, measure_gap
+from cjt_gym.gap.shrink import HARM, Gap, measure_gap
 from cjt_gym.gap.suggest import cautious, suggest
-from cjt_gym.gap.unknown import Leftover, status, untouched, verdict
+from cjt_gym.gap.unknown import Leftover, untouched, verdict
 from cjt_gym.joint import Joint, JointFile, get_structure, load_joint_file
 from cjt_gym.joint.structures import Structure
 from cjt_gym.records import Record
@@ -55,10 +47,6 @@ WITHIN = 2.5
 """Deviations of a datasheet value that count as its tolerance."""
 FAR = 3.0
 """Residual within tolerances, as a multiple of noise, from which there is a gap."""
-SHADOW = 0.25
-"""Confidence below which an effect beside a cause outside the table is taken for its shadow."""
-EVEN_CHANCE = 0.5
-"""Confidence below which no effect counts as confirmed."""
 KNOWN = 0.7
 """Share of its tolerance within which a fit must know a datasheet value to refine it."""
 MOVED = 0.1
@@ -207,7 +195,7 @@ def _report(
 ) -> Diagnosis:
     problem = found.problem
     spread = covariance(problem, found.fit)
-    named = _named(found, spread, settings if held_out else ())
+    named = name_effects(found, spread, settings if held_out else ())
     within = _within_tolerance(found)
     all_before = {n: problem.stages.residual(n, within) for n in problem.stages.names}
     before = problem.stages.first(all_before)
@@ -224,7 +212,7 @@ def _report(
     if not explains and gap.removed < 0.0:
         refined, gap = False, _gap(found, settings, held_out, None)
     if gap.high < -HARM:  # whatever each is worth, together they do not make the joint
-        named = tuple(_doubted(effect) for effect in named)
+        named = tuple(doubted(effect) for effect in named)
     left = found.left if explains else untouched(found.left)
     stages = _stages(found, fit, all_before, named)
     nominal = _nominal_fields(found)
@@ -300,103 +288,6 @@ def _nominal_fields(found: Explanation) -> Fields:
     pairs = zip(problem.shared, found.base.z, strict=True)
     z = np.array([value if nuisance.field in offsets else 0.0 for nuisance, value in pairs])
     return problem.fields(Model(), z)
-
-
-def _named(
-    found: Explanation, spread: Covariance, unseen: Sequence[Setting]
-) -> tuple[NamedEffect, ...]:
-    problem, fit = found.problem, found.fit
-    whole = _whole(found)
-    rows = []
-    for index, (effect, need) in enumerate(zip(fit.model.effects, found.needs, strict=True)):
-        if effect.outside:
-            continue
-        trial = worth(found.held, index)
-        state = status(need, effect.touches, found.left, trial)
-        if state is None:
-            continue
-        numbers = effect_intervals(problem, fit, index, spread)
-        doubtful = may_be_nothing(effect, numbers) or at_an_end(effect, numbers)
-        doubtful = doubtful or undecided(problem.stages.setting, effect.name)
-        if doubtful or _harmful(found, need, unseen):
-            state = "tentative"
-        lead = evidence(problem, fit) - best_rival(problem, fit, index, found.seen)
-        lead = min(lead, need.evidence)
-        if lead < MARGIN:  # another explanation is as good
-            state = "tentative"
-        chance = confidence(lead, trial, state == "tentative")
-        beside = any(other.outside for other in fit.model.effects)
-        if beside and chance < SHADOW and not undecided(problem.stages.setting, effect.name):
-            continue
-        if chance < EVEN_CHANCE:
-            state = "tentative"
-        rows.append(
-            NamedEffect(
-                effect.name,
-                effect.stage,
-                effect.body,
-                effect.channel,
-                numbers,
-                state,
-                chance,
-                float(np.clip(need.evidence / whole, 0.0, 1.0)),
-                _confusable(found, index),
-                lead,
-                None if trial is None else trial.worth,
-            )
-        )
-    rows += [_sensor_row(finding, problem.stages.setting) for finding in found.sensors]
-    return tuple(sorted(rows, key=lambda row: -row.gap_removed))
-
-
-def _doubted(effect: NamedEffect) -> NamedEffect:
-    """Return an effect as tentative, unless it was read off a channel."""
-    if effect.stage == "sensing" and effect.name in ("noise", "quantization"):
-        return effect
-    return replace(effect, status="tentative", confidence=min(effect.confidence, EVEN_CHANCE))
-
-
-def _harmful(found: Explanation, need: Need, unseen: Sequence[Setting]) -> bool:
-    """Return whether the replay of data that the fit has not seen is worse with an effect."""
-    fields = found.problem.fields
-    less, more = need.without, found.fit
-    return harms(unseen, fields(less.model, less.z), fields(more.model, more.z))
-
-
-def _confusable(found: Explanation, index: int) -> tuple[str, ...]:
-    """Return what could stand in the place of an effect, here or with these channels."""
-    names = rivals(found.problem, found.base, found.fit, index, found.seen)
-    name = found.fit.model.effects[index].name
-    return tuple(dict.fromkeys((*names, *same_here(found.problem.stages.setting, name))))
-
-
-def _whole(found: Explanation) -> float:
-    """Return the evidence that the joint without effects lacks, of which each effect has a share.
-
-    The gap is measured by its evidence, in which residuals and strained datasheet values count
-    alike, under the predictors of the joint that was found.
-    """
-    problem, needs = found.problem, found.needs
-    bare = needs[0].without if len(needs) == 1 else problem.fit(found.base.model, found.base.z)
-    gained = evidence(problem, found.fit) - evidence(problem, bare)
-    return max(gained, -evidence(problem, bare), *(need.evidence for need in needs), 1e-9)
-
-
-def _sensor_row(finding: SensorFinding, setting: Setting) -> NamedEffect:
-    unit = setting.joint.sensors[finding.channel]
-    symbol = next(iter(unit.values())).unit
-    key = "resolution" if finding.name == "quantization" else "noise"
-    value = Interval(finding.value, finding.low, finding.high, symbol)
-    return NamedEffect(
-        finding.name,
-        "sensing",
-        None,
-        finding.channel,
-        {key: value},
-        "confirmed",
-        0.95,
-        1.0 - 1.0 / finding.factor,
-    )
 
 
 def _stages(

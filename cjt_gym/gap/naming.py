@@ -1,0 +1,131 @@
+"""Which effects of an explanation are named, with what status, confidence and rivals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from cjt_gym.gap.confidence import confidence
+from cjt_gym.gap.confusable import best_rival, rivals
+from cjt_gym.gap.diagnosis import Interval, NamedEffect
+from cjt_gym.gap.explain import Explanation
+from cjt_gym.gap.heldout import worth
+from cjt_gym.gap.intervals import Covariance, at_an_end, effect_intervals, may_be_nothing
+from cjt_gym.gap.missing import same_here, undecided
+from cjt_gym.gap.prune import Need
+from cjt_gym.gap.select import MARGIN, evidence
+from cjt_gym.gap.sensing import SensorFinding
+from cjt_gym.gap.setting import Setting
+from cjt_gym.gap.shrink import harms
+from cjt_gym.gap.unknown import status
+
+SHADOW = 0.25
+"""Confidence below which an effect beside a cause outside the table is taken for its shadow."""
+EVEN_CHANCE = 0.5
+"""Confidence below which no effect counts as confirmed."""
+
+
+def name_effects(
+    found: Explanation, spread: Covariance, unseen: Sequence[Setting]
+) -> tuple[NamedEffect, ...]:
+    """Return the effects of an explanation that deserve a name, by the share of the gap.
+
+    Args:
+        found: The explanation.
+        spread: How sure its numbers are.
+        unseen: Records that it was not fitted to; none where there are no others.
+    """
+    problem, fit = found.problem, found.fit
+    whole = _whole(found)
+    rows = []
+    for index, (effect, need) in enumerate(zip(fit.model.effects, found.needs, strict=True)):
+        if effect.outside:
+            continue
+        trial = worth(found.held, index)
+        state = status(need, effect.touches, found.left, trial)
+        if state is None:
+            continue
+        numbers = effect_intervals(problem, fit, index, spread)
+        doubtful = may_be_nothing(effect, numbers) or at_an_end(effect, numbers)
+        doubtful = doubtful or undecided(problem.stages.setting, effect.name)
+        if doubtful or _harmful(found, need, unseen):
+            state = "tentative"
+        lead = evidence(problem, fit) - best_rival(problem, fit, index, found.seen)
+        lead = min(lead, need.evidence)
+        if lead < MARGIN:  # another explanation is as good
+            state = "tentative"
+        chance = confidence(lead, trial, state == "tentative")
+        beside = any(other.outside for other in fit.model.effects)
+        if beside and chance < SHADOW and not undecided(problem.stages.setting, effect.name):
+            continue
+        if chance < EVEN_CHANCE:
+            state = "tentative"
+        rows.append(
+            NamedEffect(
+                effect.name,
+                effect.stage,
+                effect.body,
+                effect.channel,
+                numbers,
+                state,
+                chance,
+                float(np.clip(need.evidence / whole, 0.0, 1.0)),
+                _confusable(found, index),
+                lead,
+                None if trial is None else trial.worth,
+            )
+        )
+    rows += [_sensor_row(finding, problem.stages.setting) for finding in found.sensors]
+    return tuple(sorted(rows, key=lambda row: -row.gap_removed))
+
+
+def doubted(effect: NamedEffect) -> NamedEffect:
+    """Return an effect as tentative, unless it was read off a channel."""
+    if effect.stage == "sensing" and effect.name in ("noise", "quantization"):
+        return effect
+    return replace(effect, status="tentative", confidence=min(effect.confidence, EVEN_CHANCE))
+
+
+def _harmful(found: Explanation, need: Need, unseen: Sequence[Setting]) -> bool:
+    """Return whether the replay of data that the fit has not seen is worse with an effect."""
+    fields = found.problem.fields
+    less, more = need.without, found.fit
+    return harms(unseen, fields(less.model, less.z), fields(more.model, more.z))
+
+
+def _confusable(found: Explanation, index: int) -> tuple[str, ...]:
+    """Return what could stand in the place of an effect, here or with these channels."""
+    names = rivals(found.problem, found.base, found.fit, index, found.seen)
+    name = found.fit.model.effects[index].name
+    return tuple(dict.fromkeys((*names, *same_here(found.problem.stages.setting, name))))
+
+
+def _whole(found: Explanation) -> float:
+    """Return the evidence that the joint without effects lacks, of which each effect has a share.
+
+    The gap is measured by its evidence, in which residuals and strained datasheet values count
+    alike, under the predictors of the joint that was found.
+    """
+    problem, needs = found.problem, found.needs
+    bare = needs[0].without if len(needs) == 1 else problem.fit(found.base.model, found.base.z)
+    gained = evidence(problem, found.fit) - evidence(problem, bare)
+    return max(gained, -evidence(problem, bare), *(need.evidence for need in needs), 1e-9)
+
+
+def _sensor_row(finding: SensorFinding, setting: Setting) -> NamedEffect:
+    unit = setting.joint.sensors[finding.channel]
+    symbol = next(iter(unit.values())).unit
+    key = "resolution" if finding.name == "quantization" else "noise"
+    value = Interval(finding.value, finding.low, finding.high, symbol)
+    return NamedEffect(
+        finding.name,
+        "sensing",
+        None,
+        finding.channel,
+        {key: value},
+        "confirmed",
+        0.95,
+        1.0 - 1.0 / finding.factor,
+    )
