@@ -19,13 +19,14 @@ COMMANDS: dict[str, str] = {
     "joints": "list the joints, structures, drives and effects there are",
     "simulate": "simulate a joint under a reference and a controller, and write the record",
     "train": "train a policy with Stable-Baselines3, or go on with a run that was stopped",
+    "runs": "list and compare training runs, and write the page of one",
     "tune": "search the gains of a controller on a joint, within limits on its robustness",
     "benchmark": "compare controllers and policies on the same joints and references",
     "blind-test": "diagnose joints whose effects are hidden, and score what was found",
     "analyse": "draw linear responses, poles, zeros and steps of joints",
     "build": "make many joints from a table of parameter sets, structures and effects",
     "datasheet": "write what a joint can do on a few pages, as PDF or HTML; compare several",
-    "export": "write a joint for another simulator: MuJoCo or Isaac Lab",
+    "export": "write a joint for MuJoCo or Isaac Lab, or a policy as ONNX, NumPy or C",
     "hardware": "run a controller, policy or experiment on a joint on a CAN bus",
     "emulate": "serve an emulated drive with a simulated joint on a CAN bus",
     "convert": "turn a log, a trace of a CAN bus or a record into a record of any format",
@@ -43,6 +44,7 @@ EXTRAS = {
     "sympy": "symbolic",
     "typst": "datasheet",
     "pyarrow": "parquet",
+    "sb3_contrib": "train",
 }
 
 

@@ -14,11 +14,9 @@ from cjt_gym.canbus.plant import CanPlant
 from cjt_gym.canbus.safety import HardwareFault, State, check_action
 from cjt_gym.canbus.virtual import VirtualLink
 from cjt_gym.envs.core import Episodes
-from cjt_gym.envs.observe import begin, conclude, draw_episodes
+from cjt_gym.envs.foreign import advance_on, begin_on, conclude_on
 from cjt_gym.envs.torque_tracking import Action, Observation, complete
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.joint.arrays import CHANNELS, DQ_M, TAU
-from cjt_gym.plant import Measurement
 
 SIMULATED = ("joint", "structure", "drive", "effects", "parameters", "randomization")
 NEEDED = ("q_m", "dq_m", "dq_l", "tau")
@@ -110,14 +108,13 @@ class HardwareEnv(gym.Env[Observation, Action]):
         self.episodes = Episodes(1, **_complete(arguments, plant.config))
         self.observation_space = self.episodes.observation_space
         self.action_space = self.episodes.action_space
-        self._all = np.ones(1, dtype=np.bool_)
         self._rehearse()
 
     def _rehearse(self) -> None:
         """Do once what a step computes, so that nothing is compiled while the joint runs."""
         self.episodes.reset()
         command = self.episodes.choose(np.zeros((1, 1)))
-        conclude(self.episodes.plant.batch.arrays, self.episodes.task, command)
+        conclude_on(self.episodes, command)
         self.episodes.info()
 
     def reset(
@@ -141,13 +138,7 @@ class HardwareEnv(gym.Env[Observation, Action]):
                 f"The observation needs {', '.join(missing)}, which no node of "
                 f"{self.plant.config.origin} reports. Add a sensor."
             )
-        arrays = episodes.plant.batch.arrays
-        draw_episodes(arrays, episodes.task, self._all)
-        arrays.samples[:] = 0
-        self._show(measured)
-        begin(arrays, episodes.task, self._all)
-        if episodes.controller is not None:
-            episodes.controller.reset(self._all)
+        begin_on(episodes, measured)
         return episodes.task.observation[0].copy(), {"parameters": {}}
 
     def step(self, action: Action) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
@@ -161,11 +152,10 @@ class HardwareEnv(gym.Env[Observation, Action]):
                 self.plant.fail(trouble.kind, trouble.text)
             command = episodes.choose(np.array([[wanted]]))
             measured = self.plant.step(command, float(task.reference[0]))
-            episodes.plant.batch.arrays.samples[:] += 1
-            self._show(measured)
+            advance_on(episodes, measured)
         except HardwareFault as error:
             info["fault"] = {"kind": error.fault.kind, "text": error.fault.text}
-        conclude(episodes.plant.batch.arrays, task, np.array([self.plant.sent]))
+        conclude_on(episodes, np.array([self.plant.sent]))
         if "fault" in info:
             task.terminated[:], task.truncated[:] = True, False
             task.reward[:] -= task.weights[-1]
@@ -175,14 +165,6 @@ class HardwareEnv(gym.Env[Observation, Action]):
         reward = float(task.reward[0])
         ended = bool(task.terminated[0])
         return task.observation[0].copy(), reward, ended, bool(task.truncated[0]), info
-
-    def _show(self, measured: Measurement) -> None:
-        """Put a measurement where the task looks for it; measured is all there is."""
-        arrays = self.episodes.plant.batch.arrays
-        for j, name in enumerate(CHANNELS):
-            arrays.measured[0, j] = getattr(measured, name)[0]
-        arrays.tau[0] = arrays.measured[0, TAU]
-        arrays.state[0, 3] = arrays.measured[0, DQ_M]
 
     def close(self) -> None:
         """End the run, at once while an exception is on its way, softly otherwise."""

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from sb3_contrib import TQC, RecurrentPPO
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
@@ -17,7 +18,12 @@ from cjt_gym.envs.sb3 import TorqueTrackingVecEnv
 from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.training.config import TrainConfig, environment_arguments
 
-CLASSES: dict[str, type[BaseAlgorithm]] = {"PPO": PPO, "SAC": SAC}
+CLASSES: dict[str, type[BaseAlgorithm]] = {
+    "PPO": PPO,
+    "SAC": SAC,
+    "TQC": TQC,
+    "RecurrentPPO": RecurrentPPO,
+}
 ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU, "elu": torch.nn.ELU}
 OURS = ("policy", "env", "seed", "device", "verbose", "tensorboard_log", "policy_kwargs")
 SCHEDULES = ("learning_rate", "clip_range")
@@ -53,11 +59,14 @@ def make_model(config: TrainConfig, env: VecEnv) -> BaseAlgorithm:
         "net_arch": list(config.policy.net_arch),
         "activation_fn": ACTIVATIONS[config.policy.activation],
     }
-    if config.algorithm == "PPO":
+    recurrent = config.algorithm == "RecurrentPPO"
+    if recurrent or config.algorithm == "PPO":
         network["log_std_init"] = config.policy.log_std_init
+    if recurrent:
+        network["lstm_hidden_size"] = config.policy.lstm_hidden_size
     try:
         return algorithm(
-            "MlpPolicy",
+            "MlpLstmPolicy" if recurrent else "MlpPolicy",
             env,
             seed=config.seed,
             device=config.device,

@@ -30,7 +30,7 @@ def make_agents(controllers: Sequence[str], policies: Sequence[str | Path]) -> l
 
     Args:
         controllers: Names of `CONTROLLERS`, or gain files.
-        policies: Run folders.
+        policies: Run folders, or exported policies (.npz).
 
     Raises:
         ConfigurationError: There is none, or two have the same name.
@@ -39,9 +39,9 @@ def make_agents(controllers: Sequence[str], policies: Sequence[str | Path]) -> l
     """
     agents: list[Agent] = [ControllerAgent(name) for name in controllers]
     if policies:
-        from cjt_gym.training.policy import load_policy
+        from cjt_gym.training.load_agent import load_agent
 
-        agents += [load_policy(path) for path in policies]
+        agents += [load_agent(path) for path in policies]
     names = [agent.name for agent in agents]
     if not agents:
         raise ConfigurationError("Name at least one --controller or --policy to compare.")

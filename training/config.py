@@ -13,7 +13,7 @@ from cjt_gym.envs.torque_tracking import complete
 from cjt_gym.errors import ConfigurationError, MissingFileError, unknown_name
 from cjt_gym.training.gains import choose
 
-ALGORITHMS = ("PPO", "SAC")
+ALGORITHMS = ("PPO", "SAC", "TQC", "RecurrentPPO")
 ACTIVATIONS = ("tanh", "relu", "elu")
 VALIDATION_SEEDS = 500_000
 """Where seeds of the evaluations during training begin; see also `EVALUATION_SEEDS`."""
@@ -26,12 +26,14 @@ class PolicyConfig:
     Attributes:
         net_arch: Units of each hidden layer, for actor and critic each.
         activation: One of `ACTIVATIONS`.
-        log_std_init: Logarithm of the first standard deviation of actions (PPO).
+        log_std_init: Logarithm of the first standard deviation of actions (PPO, RecurrentPPO).
+        lstm_hidden_size: Units of the recurrent layer (RecurrentPPO).
     """
 
     net_arch: tuple[int, ...] = (64, 64)
     activation: str = "tanh"
     log_std_init: float = 0.0
+    lstm_hidden_size: int = 64
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "net_arch", tuple(self.net_arch))
@@ -41,6 +43,7 @@ class PolicyConfig:
             )
         if self.activation not in ACTIVATIONS:
             raise unknown_name("activation", self.activation, ACTIVATIONS)
+        _at_least("lstm_hidden_size of [policy]", self.lstm_hidden_size, 1)
 
 
 @dataclass(frozen=True)
@@ -76,6 +79,8 @@ class TrainConfig:
         checkpoint_every: Steps between two checkpoints.
         normalize_observations: Whether observations are scaled by their running statistics.
         normalize_rewards: Whether rewards are scaled by the running spread of returns.
+        start_from: Run folder whose best model the training goes on from, with its own steps and
+            learning rate; None starts anew.
         env: Arguments of `TorqueTrackingEnv`; `base_controller` is a name of `CONTROLLERS` or a
             gain file.
         policy: The network.
@@ -93,6 +98,7 @@ class TrainConfig:
     checkpoint_every: int = 200_000
     normalize_observations: bool = False
     normalize_rewards: bool = True
+    start_from: str | None = None
     env: Mapping[str, Any] = field(default_factory=dict)
     policy: PolicyConfig = field(default_factory=PolicyConfig)
     algorithm_options: Mapping[str, Any] = field(default_factory=dict)
@@ -114,6 +120,10 @@ class TrainConfig:
                 raise ConfigurationError(
                     f"{name} must be true or false, got {getattr(self, name)}."
                 )
+        if self.start_from is not None and not isinstance(self.start_from, str):
+            raise ConfigurationError(
+                f"start_from must be the path of a run folder, got {self.start_from!r}."
+            )
         environment_arguments(self.env)
 
     def to_dict(self) -> dict[str, Any]:
@@ -175,6 +185,9 @@ def load_config(path: str | Path) -> TrainConfig:
         if isinstance(name, str) and name.endswith(".toml"):
             beside = file.parent / name
             env[key] = str(beside if beside.is_file() else name)
+    before = data.get("start_from")
+    if isinstance(before, str) and (file.parent / before).is_dir():
+        data["start_from"] = str((file.parent / before).resolve())
     return from_dict(data, str(path))
 
 

@@ -9,14 +9,17 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from cjt_gym.errors import ConfigurationError
+from cjt_gym.training.deploy.exported import Exported
+from cjt_gym.training.deploy.network import Layer, Network
 from cjt_gym.training.policy import PolicyAgent
 
 Floats = NDArray[np.float32]
-ACTIVATIONS: dict[type[torch.nn.Module], Callable[[Floats], Floats]] = {
-    torch.nn.Tanh: np.tanh,
-    torch.nn.ReLU: lambda x: np.maximum(x, np.float32(0.0)),
+NAMES: dict[type[torch.nn.Module], str] = {
+    torch.nn.Tanh: "tanh",
+    torch.nn.ReLU: "relu",
+    torch.nn.ELU: "elu",
 }
-Layer = tuple[Floats, Floats, Callable[[Floats], Floats] | None]
 
 
 def fast_policy(agent: PolicyAgent) -> Callable[[Floats], Floats]:
@@ -31,50 +34,63 @@ def fast_policy(agent: PolicyAgent) -> Callable[[Floats], Floats]:
     Returns:
         Function from an observation, shape (size,), to the action, shape (1,).
     """
+    network = network_of(agent)
+    if network is None:
+        return lambda observation: np.asarray(agent.act(observation[None])[0], np.float32)
+    return network.act
+
+
+def exported(agent: PolicyAgent) -> Exported:
+    """Return a trained policy without what trained it.
+
+    Raises:
+        ConfigurationError: Its network is not a chain of linear layers and known activations.
+    """
+    network = network_of(agent)
+    if network is None:
+        raise ConfigurationError(
+            f"The policy {agent.name} cannot be exported: its network is not a chain of linear "
+            f"layers with {', '.join(NAMES.values())}, as that of {agent.config.algorithm} with "
+            "these options. PPO, SAC and TQC with an MLP can be."
+        )
+    return Exported(agent.name, agent.config, network, agent.layout)
+
+
+def network_of(agent: PolicyAgent) -> Network | None:
+    """Return the network of a policy, None where it is not such a chain."""
     layers = _layers(agent.model)
     if layers is None:
-        return lambda observation: np.asarray(agent.act(observation[None])[0], np.float32)
-    mean, scale, clip = _scaling(agent)
-
-    def act(observation: Floats) -> Floats:
-        x = np.clip((observation - mean) * scale, -clip, clip)
-        for weight, bias, activation in layers:
-            x = weight @ x + bias
-            if activation is not None:
-                x = activation(x)
-        return np.asarray(np.clip(x, -1.0, 1.0), dtype=np.float32)
-
-    return act
-
-
-def _scaling(agent: PolicyAgent) -> tuple[Floats, Floats, np.float32]:
-    """Return what observations are shifted, scaled and clipped by."""
+        return None
+    size = int(np.prod(agent.model.observation_space.shape or ()))
     if agent.normalizer is None:
-        return np.float32(0.0), np.float32(1.0), np.float32(np.inf)  # type: ignore[return-value]
+        one = np.ones(size, np.float32)
+        return Network(layers, 0.0 * one, one, float(np.finfo(np.float32).max))
     statistics: Any = agent.normalizer.obs_rms
     scale = 1.0 / np.sqrt(statistics.var + agent.normalizer.epsilon)
-    clip = np.float32(agent.normalizer.clip_obs)
-    return statistics.mean.astype(np.float32), scale.astype(np.float32), clip
+    mean = statistics.mean.astype(np.float32)
+    return Network(layers, mean, scale.astype(np.float32), float(agent.normalizer.clip_obs))
 
 
-def _layers(model: Any) -> list[Layer] | None:
+def _layers(model: Any) -> tuple[Layer, ...] | None:
     """Return the layers of a policy, None where it is not such a chain."""
     policy = model.policy
+    if hasattr(policy, "lstm_actor"):
+        return None
     if hasattr(policy, "mlp_extractor"):  # PPO, A2C
         if getattr(policy, "use_sde", False) or policy.squash_output:
             return None
         chain = [*policy.mlp_extractor.policy_net, policy.action_net]
-    else:  # SAC
+    else:  # SAC, TQC
         if policy.actor.use_sde:
             return None
         chain = [*policy.actor.latent_pi, policy.actor.mu, torch.nn.Tanh()]
     layers: list[Layer] = []
     for module in chain:
         if isinstance(module, torch.nn.Linear):
-            weight = module.weight.detach().numpy().copy()
-            layers.append((weight, module.bias.detach().numpy().copy(), None))
-        elif type(module) in ACTIVATIONS and layers and layers[-1][2] is None:
-            layers[-1] = (*layers[-1][:2], ACTIVATIONS[type(module)])
+            weight, bias = (x.detach().numpy().copy() for x in (module.weight, module.bias))
+            layers.append(Layer(weight, bias, "none"))
+        elif type(module) in NAMES and layers and layers[-1].activation == "none":
+            layers[-1] = Layer(layers[-1].weight, layers[-1].bias, NAMES[type(module)])
         else:
             return None
-    return layers
+    return tuple(layers)

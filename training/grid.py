@@ -48,7 +48,7 @@ class Cell:
 
     Attributes:
         agent: Name of a controller, path of a gain file, or run folder of a policy.
-        is_policy: Whether it is a run folder.
+        is_policy: Whether it is a run folder or an exported policy.
         joint: Name of the joint, or path of its file.
         structure: Its structure.
         tasks: Its tasks.
@@ -76,7 +76,8 @@ class Cell:
         if self.agent.endswith(".toml"):
             content = Path(self.agent).read_text(encoding="utf-8")
         elif self.is_policy:
-            files = sorted(p for p in Path(self.agent).rglob("*") if p.is_file())
+            here = Path(self.agent)
+            files = sorted(p for p in (here, *here.rglob("*")) if p.is_file())
             content = " ".join(f"{p.name} {p.stat().st_size} {p.stat().st_mtime_ns}" for p in files)
         joint = load_joint_file(self.joint).hash_hex()
         text = json.dumps([asdict(self), content, joint, code_hash()], sort_keys=True)
@@ -85,9 +86,9 @@ class Cell:
     def load(self) -> Agent:
         """Return the agent."""
         if self.is_policy:
-            from cjt_gym.training.policy import load_policy
+            from cjt_gym.training.load_agent import load_agent
 
-            return load_policy(self.agent)
+            return load_agent(self.agent)
         return ControllerAgent(self.agent)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +16,9 @@ from cjt_gym.errors import ConfigurationError
 from cjt_gym.training.algorithms import load_normalization, make_environment, make_model
 from cjt_gym.training.conditions import Conditions
 from cjt_gym.training.config import TrainConfig, environment_arguments
+from cjt_gym.training.deploy.layout import Layout, layout_of
+from cjt_gym.training.policy_arguments import kind_of, policy_arguments, trained_on
 from cjt_gym.training.run_folder import open_run
-
-SCALES = ("torque_amplitude", "velocity_scale", "action_scale")
-CONDITIONS = ("joint", "structure", "drive", "effects", "randomization", "dt_physics")
 
 
 @dataclass(frozen=True)
@@ -37,11 +36,12 @@ class PolicyAgent:
     config: TrainConfig
     model: BaseAlgorithm
     normalizer: VecNormalize | None
+    _memory: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def kind(self) -> str:
         """Either "residual", on a base controller, or "learned"."""
-        return "learned" if self.config.env.get("base_controller") is None else "residual"
+        return kind_of(self.config)
 
     def arguments(self, conditions: Conditions) -> dict[str, Any]:
         """Return the conditions with the observation and the action that it was trained with.
@@ -51,19 +51,12 @@ class PolicyAgent:
         Raises:
             ConfigurationError: The control step is another one.
         """
-        arguments = environment_arguments(self.config.env)
-        if abs(arguments["dt_control"] - conditions.dt_control) > 1e-12:
-            raise ConfigurationError(
-                f"The policy {self.name} was trained at dt_control = {arguments['dt_control']:g} "
-                f"s and cannot run at {conditions.dt_control:g} s."
-            )
-        trained = Episodes(1, **arguments).settings
-        given = {name: getattr(conditions, name) for name in CONDITIONS}
-        arguments |= {**given, "parameters": None, "disturbance": None}
-        arguments["history"] = trained.history
-        if (arguments["joint"], arguments["structure"]) == self.trained_on:
-            arguments |= {name: getattr(trained, name) for name in SCALES}
-        return arguments
+        return policy_arguments(self.name, self.config, self.layout, conditions)
+
+    @property
+    def layout(self) -> Layout:
+        """What its observation is made of."""
+        return layout_of(Episodes(1, **environment_arguments(self.config.env)).settings)
 
     @property
     def renders(self) -> bool:
@@ -73,8 +66,7 @@ class PolicyAgent:
     @property
     def trained_on(self) -> tuple[str, str]:
         """Joint and structure that it was trained on."""
-        arguments = environment_arguments(self.config.env)
-        return arguments["joint"], arguments["structure"]
+        return trained_on(self.config)
 
     def act(self, observation: NDArray[np.float32]) -> NDArray[Any]:
         """Return the deterministic actions, shape (episodes, 1)."""
@@ -82,8 +74,18 @@ class PolicyAgent:
             scaled = self.normalizer.normalize_obs(observation)
             assert isinstance(scaled, np.ndarray)
             observation = scaled.astype(np.float32)
-        actions, _ = self.model.predict(observation, deterministic=True)
+        memory = self._memory
+        first = None if memory else np.ones(len(observation), dtype=np.bool_)
+        actions, state = self.model.predict(
+            observation, memory.get("state"), first, deterministic=True
+        )
+        if state is not None:  # recurrent policies alone have one
+            memory["state"] = state
         return actions
+
+    def begin(self) -> None:
+        """Forget what a recurrent policy remembers."""
+        self._memory.clear()
 
 
 def load_policy(run: str | Path, checkpoint: Path | None = None) -> PolicyAgent:

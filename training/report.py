@@ -39,6 +39,11 @@ def figure(svg: str, caption: str) -> str:
     return f"<figure>{svg}<figcaption>{escape(caption)}</figcaption></figure>"
 
 
+def code(text: str) -> str:
+    """Return text as it is, with its lines."""
+    return f"<pre>{escape(text)}</pre>"
+
+
 def html_table(cells: Sequence[Sequence[str]]) -> str:
     """Return a table whose first line is its head; a line begins a group where column 1 changes."""
     lines = ["".join(f"<th>{escape(cell)}</th>" for cell in cells[0])]

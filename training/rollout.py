@@ -82,6 +82,10 @@ class Agent(Protocol):
         """Return the environment's arguments under which it runs."""
         ...
 
+    def begin(self) -> None:
+        """Begin a batch of episodes: forget the past, where any is remembered."""
+        ...
+
     def act(self, observation: NDArray[np.float32]) -> NDArray[Any]:
         """Return the actions for observations, shape (episodes, 1)."""
         ...
@@ -158,6 +162,9 @@ class ControllerAgent:
         self._made[key].reset()
         return self._made[key]
 
+    def begin(self) -> None:
+        """Nothing is remembered here; the environment resets its controller."""
+
     def act(self, observation: NDArray[np.float32]) -> NDArray[Any]:
         """Return zeros: the controller acts alone."""
         return np.zeros((observation.shape[0], 1))
@@ -228,6 +235,7 @@ def run_episodes(
     episodes = Episodes(num, **complete(arguments))
     episodes.plant.seed(seed)
     episodes.reset()
+    agent.begin()
     task, arrays = episodes.task, episodes.plant.batch.arrays
     if from_zero:
         task.start[:] = 0.0

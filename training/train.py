@@ -5,18 +5,20 @@ from __future__ import annotations
 import sys
 import warnings
 from pathlib import Path
+from typing import Any
 
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.logger import KVWriter, Logger, TensorBoardOutputFormat
+from stable_baselines3.common.save_util import load_from_zip_file
 from stable_baselines3.common.vec_env import VecEnv
 
 from cjt_gym.envs.core import Episodes
-from cjt_gym.errors import CjtGymError
-from cjt_gym.training.algorithms import make_environment, make_model
+from cjt_gym.errors import CjtGymError, ConfigurationError
+from cjt_gym.training.algorithms import load_normalization, make_environment, make_model
 from cjt_gym.training.callbacks import Companion, restore
 from cjt_gym.training.config import TrainConfig, environment_arguments
-from cjt_gym.training.run_folder import RunFolder, TrainingError, begin_run
+from cjt_gym.training.run_folder import RunFolder, TrainingError, begin_run, open_run
 
 
 def train(config: TrainConfig, out: str | Path, quiet: bool = False) -> RunFolder:
@@ -37,6 +39,8 @@ def train(config: TrainConfig, out: str | Path, quiet: bool = False) -> RunFolde
     joint = Episodes(1, **environment_arguments(config.env)).settings.joint
     env = make_environment(config)
     model = make_model(config, env)
+    if config.start_from is not None:
+        start_from(config.start_from, config, model, env)
     run = begin_run(out, config, joint)
     if run.facts["status"] == "finished":
         _say(f"{run.path} is finished ({run.facts['steps']} steps). Nothing to do.", quiet)
@@ -59,6 +63,45 @@ def train(config: TrainConfig, out: str | Path, quiet: bool = False) -> RunFolde
         model.logger.close()
     run.note(status="finished", reason=None, seconds=companion.seconds)
     return run
+
+
+def start_from(run: str, config: TrainConfig, model: BaseAlgorithm, env: VecEnv) -> None:
+    """Give a model the weights and the statistics of the best model of another run.
+
+    Its optimiser begins anew.
+
+    Raises:
+        MissingFileError: There is no such folder.
+        ConfigurationError: It is not a run of ours, has no model yet, or its network does not fit.
+    """
+    before = open_run(run)
+    if not (before.path / "model.zip").is_file():
+        raise ConfigurationError(f"start_from: {run} has no model yet. Train it first.")
+    there = before.config
+    fits = [
+        ("algorithm", there.algorithm, config.algorithm),
+        ("policy", there.policy, config.policy),
+    ]
+    fits += [
+        ("normalize_observations", there.normalize_observations, config.normalize_observations),
+        ("size of the observation", _size(there), env.observation_space.shape),
+    ]
+    for what, one, other in fits:
+        if one != other:
+            raise ConfigurationError(
+                f"start_from: {what} of {run} must be that of this training, {other}, got {one}. "
+                "Change one of them; history and preview of [env] make the observation."
+            )
+    path = before.path / "model.zip"
+    weights: dict[str, Any] = load_from_zip_file(path, device="cpu", load_data=False)[1]
+    model.policy.load_state_dict(weights["policy"])
+    if (before.path / "normalization.npz").is_file():
+        load_normalization(env, before.path / "normalization.npz")
+
+
+def _size(config: TrainConfig) -> tuple[int, ...]:
+    space = Episodes(1, **environment_arguments(config.env)).observation_space
+    return tuple(space.shape or ())
 
 
 def _continue(

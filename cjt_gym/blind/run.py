@@ -166,7 +166,12 @@ def _advance(
     resolution, reference, restarts = given
     command, measured, clean, states = out
     samples = len(reference)
-    past, counts, lost, memory = np.zeros((2, PAST)), np.zeros(2, np.int64), np.zeros(1), np.zeros(3)
+    past, counts, lost, memory = (
+        np.zeros((2, PAST)),
+        np.zeros(2, np.int64),
+        np.zeros(1),
+        np.zeros(3),
+    )
     for k in range(samples):
         if every > 0 and k > 0 and k % every == 0:
             x[:] = restarts[k]

@@ -26,7 +26,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--structure", nargs="+", default=[USUAL], metavar="S", help=", ".join(STRUCTURES))
     text = f"{', '.join(CONTROLLERS)}, gain files of `cjt-gym tune`, or {ALL}"
     add("--controller", nargs="+", default=[], metavar="C", help=text)
-    add("--policy", nargs="+", default=[], metavar="RUN", help="run folders")
+    add(
+        "--policy",
+        nargs="+",
+        default=[],
+        metavar="RUN",
+        help="run folders, or exported policies (.npz)",
+    )
     text = f"{', '.join(BENCHMARK_TASKS)}; default: all that exist for the structure"
     add("--task", nargs="+", metavar="T", help=text)
     add("--amplitude", type=float, help="of the references [N m]; default: from the peak torque")

@@ -1,4 +1,4 @@
-"""`cjt-gym export`: a joint as another simulator takes it."""
+"""`cjt-gym export`: a joint as another simulator takes it, or a policy as a control loop does."""
 
 from __future__ import annotations
 
@@ -11,12 +11,17 @@ from cjt_gym.commands.simulate import parse_effects
 from cjt_gym.export import TARGETS, Export, to_isaaclab, to_mujoco
 from cjt_gym.joint import DRIVES, STRUCTURES, load_joint
 
+FORMS = ("onnx", "numpy", "c")
+"""Forms of an exported policy."""
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add what to export, for what, and where to write it."""
     add = parser.add_argument
-    add("joint", metavar="JOINT", help="name of a joint, or path of a joint file")
-    add("--to", required=True, choices=list(TARGETS), help="the simulator")
+    text = "name of a joint or path of a joint file; for a policy, its run folder"
+    add("source", metavar="JOINT|RUN", help=text)
+    text = f"simulator for a joint: {', '.join(TARGETS)}; form of a policy: {', '.join(FORMS)}"
+    add("--to", required=True, choices=[*TARGETS, *FORMS], help=text)
     add("--structure", default="output_fixed_rigid_gearbox", help=", ".join(STRUCTURES))
     add("--drive", default="current", help=", ".join(DRIVES))
     text = "effects, by name or name.parameter=value; default: those of the joint file"
@@ -29,14 +34,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Write the file; say what it holds and what it cannot."""
+    options.out.parent.mkdir(parents=True, exist_ok=True)
+    if options.to in FORMS:
+        from cjt_gym.training.deploy.export import export_policy
+
+        result = export_policy(options.source, options.to, options.out)
+        text = json.dumps(result.to_dict()) if options.json else result.summary()
+        sys.stdout.write(text + "\n")
+        return
     effects = parse_effects(options.effect)
-    joint = load_joint(options.joint, options.structure, options.drive, effects)
+    joint = load_joint(options.source, options.structure, options.drive, effects)
     step = {} if options.timestep is None else {"timestep": options.timestep}
     if options.to == "mujoco":
         found = to_mujoco(joint, dcmotor=not options.without_dcmotor, **step)
     else:
         found = to_isaaclab(joint, **step)
-    options.out.parent.mkdir(parents=True, exist_ok=True)
     options.out.write_text(found.text, encoding="utf-8")
     if options.json:
         sys.stdout.write(json.dumps({"file": str(options.out), **found.to_dict()}) + "\n")

@@ -37,7 +37,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     who = parser.add_mutually_exclusive_group()
     text = f"{', '.join(CONTROLLERS)}, or {NONE}: the reference is the motor torque itself"
     who.add_argument("--controller", metavar="C", help=text)
-    who.add_argument("--policy", metavar="RUN", help="run folder of a trained policy")
+    who.add_argument(
+        "--policy", metavar="RUN", help="run folder, or a policy of  cjt-gym export --to numpy"
+    )
     text = f"identification experiments, all or: {', '.join(EXPERIMENTS)}; --out is a folder then"
     who.add_argument("--experiment", nargs="+", metavar="E", help=text)
     text = "step, chirp, multisine, smooth, or a record: its tau_ref is tracked, without one its "
@@ -162,17 +164,17 @@ def _follow_policy(plant: CanPlant, job: Job) -> list[float]:
     """Run a policy; return the tracking errors [N m]."""
     from cjt_gym.envs.hardware import HardwareEnv
     from cjt_gym.training.conditions import Conditions
-    from cjt_gym.training.fast_policy import fast_policy
-    from cjt_gym.training.policy import load_policy
+    from cjt_gym.training.deploy.exported import Exported
+    from cjt_gym.training.load_agent import load_agent
 
     assert job.policy is not None
-    agent = load_policy(job.policy)
+    agent = load_agent(job.policy)
     config = plant.config
     conditions = Conditions(config.joint_name, config.joint.structure, dt_control=config.dt)
     t = np.arange(len(job.reference), dtype=np.float64) * config.dt
     arguments = agent.arguments(conditions) | {"reference": sampled_signal(t, job.reference)}
     arguments["episode_steps"] = len(job.reference) + 1
-    act = fast_policy(agent)
+    act = agent.network.act if isinstance(agent, Exported) else _without_torch(agent)
     with HardwareEnv(plant=plant, **arguments) as env:
         act(env.reset()[0])  # once before it counts
         observation, _ = env.reset()
@@ -183,6 +185,12 @@ def _follow_policy(plant: CanPlant, job: Job) -> list[float]:
                 raise HardwareFault(plant.guard.fault)
             errors.append(info["tau_reference"] - info["tau"])
     return errors
+
+
+def _without_torch(agent: Any) -> Any:
+    from cjt_gym.training.fast_policy import fast_policy
+
+    return fast_policy(agent)
 
 
 def _look(config: HardwareConfig) -> dict[str, Any]:

@@ -1,0 +1,40 @@
+"""`cjt-gym runs`: list and compare training runs, and write the page of one."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+
+from cjt_gym.training.benchmark import align
+from cjt_gym.training.runs import cells, compared, find_runs
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add where to look and what to write."""
+    add = parser.add_argument
+    text = "folders with runs in them or below, or run folders; default: runs"
+    add("folders", nargs="*", default=["runs"], metavar="FOLDER", help=text)
+    add("--page", action="store_true", help="write page.html into every run that is listed")
+
+
+def run(options: argparse.Namespace) -> None:
+    """List the runs; write their pages."""
+    found = find_runs(options.folders)
+    rows = compared(found)
+    if options.page:
+        from cjt_gym.training.run_page import write_run_page
+
+        pages = {str(one.path): str(write_run_page(one)) for one in found}
+        for row in rows:
+            row["page"] = pages[row["run"]]
+    if options.json:
+        sys.stdout.write(json.dumps(rows) + "\n")
+        return
+    sys.stdout.write(align(cells(rows)) + "\n")
+    for row in rows:
+        if row["differs"]:
+            changes = ", ".join(f"{name} = {value}" for name, value in row["differs"].items())
+            sys.stdout.write(f"{row['run']} differs from the first in {changes}\n")
+        if options.page:
+            sys.stdout.write(f"{row['page']}\n")

@@ -1,0 +1,125 @@
+"""Exported policies do what torch does, with their history inside, and drive a joint on a bus."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cjt_gym.cli import main
+from cjt_gym.errors import CjtGymError
+from cjt_gym.training.algorithms import make_environment, make_model
+from cjt_gym.training.config import PolicyConfig, TrainConfig
+from cjt_gym.training.deploy.c_header import c_header
+from cjt_gym.training.deploy.check import TOLERANCE, CStepper, recorded
+from cjt_gym.training.deploy.exported import Stepper, load_exported, save_exported
+from cjt_gym.training.deploy.onnx_file import OnnxStepper, write_onnx
+from cjt_gym.training.fast_policy import exported
+from cjt_gym.training.policy import PolicyAgent, agent_of, load_policy
+from cjt_gym.training.run_folder import RunFolder
+
+FORMS = [
+    "numpy",
+    "onnx",
+    pytest.param(
+        "c",
+        marks=pytest.mark.skipif(
+            not any(map(shutil.which, ("cc", "gcc", "clang"))), reason="there is no C compiler"
+        ),
+    ),
+]
+
+
+def agent_for(tiny: TrainConfig, algorithm: str, activation: str, **env: object) -> PolicyAgent:
+    """Return a policy that was not trained, with statistics of some observations."""
+    options = {"buffer_size": 100} if algorithm in ("SAC", "TQC") else tiny.algorithm_options
+    policy = PolicyConfig(net_arch=(16, 8), activation=activation, lstm_hidden_size=8)
+    given = {**tiny.env, **env}
+    config = replace(tiny, algorithm=algorithm, policy=policy, algorithm_options=options, env=given)
+    environment = make_environment(config)
+    environment.reset()
+    for _ in range(20):
+        environment.step(np.zeros((config.num_envs, 1), np.float32))
+    return agent_of("one", config, make_model(config, environment), environment)
+
+
+def stepper_of(form: str, agent: PolicyAgent, folder: Path) -> Stepper | OnnxStepper | CStepper:
+    policy = exported(agent)
+    if form == "numpy":
+        return Stepper(load_exported(save_exported(policy, folder / "p.npz")))
+    if form == "onnx":
+        return OnnxStepper(write_onnx(policy, folder / "p.onnx"))
+    return CStepper(c_header(policy), policy.layout)
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize(
+    ("algorithm", "activation"), [("PPO", "tanh"), ("SAC", "relu"), ("TQC", "elu")]
+)
+def test_every_form_gives_what_torch_gives(
+    form: str, algorithm: str, activation: str, tiny: TrainConfig, tmp_path: Path
+) -> None:
+    agent = agent_for(tiny, algorithm, activation, preview=2, history=5)
+    stepper = stepper_of(form, agent, tmp_path)
+    inputs, wanted = recorded(agent)
+    assert np.ptp(wanted) > 0.01 * agent.layout.action
+    for _ in range(2):  # a second episode begins without the past of the first
+        stepper.reset()
+        found = np.array([stepper.step(*row) for row in inputs])
+        np.testing.assert_allclose(found, wanted, atol=TOLERANCE * agent.layout.action)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_signals_beyond_the_box_are_limited(form: str, tiny: TrainConfig, tmp_path: Path) -> None:
+    agent = agent_for(tiny, "PPO", "tanh")
+    stepper, torch_one = stepper_of(form, agent, tmp_path), Stepper(exported(agent))
+    for k in range(12):
+        far = 100.0 * agent.layout.torque * (-1.0) ** k
+        row = ([far], -far, 3.0 * k, 1e3 * agent.layout.velocity, -far, far)
+        assert abs(stepper.step(*row) - torch_one.step(*row)) < TOLERANCE * agent.layout.action
+
+
+def test_recurrent_policy_is_not_exported(tiny: TrainConfig) -> None:
+    agent = agent_for(tiny, "RecurrentPPO", "tanh")
+    with pytest.raises(CjtGymError, match="not a chain of linear layers"):
+        exported(agent)
+
+
+@pytest.mark.parametrize("form", ["numpy", "onnx", "c"])
+def test_command_writes_tries_and_tells(
+    form: str, finished: RunFolder, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / {"numpy": "mine.npz", "onnx": "mine.onnx", "c": "mine.h"}[form]
+    words = ["export", str(finished.path), "--to", form, "--out", str(out), "--json"]
+    assert main(words) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert out.is_file()
+    assert told["error"] is None or told["error"] < TOLERANCE
+    if form == "c":
+        assert "mine_step(mine_state *state" in out.read_text(encoding="utf-8")
+
+
+def test_exported_policy_is_an_agent_like_its_run(
+    finished: RunFolder, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = save_exported(exported(load_policy(finished.path)), tmp_path / "exported.npz")
+    words = ["benchmark", "--joint", "orange_80_6000", "--policy", str(finished.path), str(path)]
+    words += ["--task", "step", "--episodes", "2", "--out", str(tmp_path / "out"), "--json"]
+    assert main(words) == 0
+    rows = json.loads(capsys.readouterr().out)
+    assert rows[0]["rmse"] == pytest.approx(rows[1]["rmse"], rel=1e-4)
+
+
+def test_file_of_somebody_else_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = tmp_path / "other.npz"
+    np.savez(other, weights=np.zeros(3))
+    for path, text in ((other, "not a policy that cjt-gym exported"), ("gone.npz", "not exist")):
+        words = ["benchmark", "--joint", "orange_80_6000", "--policy", str(path)]
+        assert main([*words, "--out", str(tmp_path / "out")]) == 2
+        assert text in capsys.readouterr().err

@@ -1,0 +1,121 @@
+"""The joints of the loop, who is tried on them, and what its report says."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cjt_gym.blind.control import Gains
+from cjt_gym.blind.run import draw_chances, run
+from cjt_gym.joint import Joint, get_structure, load_joint, to_toml
+from cjt_gym.training.conditions import zero_reference
+from cjt_gym.training.loop.drive import BlindPlant, drive
+from cjt_gym.training.loop.experiment import ARMS, Outcome, Plan
+from cjt_gym.training.loop.joints import HiddenJoint, as_sensed, hidden_joints
+from cjt_gym.training.loop.report import summary_of, verdict, write_report
+from cjt_gym.training.loop.wide import NEUTRAL, wide_randomization, with_room
+from cjt_gym.training.rollout import ControllerAgent
+
+
+@pytest.fixture(scope="module")
+def joints() -> list[HiddenJoint]:
+    return hidden_joints(groups=4, per_group=2, seed=1)
+
+
+def test_joints_of_a_group_share_a_datasheet_and_hide_one_or_two_effects(
+    joints: list[HiddenJoint],
+) -> None:
+    assert [len(joint.hidden) for joint in joints] == [1, 2] * 4
+    for one, other in zip(joints[::2], joints[1::2], strict=True):
+        assert one.case.sheet == other.case.sheet
+        assert one.structure == other.structure
+    assert len({str(joint.case.sheet) for joint in joints}) == 4
+
+
+def test_true_joint_moves_as_the_one_of_the_other_simulator(
+    joints: list[HiddenJoint], tmp_path: Path
+) -> None:
+    errors = []
+    for joint in joints:
+        path = tmp_path / f"{joint.name}.toml"
+        path.write_text(to_toml(joint.true(joint.stated(tmp_path))), encoding="utf-8")
+        ours = load_joint(path, joint.structure)
+        p = ours.parameters
+        samples = 400
+        command = 0.3 * p.i_p * np.sin(2.0 * np.pi * 4.0 * np.arange(samples) * 1e-3)
+        chances = draw_chances(joint.case.world, samples, np.random.default_rng(0))
+        theirs = run(joint.case.world, command, Gains(), chances)
+        seen = ours.simulate(command * p.k_t * p.n, dt=1e-3, x0=np.zeros(6), dt_physics=1e-4)
+        tau = theirs.clean[:, 4]
+        errors.append(float(np.std(seen["tau"] - tau) / np.std(tau)))
+    assert np.median(errors) < 0.05, errors
+
+
+def test_plant_obeys_the_contract_and_repeats_itself(
+    joints: list[HiddenJoint], tmp_path: Path
+) -> None:
+    joint = joints[0]
+    stated = Joint(joint.stated(tmp_path), joint.structure, "current", {})
+    plant = BlindPlant(joint.case.world, stated, steps=50)
+    runs = []
+    for _ in range(2):
+        first = plant.reset(3)
+        assert first.t[0] == 0.0
+        runs.append([plant.step(np.array([1e9])).tau[0] for _ in range(50)])
+    assert runs[0] == runs[1]
+    torque = stated.parameters.k_b * 1.0
+    assert 0.0 < plant.tau < torque
+
+
+def test_controller_tracks_on_the_blind_joint(joints: list[HiddenJoint], tmp_path: Path) -> None:
+    joint = joints[0]
+    path = tmp_path / "sheet.toml"
+    path.write_text(to_toml(as_sensed(joint.stated(tmp_path))), encoding="utf-8")
+    agent = ControllerAgent("pd_feedforward")
+    given = {"joint": str(path), "structure": joint.structure, "torque_amplitude": 10.0}
+    given |= {"reference": "smooth", "episode_steps": 400, **agent.base()}
+    tracked = drive(agent, given, joint.case.world, 1, 0)
+    still = drive(agent, given | {"reference": zero_reference()}, joint.case.world, 1, 0)
+    assert np.ptp(tracked.reference) > 5.0
+    assert np.sqrt(np.mean(tracked.error**2)) < np.sqrt(np.mean(tracked.reference**2))
+    assert not still.reference.any()
+
+
+def test_wide_randomisation_draws_what_the_joint_has_room_for(
+    joints: list[HiddenJoint], tmp_path: Path
+) -> None:
+    for joint in joints[::2]:
+        file = as_sensed(joint.stated(tmp_path))
+        drawn = wide_randomization(file, joint.structure)
+        assert {name.split(".")[0] for name in drawn if "." in name} == set(NEUTRAL)
+        assert ("k_b" in drawn) == ("k_b" in get_structure(joint.structure).needed_parameters)
+        assert set(NEUTRAL) <= set(with_room(file).effects)
+
+
+def outcome(name: str, *errors: float) -> Outcome:
+    tasks = {arm: {"step": e, "chirp": e} for arm, e in zip(ARMS, errors, strict=True)}
+    noise = dict.fromkeys(ARMS, 5.0)
+    return Outcome(name, "rigid", ("coulomb",), ("coulomb",), "explained", 10.0, tasks, noise)
+
+
+def test_report_says_what_was_recovered_and_where_it_did_not_help(tmp_path: Path) -> None:
+    outcomes = [
+        outcome("half", 3.0, 2.0, 1.8, 1.5, 1.0),
+        outcome("all", 3.0, 2.0, 1.5, 1.0, 1.0),
+        outcome("worse", 3.0, 2.0, 1.0, 3.0, 1.0),
+        outcome("none", 3.0, 1.02, 1.0, 1.0, 1.0),
+    ]
+    found = summary_of(outcomes)
+    assert found["with_a_gap"] == 3
+    assert found["recovered"]["identified"]["median"] == pytest.approx(0.5)
+    assert found["recovered"]["wide"]["median"] == pytest.approx(0.5)
+    assert found["worse_than_nominal"] == ["worse"]
+    assert found["names_right"] == 4
+    assert "It made worse worse" in verdict(found)
+    page = write_report(outcomes, Plan(tmp_path), 1.0).read_text(encoding="utf-8")
+    assert "no gap" in page
+    assert page.count("<svg") == 1
+    assert json.loads((tmp_path / "loop.json").read_text(encoding="utf-8"))["summary"] == found

@@ -1,0 +1,86 @@
+"""Runs are listed and compared, and have a page; a training can go on from another."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cjt_gym.cli import main
+from cjt_gym.errors import CjtGymError
+from cjt_gym.training.config import TrainConfig
+from cjt_gym.training.policy import load_policy
+from cjt_gym.training.run_folder import RunFolder
+from cjt_gym.training.run_page import write_run_page
+from cjt_gym.training.train import train
+
+
+def test_runs_are_listed_best_first_with_what_differs(
+    finished: RunFolder, tiny: TrainConfig, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = train(replace(tiny, seed=7, total_steps=1024), tmp_path / "other", quiet=True)
+    assert main(["runs", str(finished.path), str(tmp_path), "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)
+    assert {row["run"] for row in rows} == {str(finished.path), str(other.path)}
+    errors = [row["best_rmse"] for row in rows]
+    assert errors == sorted(errors)
+    differs = next(row["differs"] for row in rows if row["differs"])
+    assert set(differs) == {"seed", "total_steps"}
+    assert main(["runs", str(finished.path)]) == 0
+    assert "finished" in capsys.readouterr().out
+
+
+def test_nothing_to_list_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["runs", str(tmp_path)]) == 2
+    assert "There is no training run in" in capsys.readouterr().err
+    assert main(["runs", str(tmp_path / "gone")]) == 2
+
+
+def test_page_of_a_run_has_its_curve_its_figures_and_its_origin(finished: RunFolder) -> None:
+    text = write_run_page(finished, episodes=2).read_text(encoding="utf-8")
+    assert text.count("<svg") == 2
+    for word in ("pd_feedforward", "chirp", "parameter hash", "total_steps = 2048"):
+        assert word in text
+
+
+def test_training_goes_on_from_the_best_model_of_another(
+    finished: RunFolder, tiny: TrainConfig, tmp_path: Path
+) -> None:
+    options = {**tiny.algorithm_options, "learning_rate": 1e-12}
+    config = replace(tiny, start_from=str(finished.path), algorithm_options=options)
+    further = load_policy(train(config, tmp_path / "further", quiet=True).path)
+    before = load_policy(finished.path)
+    size = before.model.observation_space.shape
+    seen = np.random.default_rng(0).normal(size=(20, *(size or ()))).astype(np.float32)
+    actions = [agent.model.predict(seen, deterministic=True)[0] for agent in (before, further)]
+    np.testing.assert_allclose(*actions, atol=1e-5)
+    assert further.normalizer is not None
+    assert further.normalizer.obs_rms.count > before.normalizer.obs_rms.count  # type: ignore[union-attr]
+
+
+def test_network_of_another_size_is_refused(
+    finished: RunFolder, tiny: TrainConfig, tmp_path: Path
+) -> None:
+    config = replace(tiny, start_from=str(finished.path), env={**tiny.env, "history": 9})
+    with pytest.raises(CjtGymError, match=r"size of the observation of .* must be that of this"):
+        train(config, tmp_path / "out", quiet=True)
+
+
+@pytest.mark.parametrize("algorithm", ["TQC", "RecurrentPPO"])
+def test_further_algorithms_learn_and_are_loaded(
+    algorithm: str, tiny: TrainConfig, tmp_path: Path
+) -> None:
+    off = {"buffer_size": 2000, "learning_starts": 100, "train_freq": 64, "batch_size": 64}
+    options = off if algorithm == "TQC" else tiny.algorithm_options
+    config = replace(tiny, algorithm=algorithm, algorithm_options=options, total_steps=1024)
+    agent = load_policy(train(config, tmp_path / "run", quiet=True).path)
+    size = agent.model.observation_space.shape or ()
+    seen = np.random.default_rng(0).normal(size=(3, *size)).astype(np.float32)
+    first = agent.act(seen)
+    second = agent.act(seen)
+    assert (algorithm == "RecurrentPPO") == bool(np.any(first != second))
+    agent.begin()
+    np.testing.assert_array_equal(agent.act(seen), first)

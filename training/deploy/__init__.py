@@ -1,0 +1,13 @@
+"""Trained policies without what trained them: files that a control loop can afford.
+
+=============  ===============================================================
+`network`      a policy as matrices and biases, and what they act on
+`layout`       what makes an observation out of measurements
+`exported`     both in one file of arrays (`.npz`), read back without torch
+`onnx_file`    the same as an ONNX graph
+`c_header`     the same as a C header without dependencies
+`check`        whether a file does what the policy does
+=============  ===============================================================
+
+    cjt-gym export runs/ppo --to c --out policy.h
+"""

@@ -1,0 +1,87 @@
+"""Write a policy in one of its forms, and try the file against the policy."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from cjt_gym.errors import CjtGymError
+from cjt_gym.training.deploy.c_header import c_header
+from cjt_gym.training.deploy.check import TOLERANCE, Checked, check
+from cjt_gym.training.deploy.exported import save_exported
+from cjt_gym.training.deploy.onnx_file import write_onnx
+from cjt_gym.training.fast_policy import exported
+from cjt_gym.training.policy import load_policy
+
+
+class ExportError(CjtGymError, RuntimeError):
+    """An exported file does not do what the policy does."""
+
+
+@dataclass(frozen=True)
+class Written:
+    """An exported policy.
+
+    Attributes:
+        path: The file.
+        form: "onnx", "numpy" or "c".
+        checked: How it compares with the policy.
+    """
+
+    path: Path
+    form: str
+    checked: Checked
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the same as plain data; what is not known is None."""
+        numbers = {name: getattr(self.checked, name) for name in ("error", "microseconds")}
+        known = {name: x if math.isfinite(x) else None for name, x in numbers.items()}
+        steps, note = self.checked.steps, self.checked.note
+        return {"file": str(self.path), "form": self.form, "steps": steps, **known, "note": note}
+
+    def summary(self) -> str:
+        """Return it in words."""
+        c = self.checked
+        if not c.steps:
+            return f"{self.path}: not tried. {c.note}"
+        return (
+            f"{self.path}: as the policy to {c.error:.1e} of its largest action, over {c.steps} "
+            f"steps; {c.microseconds:.1f} us a step"
+        )
+
+
+def export_policy(run: str | Path, form: str, path: Path) -> Written:
+    """Write the policy of a run, and try the file on an episode of its training task.
+
+    Args:
+        run: The run folder.
+        form: "onnx", "numpy" or "c".
+        path: The file to write. Names in a C header begin with its name.
+
+    Raises:
+        MissingFileError: There is no such folder.
+        ConfigurationError: It is no run of ours, its network cannot be exported, or a package is
+            missing.
+        ExportError: The file gives other actions than the policy.
+    """
+    agent = load_policy(run)
+    policy, header = exported(agent), ""
+    if form == "onnx":
+        write_onnx(policy, path)
+    elif form == "numpy":
+        save_exported(policy, path)
+    else:
+        header = c_header(policy)
+        prefix = re.sub(r"\W", "_", path.stem)
+        named = header if prefix == "policy" else c_header(policy, prefix)
+        path.write_text(named, encoding="utf-8")
+    checked = check(agent, path, form, header)
+    if checked.steps and not checked.error <= TOLERANCE:
+        raise ExportError(
+            f"{path} gives actions that differ from those of {run} by {checked.error:.2g}, more "
+            f"than {TOLERANCE:g}. Do not use it."
+        )
+    return Written(path, form, checked)

@@ -1,0 +1,82 @@
+"""The page of a run: how it learnt, what it does, and from what it came."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from cjt_gym.training import figures, report
+from cjt_gym.training.benchmark import cells_of
+from cjt_gym.training.conditions import TASKS, Conditions
+from cjt_gym.training.config import environment_arguments
+from cjt_gym.training.evaluate import Evaluation, evaluate
+from cjt_gym.training.metrics import rmse
+from cjt_gym.training.policy import load_policy
+from cjt_gym.training.policy_arguments import CONDITIONS
+from cjt_gym.training.rollout import Agent, ControllerAgent
+from cjt_gym.training.run_folder import RunFolder
+from cjt_gym.training.toml_text import to_toml
+
+EPISODES = 16
+SHOWN = ("step", "chirp")
+FACED = (*CONDITIONS, "dt_control", "torque_amplitude")
+
+
+def write_run_page(run: RunFolder, episodes: int = EPISODES) -> Path:
+    """Write `page.html` into the folder of a run, and return its path.
+
+    The policy, and its base controller alone, are run on episodes that the training did not see.
+
+    Raises:
+        ConfigurationError: The run has no model yet.
+    """
+    facts, config = run.facts, run.config
+    agents: list[Agent] = [load_policy(run.path)]
+    base = config.env.get("base_controller")
+    if base is not None:
+        agents.append(ControllerAgent(str(base)))
+    arguments = environment_arguments(config.env)
+    given = {name: arguments[name] for name in FACED}
+    conditions = Conditions(**{**given, "randomization": given["randomization"] or {}})
+    tried = [evaluate(agent, conditions, TASKS, episodes) for agent in agents]
+    parts = [
+        report.paragraph(_summary(facts)),
+        report.figure(
+            figures.learning_figure(run.progress(), _levels(tried[1:])),
+            "Tracking error over the training, on episodes that it does not see and while it "
+            "explores. The model that was best there is kept.",
+        ),
+        report.heading("What it does"),
+        report.html_table(cells_of([row.to_json() for e in tried for row in e.rows])),
+        report.figure(
+            figures.traces_figure({t: {e.agent: e.traces[t] for e in tried} for t in SHOWN}),
+            f"The same episode under each; {episodes} episodes of every task in the table.",
+        ),
+        report.heading("From what it came"),
+        report.html_table([["", ""], *_origin(facts)]),
+        report.code(to_toml(config.to_dict())),
+    ]
+    return report.write_page(run.path / "page.html", f"Training run {run.path.name}", parts)
+
+
+def _summary(facts: dict[str, Any]) -> str:
+    why = f" ({facts['reason']})" if facts.get("reason") else ""
+    best = facts.get("best_validation_rmse")
+    found = "" if best is None else f" Best error in validation: {best:.3g} N m."
+    return (
+        f"{facts['joint']}, {str(facts['structure']).replace('_', ' ')}. Status: {facts['status']}"
+        f"{why} after {facts['steps']:,} steps and {facts.get('seconds', 0.0):.0f} s.{found}"
+    )
+
+
+def _levels(controllers: Sequence[Evaluation]) -> dict[str, float]:
+    """Return the error of each controller over all tasks [N m]."""
+    return {e.agent: rmse(e.pooled()) for e in controllers}
+
+
+def _origin(facts: dict[str, Any]) -> list[list[str]]:
+    rows = [["begun", facts["begun"]], ["seed", str(facts["seed"])]]
+    rows += [["git revision", str(facts["git_revision"])]]
+    rows += [["parameter hash", facts["parameter_hash"][:16]]]
+    return rows + [[name, number] for name, number in facts["versions"].items()]
