@@ -68,15 +68,15 @@ class Node:
         self.is_asked = bool(self.master.poll()) and settings.protocol != "dbc"
         self._accounts: dict[int, _Account] = {}
 
-    def asked(self, missed: int) -> None:
+    def asked(self, owed: int) -> None:
         """Note that the node was asked: it may answer with one frame of each kind more.
 
         Args:
-            missed: Answers that may be missing in a row, and may come later.
+            owed: Answers that may be outstanding.
         """
         if self.is_asked:
             for account in self._accounts.values():
-                account.credit = min(account.credit + 1.0, SPARE + missed)
+                account.credit = min(account.credit + 1.0, SPARE + owed)
 
     def is_excess(self, arrival: Arrival, period: float, oldest: float) -> bool:
         """Whether a frame came more often than it should.
@@ -110,6 +110,8 @@ class Nodes:
     Attributes:
         dt: Control step [s].
         missed: Reports that may be missing in a row.
+        owed: Answers that may be outstanding: those that may be missing, and those to the commands
+            by which a loop that was late, though no overrun, catches up.
         all: The drive, then the sensors.
         latest: Latest value of every channel, by name; the first node that reports it counts.
         strange: Frames that could not be decoded while no run was on.
@@ -117,6 +119,7 @@ class Nodes:
 
     dt: float
     missed: int
+    owed: int
     all: Sequence[Node]
     latest: dict[str, Latest] = field(default_factory=dict)
     strange: int = 0
@@ -124,7 +127,8 @@ class Nodes:
     @staticmethod
     def of(config: HardwareConfig) -> Nodes:
         """Return the nodes of a configuration."""
-        nodes = Nodes(config.dt, config.missed, [Node(n) for n in config.nodes])
+        owed = config.missed + math.ceil(config.overrun / config.dt)
+        nodes = Nodes(config.dt, config.missed, owed, [Node(n) for n in config.nodes])
         for node in nodes.all:
             for name in sorted(node.master.channels):
                 period = max(node.master.periods.get(name, config.dt), 1e-6)
@@ -206,7 +210,7 @@ class Nodes:
     def command(self, tau_m: float) -> list[can.Message]:
         """Return the frames that command a motor torque [N m] and ask the sensors."""
         frames = list(self.drive.master.command(tau_m))
-        self.drive.asked(self.missed)
+        self.drive.asked(self.owed)
         for node in self.all[1:]:
             frames += self._asking(node)
         return frames
@@ -214,5 +218,5 @@ class Nodes:
     def _asking(self, node: Node) -> Sequence[can.Message]:
         frames = node.master.poll()
         if frames:
-            node.asked(self.missed)
+            node.asked(self.owed)
         return frames

@@ -48,8 +48,8 @@ PIECE = 10.0
 WORST = 5
 """Seconds that are shown one by one."""
 STAT = Path("/proc/stat")
-BEFORE_FAULT = 0.2
-"""How long before a fault a stall of the machine counts as its cause [s]."""
+AROUND_FAULT = 0.1
+"""How far a stall of the machine may be from the step that ended in a fault to be its cause [s]."""
 SHARE = 0.75
 """Share of the allowed lateness that such a stall must take."""
 
@@ -222,6 +222,7 @@ def soak(
     with machine.watched(), witnesses.watching(folder, seen_on, above):
         while time.monotonic() < end:
             record, began = folder / "soak.csv", time.perf_counter()
+            seen = began
             plant = CanPlant(given, record=record)
             try:
                 with plant:
@@ -231,13 +232,14 @@ def soak(
                     law.reset()
                     k, began = 0, time.perf_counter()
                     while time.monotonic() < end:
+                        seen = time.perf_counter()
                         wanted = reference[k % len(reference) :][:1]
                         error = float(wanted[0] - measured.tau[0])
                         tally.squares += error * error
                         measured = plant.step(law.act(measured, wanted), float(wanted[0]))
                         k += 1
             except HardwareError as error:
-                tally.faults.append((time.perf_counter(), str(error)))
+                tally.faults.append((seen, str(error)))  # closing takes some time, too
                 tally.zeros += isinstance(error, HardwareFault)
             tally.add(began, plant, record)
         used = (np.array([_cpu(os.getpid()), _cpu(served_by)]) - used) / seconds
@@ -265,8 +267,8 @@ def soak(
 def _fault(
     t: float, text: str, allowance: float, machine: Machine, witnesses: Witnesses
 ) -> dict[str, Any]:
-    """Return when and why a run ended, and how long the machine stood still just before."""
-    stall = witnesses.longest(t - BEFORE_FAULT, t)
+    """Return when and why a run ended, and how long the machine stood still about then."""
+    stall = witnesses.longest(t - AROUND_FAULT, t + AROUND_FAULT)
     seen = {"stall_ms": round(1e3 * stall, 1), "of_the_machine": stall > SHARE * allowance}
     return {"text": text, **machine.at(t), **seen}
 

@@ -2,16 +2,19 @@
 
 from pathlib import Path
 
+import can
 import numpy as np
 import pytest
 
+from cjt_gym.canbus.link import Arrival
+from cjt_gym.canbus.nodes import SPARE, Nodes
 from cjt_gym.canbus.plant import CanPlant
 from cjt_gym.canbus.safety import FAULTS, MOVES, Guard, HardwareFault, State
 from cjt_gym.canbus.timing import Timing
 from cjt_gym.errors import ConfigurationError, HardwareError
 from cjt_gym.plant import SimulatedPlant
 from cjt_gym.records import read_record
-from tests.canbus.bench import config, virtual_plant
+from tests.canbus.bench import DRIVES, config, virtual_plant
 
 
 def test_follows_the_simulation_of_the_same_joint() -> None:
@@ -161,3 +164,19 @@ def test_measured_delays_are_what_environments_draw() -> None:
     parameters = env.reset(seed=1)[1]["parameters"]
     low, high = (drawn["command_delay.delay"][end] for end in ("low", "high"))
     assert low <= parameters["command_delay.delay"] <= high
+
+
+def test_a_loop_that_catches_up_is_answered_as_often_as_it_asked() -> None:
+    """As late as it may be, it sends what it missed at once, and then waits for old answers."""
+    allowed = {"value": 0.02, "unit": "s"}
+    control = {"rate_hz": 1000, "missed": 20, "overrun": allowed, "watchdog": allowed}
+    nodes = Nodes.of(config(drive=DRIVES["mit"], control=control))
+    node = nodes.drive
+    answer = Arrival(0.0, can.Message(arbitration_id=0, is_extended_id=False, data=bytes(6)))
+    assert not node.is_excess(answer, 1e-3, 1.0)
+    behind = 20 + 18
+    for _ in range(behind):
+        nodes.command(0.0)
+    assert not any(node.is_excess(answer, 1e-3, 1.0) for _ in range(behind))
+    more = [node.is_excess(answer, 1e-3, 1.0) for _ in range(round(SPARE) + 1)]
+    assert more[-1]

@@ -71,7 +71,7 @@ def test_plant_obeys_the_contract_and_repeats_itself(
 
 
 def test_controller_tracks_on_the_blind_joint(joints: list[HiddenJoint], tmp_path: Path) -> None:
-    joint = joints[0]
+    joint = joints[1]  # whose friction lets it move
     path = tmp_path / "sheet.toml"
     path.write_text(to_toml(as_sensed(joint.stated(tmp_path))), encoding="utf-8")
     agent = ControllerAgent("pd_feedforward")
