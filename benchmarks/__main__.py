@@ -4,7 +4,17 @@ from __future__ import annotations
 
 import time
 
-from benchmarks import accuracy, costs, redraw, report, speed
+from benchmarks import (
+    accuracy,
+    costs,
+    growth,
+    redraw,
+    reference,
+    report,
+    speed,
+    startup,
+    training,
+)
 
 
 def main() -> None:
@@ -14,11 +24,18 @@ def main() -> None:
     for measure in (
         accuracy.table,
         speed.table,
+        reference.table,
+        growth.table,
+        training.table,
+        startup.table,
         redraw.table,
         costs.redraw_table,
         costs.effect_table,
     ):
-        tables.append(measure())
+        table = measure()
+        if table is None:
+            continue
+        tables.append(table)
         print(tables[-1].markdown(), end="\n\n", flush=True)
     report.write(tables)
     print(f"{report.conditions()} It took {time.perf_counter() - begin:.0f} s.")

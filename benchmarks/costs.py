@@ -25,7 +25,9 @@ def typical(effect: Effect) -> dict[str, Any]:
 
 def stepping(structure: str, effects: Any) -> Callable[[], int]:
     """Return work that drives a batch to and fro; its unit is one joint's control step."""
-    plant = SimulatedPlant(load_joint(NAME, structure, effects=effects), num=NUM)
+    joint = load_joint(NAME, structure, effects=effects)
+    plant = SimulatedPlant(joint, num=NUM)
+    plant.batch.use_blocks(joint)
     torque = 20.0 * np.sin(0.1 * np.arange(STEPS))
 
     def work() -> int:

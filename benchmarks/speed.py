@@ -26,6 +26,12 @@ REAL: dict[str, Any] = {
     },
     "randomization": {"k_b": (0.9, 1.1), "d_m": (0.5, 2.0), "coulomb.d_cm": (0.5, 1.5)},
 }
+FRICTION: dict[str, Any] = {
+    "structure": "full_dynamics",
+    "effects": {"coulomb": {"dq_0": 0.002}, "cogging": REAL["effects"]["cogging"]},
+}
+SHARP: dict[str, Any] = {**FRICTION, "effects": {**FRICTION["effects"], "coulomb": {"dq_0": 0.0}}}
+CASES = {"ideal": PLAIN, "friction": FRICTION, "sharp friction": SHARP, "all effects": REAL}
 SINGLE_STEPS, BATCH_STEPS = 5_000, 200_000
 
 
@@ -85,7 +91,7 @@ def works() -> dict[str, Callable[[], int]]:
     found: dict[str, Callable[[], int]] = {
         "CartPole-v1, gymnasium.make": single(gym.make("CartPole-v1"), SINGLE_STEPS)
     }
-    for label, arguments in (("ideal", PLAIN), ("all effects", REAL)):
+    for label, arguments in CASES.items():
         found[f"joint, {label}, gymnasium.make"] = single(gym.make(ID, **arguments), SINGLE_STEPS)
         for num in (64, 1024):
             env = gym.make_vec(ID, num_envs=num, **arguments)
@@ -103,9 +109,11 @@ def table() -> Table:
     rows = [[name, f"{unit / time:.2f}"] for name, time in times.items()]
     return Table(
         "Speed",
-        "Steps per second of one process, resets included, relative to `CartPole-v1` through "
+        "Steps per second on one core, resets included, relative to `CartPole-v1` through "
         "`gymnasium.make` in the same run; a step of a batch of n counts n times. Control step "
-        "1 ms of ten substeps, orange_80_6000, output_fixed_rigid_gearbox. All effects: Coulomb "
+        "1 ms of ten substeps, orange_80_6000. Ideal and all effects: output_fixed_rigid_gearbox; "
+        "friction: full_dynamics with Coulomb friction of motor and gear and two harmonics of "
+        "cogging, smooth (dq_0 = 0.002 rad/s) or sharp (set-valued, dq_0 = 0). All: Coulomb "
         "friction, cogging, delays of command and measurement, noise, quantization, "
         "differentiated velocities, randomised parameters.",
         ["environment", "steps per second / CartPole's"],

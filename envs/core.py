@@ -9,8 +9,17 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from cjt_gym.envs.observe import CLIP, SIGNALS_PER_SAMPLE, Task, begin, conclude, draw_episodes
+from cjt_gym.envs.observe import CLIP, SIGNALS_PER_SAMPLE, Task, begin, draw_episodes
 from cjt_gym.envs.settings import BaseController, Settings, make_settings
+from cjt_gym.envs.step import (
+    BAD_ACTION,
+    REPORT,
+    command_all,
+    episode_stepper,
+    make_control,
+    table_of,
+    tell_some,
+)
 from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.joint import Joint
 from cjt_gym.joint.arrays import TAU
@@ -48,8 +57,30 @@ class Episodes:
         size = self.task.observation.shape[1]
         self.observation_space = spaces.Box(-CLIP, CLIP, (size,), np.float32)
         self.action_space = spaces.Box(-1.0, 1.0, (1,), np.float32)
-        self.base, self.residual = np.zeros(num), np.zeros(num)
+        limit, per_ampere = self.plant.limits.tau, s.joint.parameters.k_t * s.joint.parameters.n
+        self.control = make_control(num, s.action_scale, limit, per_ampere)
+        self.base, self.residual = self.control.base, self.control.residual
+        self.plant.batch.use_blocks(s.joint)
+        self._connect()
         self._all = np.ones(num, dtype=np.bool_)
+
+    def _connect(self) -> None:
+        """Note where the arrays lie, for the compiled step."""
+        batch = self.plant.batch
+        self._step: Any = None
+        self._table, self._count = np.zeros(0, dtype=np.int64), 0
+        if batch.blocks is not None and batch.shape is not None:
+            self._step, self._count = episode_stepper(batch.shape), batch.blocks.rows.shape[0]
+            parts = batch.arrays, batch.setup, batch.blocks, self.task, self.control
+            self._table = table_of(*parts)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out where the arrays lie: those of a copy lie elsewhere."""
+        return {name: x for name, x in self.__dict__.items() if name not in ("_step", "_table")}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._connect()
 
     def seed(self, seed: int | None, first: np.random.Generator | None) -> None:
         """Seed episode i with seed + i; without a seed, only the first time, from a generator."""
@@ -90,9 +121,31 @@ class Episodes:
             ConfigurationError: The action has the wrong shape or is not finite.
             SimulationError: A state ceased to be finite.
         """
-        command = self.choose(action)
-        self.plant.advance(command, self.task.load)
-        conclude(self.plant.batch.arrays, self.task, command)
+        control, plant, action = self.control, self.plant, np.asarray(action)
+        if action.shape != (self.num, 1):
+            raise self._bad_action(action)
+        control.action[:] = action[:, 0]
+        if self.controller is not None:
+            control.base[:] = self.controller.act(self.measurement(), self.task.reference.copy())
+        plant.redraw_within()
+        if self._step is not None:
+            left = self._step(self._table, 0, self._count, 0)
+            if left == 0:
+                return
+            mask = plant.batch.left
+        else:
+            left = 0 if command_all(control) else BAD_ACTION
+            mask = self._all
+        if left == BAD_ACTION:
+            raise self._bad_action(action)
+        plant.batch.step_some(control.commands, self.task.load, mask)
+        tell_some(plant.batch.arrays, self.task, control, mask)
+
+    def _bad_action(self, action: NDArray[np.floating[Any]]) -> ConfigurationError:
+        return ConfigurationError(
+            f"The action must hold {self.num} finite numbers, shape ({self.num}, 1), got shape "
+            f"{action.shape}{'' if np.isfinite(action).all() else ' with NaN or inf'}."
+        )
 
     def choose(self, action: NDArray[np.floating[Any]]) -> Floats:
         """Return the motor torques that an action and the base controller command, (num,) [N m].
@@ -105,15 +158,16 @@ class Episodes:
         """
         action = np.asarray(action, dtype=np.float64)
         if action.shape != (self.num, 1) or not np.isfinite(action).all():
-            raise ConfigurationError(
-                f"The action must hold {self.num} finite numbers, shape ({self.num}, 1), got "
-                f"shape {action.shape}{'' if np.isfinite(action).all() else ' with NaN or inf'}."
-            )
-        self.residual = np.clip(action[:, 0], -1.0, 1.0) * self.settings.action_scale
+            raise self._bad_action(action)
+        self.residual[:] = np.clip(action[:, 0], -1.0, 1.0) * self.settings.action_scale
         if self.controller is not None:
-            self.base = self.controller.act(self.measurement(), self.task.reference.copy())
+            self.base[:] = self.controller.act(self.measurement(), self.task.reference.copy())
         limit = self.plant.limits.tau
         return np.clip(self.base + self.residual, -limit, limit)
+
+    def report(self) -> dict[str, Floats]:
+        """Return what the last step reports, each of shape (num,)."""
+        return dict(zip(REPORT, self.control.report.copy(), strict=True))
 
     def measurement(self) -> Measurement:
         """Return the latest measurement of all joints."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.joint.arrays import DQ_L, DQ_M, Q_M, TAU, Batch
-from cjt_gym.joint.compiled import compiled
+from cjt_gym.joint.compiled import compiled, lean
 from cjt_gym.joint.random_stream import mix, uniform
 from cjt_gym.signals.evaluate import evaluate
 
@@ -78,7 +78,7 @@ class Task(NamedTuple):
     preview: int
 
 
-@compiled
+@lean
 def reference_at(task: Task, i: int, t: float) -> float:
     """Return the reference of episode i at time t [N m]."""
     span = task.reference_spans[task.picks[i, 0]]
@@ -86,7 +86,7 @@ def reference_at(task: Task, i: int, t: float) -> float:
     return float(evaluate(task.reference_row[i], task.keys[i, 0], table, t))
 
 
-@compiled
+@lean
 def load_at(task: Task, i: int, t: float) -> float:
     """Return the load input of episode i at time t [N m or rad/s]."""
     span = task.disturbance_spans[task.picks[i, 1]]
@@ -115,13 +115,13 @@ def draw_episodes(batch: Batch, task: Task, mask: Masks) -> None:
         task.load[i] = load_at(task, i, 0.0)
 
 
-@compiled
+@lean
 def limit(x: float) -> float:
     """Clip an observation to its finite box."""
     return min(max(x, -CLIP), CLIP)
 
 
-@compiled
+@lean
 def sample(batch: Batch, task: Task, i: int, row: Floats) -> None:
     """Write the scaled newest sample [tau, dq_m, dq_l, command]."""
     measured, scales = batch.measured[i], task.scales
@@ -131,7 +131,7 @@ def sample(batch: Batch, task: Task, i: int, row: Floats) -> None:
     row[3] = limit(task.command[i] / scales[0])
 
 
-@compiled
+@lean
 def observe(batch: Batch, task: Task, i: int) -> None:
     """Write the observation of episode i."""
     out, scales = task.observation[i], task.scales
@@ -164,33 +164,42 @@ def begin(batch: Batch, task: Task, mask: Masks) -> None:
             observe(batch, task, i)
 
 
-@compiled
-def conclude(batch: Batch, task: Task, command: Floats) -> None:
-    """After a control step: reference, reward, end of the episode, observation, next load.
+@lean
+def conclude_one(batch: Batch, task: Task, i: int, command: float) -> None:
+    """After a control step of episode i: reference, reward, end, observation, next load.
 
     Args:
         batch: The joints.
         task: The task.
-        command: Motor torque that was commanded, shape (n,) [N m].
+        i: Which episode.
+        command: Motor torque that was commanded [N m].
     """
     scales, weights = task.scales, task.weights
+    t = batch.samples[i] * scales[6]
+    task.reference[i] = reference_at(task, i, t)
+    error = (task.reference[i] - batch.tau[i]) / scales[0]
+    change = (command - task.command[i]) / scales[0]
+    task.command[i] = command
+    too_fast = abs(batch.state[i, 3]) > scales[4]
+    too_strong = abs(batch.tau[i]) > scales[5]
+    task.terminated[i] = too_fast or too_strong
+    task.truncated[i] = batch.samples[i] >= task.episode_steps and not task.terminated[i]
+    terms = task.terms[i]
+    terms[TRACKING] = -weights[TRACKING] * abs(error)
+    terms[SMOOTHNESS] = -weights[SMOOTHNESS] * change * change
+    terms[EFFORT] = -weights[EFFORT] * (command / scales[0]) ** 2
+    terms[SAFETY] = -weights[SAFETY] if task.terminated[i] else 0.0
+    task.reward[i] = terms[TRACKING] + terms[SMOOTHNESS] + terms[EFFORT] + terms[SAFETY]
+    for past in range(task.history.shape[1] - 1, 0, -1):
+        for signal in range(SIGNALS_PER_SAMPLE):
+            task.history[i, past, signal] = task.history[i, past - 1, signal]
+    sample(batch, task, i, task.history[i, 0])
+    observe(batch, task, i)
+    task.load[i] = load_at(task, i, t)
+
+
+@compiled
+def conclude(batch: Batch, task: Task, command: Floats) -> None:
+    """Conclude a control step of all episodes, in which `command` was commanded, (n,) [N m]."""
     for i in range(command.shape[0]):
-        t = batch.samples[i] * scales[6]
-        task.reference[i] = reference_at(task, i, t)
-        error = (task.reference[i] - batch.tau[i]) / scales[0]
-        change = (command[i] - task.command[i]) / scales[0]
-        task.command[i] = command[i]
-        too_fast = abs(batch.state[i, 3]) > scales[4]
-        too_strong = abs(batch.tau[i]) > scales[5]
-        task.terminated[i] = too_fast or too_strong
-        task.truncated[i] = batch.samples[i] >= task.episode_steps and not task.terminated[i]
-        task.terms[i, TRACKING] = -weights[TRACKING] * abs(error)
-        task.terms[i, SMOOTHNESS] = -weights[SMOOTHNESS] * change * change
-        task.terms[i, EFFORT] = -weights[EFFORT] * (command[i] / scales[0]) ** 2
-        task.terms[i, SAFETY] = -weights[SAFETY] if task.terminated[i] else 0.0
-        task.reward[i] = task.terms[i].sum()
-        for past in range(task.history.shape[1] - 1, 0, -1):
-            task.history[i, past] = task.history[i, past - 1]
-        sample(batch, task, i, task.history[i, 0])
-        observe(batch, task, i)
-        task.load[i] = load_at(task, i, t)
+        conclude_one(batch, task, i, command[i])

@@ -12,6 +12,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from cjt_gym.envs.core import ControllerOrFactory, Episodes
+from cjt_gym.envs.step import REPORT
 from cjt_gym.envs.strip_chart import StripChart
 from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.joint import Joint
@@ -187,22 +188,21 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
             ConfigurationError: The action has the wrong shape or is not finite.
             SimulationError: The state ceased to be finite.
         """
-        self.episodes.step(np.asarray(action).reshape(1, -1))
-        task = self.episodes.task
-        info: dict[str, Any] = {
-            name: float(values[0]) for name, values in self.episodes.info().items()
-        }
+        episodes = self.episodes
+        episodes.step(np.asarray(action).reshape(1, -1))
+        task = episodes.task
+        info: dict[str, Any] = dict(zip(REPORT, episodes.control.report[:, 0].tolist()))  # noqa: B905
         if self._chart is not None:
             self._chart.add(info["tau_reference"], info["tau"], info["tau_command"])
             if self.render_mode == "human":
                 self._chart.show()
-        if self.episodes.redrawn[0]:
+        if episodes.redrawn[0]:
             info["parameters"] = self._parameters()
         return (
             task.observation[0].copy(),
-            float(task.reward[0]),
-            bool(task.terminated[0]),
-            bool(task.truncated[0]),
+            task.reward.item(),
+            task.terminated.item(),
+            task.truncated.item(),
             info,
         )
 
@@ -270,7 +270,7 @@ class TorqueTrackingVectorEnv(VectorEnv[Observation, Action, NDArray[Any]]):
         """Advance all members by one control step."""
         self.episodes.step(actions)
         task = self.episodes.task
-        info: dict[str, Any] = self.episodes.info()
+        info: dict[str, Any] = self.episodes.report()
         terminated, truncated = task.terminated.copy(), task.truncated.copy()
         done = terminated | truncated
         told = self.episodes.redrawn | done

@@ -13,10 +13,12 @@ from numpy.typing import NDArray
 
 from cjt_gym.errors import ConfigurationError, SimulationError
 from cjt_gym.joint.arrays import MEMORY, WORK_ROWS, WORK_WIDTH, Batch, Setup
+from cjt_gym.joint.blocks import Blocks, make_blocks, shape_of, stepper
 from cjt_gym.joint.compiled import compiled
 from cjt_gym.joint.discretize import SCRATCH, discretize
 from cjt_gym.joint.drives import get_drive
 from cjt_gym.joint.kernel import restart, step_batch
+from cjt_gym.joint.lanes import Shape
 from cjt_gym.joint.random_stream import seed_state
 
 if TYPE_CHECKING:
@@ -85,6 +87,8 @@ class JointBatch:
     Attributes:
         arrays: What the kernel works on.
         setup: What the joints share.
+        shape: The kind of joint for which the faster code is made, or None.
+        blocks: What that code works on, or None.
     """
 
     def __init__(
@@ -149,11 +153,30 @@ class JointBatch:
             samples=np.zeros(num, dtype=np.int64),
             rng=np.zeros(num, dtype=np.uint64),
         )
+        self._all = np.ones(num, dtype=np.bool_)
+        self.shape: Shape | None = None
+        self.blocks: Blocks | None = None
         self.discretize()
+
+    def use_blocks(self, joint: Joint) -> None:
+        """Step with faster code where there is some for this kind of joint.
+
+        It gives what the general kernel gives, and is compiled for each kind of joint anew: worth
+        it for environments, which take many steps.
+        """
+        num = self.arrays.tau.shape[0]
+        self.shape = shape_of(joint, num, self.setup.is_voltage)
+        self.blocks = make_blocks(self.shape, num) if self.shape is not None else None
 
     def discretize(self) -> None:
         """Recompute the exact discretisation after parameters changed."""
         discretize_all(self.arrays, self.setup)
+        self.renew(self._all)
+
+    def renew(self, mask: NDArray[np.bool_]) -> None:
+        """Note for which joints parameters or their discretisation have changed."""
+        if self.blocks is not None:
+            self.blocks.stale[mask] = True
 
     def seed(self, i: int, seed: int) -> None:
         """Seed the random stream of joint i."""
@@ -173,7 +196,17 @@ class JointBatch:
         Raises:
             SimulationError: A state ceased to be finite; it carries the last good states.
         """
-        failed = step_batch(self.arrays, self.setup, commands, load)
+        mask, left = self._all, self.arrays.tau.shape[0]
+        if self.blocks is not None and self.shape is not None:
+            mask, step = self.blocks.left, stepper(self.shape)
+            count, work = self.blocks.rows.shape[0], self.blocks.work[0]
+            left = step(self.arrays, self.setup, self.blocks, commands, load, 0, count, work)
+        if left > 0:
+            self.step_some(commands, load, mask)
+
+    def step_some(self, commands: Floats, load: Floats, mask: NDArray[np.bool_]) -> None:
+        """Do what `step` does with the general kernel, for the joints in a mask, shape (num,)."""
+        failed = step_batch(self.arrays, self.setup, commands, load, mask)
         if failed >= 0:
             raise SimulationError(
                 f"The state of joint {failed} ceased to be finite after "

@@ -2,7 +2,7 @@
 
 `lean` is for functions that allocate nothing: their arrays are borrowed, so that no reference is
 counted (Numba's option `_nrt`), which makes small functions several times faster. All others are
-`compiled`.
+`compiled`. `vectorisable` functions are lean, for loops over joints.
 
 Numba renews a cached function when its own file changes, not when a function that it calls
 does. So the cache of the whole package is forgotten when a file with compiled functions changes,
@@ -39,6 +39,21 @@ def lean(function: Function) -> Function:
     """Compile a function that allocates nothing, without counting references to its arrays."""
     fast: Function = njit(function, **BORROWED)
     return fast
+
+
+def vectorisable(function: Function) -> Function:
+    """Compile what is called for many joints in a row; threads may run it side by side.
+
+    Products and sums are not fused: a joint moves in a block exactly as it does alone.
+    """
+    fast: Function = njit(function, nogil=True, **BORROWED)
+    return fast
+
+
+def inlined(function: Function) -> Function:
+    """Put a function into its callers before these are compiled."""
+    part: Function = njit(function, inline="always", **BORROWED)
+    return part
 
 
 def _folders() -> list[Path]:

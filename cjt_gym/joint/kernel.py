@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cjt_gym.joint.arrays import (
     ACTIVE,
@@ -147,14 +148,17 @@ def restart(batch: Batch, setup: Setup, i: int, load: float, work: Floats) -> No
 
 
 @compiled
-def step_batch(batch: Batch, setup: Setup, commands: Floats, load: Floats) -> int:
-    """Advance every joint by one control step.
+def step_batch(
+    batch: Batch, setup: Setup, commands: Floats, load: Floats, mask: NDArray[np.bool_]
+) -> int:
+    """Advance the joints in a mask by one control step.
 
     Args:
         batch: All joints.
         setup: What they share.
         commands: Commands on the q and d axes, shape (n, 2).
         load: Load torque [N m] or load velocity [rad/s], shape (n,).
+        mask: Which joints, shape (n,).
 
     Returns:
         -1, or the first joint whose state ceased to be finite; its state stays as it was.
@@ -162,6 +166,8 @@ def step_batch(batch: Batch, setup: Setup, commands: Floats, load: Floats) -> in
     work = np.zeros((WORK_ROWS, WORK_WIDTH))
     failed = -1
     for i in range(batch.a.shape[0]):
+        if not mask[i]:
+            continue
         pushed = load[i]
         if is_disturbed(batch.p[i]):
             memory, k = batch.memory[i], batch.samples[i]

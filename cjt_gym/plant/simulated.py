@@ -247,6 +247,7 @@ class SimulatedPlant:
         if self._plan.program.rows.shape[0] > 0:
             batch, program = self.batch, self._plan.program
             redraw_some(batch.arrays, batch.setup, program, self._draws, mask)
+            batch.renew(mask)
 
     def step(self, command: Floats, load: Floats | None = None) -> Measurement:
         """Command motor torques for one control step; they are clipped to the limits.
@@ -264,12 +265,17 @@ class SimulatedPlant:
 
     def advance(self, command: Floats, load: Floats) -> None:
         """Do what `step` does with commands that are within the limits already."""
-        if self._plan.within:
-            program = self._plan.program
-            redraw_within(self.batch.arrays, self.batch.setup, program, self._draws)
+        self.redraw_within()
         # The drive is told a current by someone who knows the nominal torque constant.
         self._commands[:, 0] = command / self._torque_per_ampere
         self.batch.step(self._commands, load)
+
+    def redraw_within(self) -> None:
+        """Draw the parameters that are due within the episodes."""
+        if self._plan.within:
+            program = self._plan.program
+            redraw_within(self.batch.arrays, self.batch.setup, program, self._draws)
+            self.batch.renew(self._draws.changed)
 
     def measurement(self) -> Measurement:
         """Return the latest measurement; its arrays are copies."""

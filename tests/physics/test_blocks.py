@@ -1,0 +1,97 @@
+"""The code for blocks of joints gives what the general kernel gives."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cjt_gym.joint import load_joint
+from cjt_gym.joint.blocks import WIDTH
+from cjt_gym.joint.vector_math import sine_cosine, tanh
+from cjt_gym.plant import SimulatedPlant
+
+STEPS = 60
+COGGING = {"f": (80.0, 480.0), "a": (0.5, 0.2), "b": (0.2, 0.1)}
+DELAYED = {"command_delay": {"delay": 1.3e-3}, "measurement_delay": {"delay": 2e-3}}
+CASES: dict[str, tuple[str, dict[str, Any]]] = {
+    "linear": ("full_dynamics", {}),
+    "smooth": ("full_dynamics", {"coulomb": {}, "cogging": COGGING}),
+    "sharp": ("full_dynamics", {"coulomb": {"dq_0": 0.0}, "cogging": COGGING}),
+    "three": ("full_dynamics", {"coulomb": {"d_cl": 1.0}, "viscous_asym": {"d_m_n": 1.0}}),
+    "rigid gearbox": ("rigid_gearbox", {"coulomb_asym": {"d_cm_n": 1.0}, "cogging": COGGING}),
+    "fixed": ("output_fixed", {"coulomb": {"dq_0": 0.0}, **DELAYED}),
+    "measured": (
+        "output_fixed_rigid_gearbox",
+        {"coulomb": {}, "cogging": COGGING, **DELAYED, "noise": {}, "quantization": {}},
+    ),
+    "cogging": ("output_fixed_rigid_gearbox", {"cogging": COGGING}),
+}
+QUICK = ("smooth", "sharp")
+
+
+def plants(structure: str, effects: dict[str, Any], num: int) -> list[SimulatedPlant]:
+    """Return two equal plants, of which the second uses the general kernel."""
+    joint = load_joint("orange_80_6000", structure, effects=effects, parameters={"I_l": 3.0})
+    names = {"k_b": (0.9, 1.1)} | {f"{name}.d_cm": (0.5, 1.5) for name in effects if "coul" in name}
+    pair = [SimulatedPlant(joint, num, randomization=names) for _ in range(2)]
+    pair[0].batch.use_blocks(joint)
+    assert pair[0].batch.blocks is not None
+    return pair
+
+
+@pytest.mark.parametrize(
+    "case", [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in CASES]
+)
+def test_it_is_the_general_kernel(case: str) -> None:
+    structure, effects = CASES[case]
+    num = WIDTH + 3
+    pair = plants(structure, effects, num)
+    rng = np.random.default_rng(1)
+    for plant in pair:
+        plant.reset(seed=3)
+    level = np.zeros(num)
+    for k in range(STEPS):
+        if k % 7 == 0:  # pushes and pauses, so that joints stop, stick and turn
+            level = rng.uniform(-30.0, 30.0, num) * (rng.random(num) < 0.7)
+        if k == STEPS // 2:
+            for plant in pair:
+                plant.restart(np.arange(num) % 3 == 0, np.zeros((num, 6)), np.zeros(num))
+        first, second = (plant.step(level, 0.02 * level) for plant in pair)
+    assert pair[0].batch.blocks is not None
+    assert not pair[0].batch.blocks.left.any()
+    assert np.abs(pair[1].batch.arrays.state).max() > 1e-3
+    one, other = (plant.batch.arrays for plant in pair)
+    scale = np.abs(other.state).max(axis=0) + 1e-9
+    np.testing.assert_allclose(one.state / scale, other.state / scale, atol=1e-9)
+    np.testing.assert_allclose(one.tau, other.tau, rtol=1e-8, atol=1e-8)
+    np.testing.assert_allclose(one.currents, other.currents, rtol=1e-14)
+    np.testing.assert_allclose(first.q_m, second.q_m, rtol=1e-7, atol=2e-5)
+    np.testing.assert_array_equal(one.rng, other.rng)
+
+
+@pytest.mark.parametrize("num", [WIDTH])
+def test_a_state_that_is_not_finite_is_reported(num: int) -> None:
+    plant = plants(*CASES["smooth"], num)[0]
+    plant.reset(seed=0)
+    with pytest.raises(Exception, match="ceased to be finite"):
+        plant.step(np.full(num, np.nan))
+
+
+def test_other_joints_use_the_general_kernel() -> None:
+    for effects in ({"stribeck": {"d_sm": 1.0, "v_s": 0.1}}, {"backlash": {"gap": 0.01}}):
+        joint = load_joint("orange_80_6000", "full_dynamics", effects=effects)
+        plant = SimulatedPlant(joint, 2)
+        plant.batch.use_blocks(joint)
+        assert plant.batch.blocks is None
+
+
+def test_functions_are_as_exact_as_promised() -> None:
+    rng = np.random.default_rng(0)
+    for x in np.concatenate([rng.uniform(-2.0, 2.0, 500), rng.uniform(-1e5, 1e5, 500), [0.0]]):
+        sine, cosine = sine_cosine(x)
+        assert abs(sine - np.sin(x)) < 1e-15
+        assert abs(cosine - np.cos(x)) < 1e-15
+        assert abs(tanh(x) - np.tanh(x)) < 1e-15
+        assert abs(tanh(1e-3 * x) - np.tanh(1e-3 * x)) < 1e-15
