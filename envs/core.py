@@ -15,8 +15,8 @@ from cjt_gym.envs.step import (
     BAD_ACTION,
     REPORT,
     command_all,
-    episode_stepper,
     make_control,
+    step_episodes,
     table_of,
     tell_some,
 )
@@ -67,16 +67,15 @@ class Episodes:
     def _connect(self) -> None:
         """Note where the arrays lie, for the compiled step."""
         batch = self.plant.batch
-        self._step: Any = None
-        self._table, self._count = np.zeros(0, dtype=np.int64), 0
-        if batch.blocks is not None and batch.shape is not None:
-            self._step, self._count = episode_stepper(batch.shape), batch.blocks.rows.shape[0]
-            parts = batch.arrays, batch.setup, batch.blocks, self.task, self.control
+        self._table: NDArray[np.int64] | None = None
+        if batch.blocks is not None and batch.kind is not None:
+            self._count = batch.blocks.rows.shape[0]
+            parts = batch.arrays, batch.setup, batch.kind, batch.blocks, self.task, self.control
             self._table = table_of(*parts)
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out where the arrays lie: those of a copy lie elsewhere."""
-        return {name: x for name, x in self.__dict__.items() if name not in ("_step", "_table")}
+        return {name: x for name, x in self.__dict__.items() if name != "_table"}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
@@ -128,11 +127,11 @@ class Episodes:
         if self.controller is not None:
             control.base[:] = self.controller.act(self.measurement(), self.task.reference.copy())
         plant.redraw_within()
-        if self._step is not None:
-            left = self._step(self._table, 0, self._count, 0)
+        blocks = plant.batch.blocks
+        if self._table is not None and blocks is not None:
+            left, mask = step_episodes(self._table, 0, self._count, 0), blocks.left
             if left == 0:
                 return
-            mask = plant.batch.left
         else:
             left = 0 if command_all(control) else BAD_ACTION
             mask = self._all

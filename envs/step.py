@@ -8,12 +8,13 @@ takes nothing but that table.
 from __future__ import annotations
 
 import math
-from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import carray, types
+from numba import types
+from numba.core import cgutils
 from numba.extending import intrinsic
+from numba.np.arrayobj import populate_array
 from numpy.typing import NDArray
 
 from cjt_gym.envs.observe import SAFETY, Task, conclude_one
@@ -21,7 +22,8 @@ from cjt_gym.joint.arrays import TAU, Batch, Floats, Setup
 from cjt_gym.joint.blocks import Blocks, advance_blocks
 from cjt_gym.joint.compiled import inlined, vectorisable
 from cjt_gym.joint.configure import PARAMETER_DTYPE
-from cjt_gym.joint.lanes import Shape, plan_of
+from cjt_gym.joint.lanes import Kind
+from cjt_gym.joint.vectors import WIDTH
 
 SLOTS = 4  # address and up to three lengths
 BAD_ACTION = -1
@@ -68,7 +70,7 @@ def make_control(num: int, action_scale: float, limit: float, torque_per_ampere:
 
 
 def table_of(
-    batch: Batch, setup: Setup, blocks: Blocks, task: Task, control: Control
+    batch: Batch, setup: Setup, kind: Kind, blocks: Blocks, task: Task, control: Control
 ) -> NDArray[np.int64]:
     """Return where all arrays lie; it holds while these live and are not replaced."""
     fields = [*batch, *blocks, *task, *control, np.array([setup.h, setup.dt])]
@@ -77,42 +79,58 @@ def table_of(
     g, numbers = setup.groups, (setup.size, setup.order, setup.drive, setup.substeps)
     table = [number for row in rows for number in row]
     steps = np.array([setup.h, setup.dt]).view(np.int64).tolist()
-    return np.array([*g, *numbers, *steps, task.episode_steps, task.preview, *table[:-SLOTS]])
+    task_numbers = (task.episode_steps, task.preview)
+    return np.array([*g, *numbers, *steps, *task_numbers, *kind, *table[:-SLOTS]])
 
 
-FIRST = 11  # numbers before the arrays
+FIRST = 19  # numbers before the arrays
 
 
 @intrinsic
-def _pointer(typing_context: Any, address: Any) -> Any:
-    """Take a number for an address."""
+def borrowed(typing_context: Any, address: Any, shape: Any, dtype: Any) -> Any:
+    """Return the array of a shape that lies at an address, in row-major order."""
+    array = types.Array(dtype.dtype, len(shape), "C")
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        target = context.get_value_type(types.voidptr)
-        return builder.inttoptr(arguments[0], target)
+        made = context.make_array(array)(context, builder)
+        size = context.get_abi_sizeof(context.get_data_type(array.dtype))
+        lengths = cgutils.unpack_tuple(builder, arguments[1])
+        strides, step = [], context.get_constant(types.intp, size)
+        for length in reversed(lengths):
+            strides.insert(0, step)
+            step = builder.mul(step, length)
+        populate_array(
+            made,
+            data=builder.inttoptr(arguments[0], made.data.type),
+            shape=lengths,
+            strides=strides,
+            itemsize=context.get_constant(types.intp, size),
+            meminfo=None,
+        )
+        return made._getvalue()
 
-    return types.voidptr(types.int64), generate
+    return array(types.int64, shape, dtype), generate
 
 
 @inlined
 def one(t: NDArray[np.int64], k: int, dtype: Any) -> Any:
     """Return array k, a vector."""
     at = FIRST + SLOTS * k
-    return carray(_pointer(t[at]), (t[at + 1],), dtype)
+    return borrowed(t[at], (t[at + 1],), dtype)
 
 
 @inlined
 def two(t: NDArray[np.int64], k: int, dtype: Any) -> Any:
     """Return array k, a matrix."""
     at = FIRST + SLOTS * k
-    return carray(_pointer(t[at]), (t[at + 1], t[at + 2]), dtype)
+    return borrowed(t[at], (t[at + 1], t[at + 2]), dtype)
 
 
 @inlined
 def three(t: NDArray[np.int64], k: int, dtype: Any) -> Any:
     """Return array k, of three dimensions."""
     at = FIRST + SLOTS * k
-    return carray(_pointer(t[at]), (t[at + 1], t[at + 2], t[at + 3]), dtype)
+    return borrowed(t[at], (t[at + 1], t[at + 2], t[at + 3]), dtype)
 
 
 @inlined
@@ -139,7 +157,7 @@ def open_batch(t: NDArray[np.int64]) -> Batch:
 @inlined
 def open_blocks(t: NDArray[np.int64]) -> Blocks:
     """Return the blocks of joints."""
-    return Blocks(two(t, 14, F8), one(t, 15, B1), one(t, 16, B1), three(t, 17, F8))
+    return Blocks(three(t, 14, F8), one(t, 15, B1), one(t, 16, B1), three(t, 17, F8))
 
 
 @inlined
@@ -194,6 +212,12 @@ def open_setup(t: NDArray[np.int64]) -> Setup:
     return Setup((t[0], t[1], t[2]), t[3], t[4], t[5], t[6] < 0, h, t[6], dt)
 
 
+@inlined
+def open_kind(t: NDArray[np.int64]) -> Kind:
+    """Return what the joints have in common."""
+    return Kind(t[11], t[12], t[13], t[14], t[15], t[16], t[17], t[18])
+
+
 @vectorisable
 def command(control: Control, i: int) -> bool:
     """Turn action and base of episode i into a current; return whether the action is finite."""
@@ -218,35 +242,34 @@ def tell(batch: Batch, task: Task, control: Control, i: int) -> None:
         report[6 + j, i] = task.terms[i, j]
 
 
-@cache
-def episode_stepper(shape: Shape) -> Any:
-    """Return the compiled function (table, begin, end, thread) that steps some blocks' episodes.
+@vectorisable
+def step_episodes(t: NDArray[np.int64], begin: int, end: int, thread: int) -> int:
+    """Step the episodes of blocks begin to end.
 
-    It returns how many joints it left to the general kernel, whose episodes it then has not
-    concluded, or `BAD_ACTION` before anything has moved.
+    Args:
+        t: What `table_of` has noted.
+        begin: First block.
+        end: Behind the last block.
+        thread: Whose scratch to use.
+
+    Returns:
+        How many joints it left to the general kernel, whose episodes it then has not concluded,
+        or `BAD_ACTION` before anything has moved.
     """
-    c = plan_of(shape)
-
-    @vectorisable
-    def step_episodes(t: NDArray[np.int64], begin: int, end: int, thread: int) -> int:
-        batch, setup, blocks = open_batch(t), open_setup(t), open_blocks(t)
-        task, control = open_task(t), open_control(t)
-        first, last = begin * c.width, min(end * c.width, task.load.shape[0])
-        good = True
-        for i in range(first, last):
-            good = command(control, i) and good
-        left = BAD_ACTION
-        if good:
-            work = blocks.work[thread]
-            left = advance_blocks(
-                c, batch, setup, blocks, control.commands, task.load, begin, end, work
-            )
-            for i in range(first, last):
-                if not blocks.left[i]:
-                    tell(batch, task, control, i)
-        return left
-
-    return step_episodes
+    batch, setup, kind, blocks = open_batch(t), open_setup(t), open_kind(t), open_blocks(t)
+    task, control = open_task(t), open_control(t)
+    first, last = begin * WIDTH, min(end * WIDTH, task.load.shape[0])
+    good = True
+    for i in range(first, last):
+        good = command(control, i) and good
+    if not good:
+        return BAD_ACTION
+    loads = task.load
+    left = advance_blocks(batch, setup, kind, blocks, control.commands, loads, begin, end, thread)
+    for i in range(first, last):
+        if not blocks.left[i]:
+            tell(batch, task, control, i)
+    return left
 
 
 @vectorisable

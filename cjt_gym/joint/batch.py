@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from cjt_gym.errors import ConfigurationError, SimulationError
 from cjt_gym.joint.arrays import MEMORY, WORK_ROWS, WORK_WIDTH, Batch, Setup
-from cjt_gym.joint.blocks import Blocks, make_blocks, shape_of, stepper
+from cjt_gym.joint.blocks import Blocks, advance_blocks, kind_of, make_blocks
 from cjt_gym.joint.compiled import compiled
 from cjt_gym.joint.discretize import SCRATCH, discretize
 from cjt_gym.joint.drives import get_drive
 from cjt_gym.joint.kernel import restart, step_batch
-from cjt_gym.joint.lanes import Shape
+from cjt_gym.joint.lanes import Kind
 from cjt_gym.joint.random_stream import seed_state
 
 if TYPE_CHECKING:
@@ -87,8 +87,8 @@ class JointBatch:
     Attributes:
         arrays: What the kernel works on.
         setup: What the joints share.
-        shape: The kind of joint for which the faster code is made, or None.
-        blocks: What that code works on, or None.
+        kind: What the joints have in common where blocks can step them, or None.
+        blocks: The blocks, or None.
     """
 
     def __init__(
@@ -154,19 +154,18 @@ class JointBatch:
             rng=np.zeros(num, dtype=np.uint64),
         )
         self._all = np.ones(num, dtype=np.bool_)
-        self.shape: Shape | None = None
+        self.kind: Kind | None = None
         self.blocks: Blocks | None = None
         self.discretize()
 
     def use_blocks(self, joint: Joint) -> None:
-        """Step with faster code where there is some for this kind of joint.
+        """Step joints side by side where they are of a kind that blocks can step.
 
-        It gives what the general kernel gives, and is compiled for each kind of joint anew: worth
-        it for environments, which take many steps.
+        It gives what the general kernel gives, faster.
         """
+        self.kind = kind_of(joint, self.setup.is_voltage)
         num = self.arrays.tau.shape[0]
-        self.shape = shape_of(joint, num, self.setup.is_voltage)
-        self.blocks = make_blocks(self.shape, num) if self.shape is not None else None
+        self.blocks = make_blocks(self.kind, num) if self.kind is not None else None
 
     def discretize(self) -> None:
         """Recompute the exact discretisation after parameters changed."""
@@ -197,10 +196,10 @@ class JointBatch:
             SimulationError: A state ceased to be finite; it carries the last good states.
         """
         mask, left = self._all, self.arrays.tau.shape[0]
-        if self.blocks is not None and self.shape is not None:
-            mask, step = self.blocks.left, stepper(self.shape)
-            count, work = self.blocks.rows.shape[0], self.blocks.work[0]
-            left = step(self.arrays, self.setup, self.blocks, commands, load, 0, count, work)
+        if self.blocks is not None and self.kind is not None:
+            mask, count = self.blocks.left, self.blocks.rows.shape[0]
+            parts = self.arrays, self.setup, self.kind, self.blocks
+            left = advance_blocks(*parts, commands, load, 0, count, 0)
         if left > 0:
             self.step_some(commands, load, mask)
 

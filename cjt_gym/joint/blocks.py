@@ -26,19 +26,49 @@ from cjt_gym.joint.arrays import (
     Floats,
     Setup,
 )
-from cjt_gym.joint.compiled import inlined, lean, vectorisable
+from cjt_gym.joint.compiled import lean, vectorisable
 from cjt_gym.joint.drives import clip
 from cjt_gym.joint.effects import EFFECTS
-from cjt_gym.joint.lanes import Plan, Shape, plan_of, rows_of, run
+from cjt_gym.joint.lanes import (
+    A,
+    AFTER,
+    BEFORE,
+    COMMAND,
+    CURRENT,
+    D_GL,
+    DOWN,
+    EXTRA,
+    FAILED,
+    K_B,
+    LATE,
+    LOAD,
+    MOBILITY,
+    MOTOR,
+    OFFSET,
+    PEAK,
+    PLAIN,
+    PUSHED,
+    RUB,
+    STEEP,
+    TONES,
+    UP,
+    USABLE,
+    Kind,
+    coordinate,
+    run,
+)
+from cjt_gym.joint.lanes import LATE_SUB as COMMAND_SUB
+from cjt_gym.joint.lanes import X as STATES
 from cjt_gym.joint.ripple import COGGING, KIND
 from cjt_gym.joint.sensing import distorts, is_late, lateness, measure, plan_lateness, sensor
+from cjt_gym.joint.vectors import WIDTH
 
 if TYPE_CHECKING:
     from cjt_gym.joint.joint import Joint
 
 Masks = NDArray[np.bool_]
-WIDTH, FEWEST = 8, 4  # joints per block, and how many it takes for blocks wider than one
 LARGEST = 1e12
+LINE = 64  # bytes of a cache line, on which blocks begin
 HANDLED = (
     *("command_delay", "command_quantization", "current_saturation", "torque_constant"),
     *("torque_offset", "inertia", "damping", "coulomb", "coulomb_asym", "viscous_asym"),
@@ -54,10 +84,10 @@ class Blocks(NamedTuple):
     """The blocks of a batch.
 
     Attributes:
-        rows: The rows of each block, shape (blocks, rows times width).
+        rows: The rows of each block, shape (blocks, rows, WIDTH).
         stale: Whose parameters have changed since they were read, shape (n,).
         left: Which joints the last step left to the general kernel, shape (n,).
-        work: Scratch rows of each thread.
+        work: Scratch rows of each thread, shape (threads, WORK_ROWS, WORK_WIDTH).
     """
 
     rows: Floats
@@ -66,8 +96,8 @@ class Blocks(NamedTuple):
     work: Floats
 
 
-def shape_of(joint: Joint, num: int, voltage: bool) -> Shape | None:
-    """Return the shape of a joint's blocks, or None where it needs the general kernel."""
+def kind_of(joint: Joint, voltage: bool) -> Kind | None:
+    """Return what the joints of a batch have in common, or None for the general kernel."""
     structure = joint.structure_row
     groups = structure.groups
     if joint.drive != "current" or voltage or groups[1] == groups[2]:
@@ -82,21 +112,24 @@ def shape_of(joint: Joint, num: int, voltage: bool) -> Shape | None:
         for body in range(3)
         if any(record[names[body]][0] != 0.0 for names in (UPS, DOWNS, EXTRAS))
     }
-    return Shape(
+    coordinates = sorted(rubbing - {-1})
+    return Kind(
         structure.order,
-        structure.size,
-        tuple(sorted(rubbing - {-1})),
-        bool(rubbing - {-1}) and float(record["dq_0"][0]) == 0.0,
+        structure.order - structure.size,
+        len(coordinates),
+        *(*coordinates, 0, 0, 0)[:3],
+        int(bool(coordinates) and float(record["dq_0"][0]) == 0.0),
         ripple.shape[0],
-        WIDTH if num >= FEWEST else 1,
     )
 
 
-def make_blocks(shape: Shape, num: int, threads: int = 1) -> Blocks:
+def make_blocks(kind: Kind, num: int, threads: int = 1) -> Blocks:
     """Allocate the blocks of `num` joints."""
-    blocks = -(-num // shape.width)
+    shape = (-(-num // WIDTH), TONES + 3 * kind.tones, WIDTH)
+    room = np.zeros(math.prod(shape) + LINE // 8)
+    first = (-room.ctypes.data % LINE) // 8
     return Blocks(
-        rows=np.zeros((blocks, rows_of(shape).count * shape.width)),
+        rows=room[first : first + math.prod(shape)].reshape(shape),
         stale=np.ones(num, dtype=np.bool_),
         left=np.zeros(num, dtype=np.bool_),
         work=np.zeros((threads, WORK_ROWS, WORK_WIDTH)),
@@ -114,25 +147,23 @@ def body_friction(p: Any, body: int) -> tuple[float, float, float]:
 
 
 @lean
-def read_friction(p: Any, setup: Setup, c: Plan, s: Floats, lane: int) -> bool:
-    """Read the friction of a joint; return whether it fits the shape."""
+def read_friction(p: Any, setup: Setup, kind: Kind, s: Floats, lane: int) -> bool:
+    """Read the friction of a joint; return whether it fits the kind."""
     left = 0.0
+    for k in range(kind.n):
+        s[UP + k, lane] = s[DOWN + k, lane] = s[EXTRA + k, lane] = 0.0
     for body in range(3):
         up, down, extra = body_friction(p, body)
-        left += abs(up) + abs(down) + abs(extra) if setup.groups[body] >= 0 else 0.0
-    for k in range(c.n):
-        g = c.first if k == 0 else (c.second if k == 1 else c.third)
-        ups, downs, extras = 0.0, 0.0, 0.0
-        for body in range(3):
-            if setup.groups[body] == g:
-                up, down, extra = body_friction(p, body)
-                ups, downs, extras = ups + up, downs + down, extras + extra
-                left -= abs(up) + abs(down) + abs(extra)
-        s[c.at.up + k * c.width + lane] = ups
-        s[c.at.down + k * c.width + lane] = downs
-        s[c.at.extra + k * c.width + lane] = extras
-    s[c.at.steep + lane] = 1.0 / p.dq_0 if p.dq_0 > 0.0 else 1.0
-    return c.n == 0 or (abs(left) < 1e-12 and (p.dq_0 == 0.0) == c.sharp)
+        found = setup.groups[body] < 0
+        for k in range(kind.n):
+            if setup.groups[body] == coordinate(kind, k):
+                s[UP + k, lane] += up
+                s[DOWN + k, lane] += down
+                s[EXTRA + k, lane] += extra
+                found = True
+        left += 0.0 if found else abs(up) + abs(down) + abs(extra)
+    s[STEEP, lane] = 1.0 / p.dq_0 if p.dq_0 > 0.0 else 1.0
+    return left == 0.0 and (kind.n == 0 or (p.dq_0 == 0.0) == (kind.sharp == 1))
 
 
 @lean
@@ -151,36 +182,33 @@ def is_plain(p: Any) -> bool:
 
 @lean
 def read_parameters(
-    batch: Batch, setup: Setup, c: Plan, s: Floats, lane: int, i: int, work: Floats
+    batch: Batch, setup: Setup, kind: Kind, s: Floats, lane: int, i: int, work: Floats
 ) -> None:
     """Read the parameters of joint i into place lane of a block."""
-    p, a, b, width = batch.p[i], batch.a[i], batch.b[i], c.width
-    usable = read_friction(p, setup, c, s, lane)
-    for i_ in range(c.order):
-        for j in range(c.order):
-            s[c.at.a + (i_ * c.order + j) * width + lane] = a[i_, j]
-        s[c.at.motor + i_ * width + lane] = b[i_, 0]
-        s[c.at.load + i_ * width + lane] = b[i_, 1]
-        for k in range(c.n):
-            g = c.first if k == 0 else (c.second if k == 1 else c.third)
-            s[c.at.b + (i_ * c.n + k) * width + lane] = b[i_, 2 + g]
-            for m in range(c.n):
-                if i_ == (c.first if m == 0 else (c.second if m == 1 else c.third)):
-                    s[c.at.mobility + (m * c.n + k) * width + lane] = b[i_, 2 + g] / setup.h
-    for j in range(c.harmonics):
-        row, tone = c.at.harmonics + 3 * j * width + lane, batch.ripple[i, j]
-        s[row] = tone[0]
-        s[row + width] = tone[1] * p.cogging_scale
-        s[row + 2 * width] = tone[2] * p.cogging_scale
-    s[c.at.peak + lane], s[c.at.offset + lane] = p.i_p, p.torque_offset
-    s[c.at.k_b + lane], s[c.at.d_gl + lane] = p.k_b, p.d_gl
-    late, late_sub = lateness(p.command_delay, setup)
-    s[c.at.late + lane], s[c.at.late_sub + lane] = late, late_sub
-    s[c.at.plain + lane] = 1.0 if is_plain(p) else 0.0
+    p, a, b = batch.p[i], batch.a[i], batch.b[i]
+    usable = read_friction(p, setup, kind, s, lane)
+    for row in range(kind.order):
+        for j in range(kind.order):
+            s[A + 6 * row + j, lane] = a[row, j]
+        s[MOTOR + row, lane], s[LOAD + row, lane] = b[row, 0], b[row, 1]
+        for k in range(kind.n):
+            s[RUB + 6 * k + row, lane] = b[row, 2 + coordinate(kind, k)]
+    for k in range(kind.n):
+        for m in range(kind.n):
+            torque = b[coordinate(kind, k), 2 + coordinate(kind, m)]
+            s[MOBILITY + 3 * k + m, lane] = torque / setup.h
+    for j in range(kind.tones):
+        row, tone = TONES + 3 * j, batch.ripple[i, j]
+        s[row, lane] = tone[0]
+        s[row + 1, lane], s[row + 2, lane] = tone[1] * p.cogging_scale, tone[2] * p.cogging_scale
+    s[PEAK, lane], s[OFFSET, lane] = p.i_p, p.torque_offset
+    s[K_B, lane], s[D_GL, lane] = p.k_b, p.d_gl
+    s[LATE, lane], s[COMMAND_SUB, lane] = lateness(p.command_delay, setup)
+    s[PLAIN, lane] = 1.0 if is_plain(p) else 0.0
     if plan_lateness(p, setup, work):
         for channel in range(8):
             usable = usable and work[LATE_SUB, channel] == 0.0
-    s[c.at.usable + lane] = 1.0 if usable else 0.0
+    s[USABLE, lane] = 1.0 if usable else 0.0
 
 
 @lean
@@ -190,71 +218,64 @@ def wrap(k: int, depth: int) -> int:
 
 
 @lean
-def push(c: Plan, s: Floats, lane: int, torque: float, load: float) -> None:
-    """Note what motor torque and load input add to the state in a substep."""
-    for j in range(c.order):
-        at = j * c.width + lane
-        s[c.at.push + at] = s[c.at.motor + at] * torque + s[c.at.load + at] * load
-
-
-@lean
 def enter(
-    batch: Batch, setup: Setup, c: Plan, s: Floats, lane: int, i: int, command: float, load: float
+    batch: Batch, setup: Setup, kind: Kind, s: Floats, lane: int, i: int, command: float, load: float
 ) -> bool:
     """Put state and inputs of joint i into place lane; return whether the block can move it."""
-    if not (math.isfinite(command + load) and s[c.at.usable + lane] == 1.0):
+    if not (math.isfinite(command + load) and s[USABLE, lane] == 1.0):
         return False
     p, k, depth = batch.p[i], batch.samples[i], batch.commands.shape[1]
     if p.command_resolution > 0.0:
         command = math.floor(command / p.command_resolution + 0.5) * p.command_resolution
-    s[c.at.command + lane] = command
-    late, now, before = int(s[c.at.late + lane]), command, command
-    if late > 0:
-        now = batch.commands[i, wrap(k - late + depth, depth), 0]
-    now = clip(now, s[c.at.peak + lane])
-    torque = s[c.at.offset + lane] + batch.memory[i, K_M] * now
-    s[c.at.current + lane], s[c.at.later + lane] = now, torque
-    if s[c.at.late_sub + lane] > 0.0:
-        before = batch.commands[i, wrap(k - late - 1 + depth, depth), 0]
-        before = clip(before, s[c.at.peak + lane])
-        torque = s[c.at.offset + lane] + batch.memory[i, K_M] * before
-    push(c, s, lane, torque, load)
+    s[COMMAND, lane], s[PUSHED, lane] = command, load
+    late, peak, offset, per_ampere = (
+        int(s[LATE, lane]),
+        s[PEAK, lane],
+        s[OFFSET, lane],
+        batch.memory[i, K_M],
+    )
+    now = batch.commands[i, wrap(k - late + depth, depth), 0] if late > 0 else command
+    s[CURRENT, lane] = clip(now, peak)
+    s[AFTER, lane] = offset + per_ampere * s[CURRENT, lane]
+    if s[COMMAND_SUB, lane] > 0.0:
+        before = clip(batch.commands[i, wrap(k - late - 1 + depth, depth), 0], peak)
+        s[BEFORE, lane] = offset + per_ampere * before
     for body in (2, 1, 0):
         g = setup.groups[body]
         if g >= 0:
-            s[c.at.x + g * c.width + lane] = batch.state[i, body]
-            s[c.at.x + (c.velocity + g) * c.width + lane] = batch.state[i, 3 + body]
+            s[STATES + g, lane] = batch.state[i, body]
+            s[STATES + kind.velocity + g, lane] = batch.state[i, 3 + body]
         else:
-            s[c.at.x + setup.size * c.width + lane] = batch.state[i, body]
+            s[STATES + setup.size, lane] = batch.state[i, body]
     return True
 
 
 @lean
 def leave(
-    batch: Batch, setup: Setup, c: Plan, s: Floats, lane: int, i: int, load: float, work: Floats
+    batch: Batch, setup: Setup, kind: Kind, s: Floats, lane: int, i: int, load: float, work: Floats
 ) -> bool:
     """Take the state of joint i back and measure; return whether it is finite."""
-    for j in range(c.order):
-        if not abs(s[c.at.x + j * c.width + lane]) < LARGEST:
+    for j in range(kind.order):
+        if not abs(s[STATES + j, lane]) < LARGEST:
             return False
     k, depth, state = batch.samples[i], batch.commands.shape[1], batch.state[i]
     for body in range(3):
         g = setup.groups[body]
         if g >= 0:
-            state[body] = s[c.at.x + g * c.width + lane]
-            state[3 + body] = s[c.at.x + (c.velocity + g) * c.width + lane]
+            state[body] = s[STATES + g, lane]
+            state[3 + body] = s[STATES + kind.velocity + g, lane]
         else:
-            state[body] = s[c.at.x + setup.size * c.width + lane]
+            state[body] = s[STATES + setup.size, lane]
             state[3 + body] = load
     out, ring = batch.outputs[i, wrap(k + 1, depth)], batch.commands[i, wrap(k, depth)]
-    ring[0], ring[1] = s[c.at.command + lane], 0.0
-    batch.currents[i, 0] = out[CURRENT_I] = s[c.at.current + lane]
+    ring[0], ring[1] = s[COMMAND, lane], 0.0
+    batch.currents[i, 0] = out[CURRENT_I] = s[CURRENT, lane]
     for j in range(6):
         out[Q_M + j] = state[j]
-    tau = s[c.at.k_b + lane] * (state[1] - state[2]) + s[c.at.d_gl + lane] * (state[4] - state[5])
+    tau = s[K_B, lane] * (state[1] - state[2]) + s[D_GL, lane] * (state[4] - state[5])
     batch.tau[i] = out[TAU] = tau
     batch.samples[i] = k + 1
-    if s[c.at.plain + lane] == 1.0:
+    if s[PLAIN, lane] == 1.0:
         for channel in range(8):
             batch.measured[i, channel] = out[channel]
     else:
@@ -263,76 +284,45 @@ def leave(
     return True
 
 
-@inlined
-def advance_block(c: Plan, setup: Setup, s: Floats, loads: Floats, first: int, last: int) -> None:
-    """Move a block by a control step; commands that arrive within it act from there on."""
-    done = 0
-    while done < setup.substeps:
-        until = setup.substeps
-        for lane in range(c.width):
-            arrival = int(s[c.at.late_sub + lane])
-            until = min(until, arrival) if arrival > done else until
-        run(c, s, done, until - done, setup.h)
-        for lane in range(c.width):
-            if int(s[c.at.late_sub + lane]) == until:
-                push(c, s, lane, s[c.at.later + lane], loads[min(first + lane, last)])
-        done = until
-
-
-@inlined
+@vectorisable
 def advance_blocks(
-    c: Plan,
     batch: Batch,
     setup: Setup,
+    kind: Kind,
     blocks: Blocks,
     commands: Floats,
     loads: Floats,
     begin: int,
     end: int,
-    work: Floats,
+    thread: int,
 ) -> int:
-    """Advance the joints of blocks begin to end by one control step; return how many are left."""
-    left, last = 0, loads.shape[0] - 1
+    """Advance the joints of blocks begin to end by one control step; return how many are left.
+
+    Args:
+        batch: All joints.
+        setup: What they share.
+        kind: What they have in common.
+        blocks: Their blocks.
+        commands: Currents [A] in column 0, shape (n, 2).
+        loads: Load torque [N m] or load velocity [rad/s], shape (n,).
+        begin: First block.
+        end: Behind the last block.
+        thread: Whose scratch to use.
+    """
+    left, last, work = 0, loads.shape[0] - 1, blocks.work[thread]
     for block in range(begin, end):
-        s, first = blocks.rows[block], block * c.width
-        fresh = True
-        for lane in range(c.width):
-            fresh = fresh and not blocks.stale[min(first + lane, last)]
-        for lane in range(c.width):
-            i = min(first + lane, last)
-            if not fresh:
-                read_parameters(batch, setup, c, s, lane, i, work)
-            good = enter(batch, setup, c, s, lane, i, commands[i, 0], loads[i])
-            s[c.at.failed + lane] = 0.0 if good else 1.0
-        advance_block(c, setup, s, loads, first, last)
-        for lane in range(min(c.width, last + 1 - first)):
+        s, first = blocks.rows[block], block * WIDTH
+        for lane in range(WIDTH):
+            i = min(first + lane, last)  # the last joint fills the last block
+            if blocks.stale[i]:
+                read_parameters(batch, setup, kind, s, lane, i, work)
+            good = enter(batch, setup, kind, s, lane, i, commands[i, 0], loads[i])
+            s[FAILED, lane] = 0.0 if good else 1.0
+        run(kind, s, setup.substeps, setup.h)
+        for lane in range(min(WIDTH, last + 1 - first)):
             i = first + lane
-            moved = s[c.at.failed + lane] == 0.0
-            moved = moved and leave(batch, setup, c, s, lane, i, loads[i], work)
+            moved = s[FAILED, lane] == 0.0
+            moved = moved and leave(batch, setup, kind, s, lane, i, loads[i], work)
             blocks.stale[i], blocks.left[i] = False, not moved
             left += 0 if moved else 1
     return left
-
-
-@cache
-def stepper(shape: Shape) -> Any:
-    """Return the compiled function that advances the blocks of a shape by a control step.
-
-    Its arguments are those of `advance_blocks` without the first.
-    """
-    c = plan_of(shape)
-
-    @vectorisable
-    def step_blocks(
-        batch: Batch,
-        setup: Setup,
-        blocks: Blocks,
-        commands: Floats,
-        loads: Floats,
-        begin: int,
-        end: int,
-        work: Floats,
-    ) -> int:
-        return advance_blocks(c, batch, setup, blocks, commands, loads, begin, end, work)
-
-    return step_blocks

@@ -2,382 +2,316 @@
 
 The same equations and the same scheme as `substep`, for joints that a current source drives
 through linear springs, with Coulomb and one-sided viscous friction (smooth or sharp) and cogging.
-Joints form blocks: each quantity of a block is a row of one number per joint, so that the innermost
-loops run over joints, without branches. Structure, friction and the number of
-cogging harmonics are constants of the compiled code. A joint whose equations are not solved here
-is left as it was, for the general kernel.
+WIDTH joints form a block: each of its rows holds one quantity, a number per joint. The code reads
+as if there were one joint; where joints differ in what they do, `choose` takes both ways.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from cjt_gym.joint.arrays import Floats
-from cjt_gym.joint.compiled import inlined
+from cjt_gym.joint.compiled import lean
 from cjt_gym.joint.vector_math import sine_cosine, tanh
+from cjt_gym.joint.vectors import (
+    both,
+    choose,
+    either,
+    get,
+    madd,
+    put,
+    size,
+    somewhere,
+    without,
+)
 
 NEWTON = 20
 SWEEPS = 60
 SHARP_SOLVED = 1e-15  # change of speed in the last sweep, relative to the largest so far
 
+# Rows of a block. Parameters:
+A = 0  # system matrix, six rows of six
+MOTOR = 36  # what motor torque, load input and friction on each coordinate add to the states
+LOAD = 42
+RUB = 48  # three columns of six
+MOBILITY = 66  # mean velocity of coordinate k per torque on coordinate m, three rows of three
+UP = 75  # levels of friction in both directions, and viscous friction in the negative one
+DOWN = 78
+EXTRA = 81
+STEEP = 84  # 1 / dq_0
+PEAK, OFFSET, K_B, D_GL = 85, 86, 87, 88
+LATE, LATE_SUB = 89, 90  # control steps and substeps after which a command acts
+PLAIN, USABLE = 91, 92  # whether sensors are ideal, and whether this code can move the joint
+# Of a control step:
+X = 93  # states
+COMMAND, CURRENT, BEFORE, AFTER, PUSHED = 99, 100, 101, 102, 103
+# The command, its current, motor torque before and after it acts, and the load input.
+PUSH = 104  # what motor torque and load input add to the states
+FREE = 110  # states at the end of a substep
+RIPPLE = 116  # ripple torque of the substep before
+SPEED = 117  # mean velocities of the coordinates with friction
+WANTED = 120  # the same without friction
+DRAG = 123  # friction torques
+FAILED = 126  # whether the joint is left to the general kernel
+TONES = 127  # three rows per harmonic: frequency, cosine, sine
 
-class Shape(NamedTuple):
-    """What the compiled code of a kind of joint is made for.
+
+class Kind(NamedTuple):
+    """What the joints of a batch have in common.
 
     Attributes:
         order: Number of mechanical states.
-        size: Number of coordinates.
-        rubbing: The coordinates with friction.
-        sharp: Whether the sign of the velocity is sharp (dq_0 = 0).
-        harmonics: Number of cogging harmonics.
-        width: Joints per block.
+        velocity: Where velocities begin among them.
+        n: Number of coordinates with friction.
+        first: The coordinates with friction.
+        second: The second of them.
+        third: The third of them.
+        sharp: 1 where the sign of the velocity is sharp (dq_0 = 0), else 0.
+        tones: Number of cogging harmonics.
     """
-
-    order: int
-    size: int
-    rubbing: tuple[int, ...]
-    sharp: bool
-    harmonics: int
-    width: int
-
-
-class Rows(NamedTuple):
-    """Where the quantities of a block begin, in rows of `width` numbers."""
-
-    x: int
-    a: int
-    b: int
-    motor: int
-    load: int
-    mobility: int
-    up: int
-    down: int
-    extra: int
-    steep: int
-    harmonics: int
-    peak: int
-    offset: int
-    k_b: int
-    d_gl: int
-    late: int
-    late_sub: int
-    plain: int
-    usable: int
-    command: int
-    current: int
-    later: int
-    push: int
-    free: int
-    ripple: int
-    speed: int
-    wanted: int
-    drag: int
-    busy: int
-    failed: int
-    count: int
-
-
-class Plan(NamedTuple):
-    """The constants of a block: its shape, and where its rows begin in numbers."""
 
     order: int
     velocity: int
     n: int
-    width: int
-    harmonics: int
-    sharp: bool
     first: int
     second: int
     third: int
-    at: Rows
+    sharp: int
+    tones: int
 
 
-def plan_of(shape: Shape) -> Plan:
-    """Return the constants of a shape."""
-    one, two, three = (*shape.rubbing, 0, 0, 0)[:3]
-    return Plan(
-        shape.order,
-        shape.order - shape.size,
-        len(shape.rubbing),
-        shape.width,
-        shape.harmonics,
-        shape.sharp,
-        one,
-        two,
-        three,
-        Rows(*(row * shape.width for row in rows_of(shape))),
-    )
-
-
-def rows_of(shape: Shape) -> Rows:
-    """Return where the rows of a shape begin."""
-    order, rubbing = shape.order, len(shape.rubbing)
-    lengths = (
-        *(order, order * order, order * rubbing, order, order, rubbing * rubbing),
-        *(rubbing, rubbing, rubbing, 1, 3 * shape.harmonics),
-        *(1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1),
-        *(order, order, 1, rubbing, rubbing, rubbing, 1, 1),
-    )
-    starts = [sum(lengths[:k]) for k in range(len(lengths) + 1)]
-    return Rows(*starts)
-
-
-@inlined
-def coordinate(c: Plan, k: int) -> int:
+@lean
+def coordinate(kind: Kind, k: int) -> int:
     """Return which coordinate is number k of those with friction."""
-    return c.first if k == 0 else (c.second if k == 1 else c.third)
+    return kind.first if k == 0 else (kind.second if k == 1 else kind.third)
 
 
-@inlined
-def drag(c: Plan, s: Floats, k: int, lane: int, v: float) -> tuple[float, float]:
+@lean
+def friction(s: Floats, k: int, v: Any) -> tuple[Any, Any]:
     """Return the smooth friction on coordinate k at velocity v, and its slope."""
-    ahead = v >= 0.0
-    level = s[c.at.up + k * c.width + lane] if ahead else s[c.at.down + k * c.width + lane]
-    extra = 0.0 if ahead else s[c.at.extra + k * c.width + lane]
-    steep = s[c.at.steep + lane]
+    ahead, steep = v >= 0.0, get(s, STEEP)
+    level = choose(ahead, get(s, UP + k), get(s, DOWN + k))
+    extra = choose(ahead, 0.0, get(s, EXTRA + k))
     t = tanh(v * steep)
-    return level * t + extra * v, level * (1.0 - t * t) * steep + extra
+    return madd(level, t, extra * v), madd(level * steep, 1.0 - t * t, extra)
 
 
-@inlined
-def predict(c: Plan, s: Floats) -> None:
+@lean
+def predict(kind: Kind, s: Floats) -> None:
     """Take friction at the present speed, and no ripple."""
-    for lane in range(c.width):
-        s[c.at.ripple + lane] = 0.0
-        for k in range(c.n):
-            v = s[c.at.x + (c.velocity + coordinate(c, k)) * c.width + lane]
-            if c.sharp:
-                up, down = s[c.at.up + k * c.width + lane], s[c.at.down + k * c.width + lane]
-                behind = s[c.at.extra + k * c.width + lane] * v - down
-                held = 0.5 * (up - down)
-                s[c.at.drag + k * c.width + lane] = up if v > 0.0 else (behind if v < 0.0 else held)
-            else:
-                s[c.at.drag + k * c.width + lane], _ = drag(c, s, k, lane, v)
-
-
-@inlined
-def move(c: Plan, s: Floats) -> None:
-    """Advance the linear joint."""
-    for lane in range(c.width):
-        for i in range(c.order):
-            value = s[c.at.push + i * c.width + lane]
-            for j in range(c.order):
-                value += (
-                    s[c.at.a + (i * c.order + j) * c.width + lane] * s[c.at.x + j * c.width + lane]
-                )
-            s[c.at.free + i * c.width + lane] = value
-
-
-@inlined
-def cog(c: Plan, s: Floats, h: float) -> None:
-    """Find the ripple in the middle of the motion that the last friction and ripple give."""
-    for lane in range(c.width):
-        ripple, q, dq = (
-            s[c.at.ripple + lane],
-            s[c.at.free + lane],
-            s[c.at.free + c.velocity * c.width + lane],
-        )
-        q += s[c.at.motor + lane] * ripple
-        dq += s[c.at.motor + c.velocity * c.width + lane] * ripple
-        for k in range(c.n):
-            q -= s[c.at.b + k * c.width + lane] * s[c.at.drag + k * c.width + lane]
-            dq -= (
-                s[c.at.b + (c.velocity * c.n + k) * c.width + lane]
-                * s[c.at.drag + k * c.width + lane]
-            )
-        q = 0.5 * (s[c.at.x + lane] + q) + 0.125 * h * (
-            s[c.at.x + c.velocity * c.width + lane] - dq
-        )
-        total = 0.0
-        for j in range(c.harmonics):
-            row = c.at.harmonics + 3 * j * c.width + lane
-            sine, cosine = sine_cosine(s[row] * q)
-            total += s[row + c.width] * cosine + s[row + 2 * c.width] * sine
-        s[c.at.ripple + lane] = total
-
-
-@inlined
-def aim(c: Plan, s: Floats, h: float) -> None:
-    """Note the mean speeds without friction, and those under the friction before."""
-    for lane in range(c.width):
-        s[c.at.busy + lane] = 1.0
-        for i in range(c.order):
-            if c.harmonics > 0:
-                s[c.at.free + i * c.width + lane] += (
-                    s[c.at.motor + i * c.width + lane] * s[c.at.ripple + lane]
-                )
-        for k in range(c.n):
-            g = coordinate(c, k)
-            s[c.at.wanted + k * c.width + lane] = (
-                s[c.at.free + g * c.width + lane] - s[c.at.x + g * c.width + lane]
-            ) / h
-        for k in range(c.n):
-            v = s[c.at.wanted + k * c.width + lane]
-            for m in range(c.n):
-                v -= (
-                    s[c.at.mobility + (k * c.n + m) * c.width + lane]
-                    * s[c.at.drag + m * c.width + lane]
-                )
-            s[c.at.speed + k * c.width + lane] = v
-
-
-@inlined
-def newton(c: Plan, s: Floats) -> int:
-    """Take one step of Newton's method; return how many joints are not at the solution."""
-    unsolved = 0
-    for lane in range(c.width):
-        v1, v2, v3 = s[c.at.speed + lane], 0.0, 0.0
-        r1, g1 = drag(c, s, 0, lane, v1)
-        r2, g2, r3, g3 = 0.0, 0.0, 0.0, 0.0
-        if c.n > 1:
-            v2 = s[c.at.speed + c.width + lane]
-            r2, g2 = drag(c, s, 1, lane, v2)
-        if c.n > 2:
-            v3 = s[c.at.speed + 2 * c.width + lane]
-            r3, g3 = drag(c, s, 2, lane, v3)
-        w11 = s[c.at.mobility + lane]
-        e1, j11 = v1 - s[c.at.wanted + lane] + w11 * r1, 1.0 + w11 * g1
-        e2, e3, d1, d2, d3 = 0.0, 0.0, 0.0, 0.0, 0.0
-        if c.n == 1:
-            d1 = e1 / j11
+    put(s, RIPPLE, 0.0)
+    for k in range(kind.n):
+        v = get(s, X + kind.velocity + coordinate(kind, k))
+        if kind.sharp:
+            up, down = get(s, UP + k), get(s, DOWN + k)
+            behind = get(s, EXTRA + k) * v - down
+            held = 0.5 * (up - down)
+            put(s, DRAG + k, choose(v > 0.0, up, choose(v < 0.0, behind, held)))
         else:
-            w12, w21 = s[c.at.mobility + c.width + lane], s[c.at.mobility + c.n * c.width + lane]
-            w22 = s[c.at.mobility + (c.n + 1) * c.width + lane]
-            e1 += w12 * r2
-            e2 = v2 - s[c.at.wanted + c.width + lane] + w21 * r1 + w22 * r2
-            j12, j21, j22 = w12 * g2, w21 * g1, 1.0 + w22 * g2
-            if c.n == 2:
-                scale = 1.0 / (j11 * j22 - j12 * j21)
-                d1, d2 = (j22 * e1 - j12 * e2) * scale, (j11 * e2 - j21 * e1) * scale
-            else:
-                w13, w23 = (
-                    s[c.at.mobility + 2 * c.width + lane],
-                    s[c.at.mobility + (c.n + 2) * c.width + lane],
-                )
-                w31, w32 = (
-                    s[c.at.mobility + 2 * c.n * c.width + lane],
-                    s[c.at.mobility + (2 * c.n + 1) * c.width + lane],
-                )
-                w33 = s[c.at.mobility + (2 * c.n + 2) * c.width + lane]
-                e1 += w13 * r3
-                e2 += w23 * r3
-                e3 = v3 - s[c.at.wanted + 2 * c.width + lane] + w31 * r1 + w32 * r2 + w33 * r3
-                j13, j23, j33 = w13 * g3, w23 * g3, 1.0 + w33 * g3
-                j31, j32 = w31 * g1, w32 * g2
-                c11, c12, c13 = j22 * j33 - j23 * j32, j13 * j32 - j12 * j33, j12 * j23 - j13 * j22
-                c21, c22, c23 = j23 * j31 - j21 * j33, j11 * j33 - j13 * j31, j13 * j21 - j11 * j23
-                c31, c32, c33 = j21 * j32 - j22 * j31, j12 * j31 - j11 * j32, j11 * j22 - j12 * j21
-                scale = 1.0 / (j11 * c11 + j12 * c21 + j13 * c31)
-                d1 = (c11 * e1 + c12 * e2 + c13 * e3) * scale
-                d2 = (c21 * e1 + c22 * e2 + c23 * e3) * scale
-                d3 = (c31 * e1 + c32 * e2 + c33 * e3) * scale
-        # What is solved stays, so that a joint moves as it would alone.
-        busy = s[c.at.busy + lane] != 0.0
-        s[c.at.speed + lane] = v1 - d1 if busy else v1
-        s[c.at.drag + lane] = r1 - g1 * d1 if busy else s[c.at.drag + lane]
-        # 1e-10 rad/s + 1e-7 dq_0, and what rounding leaves of the speed
-        enough = 1e-10 + 1e-7 / s[c.at.steep + lane]
-        solved = abs(d1) - 1e-9 * abs(v1) <= enough
-        if c.n > 1:
-            held = s[c.at.drag + c.width + lane]
-            s[c.at.speed + c.width + lane] = v2 - d2 if busy else v2
-            s[c.at.drag + c.width + lane] = r2 - g2 * d2 if busy else held
-            solved &= abs(d2) - 1e-9 * abs(v2) <= enough
-        if c.n > 2:
-            held = s[c.at.drag + 2 * c.width + lane]
-            s[c.at.speed + 2 * c.width + lane] = v3 - d3 if busy else v3
-            s[c.at.drag + 2 * c.width + lane] = r3 - g3 * d3 if busy else held
-            solved &= abs(d3) - 1e-9 * abs(v3) <= enough
-        busy = busy and not solved
-        s[c.at.busy + lane] = 1.0 if busy else 0.0
-        unsolved += 1 if busy else 0
-    return unsolved
+            torque, _ = friction(s, k, v)
+            put(s, DRAG + k, torque)
 
 
-@inlined
-def project(c: Plan, s: Floats) -> int:
-    """Solve for one coordinate with sharp friction after the other; return as `newton` does."""
-    unsolved = 0
-    for lane in range(c.width):
-        change, busy = 0.0, s[c.at.busy + lane] != 0.0
-        for k in range(c.n):
-            w = s[c.at.mobility + (k * c.n + k) * c.width + lane]
-            before = s[c.at.drag + k * c.width + lane]
-            target = s[c.at.wanted + k * c.width + lane] + w * before
-            for m in range(c.n):
-                target -= (
-                    s[c.at.mobility + (k * c.n + m) * c.width + lane]
-                    * s[c.at.drag + m * c.width + lane]
-                )
-            up, down = s[c.at.up + k * c.width + lane], s[c.at.down + k * c.width + lane]
-            extra = s[c.at.extra + k * c.width + lane]
-            ahead, behind = target - w * up, (target + w * down) / (1.0 + w * extra)
-            v = ahead if ahead > 0.0 else (behind if behind < 0.0 else 0.0)
-            torque = up if ahead > 0.0 else (extra * v - down if behind < 0.0 else target / w)
-            s[c.at.speed + k * c.width + lane] = v if busy else s[c.at.speed + k * c.width + lane]
-            s[c.at.drag + k * c.width + lane] = torque if busy else before
-            moved = abs(torque - before) * w - 1e-13 * abs(target)
-            change = moved if not moved <= change else change
-        busy = busy and not change <= SHARP_SOLVED
-        s[c.at.busy + lane] = 1.0 if busy else 0.0
-        unsolved += 1 if busy else 0
-    return unsolved
+@lean
+def push(kind: Kind, s: Floats, step: int) -> None:
+    """Note what the motor torque of a substep and the load input add to the states."""
+    torque = choose(get(s, LATE_SUB) <= float(step), get(s, AFTER), get(s, BEFORE))
+    load = get(s, PUSHED)
+    for i in range(kind.order):
+        put(s, PUSH + i, madd(get(s, MOTOR + i), torque, get(s, LOAD + i) * load))
 
 
-@inlined
-def arrive(c: Plan, s: Floats) -> None:
-    """Add the friction that was found; what sharp friction has stopped comes to rest."""
-    for lane in range(c.width):
-        for i in range(c.order):
-            value = s[c.at.free + i * c.width + lane]
-            for k in range(c.n):
-                value -= (
-                    s[c.at.b + (i * c.n + k) * c.width + lane] * s[c.at.drag + k * c.width + lane]
-                )
-            s[c.at.free + i * c.width + lane] = value
-        if c.sharp:
-            for k in range(c.n):
-                g = coordinate(c, k)
-                row = c.velocity + g
-                v, end = s[c.at.speed + k * c.width + lane], s[c.at.free + row * c.width + lane]
-                up, down = s[c.at.up + k * c.width + lane], s[c.at.down + k * c.width + lane]
-                gained = end - s[c.at.x + row * c.width + lane]
-                dry = up if v > 0.0 else -down
-                needed = gained / s[c.at.b + (row * c.n + k) * c.width + lane] + dry
-                turned = (end * v < 0.0) & (-down <= needed) & (needed <= up)
-                rests = (v == 0.0) & (up + down != 0.0)
-                here = s[c.at.x + g * c.width + lane]
-                s[c.at.free + g * c.width + lane] = (
-                    here if rests else s[c.at.free + g * c.width + lane]
-                )
-                s[c.at.free + row * c.width + lane] = 0.0 if (turned | rests) else end
-        for i in range(c.order):
-            s[c.at.x + i * c.width + lane] = s[c.at.free + i * c.width + lane]
+@lean
+def move(kind: Kind, s: Floats) -> None:
+    """Advance the linear joint."""
+    for i in range(kind.order):
+        value = get(s, PUSH + i)
+        for j in range(kind.order):
+            value = madd(get(s, A + 6 * i + j), get(s, X + j), value)
+        put(s, FREE + i, value)
 
 
-@inlined
-def run(c: Plan, s: Floats, begin: int, count: int, h: float) -> None:
-    """Take some substeps, and note whose equations stay unsolved.
+@lean
+def cog(kind: Kind, s: Floats, h: float) -> None:
+    """Find the ripple in the middle of the motion that the last friction and ripple give."""
+    speed = kind.velocity
+    ripple = get(s, RIPPLE)
+    q = madd(get(s, MOTOR), ripple, get(s, FREE))
+    dq = madd(get(s, MOTOR + speed), ripple, get(s, FREE + speed))
+    for k in range(kind.n):
+        drag = get(s, DRAG + k)
+        q = q - get(s, RUB + 6 * k) * drag
+        dq = dq - get(s, RUB + 6 * k + speed) * drag
+    q = 0.5 * (get(s, X) + q) + 0.125 * h * (get(s, X + speed) - dq)
+    total = 0.0 * q
+    for j in range(kind.tones):
+        row = TONES + 3 * j
+        sine, cosine = sine_cosine(get(s, row) * q)
+        total = madd(get(s, row + 1), cosine, madd(get(s, row + 2), sine, total))
+    put(s, RIPPLE, total)
 
-    Substep 0 predicts friction and ripple anew.
-    """
-    for step in range(begin, begin + count):
-        if step == 0:
-            predict(c, s)
-        move(c, s)
-        if c.harmonics > 0:
+
+@lean
+def aim(kind: Kind, s: Floats, h: float) -> None:
+    """Add the ripple; note the mean speeds without friction, and under the friction before."""
+    if kind.tones > 0:
+        ripple = get(s, RIPPLE)
+        for i in range(kind.order):
+            put(s, FREE + i, madd(get(s, MOTOR + i), ripple, get(s, FREE + i)))
+    for k in range(kind.n):
+        g = coordinate(kind, k)
+        v = (get(s, FREE + g) - get(s, X + g)) * (1.0 / h)
+        put(s, WANTED + k, v)
+        for m in range(kind.n):
+            v = v - get(s, MOBILITY + 3 * k + m) * get(s, DRAG + m)
+        put(s, SPEED + k, v)
+
+
+@lean
+def settle(s: Floats, k: int, busy: Any, v: Any, torque: Any, slope: Any, change: Any) -> Any:
+    """Correct the speed of coordinate k, where it is not solved; return where it is solved now."""
+    put(s, SPEED + k, choose(busy, v - change, v))
+    put(s, DRAG + k, choose(busy, torque - slope * change, get(s, DRAG + k)))
+    # 1e-10 rad/s + 1e-7 dq_0, and what rounding leaves of the speed
+    return size(change) - 1e-9 * size(v) <= 1e-10 + 1e-7 / get(s, STEEP)
+
+
+@lean
+def newton_1(s: Floats, busy: Any) -> Any:
+    """Take one step of Newton's method for one coordinate; return where it is not solved."""
+    v = get(s, SPEED)
+    r, g = friction(s, 0, v)
+    w = get(s, MOBILITY)
+    change = (v - get(s, WANTED) + w * r) / (1.0 + w * g)
+    return without(busy, settle(s, 0, busy, v, r, g, change))
+
+
+@lean
+def newton_2(s: Floats, busy: Any) -> Any:
+    """Take one step for two coordinates."""
+    v1, v2 = get(s, SPEED), get(s, SPEED + 1)
+    r1, g1 = friction(s, 0, v1)
+    r2, g2 = friction(s, 1, v2)
+    w11, w12 = get(s, MOBILITY), get(s, MOBILITY + 1)
+    w21, w22 = get(s, MOBILITY + 3), get(s, MOBILITY + 4)
+    e1 = madd(w11, r1, madd(w12, r2, v1 - get(s, WANTED)))
+    e2 = madd(w21, r1, madd(w22, r2, v2 - get(s, WANTED + 1)))
+    j11, j12 = madd(w11, g1, 1.0), w12 * g2
+    j21, j22 = w21 * g1, madd(w22, g2, 1.0)
+    scale = 1.0 / (j11 * j22 - j12 * j21)
+    solved = settle(s, 0, busy, v1, r1, g1, (j22 * e1 - j12 * e2) * scale)
+    solved = both(solved, settle(s, 1, busy, v2, r2, g2, (j11 * e2 - j21 * e1) * scale))
+    return without(busy, solved)
+
+
+@lean
+def newton_3(s: Floats, busy: Any) -> Any:
+    """Take one step for three coordinates."""
+    v1, v2, v3 = get(s, SPEED), get(s, SPEED + 1), get(s, SPEED + 2)
+    r1, g1 = friction(s, 0, v1)
+    r2, g2 = friction(s, 1, v2)
+    r3, g3 = friction(s, 2, v3)
+    w11, w12, w13 = get(s, MOBILITY), get(s, MOBILITY + 1), get(s, MOBILITY + 2)
+    w21, w22, w23 = get(s, MOBILITY + 3), get(s, MOBILITY + 4), get(s, MOBILITY + 5)
+    w31, w32, w33 = get(s, MOBILITY + 6), get(s, MOBILITY + 7), get(s, MOBILITY + 8)
+    e1 = v1 - get(s, WANTED) + w11 * r1 + w12 * r2 + w13 * r3
+    e2 = v2 - get(s, WANTED + 1) + w21 * r1 + w22 * r2 + w23 * r3
+    e3 = v3 - get(s, WANTED + 2) + w31 * r1 + w32 * r2 + w33 * r3
+    j11, j12, j13 = 1.0 + w11 * g1, w12 * g2, w13 * g3
+    j21, j22, j23 = w21 * g1, 1.0 + w22 * g2, w23 * g3
+    j31, j32, j33 = w31 * g1, w32 * g2, 1.0 + w33 * g3
+    c11, c12, c13 = j22 * j33 - j23 * j32, j13 * j32 - j12 * j33, j12 * j23 - j13 * j22
+    c21, c22, c23 = j23 * j31 - j21 * j33, j11 * j33 - j13 * j31, j13 * j21 - j11 * j23
+    c31, c32, c33 = j21 * j32 - j22 * j31, j12 * j31 - j11 * j32, j11 * j22 - j12 * j21
+    scale = 1.0 / (j11 * c11 + j12 * c21 + j13 * c31)
+    solved = settle(s, 0, busy, v1, r1, g1, (c11 * e1 + c12 * e2 + c13 * e3) * scale)
+    second = settle(s, 1, busy, v2, r2, g2, (c21 * e1 + c22 * e2 + c23 * e3) * scale)
+    third = settle(s, 2, busy, v3, r3, g3, (c31 * e1 + c32 * e2 + c33 * e3) * scale)
+    return without(busy, both(solved, both(second, third)))
+
+
+@lean
+def project(kind: Kind, s: Floats, busy: Any) -> Any:
+    """Solve for one coordinate with sharp friction after the other; return as `newton_1` does."""
+    change = 0.0 * get(s, STEEP)
+    for k in range(kind.n):
+        w, before = get(s, MOBILITY + 4 * k), get(s, DRAG + k)
+        target = madd(w, before, get(s, WANTED + k))
+        for m in range(kind.n):
+            target = target - get(s, MOBILITY + 3 * k + m) * get(s, DRAG + m)
+        up, down, extra = get(s, UP + k), get(s, DOWN + k), get(s, EXTRA + k)
+        ahead, behind = target - w * up, (target + w * down) / (1.0 + w * extra)
+        forward, backward = ahead > 0.0, behind < 0.0
+        v = choose(forward, ahead, choose(backward, behind, 0.0))
+        torque = choose(forward, up, choose(backward, extra * v - down, target / w))
+        put(s, SPEED + k, choose(busy, v, get(s, SPEED + k)))
+        put(s, DRAG + k, choose(busy, torque, before))
+        moved = size(torque - before) * w - 1e-13 * size(target)
+        change = choose(moved <= change, change, moved)
+    return without(busy, change <= SHARP_SOLVED)
+
+
+@lean
+def solve(kind: Kind, s: Floats) -> None:
+    """Find friction and speeds that agree, and note for which joints that failed."""
+    steep = get(s, STEEP)
+    busy = steep == steep
+    for _ in range(SWEEPS if kind.sharp else NEWTON):
+        if kind.sharp:
+            busy = project(kind, s, busy)
+        elif kind.n == 1:
+            busy = newton_1(s, busy)
+        elif kind.n == 2:
+            busy = newton_2(s, busy)
+        else:
+            busy = newton_3(s, busy)
+        if not somewhere(busy):
+            return
+    put(s, FAILED, choose(busy, 1.0, get(s, FAILED)))
+
+
+@lean
+def stop(kind: Kind, s: Floats) -> None:
+    """Bring to rest what sharp friction has stopped."""
+    for k in range(kind.n):
+        g = coordinate(kind, k)
+        row = kind.velocity + g
+        v, end = get(s, SPEED + k), get(s, FREE + row)
+        up, down = get(s, UP + k), get(s, DOWN + k)
+        dry = choose(v > 0.0, up, 0.0 - down)
+        needed = (end - get(s, X + row)) / get(s, RUB + 6 * k + row) + dry
+        turned = both(end * v < 0.0, both(0.0 - down <= needed, needed <= up))
+        rests = both(v == 0.0, up + down != 0.0)
+        put(s, FREE + g, choose(rests, get(s, X + g), get(s, FREE + g)))
+        put(s, FREE + row, choose(either(turned, rests), 0.0, end))
+
+
+@lean
+def arrive(kind: Kind, s: Floats) -> None:
+    """Add the friction that was found."""
+    for k in range(kind.n):
+        drag = get(s, DRAG + k)
+        for i in range(kind.order):
+            put(s, FREE + i, get(s, FREE + i) - get(s, RUB + 6 * k + i) * drag)
+    if kind.sharp:
+        stop(kind, s)
+    for i in range(kind.order):
+        put(s, X + i, get(s, FREE + i))
+
+
+@lean
+def run(kind: Kind, s: Floats, substeps: int, h: float) -> None:
+    """Take the substeps of a control step, and note whose equations stay unsolved."""
+    predict(kind, s)
+    for step in range(substeps):
+        if step == 0 or somewhere(get(s, LATE_SUB) == float(step)):
+            push(kind, s, step)
+        move(kind, s)
+        if kind.tones > 0:
             if step == 0:
-                cog(c, s, h)
-            cog(c, s, h)
-        if c.n > 0 or c.harmonics > 0:
-            aim(c, s, h)
-        if c.n > 0:
-            unsolved = 1
-            for _ in range(SWEEPS if c.sharp else NEWTON):
-                unsolved = project(c, s) if c.sharp else newton(c, s)
-                if unsolved == 0:
-                    break
-            if unsolved > 0:
-                for lane in range(c.width):
-                    s[c.at.failed + lane] += s[c.at.busy + lane]
-        arrive(c, s)
+                cog(kind, s, h)
+            cog(kind, s, h)
+        aim(kind, s, h)
+        if kind.n > 0:
+            solve(kind, s)
+        arrive(kind, s)

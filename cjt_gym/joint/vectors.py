@@ -1,0 +1,242 @@
+"""Vectors of numbers, one per joint, that compiled code computes with as if they were floats.
+
+`Lanes` is a vector of WIDTH doubles and `Mask` one of WIDTH conditions. Arithmetic and comparisons
+act lane by lane, also between a vector and a float; `choose` takes the place of a branch. LLVM
+splits a vector over as many registers as the processor needs. In Python such a value does not
+exist: it is read from a row of an array by `get`, and `put` writes it back.
+"""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable
+from typing import Any
+
+from llvmlite import ir
+from numba.core import cgutils, types
+from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
+from numba.extending import intrinsic, lower_builtin, models, register_model
+
+WIDTH = 8
+DOUBLES = ir.VectorType(ir.DoubleType(), WIDTH)
+INTEGERS = ir.VectorType(ir.IntType(64), WIDTH)
+BITS = ir.VectorType(ir.IntType(1), WIDTH)
+
+
+class LanesType(types.Type):
+    """The type of a vector of numbers."""
+
+    def __init__(self) -> None:
+        super().__init__(name=f"Lanes{WIDTH}")
+
+
+class MaskType(types.Type):
+    """The type of a vector of conditions."""
+
+    def __init__(self) -> None:
+        super().__init__(name=f"Mask{WIDTH}")
+
+
+LANES, MASK, FLOAT = LanesType(), MaskType(), types.float64
+
+
+@register_model(LanesType)
+class _LanesModel(models.PrimitiveModel):  # type: ignore[misc]
+    def __init__(self, manager: Any, which: Any) -> None:
+        super().__init__(manager, which, DOUBLES)
+
+
+@register_model(MaskType)
+class _MaskModel(models.PrimitiveModel):  # type: ignore[misc]
+    def __init__(self, manager: Any, which: Any) -> None:
+        super().__init__(manager, which, BITS)
+
+
+def _spread(builder: Any, value: Any) -> Any:
+    """Put a number into all lanes; a vector stays what it is."""
+    if value.type == DOUBLES:
+        return value
+    if isinstance(value, ir.Constant):
+        return ir.Constant(DOUBLES, [value.constant] * WIDTH)
+    first = builder.insert_element(ir.Constant(DOUBLES, ir.Undefined), value, ir.IntType(32)(0))
+    order = ir.Constant(ir.VectorType(ir.IntType(32), WIDTH), [0] * WIDTH)
+    return builder.shuffle_vector(first, ir.Constant(DOUBLES, ir.Undefined), order)
+
+
+def _define(function: Any, result: Any, write: Callable[[Any, Any, Any], Any]) -> None:
+    """Teach Numba an operator of two vectors, or of a vector and a float."""
+    pairs = [(LANES, LANES), (LANES, FLOAT), (FLOAT, LANES)]
+
+    class Template(ConcreteTemplate):  # type: ignore[misc]
+        cases = [signature(result, *pair) for pair in pairs]  # noqa: RUF012
+
+    def lower(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
+        left, right = (_spread(builder, x) for x in arguments)
+        return write(builder, left, right)
+
+    infer_global(function)(Template)
+    for pair in pairs:
+        lower_builtin(function, *pair)(lower)
+
+
+_define(operator.add, LANES, lambda builder, a, b: builder.fadd(a, b))
+_define(operator.sub, LANES, lambda builder, a, b: builder.fsub(a, b))
+_define(operator.mul, LANES, lambda builder, a, b: builder.fmul(a, b))
+_define(operator.truediv, LANES, lambda builder, a, b: builder.fdiv(a, b))
+_define(operator.lt, MASK, lambda builder, a, b: builder.fcmp_ordered("<", a, b))
+_define(operator.le, MASK, lambda builder, a, b: builder.fcmp_ordered("<=", a, b))
+_define(operator.gt, MASK, lambda builder, a, b: builder.fcmp_ordered(">", a, b))
+_define(operator.ge, MASK, lambda builder, a, b: builder.fcmp_ordered(">=", a, b))
+_define(operator.eq, MASK, lambda builder, a, b: builder.fcmp_ordered("==", a, b))
+_define(operator.ne, MASK, lambda builder, a, b: builder.fcmp_unordered("!=", a, b))
+
+
+def _row(context: Any, builder: Any, array_type: Any, array: Any, row: Any) -> Any:
+    """Return where a row of an array of WIDTH columns lies."""
+    data = context.make_array(array_type)(context, builder, array).data
+    start = builder.gep(data, [builder.mul(row, ir.IntType(64)(WIDTH))])
+    return builder.bitcast(start, DOUBLES.as_pointer())
+
+
+def _is_block(array: Any) -> bool:
+    return bool(array.dtype == FLOAT and array.ndim == 2 and array.layout == "C")
+
+
+@intrinsic
+def get(typing_context: Any, block: Any, row: Any) -> Any:
+    """Return a row of an array of shape (rows, WIDTH)."""
+
+    def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
+        place = _row(context, builder, block, *arguments)
+        return builder.load(place, align=8)
+
+    return (LANES(block, types.int64), generate) if _is_block(block) else None
+
+
+@intrinsic
+def put(typing_context: Any, block: Any, row: Any, value: Any) -> Any:
+    """Write a vector, or a float into all lanes of a row."""
+
+    def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
+        place = _row(context, builder, block, *arguments[:2])
+        builder.store(_spread(builder, arguments[2]), place, align=8)
+        return context.get_dummy_value()
+
+    return (types.void(block, types.int64, value), generate) if _is_block(block) else None
+
+
+@intrinsic
+def choose(typing_context: Any, mask: Any, first: Any, second: Any) -> Any:
+    """Return the first value where a condition holds, else the second."""
+
+    def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
+        here, *values = arguments
+        return builder.select(here, *(_spread(builder, x) for x in values))
+
+    return LANES(MASK, first, second), generate
+
+
+@intrinsic
+def both(typing_context: Any, first: Any, second: Any) -> Any:
+    """Return where both of two conditions hold."""
+
+    def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
+        return builder.and_(*arguments)
+
+    return MASK(MASK, MASK), generate
+
+
+@intrinsic
+def either(typing_context: Any, first: Any, second: Any) -> Any:
+    """Return where one of two conditions holds."""
+
+    def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
+        return builder.or_(*arguments)
+
+    return MASK(MASK, MASK), generate
+
+
+@intrinsic
+def without(typing_context: Any, first: Any, second: Any) -> Any:
+    """Return where the first of two conditions holds and the second does not."""
+
+    def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
+        return builder.and_(arguments[0], builder.not_(arguments[1]))
+
+    return MASK(MASK, MASK), generate
+
+
+@intrinsic
+def somewhere(typing_context: Any, mask: Any) -> Any:
+    """Return whether a condition holds in any lane."""
+
+    def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
+        word = ir.IntType(WIDTH)
+        return builder.icmp_unsigned("!=", builder.bitcast(arguments[0], word), word(0))
+
+    return types.boolean(MASK), generate
+
+
+def _call(builder: Any, name: str, *arguments: Any) -> Any:
+    """Call a function of LLVM on vectors."""
+    kind = ir.FunctionType(DOUBLES, [DOUBLES] * len(arguments))
+    function = cgutils.get_or_insert_function(builder.module, kind, f"llvm.{name}.v{WIDTH}f64")
+    return builder.call(function, arguments)
+
+
+@intrinsic
+def madd(typing_context: Any, a: Any, b: Any, c: Any) -> Any:
+    """Return a b + c, rounded once where the processor can."""
+
+    def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
+        return _call(builder, "fmuladd", *(_spread(builder, x) for x in arguments))
+
+    return LANES(a, b, c), generate
+
+
+@intrinsic
+def size(typing_context: Any, a: Any) -> Any:
+    """Return the absolute value."""
+
+    def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
+        return _call(builder, "fabs", *arguments)
+
+    return LANES(LANES), generate
+
+
+@intrinsic
+def least(typing_context: Any, a: Any, b: Any) -> Any:
+    """Return the smaller of a vector and a bound; the bound in place of NaN."""
+
+    def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
+        left, right = (_spread(builder, x) for x in arguments)
+        return builder.select(builder.fcmp_ordered("<", left, right), left, right)
+
+    return LANES(LANES, b), generate
+
+
+@intrinsic
+def power_of_two(typing_context: Any, shifted: Any) -> Any:
+    """Return 2^k for the whole number k in the low bits of a shifted number."""
+
+    def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
+        bits = builder.bitcast(arguments[0], INTEGERS)
+        bias, mantissa = (ir.Constant(INTEGERS, [x] * WIDTH) for x in (1023, 52))
+        return builder.bitcast(builder.shl(builder.add(bits, bias), mantissa), DOUBLES)
+
+    return LANES(LANES), generate
+
+
+@intrinsic
+def has_bit(typing_context: Any, shifted: Any, bit: Any) -> Any:
+    """Return where the whole number in the low bits of a shifted number has a bit (1, 2, ...)."""
+    value = getattr(bit, "literal_value", None)
+    if value is None:
+        return None
+
+    def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
+        bits = builder.bitcast(arguments[0], INTEGERS)
+        wanted, none = (ir.Constant(INTEGERS, [x] * WIDTH) for x in (value, 0))
+        return builder.icmp_unsigned("!=", builder.and_(bits, wanted), none)
+
+    return MASK(LANES, bit), generate
