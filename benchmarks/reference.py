@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from benchmarks.report import Table
 from benchmarks.timing import best_in_turns
 from cjt_gym.joint import load_joint
-from cjt_gym.joint.blocks import WIDTH, stepper
+from cjt_gym.joint.blocks import advance_blocks
+from cjt_gym.joint.vectors import WIDTH
 from cjt_gym.plant import SimulatedPlant
 
 SOURCE = Path(__file__).with_name("reference.c")
@@ -79,17 +80,17 @@ def pushes() -> Floats:
 def kernel_work(plant: SimulatedPlant, torques: Floats) -> Callable[[], int]:
     """Return work that runs the kernel alone; its unit is one joint's control step."""
     batch = plant.batch
-    assert batch.shape is not None
+    assert batch.kind is not None
     assert batch.blocks is not None
-    step, blocks, none = stepper(batch.shape), batch.blocks, np.zeros(NUM)
+    parts, none = (batch.arrays, batch.setup, batch.kind, batch.blocks), np.zeros(NUM)
     per_ampere = plant.joint.parameters.k_t * plant.joint.parameters.n
     commands = np.zeros((STEPS, NUM, 2))
     commands[:, :, 0] = torques / per_ampere
-    count = blocks.rows.shape[0]
+    count = batch.blocks.rows.shape[0]
 
     def work() -> int:
         for command in commands:
-            step(batch.arrays, batch.setup, blocks, command, none, 0, count, blocks.work[0])
+            advance_blocks(*parts, command, none, 0, count, 0)
         return STEPS * NUM
 
     return work

@@ -17,6 +17,7 @@ from cjt_gym.envs.step import (
     command_all,
     make_control,
     step_episodes,
+    step_one,
     table_of,
     tell_some,
 )
@@ -72,6 +73,7 @@ class Episodes:
             self._count = batch.blocks.rows.shape[0]
             parts = batch.arrays, batch.setup, batch.kind, batch.blocks, self.task, self.control
             self._table = table_of(*parts)
+            self._address = self._table.ctypes.data
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out where the arrays lie: those of a copy lie elsewhere."""
@@ -120,25 +122,44 @@ class Episodes:
             ConfigurationError: The action has the wrong shape or is not finite.
             SimulationError: A state ceased to be finite.
         """
-        control, plant, action = self.control, self.plant, np.asarray(action)
+        action = np.asarray(action)
         if action.shape != (self.num, 1):
             raise self._bad_action(action)
-        control.action[:] = action[:, 0]
-        if self.controller is not None:
-            control.base[:] = self.controller.act(self.measurement(), self.task.reference.copy())
-        plant.redraw_within()
-        blocks = plant.batch.blocks
-        if self._table is not None and blocks is not None:
-            left, mask = step_episodes(self._table, 0, self._count, 0), blocks.left
-            if left == 0:
-                return
+        self.control.action[:] = action[:, 0]
+        self._before()
+        if self._table is None:
+            left = self.num if command_all(self.control) else BAD_ACTION
         else:
-            left = 0 if command_all(control) else BAD_ACTION
-            mask = self._all
+            left = step_episodes(self._address, self._count)
+        if left != 0:
+            self._rest(left)
+
+    def step_one(self, action: float) -> None:
+        """Do what `step` does for a single episode."""
+        self._before()
+        if self._table is None:
+            self.control.action[0] = action
+            left = 1 if command_all(self.control) else BAD_ACTION
+        else:
+            left = step_one(self._address, action)
+        if left != 0:
+            self._rest(left)
+
+    def _before(self) -> None:
+        """Do what precedes a control step: base controller and parameters that drift."""
+        if self.controller is not None:
+            reference = self.task.reference.copy()
+            self.control.base[:] = self.controller.act(self.measurement(), reference)
+        self.plant.redraw_within()
+
+    def _rest(self, left: int) -> None:
+        """Step with the general kernel those joints that are left."""
+        batch, control = self.plant.batch, self.control
         if left == BAD_ACTION:
-            raise self._bad_action(action)
-        plant.batch.step_some(control.commands, self.task.load, mask)
-        tell_some(plant.batch.arrays, self.task, control, mask)
+            raise self._bad_action(control.action[:, None])
+        mask = self._all if batch.blocks is None else batch.blocks.left
+        batch.step_some(control.commands, self.task.load, mask)
+        tell_some(batch.arrays, self.task, control, mask)
 
     def _bad_action(self, action: NDArray[np.floating[Any]]) -> ConfigurationError:
         return ConfigurationError(
@@ -166,7 +187,7 @@ class Episodes:
 
     def report(self) -> dict[str, Floats]:
         """Return what the last step reports, each of shape (num,)."""
-        return dict(zip(REPORT, self.control.report.copy(), strict=True))
+        return dict(zip(REPORT, self.control.report.T.copy(), strict=True))
 
     def measurement(self) -> Measurement:
         """Return the latest measurement of all joints."""

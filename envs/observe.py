@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.joint.arrays import DQ_L, DQ_M, Q_M, TAU, Batch
-from cjt_gym.joint.compiled import compiled, lean
+from cjt_gym.joint.compiled import compiled, inlined
 from cjt_gym.joint.random_stream import mix, uniform
 from cjt_gym.signals.evaluate import evaluate
 
@@ -78,7 +78,7 @@ class Task(NamedTuple):
     preview: int
 
 
-@lean
+@inlined
 def reference_at(task: Task, i: int, t: float) -> float:
     """Return the reference of episode i at time t [N m]."""
     span = task.reference_spans[task.picks[i, 0]]
@@ -86,7 +86,7 @@ def reference_at(task: Task, i: int, t: float) -> float:
     return float(evaluate(task.reference_row[i], task.keys[i, 0], table, t))
 
 
-@lean
+@inlined
 def load_at(task: Task, i: int, t: float) -> float:
     """Return the load input of episode i at time t [N m or rad/s]."""
     span = task.disturbance_spans[task.picks[i, 1]]
@@ -115,13 +115,13 @@ def draw_episodes(batch: Batch, task: Task, mask: Masks) -> None:
         task.load[i] = load_at(task, i, 0.0)
 
 
-@lean
+@inlined
 def limit(x: float) -> float:
     """Clip an observation to its finite box."""
     return min(max(x, -CLIP), CLIP)
 
 
-@lean
+@inlined
 def sample(batch: Batch, task: Task, i: int, row: Floats) -> None:
     """Write the scaled newest sample [tau, dq_m, dq_l, command]."""
     measured, scales = batch.measured[i], task.scales
@@ -131,9 +131,15 @@ def sample(batch: Batch, task: Task, i: int, row: Floats) -> None:
     row[3] = limit(task.command[i] / scales[0])
 
 
-@lean
-def observe(batch: Batch, task: Task, i: int) -> None:
-    """Write the observation of episode i."""
+@inlined
+def rotor_angle(batch: Batch, task: Task, i: int) -> float:
+    """Return the measured angle of the rotor of episode i [rad]."""
+    return float(task.scales[7] * batch.measured[i, Q_M])
+
+
+@inlined
+def observe(batch: Batch, task: Task, i: int, sine: float, cosine: float) -> None:
+    """Write the observation of episode i, with sine and cosine of its rotor."""
     out, scales = task.observation[i], task.scales
     t = batch.samples[i] * scales[6]
     at = 0
@@ -142,9 +148,7 @@ def observe(batch: Batch, task: Task, i: int) -> None:
         out[at] = limit(value / scales[0])
         at += 1
     out[at] = limit((task.reference[i] - batch.measured[i, TAU]) / scales[0])
-    rotor = scales[7] * batch.measured[i, Q_M]
-    out[at + 1] = math.sin(rotor)
-    out[at + 2] = math.cos(rotor)
+    out[at + 1], out[at + 2] = sine, cosine
     at += 3
     for past in range(task.history.shape[1]):
         for signal in range(SIGNALS_PER_SAMPLE):
@@ -161,11 +165,14 @@ def begin(batch: Batch, task: Task, mask: Masks) -> None:
             task.reference[i] = reference_at(task, i, 0.0)
             for past in range(task.history.shape[1]):
                 sample(batch, task, i, task.history[i, past])
-            observe(batch, task, i)
+            angle = rotor_angle(batch, task, i)
+            observe(batch, task, i, math.sin(angle), math.cos(angle))
 
 
-@lean
-def conclude_one(batch: Batch, task: Task, i: int, command: float) -> None:
+@inlined
+def conclude_one(
+    batch: Batch, task: Task, i: int, command: float, sine: float, cosine: float
+) -> None:
     """After a control step of episode i: reference, reward, end, observation, next load.
 
     Args:
@@ -173,6 +180,8 @@ def conclude_one(batch: Batch, task: Task, i: int, command: float) -> None:
         task: The task.
         i: Which episode.
         command: Motor torque that was commanded [N m].
+        sine: Of the measured angle of the rotor.
+        cosine: Of the same.
     """
     scales, weights = task.scales, task.weights
     t = batch.samples[i] * scales[6]
@@ -194,7 +203,7 @@ def conclude_one(batch: Batch, task: Task, i: int, command: float) -> None:
         for signal in range(SIGNALS_PER_SAMPLE):
             task.history[i, past, signal] = task.history[i, past - 1, signal]
     sample(batch, task, i, task.history[i, 0])
-    observe(batch, task, i)
+    observe(batch, task, i, sine, cosine)
     task.load[i] = load_at(task, i, t)
 
 
@@ -202,4 +211,5 @@ def conclude_one(batch: Batch, task: Task, i: int, command: float) -> None:
 def conclude(batch: Batch, task: Task, command: Floats) -> None:
     """Conclude a control step of all episodes, in which `command` was commanded, (n,) [N m]."""
     for i in range(command.shape[0]):
-        conclude_one(batch, task, i, command[i])
+        angle = rotor_angle(batch, task, i)
+        conclude_one(batch, task, i, command[i], math.sin(angle), math.cos(angle))

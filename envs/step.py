@@ -1,37 +1,38 @@
 """A whole step of an environment in one compiled call: command, joints, reward, observation.
 
 Handing the arrays of joints and episodes over to compiled code costs more than a step of one
-joint. So they are handed over once: `table_of` notes where each array lies, and the compiled step
-takes nothing but that table.
+joint. So they are handed over once: `table_of` notes where each lies, in a table of numbers, and
+the compiled step takes nothing but the address of that table.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import types
+from llvmlite import ir
+from numba import from_dtype, types
 from numba.core import cgutils
 from numba.extending import intrinsic
 from numba.np.arrayobj import populate_array
 from numpy.typing import NDArray
 
-from cjt_gym.envs.observe import SAFETY, Task, conclude_one
+from cjt_gym.envs.observe import SAFETY, Task, conclude_one, rotor_angle
 from cjt_gym.joint.arrays import TAU, Batch, Floats, Setup
 from cjt_gym.joint.blocks import Blocks, advance_blocks
-from cjt_gym.joint.compiled import inlined, vectorisable
+from cjt_gym.joint.compiled import inlined, threaded
 from cjt_gym.joint.configure import PARAMETER_DTYPE
-from cjt_gym.joint.lanes import Kind
-from cjt_gym.joint.vectors import WIDTH
+from cjt_gym.joint.lanes import COSINE, SINE, Kind
+from cjt_gym.joint.vector_math import sine_cosine
+from cjt_gym.joint.vectors import WIDTH, get, put
 
-SLOTS = 4  # address and up to three lengths
 BAD_ACTION = -1
 REPORT = (
     *("tau", "tau_measured", "tau_reference", "tau_command", "base_action", "residual"),
     *("reward/tracking", "reward/smoothness", "reward/effort", "reward/safety"),
 )
-F8, F4, I8, U8, B1 = np.float64, np.float32, np.int64, np.uint64, np.bool_
 
 
 class Control(NamedTuple):
@@ -43,7 +44,7 @@ class Control(NamedTuple):
         residual: Motor torque of the action, shape (n,) [N m].
         wanted: Both, within the limits, shape (n,) [N m].
         commands: The same as currents [A], shape (n, 2).
-        report: Rows of `REPORT`, shape (10, n).
+        report: Columns of `REPORT`, shape (n, 10).
         factors: [action scale, torque limit, torque per ampere].
     """
 
@@ -64,161 +65,122 @@ def make_control(num: int, action_scale: float, limit: float, torque_per_ampere:
         residual=np.zeros(num),
         wanted=np.zeros(num),
         commands=np.zeros((num, 2)),
-        report=np.zeros((len(REPORT), num)),
+        report=np.zeros((num, len(REPORT))),
         factors=np.array([action_scale, limit, torque_per_ampere]),
     )
 
 
-def table_of(
-    batch: Batch, setup: Setup, kind: Kind, blocks: Blocks, task: Task, control: Control
-) -> NDArray[np.int64]:
-    """Return where all arrays lie; it holds while these live and are not replaced."""
-    fields = [*batch, *blocks, *task, *control, np.array([setup.h, setup.dt])]
-    arrays = [x for x in fields if isinstance(x, np.ndarray)]
-    rows = [[x.ctypes.data, *x.shape, 0, 0, 0][:SLOTS] for x in arrays]
-    g, numbers = setup.groups, (setup.size, setup.order, setup.drive, setup.substeps)
-    table = [number for row in rows for number in row]
-    steps = np.array([setup.h, setup.dt]).view(np.int64).tolist()
-    task_numbers = (task.episode_steps, task.preview)
-    return np.array([*g, *numbers, *steps, *task_numbers, *kind, *table[:-SLOTS]])
+# What the fields of the table are: a letter for the type, and the number of dimensions. A field
+# takes SLOTS numbers: the address of an array and its shape, or a value.
+SLOTS = 4
+LETTERS: dict[str, Any] = {
+    "p": PARAMETER_DTYPE,
+    "d": np.dtype(np.float64),
+    "f": np.dtype(np.float32),
+    "i": np.dtype(np.int64),
+    "u": np.dtype(np.uint64),
+    "b": np.dtype(np.bool_),
+}
+PARTS: tuple[tuple[Any, str], ...] = (
+    (Batch, "p1 d3 d3 d3 d2 d2 d2 d1 d2 d3 d3 d2 i1 u1"),
+    (Setup, "i3tuple i0 i0 i0 b0 d0 i0 d0"),
+    (Kind, "i0 i0 i0 i0 i0 i0 i0 i0"),
+    (Blocks, "d3 d3 b1 b1 d3"),
+    (Task, "d2 d2 d2 d2 i2 i2 d2 d2 i2 u2 d2 d1 d1 d1 d3 f2 d1 d2 b1 b1 d1 d1 i0 i0"),
+    (Control, "d1 d1 d1 d1 d2 d2 d1"),
+)
 
 
-FIRST = 19  # numbers before the arrays
+def _numbers(form: str, value: Any) -> list[int]:
+    """Return what the table holds of a field."""
+    dtype, ndim = LETTERS[form[0]], int(form[1])
+    if form.endswith("tuple"):
+        found = list(value)
+    elif ndim == 0:
+        found = (
+            np.array([value], np.float64 if form[0] == "d" else np.int64).view(np.int64).tolist()
+        )
+    else:
+        if not (value.dtype == dtype and value.ndim == ndim and value.flags.c_contiguous):
+            raise TypeError(
+                f"The table wants {form}, got {value.dtype} of {value.ndim} dimensions."
+            )
+        found = [value.ctypes.data, *value.shape]
+    return (found + [0] * SLOTS)[:SLOTS]
+
+
+def table_of(*parts: Any) -> NDArray[np.int64]:
+    """Return where all arrays lie; it holds while these live and are not replaced.
+
+    Args:
+        parts: Batch, Setup, Kind, Blocks, Task, Control.
+
+    Raises:
+        TypeError: An array is not what the compiled step takes it for.
+    """
+    numbers = []
+    for part, (kind, forms) in zip(parts, PARTS, strict=True):
+        assert type(part) is kind
+        for value, form in zip(part, forms.split(), strict=True):
+            numbers += _numbers(form, value)
+    return np.array(numbers)
+
+
+def _type(form: str) -> Any:
+    dtype, ndim = from_dtype(LETTERS[form[0]]), int(form[1])
+    if form.endswith("tuple"):
+        return types.UniTuple(dtype, ndim)
+    return types.Array(dtype, ndim, "C") if ndim > 0 else dtype
+
+
+def _types() -> Iterator[Any]:
+    for kind, forms in PARTS:
+        yield types.BaseTuple.from_types([_type(form) for form in forms.split()], kind)
 
 
 @intrinsic
-def borrowed(typing_context: Any, address: Any, shape: Any, dtype: Any) -> Any:
-    """Return the array of a shape that lies at an address, in row-major order."""
-    array = types.Array(dtype.dtype, len(shape), "C")
+def opened(typing_context: Any, address: Any) -> Any:
+    """Return the six parts whose table lies at an address."""
+    word = ir.IntType(64)
+    whole = types.Tuple(list(_types()))
 
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        made = context.make_array(array)(context, builder)
-        size = context.get_abi_sizeof(context.get_data_type(array.dtype))
-        lengths = cgutils.unpack_tuple(builder, arguments[1])
-        strides, step = [], context.get_constant(types.intp, size)
-        for length in reversed(lengths):
+    def array(context: Any, builder: Any, kind: Any, words: Any) -> Any:
+        made = context.make_array(kind)(context, builder)
+        item = word(context.get_abi_sizeof(context.get_data_type(kind.dtype)))
+        shape, strides, step = words[1 : 1 + kind.ndim], [], item
+        for length in reversed(shape):
             strides.insert(0, step)
             step = builder.mul(step, length)
-        populate_array(
-            made,
-            data=builder.inttoptr(arguments[0], made.data.type),
-            shape=lengths,
-            strides=strides,
-            itemsize=context.get_constant(types.intp, size),
-            meminfo=None,
-        )
+        data = builder.inttoptr(words[0], made.data.type)
+        populate_array(made, data, shape, strides, item, meminfo=None)
         return made._getvalue()
 
-    return array(types.int64, shape, dtype), generate
+    def field(context: Any, builder: Any, kind: Any, words: Any) -> Any:
+        if isinstance(kind, types.Array):
+            return array(context, builder, kind, words)
+        if isinstance(kind, types.UniTuple):
+            return context.make_tuple(builder, kind, words[: kind.count])
+        if kind == types.float64:
+            return builder.bitcast(words[0], ir.DoubleType())
+        return context.cast(builder, words[0], types.int64, kind)
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        table, at, made = builder.inttoptr(arguments[0], word.as_pointer()), 0, []
+        for part in whole:
+            values = []
+            for kind in part:
+                words = [
+                    builder.load(cgutils.gep_inbounds(builder, table, at + k)) for k in range(4)
+                ]
+                values.append(field(context, builder, kind, words))
+                at += SLOTS
+            made.append(context.make_tuple(builder, part, values))
+        return context.make_tuple(builder, whole, made)
+
+    return whole(types.int64), generate
 
 
 @inlined
-def one(t: NDArray[np.int64], k: int, dtype: Any) -> Any:
-    """Return array k, a vector."""
-    at = FIRST + SLOTS * k
-    return borrowed(t[at], (t[at + 1],), dtype)
-
-
-@inlined
-def two(t: NDArray[np.int64], k: int, dtype: Any) -> Any:
-    """Return array k, a matrix."""
-    at = FIRST + SLOTS * k
-    return borrowed(t[at], (t[at + 1], t[at + 2]), dtype)
-
-
-@inlined
-def three(t: NDArray[np.int64], k: int, dtype: Any) -> Any:
-    """Return array k, of three dimensions."""
-    at = FIRST + SLOTS * k
-    return borrowed(t[at], (t[at + 1], t[at + 2], t[at + 3]), dtype)
-
-
-@inlined
-def open_batch(t: NDArray[np.int64]) -> Batch:
-    """Return the arrays of the joints."""
-    return Batch(
-        one(t, 0, PARAMETER_DTYPE),
-        three(t, 1, F8),
-        three(t, 2, F8),
-        three(t, 3, F8),
-        two(t, 4, F8),
-        two(t, 5, F8),
-        two(t, 6, F8),
-        one(t, 7, F8),
-        two(t, 8, F8),
-        three(t, 9, F8),
-        three(t, 10, F8),
-        two(t, 11, F8),
-        one(t, 12, I8),
-        one(t, 13, U8),
-    )
-
-
-@inlined
-def open_blocks(t: NDArray[np.int64]) -> Blocks:
-    """Return the blocks of joints."""
-    return Blocks(three(t, 14, F8), one(t, 15, B1), one(t, 16, B1), three(t, 17, F8))
-
-
-@inlined
-def open_task(t: NDArray[np.int64]) -> Task:
-    """Return the arrays of the episodes."""
-    return Task(
-        two(t, 18, F8),
-        two(t, 19, F8),
-        two(t, 20, F8),
-        two(t, 21, F8),
-        two(t, 22, I8),
-        two(t, 23, I8),
-        two(t, 24, F8),
-        two(t, 25, F8),
-        two(t, 26, I8),
-        two(t, 27, U8),
-        two(t, 28, F8),
-        one(t, 29, F8),
-        one(t, 30, F8),
-        one(t, 31, F8),
-        three(t, 32, F8),
-        two(t, 33, F4),
-        one(t, 34, F8),
-        two(t, 35, F8),
-        one(t, 36, B1),
-        one(t, 37, B1),
-        one(t, 38, F8),
-        one(t, 39, F8),
-        t[9],
-        t[10],
-    )
-
-
-@inlined
-def open_control(t: NDArray[np.int64]) -> Control:
-    """Return what a step is told and what it reports."""
-    return Control(
-        one(t, 40, F8),
-        one(t, 41, F8),
-        one(t, 42, F8),
-        one(t, 43, F8),
-        two(t, 44, F8),
-        two(t, 45, F8),
-        one(t, 46, F8),
-    )
-
-
-@inlined
-def open_setup(t: NDArray[np.int64]) -> Setup:
-    """Return what the joints share; commands are currents."""
-    h, dt = np.int64(t[7]).view(np.float64), np.int64(t[8]).view(np.float64)
-    return Setup((t[0], t[1], t[2]), t[3], t[4], t[5], t[6] < 0, h, t[6], dt)
-
-
-@inlined
-def open_kind(t: NDArray[np.int64]) -> Kind:
-    """Return what the joints have in common."""
-    return Kind(t[11], t[12], t[13], t[14], t[15], t[16], t[17], t[18])
-
-
-@vectorisable
 def command(control: Control, i: int) -> bool:
     """Turn action and base of episode i into a current; return whether the action is finite."""
     action, scale, limit = control.action[i], control.factors[0], control.factors[1]
@@ -230,60 +192,90 @@ def command(control: Control, i: int) -> bool:
     return True
 
 
-@vectorisable
-def tell(batch: Batch, task: Task, control: Control, i: int) -> None:
-    """Conclude the step of episode i and write its report."""
-    conclude_one(batch, task, i, control.wanted[i])
-    report = control.report
-    report[0, i], report[1, i] = batch.tau[i], batch.measured[i, TAU]
-    report[2, i], report[3, i] = task.reference[i], task.command[i]
-    report[4, i], report[5, i] = control.base[i], control.residual[i]
+@inlined
+def tell(batch: Batch, task: Task, control: Control, i: int, sine: float, cosine: float) -> None:
+    """Conclude the step of episode i, with sine and cosine of its rotor, and write its report."""
+    conclude_one(batch, task, i, control.wanted[i], sine, cosine)
+    report = control.report[i]
+    report[0], report[1] = batch.tau[i], batch.measured[i, TAU]
+    report[2], report[3] = task.reference[i], task.command[i]
+    report[4], report[5] = control.base[i], control.residual[i]
     for j in range(SAFETY + 1):
-        report[6 + j, i] = task.terms[i, j]
+        report[6 + j] = task.terms[i, j]
 
 
-@vectorisable
-def step_episodes(t: NDArray[np.int64], begin: int, end: int, thread: int) -> int:
-    """Step the episodes of blocks begin to end.
+@threaded
+def step_blocks(address: int, begin: int, end: int, thread: int) -> int:
+    """Step the episodes of blocks begin to end, whose commands are known.
 
     Args:
-        t: What `table_of` has noted.
+        address: Where the table of `table_of` lies.
         begin: First block.
         end: Behind the last block.
         thread: Whose scratch to use.
 
     Returns:
-        How many joints it left to the general kernel, whose episodes it then has not concluded,
-        or `BAD_ACTION` before anything has moved.
+        How many joints it left to the general kernel, whose episodes it then has not concluded.
     """
-    batch, setup, kind, blocks = open_batch(t), open_setup(t), open_kind(t), open_blocks(t)
-    task, control = open_task(t), open_control(t)
-    first, last = begin * WIDTH, min(end * WIDTH, task.load.shape[0])
-    good = True
-    for i in range(first, last):
-        good = command(control, i) and good
-    if not good:
-        return BAD_ACTION
-    loads = task.load
-    left = advance_blocks(batch, setup, kind, blocks, control.commands, loads, begin, end, thread)
-    for i in range(first, last):
-        if not blocks.left[i]:
-            tell(batch, task, control, i)
+    batch, setup, kind, blocks, task, control = opened(address)
+    s, left, num = blocks.scratch[thread], 0, task.load.shape[0]
+    for block in range(begin, end):
+        left += advance_blocks(
+            batch, setup, kind, blocks, control.commands, task.load, block, block + 1, thread
+        )
+        first = block * WIDTH
+        count = min(WIDTH, num - first)
+        for lane in range(count):
+            s[SINE, lane] = rotor_angle(batch, task, first + lane)
+        sine, cosine = sine_cosine(get(s, SINE))
+        put(s, SINE, sine)
+        put(s, COSINE, cosine)
+        for lane in range(count):
+            if not blocks.left[first + lane]:
+                tell(batch, task, control, first + lane, s[SINE, lane], s[COSINE, lane])
     return left
 
 
-@vectorisable
-def tell_some(batch: Batch, task: Task, control: Control, mask: NDArray[np.bool_]) -> None:
-    """Conclude the steps of the episodes in a mask."""
-    for i in range(mask.shape[0]):
-        if mask[i]:
-            tell(batch, task, control, i)
-
-
-@vectorisable
+@threaded
 def command_all(control: Control) -> bool:
     """Turn all actions and bases into currents; return whether the actions are finite."""
     good = True
     for i in range(control.action.shape[0]):
         good = command(control, i) and good
     return good
+
+
+@threaded
+def command_at(address: int) -> bool:
+    """Do what `command_all` does for the table at an address."""
+    return command_all(opened(address)[5])
+
+
+@threaded
+def step_episodes(address: int, count: int) -> int:
+    """Step all episodes, in `count` blocks; return `BAD_ACTION` before anything has moved.
+
+    Otherwise it returns what `step_blocks` does.
+    """
+    if not command_all(opened(address)[5]):
+        return BAD_ACTION
+    return step_blocks(address, 0, count, 0)
+
+
+@threaded
+def step_one(address: int, action: float) -> int:
+    """Do what `step_episodes` does for a single episode and its action."""
+    control = opened(address)[5]
+    control.action[0] = action
+    if not command(control, 0):
+        return BAD_ACTION
+    return step_blocks(address, 0, 1, 0)
+
+
+@threaded
+def tell_some(batch: Batch, task: Task, control: Control, mask: NDArray[np.bool_]) -> None:
+    """Conclude the steps of the episodes in a mask."""
+    for i in range(mask.shape[0]):
+        if mask[i]:
+            angle = rotor_angle(batch, task, i)
+            tell(batch, task, control, i, math.sin(angle), math.cos(angle))

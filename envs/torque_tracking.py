@@ -188,10 +188,12 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
             ConfigurationError: The action has the wrong shape or is not finite.
             SimulationError: The state ceased to be finite.
         """
-        episodes = self.episodes
-        episodes.step(np.asarray(action).reshape(1, -1))
-        task = episodes.task
-        info: dict[str, Any] = dict(zip(REPORT, episodes.control.report[:, 0].tolist()))  # noqa: B905
+        episodes, task = self.episodes, self.episodes.task
+        if getattr(action, "shape", None) == (1,):
+            episodes.step_one(float(action[0]))
+        else:
+            episodes.step(np.asarray(action).reshape(1, -1))
+        info: dict[str, Any] = dict(zip(REPORT, episodes.control.report[0].tolist()))  # noqa: B905
         if self._chart is not None:
             self._chart.add(info["tau_reference"], info["tau"], info["tau_command"])
             if self.render_mode == "human":

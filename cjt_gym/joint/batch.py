@@ -184,6 +184,7 @@ class JointBatch:
     def restart(self, mask: NDArray[np.bool_], load: Floats) -> None:
         """Clear memory and delays of the joints in the mask and measure their present state."""
         restart_some(self.arrays, self.setup, mask, load)
+        self.renew(mask)
 
     def step(self, commands: Floats, load: Floats) -> None:
         """Advance all joints by one control step.

@@ -8,7 +8,6 @@ that are late by parts of a control step, and equations that stay unsolved.
 from __future__ import annotations
 
 import math
-from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -26,17 +25,18 @@ from cjt_gym.joint.arrays import (
     Floats,
     Setup,
 )
-from cjt_gym.joint.compiled import lean, vectorisable
+from cjt_gym.joint.compiled import inlined, lean, threaded
 from cjt_gym.joint.drives import clip
 from cjt_gym.joint.effects import EFFECTS
 from cjt_gym.joint.lanes import (
-    A,
     AFTER,
     BEFORE,
+    CLOSE,
     COMMAND,
     CURRENT,
     D_GL,
     DOWN,
+    ENOUGH,
     EXTRA,
     FAILED,
     K_B,
@@ -46,13 +46,17 @@ from cjt_gym.joint.lanes import (
     MOTOR,
     OFFSET,
     PEAK,
+    PER_AMPERE,
     PLAIN,
     PUSHED,
+    RESOLUTION,
     RUB,
+    SCRATCH_ROWS,
     STEEP,
     TONES,
     UP,
     USABLE,
+    A,
     Kind,
     coordinate,
     run,
@@ -84,13 +88,15 @@ class Blocks(NamedTuple):
     """The blocks of a batch.
 
     Attributes:
-        rows: The rows of each block, shape (blocks, rows, WIDTH).
+        rows: The parameters of each block, shape (blocks, rows, WIDTH).
+        scratch: Scratch rows of each thread, shape (threads, SCRATCH_ROWS, WIDTH).
         stale: Whose parameters have changed since they were read, shape (n,).
         left: Which joints the last step left to the general kernel, shape (n,).
-        work: Scratch rows of each thread, shape (threads, WORK_ROWS, WORK_WIDTH).
+        work: Scratch rows of the general code, shape (threads, WORK_ROWS, WORK_WIDTH).
     """
 
     rows: Floats
+    scratch: Floats
     stale: Masks
     left: Masks
     work: Floats
@@ -123,13 +129,19 @@ def kind_of(joint: Joint, voltage: bool) -> Kind | None:
     )
 
 
+def aligned(*shape: int) -> Floats:
+    """Return zeros that begin on a cache line."""
+    size = math.prod(shape)
+    room = np.zeros(size + LINE // 8)
+    first = (-room.ctypes.data % LINE) // 8
+    return room[first : first + size].reshape(shape)
+
+
 def make_blocks(kind: Kind, num: int, threads: int = 1) -> Blocks:
     """Allocate the blocks of `num` joints."""
-    shape = (-(-num // WIDTH), TONES + 3 * kind.tones, WIDTH)
-    room = np.zeros(math.prod(shape) + LINE // 8)
-    first = (-room.ctypes.data % LINE) // 8
     return Blocks(
-        rows=room[first : first + math.prod(shape)].reshape(shape),
+        rows=aligned(-(-num // WIDTH), TONES + 3 * kind.tones, WIDTH),
+        scratch=aligned(threads, SCRATCH_ROWS, WIDTH),
         stale=np.ones(num, dtype=np.bool_),
         left=np.zeros(num, dtype=np.bool_),
         work=np.zeros((threads, WORK_ROWS, WORK_WIDTH)),
@@ -162,7 +174,9 @@ def read_friction(p: Any, setup: Setup, kind: Kind, s: Floats, lane: int) -> boo
                 s[EXTRA + k, lane] += extra
                 found = True
         left += 0.0 if found else abs(up) + abs(down) + abs(extra)
-    s[STEEP, lane] = 1.0 / p.dq_0 if p.dq_0 > 0.0 else 1.0
+    width = p.dq_0 if p.dq_0 > 0.0 else 1.0
+    s[STEEP, lane], s[ENOUGH, lane] = 1.0 / width, 1e-10 + 1e-7 * width
+    s[CLOSE, lane] = 0.5 * math.sqrt(s[ENOUGH, lane] * width)
     return left == 0.0 and (kind.n == 0 or (p.dq_0 == 0.0) == (kind.sharp == 1))
 
 
@@ -203,6 +217,7 @@ def read_parameters(
         s[row + 1, lane], s[row + 2, lane] = tone[1] * p.cogging_scale, tone[2] * p.cogging_scale
     s[PEAK, lane], s[OFFSET, lane] = p.i_p, p.torque_offset
     s[K_B, lane], s[D_GL, lane] = p.k_b, p.d_gl
+    s[RESOLUTION, lane], s[PER_AMPERE, lane] = p.command_resolution, batch.memory[i, K_M]
     s[LATE, lane], s[COMMAND_SUB, lane] = lateness(p.command_delay, setup)
     s[PLAIN, lane] = 1.0 if is_plain(p) else 0.0
     if plan_lateness(p, setup, work):
@@ -211,33 +226,38 @@ def read_parameters(
     s[USABLE, lane] = 1.0 if usable else 0.0
 
 
-@lean
+@inlined
 def wrap(k: int, depth: int) -> int:
     """Return the place of sample k in a ring."""
     return k & 1 if depth == 2 else k % depth
 
 
-@lean
+@inlined
 def enter(
-    batch: Batch, setup: Setup, kind: Kind, s: Floats, lane: int, i: int, command: float, load: float
+    batch: Batch,
+    setup: Setup,
+    kind: Kind,
+    rows: Floats,
+    s: Floats,
+    lane: int,
+    i: int,
+    command: float,
+    load: float,
 ) -> bool:
     """Put state and inputs of joint i into place lane; return whether the block can move it."""
-    if not (math.isfinite(command + load) and s[USABLE, lane] == 1.0):
+    if not (math.isfinite(command + load) and rows[USABLE, lane] == 1.0):
         return False
-    p, k, depth = batch.p[i], batch.samples[i], batch.commands.shape[1]
-    if p.command_resolution > 0.0:
-        command = math.floor(command / p.command_resolution + 0.5) * p.command_resolution
+    k, depth = batch.samples[i], batch.commands.shape[1]
+    resolution = rows[RESOLUTION, lane]
+    if resolution > 0.0:
+        command = math.floor(command / resolution + 0.5) * resolution
     s[COMMAND, lane], s[PUSHED, lane] = command, load
-    late, peak, offset, per_ampere = (
-        int(s[LATE, lane]),
-        s[PEAK, lane],
-        s[OFFSET, lane],
-        batch.memory[i, K_M],
-    )
+    late, peak, offset = int(rows[LATE, lane]), rows[PEAK, lane], rows[OFFSET, lane]
+    per_ampere = rows[PER_AMPERE, lane]
     now = batch.commands[i, wrap(k - late + depth, depth), 0] if late > 0 else command
     s[CURRENT, lane] = clip(now, peak)
     s[AFTER, lane] = offset + per_ampere * s[CURRENT, lane]
-    if s[COMMAND_SUB, lane] > 0.0:
+    if rows[COMMAND_SUB, lane] > 0.0:
         before = clip(batch.commands[i, wrap(k - late - 1 + depth, depth), 0], peak)
         s[BEFORE, lane] = offset + per_ampere * before
     for body in (2, 1, 0):
@@ -250,9 +270,17 @@ def enter(
     return True
 
 
-@lean
+@inlined
 def leave(
-    batch: Batch, setup: Setup, kind: Kind, s: Floats, lane: int, i: int, load: float, work: Floats
+    batch: Batch,
+    setup: Setup,
+    kind: Kind,
+    rows: Floats,
+    s: Floats,
+    lane: int,
+    i: int,
+    load: float,
+    work: Floats,
 ) -> bool:
     """Take the state of joint i back and measure; return whether it is finite."""
     for j in range(kind.order):
@@ -272,10 +300,10 @@ def leave(
     batch.currents[i, 0] = out[CURRENT_I] = s[CURRENT, lane]
     for j in range(6):
         out[Q_M + j] = state[j]
-    tau = s[K_B, lane] * (state[1] - state[2]) + s[D_GL, lane] * (state[4] - state[5])
+    tau = rows[K_B, lane] * (state[1] - state[2]) + rows[D_GL, lane] * (state[4] - state[5])
     batch.tau[i] = out[TAU] = tau
     batch.samples[i] = k + 1
-    if s[PLAIN, lane] == 1.0:
+    if rows[PLAIN, lane] == 1.0:
         for channel in range(8):
             batch.measured[i, channel] = out[channel]
     else:
@@ -284,7 +312,7 @@ def leave(
     return True
 
 
-@vectorisable
+@threaded
 def advance_blocks(
     batch: Batch,
     setup: Setup,
@@ -309,20 +337,21 @@ def advance_blocks(
         end: Behind the last block.
         thread: Whose scratch to use.
     """
-    left, last, work = 0, loads.shape[0] - 1, blocks.work[thread]
+    left, last = 0, loads.shape[0] - 1
+    s, work = blocks.scratch[thread], blocks.work[thread]
     for block in range(begin, end):
-        s, first = blocks.rows[block], block * WIDTH
+        rows, first = blocks.rows[block], block * WIDTH
         for lane in range(WIDTH):
             i = min(first + lane, last)  # the last joint fills the last block
             if blocks.stale[i]:
-                read_parameters(batch, setup, kind, s, lane, i, work)
-            good = enter(batch, setup, kind, s, lane, i, commands[i, 0], loads[i])
+                read_parameters(batch, setup, kind, rows, lane, i, work)
+            good = enter(batch, setup, kind, rows, s, lane, i, commands[i, 0], loads[i])
             s[FAILED, lane] = 0.0 if good else 1.0
-        run(kind, s, setup.substeps, setup.h)
+        run(kind, rows, s, setup.substeps, setup.h)
         for lane in range(min(WIDTH, last + 1 - first)):
             i = first + lane
             moved = s[FAILED, lane] == 0.0
-            moved = moved and leave(batch, setup, kind, s, lane, i, loads[i], work)
+            moved = moved and leave(batch, setup, kind, rows, s, lane, i, loads[i], work)
             blocks.stale[i], blocks.left[i] = False, not moved
             left += 0 if moved else 1
     return left

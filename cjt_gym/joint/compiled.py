@@ -2,7 +2,7 @@
 
 `lean` is for functions that allocate nothing: their arrays are borrowed, so that no reference is
 counted (Numba's option `_nrt`), which makes small functions several times faster. All others are
-`compiled`. `vectorisable` functions are lean, for loops over joints.
+`compiled`. `inlined` and `threaded` functions are lean ones, too.
 
 Numba renews a cached function when its own file changes, not when a function that it calls
 does. So the cache of the whole package is forgotten when a file with compiled functions changes,
@@ -41,18 +41,15 @@ def lean(function: Function) -> Function:
     return fast
 
 
-def vectorisable(function: Function) -> Function:
-    """Compile what is called for many joints in a row; threads may run it side by side.
-
-    Products and sums are not fused: a joint moves in a block exactly as it does alone.
-    """
+def threaded(function: Function) -> Function:
+    """Compile a lean function that threads may run side by side."""
     fast: Function = njit(function, nogil=True, **BORROWED)
     return fast
 
 
 def inlined(function: Function) -> Function:
-    """Put a function into its callers before these are compiled."""
-    part: Function = njit(function, inline="always", **BORROWED)
+    """Compile a lean function into its callers: handing over many arrays takes longer than it."""
+    part: Function = njit(function, forceinline=True, **BORROWED)
     return part
 
 

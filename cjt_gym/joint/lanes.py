@@ -2,7 +2,8 @@
 
 The same equations and the same scheme as `substep`, for joints that a current source drives
 through linear springs, with Coulomb and one-sided viscous friction (smooth or sharp) and cogging.
-WIDTH joints form a block: each of its rows holds one quantity, a number per joint. The code reads
+WIDTH joints form a block: each of its rows holds one quantity, a number per joint; `p` are its
+parameters and `s` is scratch. The code reads
 as if there were one joint; where joints differ in what they do, `choose` takes both ways.
 """
 
@@ -11,8 +12,8 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from cjt_gym.joint.arrays import Floats
-from cjt_gym.joint.compiled import lean
-from cjt_gym.joint.vector_math import sine_cosine, tanh
+from cjt_gym.joint.compiled import inlined, lean
+from cjt_gym.joint.vector_math import sine_cosine, tanh, tanh_pair
 from cjt_gym.joint.vectors import (
     both,
     choose,
@@ -29,7 +30,7 @@ NEWTON = 20
 SWEEPS = 60
 SHARP_SOLVED = 1e-15  # change of speed in the last sweep, relative to the largest so far
 
-# Rows of a block. Parameters:
+# Rows of the parameters `p` of a block:
 A = 0  # system matrix, six rows of six
 MOTOR = 36  # what motor torque, load input and friction on each coordinate add to the states
 LOAD = 42
@@ -39,21 +40,25 @@ UP = 75  # levels of friction in both directions, and viscous friction in the ne
 DOWN = 78
 EXTRA = 81
 STEEP = 84  # 1 / dq_0
-PEAK, OFFSET, K_B, D_GL = 85, 86, 87, 88
-LATE, LATE_SUB = 89, 90  # control steps and substeps after which a command acts
-PLAIN, USABLE = 91, 92  # whether sensors are ideal, and whether this code can move the joint
-# Of a control step:
-X = 93  # states
-COMMAND, CURRENT, BEFORE, AFTER, PUSHED = 99, 100, 101, 102, 103
+ENOUGH, CLOSE = 85, 86  # steps of Newton's method after which a speed is solved
+PEAK, OFFSET, K_B, D_GL = 87, 88, 89, 90
+LATE, LATE_SUB = 91, 92  # control steps and substeps after which a command acts
+PLAIN, USABLE = 93, 94  # whether sensors are ideal, and whether this code can move the joint
+RESOLUTION, PER_AMPERE = 95, 96  # step of the command [A], motor torque per current [N m/A]
+TONES = 97  # three rows per harmonic: frequency, cosine, sine
+# Rows of the scratch `s` of a thread:
+X = 0  # states
+COMMAND, CURRENT, BEFORE, AFTER, PUSHED = range(6, 11)
 # The command, its current, motor torque before and after it acts, and the load input.
-PUSH = 104  # what motor torque and load input add to the states
-FREE = 110  # states at the end of a substep
-RIPPLE = 116  # ripple torque of the substep before
-SPEED = 117  # mean velocities of the coordinates with friction
-WANTED = 120  # the same without friction
-DRAG = 123  # friction torques
-FAILED = 126  # whether the joint is left to the general kernel
-TONES = 127  # three rows per harmonic: frequency, cosine, sine
+PUSH = 11  # what motor torque and load input add to the states
+FREE = 17  # states at the end of a substep
+RIPPLE = 23  # ripple torque of the substep before
+SPEED = 24  # mean velocities of the coordinates with friction
+WANTED = 27  # the same without friction
+DRAG = 30  # friction torques
+FAILED = 33  # whether the joint is left to the general kernel
+SINE, COSINE = 34, 35  # of its rotor, for the environment
+SCRATCH_ROWS = 36
 
 
 class Kind(NamedTuple):
@@ -80,140 +85,159 @@ class Kind(NamedTuple):
     tones: int
 
 
-@lean
+@inlined
 def coordinate(kind: Kind, k: int) -> int:
     """Return which coordinate is number k of those with friction."""
     return kind.first if k == 0 else (kind.second if k == 1 else kind.third)
 
 
-@lean
-def friction(s: Floats, k: int, v: Any) -> tuple[Any, Any]:
+@inlined
+def rub(p: Floats, k: int, v: Any, t: Any) -> tuple[Any, Any]:
+    """Return the smooth friction on coordinate k and its slope, from v and t = tanh(v / dq_0)."""
+    ahead = v >= 0.0
+    level = choose(ahead, get(p, UP + k), get(p, DOWN + k))
+    extra = choose(ahead, 0.0, get(p, EXTRA + k))
+    return madd(level, t, extra * v), madd(level * get(p, STEEP), 1.0 - t * t, extra)
+
+
+@inlined
+def friction(p: Floats, k: int, v: Any) -> tuple[Any, Any]:
     """Return the smooth friction on coordinate k at velocity v, and its slope."""
-    ahead, steep = v >= 0.0, get(s, STEEP)
-    level = choose(ahead, get(s, UP + k), get(s, DOWN + k))
-    extra = choose(ahead, 0.0, get(s, EXTRA + k))
-    t = tanh(v * steep)
-    return madd(level, t, extra * v), madd(level * steep, 1.0 - t * t, extra)
+    return rub(p, k, v, tanh(v * get(p, STEEP)))
 
 
 @lean
-def predict(kind: Kind, s: Floats) -> None:
+def predict(kind: Kind, p: Floats, s: Floats) -> None:
     """Take friction at the present speed, and no ripple."""
     put(s, RIPPLE, 0.0)
     for k in range(kind.n):
         v = get(s, X + kind.velocity + coordinate(kind, k))
         if kind.sharp:
-            up, down = get(s, UP + k), get(s, DOWN + k)
-            behind = get(s, EXTRA + k) * v - down
+            up, down = get(p, UP + k), get(p, DOWN + k)
+            behind = get(p, EXTRA + k) * v - down
             held = 0.5 * (up - down)
             put(s, DRAG + k, choose(v > 0.0, up, choose(v < 0.0, behind, held)))
         else:
-            torque, _ = friction(s, k, v)
+            torque, _ = friction(p, k, v)
             put(s, DRAG + k, torque)
 
 
 @lean
-def push(kind: Kind, s: Floats, step: int) -> None:
+def push(kind: Kind, p: Floats, s: Floats, step: int) -> None:
     """Note what the motor torque of a substep and the load input add to the states."""
-    torque = choose(get(s, LATE_SUB) <= float(step), get(s, AFTER), get(s, BEFORE))
+    torque = choose(get(p, LATE_SUB) <= float(step), get(s, AFTER), get(s, BEFORE))
     load = get(s, PUSHED)
     for i in range(kind.order):
-        put(s, PUSH + i, madd(get(s, MOTOR + i), torque, get(s, LOAD + i) * load))
+        put(s, PUSH + i, madd(get(p, MOTOR + i), torque, get(p, LOAD + i) * load))
 
 
 @lean
-def move(kind: Kind, s: Floats) -> None:
-    """Advance the linear joint."""
-    for i in range(kind.order):
-        value = get(s, PUSH + i)
-        for j in range(kind.order):
-            value = madd(get(s, A + 6 * i + j), get(s, X + j), value)
-        put(s, FREE + i, value)
+def move(kind: Kind, p: Floats, s: Floats) -> None:
+    """Advance the linear joint; three states at once, those that do not exist stay zero."""
+    for i in range(0, kind.order, 3):
+        first, second, third = get(s, PUSH + i), get(s, PUSH + i + 1), get(s, PUSH + i + 2)
+        for j in range(0, kind.order, 3):
+            x, y, z = get(s, X + j), get(s, X + j + 1), get(s, X + j + 2)
+            a = A + 6 * i + j
+            first = madd(get(p, a), x, madd(get(p, a + 1), y, madd(get(p, a + 2), z, first)))
+            a += 6
+            second = madd(get(p, a), x, madd(get(p, a + 1), y, madd(get(p, a + 2), z, second)))
+            a += 6
+            third = madd(get(p, a), x, madd(get(p, a + 1), y, madd(get(p, a + 2), z, third)))
+        put(s, FREE + i, first)
+        put(s, FREE + i + 1, second)
+        put(s, FREE + i + 2, third)
 
 
 @lean
-def cog(kind: Kind, s: Floats, h: float) -> None:
+def cog(kind: Kind, p: Floats, s: Floats, h: float) -> None:
     """Find the ripple in the middle of the motion that the last friction and ripple give."""
     speed = kind.velocity
     ripple = get(s, RIPPLE)
-    q = madd(get(s, MOTOR), ripple, get(s, FREE))
-    dq = madd(get(s, MOTOR + speed), ripple, get(s, FREE + speed))
+    q = madd(get(p, MOTOR), ripple, get(s, FREE))
+    dq = madd(get(p, MOTOR + speed), ripple, get(s, FREE + speed))
     for k in range(kind.n):
         drag = get(s, DRAG + k)
-        q = q - get(s, RUB + 6 * k) * drag
-        dq = dq - get(s, RUB + 6 * k + speed) * drag
+        q = q - get(p, RUB + 6 * k) * drag
+        dq = dq - get(p, RUB + 6 * k + speed) * drag
     q = 0.5 * (get(s, X) + q) + 0.125 * h * (get(s, X + speed) - dq)
     total = 0.0 * q
     for j in range(kind.tones):
         row = TONES + 3 * j
-        sine, cosine = sine_cosine(get(s, row) * q)
-        total = madd(get(s, row + 1), cosine, madd(get(s, row + 2), sine, total))
+        sine, cosine = sine_cosine(get(p, row) * q)
+        total = madd(get(p, row + 1), cosine, madd(get(p, row + 2), sine, total))
     put(s, RIPPLE, total)
 
 
 @lean
-def aim(kind: Kind, s: Floats, h: float) -> None:
-    """Add the ripple; note the mean speeds without friction, and under the friction before."""
-    if kind.tones > 0:
-        ripple = get(s, RIPPLE)
-        for i in range(kind.order):
-            put(s, FREE + i, madd(get(s, MOTOR + i), ripple, get(s, FREE + i)))
+def aim(kind: Kind, p: Floats, s: Floats, h: float) -> None:
+    """Note the mean speeds without friction, and those under the friction before."""
+    ripple, per_h = get(s, RIPPLE), 1.0 / h
     for k in range(kind.n):
         g = coordinate(kind, k)
-        v = (get(s, FREE + g) - get(s, X + g)) * (1.0 / h)
+        v = (madd(get(p, MOTOR + g), ripple, get(s, FREE + g)) - get(s, X + g)) * per_h
         put(s, WANTED + k, v)
         for m in range(kind.n):
-            v = v - get(s, MOBILITY + 3 * k + m) * get(s, DRAG + m)
+            v = v - get(p, MOBILITY + 3 * k + m) * get(s, DRAG + m)
         put(s, SPEED + k, v)
 
 
-@lean
-def settle(s: Floats, k: int, busy: Any, v: Any, torque: Any, slope: Any, change: Any) -> Any:
-    """Correct the speed of coordinate k, where it is not solved; return where it is solved now."""
-    put(s, SPEED + k, choose(busy, v - change, v))
+@inlined
+def settle(
+    p: Floats, s: Floats, k: int, busy: Any, v: Any, torque: Any, slope: Any, change: Any
+) -> Any:
+    """Correct the speed of coordinate k, where it is not solved; return where it is solved now.
+
+    Solved is what is within 1e-10 rad/s + 1e-7 dq_0, and what rounding leaves of the speed. The
+    error that a step leaves is at most its square / dq_0 where it does not pass the kink at zero.
+    """
+    new = v - change
+    put(s, SPEED + k, choose(busy, new, v))
     put(s, DRAG + k, choose(busy, torque - slope * change, get(s, DRAG + k)))
-    # 1e-10 rad/s + 1e-7 dq_0, and what rounding leaves of the speed
-    return size(change) - 1e-9 * size(v) <= 1e-10 + 1e-7 / get(s, STEEP)
+    step = size(change) - 1e-9 * size(v)
+    smooth = both(v * new > 0.0, step <= get(p, CLOSE))
+    return either(smooth, step <= get(p, ENOUGH))
 
 
 @lean
-def newton_1(s: Floats, busy: Any) -> Any:
+def newton_1(p: Floats, s: Floats, busy: Any) -> Any:
     """Take one step of Newton's method for one coordinate; return where it is not solved."""
     v = get(s, SPEED)
-    r, g = friction(s, 0, v)
-    w = get(s, MOBILITY)
+    r, g = friction(p, 0, v)
+    w = get(p, MOBILITY)
     change = (v - get(s, WANTED) + w * r) / (1.0 + w * g)
-    return without(busy, settle(s, 0, busy, v, r, g, change))
+    return without(busy, settle(p, s, 0, busy, v, r, g, change))
 
 
 @lean
-def newton_2(s: Floats, busy: Any) -> Any:
+def newton_2(p: Floats, s: Floats, busy: Any) -> Any:
     """Take one step for two coordinates."""
-    v1, v2 = get(s, SPEED), get(s, SPEED + 1)
-    r1, g1 = friction(s, 0, v1)
-    r2, g2 = friction(s, 1, v2)
-    w11, w12 = get(s, MOBILITY), get(s, MOBILITY + 1)
-    w21, w22 = get(s, MOBILITY + 3), get(s, MOBILITY + 4)
+    v1, v2, steep = get(s, SPEED), get(s, SPEED + 1), get(p, STEEP)
+    t1, t2 = tanh_pair(v1 * steep, v2 * steep)
+    r1, g1 = rub(p, 0, v1, t1)
+    r2, g2 = rub(p, 1, v2, t2)
+    w11, w12 = get(p, MOBILITY), get(p, MOBILITY + 1)
+    w21, w22 = get(p, MOBILITY + 3), get(p, MOBILITY + 4)
     e1 = madd(w11, r1, madd(w12, r2, v1 - get(s, WANTED)))
     e2 = madd(w21, r1, madd(w22, r2, v2 - get(s, WANTED + 1)))
     j11, j12 = madd(w11, g1, 1.0), w12 * g2
     j21, j22 = w21 * g1, madd(w22, g2, 1.0)
     scale = 1.0 / (j11 * j22 - j12 * j21)
-    solved = settle(s, 0, busy, v1, r1, g1, (j22 * e1 - j12 * e2) * scale)
-    solved = both(solved, settle(s, 1, busy, v2, r2, g2, (j11 * e2 - j21 * e1) * scale))
+    solved = settle(p, s, 0, busy, v1, r1, g1, (j22 * e1 - j12 * e2) * scale)
+    solved = both(solved, settle(p, s, 1, busy, v2, r2, g2, (j11 * e2 - j21 * e1) * scale))
     return without(busy, solved)
 
 
 @lean
-def newton_3(s: Floats, busy: Any) -> Any:
+def newton_3(p: Floats, s: Floats, busy: Any) -> Any:
     """Take one step for three coordinates."""
     v1, v2, v3 = get(s, SPEED), get(s, SPEED + 1), get(s, SPEED + 2)
-    r1, g1 = friction(s, 0, v1)
-    r2, g2 = friction(s, 1, v2)
-    r3, g3 = friction(s, 2, v3)
-    w11, w12, w13 = get(s, MOBILITY), get(s, MOBILITY + 1), get(s, MOBILITY + 2)
-    w21, w22, w23 = get(s, MOBILITY + 3), get(s, MOBILITY + 4), get(s, MOBILITY + 5)
-    w31, w32, w33 = get(s, MOBILITY + 6), get(s, MOBILITY + 7), get(s, MOBILITY + 8)
+    r1, g1 = friction(p, 0, v1)
+    r2, g2 = friction(p, 1, v2)
+    r3, g3 = friction(p, 2, v3)
+    w11, w12, w13 = get(p, MOBILITY), get(p, MOBILITY + 1), get(p, MOBILITY + 2)
+    w21, w22, w23 = get(p, MOBILITY + 3), get(p, MOBILITY + 4), get(p, MOBILITY + 5)
+    w31, w32, w33 = get(p, MOBILITY + 6), get(p, MOBILITY + 7), get(p, MOBILITY + 8)
     e1 = v1 - get(s, WANTED) + w11 * r1 + w12 * r2 + w13 * r3
     e2 = v2 - get(s, WANTED + 1) + w21 * r1 + w22 * r2 + w23 * r3
     e3 = v3 - get(s, WANTED + 2) + w31 * r1 + w32 * r2 + w33 * r3
@@ -224,22 +248,22 @@ def newton_3(s: Floats, busy: Any) -> Any:
     c21, c22, c23 = j23 * j31 - j21 * j33, j11 * j33 - j13 * j31, j13 * j21 - j11 * j23
     c31, c32, c33 = j21 * j32 - j22 * j31, j12 * j31 - j11 * j32, j11 * j22 - j12 * j21
     scale = 1.0 / (j11 * c11 + j12 * c21 + j13 * c31)
-    solved = settle(s, 0, busy, v1, r1, g1, (c11 * e1 + c12 * e2 + c13 * e3) * scale)
-    second = settle(s, 1, busy, v2, r2, g2, (c21 * e1 + c22 * e2 + c23 * e3) * scale)
-    third = settle(s, 2, busy, v3, r3, g3, (c31 * e1 + c32 * e2 + c33 * e3) * scale)
+    solved = settle(p, s, 0, busy, v1, r1, g1, (c11 * e1 + c12 * e2 + c13 * e3) * scale)
+    second = settle(p, s, 1, busy, v2, r2, g2, (c21 * e1 + c22 * e2 + c23 * e3) * scale)
+    third = settle(p, s, 2, busy, v3, r3, g3, (c31 * e1 + c32 * e2 + c33 * e3) * scale)
     return without(busy, both(solved, both(second, third)))
 
 
 @lean
-def project(kind: Kind, s: Floats, busy: Any) -> Any:
+def project(kind: Kind, p: Floats, s: Floats, busy: Any) -> Any:
     """Solve for one coordinate with sharp friction after the other; return as `newton_1` does."""
-    change = 0.0 * get(s, STEEP)
+    change = 0.0 * get(p, STEEP)
     for k in range(kind.n):
-        w, before = get(s, MOBILITY + 4 * k), get(s, DRAG + k)
+        w, before = get(p, MOBILITY + 4 * k), get(s, DRAG + k)
         target = madd(w, before, get(s, WANTED + k))
         for m in range(kind.n):
-            target = target - get(s, MOBILITY + 3 * k + m) * get(s, DRAG + m)
-        up, down, extra = get(s, UP + k), get(s, DOWN + k), get(s, EXTRA + k)
+            target = target - get(p, MOBILITY + 3 * k + m) * get(s, DRAG + m)
+        up, down, extra = get(p, UP + k), get(p, DOWN + k), get(p, EXTRA + k)
         ahead, behind = target - w * up, (target + w * down) / (1.0 + w * extra)
         forward, backward = ahead > 0.0, behind < 0.0
         v = choose(forward, ahead, choose(backward, behind, 0.0))
@@ -252,34 +276,34 @@ def project(kind: Kind, s: Floats, busy: Any) -> Any:
 
 
 @lean
-def solve(kind: Kind, s: Floats) -> None:
+def solve(kind: Kind, p: Floats, s: Floats) -> None:
     """Find friction and speeds that agree, and note for which joints that failed."""
-    steep = get(s, STEEP)
+    steep = get(p, STEEP)
     busy = steep == steep
     for _ in range(SWEEPS if kind.sharp else NEWTON):
         if kind.sharp:
-            busy = project(kind, s, busy)
+            busy = project(kind, p, s, busy)
         elif kind.n == 1:
-            busy = newton_1(s, busy)
+            busy = newton_1(p, s, busy)
         elif kind.n == 2:
-            busy = newton_2(s, busy)
+            busy = newton_2(p, s, busy)
         else:
-            busy = newton_3(s, busy)
+            busy = newton_3(p, s, busy)
         if not somewhere(busy):
             return
     put(s, FAILED, choose(busy, 1.0, get(s, FAILED)))
 
 
 @lean
-def stop(kind: Kind, s: Floats) -> None:
+def stop(kind: Kind, p: Floats, s: Floats) -> None:
     """Bring to rest what sharp friction has stopped."""
     for k in range(kind.n):
         g = coordinate(kind, k)
         row = kind.velocity + g
         v, end = get(s, SPEED + k), get(s, FREE + row)
-        up, down = get(s, UP + k), get(s, DOWN + k)
+        up, down = get(p, UP + k), get(p, DOWN + k)
         dry = choose(v > 0.0, up, 0.0 - down)
-        needed = (end - get(s, X + row)) / get(s, RUB + 6 * k + row) + dry
+        needed = (end - get(s, X + row)) / get(p, RUB + 6 * k + row) + dry
         turned = both(end * v < 0.0, both(0.0 - down <= needed, needed <= up))
         rests = both(v == 0.0, up + down != 0.0)
         put(s, FREE + g, choose(rests, get(s, X + g), get(s, FREE + g)))
@@ -287,31 +311,33 @@ def stop(kind: Kind, s: Floats) -> None:
 
 
 @lean
-def arrive(kind: Kind, s: Floats) -> None:
-    """Add the friction that was found."""
-    for k in range(kind.n):
-        drag = get(s, DRAG + k)
-        for i in range(kind.order):
-            put(s, FREE + i, get(s, FREE + i) - get(s, RUB + 6 * k + i) * drag)
-    if kind.sharp:
-        stop(kind, s)
+def arrive(kind: Kind, p: Floats, s: Floats) -> None:
+    """Add ripple and the friction that was found."""
+    ripple, end = get(s, RIPPLE), FREE if kind.sharp else X
     for i in range(kind.order):
-        put(s, X + i, get(s, FREE + i))
+        value = madd(get(p, MOTOR + i), ripple, get(s, FREE + i))
+        for k in range(kind.n):
+            value = value - get(p, RUB + 6 * k + i) * get(s, DRAG + k)
+        put(s, end + i, value)
+    if kind.sharp:
+        stop(kind, p, s)
+        for i in range(kind.order):
+            put(s, X + i, get(s, FREE + i))
 
 
 @lean
-def run(kind: Kind, s: Floats, substeps: int, h: float) -> None:
+def run(kind: Kind, p: Floats, s: Floats, substeps: int, h: float) -> None:
     """Take the substeps of a control step, and note whose equations stay unsolved."""
-    predict(kind, s)
+    predict(kind, p, s)
     for step in range(substeps):
-        if step == 0 or somewhere(get(s, LATE_SUB) == float(step)):
-            push(kind, s, step)
-        move(kind, s)
+        if step == 0 or somewhere(get(p, LATE_SUB) == float(step)):
+            push(kind, p, s, step)
+        move(kind, p, s)
         if kind.tones > 0:
             if step == 0:
-                cog(kind, s, h)
-            cog(kind, s, h)
-        aim(kind, s, h)
+                cog(kind, p, s, h)
+            cog(kind, p, s, h)
+        aim(kind, p, s, h)
         if kind.n > 0:
-            solve(kind, s)
-        arrive(kind, s)
+            solve(kind, p, s)
+        arrive(kind, p, s)

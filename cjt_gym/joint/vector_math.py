@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from cjt_gym.joint.compiled import lean
+from cjt_gym.joint.compiled import inlined
 from cjt_gym.joint.vectors import choose, has_bit, least, madd, power_of_two, size
 
 # 1.5 * 2^52: adding it leaves the nearest whole number in the low bits.
@@ -26,9 +26,48 @@ LOG2_E = 1.0 / math.log(2.0)
 LN_2_1 = float.fromhex("0x1.62e42fee00000p-1")
 LN_2_2 = float.fromhex("0x1.a39ef35793c76p-33")
 SATURATED = 20.0  # beyond it tanh is 1 in doubles
+# Polynomials through the nodes of Chebyshev, lowest power first:
+# (sin r / r - 1) / z and (cos r - 1 + z / 2) / z^2 over z = r^2, for |r| <= pi / 4,
+ODD = (
+    -0.16666666666666666,
+    0.008333333333330925,
+    -0.00019841269836722418,
+    2.755731608381636e-06,
+    -2.5051127944014188e-08,
+    1.5917848524808262e-10,
+)
+EVEN = (
+    0.041666666666666664,
+    -0.0013888888888887382,
+    2.480158729874307e-05,
+    -2.7557317260008837e-07,
+    2.0876143827993133e-09,
+    -1.1382456778061306e-11,
+)
+# and (exp r - 1 - r) / r^2 over r, for |r| <= log(2) / 2.
+EXPONENTIAL = (
+    0.5000000000000001,
+    0.16666666666666669,
+    0.041666666666623824,
+    0.008333333333330039,
+    0.0013888888917367081,
+    0.00019841269863171557,
+    2.4801521057868204e-05,
+    2.7557268276905696e-06,
+    2.7620201591031547e-07,
+    2.5100472505694996e-08,
+)
 
 
-@lean
+@inlined
+def six(x: Any, c: tuple[float, ...]) -> Any:
+    """Return a polynomial of degree five; the order of sums keeps the chain of products short."""
+    y = x * x
+    first, second = madd(x, c[1], c[0]), madd(x, c[3], c[2])
+    return madd(y, madd(y, madd(x, c[5], c[4]), second), first)
+
+
+@inlined
 def sine_cosine(x: Any) -> tuple[Any, Any]:
     """Return sin(x) and cos(x) of an angle [rad] of at most 1e5."""
     shifted = madd(x, TWO_OVER_PI, MAGIC)
@@ -37,21 +76,8 @@ def sine_cosine(x: Any) -> tuple[Any, Any]:
     r = madd(turns, -HALF_PI_2, r)
     r = madd(turns, -HALF_PI_3, r)
     z = r * r
-    odd = madd(z, -1.0 / 1307674368000.0, 1.0 / 6227020800.0)
-    odd = madd(z, odd, -1.0 / 39916800.0)
-    odd = madd(z, odd, 1.0 / 362880.0)
-    odd = madd(z, odd, -1.0 / 5040.0)
-    odd = madd(z, odd, 1.0 / 120.0)
-    odd = madd(z, odd, -1.0 / 6.0)
-    s = madd(r, z * odd, r)
-    even = madd(z, 1.0 / 20922789888000.0, -1.0 / 87178291200.0)
-    even = madd(z, even, 1.0 / 479001600.0)
-    even = madd(z, even, -1.0 / 3628800.0)
-    even = madd(z, even, 1.0 / 40320.0)
-    even = madd(z, even, -1.0 / 720.0)
-    even = madd(z, even, 1.0 / 24.0)
-    even = madd(z, even, -0.5)
-    c = madd(z, even, 1.0)
+    s = madd(r * z, six(z, ODD), r)
+    c = madd(z * z, six(z, EVEN), madd(z, -0.5, 1.0))
     swapped = has_bit(shifted, 1)
     sine, cosine = choose(swapped, c, s), choose(swapped, s, c)
     sine = choose(has_bit(shifted, 2), 0.0 - sine, sine)
@@ -59,26 +85,35 @@ def sine_cosine(x: Any) -> tuple[Any, Any]:
     return sine, cosine
 
 
-@lean
-def tanh(x: Any) -> Any:
-    """Return the hyperbolic tangent, (1 - e) / (1 + e) with e = exp(-2 |x|)."""
+@inlined
+def decay(x: Any) -> Any:
+    """Return exp(-2 |x|)."""
     y = -2.0 * least(size(x), SATURATED)
     shifted = madd(y, LOG2_E, MAGIC)
     whole = shifted - MAGIC
     r = madd(whole, -LN_2_1, y)
     r = madd(whole, -LN_2_2, r)
-    e = madd(r, 1.0 / 6227020800.0, 1.0 / 479001600.0)
-    e = madd(e, r, 1.0 / 39916800.0)
-    e = madd(e, r, 1.0 / 3628800.0)
-    e = madd(e, r, 1.0 / 362880.0)
-    e = madd(e, r, 1.0 / 40320.0)
-    e = madd(e, r, 1.0 / 5040.0)
-    e = madd(e, r, 1.0 / 720.0)
-    e = madd(e, r, 1.0 / 120.0)
-    e = madd(e, r, 1.0 / 24.0)
-    e = madd(e, r, 1.0 / 6.0)
-    e = madd(e, r, 0.5)
-    e = madd(e, r, 1.0)
-    e = madd(e, r, 1.0) * power_of_two(shifted)
+    z = r * r
+    fourth = z * z
+    high = madd(r, EXPONENTIAL[9], EXPONENTIAL[8])
+    high = madd(z, high, madd(r, EXPONENTIAL[7], EXPONENTIAL[6]))
+    e = madd(fourth, high * z, six(r, EXPONENTIAL[:6]))
+    return madd(z, e, 1.0 + r) * power_of_two(shifted)
+
+
+@inlined
+def tanh(x: Any) -> Any:
+    """Return the hyperbolic tangent, (1 - e) / (1 + e) with e = exp(-2 |x|)."""
+    e = decay(x)
     t = (1.0 - e) / (1.0 + e)
     return choose(x < 0.0, 0.0 - t, t)
+
+
+@inlined
+def tanh_pair(x: Any, y: Any) -> tuple[Any, Any]:
+    """Return the hyperbolic tangents of two vectors, by a single division."""
+    first, second = decay(x), decay(y)
+    a, b = 1.0 + first, 1.0 + second
+    share = 1.0 / (a * b)
+    t, u = (1.0 - first) * (b * share), (1.0 - second) * (a * share)
+    return choose(x < 0.0, 0.0 - t, t), choose(y < 0.0, 0.0 - u, u)

@@ -236,6 +236,7 @@ class SimulatedPlant:
         """Do what `reset` does, without building a measurement."""
         self.redraw(mask)
         restart_some(self.batch.arrays, self.batch.setup, mask, start, load)
+        self.batch.renew(mask)
 
     def redraw(self, mask: NDArray[np.bool_] | None = None) -> None:
         """Draw the parameters of joints anew, without restarting them.

@@ -57,11 +57,11 @@ def _chirp(low: float, high: float, period: float, t: float) -> float:
 @compiled
 def _multisine(key: np.uint64, low: float, high: float, count: int, t: float) -> float:
     """Add tones of equal amplitude, spaced evenly on a logarithmic scale, of random phase."""
-    total = 0.0
+    total, f = 0.0, low
+    ratio = (high / low) ** (1.0 / (count - 1)) if count > 1 else 1.0
     for j in range(count):
-        share = j / (count - 1) if count > 1 else 0.0
-        f = low * (high / low) ** share
         total += math.sin(2.0 * math.pi * (f * t + hashed_uniform(key, j)))
+        f *= ratio
     return total / count
 
 

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numba import njit
 
 from cjt_gym.joint import load_joint
-from cjt_gym.joint.compiled import compiled
 from cjt_gym.joint.vector_math import sine_cosine, tanh
 from cjt_gym.joint.vectors import WIDTH, get, put
 from cjt_gym.plant import SimulatedPlant
@@ -88,7 +88,7 @@ def test_other_joints_use_the_general_kernel() -> None:
         assert plant.batch.blocks is None
 
 
-@compiled
+@njit
 def evaluate(block: Any, out: Any) -> None:
     """Write sine, cosine and hyperbolic tangent of every row."""
     for k in range(block.shape[0]):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -49,7 +50,7 @@ class Plan:
     program: Program
     delays: Mapping[str, float]
 
-    @property
+    @cached_property
     def within(self) -> bool:
         """Whether anything varies within an episode."""
         return bool((self.program.sources[:, columns.WHEN] >= columns.INTERVAL).any())
