@@ -12,11 +12,8 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
-from llvmlite import ir
-from numba import from_dtype, types
-from numba.core import cgutils
-from numba.extending import intrinsic
-from numba.np.arrayobj import populate_array
+from numba import from_dtype
+from numba.np import arrayobj
 from numpy.typing import NDArray
 
 from cjt_gym.envs.observe import SAFETY, Task, conclude_one, rotor_angle
@@ -26,7 +23,9 @@ from cjt_gym.joint.compiled import inlined, threaded
 from cjt_gym.joint.configure import PARAMETER_DTYPE
 from cjt_gym.joint.lanes import COSINE, SINE, Kind
 from cjt_gym.joint.vector_math import sine_cosine
-from cjt_gym.joint.vectors import WIDTH, get, put
+from cjt_gym.joint.vectors import WIDTH, cgutils, get, intrinsic, ir, put, types
+
+populate_array: Any = arrayobj.populate_array
 
 BAD_ACTION = -1
 REPORT = (
@@ -147,7 +146,8 @@ def opened(typing_context: Any, address: Any) -> Any:
     def array(context: Any, builder: Any, kind: Any, words: Any) -> Any:
         made = context.make_array(kind)(context, builder)
         item = word(context.get_abi_sizeof(context.get_data_type(kind.dtype)))
-        shape, strides, step = words[1 : 1 + kind.ndim], [], item
+        strides: list[Any] = []
+        shape, step = words[1 : 1 + kind.ndim], item
         for length in reversed(shape):
             strides.insert(0, step)
             step = builder.mul(step, length)

@@ -119,11 +119,14 @@ def kind_of(joint: Joint, voltage: bool) -> Kind | None:
         if any(record[names[body]][0] != 0.0 for names in (UPS, DOWNS, EXTRAS))
     }
     coordinates = sorted(rubbing - {-1})
+    first, second, third = (*coordinates, 0, 0, 0)[:3]
     return Kind(
         structure.order,
         structure.order - structure.size,
         len(coordinates),
-        *(*coordinates, 0, 0, 0)[:3],
+        first,
+        second,
+        third,
         int(bool(coordinates) and float(record["dq_0"][0]) == 0.0),
         ripple.shape[0],
     )

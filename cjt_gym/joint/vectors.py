@@ -12,10 +12,18 @@ import operator
 from collections.abc import Callable
 from typing import Any
 
-from llvmlite import ir
-from numba.core import cgutils, types
-from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
-from numba.extending import intrinsic, lower_builtin, models, register_model
+import llvmlite.ir
+import numba.core.cgutils
+import numba.core.types
+import numba.core.typing.templates
+import numba.extending
+
+ir: Any = llvmlite.ir  # these libraries have no types
+cgutils: Any = numba.core.cgutils
+types: Any = numba.core.types
+templates: Any = numba.core.typing.templates
+extending: Any = numba.extending
+models: Any = numba.extending.models
 
 WIDTH = 16
 DOUBLES = ir.VectorType(ir.DoubleType(), WIDTH)
@@ -23,14 +31,19 @@ INTEGERS = ir.VectorType(ir.IntType(64), WIDTH)
 BITS = ir.VectorType(ir.IntType(1), WIDTH)
 
 
-class LanesType(types.Type):
+def intrinsic(function: Callable[..., Any]) -> Any:
+    """Let compiled code call what writes instructions of LLVM itself."""
+    return extending.intrinsic(function)
+
+
+class LanesType(types.Type):  # type: ignore[misc]
     """The type of a vector of numbers."""
 
     def __init__(self) -> None:
         super().__init__(name=f"Lanes{WIDTH}")
 
 
-class MaskType(types.Type):
+class MaskType(types.Type):  # type: ignore[misc]
     """The type of a vector of conditions."""
 
     def __init__(self) -> None:
@@ -40,13 +53,13 @@ class MaskType(types.Type):
 LANES, MASK, FLOAT = LanesType(), MaskType(), types.float64
 
 
-@register_model(LanesType)
+@extending.register_model(LanesType)
 class _LanesModel(models.PrimitiveModel):  # type: ignore[misc]
     def __init__(self, manager: Any, which: Any) -> None:
         super().__init__(manager, which, DOUBLES)
 
 
-@register_model(MaskType)
+@extending.register_model(MaskType)
 class _MaskModel(models.PrimitiveModel):  # type: ignore[misc]
     def __init__(self, manager: Any, which: Any) -> None:
         super().__init__(manager, which, BITS)
@@ -67,16 +80,16 @@ def _define(function: Any, result: Any, write: Callable[[Any, Any, Any], Any]) -
     """Teach Numba an operator of two vectors, or of a vector and a float."""
     pairs = [(LANES, LANES), (LANES, FLOAT), (FLOAT, LANES)]
 
-    class Template(ConcreteTemplate):  # type: ignore[misc]
-        cases = [signature(result, *pair) for pair in pairs]  # noqa: RUF012
+    class Template(templates.ConcreteTemplate):  # type: ignore[misc]
+        cases = [templates.signature(result, *pair) for pair in pairs]  # noqa: RUF012
 
     def lower(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
         left, right = (_spread(builder, x) for x in arguments)
         return write(builder, left, right)
 
-    infer_global(function)(Template)
+    templates.infer_global(function)(Template)
     for pair in pairs:
-        lower_builtin(function, *pair)(lower)
+        extending.lower_builtin(function, *pair)(lower)
 
 
 _define(operator.add, LANES, lambda builder, a, b: builder.fadd(a, b))
