@@ -16,11 +16,11 @@ from cjt_gym.envs.step import (
     REPORT,
     command_all,
     make_control,
-    step_episodes,
-    step_one,
+    step_blocks,
     table_of,
     tell_some,
 )
+from cjt_gym.envs.threads import side_by_side, threads_for
 from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.joint import Joint
 from cjt_gym.joint.arrays import TAU
@@ -61,23 +61,25 @@ class Episodes:
         limit, per_ampere = self.plant.limits.tau, s.joint.parameters.k_t * s.joint.parameters.n
         self.control = make_control(num, s.action_scale, limit, per_ampere)
         self.base, self.residual = self.control.base, self.control.residual
-        self.plant.batch.use_blocks(s.joint)
+        self.plant.batch.use_blocks(s.joint, threads_for(num))
         self._connect()
         self._all = np.ones(num, dtype=np.bool_)
 
     def _connect(self) -> None:
         """Note where the arrays lie, for the compiled step."""
         batch = self.plant.batch
-        self._table: NDArray[np.int64] | None = None
+        self._shares: list[tuple[int, ...]] | None = None
         if batch.blocks is not None and batch.kind is not None:
-            self._count = batch.blocks.rows.shape[0]
             parts = batch.arrays, batch.setup, batch.kind, batch.blocks, self.task, self.control
             self._table = table_of(*parts)
-            self._address = self._table.ctypes.data
+            count, threads = batch.blocks.rows.shape[0], batch.blocks.scratch.shape[0]
+            ends = [round(k * count / threads) for k in range(threads + 1)]
+            address = self._table.ctypes.data
+            self._shares = [(address, ends[k], ends[k + 1], k) for k in range(threads)]
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out where the arrays lie: those of a copy lie elsewhere."""
-        return {name: x for name, x in self.__dict__.items() if name != "_table"}
+        return {name: x for name, x in self.__dict__.items() if name not in ("_table", "_shares")}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
@@ -127,21 +129,24 @@ class Episodes:
             raise self._bad_action(action)
         self.control.action[:] = action[:, 0]
         self._before()
-        if self._table is None:
-            left = self.num if command_all(self.control) else BAD_ACTION
-        else:
-            left = step_episodes(self._address, self._count)
-        if left != 0:
-            self._rest(left)
+        self._step()
 
     def step_one(self, action: float) -> None:
         """Do what `step` does for a single episode."""
+        self.control.action[0] = action
+        self._step()
+
+    def _step(self) -> None:
+        """Take the actions in `control`."""
         self._before()
-        if self._table is None:
-            self.control.action[0] = action
-            left = 1 if command_all(self.control) else BAD_ACTION
+        if self._shares is None:
+            left = self.num if command_all(self.control) else BAD_ACTION
+        elif len(self._shares) == 1:
+            left = step_blocks(*self._shares[0])
         else:
-            left = step_one(self._address, action)
+            left = (
+                side_by_side(step_blocks, self._shares) if command_all(self.control) else BAD_ACTION
+            )
         if left != 0:
             self._rest(left)
 
@@ -187,7 +192,8 @@ class Episodes:
 
     def report(self) -> dict[str, Floats]:
         """Return what the last step reports, each of shape (num,)."""
-        return dict(zip(REPORT, self.control.report.T.copy(), strict=True))
+        columns = self.control.report.copy().T
+        return dict(zip(REPORT, columns, strict=True))
 
     def measurement(self) -> Measurement:
         """Return the latest measurement of all joints."""

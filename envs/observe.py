@@ -103,10 +103,9 @@ def draw_episodes(batch: Batch, task: Task, mask: Masks) -> None:
         for j, rows in enumerate((task.reference_rows, task.disturbance_rows)):
             pick = int(uniform(batch.rng, i) * rows.shape[0])
             task.picks[i, j] = pick
-            if j == 0:
-                task.reference_row[i] = rows[pick]
-            else:
-                task.disturbance_row[i] = rows[pick]
+            drawn = task.reference_row[i] if j == 0 else task.disturbance_row[i]
+            for column in range(rows.shape[1]):  # an assignment of rows takes seconds to compile
+                drawn[column] = rows[pick, column]
             task.keys[i, j] = mix(batch.rng[i] + np.uint64(j + 1))
         angle = 2.0 * math.pi * uniform(batch.rng, i)
         for body in range(3):

@@ -205,8 +205,19 @@ def tell(batch: Batch, task: Task, control: Control, i: int, sine: float, cosine
 
 
 @threaded
+def command_all(control: Control) -> bool:
+    """Turn all actions and bases into currents; return whether the actions are finite."""
+    good = True
+    for i in range(control.action.shape[0]):
+        good = command(control, i) and good
+    return good
+
+
+@threaded
 def step_blocks(address: int, begin: int, end: int, thread: int) -> int:
-    """Step the episodes of blocks begin to end, whose commands are known.
+    """Step the episodes of blocks begin to end.
+
+    A call for all blocks turns actions into commands first; one for some finds them there.
 
     Args:
         address: Where the table of `table_of` lies.
@@ -215,10 +226,13 @@ def step_blocks(address: int, begin: int, end: int, thread: int) -> int:
         thread: Whose scratch to use.
 
     Returns:
-        How many joints it left to the general kernel, whose episodes it then has not concluded.
+        How many joints it left to the general kernel, whose episodes it then has not concluded,
+        or `BAD_ACTION` before anything has moved.
     """
     batch, setup, kind, blocks, task, control = opened(address)
     s, left, num = blocks.scratch[thread], 0, task.load.shape[0]
+    if end - begin == blocks.rows.shape[0] and not command_all(control):
+        return BAD_ACTION
     for block in range(begin, end):
         left += advance_blocks(
             batch, setup, kind, blocks, control.commands, task.load, block, block + 1, thread
@@ -234,42 +248,6 @@ def step_blocks(address: int, begin: int, end: int, thread: int) -> int:
             if not blocks.left[first + lane]:
                 tell(batch, task, control, first + lane, s[SINE, lane], s[COSINE, lane])
     return left
-
-
-@threaded
-def command_all(control: Control) -> bool:
-    """Turn all actions and bases into currents; return whether the actions are finite."""
-    good = True
-    for i in range(control.action.shape[0]):
-        good = command(control, i) and good
-    return good
-
-
-@threaded
-def command_at(address: int) -> bool:
-    """Do what `command_all` does for the table at an address."""
-    return command_all(opened(address)[5])
-
-
-@threaded
-def step_episodes(address: int, count: int) -> int:
-    """Step all episodes, in `count` blocks; return `BAD_ACTION` before anything has moved.
-
-    Otherwise it returns what `step_blocks` does.
-    """
-    if not command_all(opened(address)[5]):
-        return BAD_ACTION
-    return step_blocks(address, 0, count, 0)
-
-
-@threaded
-def step_one(address: int, action: float) -> int:
-    """Do what `step_episodes` does for a single episode and its action."""
-    control = opened(address)[5]
-    control.action[0] = action
-    if not command(control, 0):
-        return BAD_ACTION
-    return step_blocks(address, 0, 1, 0)
 
 
 @threaded

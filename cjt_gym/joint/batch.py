@@ -158,14 +158,18 @@ class JointBatch:
         self.blocks: Blocks | None = None
         self.discretize()
 
-    def use_blocks(self, joint: Joint) -> None:
+    def use_blocks(self, joint: Joint, threads: int = 1) -> None:
         """Step joints side by side where they are of a kind that blocks can step.
 
         It gives what the general kernel gives, faster.
+
+        Args:
+            joint: That of the batch.
+            threads: How many threads may step blocks at once.
         """
         self.kind = kind_of(joint, self.setup.is_voltage)
         num = self.arrays.tau.shape[0]
-        self.blocks = make_blocks(self.kind, num) if self.kind is not None else None
+        self.blocks = make_blocks(self.kind, num, threads) if self.kind is not None else None
 
     def discretize(self) -> None:
         """Recompute the exact discretisation after parameters changed."""

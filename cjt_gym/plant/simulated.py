@@ -79,7 +79,8 @@ def restart_some(
     work = np.zeros((WORK_ROWS, WORK_WIDTH))
     for i in range(mask.shape[0]):
         if mask[i]:
-            batch.state[i] = start[i]
+            for j in range(6):  # an assignment of rows takes seconds to compile
+                batch.state[i, j] = start[i, j]
             restart(batch, setup, i, load[i], work)
 
 
