@@ -2,7 +2,8 @@
 
 Every substep: the exact linear motion (a 6 x 6 matrix and inputs of its own for every joint), two
 harmonics of cogging at the predicted middle angle, and smooth Coulomb friction of motor and gear
-at the mean velocity, v + W d_c tanh(v / dq_0) = v_free, by Newton's method to 1e-10 rad/s. Joints
+at the mean velocity, v + W d_c tanh(v / dq_0) = v_free, by Newton's method, until a step is
+enough or, without a change of sign, so short that the next would be. Joints
 lie side by side in blocks of WIDTH, so that the compiler vectorises all loops over them; sine,
 cosine and tanh are those of the vector library of glibc, where it has them.
 
@@ -11,13 +12,16 @@ Nothing is measured, delayed, rewarded or checked here.
 
 #include <math.h>
 
+#ifndef WIDTH
 #define WIDTH 8
+#endif
 #define TONES 2
 #define LANES _Pragma("GCC ivdep") for (int l = 0; l < WIDTH; l++)
 
 typedef struct {
     double x[6][WIDTH], a[6][6][WIDTH], motor[6][WIDTH], gear[6][WIDTH], load[6][WIDTH];
-    double level[2][WIDTH], steep[WIDTH], tone[TONES][3][WIDTH], torque[WIDTH], pushed[WIDTH];
+    double level[2][WIDTH], steep[WIDTH], enough[WIDTH], close[WIDTH], tone[TONES][3][WIDTH];
+    double torque[WIDTH], pushed[WIDTH];
 } block;
 
 static void move(block *s, double h, int first, double drag[2][WIDTH], double ripple[WIDTH])
@@ -65,9 +69,10 @@ static void move(block *s, double h, int first, double drag[2][WIDTH], double ri
             double j10 = w[1][0][l] * g0, j11 = 1.0 + w[1][1][l] * g1;
             double scale = 1.0 / (j00 * j11 - j01 * j10);
             double d0 = (j11 * e0 - j01 * e1) * scale, d1 = (j00 * e1 - j10 * e0) * scale;
-            double enough = 1e-10 + 1e-7 / s->steep[l];
-            unsolved += fabs(d0) - 1e-9 * fabs(v[0][l]) > enough;
-            unsolved += fabs(d1) - 1e-9 * fabs(v[1][l]) > enough;
+            double step0 = fabs(d0) - 1e-9 * fabs(v[0][l]), step1 = fabs(d1) - 1e-9 * fabs(v[1][l]);
+            int same0 = v[0][l] * (v[0][l] - d0) > 0.0, same1 = v[1][l] * (v[1][l] - d1) > 0.0;
+            unsolved += step0 > (same0 ? s->close[l] : s->enough[l]);
+            unsolved += step1 > (same1 ? s->close[l] : s->enough[l]);
             v[0][l] -= d0;
             v[1][l] -= d1;
             drag[0][l] = r0 - g0 * d0;

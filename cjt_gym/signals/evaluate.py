@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.joint.compiled import compiled
+from cjt_gym.joint.compiled import compiled, inlined
 from cjt_gym.joint.random_stream import hashed_uniform
 
 Floats = NDArray[np.float64]
@@ -20,6 +20,23 @@ Floats = NDArray[np.float64]
 ZERO, STEP, CHIRP, MULTISINE, SMOOTH, TABLE = range(6)
 KIND, AMPLITUDE, LOW, HIGH, PERIOD, COUNT = range(6)
 WIDTH = 6
+NEAREST = 6755399441055744.0  # 1.5 * 2^52: adding and subtracting it rounds to a whole number
+SINE = (
+    *(6.283185307179585, -41.341702240398284, 81.60524927557977, -76.70585968962867),
+    *(42.05868995395094, -15.09450614073429, 3.817365633469135, -0.6925067010720717),
+)
+"""sin(2 pi x) / x over x^2 for |x| <= 1/4, through the nodes of Chebyshev; error below 2e-16."""
+
+
+@inlined
+def _sine(turns: float) -> float:
+    """Return the sine of an angle in turns, several times faster than that of the library."""
+    x = turns - ((turns + NEAREST) - NEAREST)
+    x = 0.5 - x if x > 0.25 else (-0.5 - x if x < -0.25 else x)
+    z = x * x
+    low = SINE[0] + z * (SINE[1] + z * (SINE[2] + z * SINE[3]))
+    high = SINE[4] + z * (SINE[5] + z * (SINE[6] + z * SINE[7]))
+    return x * (low + (z * z) * (z * z) * high)
 
 
 @compiled
@@ -51,7 +68,7 @@ def _chirp(low: float, high: float, period: float, t: float) -> float:
         low, high = high, low
     sweep = low * s + 0.5 * (high - low) * s * s / period
     before = cycle * 0.5 * (low + high) * period
-    return math.sin(2.0 * math.pi * (before + sweep))
+    return float(_sine(before + sweep))
 
 
 @compiled
@@ -60,7 +77,7 @@ def _multisine(key: np.uint64, low: float, high: float, count: int, t: float) ->
     total, f = 0.0, low
     ratio = (high / low) ** (1.0 / (count - 1)) if count > 1 else 1.0
     for j in range(count):
-        total += math.sin(2.0 * math.pi * (f * t + hashed_uniform(key, j)))
+        total += _sine(f * t + hashed_uniform(key, j))
         f *= ratio
     return total / count
 
