@@ -24,8 +24,9 @@ def works(structure: str) -> dict[str, Callable[[], int]]:
     plant = SimulatedPlant(joint, NUM, randomization="mild")
     drifting = {"preset": "mild", "k_b": _slow(0.9, 1.1), "coulomb.d_cm": _slow(0.7, 1.3)}
     slow = SimulatedPlant(joint, NUM, randomization=drifting)
-    plant.reset(seed=0)
-    slow.reset(seed=0)
+    for each in (plant, slow):
+        each.batch.use_blocks(joint)
+        each.reset(seed=0)
 
     def step(which: SimulatedPlant) -> Callable[[], int]:
         def work() -> int:

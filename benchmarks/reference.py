@@ -30,8 +30,8 @@ EFFECTS = {
     "cogging": {"f": (80.0, 480.0), "a": (0.5, 0.2), "b": (0.2, 0.1)},
 }
 Floats = NDArray[np.float64]
-# Rows of a block: x, a, inputs of motor, gear and load, levels, 1 / dq_0, tolerances, tones, torque,
-# load.
+# Rows of a block: x, a, inputs of motor, gear and load, levels, 1 / dq_0, tolerances, tones,
+# torque, load.
 X, A, MOTOR, GEAR, LOAD, LEVEL, STEEP, ENOUGH, CLOSE, TONE, TORQUE, PUSHED, ROWS = (
     *(0, 6, 42, 48, 54, 60),
     *(62, 63, 64, 65, 71, 72, 73),

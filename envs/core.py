@@ -128,7 +128,6 @@ class Episodes:
         if action.shape != (self.num, 1):
             raise self._bad_action(action)
         self.control.action[:] = action[:, 0]
-        self._before()
         self._step()
 
     def step_one(self, action: float) -> None:
@@ -139,14 +138,13 @@ class Episodes:
     def _step(self) -> None:
         """Take the actions in `control`."""
         self._before()
-        if self._shares is None:
-            left = self.num if command_all(self.control) else BAD_ACTION
-        elif len(self._shares) == 1:
-            left = step_blocks(*self._shares[0])
+        shares = self._shares
+        if shares is not None and len(shares) == 1:
+            left = step_blocks(*shares[0])
+        elif not command_all(self.control):
+            left = BAD_ACTION
         else:
-            left = (
-                side_by_side(step_blocks, self._shares) if command_all(self.control) else BAD_ACTION
-            )
+            left = self.num if shares is None else side_by_side(step_blocks, shares)
         if left != 0:
             self._rest(left)
 

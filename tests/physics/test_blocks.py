@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numba import njit
 
+from cjt_gym.envs.core import Episodes
 from cjt_gym.joint import load_joint
 from cjt_gym.joint.vector_math import sine_cosine, tanh
 from cjt_gym.joint.vectors import WIDTH, get, put
@@ -30,12 +31,14 @@ CASES: dict[str, tuple[str, dict[str, Any]]] = {
     "cogging": ("output_fixed_rigid_gearbox", {"cogging": COGGING}),
 }
 QUICK = ("smooth", "sharp")
+DRIFT = {"low": 0.9, "high": 1.1, "when": "drift", "time_constant": 0.05}
 
 
 def plants(structure: str, effects: dict[str, Any], num: int) -> list[SimulatedPlant]:
     """Return two equal plants, of which the second uses the general kernel."""
     joint = load_joint("orange_80_6000", structure, effects=effects, parameters={"I_l": 3.0})
-    names = {"k_b": (0.9, 1.1)} | {f"{name}.d_cm": (0.5, 1.5) for name in effects if "coul" in name}
+    names: dict[str, Any] = {"k_b": DRIFT, "I_m": (0.9, 1.1)}
+    names |= {f"{name}.d_cm": (0.5, 1.5) for name in effects if "coul" in name}
     pair = [SimulatedPlant(joint, num, randomization=names) for _ in range(2)]
     pair[0].batch.use_blocks(joint)
     assert pair[0].batch.blocks is not None
@@ -86,6 +89,20 @@ def test_other_joints_use_the_general_kernel() -> None:
         plant = SimulatedPlant(joint, 2)
         plant.batch.use_blocks(joint)
         assert plant.batch.blocks is None
+
+
+def test_threads_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    num, seen = 4 * WIDTH + 3, []
+    actions = np.random.default_rng(0).uniform(-1.0, 1.0, (20, num, 1))
+    for threads in (1, 3):
+        monkeypatch.setattr("cjt_gym.envs.core.threads_for", lambda _, count=threads: count)
+        episodes = Episodes(num, structure="full_dynamics", effects={"coulomb": {}})
+        episodes.seed(0, None)
+        episodes.reset()
+        for action in actions:
+            episodes.step(action)
+        seen.append(episodes.task.observation)
+    np.testing.assert_array_equal(*seen)
 
 
 @njit
