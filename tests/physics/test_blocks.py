@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numba import njit
 
-from cjt_gym.envs.core import Episodes
+from cjt_gym.envs.torque_tracking import TorqueTrackingVectorEnv
 from cjt_gym.joint import load_joint
 from cjt_gym.joint.vector_math import sine_cosine, tanh
 from cjt_gym.joint.vectors import WIDTH, get, put
@@ -96,12 +96,9 @@ def test_threads_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     actions = np.random.default_rng(0).uniform(-1.0, 1.0, (20, num, 1))
     for threads in (1, 3):
         monkeypatch.setattr("cjt_gym.envs.core.threads_for", lambda _, count=threads: count)
-        episodes = Episodes(num, structure="full_dynamics", effects={"coulomb": {}})
-        episodes.seed(0, None)
-        episodes.reset()
-        for action in actions:
-            episodes.step(action)
-        seen.append(episodes.task.observation)
+        env = TorqueTrackingVectorEnv(num, structure="full_dynamics", effects={"coulomb": {}})
+        env.reset(seed=0)
+        seen.append([env.step(action.astype(np.float32))[0] for action in actions])
     np.testing.assert_array_equal(*seen)
 
 
