@@ -14,14 +14,15 @@ joint = cjt_gym.load_joint("orange_80_6000", "output_fixed_rigid_gearbox", effec
 system = joint.state_space()  # of python-control
 print(system.state_labels, system.input_labels, system.output_labels)
 G = joint.transfer_function("tau", "tau_m")
-print(G.poles())
+poles_of_G = np.roots(G.den[0][0])
+print(poles_of_G)
 
 # %% [markdown]
 # For an input that is held for a millisecond, as a drive holds it, the poles are exp(s T):
 
 # %%
 held = joint.transfer_function("tau", "tau_m", 1e-3)
-print(held.poles(), "=", np.exp(G.poles() * 1e-3))
+print(np.roots(held.den[0][0]), "=", np.exp(poles_of_G * 1e-3))
 
 # %% [markdown]
 # ## Modes

@@ -74,6 +74,9 @@ def test_gains_are_those_for_the_nominal_joint_in_both_worlds(worlds: Worlds) ->
 
             return conditions.arguments | {"base_controller": make}
 
+        def begin(self) -> None:
+            pass
+
         def act(self, observation):  # type: ignore[no-untyped-def]
             return np.zeros((observation.shape[0], 1))
 
