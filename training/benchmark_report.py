@@ -86,7 +86,7 @@ def ranking_cells(places: Sequence[Place]) -> list[list[str]]:
         against, clear = "-", "-"
         if place.to_next is not None:
             against = f"{place.to_next:.3f} ({place.to_next_low:.3f} .. {place.to_next_high:.3f})"
-            clear = "yes" if place.next_is_worse else "no"
+            clear = {None: "-", True: "yes", False: "no"}[place.next_is_worse]
         interval = f"{place.low:.3f} .. {place.high:.3f}"
         cells.append([str(place.rank), place.agent, f"{place.score:.3f}", interval, against, clear])
     return cells

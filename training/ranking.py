@@ -38,7 +38,8 @@ class Place:
         to_next: Ratio of its score to that of the next in order; None for the last.
         to_next_low: Low end of the 95 % interval of the ratio, by itself.
         to_next_high: High end.
-        next_is_worse: Whether the next is significantly worse, all comparisons allowed for.
+        next_is_worse: Whether the next is significantly worse, all comparisons allowed for; None
+            for the last, and where there is a single episode.
     """
 
     rank: int
@@ -91,6 +92,8 @@ def rank(
         )
     scores = _scores(errors, wanted)
     worse = _significantly_worse(scores, drawn)
+    if count < 2:
+        worse[:] = False
     order = [int(i) for i in np.argsort(scores, kind="stable")]
     ranks = np.maximum.accumulate(1 + worse.sum(axis=0)[order])
     places = []
@@ -102,7 +105,7 @@ def rank(
             j = order[at + 1]
             ends = np.exp(np.quantile(drawn[:, i] - drawn[:, j], (0.025, 0.975)))
             ratio = (float(np.exp(scores[i] - scores[j])), float(ends[0]), float(ends[1]))
-            clear = bool(worse[i, j])
+            clear = bool(worse[i, j]) if count > 1 else None  # one episode says nothing of chance
         places.append(
             Place(
                 int(ranks[at]),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,6 +20,9 @@ from cjt_gym.joint.linear import OUTPUTS
 
 DT, HIGHEST = 1e-3, 200.0
 """Step of a torque that is held [s], and highest frequency that is measured [Hz]."""
+
+LONGEST = 0.1
+"""Longest sample time: the responses are drawn from well below its Nyquist frequency [s]."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -55,8 +57,8 @@ def run(options: argparse.Namespace) -> None:
             "--identify measures from tau_m to tau; leave --input and --output at them."
         )
     dt = options.dt
-    if dt is not None and not 0.0 < dt < math.inf:
-        raise ConfigurationError(f"--dt must be > 0 s, got {dt:g}.")
+    if dt is not None and not 0.0 < dt <= LONGEST:
+        raise ConfigurationError(f"--dt must be > 0 and <= {LONGEST:g} s, got {dt:g}.")
     if dt is None and options.identify is not None:
         dt = DT
     cases = list(_cases(options, dt or DT))

@@ -48,6 +48,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> None:
     """Serve until it is stopped."""
     config = with_options(load_hardware(options.config), options)
+    if options.hidden_seed is not None and options.hidden_seed < 0:
+        raise ConfigurationError(f"--hidden-seed must be >= 0, got {options.hidden_seed}.")
     if options.hidden_seed is not None and options.effect is not None:
         raise ConfigurationError("Give --hidden-seed or --effect, not both.")
     effects: Any = parse_effects(options.effect)
