@@ -55,9 +55,9 @@ class Plan:
 
     out: Path
     groups: int = 4
-    per_group: int = 6
-    steps: int = 1_000_000
-    more: int = 400_000
+    per_group: int = 5
+    steps: int = 500_000
+    more: int = 200_000
     seed: int = 1
     jobs: int = 2
 
