@@ -88,13 +88,7 @@ class Observer:
     ) -> Floats:
         """Return the observation of a control step, shape (size,); it is overwritten by the next.
 
-        Args:
-            reference: Wanted joint torque now and at the next steps, shape (preview + 1,) [N m].
-            tau: Measured joint torque [N m].
-            q_m: Measured motor angle, rotor angle / n [rad].
-            dq_m: Measured motor velocity [rad/s].
-            dq_l: Measured load velocity [rad/s].
-            command: Motor torque that was commanded in the step before; 0 in the first [N m].
+        Arguments are those of `cjt_gym.training.deploy.exported.Stepper.step`.
         """
         layout, out = self.layout, self._observation
         head, torque, velocity = layout.head, layout.torque, layout.velocity
