@@ -148,7 +148,7 @@ def test_linear_analysis_from_the_command_line(capsys: pytest.CaptureFixture[str
     assert "needs a drive with a voltage" in capsys.readouterr().err
     for words, message in (
         (["--out", "linear.doc"], ".pdf, .html, .png"),
-        (["--dt", "0", "--json"], "--dt must be > 0 s"),
+        (["--dt", "0", "--json"], "--dt must be > 0 and <= 0.1 s"),
         (["orange_80_6000", "--json"], "got orange_80_6000 twice"),
     ):
         assert main(["analyse", "orange_80_6000", *words]) == 2
