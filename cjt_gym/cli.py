@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+import warnings
 from collections.abc import Sequence
 from importlib import import_module
 from typing import NoReturn
@@ -88,6 +89,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(command: str, words: Sequence[str]) -> int:
+    with warnings.catch_warnings():
+        warnings.showwarning = _warn
+        return _run_command(command, words)
+
+
+def _warn(message: Warning | str, *rest: object) -> None:
+    """Show a warning as one line, without the place in the code that it comes from."""
+    sys.stderr.write(f"cjt-gym: {' '.join(str(message).split())}\n")
+
+
+def _run_command(command: str, words: Sequence[str]) -> int:
     try:
         module = import_module(f"cjt_gym.commands.{command.replace('-', '_')}")
         parser = Parser(prog=f"cjt-gym {command}", description=COMMANDS[command])
@@ -99,6 +111,8 @@ def _run(command: str, words: Sequence[str]) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except (CjtGymError, OSError) as error:
+        if not isinstance(error, CjtGymError) and error.filename is not None:
+            return _fail(f"{error.filename} cannot be used: {error.strerror}.", 2)
         failed_on_the_way = isinstance(error, (ArithmeticError, RuntimeError))
         return _fail(str(error), 1 if failed_on_the_way else 2)
     except ModuleNotFoundError as error:

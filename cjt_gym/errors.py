@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 __all__ = [
     "CjtGymError",
+    "CjtGymWarning",
     "ConfigurationError",
     "HardwareError",
     "MissingFileError",
@@ -29,6 +30,10 @@ __all__ = [
 
 class CjtGymError(Exception):
     """Base of everything that this package raises on purpose."""
+
+
+class CjtGymWarning(UserWarning):
+    """Something that runs, and is hardly what was meant."""
 
 
 class ParameterError(CjtGymError, ValueError):

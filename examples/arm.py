@@ -59,6 +59,7 @@ def draw(run: dict[str, Floats], path: Path) -> None:
         axes.set_ylabel(label)
         axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
     axes.set_xlabel("time [s]")
+    path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path)
 
 

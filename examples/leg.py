@@ -92,6 +92,7 @@ def draw(run: dict[str, Floats], path: Path) -> None:
     energies.set_xlabel("time [s]; dashed angles and torques: wanted")
     for axes in (angles, torques, energies):
         axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
+    path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path)
 
 

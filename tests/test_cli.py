@@ -18,6 +18,7 @@ from cjt_gym.commands.train import environment
 from cjt_gym.records import Record, record_names, write_record
 
 SHORT = ["simulate", "orange_80_6000", "--duration", "0.2"]
+TUNE = ["tune", "pd_feedforward", "--joint"]
 
 
 def test_help_of_every_command(capsys: pytest.CaptureFixture[str]) -> None:
@@ -46,6 +47,16 @@ def test_joints_lists_every_effect_with_units_and_ranges(
     assert main(["joints"]) == 0
     text = capsys.readouterr().out
     assert all(name in text for name in (*joint_names(), *EFFECTS))
+
+
+def test_joints_shows_the_rows_that_are_named(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["joints", "structures", "coulomb", "--json"]) == 0
+    tables = json.loads(capsys.readouterr().out)
+    assert [len(tables[name]) for name in ("joints", "structures", "effects")] == [0, 5, 1]
+    assert main(["joints", "coulomb"]) == 0
+    shown = capsys.readouterr().out
+    assert shown.startswith("Effects\n")
+    assert "d_cm" in shown
 
 
 @pytest.mark.parametrize("ending", ["csv", "npz", "parquet"])
@@ -134,6 +145,12 @@ def test_another_joint_brings_its_own_effects_to_a_training() -> None:
         ([*SHORT, "--controller", "none", "--out", "x.csv"], "replays the command"),
         (["benchmark", "--joint", "orange_80_6000", "--out", "b"], "--controller or --policy"),
         (["benchmark", "--joint", "orange_80_6000", "--policy", "no", "--out", "b"], "no"),
+        (["joints", "coulom"], "Did you mean 'coulomb'"),
+        ([*TUNE, "orange", "--out", "x.toml"], "Did you mean 'orange_80_6000'"),
+        ([*TUNE, "orange_80_6000", "--out", "x.json"], "--out must end in .toml"),
+        ([*TUNE, "orange_80_6000", "--out", "x.toml", "--phase-margin", "500"], "<= 90 deg"),
+        (["analyse", "orange_80_6000", "--identify", "1e6", "--json"], "187.2 N m, the peak"),
+        (["datasheet", "orange_80_6000", "--out", "/proc/x.pdf"], "/proc/x.pdf cannot be used"),
     ],
 )
 def test_bad_input_is_one_clear_line_and_status_2(

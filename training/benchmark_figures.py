@@ -12,7 +12,7 @@ from cjt_gym.training.figures import INK, STYLE, new_figure, to_svg
 
 Result = Mapping[str, Any]
 BRIGHT = ("#1f5fa8", "#d07c2e", "#3d8f5f", "#8d4fa8", "#b03a48", "#5b8fb9")
-PALE = "#cccccc"
+PALE = "#a6a6a6"
 COLUMNS_OF_TASKS = 2
 WORST = 4.0
 

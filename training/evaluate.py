@@ -116,6 +116,18 @@ def pool(batches: Sequence[Traces]) -> Traces:
     return Traces(dt=batches[0].dt, **arrays)
 
 
+def check_episodes(episodes: int, seed: int) -> None:
+    """Refuse a number of episodes, or a seed, that has no draws of its own.
+
+    Raises:
+        ConfigurationError: One of them is out of range.
+    """
+    if not 1 <= episodes <= SEED_BLOCK:
+        raise ConfigurationError(f"episodes must be >= 1 and <= {SEED_BLOCK}, got {episodes}.")
+    if seed < 0:
+        raise ConfigurationError(f"seed must be >= 0, got {seed}.")
+
+
 def evaluate(
     agent: Agent,
     conditions: Conditions,
@@ -139,10 +151,7 @@ def evaluate(
             structure or the kind of agent.
         UnknownNameError: There is no such task.
     """
-    if not 1 <= episodes <= SEED_BLOCK or seed < 0:
-        raise ConfigurationError(
-            f"episodes must be 1 to {SEED_BLOCK} and seed >= 0, got {episodes} and {seed}."
-        )
+    check_episodes(episodes, seed)
     names = list(BENCHMARK_TASKS)
     first = EVALUATION_SEEDS + seed * SEED_BLOCK * len(names)
     for task in tasks:

@@ -1,19 +1,20 @@
 """Gain files: a controller with its gains, as `cjt-gym tune` writes them.
 
 Wherever a controller is named, such a file may stand instead: in `simulate`, `benchmark`,
-`diagnose`, and as `base_controller` of a training.
+`diagnose`, `hardware`, and as `base_controller` of a training.
 """
 
 from __future__ import annotations
 
 import tomllib
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from cjt_gym.baselines import CONTROLLERS, Controller, make_controller
-from cjt_gym.errors import ConfigurationError, MissingFileError, unknown_name
+from cjt_gym.errors import CjtGymWarning, ConfigurationError, MissingFileError, unknown_name
 from cjt_gym.joint import Joint
 from cjt_gym.training.toml_text import to_toml
 
@@ -39,9 +40,21 @@ class Choice:
     def make(self, joint: Joint, dt: float) -> Controller:
         """Return the controller for a joint and a sample time [s].
 
+        Warns:
+            CjtGymWarning: The gains were tuned for another joint or another structure.
+
         Raises:
             ConfigurationError: The law does not fit the joint or the sample time.
         """
+        told = [str(self.facts.get(key, "")) for key in ("joint", "structure")]
+        here = [joint.file.name, joint.structure]
+        if "" not in told and [Path(told[0]).stem, told[1]] != here:
+            warnings.warn(
+                f"The gains of {self.name} were tuned for {told[0]}, {told[1]}, and are used on "
+                f"{here[0]}, {here[1]}, where they may be far off. Tune them for it: cjt-gym tune.",
+                CjtGymWarning,
+                stacklevel=2,
+            )
         return make_controller(self.controller, joint, dt, self.gains or None)
 
 

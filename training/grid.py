@@ -27,7 +27,7 @@ from cjt_gym.joint import get_structure, load_joint_file
 from cjt_gym.training.benchmark import make_agents
 from cjt_gym.training.code_hash import code_hash
 from cjt_gym.training.conditions import BANDWIDTH_HIGH, BANDWIDTH_LOW, realistic_conditions
-from cjt_gym.training.evaluate import SEED_BLOCK, Evaluation, evaluate
+from cjt_gym.training.evaluate import Evaluation, check_episodes, evaluate
 from cjt_gym.training.metrics import frequency_response, squared_errors
 from cjt_gym.training.rollout import Agent, ControllerAgent, Traces, joint_of
 from cjt_gym.training.tasks import get_task
@@ -239,6 +239,8 @@ def run_grid(
     """
     if backend not in BACKENDS:
         raise unknown_name("backend", backend, BACKENDS)
+    if jobs < 1 and jobs != -1:
+        raise ConfigurationError(f"--jobs must be >= 1, or -1 for one per core, got {jobs}.")
     folder.mkdir(parents=True, exist_ok=True)
     folder = folder.resolve()
     results: dict[Cell, dict[str, Any]] = {}
@@ -335,10 +337,7 @@ def make_cells(
                 f"Task {task} does not exist for the structures {', '.join(structures)} and these "
                 "agents. Leave it out, or add a structure."
             )
-    if not 1 <= episodes <= SEED_BLOCK or min(seeds) < 0:
-        raise ConfigurationError(
-            f"episodes must be 1 to {SEED_BLOCK} and seed >= 0, got {episodes} and {min(seeds)}."
-        )
+    check_episodes(episodes, min(seeds))
     return [
         Cell(word, is_policy, joint, structure, kept_tasks, seed, episodes, amplitude)
         for joint in joints

@@ -15,8 +15,9 @@ p.note, figcaption, td.note { color: #555; font-size: 0.9rem; }
 figure { margin: 1rem 0; break-inside: avoid; }
 figure svg { width: 100%; height: auto; }
 table { border-collapse: collapse; font-size: 0.85rem; margin: 1rem 0; break-inside: avoid; }
-th, td { text-align: right; padding: 0.15rem 0.7rem; white-space: nowrap; }
-th { font-weight: normal; color: #555; border-bottom: 1px solid #202020; vertical-align: bottom; }
+th, td { text-align: right; padding: 0.15rem 0.5rem; white-space: nowrap; }
+th { font-weight: normal; color: #555; border-bottom: 1px solid #202020; vertical-align: bottom;
+  white-space: normal; }
 th:first-child, td:first-child, td.text { text-align: left; padding-left: 0; }
 tr.first td { border-top: 1px solid #ddd; }
 div.wide { overflow-x: auto; }

@@ -50,7 +50,7 @@ def write_run_page(run: RunFolder, episodes: int = EPISODES) -> Path:
         report.heading("What it does"),
         report.html_table(cells_of([row.to_json() for e in tried for row in e.rows])),
         report.figure(
-            figures.traces_figure({t: {e.agent: e.traces[t] for e in tried} for t in SHOWN}),
+            figures.traces_figure({t: {e.agent: e.traces[t] for e in tried[::-1]} for t in SHOWN}),
             f"The same episode under each; {episodes} episodes of every task in the table.",
         ),
         report.heading("From what it came"),

@@ -62,11 +62,14 @@ class Limits:
 
     def __post_init__(self) -> None:
         lowest = {"gain_margin": 1.0, "sensitivity_peak": 1.0}
+        highest = {"phase_margin": 90.0}
         for known in fields(self):
             value, low = getattr(self, known.name), lowest.get(known.name, 0.0)
-            if not value >= low:
+            high = highest.get(known.name, math.inf)
+            if not low <= value <= high:
+                above = f" and <= {high:g} deg" if known.name in highest else ""
                 raise ConfigurationError(
-                    f"{known.name} of the limits of tuning must be >= {low:g}, got {value}."
+                    f"{known.name} of the limits of tuning must be >= {low:g}{above}, got {value}."
                 )
 
     def violation(self, found: Assessment) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,7 +16,7 @@ from cjt_gym.commands.simulate import USUAL, parse_effects
 from cjt_gym.datasheet import FORMATS, check_format, write_sheet
 from cjt_gym.datasheet.linear import Case, analyse_case, linear_sheet
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.joint import DRIVES, STRUCTURES, load_joint
+from cjt_gym.joint import DRIVES, STRUCTURES, Joint, load_joint
 from cjt_gym.joint.linear import OUTPUTS
 
 DT, HIGHEST = 1e-3, 200.0
@@ -81,6 +82,19 @@ def run(options: argparse.Namespace) -> None:
     sys.stdout.write(json.dumps(result, indent=1, allow_nan=False) + "\n")
 
 
+def check_rms(rms: float, joint: Joint) -> None:
+    """Refuse a multisine that the motor cannot give.
+
+    Raises:
+        ConfigurationError: Its rms [N m] is not above zero, or above the motor's peak torque.
+    """
+    p = joint.parameters
+    most = p.k_t * p.n * p.i_p if "i_p" in p else math.inf
+    if not 0.0 < rms <= most:
+        above = f" and <= {most:.4g} N m, the peak torque of {joint.file.name}" * (most < math.inf)
+        raise ConfigurationError(f"--identify must be > 0{above}, got {rms:g}.")
+
+
 def _cases(options: argparse.Namespace, dt: float) -> Iterator[Case]:
     effects = parse_effects(options.effect)
     for name in options.joints:
@@ -90,6 +104,7 @@ def _cases(options: argparse.Namespace, dt: float) -> Iterator[Case]:
             label += "" if len(options.structure) == 1 else structure
             seen = None
             if options.identify is not None:
+                check_rms(options.identify, joint)
                 high = min(HIGHEST, 0.4 / dt)
                 law = make_controller("open_loop", joint, dt)
                 seen = identify(law, joint, dt, options.identify, seed=options.seed, high=high)

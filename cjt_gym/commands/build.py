@@ -7,6 +7,7 @@ import json
 import sys
 from pathlib import Path
 
+from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import to_toml
 from cjt_gym.joint.build import build_joints, file_of
 
@@ -27,7 +28,13 @@ def run(options: argparse.Namespace) -> None:
         if options.out is not None:
             options.out.mkdir(parents=True, exist_ok=True)
             path = options.out / f"{name}.toml"
-            path.write_text(to_toml(file_of(joint)), encoding="utf-8")
+            text = to_toml(file_of(joint))
+            if path.exists() and path.read_text(encoding="utf-8") != text:
+                raise ConfigurationError(
+                    f"{path} exists and differs from what the table says. Give another --out, or "
+                    "move that file away."
+                )
+            path.write_text(text, encoding="utf-8")
         lines.append(f"{name}  {', '.join(joint.effects) or 'no effects'}\n")
         rows.append(
             {

@@ -13,7 +13,7 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.baselines import CONTROLLERS, make_controller
+from cjt_gym.baselines import CONTROLLERS
 from cjt_gym.canbus.config import HardwareConfig, load_hardware
 from cjt_gym.canbus.dry_run import Frames
 from cjt_gym.canbus.emulator import Emulator, emulated_joint
@@ -25,7 +25,9 @@ from cjt_gym.canbus.virtual import VirtualLink
 from cjt_gym.commands.hardware_jobs import NONE, TRACKING, Job, jobs_of
 from cjt_gym.commands.simulate import GAINS
 from cjt_gym.errors import ConfigurationError
+from cjt_gym.records import default_units
 from cjt_gym.signals import sampled_signal
+from cjt_gym.training.gains import choose
 
 Floats = NDArray[np.float64]
 
@@ -35,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("config", type=Path, metavar="CONFIG.toml", help="the joint on its bus, as for emulate")
     who = parser.add_mutually_exclusive_group()
-    text = f"{', '.join(CONTROLLERS)}, or {NONE}: the reference is the motor torque itself"
+    text = f"{', '.join(CONTROLLERS)}, a gain file, or {NONE}: the reference is the motor torque"
     who.add_argument("--controller", metavar="C", help=text)
     who.add_argument(
         "--policy", metavar="RUN", help="run folder, or a policy of  cjt-gym export --to numpy"
@@ -122,7 +124,7 @@ def _run_one(
     """Run one job and return what came out."""
     law = None
     if job.policy is None and job.controller != NONE:
-        law = make_controller(job.controller, config.joint, config.dt)
+        law = choose(job.controller).make(config.joint, config.dt)
         facts = {name: getattr(law, name) for name in GAINS if hasattr(law, name)}
         job.facts.update(facts)
     path = None if frames is not None else job.path
@@ -205,7 +207,9 @@ def _tell(options: argparse.Namespace, result: dict[str, Any]) -> None:
     if options.json:
         sys.stdout.write(json.dumps(result) + "\n")
     elif "values" in result:
-        text = ", ".join(f"{name} {value:.6g}" for name, value in sorted(result["values"].items()))
+        values = dict(sorted(result["values"].items()))
+        units = default_units(tuple(values))
+        text = ", ".join(f"{name} {value:.6g} {units[name]}" for name, value in values.items())
         sys.stdout.write(f"Not armed, nothing was moved (--arm moves it). {text}\n")
     elif "frames" in result:
         sys.stdout.write(f"{result['frames']} frames would be sent: {result['by_id']}\n")

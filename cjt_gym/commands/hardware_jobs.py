@@ -33,7 +33,7 @@ class Job:
         path: Its record, None for none.
         reference: Joint torque that is wanted, or motor torque that is commanded [N m], by control
             step.
-        controller: A row of `CONTROLLERS`, or `NONE`.
+        controller: A row of `CONTROLLERS`, a gain file, or `NONE`.
         policy: Run folder of a policy, or None.
         facts: What else belongs to the record's provenance.
     """
@@ -97,6 +97,11 @@ def _tasks(config: HardwareConfig, options: argparse.Namespace) -> Sequence[Job]
 def _amplitude(config: HardwareConfig, options: argparse.Namespace) -> float:
     """Return the amplitude of the reference [N m], within the limits where none is given."""
     if options.amplitude is not None:
+        if not 0.0 < options.amplitude <= config.limits.tau:
+            raise ConfigurationError(
+                f"--amplitude must be > 0 and <= {config.limits.tau:g} N m, the limit on the "
+                f"joint torque of {config.joint_name}, got {options.amplitude:g}."
+            )
         return float(options.amplitude)
     return min(default_amplitude(config.joint.parameters), config.limits.tau)
 

@@ -7,9 +7,10 @@ import json
 import math
 import sys
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
+from cjt_gym.errors import unknown_name
 from cjt_gym.joint import (
     DRIVES,
     EFFECTS,
@@ -22,6 +23,7 @@ from cjt_gym.joint import (
 from cjt_gym.joint.effects import PLACES
 from cjt_gym.records import read_record, record_names
 
+TABLES = ("joints", "records", "structures", "drives", "effects")
 WIDTH = 100
 NAME = 28
 SYMBOL = 17
@@ -33,17 +35,38 @@ LEGEND = (
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Take no options beyond the common ones."""
+    """Add what to show."""
+    text = f"tables ({', '.join(TABLES)}) or names in them; default: everything"
+    parser.add_argument("what", metavar="WHAT", nargs="*", help=text)
 
 
 def run(options: argparse.Namespace) -> None:
     """Print the tables."""
-    tables = describe()
+    tables = chosen(options.what)
     if options.json:
         sys.stdout.write(json.dumps(tables, indent=1, allow_nan=False) + "\n")
         return
     for line in _lines(tables):
         sys.stdout.write(line + "\n")
+
+
+def chosen(what: Sequence[str]) -> dict[str, list[dict[str, Any]]]:
+    """Return the tables, or the rows, of those names; all tables where none is named.
+
+    Raises:
+        UnknownNameError: There is no such table, and no such row.
+    """
+    tables = describe()
+    names = {row["name"] for rows in tables.values() for row in rows}
+    for word in what:
+        if word not in tables and word not in names:
+            raise unknown_name("name", word, [*tables, *names])
+    if not what:
+        return tables
+    return {
+        title: [row for row in rows if title in what or row["name"] in what]
+        for title, rows in tables.items()
+    }
 
 
 def describe() -> dict[str, list[dict[str, Any]]]:
@@ -138,14 +161,19 @@ def _parameter(effect: Effect, p: EffectParameter) -> dict[str, Any]:
 
 def _lines(tables: dict[str, list[dict[str, Any]]]) -> Iterator[str]:
     """Yield the tables as text of at most `WIDTH` columns."""
-    for title in ("joints", "records", "structures", "drives"):
+    for title in TABLES[:-1]:
+        if not tables[title]:
+            continue
         yield title.capitalize()
         for row in tables[title]:
             yield from _wrapped(f"  {row['name']:{NAME}s} ", row["summary"])
         yield ""
+    if not tables["effects"]:
+        return
     yield "Effects"
     yield from _wrapped("  ", LEGEND)
-    for effect in EFFECTS.values():
+    for row in tables["effects"]:
+        effect = EFFECTS[row["name"]]
         yield ""
         yield from _effect_lines(effect)
 

@@ -9,11 +9,13 @@ import sys
 import time
 from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 from cjt_gym import __version__
 from cjt_gym.baselines import CONTROLLERS
+from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import STRUCTURES
-from cjt_gym.training.gains import write_gains
+from cjt_gym.training.gains import read_gains, write_gains
 from cjt_gym.training.tune import Outcome, Search, tune
 from cjt_gym.training.tune_limits import Limits
 
@@ -47,6 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Search, write the gain file, and say what came out. A stopped search goes on."""
+    check_out(options)
     limits = Limits(**{limit.name: getattr(options, limit.name) for limit in fields(Limits)})
     search = Search(
         options.controller,
@@ -72,17 +75,36 @@ def run(options: argparse.Namespace) -> None:
     sys.stdout.write((json.dumps(result, indent=1) if options.json else words(outcome)) + "\n")
 
 
+def check_out(options: argparse.Namespace) -> None:
+    """Raise where the gain file has another ending, or holds what another search found."""
+    out: Path = options.out
+    if out.suffix != ".toml":
+        raise ConfigurationError(f"--out must end in .toml, as every gain file, got {out}.")
+    if not out.exists():
+        return
+    known = read_gains(out)
+    wanted = (options.controller, options.joint, options.structure)
+    if (known.controller, known.facts.get("joint"), known.facts.get("structure")) != wanted:
+        raise ConfigurationError(
+            f"{out} holds gains of {known.controller} for {known.facts.get('joint')}, "
+            f"{known.facts.get('structure')}. Give another --out, or move that file away."
+        )
+
+
 class Progress:
     """A progress bar on standard error."""
 
     def __init__(self, total: int) -> None:
         """Begin the bar."""
-        from tqdm import tqdm
-
-        self.bar = tqdm(total=total, file=sys.stderr, unit="candidate")
+        self.total = total
+        self.bar: Any = None
 
     def __call__(self, done: int, cost: float) -> None:
         """Move the bar to what is done, with the least cost so far."""
+        if self.bar is None:  # not before the search has been found possible
+            from tqdm import tqdm
+
+            self.bar = tqdm(total=self.total, file=sys.stderr, unit="candidate")
         self.bar.set_postfix_str("none keeps the limits" if cost >= 10.0 else f"best {cost:.3f}")
         self.bar.update(done - self.bar.n)
         if done >= self.bar.total:
@@ -123,6 +145,8 @@ def words(outcome: Outcome) -> str:
         lines.append("The law is not linear: its margins come from multisines on the simulator.")
     if not outcome.feasible:
         lines.append("No candidate keeps all limits; this one breaks them least.")
+    elif outcome.best == outcome.start:
+        lines.append("No candidate is better than the designed gains; the file holds those.")
     elif held["low"] > 1.0:
         breaks = ", but break the limits" if outcome.start.violation > 0.0 else ""
         lines.append(f"The designed gains are better on unseen draws{breaks}.")

@@ -55,7 +55,7 @@ def check_format(path: str | Path) -> str:
     ending = Path(path).suffix.lower()
     if ending not in FORMATS:
         raise ConfigurationError(
-            f"A data sheet must end in {', '.join(FORMATS)}, got '{Path(path).name}'."
+            f"The file to write must end in {', '.join(FORMATS)}, got '{Path(path).name}'."
         )
     return ending
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -21,6 +22,7 @@ from cjt_gym.canbus.ports import SocketcandPort
 from cjt_gym.cli import main
 from cjt_gym.joint import load_joint
 from cjt_gym.records import Record, read_record
+from cjt_gym.training.gains import write_gains
 from tests.canbus.bench import config, document, toml
 from tests.canbus.soak import MAIN, emulator, free_port
 from tests.canbus.test_buses import PATIENT, served
@@ -56,12 +58,26 @@ def test_emulated_run_writes_a_record_for_the_diagnosis(
     assert record.provenance["kp"] > 0.0
 
 
+def test_gain_files_run_and_amplitudes_keep_the_limits(
+    path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    gains, out = path.with_name("own.toml"), path.with_name("run.npz")
+    write_gains(gains, "pd_feedforward", {"kp": 0.3}, {})
+    words = ["hardware", str(path), "--emulated", "--controller", str(gains), "--out", str(out)]
+    assert main([*words, "--duration", "0.1"]) == 0
+    assert read_record(out).provenance["kp"] == 0.3
+    assert main([*words, "--amplitude", "1e6"]) == 2
+    assert "the limit on the joint torque of orange_80_6000" in capsys.readouterr().err
+
+
 @pytest.mark.slow  # in real time
 def test_two_terminals(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = path.with_name("run.csv")
     with emulator(path, "--hidden-seed", "4", "--truth", str(path.with_name("truth.json"))):
         assert main(["hardware", str(path)]) == 0
-        assert "Not armed, nothing was moved" in capsys.readouterr().out
+        shown = capsys.readouterr().out
+        assert "Not armed, nothing was moved" in shown
+        assert re.search(r"q_m \S+ rad\b", shown)
         words = ["hardware", str(path), "--arm", "--controller", "none", "--reference", "multisine"]
         assert main([*words, "--duration", "0.3", "--out", str(out)]) == 0
     assert len(read_record(out)) == 200  # 150, and 50 that fade

@@ -48,6 +48,13 @@ def test_written_joints_are_read_back(tmp_path: Path, capsys: pytest.CaptureFixt
         again = load_joint(row["file"], row["structure"], row["drive"])
         assert again.effects == built[row["name"]].effects
         assert again.parameters == built[row["name"]].parameters
+    kept = Path(rows[0]["file"])
+    words = ["build", str(path), "--out", str(tmp_path / "made")]
+    assert main(words) == 0  # the same again
+    kept.write_text(kept.read_text() + "# mine\n")
+    assert main(words) == 2
+    assert "differs from what the table says" in capsys.readouterr().err
+    assert kept.read_text().endswith("# mine\n")
 
 
 def test_drives_are_named_where_there_are_several() -> None:

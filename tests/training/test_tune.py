@@ -14,7 +14,7 @@ from cjt_gym.analysis.probe import linear_joint
 from cjt_gym.baselines import CONTROLLERS, PdFeedForward, make_controller
 from cjt_gym.baselines.shipped import designed_gains
 from cjt_gym.cli import main
-from cjt_gym.errors import ConfigurationError, MissingFileError, UnknownNameError
+from cjt_gym.errors import CjtGymWarning, ConfigurationError, MissingFileError, UnknownNameError
 from cjt_gym.records import read_record
 from cjt_gym.training.conditions import EVALUATION_SEEDS, realistic_conditions
 from cjt_gym.training.config import VALIDATION_SEEDS, environment_arguments
@@ -199,3 +199,8 @@ def test_the_command_writes_a_gain_file_that_says_how_it_was_made(
     )
     assert choice.facts["limits"]["phase_margin"] == 20.0
     assert choice.facts["held_out"]["tuned"] == result["held_out"]["tuned"]
+    with pytest.warns(CjtGymWarning, match=f"tuned for {JOINT}, .* used on lemon_50_6000"):
+        choice.make(joint_of(realistic_conditions("lemon_50_6000")), 1e-3)
+    other = ["tune", "pd", "--joint", JOINT, "--budget", "1", "--out", str(out)]
+    assert main(other) == 2
+    assert "holds gains of pd_feedforward" in capsys.readouterr().err
