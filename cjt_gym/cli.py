@@ -12,7 +12,7 @@ import sys
 import warnings
 from collections.abc import Sequence
 from importlib import import_module
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from cjt_gym.errors import CjtGymError, unknown_name
 
@@ -94,7 +94,7 @@ def _run(command: str, words: Sequence[str]) -> int:
         return _run_command(command, words)
 
 
-def _warn(message: Warning | str, *rest: object) -> None:
+def _warn(message: Warning | str, *rest: Any, **named: Any) -> None:
     """Show a warning as one line, without the place in the code that it comes from."""
     sys.stderr.write(f"cjt-gym: {' '.join(str(message).split())}\n")
 
