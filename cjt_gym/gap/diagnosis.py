@@ -15,7 +15,7 @@ from cjt_gym.records import Record, write_record
 
 Floats = NDArray[np.float64]
 SCHEMA = 1
-NOTHING_LEFT = "Nothing material is left."
+NOTHING_LEFT = "In every stage the rest is what noise and tolerances explain."
 
 
 @dataclass(frozen=True)
