@@ -40,6 +40,7 @@ EXTRAS = {
     "tensorboard": "train",
     "tqdm": "train",
     "cma": "tune",
+    "optuna": "tune",
     "joblib": "benchmark",
     "matplotlib": "report",
     "sympy": "symbolic",

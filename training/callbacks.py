@@ -33,7 +33,8 @@ class Companion(BaseCallback):
 
     It shows a progress bar with the time left, writes tracking error [N m] and return to
     TensorBoard and `progress.csv`, validates, keeps the best model, makes checkpoints, and stops
-    the training with the reason when weights cease to be finite.
+    the training with the reason when weights cease to be finite, or early where the configuration
+    has a patience.
     """
 
     def __init__(self, run: RunFolder, config: TrainConfig, quiet: bool = False) -> None:
@@ -49,6 +50,14 @@ class Companion(BaseCallback):
         self._best = float(run.facts.get("best_validation_rmse") or "inf")
         self._begun = time.monotonic()
         self._next_validation = self._next_checkpoint = 0
+        self._patience_is_over = False
+
+    @property
+    def reason(self) -> str | None:
+        """Why the training ended before its last step; None if it did not."""
+        if not self._patience_is_over:
+            return None
+        return f"{self.config.evaluation.patience} evaluations in a row without a better model"
 
     @property
     def seconds(self) -> float:
@@ -67,7 +76,7 @@ class Companion(BaseCallback):
                 self._errors.append(info["rmse"])
                 self._returns.append(info["episode"]["r"])
         self._bar.update(self.num_timesteps - self._bar.n)
-        return True
+        return not self._patience_is_over
 
     def _on_rollout_start(self) -> None:
         if self.num_timesteps >= min(self._next_validation, self._next_checkpoint):
@@ -100,6 +109,13 @@ class Companion(BaseCallback):
             self._best = error
             save_model(self.model, self.training_env, self.run_folder.path)
             self.run_folder.note(best_validation_rmse=error, best_steps=self.num_timesteps)
+        self._check_patience()
+
+    def _check_patience(self) -> None:
+        """Note whether the last evaluations were all worse, those before an interruption too."""
+        patience, best = self.config.evaluation.patience, self.run_folder.facts.get("best_steps", 0)
+        since = sum(row["steps"] > best for row in self.run_folder.progress())
+        self._patience_is_over = 0 < patience <= since
 
     def checkpoint(self) -> None:
         """Write a checkpoint; it is complete once its folder has its name."""

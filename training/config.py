@@ -53,14 +53,18 @@ class EvaluationConfig:
     Attributes:
         every: Steps between two of them.
         episodes: Episodes of each, on seeds that training does not see.
+        patience: After how many evaluations in a row without a better model the training stops
+            early; 0 for never.
     """
 
     every: int = 100_000
     episodes: int = 32
+    patience: int = 0
 
     def __post_init__(self) -> None:
         _at_least("every of [evaluation]", self.every, 1)
         _at_least("episodes of [evaluation]", self.episodes, 1)
+        _at_least("patience of [evaluation]", self.patience, 0)
 
 
 @dataclass(frozen=True)

@@ -61,7 +61,7 @@ def train(config: TrainConfig, out: str | Path, quiet: bool = False) -> RunFolde
     finally:
         companion.close()
         model.logger.close()
-    run.note(status="finished", reason=None, seconds=companion.seconds)
+    run.note(status="finished", reason=companion.reason, seconds=companion.seconds)
     return run
 
 

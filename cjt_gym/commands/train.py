@@ -11,6 +11,8 @@ from typing import Any
 
 from cjt_gym.plant.randomization import PRESETS
 from cjt_gym.training.config import config_names, load_config
+from cjt_gym.training.run_folder import RunFolder
+from cjt_gym.training.seeds import train_seeds
 from cjt_gym.training.train import train
 
 
@@ -30,6 +32,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add("--seed", type=int, help="replaces the seed of the configuration")
     add("--steps", type=int, help="replaces its total_steps")
+    text = "train from N seeds into the folders RUN_0, RUN_1 ..., instead of once into RUN"
+    add("--seeds", type=int, metavar="N", help=text)
+    add("--jobs", type=int, default=1, help="trainings side by side with --seeds, default 1")
     add("--quiet", action="store_true", help="no progress bar")
 
 
@@ -52,9 +57,17 @@ def run(options: argparse.Namespace) -> None:
     config = load_config(options.config)
     env = environment(config.env, options)
     config = config.with_changes(env=env, seed=options.seed, total_steps=options.steps)
-    folder = train(config, options.out, quiet=options.quiet)
+    if options.seeds is None:
+        _tell(train(config, options.out, quiet=options.quiet), options.json)
+        return
+    for folder in train_seeds(config, options.out, options.seeds, options.jobs):
+        _tell(folder, options.json)
+
+
+def _tell(folder: RunFolder, as_json: bool) -> None:
     facts = folder.facts
-    if options.json:
+    if as_json:
         sys.stdout.write(json.dumps({"run": str(folder.path), **facts}, default=str) + "\n")
-    else:
-        sys.stdout.write(f"{folder.path}: {facts['status']} after {facts['steps']} steps\n")
+        return
+    why = f" ({facts['reason']})" if facts.get("reason") else ""
+    sys.stdout.write(f"{folder.path}: {facts['status']} after {facts['steps']} steps{why}\n")

@@ -22,6 +22,7 @@ from cjt_gym.training.config import PolicyConfig, TrainConfig
 from cjt_gym.training.policy import load_policy
 from cjt_gym.training.rollout import run_episodes
 from cjt_gym.training.run_folder import RunFolder, TrainingError, open_run
+from cjt_gym.training.seeds import train_seeds
 from cjt_gym.training.toml_text import to_toml
 from cjt_gym.training.train import train
 
@@ -216,3 +217,27 @@ def test_folders_that_are_not_ours_are_refused(
         load_policy(tmp_path)
     with pytest.raises(MissingFileError, match="does not exist"):
         load_policy(tmp_path / "nowhere")
+
+
+def test_a_training_stops_early_where_nothing_becomes_better(
+    tiny: TrainConfig, tmp_path: Path
+) -> None:
+    look = replace(tiny.evaluation, every=512, patience=2)
+    options = {**tiny.algorithm_options, "learning_rate": 1e-12}
+    config = replace(tiny, total_steps=20_000, evaluation=look, algorithm_options=options)
+    run = train(config, tmp_path / "run", quiet=True)
+    assert run.facts["status"] == "finished"
+    assert run.facts["reason"] == "2 evaluations in a row without a better model"
+    assert run.facts["steps"] < 20_000
+    assert (run.path / "model.zip").is_file()
+
+
+def test_several_seeds_train_side_by_side(tiny: TrainConfig, tmp_path: Path) -> None:
+    short = replace(tiny, total_steps=512)
+    runs = sorted(train_seeds(short, tmp_path / "run", seeds=2, jobs=2), key=lambda run: run.path)
+    assert [run.path.name for run in runs] == ["run_0", "run_1"]
+    assert [run.facts["seed"] for run in runs] == [tiny.seed, tiny.seed + 1000]
+    assert all(run.facts["status"] == "finished" for run in runs)
+    assert runs[0].progress()[-1]["rmse"] != runs[1].progress()[-1]["rmse"]
+    with pytest.raises(ConfigurationError, match="--seeds and --jobs must be >= 1"):
+        next(train_seeds(short, tmp_path / "run", seeds=0, jobs=1))

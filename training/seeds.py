@@ -1,0 +1,48 @@
+"""The same training from several seeds, side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from multiprocessing import get_context
+from pathlib import Path
+
+from cjt_gym.errors import ConfigurationError
+from cjt_gym.training.config import TrainConfig
+from cjt_gym.training.run_folder import RunFolder
+from cjt_gym.training.train import train
+
+STRIDE = 1000
+"""Between the seeds of two trainings, so that their environments share none."""
+
+
+def train_seeds(config: TrainConfig, out: str | Path, seeds: int, jobs: int) -> Iterator[RunFolder]:
+    """Train from several seeds and yield the runs, each as it ends.
+
+    Run k is in the folder OUT_k and has k * `STRIDE` more as seed than the configuration. What was
+    stopped goes on, what is finished stays.
+
+    Args:
+        config: What to train; it may have up to `STRIDE` environments.
+        out: Path of the run folders without _k.
+        seeds: How many.
+        jobs: How many processes train at a time.
+
+    Raises:
+        ConfigurationError: A number is out of range, or a folder holds something else.
+        TrainingError: A training diverged.
+    """
+    if seeds < 1 or jobs < 1 or config.num_envs > STRIDE:
+        raise ConfigurationError(
+            f"--seeds and --jobs must be >= 1 and num_envs at most {STRIDE}, got {seeds}, {jobs} "
+            f"and {config.num_envs}."
+        )
+    path = Path(out)
+    tasks = [
+        (config.with_changes(seed=config.seed + STRIDE * k), path.with_name(f"{path.name}_{k}"))
+        for k in range(seeds)
+    ]
+    with ProcessPoolExecutor(min(jobs, seeds), mp_context=get_context("spawn")) as pool:
+        futures = [pool.submit(train, *task, quiet=True) for task in tasks]
+        for future in as_completed(futures):
+            yield future.result()
