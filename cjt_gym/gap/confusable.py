@@ -26,6 +26,7 @@ SEPARATED_BY: dict[frozenset[str], str] = {
         ("torque_constant", "torque_gain", "a known weight, or a second torque reference"),
         ("stiffness", "torque_gain", "a known weight, or a second torque reference"),
         ("command_delay", "current_lag", "steps of different sizes in the command"),
+        ("command_delay", "measurement_delay", "command and current on one clock, as a scope does"),
         ("cogging", "gear_ripple", "the same angles under different transmitted torques"),
         ("stiffness", "hardening", "small and large deflections of the spring"),
         ("stiffness", "backlash", "small deflections of the spring through zero"),

@@ -103,9 +103,7 @@ class Problem:
         if stages.setting.current_unspecified and stages.setting.process == 0.0:
             settle_noise(stages, fields)
         stages.tune(fields)
-        problem.counts = {
-            name: int(np.count_nonzero(stages.residual(name, fields))) for name in stages.names
-        }
+        problem.counts = {name: stages.count(name) for name in stages.names}
         return problem
 
     # ---- the model as a function of its coordinates

@@ -88,7 +88,7 @@ def on_held_out(setting: Setting, problem: Problem, fit: Fit) -> HeldOut:
     whole = Model(effects)
     z = np.zeros(len(held.unknowns(whole)))
     stages.tune(held.fields(whole, z))
-    held.counts = {name: int(np.count_nonzero(r)) for name, r in held.residuals(whole, z).items()}
+    held.counts = {name: stages.count(name) for name in stages.names}
     full = held.fit(whole, z, MOVES)
     kept, last = _kept(held, full)
     trials = tuple(

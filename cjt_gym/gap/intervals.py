@@ -113,10 +113,15 @@ def at_an_end(effect: Hypothesis, intervals: Mapping[str, Interval]) -> bool:
 
 
 def _whole_delay(problem: Problem, fit: Fit, interval: Interval) -> Interval:
-    """Return the dead time with the part below a sample that every fit leaves free."""
-    nominal = problem.stages.setting.nominal["delay"]
-    total = problem.fields(fit.model, fit.z)["delay"] - nominal
-    half = 0.5 * min(interval.high - interval.low, problem.stages.setting.series.dt)
+    """Return the dead time with the part below a sample that every fit leaves free.
+
+    A current that follows its command at once shows no more of it than whole samples.
+    """
+    setting = problem.stages.setting
+    fields = problem.fields(fit.model, fit.z)
+    total = fields["delay"] - setting.nominal["delay"]
+    width = interval.high - interval.low if fields["lag"] > 0.0 else setting.series.dt
+    half = 0.5 * min(width, setting.series.dt)
     return Interval(total, total - half, total + half, interval.unit)
 
 

@@ -51,6 +51,7 @@ A strain gauge drifts more easily than an amplifier, and keeps its scale better 
 def same_here(setting: Setting, name: str) -> tuple[str, ...]:
     """Return the effects that this record's channels cannot tell from one, whatever its motion."""
     pairs = [set(pair) for pair in twins(setting)]
+    pairs.append({"command_delay", "measurement_delay"})  # of all channels alike
     if not setting.has_spring:
         pairs += [{"inertia", "load_inertia"}, {"coulomb", "load_coulomb"}]
     return tuple(sorted(other for pair in pairs if name in pair for other in pair - {name}))

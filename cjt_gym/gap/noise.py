@@ -25,6 +25,11 @@ QUIET = 0.25
 """Share of windows, the quietest ones, from which the noise of a channel is read."""
 
 
+FINEST = 1e-4
+"""Deviation of a channel of which nothing is specified, as a share of its spread, at least: a
+converter of 13 bits. A simulated record without noise would else decide by its rounding errors."""
+
+
 @dataclass(frozen=True)
 class ChannelNoise:
     """What is known of the scatter of one channel.
@@ -73,6 +78,8 @@ def channel_noise(series: Series, joint: JointFile, name: str, slope: float) -> 
     std = max(specified, floor)
     if noise == 0.0:
         std = max(std, observed)
+    if specified == 0.0:
+        std = max(std, FINEST * float(np.std(x)))
     shown = observed_jitter(x, series.valid[name], series.speed(name), 2.0 * slope)
     std, stated = max(std, 1e-12), noise > 0.0
     return ChannelNoise(specified, stated, observed, white, lattice, resolution, std, shown)

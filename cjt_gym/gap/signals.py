@@ -104,6 +104,9 @@ def commanded_current(fields: Fields, series: Series) -> Floats:
 def taken_over(fields: Fields, c: Floats, dt: float) -> tuple[Floats, Floats, float, float]:
     """Return how a drive takes its command over: y[k+1] = a y + (b - a) older + (1 - b) newer.
 
+    Without a lag y[k+1] is the mean over the sample, so that the current changes with the delay
+    gradually, not at whole samples alone, where no fit could find its way.
+
     Args:
         fields: The model.
         c: Command, shape (N,).
@@ -116,7 +119,7 @@ def taken_over(fields: Fields, c: Floats, dt: float) -> tuple[Floats, Floats, fl
     whole = int(np.floor(total))
     late = (total - whole) * dt
     a = float(np.exp(-dt / lag)) if lag > 0.0 else 0.0
-    reach = float(np.exp(-(dt - late) / lag)) if lag > 0.0 else 0.0
+    reach = float(np.exp(-(dt - late) / lag)) if lag > 0.0 else late / dt
     return _held(c, whole + 1), _held(c, whole), a, reach
 
 

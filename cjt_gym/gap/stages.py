@@ -58,6 +58,13 @@ from cjt_gym.gap.spring import spring_torque
 Floats = NDArray[np.float64]
 Added = Mapping[str, Floats]
 STAGES = ("drive", "motor", "transmission", "load")
+CHANNELS: Mapping[str, tuple[str, ...]] = {
+    "drive": ("i", "i_cmd"),
+    "motor": ("q_m",),
+    "transmission": ("tau", "q_m", "q_l"),
+    "load": ("q_l",),
+}
+"""Channels that must be measured for a sample of a stage to count."""
 SPRINGS = ("k_b", "k_g")
 """Fields that noise of the angles is multiplied by."""
 PULSE = 800
@@ -146,6 +153,15 @@ class Stages:
         ]
         return np.concatenate([own, *more]) if more else own
 
+    def count(self, name: str) -> int:
+        """Return how many samples of a stage count, over all records.
+
+        A residual may well be zero where it counts: a simulated record without noise fits exactly.
+        """
+        good = self.setting.series.measured(*CHANNELS[name])
+        more = (other.count(name) for other in self.others if name in other.names)
+        return int(np.count_nonzero(good[self.setting.settle :])) + sum(more)
+
     def first(self, residuals: Mapping[str, Floats]) -> dict[str, Floats]:
         """Return the part of the residuals that belongs to the first record."""
         return {name: r[: len(self.setting.series)] for name, r in residuals.items()}
@@ -155,7 +171,7 @@ class Stages:
         s = self.setting
         error = series["i"] - commanded_current(fields, series) - fields["i_0"]
         std = np.hypot(s.std("i"), s.unseen("i_cmd"))
-        return direct(error, std, s, ("i", "i_cmd"))
+        return direct(error, std, s, CHANNELS["drive"])
 
     # ---- motor
     def _motor(self, fields: Fields, series: Series, added: Added) -> Prediction:
@@ -236,7 +252,7 @@ class Stages:
         model = model - fields["skew"] * series.speed("tau")
         slope = series.speed("tau") * s.noise["tau"].jitter
         std = np.sqrt(own**2 + angles**2 + slope**2 + self._shaken_angles)
-        result = direct(series["tau"] - model, std, s, ("tau", "q_m", "q_l"))
+        result = direct(series["tau"] - model, std, s, CHANNELS["transmission"])
         return Prediction(result.residual, states, friction)
 
     @cached_property

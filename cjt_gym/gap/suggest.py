@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from cjt_gym.gap.confusable import NOTHING, advice, difference, rival_fits
+from cjt_gym.gap.confusable import NOTHING, SEPARATED_BY, advice, difference, rival_fits
 from cjt_gym.gap.design import TELLS, Cross, Prospect, prospects
 from cjt_gym.gap.diagnosis import NamedEffect, Suggestion
 from cjt_gym.gap.fit import Fit, Problem
@@ -53,7 +53,7 @@ def suggest(
         question = _nearest(problem, seen, left[0].stage)
         preface = f"The {left[0].stage} stage has a gap that no effect of the table explains. "
     if len(question) < 2:
-        return Suggestion(preface + ELSEWHERE if left else ENOUGH)
+        return Suggestion(preface + ELSEWHERE if left else _other_means(named))
     ranked = prospects(problem, question)
     if ranked and ranked[0].tells:
         return Suggestion(
@@ -137,6 +137,12 @@ def _sentence(cross: Cross) -> str:
 
 def _times(ratio: float) -> str:
     return f"{ratio:.0f}" if ratio >= 10.0 else f"{ratio:.2g}"
+
+
+def _other_means(named: Sequence[NamedEffect]) -> str:
+    """Return what tells effects apart that look the same in these channels whatever the motion."""
+    pairs = ((e.name, rival) for e in named for rival in e.confusable_with)
+    return next((advice(*pair) for pair in pairs if frozenset(pair) in SEPARATED_BY), ENOUGH)
 
 
 def _needs_more(names: Sequence[str], ranked: Sequence[Prospect]) -> str:
