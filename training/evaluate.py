@@ -128,6 +128,12 @@ def check_episodes(episodes: int, seed: int) -> None:
         raise ConfigurationError(f"seed must be >= 0, got {seed}.")
 
 
+def first_seed(task: str, seed: int) -> int:
+    """Return the seed of a task's first episode, in a block of held-out episodes."""
+    names = list(BENCHMARK_TASKS)
+    return EVALUATION_SEEDS + SEED_BLOCK * (seed * len(names) + names.index(task))
+
+
 def evaluate(
     agent: Agent,
     conditions: Conditions,
@@ -152,8 +158,7 @@ def evaluate(
         UnknownNameError: There is no such task.
     """
     check_episodes(episodes, seed)
-    names = list(BENCHMARK_TASKS)
-    first = EVALUATION_SEEDS + seed * SEED_BLOCK * len(names)
+    first = first_seed(next(iter(BENCHMARK_TASKS)), seed)
     for task in tasks:
         if not get_task(task).suits(conditions.structure, agent):
             raise ConfigurationError(
@@ -166,7 +171,7 @@ def evaluate(
     for task in tasks:
         report(f"{agent.name}: {task}")
         setting = get_task(task).setting(conditions, joint)
-        traces[task] = run_task(agent, setting, episodes, first + SEED_BLOCK * names.index(task))
+        traces[task] = run_task(agent, setting, episodes, first_seed(task, seed))
     report(f"{agent.name}: bandwidth and noise")
     sweep = _run(agent, conditions, "sweep", first)
     stepped = traces["step"] if "step" in traces else _run(agent, conditions, "step", first)

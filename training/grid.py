@@ -28,7 +28,13 @@ from cjt_gym.training.benchmark import make_agents
 from cjt_gym.training.code_hash import code_hash
 from cjt_gym.training.conditions import BANDWIDTH_HIGH, BANDWIDTH_LOW, realistic_conditions
 from cjt_gym.training.evaluate import Evaluation, check_episodes, evaluate
-from cjt_gym.training.metrics import frequency_response, squared_errors
+from cjt_gym.training.metrics import (
+    command_above,
+    command_change,
+    effort_rms,
+    frequency_response,
+    squared_errors,
+)
 from cjt_gym.training.rollout import Agent, ControllerAgent, Traces, joint_of
 from cjt_gym.training.tasks import get_task
 from cjt_gym.training.tune_limits import port_resistance
@@ -38,6 +44,7 @@ BACKENDS = ("loky", "ray", "dask")
 SHOWN_POINTS = 500
 BODE_HZ = np.geomspace(0.5, 400.0, 120)
 SPECTRUM_BANDS = np.geomspace(1.0, 450.0, 28)
+FAST_HZ = 100.0
 HAND_SHARE = 0.05
 """Damping of a hand at the output where a stiffness is rendered, over `port_resistance`."""
 
@@ -98,8 +105,9 @@ def run_cell(cell: Cell) -> dict[str, Any]:
     Returns:
         "status": "done"; "refused" where the law does not hold for the joint; "failed" where the
         simulation left the finite numbers; for the last two, why. When done: the rows of
-        the benchmark, squared errors of every episode, one episode, error spectra, the response
-        to the sweep, and what the linear loop says.
+        the benchmark, squared errors of every episode, change, part above 100 Hz and effort of the
+        command [N m], one episode, error spectra, the response to the sweep, and what the linear
+        loop says.
     """
     agent = cell.load()
     base: dict[str, Any] = {"cell": asdict(cell), "agent": agent.name}
@@ -124,6 +132,14 @@ def _result(found: Evaluation) -> dict[str, Any]:
         "squares": {task: squared_errors(run).tolist() for task, run in found.traces.items()},
         "powers": {
             task: np.mean(run.reference**2, axis=1).tolist() for task, run in found.traces.items()
+        },
+        "commands": {
+            task: {
+                "change": command_change(run),
+                "fast": command_above(run, FAST_HZ),
+                "effort": effort_rms(run),
+            }
+            for task, run in found.traces.items()
         },
         "shown": {task: _shown(run) for task, run in found.traces.items()},
         "spectra": {task: _spectrum(run) for task, run in found.traces.items()},

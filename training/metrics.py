@@ -45,6 +45,19 @@ def effort_rms(traces: Traces) -> float:
     return rms(traces.command)
 
 
+def command_change(traces: Traces) -> float:
+    """Return the root mean square of the command's change between control steps [N m]."""
+    return rms(np.diff(traces.command, axis=1))
+
+
+def command_above(traces: Traces, frequency: float) -> float:
+    """Return the root mean square of what the command holds above a frequency [Hz], in N m."""
+    steps = traces.command.shape[1]
+    spectrum = np.fft.rfft(traces.command, axis=1)
+    spectrum[:, np.fft.rfftfreq(steps, traces.dt) < frequency] = 0.0
+    return rms(np.fft.irfft(spectrum, steps, axis=1))
+
+
 def bootstrap_rmse(traces: Traces, seed: int = 0) -> tuple[float, float]:
     """Return the 95 % interval of `rmse`, by drawing episodes with replacement [N m]."""
     return bootstrap_rms(squared_errors(traces), seed)

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from typing import Any
 
+from cjt_gym.envs.core import Episodes
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.training.conditions import Conditions
 from cjt_gym.training.config import TrainConfig, environment_arguments
-from cjt_gym.training.deploy.layout import Layout
+from cjt_gym.training.deploy.layout import Layout, layout_of
 
 CONDITIONS = ("joint", "structure", "drive", "effects", "randomization", "dt_physics")
+SCALES = {"torque_amplitude": "torque", "velocity_scale": "velocity", "action_scale": "action"}
+"""Scales of observation and action, and what a layout calls them."""
 
 
 def kind_of(config: TrainConfig) -> str:
@@ -28,7 +31,8 @@ def policy_arguments(
 ) -> dict[str, Any]:
     """Return the conditions with the observation and the action that a policy was trained with.
 
-    On another joint than its own, torques and velocities are scaled as is usual for that one.
+    On another joint than its own, torques and velocities are scaled as is usual for that one; a
+    scale that was another one in training keeps its ratio to the usual one.
 
     Args:
         name: Of the policy, for messages.
@@ -47,10 +51,23 @@ def policy_arguments(
     arguments = environment_arguments(config.env)
     given = {key: getattr(conditions, key) for key in CONDITIONS}
     arguments |= {**given, "parameters": None, "disturbance": None, "history": layout.history}
-    if (arguments["joint"], arguments["structure"]) == trained_on(config):
-        arguments |= {
-            "torque_amplitude": layout.torque,
-            "velocity_scale": layout.velocity,
-            "action_scale": layout.action,
-        }
-    return arguments
+    own = environment_arguments(config.env)
+    if (arguments["joint"], arguments["structure"]) == (own["joint"], own["structure"]):
+        return arguments | {name: getattr(layout, short) for name, short in SCALES.items()}
+    return arguments | _scales(layout, own, arguments)
+
+
+def _scales(layout: Layout, own: dict[str, Any], other: dict[str, Any]) -> dict[str, float]:
+    """Return the scales on another joint: what they were over the usual ones, times those there.
+
+    Args:
+        layout: The observation of the policy.
+        own: Arguments of the environment of the training.
+        other: Those of the environment with the other joint.
+    """
+    plain = dict.fromkeys((*SCALES, "disturbance", "randomization"))
+    here, there = (layout_of(Episodes(1, **{**a, **plain}).settings) for a in (own, other))
+    return {
+        name: getattr(layout, short) * getattr(there, short) / getattr(here, short)
+        for name, short in SCALES.items()
+    }

@@ -234,6 +234,14 @@ def run_episodes(
     """
     episodes = Episodes(num, **complete(arguments))
     episodes.plant.seed(seed)
+    return drive(agent, episodes, from_zero, rendering)
+
+
+def drive(
+    agent: Agent, episodes: Episodes, from_zero: bool = False, rendering: Rendering | None = None
+) -> Traces:
+    """Begin seeded episodes and run an agent over them, to their end; see `run_episodes`."""
+    num = episodes.num
     episodes.reset()
     agent.begin()
     task, arrays = episodes.task, episodes.plant.batch.arrays

@@ -182,6 +182,34 @@ class SimulatedPlant:
         self.batch.seed(i, seed)
         self._random_draws.fresh[i] = True
 
+    def place(self, quantiles: Floats) -> None:
+        """Say where in their ranges the joints lie, from the next reset, instead of drawing that.
+
+        Seeding afterwards forgets it.
+
+        Args:
+            quantiles: Of every variation, in the order of `randomization`; in [0, 1], shape
+                (num, variations).
+
+        Raises:
+            ConfigurationError: The shape or a number is wrong, or a variation is drawn at other
+                times than "once", has a group, or is a choice of one value.
+        """
+        free = all(v.when == "once" and v.group is None for v in self.randomization.values())
+        scores, given = self._random_draws.scores, np.asarray(quantiles, dtype=np.float64)
+        if not free or scores.shape[1] != len(self.randomization):
+            raise ConfigurationError(
+                f"Joints of {self.joint.parameters.name} can be placed where every variation has "
+                '"when" = "once", no group, and more than one value.'
+            )
+        if given.shape != scores.shape or not ((given >= 0.0) & (given <= 1.0)).all():
+            raise ConfigurationError(
+                f"quantiles must be numbers in [0, 1] of shape {scores.shape}, got shape "
+                f"{given.shape}."
+            )
+        scores[:] = given
+        self._random_draws.fresh[:] = False
+
     def fix(self, values: Mapping[str, float] | None) -> None:
         """Give all joints exact parameters instead of randomised ones, from the next reset.
 

@@ -1,0 +1,103 @@
+"""Figures of a comparison, as SVG."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import matplotlib
+import numpy as np
+
+from cjt_gym.training.figures import COLOURS, STYLE, new_figure, to_svg
+from cjt_gym.training.results.score import THRESHOLDS
+from cjt_gym.training.results.tables import Found, ranked
+
+RIVALS = 3
+
+
+def _some(found: Found) -> dict[str, tuple[str, float]]:
+    """Return colour and line width of the policies, the best controllers and the base."""
+    order = [name for name in ranked(found) if name != "policy"][:RIVALS]
+    base = [found["base"]] if found["base"] in found["score"] else []
+    names = list(dict.fromkeys(["policy", *order, *base]))
+    colours = (COLOURS[2], COLOURS[1], COLOURS[3], COLOURS[4], COLOURS[0])
+    return {
+        name: (colour, 1.8 if name == "policy" else 1.0)
+        for name, colour in zip(names, colours, strict=False)
+    }
+
+
+def noise_figure(found: Found) -> str:
+    """Return score against noise of everybody."""
+    figure = new_figure(3.4)
+    with matplotlib.rc_context(STYLE):
+        axes: Any = figure.subplots()
+        for name, score in found["score"].items():
+            noise = found["noise"][name]
+            if noise is None or not np.isfinite(score):
+                continue
+            at = (max(noise, 0.1), score)
+            axes.plot(*at, "o", color=COLOURS[2] if name == "policy" else COLOURS[0])
+            axes.annotate(
+                name.replace("_", " "), at, textcoords="offset points", xytext=(4, 3), fontsize=7
+            )
+        axes.set_xscale("log")
+        axes.set_yscale("log")
+        axes.set_xlabel("amplification of the torque sensor's noise")
+        axes.set_ylabel("nrmse, geometric mean over tasks")
+    return to_svg(figure)
+
+
+def profile_figure(found: Found) -> str:
+    """Return the performance profiles of the policies and of the best controllers."""
+    figure = new_figure(2.8)
+    with matplotlib.rc_context(STYLE):
+        axes: Any = figure.subplots()
+        for name, (colour, width) in _some(found).items():
+            row = found["profile"][name]
+            text = name.replace("_", " ")
+            axes.semilogx(THRESHOLDS, row["value"], color=colour, linewidth=width, label=text)
+            axes.fill_between(THRESHOLDS, row["low"], row["high"], color=colour, alpha=0.15)
+        axes.set_xlabel("threshold of the nrmse")
+        axes.set_ylabel("share of episodes below")
+        axes.legend(loc="lower right")
+    return to_svg(figure)
+
+
+def delay_figure(found: Found) -> str:
+    """Return the score against the delay on top of that of the command."""
+    rows = [row for row in found["shifts"] if "delay" in row]
+    figure = new_figure(2.6)
+    with matplotlib.rc_context(STYLE):
+        axes: Any = figure.subplots()
+        for name, (colour, width) in _some(found).items():
+            known = [
+                (1e3 * row["delay"], row["score"][name]) for row in rows if name in row["score"]
+            ]
+            if known:
+                text = name.replace("_", " ")
+                axes.plot(*zip(*known, strict=True), "o-", color=colour, lw=width, ms=3, label=text)
+        axes.set_yscale("log")
+        axes.set_xlabel("more delay [ms]")
+        axes.set_ylabel("score")
+        axes.legend()
+    return to_svg(figure)
+
+
+def port_figure(found: Found) -> str:
+    """Return the damping that a mover of the output feels against frequency."""
+    agents = found["port"]["agents"]
+    figure = new_figure(2.6)
+    with matplotlib.rc_context(STYLE):
+        axes: Any = figure.subplots()
+        for name, (colour, width) in _some(found).items():
+            if name in agents:
+                row = agents[name]["resistance"]
+                text = name.replace("_", " ")
+                f = [float(key) for key in row]
+                axes.semilogx(f, list(row.values()), "o-", color=colour, lw=width, ms=3, label=text)
+        axes.axhline(0.0, color=COLOURS[0], linewidth=0.8)
+        axes.set_yscale("symlog", linthresh=0.1)
+        axes.set_xlabel("frequency [Hz]")
+        axes.set_ylabel("damping / sqrt(stiffness x inertia)")
+        axes.legend()
+    return to_svg(figure)

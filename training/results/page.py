@@ -1,0 +1,153 @@
+"""Where results go: a file with all figures, a page, and the tables of a Markdown document."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from cjt_gym.errors import ConfigurationError, MissingFileError
+from cjt_gym.training import report
+from cjt_gym.training.results import tables
+from cjt_gym.training.results.figures import delay_figure, noise_figure, port_figure, profile_figure
+from cjt_gym.training.results.plan import Plan
+from cjt_gym.training.results.tables import Cells, Found
+from cjt_gym.training.run_folder import versions
+
+NOTES: Final = {
+    "scores": "Score: nrmse, geometric mean over the tasks. Noise: standard deviation of the "
+    "command over that of the torque sensor's noise, at rest. Change: rms of the command's change "
+    "from one millisecond to the next. P better: probability that a policy has the smaller error "
+    "in an episode, with its 95 % interval.",
+    "tasks": "nrmse by task.",
+    "joints": "Scores on joints that no training saw, policies as they are; controllers with "
+    "their own gains for each joint.",
+    "shifts": "Scores outside of the conditions of the training; the policies beside the best "
+    "controllers of the benchmark and their base.",
+    "worst": "nrmse at the middle of the box of parameters and at the worst place that CMA-ES "
+    "found, on episodes that the search did not see; of the policies the interquartile mean, and "
+    "the place of the worst.",
+    "port": "Damping that a mover of the output feels while the reference is zero, over the "
+    "square root of stiffness times inertia. Below zero the joint gives energy away.",
+    "wins": "Where a classical controller is better than the policies.",
+}
+
+
+def write_all(plan: Plan, found: Sequence[Found]) -> Path:
+    """Write `results.json` and `report.html`; return the page."""
+    data = {"plan": plan.to_dict(), "structures": found, "versions": versions()}
+    plan.out.mkdir(parents=True, exist_ok=True)
+    (plan.out / "results.json").write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+    return write_page(plan.out, found)
+
+
+def read_results(folder: Path) -> dict[str, Any]:
+    """Return what `results.json` of a folder holds.
+
+    Raises:
+        MissingFileError: There is none.
+    """
+    try:
+        data: dict[str, Any] = json.loads((folder / "results.json").read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise MissingFileError(
+            f"{folder} holds no results.json. Make it:  python -m cjt_gym.training.results --out "
+            f"{folder}"
+        ) from None
+    return data
+
+
+def write_page(folder: Path, found: Sequence[Found]) -> Path:
+    """Write `report.html` and return its path."""
+    parts = []
+    for one in found:
+        parts += [report.heading(tables.label(one)), report.paragraph(tables.sentence(one))]
+        parts += [report.paragraph(text) for text in tables.verdicts(one)]
+        for name, table in tables.PARTS.items():
+            cells = tables.port(one, everybody=True) if name == "port" else table(one)
+            parts += [report.paragraph(NOTES[name], note=True), report.html_table(cells)]
+        parts += [
+            report.figure(noise_figure(one), "Everybody's error and what it costs in noise."),
+            report.figure(
+                profile_figure(one),
+                "Performance profiles: share of episodes whose nrmse is below a threshold, with "
+                "95 % intervals over trainings and episodes.",
+            ),
+            report.figure(delay_figure(one), "Score against delay on top of that of the command."),
+            report.figure(port_figure(one), "Damping that a mover of the output feels."),
+        ]
+    return report.write_page(folder / "report.html", "Learned against classical", parts)
+
+
+def markdown(cells: Cells) -> str:
+    """Return a table in Markdown."""
+    lines = [cells[0], ["---"] * len(cells[0]), *cells[1:]]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def part_markdown(name: str, found: Sequence[Found]) -> str:
+    """Return a table of every structure in Markdown, or the sentences for "summary"."""
+    if name == "summary":
+        lines = [" ".join([tables.sentence(one), *tables.verdicts(one)]) for one in found]
+        return "\n".join(f"- {line}" for line in lines)
+    each = []
+    for one in found:
+        cells = tables.PARTS[name](one)
+        text = markdown(cells) if len(cells) > 1 else "Nowhere."
+        each.append(f"{tables.label(one)}:\n\n{text}")
+    return "\n\n".join(each)
+
+
+def facts(data: Found) -> str:
+    """Return in a sentence what was run."""
+    plan, known = data["plan"], data["versions"]
+    steps = "" if plan["steps"] is None else f" of {plan['steps']:,} steps".replace(",", " ")
+    recipes = (
+        plan["recipe"]
+        if isinstance(plan["recipe"], str)
+        else ", ".join(dict.fromkeys(plan["recipe"].values()))
+    )
+    named = ", ".join(f"{name} {version}" for name, version in known.items())
+    return (
+        f"{plan['joint']}: {plan['seeds']} trainings{steps} of each structure by {recipes}, "
+        f"{plan['episodes']} episodes of each task. Versions: {named}."
+    )
+
+
+def write_document(path: Path, data: Found) -> Path:
+    """Write the tables between the marks of a Markdown document, and return its path.
+
+    A mark is `<!-- results: NAME -->`, its end `<!-- end of results: NAME -->`, with a name of
+    `tables.PARTS`, "summary" or "facts".
+
+    Raises:
+        MissingFileError: There is no such document.
+        ConfigurationError: It has no mark, or one without an end.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise MissingFileError(f"The document {path} does not exist.") from None
+    found, names = data["structures"], ("facts", "summary", *tables.PARTS)
+    present = [name for name in names if _begin(name) in text]
+    if not present:
+        raise ConfigurationError(
+            f"{path} has no place for results. Put {_begin('scores')} and {_end('scores')} into it."
+        )
+    for name in present:
+        before, rest = text.split(_begin(name), 1)
+        if _end(name) not in rest:
+            raise ConfigurationError(f"{path}: {_begin(name)} lacks its {_end(name)}.")
+        body = facts(data) if name == "facts" else part_markdown(name, found)
+        text = f"{before}{_begin(name)}\n\n{body}\n\n{_end(name)}{rest.split(_end(name), 1)[1]}"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def _begin(name: str) -> str:
+    return f"<!-- results: {name} -->"
+
+
+def _end(name: str) -> str:
+    return f"<!-- end of results: {name} -->"
