@@ -94,24 +94,29 @@ def load_at(task: Task, i: int, t: float) -> float:
     return float(evaluate(task.disturbance_row[i], task.keys[i, 1], table, t))
 
 
+@inlined
+def draw_episode(batch: Batch, task: Task, i: int) -> None:
+    """Draw reference, disturbance and the angle of the joint for episode i."""
+    for j, rows in enumerate((task.reference_rows, task.disturbance_rows)):
+        pick = int(uniform(batch.rng, i) * rows.shape[0])
+        task.picks[i, j] = pick
+        drawn = task.reference_row[i] if j == 0 else task.disturbance_row[i]
+        for column in range(rows.shape[1]):  # an assignment of rows takes seconds to compile
+            drawn[column] = rows[pick, column]
+        task.keys[i, j] = mix(batch.rng[i] + np.uint64(j + 1))
+    angle = 2.0 * math.pi * uniform(batch.rng, i)
+    for body in range(3):
+        task.start[i, body] = angle
+        task.start[i, 3 + body] = 0.0
+    task.load[i] = load_at(task, i, 0.0)
+
+
 @compiled
 def draw_episodes(batch: Batch, task: Task, mask: Masks) -> None:
     """Draw reference, disturbance and the angle of the joint for the episodes in a mask."""
     for i in range(mask.shape[0]):
-        if not mask[i]:
-            continue
-        for j, rows in enumerate((task.reference_rows, task.disturbance_rows)):
-            pick = int(uniform(batch.rng, i) * rows.shape[0])
-            task.picks[i, j] = pick
-            drawn = task.reference_row[i] if j == 0 else task.disturbance_row[i]
-            for column in range(rows.shape[1]):  # an assignment of rows takes seconds to compile
-                drawn[column] = rows[pick, column]
-            task.keys[i, j] = mix(batch.rng[i] + np.uint64(j + 1))
-        angle = 2.0 * math.pi * uniform(batch.rng, i)
-        for body in range(3):
-            task.start[i, body] = angle
-            task.start[i, 3 + body] = 0.0
-        task.load[i] = load_at(task, i, 0.0)
+        if mask[i]:
+            draw_episode(batch, task, i)
 
 
 @inlined
@@ -155,17 +160,23 @@ def observe(batch: Batch, task: Task, i: int, sine: float, cosine: float) -> Non
             at += 1
 
 
+@inlined
+def begin_one(batch: Batch, task: Task, i: int) -> None:
+    """Observe episode i for the first time after its joint was reset."""
+    task.command[i] = 0.0
+    task.reference[i] = reference_at(task, i, 0.0)
+    for past in range(task.history.shape[1]):
+        sample(batch, task, i, task.history[i, past])
+    angle = rotor_angle(batch, task, i)
+    observe(batch, task, i, math.sin(angle), math.cos(angle))
+
+
 @compiled
 def begin(batch: Batch, task: Task, mask: Masks) -> None:
     """Observe for the first time after the plant was reset."""
     for i in range(mask.shape[0]):
         if mask[i]:
-            task.command[i] = 0.0
-            task.reference[i] = reference_at(task, i, 0.0)
-            for past in range(task.history.shape[1]):
-                sample(batch, task, i, task.history[i, past])
-            angle = rotor_angle(batch, task, i)
-            observe(batch, task, i, math.sin(angle), math.cos(angle))
+            begin_one(batch, task, i)
 
 
 @inlined

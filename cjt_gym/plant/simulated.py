@@ -168,6 +168,11 @@ class SimulatedPlant:
         return self._limits
 
     @property
+    def varying(self) -> tuple[Program, Draws]:
+        """What varies, for compiled code, and what has been drawn of it."""
+        return self._plan.program, self._draws
+
+    @property
     def changed(self) -> NDArray[np.bool_]:
         """Which joints drew parameters within the episode in the last control step, (num,)."""
         return self._draws.changed

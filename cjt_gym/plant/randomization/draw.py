@@ -169,7 +169,8 @@ def quantile(program: Program, row: Floats, u: float) -> float:
 def write(program: Program, draws: Draws, i: int) -> None:
     """Write values and parameters of joint i from its scores."""
     p = draws.p[i]
-    p[:] = draws.nominal
+    for f in range(p.shape[0]):
+        p[f] = draws.nominal[f]
     for k in range(program.rows.shape[0]):
         row = program.rows[k]
         value = quantile(program, row, share_of(program, draws.scores[i], row))
