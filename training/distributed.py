@@ -1,0 +1,100 @@
+"""Trainings as tasks of a Ray cluster: one run folder per seed, and a lost worker is replaced."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from cjt_gym.errors import ConfigurationError
+from cjt_gym.training.config import TrainConfig
+from cjt_gym.training.run_folder import RunFolder
+
+RETRIES = 3
+
+
+def train_on_ray(
+    config: TrainConfig,
+    seeds: Sequence[int],
+    out: str | Path,
+    *,
+    workers: int | None = None,
+    retries: int = RETRIES,
+) -> list[RunFolder]:
+    """Train with each of some seeds, each as a task of a Ray cluster.
+
+    A task whose worker is killed starts again on another one and goes on from the last checkpoint
+    in its run folder. A cluster that is already there is used, as `RAY_ADDRESS` says, else one on
+    this machine. A task takes as many cores as the configuration has threads.
+
+    Args:
+        config: What to train; its seed is replaced.
+        seeds: The seeds.
+        out: Folder of the run folders `seed_0`, `seed_1`, ...; all machines of the cluster must
+            see it, by the same path.
+        workers: Cores of a cluster that is started here; all of this machine if absent.
+        retries: How often a task may lose its worker.
+
+    Returns:
+        The run folders, in the order of the seeds. Their facts say which finished: a training that
+        diverged, or that lost too many workers, has "failed" there, and the others go on.
+
+    Raises:
+        ConfigurationError: Ray is not installed, there is no seed or one twice, a number is out of
+            range, or a folder holds something else.
+    """
+    if not seeds or len(set(seeds)) != len(seeds):
+        raise ConfigurationError(f"seeds must be different whole numbers, got {list(seeds)}.")
+    if retries < 0 or (workers is not None and workers < 1):
+        raise ConfigurationError(
+            f"retries must be >= 0 and workers >= 1, got {retries} and {workers}."
+        )
+    ray = join_cluster(workers)
+    from cjt_gym.training.train import train
+
+    def run(changed: TrainConfig, path: str) -> None:
+        train(changed, path, quiet=True)
+
+    task = ray.remote(num_cpus=config.threads, max_retries=retries)(run)
+    folder = Path(out).resolve()
+    paths = [folder / f"seed_{seed}" for seed in seeds]
+    jobs = [
+        task.options(name=f"train seed {seed}").remote(config.with_changes(seed=seed), str(path))
+        for seed, path in zip(seeds, paths, strict=True)
+    ]
+    return [_outcome(ray, job, RunFolder(path)) for job, path in zip(jobs, paths, strict=True)]
+
+
+def join_cluster(workers: int | None = None) -> Any:
+    """Return Ray, connected to a cluster.
+
+    Args:
+        workers: Cores of a cluster that is started here; all of this machine if absent.
+
+    Raises:
+        ConfigurationError: Ray is not installed.
+    """
+    try:
+        ray = import_module("ray")
+    except ModuleNotFoundError:
+        raise ConfigurationError('This needs Ray: pip install "cjt-gym[ray,train]".') from None
+    if not ray.is_initialized():
+        here = {} if "RAY_ADDRESS" in os.environ else {"num_cpus": workers or os.cpu_count()}
+        ray.init(include_dashboard=False, log_to_driver=False, **here)
+    return ray
+
+
+def _outcome(ray: Any, job: Any, run: RunFolder) -> RunFolder:
+    """Wait for a task; note in the run folder if it was lost."""
+    try:
+        ray.get(job)
+    except ray.exceptions.WorkerCrashedError:
+        run.note(status="failed", reason="its worker was lost, more often than retries allow")
+    except ray.exceptions.RayTaskError as error:
+        if isinstance(error.cause, ConfigurationError):
+            raise error.cause from None
+        if run.facts["status"] != "failed":
+            raise
+    return run
