@@ -7,15 +7,17 @@ import json
 import shlex
 import sys
 import time
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 from cjt_gym import __version__
 from cjt_gym.baselines import CONTROLLERS
-from cjt_gym.errors import ConfigurationError
+from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.joint import STRUCTURES
 from cjt_gym.training.gains import read_gains, write_gains
+from cjt_gym.training.grid import BACKENDS, cluster
 from cjt_gym.training.tune import Outcome, Search, tune
 from cjt_gym.training.tune_limits import Limits
 
@@ -41,10 +43,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--seed", type=int, default=0, help="of the search and its draws, 0 to 99, default 0")
     add("--episodes", type=int, default=32, help="side by side per candidate, default 32")
     add("--jobs", type=int, default=1, help="processes side by side, default 1")
+    text = "where candidates run: processes here, or a cluster; default loky"
+    add("--backend", default="loky", metavar="B", help=f"{', '.join(BACKENDS)}: {text}")
     for limit in fields(Limits):
         default = f", default {limit.default:g}"
         option = f"--{limit.name.replace('_', '-')}"
         add(option, type=float, default=limit.default, help=LIMITS[limit.name] + default)
+
+
+def _workers(backend: str, jobs: int) -> AbstractContextManager[Any]:
+    """Return joblib's context in which candidates run side by side."""
+    if backend not in BACKENDS:
+        raise unknown_name("backend", backend, BACKENDS)
+    if jobs > 1:
+        return cluster(backend, jobs)
+    if backend != "loky":
+        raise ConfigurationError(f"--backend {backend} needs --jobs of at least 2, got {jobs}.")
+    return nullcontext()
 
 
 def run(options: argparse.Namespace) -> None:
@@ -62,7 +77,8 @@ def run(options: argparse.Namespace) -> None:
     )
     begun = time.monotonic()
     trials = options.out.with_suffix(".trials.jsonl")
-    outcome = tune(search, trials, options.jobs, Progress(search.budget))
+    with _workers(options.backend, options.jobs):
+        outcome = tune(search, trials, options.jobs, Progress(search.budget))
     known = {"command": command(options), "version": __version__}
     facts = {**known, **outcome.facts(), "seconds": round(time.monotonic() - begun, 1)}
     write_gains(options.out, search.controller, outcome.best.gains, facts)
