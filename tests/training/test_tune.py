@@ -204,3 +204,18 @@ def test_the_command_writes_a_gain_file_that_says_how_it_was_made(
     other = ["tune", "pd", "--joint", JOINT, "--budget", "1", "--out", str(out)]
     assert main(other) == 2
     assert "holds gains of pd_feedforward" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["--backend", "rya"], "Did you mean 'ray'"),
+        (["--backend", "ray"], "needs --jobs of at least 2"),
+    ],
+)
+def test_a_backend_that_cannot_be_used_is_refused(
+    words: list[str], says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = str(tmp_path / "gains.toml")
+    assert main(["tune", "pd", "--joint", "orange_80_6000", "--out", out, *words]) != 0
+    assert says in capsys.readouterr().err
