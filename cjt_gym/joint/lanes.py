@@ -188,12 +188,15 @@ def settle(
 ) -> Any:
     """Correct the speed of coordinate k, where it is not solved; return where it is solved now.
 
+    A step that would pass zero ends there: friction is concave in speed on either side of it, so
+    that from rest the next steps approach the solution from one side, however steep friction is.
     Solved is what is within 1e-10 rad/s + 1e-7 dq_0, and what rounding leaves of the speed. The
     error that a step leaves is at most its square / dq_0 where it does not pass the kink at zero.
     """
     new = v - change
+    new = choose(v * new < 0.0, 0.0, new)
     put(s, SPEED + k, choose(busy, new, v))
-    put(s, DRAG + k, choose(busy, torque - slope * change, get(s, DRAG + k)))
+    put(s, DRAG + k, choose(busy, torque - slope * (v - new), get(s, DRAG + k)))
     step = size(change) - 1e-9 * size(v)
     smooth = both(v * new > 0.0, step <= get(p, CLOSE))
     return either(smooth, step <= get(p, ENOUGH))

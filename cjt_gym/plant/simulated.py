@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -134,7 +135,7 @@ class SimulatedPlant:
         self._random = compile_plan(joint, self.randomization, dt)
         longest = sum(self._random.delays[name] for name in DELAYS)
         self.batch = JointBatch(joint, num, dt, dt_physics, longest_delay=longest)
-        self._p = self.batch.arrays.p.view(np.float64).reshape(num, -1)
+        self._p = self._records()
         self._nominal = self._p[0].copy()
         self._random_draws = self._no_draws(self._random)
         self._plan, self._draws = self._random, self._random_draws
@@ -142,6 +143,18 @@ class SimulatedPlant:
         self._torque_per_ampere = joint.parameters.k_t * joint.parameters.n
         self._commands = np.zeros((num, 2))
         self._no_load = np.zeros(num)
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Draw into the records of the copied batch: a copy of a view is an array of its own."""
+        self.__dict__.update(state)
+        self._p = self._records()
+        self._random_draws = self._random_draws._replace(p=self._p)
+        self._draws = self._draws._replace(p=self._p)
+
+    def _records(self) -> Floats:
+        """Return the parameter records as plain numbers, shape (num, fields); a view."""
+        records: Floats = self.batch.arrays.p.view(np.float64).reshape(self.num, -1)
+        return records
 
     def _no_draws(self, plan: Plan) -> Draws:
         """Return the state of a plan before it has drawn anything."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
+import pickle
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -662,3 +664,18 @@ def test_presets_and_plans_are_complete() -> None:
     latest = max(CHANNEL_DELAYS, key=lambda name: plan.delays[name])
     assert not plan.within
     assert plan.longest == pytest.approx(sum(plan.delays[n] for n in ("measurement_delay", latest)))
+
+
+@pytest.mark.parametrize("way", ["deepcopy", "pickle"])
+def test_a_copy_draws_its_own_parameters(way: str) -> None:
+    first = plant({"k_b": (0.5, 1.5), "coulomb.d_cm": (0.5, 1.5)})
+    first.reset(seed=1)
+    other = copy.deepcopy(first) if way == "deepcopy" else pickle.loads(pickle.dumps(first))
+    before = first.batch.arrays.p["k_b"].copy()
+    other.redraw()
+    assert (other.batch.arrays.p["k_b"] == other.drawn()["k_b"]).all()
+    assert (other.batch.arrays.p["k_b"] != before).all()
+    np.testing.assert_array_equal(first.batch.arrays.p["k_b"], before)
+    first.redraw()
+    np.testing.assert_array_equal(first.batch.arrays.p, other.batch.arrays.p)
+    np.testing.assert_array_equal(first.batch.arrays.a, other.batch.arrays.a)

@@ -29,16 +29,20 @@ CASES: dict[str, tuple[str, dict[str, Any]]] = {
         {"coulomb": {}, "cogging": COGGING, **DELAYED, "noise": {}, "quantization": {}},
     ),
     "cogging": ("output_fixed_rigid_gearbox", {"cogging": COGGING}),
+    "steep": ("full_dynamics", {"load_coulomb": {"d_cl": 2.0}}),
 }
-QUICK = ("smooth", "sharp")
+QUICK = ("smooth", "sharp", "steep")
+LOADS = {"steep": 4e-4}  # a load so light that its friction is very steep
 DRIFT = {"low": 0.9, "high": 1.1, "when": "drift", "time_constant": 0.05}
 
 
-def plants(structure: str, effects: dict[str, Any], num: int) -> list[SimulatedPlant]:
+def plants(
+    structure: str, effects: dict[str, Any], num: int, load: float = 3.0
+) -> list[SimulatedPlant]:
     """Return two equal plants, of which the second uses the general kernel."""
-    joint = load_joint("orange_80_6000", structure, effects=effects, parameters={"I_l": 3.0})
+    joint = load_joint("orange_80_6000", structure, effects=effects, parameters={"I_l": load})
     names: dict[str, Any] = {"k_b": DRIFT, "I_m": (0.9, 1.1)}
-    names |= {f"{name}.d_cm": (0.5, 1.5) for name in effects if "coul" in name}
+    names |= {f"{name}.d_cm": (0.5, 1.5) for name in effects if name.startswith("coul")}
     pair = [SimulatedPlant(joint, num, randomization=names) for _ in range(2)]
     pair[0].batch.use_blocks(joint)
     assert pair[0].batch.blocks is not None
@@ -51,7 +55,7 @@ def plants(structure: str, effects: dict[str, Any], num: int) -> list[SimulatedP
 def test_it_is_the_general_kernel(case: str) -> None:
     structure, effects = CASES[case]
     num = WIDTH + 3
-    pair = plants(structure, effects, num)
+    pair = plants(structure, effects, num, LOADS.get(case, 3.0))
     rng = np.random.default_rng(1)
     for plant in pair:
         plant.reset(seed=3)
