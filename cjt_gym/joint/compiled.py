@@ -53,6 +53,16 @@ def inlined(function: Function) -> Function:
     return part
 
 
+def reordered(function: Function) -> Function:
+    """Compile an inlined function that vector registers may do: sums in any order, no exceptions.
+
+    A division by zero gives inf or NaN.
+    """
+    loose = {"fastmath": {"reassoc", "contract"}, "error_model": "numpy"}
+    fast: Function = njit(function, forceinline=True, **loose, **BORROWED)
+    return fast
+
+
 def _folders() -> list[Path]:
     found = [find_spec(name) for name in PACKAGES]
     return [Path(spec.origin).parent for spec in found if spec is not None and spec.origin]
