@@ -58,7 +58,7 @@ def reordered(function: Function) -> Function:
 
     A division by zero gives inf or NaN.
     """
-    loose = {"fastmath": {"reassoc", "contract"}, "error_model": "numpy"}
+    loose: Any = {"fastmath": {"reassoc", "contract"}, "error_model": "numpy"}
     fast: Function = njit(function, forceinline=True, **loose, **BORROWED)
     return fast
 

@@ -31,7 +31,10 @@ def check(result: dict[str, Any]) -> None:
 
 
 def test_short_soak_is_complete_and_tells_how_late_it_was() -> None:
-    result = soaked(3.0, rate=500.0, allowance=0.9, controller="open_loop")
+    for seconds in (3.0, 20.0, 60.0):  # a machine that stands still may leave no step in three
+        result = soaked(seconds, rate=500.0, allowance=0.9, controller="open_loop")
+        if result["steps"] > 10:
+            break
     check(result)
     assert result["worst_seconds"][0]["latest_us"] <= result["lateness_us"]["p100"] + 0.1
 
@@ -55,7 +58,6 @@ def test_witnesses_see_a_processor_that_stands_still_and_nothing_else(tmp_path: 
     cpu = min(os.sched_getaffinity(0))
     witnesses = Witnesses()
     with witnesses.watching(tmp_path, [cpu], None) as (number,):
-        time.sleep(1.0)  # until it has begun
         begin = time.perf_counter()
         os.kill(number, signal.SIGSTOP)
         time.sleep(0.3)

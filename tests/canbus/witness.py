@@ -48,6 +48,7 @@ class Witnesses:
             with file.open("w") as out:
                 processes.append(subprocess.Popen(words, stdout=out))
         try:
+            _await(files)
             yield [process.pid for process in processes]
         finally:
             for process in processes:
@@ -61,11 +62,20 @@ class Witnesses:
         return max((b - a for a, b in self.stalls if a < end and b > begin), default=0.0)
 
 
+def _await(files: Sequence[Path]) -> None:
+    """Wait until every witness has begun; a busy machine takes seconds to start a process."""
+    end = time.perf_counter() + 60.0
+    while any(file.stat().st_size == 0 for file in files) and time.perf_counter() < end:
+        time.sleep(0.05)
+
+
 def main(cpu: int, priority: int) -> None:
     """Print begin and end of every stall of a processor, until it is told to stop."""
     os.sched_setaffinity(0, {cpu})
     if priority:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+    sys.stdout.write("begun\n")
+    sys.stdout.flush()
     parent, last = os.getppid(), time.perf_counter()
     while os.getppid() == parent:  # nobody is left watching for whoever was killed
         time.sleep(NAP)

@@ -25,6 +25,7 @@ from cjt_gym.baselines import (
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.baselines.robust import is_stable
 from cjt_gym.baselines.shipped import FOLDER, shipped_gains
+from cjt_gym.envs.settings import default_load
 from cjt_gym.errors import ConfigurationError, UnknownNameError
 from cjt_gym.joint import STRUCTURES, Joint
 from cjt_gym.plant import Measurement, SimulatedPlant, limits_of
@@ -288,7 +289,9 @@ def test_shipped_gains_are_those_of_the_command_that_they_name(path: Path) -> No
     assert known["controller"] == name
     assert tuned["feasible"]
     assert tuned["held_out"]["low"] <= 1.0 or not tuned["designed_feasible"]
-    joint = load_joint(joint_name, structure, effects={"command_delay": {"delay": 2e-3}})
+    load = default_load(joint_name, structure, {})
+    late = {"command_delay": {"delay": 2e-3}}
+    joint = load_joint(joint_name, structure, effects=late, parameters=load)
     gains = shipped_gains(CONTROLLERS[name], joint, DT)
     assert gains == {key: number["value"] for key, number in known["gains"].items()}
     CONTROLLERS[name].check_gains(gains)
