@@ -2,7 +2,8 @@
 
 Every substep: the exact linear motion (a 6 x 6 matrix and inputs of its own for every joint), two
 harmonics of cogging at the predicted middle angle, and smooth Coulomb friction of motor and gear
-at the mean velocity, v + W d_c tanh(v / dq_0) = v_free, by Newton's method, until a step is
+at the mean velocity, v + W d_c tanh(v / dq_0) = v_free, by Newton's method from the friction that
+the last two substeps let expect, until a step is
 enough or, without a change of sign, so short that the next would be. Joints
 lie side by side in blocks of WIDTH, so that the compiler vectorises all loops over them; sine,
 cosine and tanh are those of the vector library of glibc, where it has them.
@@ -24,7 +25,7 @@ typedef struct {
     double torque[WIDTH], pushed[WIDTH];
 } block;
 
-static void move(block *s, double h, int first, double drag[2][WIDTH], double ripple[WIDTH])
+static void move(block *s, double h, int first, double drag[2][WIDTH], double old[2][WIDTH], double ripple[WIDTH])
 {
     double free[6][WIDTH], wanted[2][WIDTH], v[2][WIDTH], w[2][2][WIDTH];
     for (int i = 0; i < 6; i++)
@@ -45,6 +46,12 @@ static void move(block *s, double h, int first, double drag[2][WIDTH], double ri
                 total += s->tone[j][1][l] * sin(angle + M_PI_2) + s->tone[j][2][l] * sin(angle);
             }
             ripple[l] = total;
+        }
+    for (int k = 0; k < 2; k++)
+        LANES {
+            double last = drag[k][l];
+            drag[k][l] = 2.0 * last - (first ? last : old[k][l]);
+            old[k][l] = last;
         }
     LANES {
         for (int i = 0; i < 6; i++)
@@ -90,11 +97,11 @@ void advance(block *blocks, int count, int substeps, double h)
 {
     for (int b = 0; b < count; b++) {
         block *s = blocks + b;
-        double drag[2][WIDTH], ripple[WIDTH];
+        double drag[2][WIDTH], old[2][WIDTH], ripple[WIDTH];
         LANES ripple[l] = 0.0;
         LANES drag[0][l] = s->level[0][l] * tanh(s->x[3][l] * s->steep[l]);
         LANES drag[1][l] = s->level[1][l] * tanh(s->x[4][l] * s->steep[l]);
         for (int step = 0; step < substeps; step++)
-            move(s, h, step == 0, drag, ripple);
+            move(s, h, step == 0, drag, old, ripple);
     }
 }

@@ -13,7 +13,6 @@ from cjt_gym.envs.observe import CLIP, SIGNALS_PER_SAMPLE, Task, begin, draw_epi
 from cjt_gym.envs.settings import BaseController, Settings, make_settings
 from cjt_gym.envs.step import (
     BAD_ACTION,
-    REPORT,
     command_all,
     make_control,
     step_blocks,
@@ -188,11 +187,6 @@ class Episodes:
         limit = self.plant.limits.tau
         return np.clip(self.base + self.residual, -limit, limit)
 
-    def report(self) -> dict[str, Floats]:
-        """Return what the last step reports, each of shape (num,)."""
-        columns = self.control.report.copy().T
-        return dict(zip(REPORT, columns, strict=True))
-
     def measurement(self) -> Measurement:
         """Return the latest measurement of all joints."""
         return self.plant.measurement()
@@ -254,7 +248,7 @@ def _make_task(s: Settings, num: int, plant: SimulatedPlant) -> Task:
         load=np.zeros(num),
         reference=np.zeros(num),
         command=np.zeros(num),
-        history=np.zeros((num, s.history, SIGNALS_PER_SAMPLE)),
+        history=np.zeros((num, s.history * SIGNALS_PER_SAMPLE), dtype=np.float32),
         observation=np.zeros((num, size), dtype=np.float32),
         reward=np.zeros(num),
         terms=np.zeros((num, len(TERMS))),

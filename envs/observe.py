@@ -39,7 +39,7 @@ class Task(NamedTuple):
         load: Load input at the present time, shape (n,).
         reference: Reference at the present time, shape (n,) [N m].
         command: Last motor torque commanded, shape (n,) [N m].
-        history: Scaled samples [tau, dq_m, dq_l, command], newest first, shape (n, history, 4).
+        history: Scaled samples [tau, dq_m, dq_l, command], newest first, shape (n, 4 history).
         observation: Shape (n, size), float32.
         reward: Shape (n,).
         terms: Weighted reward terms, shape (n, 4).
@@ -66,7 +66,7 @@ class Task(NamedTuple):
     load: Floats
     reference: Floats
     command: Floats
-    history: Floats
+    history: NDArray[np.float32]
     observation: NDArray[np.float32]
     reward: Floats
     terms: Floats
@@ -126,13 +126,15 @@ def limit(x: float) -> float:
 
 
 @inlined
-def sample(batch: Batch, task: Task, i: int, row: Floats) -> None:
-    """Write the scaled newest sample [tau, dq_m, dq_l, command]."""
-    measured, scales = batch.measured[i], task.scales
-    row[0] = limit(measured[TAU] / scales[0])
-    row[1] = limit(measured[DQ_M] / scales[1])
-    row[2] = limit(measured[DQ_L] / scales[1])
-    row[3] = limit(task.command[i] / scales[0])
+def sample(batch: Batch, task: Task, i: int) -> None:
+    """Put the scaled newest sample [tau, dq_m, dq_l, command] before those of the past."""
+    measured, scales, past = batch.measured[i], task.scales, task.history[i]
+    for at in range(past.shape[0] - 1, SIGNALS_PER_SAMPLE - 1, -1):
+        past[at] = past[at - SIGNALS_PER_SAMPLE]
+    past[0] = limit(measured[TAU] / scales[0])
+    past[1] = limit(measured[DQ_M] / scales[1])
+    past[2] = limit(measured[DQ_L] / scales[1])
+    past[3] = limit(task.command[i] / scales[0])
 
 
 @inlined
@@ -144,7 +146,7 @@ def rotor_angle(batch: Batch, task: Task, i: int) -> float:
 @inlined
 def observe(batch: Batch, task: Task, i: int, sine: float, cosine: float) -> None:
     """Write the observation of episode i, with sine and cosine of its rotor."""
-    out, scales = task.observation[i], task.scales
+    out, scales, past = task.observation[i], task.scales, task.history[i]
     t = batch.samples[i] * scales[6]
     at = 0
     for ahead in range(task.preview + 1):
@@ -154,10 +156,8 @@ def observe(batch: Batch, task: Task, i: int, sine: float, cosine: float) -> Non
     out[at] = limit((task.reference[i] - batch.measured[i, TAU]) / scales[0])
     out[at + 1], out[at + 2] = sine, cosine
     at += 3
-    for past in range(task.history.shape[1]):
-        for signal in range(SIGNALS_PER_SAMPLE):
-            out[at] = task.history[i, past, signal]
-            at += 1
+    for k in range(past.shape[0]):
+        out[at + k] = past[k]
 
 
 @inlined
@@ -165,8 +165,8 @@ def begin_one(batch: Batch, task: Task, i: int) -> None:
     """Observe episode i for the first time after its joint was reset."""
     task.command[i] = 0.0
     task.reference[i] = reference_at(task, i, 0.0)
-    for past in range(task.history.shape[1]):
-        sample(batch, task, i, task.history[i, past])
+    for _ in range(task.history.shape[1] // SIGNALS_PER_SAMPLE):
+        sample(batch, task, i)
     angle = rotor_angle(batch, task, i)
     observe(batch, task, i, math.sin(angle), math.cos(angle))
 
@@ -209,10 +209,7 @@ def conclude_one(
     terms[EFFORT] = -weights[EFFORT] * (command / scales[0]) ** 2
     terms[SAFETY] = -weights[SAFETY] if task.terminated[i] else 0.0
     task.reward[i] = terms[TRACKING] + terms[SMOOTHNESS] + terms[EFFORT] + terms[SAFETY]
-    for past in range(task.history.shape[1] - 1, 0, -1):
-        for signal in range(SIGNALS_PER_SAMPLE):
-            task.history[i, past, signal] = task.history[i, past - 1, signal]
-    sample(batch, task, i, task.history[i, 0])
+    sample(batch, task, i)
     observe(batch, task, i, sine, cosine)
     task.load[i] = load_at(task, i, t)
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from cjt_gym.envs.observe import SAFETY, Task, conclude_one, rotor_angle
 from cjt_gym.joint.arrays import TAU, Batch, Floats, Setup
-from cjt_gym.joint.blocks import Blocks, advance_blocks
+from cjt_gym.joint.blocks import Blocks, advance
 from cjt_gym.joint.compiled import inlined, threaded
 from cjt_gym.joint.configure import PARAMETER_DTYPE
 from cjt_gym.joint.lanes import COSINE, SINE, Kind
@@ -43,7 +43,7 @@ class Control(NamedTuple):
         residual: Motor torque of the action, shape (n,) [N m].
         wanted: Both, within the limits, shape (n,) [N m].
         commands: The same as currents [A], shape (n, 2).
-        report: Columns of `REPORT`, shape (n, 10).
+        report: Columns of `REPORT`, shape (1, 10) for a single episode, else (0, 10).
         factors: [action scale, torque limit, torque per ampere].
     """
 
@@ -64,7 +64,7 @@ def make_control(num: int, action_scale: float, limit: float, torque_per_ampere:
         residual=np.zeros(num),
         wanted=np.zeros(num),
         commands=np.zeros((num, 2)),
-        report=np.zeros((num, len(REPORT))),
+        report=np.zeros((1 if num == 1 else 0, len(REPORT))),
         factors=np.array([action_scale, limit, torque_per_ampere]),
     )
 
@@ -85,7 +85,7 @@ PARTS: tuple[tuple[Any, str], ...] = (
     (Setup, "i3tuple i0 i0 i0 b0 d0 i0 d0"),
     (Kind, "i0 i0 i0 i0 i0 i0 i0 i0"),
     (Blocks, "d3 d3 b1 b1 d3"),
-    (Task, "d2 d2 d2 d2 i2 i2 d2 d2 i2 u2 d2 d1 d1 d1 d3 f2 d1 d2 b1 b1 d1 d1 i0 i0"),
+    (Task, "d2 d2 d2 d2 i2 i2 d2 d2 i2 u2 d2 d1 d1 d1 f2 f2 d1 d2 b1 b1 d1 d1 i0 i0"),
     (Control, "d1 d1 d1 d1 d2 d2 d1"),
 )
 
@@ -194,8 +194,10 @@ def command(control: Control, i: int) -> bool:
 
 @inlined
 def tell(batch: Batch, task: Task, control: Control, i: int, sine: float, cosine: float) -> None:
-    """Conclude the step of episode i, with sine and cosine of its rotor, and write its report."""
+    """Conclude the step of episode i, with sine and cosine of its rotor; report a single one."""
     conclude_one(batch, task, i, control.wanted[i], sine, cosine)
+    if control.report.shape[0] == 0:
+        return
     report = control.report[i]
     report[0], report[1] = batch.tau[i], batch.measured[i, TAU]
     report[2], report[3] = task.reference[i], task.command[i]
@@ -234,7 +236,7 @@ def step_blocks(address: int, begin: int, end: int, thread: int) -> int:
     if end - begin == blocks.rows.shape[0] and not command_all(control):
         return BAD_ACTION
     for block in range(begin, end):
-        left += advance_blocks(
+        left += advance(
             batch, setup, kind, blocks, control.commands, task.load, block, block + 1, thread
         )
         first = block * WIDTH

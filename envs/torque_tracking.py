@@ -272,7 +272,7 @@ class TorqueTrackingVectorEnv(VectorEnv[Observation, Action, NDArray[Any]]):
         """Advance all members by one control step."""
         self.episodes.step(actions)
         task = self.episodes.task
-        info: dict[str, Any] = self.episodes.report()
+        info: dict[str, Any] = self.episodes.info()
         terminated, truncated = task.terminated.copy(), task.truncated.copy()
         done = terminated | truncated
         told = self.episodes.redrawn | done

@@ -315,8 +315,8 @@ def leave(
     return True
 
 
-@threaded
-def advance_blocks(
+@lean
+def advance(
     batch: Batch,
     setup: Setup,
     kind: Kind,
@@ -358,3 +358,6 @@ def advance_blocks(
             blocks.stale[i], blocks.left[i] = False, not moved
             left += 0 if moved else 1
     return left
+
+
+advance_blocks = threaded(advance)

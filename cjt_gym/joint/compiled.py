@@ -1,8 +1,9 @@
 """The decorators of all compiled functions, and their cache on disk.
 
-`lean` is for functions that allocate nothing: their arrays are borrowed, so that no reference is
-counted (Numba's option `_nrt`), which makes small functions several times faster. All others are
-`compiled`. `inlined` and `threaded` functions are lean ones, too.
+`compiled` and `threaded` functions are called from Python. `lean` and `inlined` ones are called by
+other compiled functions only, with which they are compiled; called from Python they run as Python.
+All but `compiled` ones allocate nothing: their arrays are borrowed, so that no reference is
+counted (Numba's option `_nrt`), which makes small functions several times faster.
 
 Numba renews a cached function when its own file changes, not when a function that it calls
 does. So the cache of the whole package is forgotten when a file with compiled functions changes,
@@ -20,6 +21,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from numba import njit
+from numba.extending import register_jitable
 
 PACKAGES = (
     "cjt_gym.joint",
@@ -30,6 +32,7 @@ PACKAGES = (
 )
 STAMP = "compiled.stamp"
 BORROWED: Any = {"cache": True, "_nrt": False}
+INNER: Any = {"_nrt": False, "no_cfunc_wrapper": True}
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 compiled = njit(cache=True)
@@ -37,8 +40,8 @@ compiled = njit(cache=True)
 
 def lean(function: Function) -> Function:
     """Compile a function that allocates nothing, without counting references to its arrays."""
-    fast: Function = njit(function, **BORROWED)
-    return fast
+    inner: Function = register_jitable(**INNER)(function)
+    return inner
 
 
 def threaded(function: Function) -> Function:
@@ -49,8 +52,8 @@ def threaded(function: Function) -> Function:
 
 def inlined(function: Function) -> Function:
     """Compile a lean function into its callers: handing over many arrays takes longer than it."""
-    part: Function = njit(function, forceinline=True, **BORROWED)
-    return part
+    inner: Function = register_jitable(forceinline=True, **INNER)(function)
+    return inner
 
 
 def reordered(function: Function) -> Function:
@@ -59,8 +62,8 @@ def reordered(function: Function) -> Function:
     A division by zero gives inf or NaN.
     """
     loose: Any = {"fastmath": {"reassoc", "contract"}, "error_model": "numpy"}
-    fast: Function = njit(function, forceinline=True, **loose, **BORROWED)
-    return fast
+    inner: Function = register_jitable(forceinline=True, **loose, **INNER)(function)
+    return inner
 
 
 def _folders() -> list[Path]:

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from cjt_gym.joint.arrays import Floats
 from cjt_gym.joint.compiled import inlined, lean
-from cjt_gym.joint.vector_math import sine_cosine, tanh, tanh_pair
+from cjt_gym.joint.vector_math import decay, sine_cosine
 from cjt_gym.joint.vectors import (
     both,
     choose,
@@ -58,7 +58,8 @@ WANTED = 27  # the same without friction
 DRAG = 30  # friction torques
 FAILED = 33  # whether the joint is left to the general kernel
 SINE, COSINE = 34, 35  # of its rotor, for the environment
-SCRATCH_ROWS = 36
+BEFORE_DRAG = 36  # friction torques of the substep before the last
+SCRATCH_ROWS = 39
 
 
 class Kind(NamedTuple):
@@ -92,18 +93,26 @@ def coordinate(kind: Kind, k: int) -> int:
 
 
 @inlined
-def rub(p: Floats, k: int, v: Any, t: Any) -> tuple[Any, Any]:
-    """Return the smooth friction on coordinate k and its slope, from v and t = tanh(v / dq_0)."""
-    ahead = v >= 0.0
+def parts(p: Floats, k: int, v: Any) -> tuple[Any, Any, Any, Any]:
+    """Return smooth friction without a division, from a = 1 + exp(-2 |v| / dq_0).
+
+    That is a, dry friction times a, the slope of friction times a^2, and viscous friction.
+    """
+    ahead, steep = v >= 0.0, get(p, STEEP)
     level = choose(ahead, get(p, UP + k), get(p, DOWN + k))
     extra = choose(ahead, 0.0, get(p, EXTRA + k))
-    return madd(level, t, extra * v), madd(level * get(p, STEEP), 1.0 - t * t, extra)
+    e = decay(v * steep)
+    a = 1.0 + e
+    slope = madd(4.0 * steep * level, e, extra * (a * a))
+    return a, level * choose(ahead, 1.0 - e, e - 1.0), slope, extra * v
 
 
 @inlined
 def friction(p: Floats, k: int, v: Any) -> tuple[Any, Any]:
     """Return the smooth friction on coordinate k at velocity v, and its slope."""
-    return rub(p, k, v, tanh(v * get(p, STEEP)))
+    a, dry, slope, viscous = parts(p, k, v)
+    per_a = 1.0 / a
+    return madd(dry, per_a, viscous), slope * (per_a * per_a)
 
 
 @lean
@@ -120,6 +129,7 @@ def predict(kind: Kind, p: Floats, s: Floats) -> None:
         else:
             torque, _ = friction(p, k, v)
             put(s, DRAG + k, torque)
+            put(s, BEFORE_DRAG + k, torque)
 
 
 @lean
@@ -171,8 +181,15 @@ def cog(kind: Kind, p: Floats, s: Floats, h: float) -> None:
 
 @lean
 def aim(kind: Kind, p: Floats, s: Floats, h: float) -> None:
-    """Note the mean speeds without friction, and those under the friction before."""
+    """Note the mean speeds without friction, and those under the friction to be expected.
+
+    That is what the last substep had, and where it is smooth, as much more as it grew by then.
+    """
     ripple, per_h = get(s, RIPPLE), 1.0 / h
+    for k in range(0 if kind.sharp else kind.n):
+        last = get(s, DRAG + k)
+        put(s, DRAG + k, 2.0 * last - get(s, BEFORE_DRAG + k))
+        put(s, BEFORE_DRAG + k, last)
     for k in range(kind.n):
         g = coordinate(kind, k)
         v = (madd(get(p, MOTOR + g), ripple, get(s, FREE + g)) - get(s, X + g)) * per_h
@@ -204,30 +221,46 @@ def settle(
 
 @lean
 def newton_1(p: Floats, s: Floats, busy: Any) -> Any:
-    """Take one step of Newton's method for one coordinate; return where it is not solved."""
-    v = get(s, SPEED)
-    r, g = friction(p, 0, v)
-    w = get(p, MOBILITY)
-    change = (v - get(s, WANTED) + w * r) / (1.0 + w * g)
-    return without(busy, settle(p, s, 0, busy, v, r, g, change))
+    """Take one step of Newton's method for one coordinate; return where it is not solved.
+
+    Residual and slope are those of the equation times a and a^2, so that a single division does.
+    """
+    v, w = get(s, SPEED), get(p, MOBILITY)
+    a, dry, slope, viscous = parts(p, 0, v)
+    e = madd(a, madd(w, viscous, v - get(s, WANTED)), w * dry)
+    j = madd(w, slope, a * a)
+    share = 1.0 / (a * j)
+    per_a = share * j
+    change = (a * a) * e * share
+    solved = settle(p, s, 0, busy, v, madd(dry, per_a, viscous), slope * (per_a * per_a), change)
+    return without(busy, solved)
 
 
 @lean
 def newton_2(p: Floats, s: Floats, busy: Any) -> Any:
-    """Take one step for two coordinates."""
-    v1, v2, steep = get(s, SPEED), get(s, SPEED + 1), get(p, STEEP)
-    t1, t2 = tanh_pair(v1 * steep, v2 * steep)
-    r1, g1 = rub(p, 0, v1, t1)
-    r2, g2 = rub(p, 1, v2, t2)
+    """Take one step for two coordinates, likewise with a single division."""
+    v1, v2 = get(s, SPEED), get(s, SPEED + 1)
+    a1, dry1, slope1, viscous1 = parts(p, 0, v1)
+    a2, dry2, slope2, viscous2 = parts(p, 1, v2)
     w11, w12 = get(p, MOBILITY), get(p, MOBILITY + 1)
     w21, w22 = get(p, MOBILITY + 3), get(p, MOBILITY + 4)
-    e1 = madd(w11, r1, madd(w12, r2, v1 - get(s, WANTED)))
-    e2 = madd(w21, r1, madd(w22, r2, v2 - get(s, WANTED + 1)))
-    j11, j12 = madd(w11, g1, 1.0), w12 * g2
-    j21, j22 = w21 * g1, madd(w22, g2, 1.0)
-    scale = 1.0 / (j11 * j22 - j12 * j21)
-    solved = settle(p, s, 0, busy, v1, r1, g1, (j22 * e1 - j12 * e2) * scale)
-    solved = both(solved, settle(p, s, 1, busy, v2, r2, g2, (j11 * e2 - j21 * e1) * scale))
+    both_a, square1, square2 = a1 * a2, a1 * a1, a2 * a2
+    dry1, dry2 = dry1 * a2, dry2 * a1
+    e1 = madd(w11, viscous1, madd(w12, viscous2, v1 - get(s, WANTED)))
+    e2 = madd(w21, viscous1, madd(w22, viscous2, v2 - get(s, WANTED + 1)))
+    e1 = madd(both_a, e1, madd(w11, dry1, w12 * dry2))
+    e2 = madd(both_a, e2, madd(w21, dry1, w22 * dry2))
+    j11, j12 = madd(w11, slope1, square1), w12 * slope2
+    j21, j22 = w21 * slope1, madd(w22, slope2, square2)
+    determinant = j11 * j22 - j12 * j21
+    share = 1.0 / (both_a * determinant)
+    per_both = share * determinant
+    r1, r2 = madd(dry1, per_both, viscous1), madd(dry2, per_both, viscous2)
+    per1, per2 = a2 * per_both, a1 * per_both
+    change1 = (j22 * e1 - j12 * e2) * (share * square1)
+    change2 = (j11 * e2 - j21 * e1) * (share * square2)
+    solved = settle(p, s, 0, busy, v1, r1, slope1 * (per1 * per1), change1)
+    solved = both(solved, settle(p, s, 1, busy, v2, r2, slope2 * (per2 * per2), change2))
     return without(busy, solved)
 
 

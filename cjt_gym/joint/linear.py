@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
 from cjt_gym.errors import ParameterError
 from cjt_gym.joint.parameters import JointParameters
@@ -128,6 +127,8 @@ def zero_order_hold(a: Matrix, b: Matrix, dt: float) -> tuple[Matrix, Matrix]:
         good = (column > 0.0) & (row > 0.0)
         scale[good] *= np.sqrt(row[good] / column[good])
     full = np.concatenate([scale, np.ones(m)])
+    from scipy.linalg import expm  # takes long to import
+
     exact = expm(joined * full[None, :] / full[:, None]) * full[:, None] / full[None, :]
     return exact[:n, :n], exact[:n, n:]
 

@@ -1,4 +1,4 @@
-"""Sine, cosine and hyperbolic tangent of vectors, without branches.
+"""Sine, cosine and exponential function of vectors, without branches.
 
 Polynomials after a reduction of the argument: errors are below 1e-15, absolute (sine and cosine
 for arguments up to 1e5), as a test confirms.
@@ -25,7 +25,7 @@ HALF_PI_3 = float.fromhex("0x1.3198a2e037073p-69")
 LOG2_E = 1.0 / math.log(2.0)
 LN_2_1 = float.fromhex("0x1.62e42fee00000p-1")
 LN_2_2 = float.fromhex("0x1.a39ef35793c76p-33")
-SATURATED = 20.0  # beyond it tanh is 1 in doubles
+SATURATED = 20.0  # beyond it tanh, of which `decay` is a part, is 1 in doubles
 # Polynomials through the nodes of Chebyshev, lowest power first:
 # (sin r / r - 1) / z and (cos r - 1 + z / 2) / z^2 over z = r^2, for |r| <= pi / 4,
 ODD = (
@@ -99,21 +99,3 @@ def decay(x: Any) -> Any:
     high = madd(z, high, madd(r, EXPONENTIAL[7], EXPONENTIAL[6]))
     e = madd(fourth, high * z, six(r, EXPONENTIAL[:6]))
     return madd(z, e, 1.0 + r) * power_of_two(shifted)
-
-
-@inlined
-def tanh(x: Any) -> Any:
-    """Return the hyperbolic tangent, (1 - e) / (1 + e) with e = exp(-2 |x|)."""
-    e = decay(x)
-    t = (1.0 - e) / (1.0 + e)
-    return choose(x < 0.0, 0.0 - t, t)
-
-
-@inlined
-def tanh_pair(x: Any, y: Any) -> tuple[Any, Any]:
-    """Return the hyperbolic tangents of two vectors, by a single division."""
-    first, second = decay(x), decay(y)
-    a, b = 1.0 + first, 1.0 + second
-    share = 1.0 / (a * b)
-    t, u = (1.0 - first) * (b * share), (1.0 - second) * (a * share)
-    return choose(x < 0.0, 0.0 - t, t), choose(y < 0.0, 0.0 - u, u)

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 
 from cjt_gym.records.checks import FloatArray
 
@@ -47,6 +46,8 @@ def glitches(x: FloatArray) -> NDArray[np.bool_]:
         return out
     y = x[known]
     edges = np.diff(y)
+    from scipy.ndimage import median_filter  # takes long to import
+
     edges = edges - median_filter(edges, 9, mode="nearest")
     high = np.flatnonzero(np.abs(edges) > _limit(edges, y))
     for begin, end in _runs(high, edges, y):

@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 
 from cjt_gym.records.checks import FloatArray
 from cjt_gym.records.repairs import Repair, counted, share
@@ -65,6 +64,8 @@ def _readable(t: FloatArray, repairs: list[Repair]) -> NDArray[np.intp]:
     if len(rows) > 2 * LATE_ROWS and (np.diff(t[rows]) < 0.0).any():
         steps = np.diff(t[rows])
         near = 2 * LATE_ROWS * float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
+        from scipy.ndimage import median_filter  # takes long to import
+
         usual = median_filter(t[rows], 2 * LATE_ROWS + 1, mode="nearest")
         rows = rows[np.abs(t[rows] - usual) <= near]
     if lost := len(t) - len(rows):

@@ -37,7 +37,7 @@ class Signal:
         high: Highest frequency [Hz] of chirp and multisine.
         period: Hold time of a step, spacing of the smooth levels, duration of a sweep [s].
         count: Tones of a multisine.
-        table: Rows [t, value] of a file, shape (rows, 2).
+        table: Rows [t, value] of a file, [f, 0] of a multisine, which finds it, shape (rows, 2).
         key: Seed of the random parts; `reset` draws it.
 
     Example:
@@ -69,6 +69,10 @@ class Signal:
                 )
         if self.count < 1:
             raise ConfigurationError(f"count of the signal must be >= 1, got {self.count}.")
+        if self.kind == "multisine":
+            tones = np.zeros((self.count, 2))
+            tones[:, 0] = np.geomspace(self.low, self.high, self.count)
+            object.__setattr__(self, "table", tones)
 
     def reset(self, rng: np.random.Generator) -> Signal:
         """Return the signal with its random parts drawn anew from `rng`."""
@@ -77,9 +81,8 @@ class Signal:
     def torque(self, t: float | Floats) -> Floats:
         """Return the value at time t [s], of the shape of t."""
         times = np.asarray(t, dtype=np.float64)
-        row, key = self.row(), np.uint64(self.key)
-        values = [ev.evaluate(row, key, self.table, float(x)) for x in times.ravel()]
-        return np.array(values).reshape(times.shape)
+        values = ev.evaluate_all(self.row(), np.uint64(self.key), self.table, times.ravel())
+        return np.asarray(values).reshape(times.shape)
 
     def row(self) -> Floats:
         """Return the numbers that the compiled evaluation reads, shape (6,)."""
