@@ -12,11 +12,13 @@ import torch
 from sb3_contrib import TQC, RecurrentPPO
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
 from cjt_gym.envs.sb3 import TorqueTrackingVecEnv
 from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.training.config import TrainConfig, environment_arguments
+from cjt_gym.training.quiet import QuietPolicy, sensor_noise
 
 CLASSES: dict[str, type[BaseAlgorithm]] = {
     "PPO": PPO,
@@ -64,9 +66,13 @@ def make_model(config: TrainConfig, env: VecEnv) -> BaseAlgorithm:
         network["log_std_init"] = config.policy.log_std_init
     if recurrent:
         network["lstm_hidden_size"] = config.policy.lstm_hidden_size
+    policy: str | type[ActorCriticPolicy] = "MlpLstmPolicy" if recurrent else "MlpPolicy"
+    weight = config.policy.noise_weight
+    if weight > 0.0:
+        policy, options = QuietPolicy, options | {"ent_coef": weight}
     try:
-        return algorithm(
-            "MlpLstmPolicy" if recurrent else "MlpPolicy",
+        model = algorithm(
+            policy,
             env,
             seed=config.seed,
             device=config.device,
@@ -77,6 +83,9 @@ def make_model(config: TrainConfig, env: VecEnv) -> BaseAlgorithm:
         raise ConfigurationError(
             f"[algorithm_options] or device do not suit {config.algorithm}: {error}"
         ) from error
+    if isinstance(model.policy, QuietPolicy):
+        model.policy.listen(lambda: sensor_noise(config), env)
+    return model
 
 
 def _options(config: TrainConfig, algorithm: type[BaseAlgorithm]) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import tomllib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
@@ -15,6 +16,7 @@ from cjt_gym.training.gains import choose
 
 ALGORITHMS = ("PPO", "SAC", "TQC", "RecurrentPPO")
 ACTIVATIONS = ("tanh", "relu", "elu")
+BASE_GAINS = "base_gains"
 VALIDATION_SEEDS = 500_000
 """Where seeds of the evaluations during training begin; see also `EVALUATION_SEEDS`."""
 
@@ -28,12 +30,15 @@ class PolicyConfig:
         activation: One of `ACTIVATIONS`.
         log_std_init: Logarithm of the first standard deviation of actions (PPO, RecurrentPPO).
         lstm_hidden_size: Units of the recurrent layer (RecurrentPPO).
+        noise_weight: Weight of the penalty on what the noise of the sensors does to the action,
+            see `cjt_gym.training.quiet` (PPO); it takes the place of the entropy's, `ent_coef`.
     """
 
     net_arch: tuple[int, ...] = (64, 64)
     activation: str = "tanh"
     log_std_init: float = 0.0
     lstm_hidden_size: int = 64
+    noise_weight: float = 0.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "net_arch", tuple(self.net_arch))
@@ -44,6 +49,12 @@ class PolicyConfig:
         if self.activation not in ACTIVATIONS:
             raise unknown_name("activation", self.activation, ACTIVATIONS)
         _at_least("lstm_hidden_size of [policy]", self.lstm_hidden_size, 1)
+        weight: Any = self.noise_weight
+        number = isinstance(weight, (int, float)) and not isinstance(weight, bool)
+        if not (number and math.isfinite(weight) and weight >= 0.0):
+            raise ConfigurationError(
+                f"noise_weight of [policy] must be finite and >= 0, got {weight!r}."
+            )
 
 
 @dataclass(frozen=True)
@@ -86,7 +97,7 @@ class TrainConfig:
         start_from: Run folder whose best model the training goes on from, with its own steps and
             learning rate; None starts anew.
         env: Arguments of `TorqueTrackingEnv`; `base_controller` is a name of `CONTROLLERS` or a
-            gain file.
+            gain file, and `base_gains` are gains that replace some of its own, by name.
         policy: The network.
         algorithm_options: Arguments of the Stable-Baselines3 class; `learning_rate` and
             `clip_range` may be {start = ..., end = ...} for a linear schedule.
@@ -128,6 +139,8 @@ class TrainConfig:
             raise ConfigurationError(
                 f"start_from must be the path of a run folder, got {self.start_from!r}."
             )
+        if self.policy.noise_weight > 0.0:
+            _check_quiet(self.algorithm, self.algorithm_options)
         environment_arguments(self.env)
 
     def to_dict(self) -> dict[str, Any]:
@@ -204,13 +217,18 @@ def environment_arguments(env: Mapping[str, Any]) -> dict[str, Any]:
     """Return the arguments of `TorqueTrackingEnv` for a section [env].
 
     Raises:
-        ConfigurationError: A key is not one of them.
-        UnknownNameError: There is no such controller.
+        ConfigurationError: A key is not one of them, or a gain is out of its range.
+        UnknownNameError: There is no such controller or gain.
     """
-    arguments = complete(env)
-    name = arguments["base_controller"]
+    arguments = complete({key: value for key, value in env.items() if key != BASE_GAINS})
+    name, gains = arguments["base_controller"], env.get(BASE_GAINS)
+    if gains is not None and (name is None or not isinstance(gains, Mapping)):
+        raise ConfigurationError(
+            f"{BASE_GAINS} of [env] must be a table of gains of the base_controller {name}, got "
+            f"{gains!r}."
+        )
     if name is not None:
-        arguments["base_controller"] = choose(str(name)).make
+        arguments["base_controller"] = choose(str(name)).with_gains(gains or {}).make
     return arguments
 
 
@@ -229,6 +247,18 @@ def _find(path: str | Path) -> Path:
         f"The configuration {path} does not exist. Give the path of a TOML file or one of: "
         f"{', '.join(config_names())}."
     )
+
+
+def _check_quiet(algorithm: str, options: Mapping[str, Any]) -> None:
+    if algorithm != "PPO":
+        raise ConfigurationError(
+            f"noise_weight of [policy] must be 0 for {algorithm}: only PPO has the penalty."
+        )
+    if options.get("ent_coef", 0.0) != 0.0:
+        raise ConfigurationError(
+            "ent_coef of [algorithm_options] must be 0 beside noise_weight of [policy], which "
+            f"takes its place, got {options['ent_coef']}."
+        )
 
 
 def _check_keys(values: Mapping[str, Any], section: type, origin: str) -> None:

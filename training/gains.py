@@ -9,7 +9,7 @@ from __future__ import annotations
 import tomllib
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +36,21 @@ class Choice:
     controller: str
     gains: Mapping[str, float] = field(default_factory=dict)
     facts: Mapping[str, Any] = field(default_factory=dict)
+
+    def with_gains(self, gains: Mapping[str, float]) -> Choice:
+        """Return a copy in which some gains are replaced.
+
+        Raises:
+            UnknownNameError: The controller has no gain of that name.
+            ConfigurationError: A gain is out of its range.
+        """
+        for name, value in gains.items():
+            if isinstance(value, bool) or not isinstance(value, (int, float)):
+                raise ConfigurationError(
+                    f"Gain {name} of controller {self.controller} must be a number, got {value!r}."
+                )
+        CONTROLLERS[self.controller].check_gains(gains)
+        return replace(self, gains={**self.gains, **gains})
 
     def make(self, joint: Joint, dt: float) -> Controller:
         """Return the controller for a joint and a sample time [s].

@@ -14,11 +14,15 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from cjt_gym.envs.torque_tracking import complete
 from cjt_gym.errors import CjtGymError, ConfigurationError, MissingFileError
 from cjt_gym.joint import Joint, load_joint_file
 from cjt_gym.plant.randomization import resolve_randomization
-from cjt_gym.training.config import VALIDATION_SEEDS, TrainConfig, load_config
+from cjt_gym.training.config import (
+    VALIDATION_SEEDS,
+    TrainConfig,
+    environment_arguments,
+    load_config,
+)
 from cjt_gym.training.toml_text import to_toml
 
 SCHEMA = 1
@@ -151,7 +155,7 @@ def begin_run(path: str | Path, config: TrainConfig, joint: Joint) -> RunFolder:
 
 def resolved_randomization(config: TrainConfig, joint: Joint) -> dict[str, dict[str, Any]]:
     """Return what varies in a training, by name, with all that a preset leaves unsaid."""
-    arguments = complete(config.env)
+    arguments = environment_arguments(config.env)
     spec, dt = arguments["randomization"], arguments["dt_control"]
     return {name: v.to_dict() for name, v in resolve_randomization(joint, spec, dt).items()}
 

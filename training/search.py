@@ -24,7 +24,7 @@ from optuna.trial import FrozenTrial
 
 from cjt_gym.errors import CjtGymError, ConfigurationError
 from cjt_gym.training.conditions import TASKS, realistic_conditions
-from cjt_gym.training.config import TrainConfig, from_dict, load_config
+from cjt_gym.training.config import BASE_GAINS, TrainConfig, from_dict, load_config
 from cjt_gym.training.evaluate import evaluate
 from cjt_gym.training.policy import load_policy
 from cjt_gym.training.rollout import Agent, ControllerAgent
@@ -34,8 +34,9 @@ from cjt_gym.training.train import train
 VALIDATION: Final = 1
 """Which block of held-out episodes the search sees; comparisons take block 0."""
 SPACE: Final[dict[str, tuple[Any, ...]]] = {
-    "env.reward_weights.smoothness": (1.0, 2.0, 4.0, 8.0, 16.0, 32.0),
-    "env.action_scale": (3.0, 9.0, 18.0),
+    "policy.noise_weight": (0.001, 0.002, 0.004, 0.008),
+    "env.reward_weights.smoothness": (0.05, 1.0, 2.0, 4.0, 8.0),
+    "env.action_scale": (3.0, 9.0, 18.0, 36.0),
     "env.history": (4, 8, 16),
     "algorithm_options.gamma": (0.9, 0.95, 0.98),
     "algorithm_options.learning_rate": (5e-4, 1e-3, 2e-3),
@@ -170,6 +171,8 @@ def _prepared(plan: Plan, shortened: bool = True) -> TrainConfig:
     config = load_config(plan.recipe)
     given = {"structure": plan.structure, "base_controller": plan.base}
     env = {**config.env, **{name: word for name, word in given.items() if word is not None}}
+    if plan.base is not None:
+        env.pop(BASE_GAINS, None)
     return config.with_changes(env=env, total_steps=plan.steps if shortened else None)
 
 

@@ -1,7 +1,9 @@
 """Hyperparameters for rl-zoo3: `python -m rl_zoo3.train --algo ppo -conf cjt_gym.training.zoo`.
 
 What it reads is `hyperparams`: the recipe `quiet_residual` in the words of rl-zoo3, so that there
-is one place for the values. `--env CJT/TorqueTracking-v0 --gym-packages cjt_gym` go with it.
+is one place for the values. `--env CJT/TorqueTracking-v0 --gym-packages cjt_gym` go with it. The
+penalty on noise (`noise_weight`) is none of PPO's options and is left out: such a policy shakes
+more.
 """
 
 from __future__ import annotations

@@ -8,9 +8,17 @@ from typing import Any
 
 import pytest
 
+from cjt_gym.baselines import make_controller
 from cjt_gym.errors import CjtGymError, ConfigurationError, MissingFileError, UnknownNameError
+from cjt_gym.joint import load_joint
 from cjt_gym.training.algorithms import make_environment, make_model
-from cjt_gym.training.config import TrainConfig, config_names, from_dict, load_config
+from cjt_gym.training.config import (
+    TrainConfig,
+    config_names,
+    environment_arguments,
+    from_dict,
+    load_config,
+)
 from cjt_gym.training.toml_text import to_toml
 
 
@@ -38,6 +46,23 @@ def test_shipped_configurations_make_a_model_and_survive_a_round_trip(name: str)
         ("normalize_rewards = 1", "normalize_rewards must be true or false"),
         ("policy = 3", "policy of .* must be a table"),
         ("[policy]\nnet_arch = [0]", "net_arch of .policy. must list whole numbers"),
+        ("[policy]\nnoise_weight = -1.0", "noise_weight of .policy. must be finite and >= 0"),
+        ("[policy]\nnoise_weight = true", "noise_weight of .policy. must be finite and >= 0"),
+        ("algorithm = 'SAC'\n[policy]\nnoise_weight = 1.0", "must be 0 for SAC"),
+        (
+            "[policy]\nnoise_weight = 1.0\n[algorithm_options]\nent_coef = 0.1",
+            "ent_coef of .* must be 0 beside noise_weight",
+        ),
+        ("[env]\nbase_gains = { kp = 1.0 }", "base_gains of .env. must be a table"),
+        ("[env]\nbase_controller = 'pd'\nbase_gains = 3", "base_gains of .env. must be a table"),
+        (
+            "[env]\nbase_controller = 'pd'\nbase_gains = { kq = 1.0 }",
+            "Unknown gain of controller pd 'kq'. Known: kd, kp",
+        ),
+        (
+            "[env]\nbase_controller = 'pd'\nbase_gains = { kp = 'a' }",
+            "Gain kp of controller pd must be a number, got 'a'",
+        ),
         ("total_steps = ", "must be a TOML file"),
     ],
 )
@@ -61,6 +86,15 @@ def test_options_of_the_algorithm_are_checked(options: dict[str, Any], message: 
     config = TrainConfig(num_envs=1, algorithm_options={"n_steps": 8, **options})
     with pytest.raises(ConfigurationError, match=message):
         make_model(config, make_environment(config))
+
+
+def test_gains_of_the_base_replace_its_own() -> None:
+    env = {"base_controller": "pd_feedforward", "base_gains": {"kd": 0.0}}
+    joint = load_joint("orange_80_6000", "output_fixed_rigid_gearbox")
+    usual = make_controller("pd_feedforward", joint, 1e-3)
+    made = environment_arguments(env)["base_controller"](joint, 1e-3)
+    assert made.kd == 0.0 != usual.kd
+    assert made.kp == usual.kp
 
 
 def test_a_file_that_does_not_exist_names_those_that_ship() -> None:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from importlib.metadata import version
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cjt_gym.training.config import BASE_GAINS
 from cjt_gym.training.deploy.exported import Exported
 from cjt_gym.training.deploy.layout import LIMIT, PER_SAMPLE
 
@@ -36,7 +38,7 @@ def c_header(policy: Exported, prefix: str = "policy") -> str:
         "TITLE": policy.name,
         "VERSION": version("cjt-gym"),
         "JOINT": ", ".join(policy.trained_on),
-        "BASE": str(policy.config.env.get("base_controller") or "none: it commands alone"),
+        "BASE": _base(policy.config.env),
         "DT": f"{layout.dt:g}",
         "COUNT": str(layout.preview + 1),
         "SIZE": str(layout.size),
@@ -57,6 +59,12 @@ def c_header(policy: Exported, prefix: str = "policy") -> str:
     for key, value in values.items():
         text = text.replace(f"@{key}@", value)
     return text
+
+
+def _base(env: Mapping[str, Any]) -> str:
+    gains = ", ".join(f"{name} = {value}" for name, value in (env.get(BASE_GAINS) or {}).items())
+    name = str(env.get("base_controller") or "none: it commands alone")
+    return f"{name} with {gains}" if gains else name
 
 
 def _arrays(policy: Exported, name: str) -> list[str]:

@@ -25,7 +25,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     add, usual = parser.add_argument, Plan(Path("results"))
     add("--out", type=Path, default=usual.out, help="folder; what is in it is not done again")
     add("--joint", default=usual.joint)
-    add("--recipe", default=usual.recipe, help="configuration of the training, for all structures")
+    add(
+        "--recipe",
+        default=usual.recipe,
+        help="configuration of the training, for all structures instead of one for each",
+    )
     add("--seeds", type=int, default=usual.seeds, help="trainings of each structure")
     add("--steps", type=int, help="of a training, instead of the recipe's")
     add("--episodes", type=int, default=usual.episodes, help="of each task")

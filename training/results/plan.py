@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
@@ -17,10 +17,11 @@ from cjt_gym.training.train import train
 
 Say = Callable[[str], None]
 STRUCTURES: Final = ("output_fixed_rigid_gearbox", "rigid_gearbox")
+RECIPES: Final = dict(zip(STRUCTURES, ("quiet_residual", "quiet_residual_free"), strict=True))
 TRAINED: Final = ("step", "chirp", "multisine", "smooth")
 """Kinds of references that the trainings draw from."""
 HELD_OUT: Final = ("reversal", "load_motion")
-"""Tasks that no training saw."""
+"""Tasks that no training saw; `quiet_residual` moves the locked output, in other ways."""
 TASKS: Final = (*TRAINED, *HELD_OUT)
 
 
@@ -40,7 +41,7 @@ class Plan:
 
     out: Path
     joint: str = "orange_80_6000"
-    recipe: str | Mapping[str, str] = "quiet_residual"
+    recipe: str | Mapping[str, str] = field(default_factory=lambda: dict(RECIPES))
     seeds: int = 5
     steps: int | None = None
     episodes: int = 32
