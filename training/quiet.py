@@ -76,7 +76,8 @@ def sensor_noise(config: TrainConfig) -> SensorNoise:
         episodes.step(np.zeros((EPISODES, 1)))
         if step >= SETTLE:
             seen.append(episodes.task.observation.copy())
-            off.append(episodes.control.report[:, 1] - episodes.control.report[:, 0])
+            told = episodes.info()
+            off.append(told["tau_measured"] - told["tau"])
     torque = float(np.mean(np.std(off, axis=0)))
     if torque == 0.0:
         raise ConfigurationError(
