@@ -72,7 +72,7 @@ def test_ratio_is_to_the_best_controller_and_its_interval_holds_it() -> None:
     assert "0.60" in text
     assert "chance" not in text
     assert [row[0] for row in tables.scores(found)[1:]] == ["policy", "pid", "pd"]
-    assert tables.tasks(found)[2][0] == "reversal (never trained)"
+    assert tables.tasks(found)[2][0] == "reversal (held out)"
 
 
 def test_trainings_that_differ_widely_are_said_to_show_nothing() -> None:

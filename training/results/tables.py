@@ -97,7 +97,7 @@ def tasks(found: Found) -> Cells:
         name = best_on(found, task)
         rows.append(
             [
-                f"{task} (never trained)" if task in HELD_OUT else task,
+                f"{task} (held out)" if task in HELD_OUT else task,
                 *(f"{found['tasks'][who][task]:.3f}" for who in ("policy", best)),
                 f"{name} {found['tasks'][name][task]:.3f}",
             ]
