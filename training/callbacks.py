@@ -66,6 +66,8 @@ class Companion(BaseCallback):
 
     def _on_training_start(self) -> None:
         done = self.num_timesteps
+        if done == 0 and self.config.start_from is not None:
+            self.validate()  # the model of the other run stays the best until it is beaten
         self._bar.update(done)
         self._next_validation = _next(done, self.config.evaluation.every)
         self._next_checkpoint = _next(done, self.config.checkpoint_every)

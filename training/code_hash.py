@@ -14,13 +14,17 @@ COUNTED = ("analysis", "baselines", "envs", "joint", "params", "plant", "signals
 LIBRARIES = ("numba", "numpy", "scipy")
 
 
-@lru_cache(maxsize=1)
-def code_hash() -> str:
-    """Return the SHA-256 over the code and the gains that results come from, in hexadecimal."""
+@lru_cache
+def code_hash(parts: tuple[str, ...] = COUNTED) -> str:
+    """Return the SHA-256 over the code and the gains that results come from, in hexadecimal.
+
+    Args:
+        parts: Parts of the package that they come from.
+    """
     digest = hashlib.sha256()
     for name in ("cjt-gym", *LIBRARIES):
         digest.update(f"{name} {version(name)}\n".encode())
-    for part in COUNTED:
+    for part in parts:
         for path, content in sorted(sources(resources.files(f"cjt_gym.{part}"), part)):
             digest.update(f"{path}\n".encode() + content)
     return digest.hexdigest()

@@ -5,12 +5,10 @@ from __future__ import annotations
 import sys
 import warnings
 from pathlib import Path
-from typing import Any
 
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.logger import KVWriter, Logger, TensorBoardOutputFormat
-from stable_baselines3.common.save_util import load_from_zip_file
 from stable_baselines3.common.vec_env import VecEnv
 
 from cjt_gym.envs.core import Episodes
@@ -66,9 +64,7 @@ def train(config: TrainConfig, out: str | Path, quiet: bool = False) -> RunFolde
 
 
 def start_from(run: str, config: TrainConfig, model: BaseAlgorithm, env: VecEnv) -> None:
-    """Give a model the weights and the statistics of the best model of another run.
-
-    Its optimiser begins anew.
+    """Give a model the weights, the optimiser and the statistics of the best one of another run.
 
     Raises:
         MissingFileError: There is no such folder.
@@ -92,9 +88,7 @@ def start_from(run: str, config: TrainConfig, model: BaseAlgorithm, env: VecEnv)
                 f"start_from: {what} of {run} must be that of this training, {other}, got {one}. "
                 "Change one of them; history and preview of [env] make the observation."
             )
-    path = before.path / "model.zip"
-    weights: dict[str, Any] = load_from_zip_file(path, device="cpu", load_data=False)[1]
-    model.policy.load_state_dict(weights["policy"])
+    model.set_parameters(str(before.path / "model.zip"), device=model.device)
     if (before.path / "normalization.npz").is_file():
         load_normalization(env, before.path / "normalization.npz")
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,13 +10,23 @@ import pytest
 
 from cjt_gym.blind.control import Gains
 from cjt_gym.blind.run import draw_chances, run
+from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import Joint, get_structure, load_joint, to_toml
+from cjt_gym.plant.randomization import resolve_randomization
 from cjt_gym.training.conditions import zero_reference
+from cjt_gym.training.loop import experiment
+from cjt_gym.training.loop.__main__ import main
 from cjt_gym.training.loop.drive import BlindPlant, drive
-from cjt_gym.training.loop.experiment import ARMS, Outcome, Plan
+from cjt_gym.training.loop.experiment import ARMS, Outcome, Plan, run_experiment
 from cjt_gym.training.loop.joints import HiddenJoint, as_sensed, hidden_joints
-from cjt_gym.training.loop.report import summary_of, verdict, write_report
-from cjt_gym.training.loop.wide import NEUTRAL, wide_randomization, with_room
+from cjt_gym.training.loop.report import (
+    read_results,
+    summary_of,
+    verdict,
+    write_page,
+    write_results,
+)
+from cjt_gym.training.loop.wide import NEUTRAL, SHARE, wide_randomization, with_room
 from cjt_gym.training.rollout import ControllerAgent
 
 
@@ -90,7 +100,16 @@ def test_wide_randomisation_draws_what_the_joint_has_room_for(
     for joint in joints[::2]:
         file = as_sensed(joint.stated(tmp_path))
         drawn = wide_randomization(file, joint.structure)
-        assert {name.split(".")[0] for name in drawn if "." in name} == set(NEUTRAL)
+        effects = {name.split(".")[0] for name in drawn if "." in name}
+        assert effects == {*NEUTRAL, "current_lag"}
+        path = tmp_path / "wide.toml"
+        path.write_text(to_toml(with_room(file)), encoding="utf-8")
+        varied = resolve_randomization(load_joint(path, joint.structure), drawn, 1e-3)
+        tolerant = {n for n in varied if varied[n].distribution == "normal"}
+        assert {"d_m", "I_g"} <= tolerant
+        delay = varied["command_delay.delay"]
+        assert delay.values[0] == 0.0
+        assert delay.weights[0] / sum(delay.weights) == pytest.approx(1.0 - SHARE)
         assert ("k_b" in drawn) == ("k_b" in get_structure(joint.structure).needed_parameters)
         assert set(NEUTRAL) <= set(with_room(file).effects)
 
@@ -114,8 +133,50 @@ def test_report_says_what_was_recovered_and_where_it_did_not_help(tmp_path: Path
     assert found["recovered"]["wide"]["median"] == pytest.approx(0.5)
     assert found["worse_than_nominal"] == ["worse"]
     assert found["names_right"] == 4
-    assert "It made worse worse" in verdict(found)
-    page = write_report(outcomes, Plan(tmp_path), 1.0).read_text(encoding="utf-8")
+    assert "identified joint made worse worse" in verdict(found)
+    assert found["wide_worse"] == 0
+    write_results(outcomes, Plan(tmp_path), 1.0)
+    data = read_results(tmp_path)
+    assert data["joints"] == outcomes
+    assert data["summary"] == found
+    page = write_page(tmp_path, data["joints"]).read_text(encoding="utf-8")
     assert "no gap" in page
     assert page.count("<svg") == 1
-    assert json.loads((tmp_path / "loop.json").read_text(encoding="utf-8"))["summary"] == found
+
+
+def test_results_go_into_a_document(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    outcomes = [outcome("joint_0a", 3.0, 2.0, 1.8, 1.5, 1.0), outcome("joint_1a", *[1.0] * 5)]
+    write_results(outcomes, Plan(tmp_path, steps=12_000, more=3000), 1.0)
+    document = tmp_path / "page.md"
+    names = ("facts", "summary", "joints", "noise")
+    marks = [f"<!-- loop: {n} -->old<!-- end of loop: {n} -->" for n in names]
+    document.write_text("before\n" + "\n".join(marks) + "\nafter\n", encoding="utf-8")
+    given = ["--out", str(tmp_path), "--write-only", "--document", str(document)]
+    assert main(given) == 0
+    text = document.read_text(encoding="utf-8")
+    assert "old" not in text
+    assert "12 000 steps on the datasheet, 3 000 more" in text
+    assert "| joint_0a | coulomb | coulomb | 3 | 2 | 1.8 | 1.5 | 1 | 50 % |" in text
+    assert "| joint_0* | rigid | 5.0 |" in text
+    assert (tmp_path / "figures" / "loop.svg").read_text(encoding="utf-8").startswith("<svg")
+    document.write_text("no mark", encoding="utf-8")
+    assert main(given) == 2
+    assert "has no place for loop" in capsys.readouterr().err
+    assert main(["--out", str(tmp_path / "none"), "--write-only"]) == 2
+    assert "holds no loop.json" in capsys.readouterr().err
+
+
+def test_folder_of_another_experiment_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(experiment, "hidden_joints", lambda *given: [])
+    plan = Plan(tmp_path / "loop", groups=0, steps=1000)
+    assert run_experiment(plan) == []
+    assert run_experiment(replace(plan, per_group=2, jobs=1)) == []  # which changes no joint
+    again = ["--out", str(plan.out), "--steps", "1000"]
+    for changed in (["--more", "1"], ["--seed", "2"]):
+        assert main([*again, *changed]) == 2
+        assert f"differs in {changed[0][2:]}. Choose" in capsys.readouterr().err
+    monkeypatch.setattr(experiment, "code_hash", lambda parts: "other")
+    with pytest.raises(ConfigurationError, match=r"differs in code\. Choose another folder"):
+        run_experiment(plan)

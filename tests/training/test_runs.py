@@ -11,11 +11,12 @@ import pytest
 
 from cjt_gym.cli import main
 from cjt_gym.errors import CjtGymError
+from cjt_gym.training.algorithms import make_environment, make_model
 from cjt_gym.training.config import TrainConfig
 from cjt_gym.training.policy import load_policy
 from cjt_gym.training.run_folder import RunFolder
 from cjt_gym.training.run_page import write_run_page
-from cjt_gym.training.train import train
+from cjt_gym.training.train import start_from, train
 
 
 def test_runs_are_listed_best_first_with_what_differs(
@@ -58,7 +59,27 @@ def test_training_goes_on_from_the_best_model_of_another(
     actions = [agent.model.predict(seen, deterministic=True)[0] for agent in (before, further)]
     np.testing.assert_allclose(*actions, atol=1e-5)
     assert further.normalizer is not None
-    assert further.normalizer.obs_rms.count > before.normalizer.obs_rms.count  # type: ignore[union-attr]
+    assert further.normalizer.obs_rms.count >= before.normalizer.obs_rms.count  # type: ignore[union-attr]
+
+
+def test_training_that_goes_on_keeps_the_optimiser_and_a_model_that_it_cannot_beat(
+    finished: RunFolder, tiny: TrainConfig, tmp_path: Path
+) -> None:
+    config = replace(tiny, start_from=str(finished.path))
+    env = make_environment(config)
+    model = make_model(config, env)
+    start_from(str(finished.path), config, model, env)
+    state = model.policy.optimizer.state_dict()["state"]
+    assert state
+    assert all(float(moments["step"]) > 0 for moments in state.values())
+    options = {**tiny.algorithm_options, "learning_rate": 1.0}
+    spoiling = replace(config, algorithm_options=options)
+    run = train(spoiling, tmp_path / "spoilt", quiet=True)
+    first, *others = [row["validation_rmse"] for row in run.progress()]
+    assert all(first < error for error in others)
+    before, after = (load_policy(path).model.policy for path in (finished.path, run.path))
+    for one, other in zip(before.parameters(), after.parameters(), strict=True):
+        assert one.equal(other)
 
 
 def test_network_of_another_size_is_refused(

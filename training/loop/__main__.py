@@ -11,7 +11,14 @@ from pathlib import Path
 from cjt_gym.errors import CjtGymError
 from cjt_gym.training.loop.experiment import Plan, run_experiment
 from cjt_gym.training.loop.joints import GROUPS
-from cjt_gym.training.loop.report import summary_of, verdict, write_report
+from cjt_gym.training.loop.report import (
+    read_results,
+    summary_of,
+    verdict,
+    write_document,
+    write_page,
+    write_results,
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -26,15 +33,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
     add("--more", type=int, default=usual.more, help="of what goes on from it on a joint")
     add("--seed", type=int, default=usual.seed)
     add("--jobs", type=int, default=usual.jobs, help="processes")
-    plan = Plan(**vars(parser.parse_args(arguments)))
-    begun = time.monotonic()
+    add("--document", type=Path, help="Markdown document that gets the tables between its marks")
+    add("--write-only", action="store_true", help="run nothing: take loop.json of --out")
+    values = vars(parser.parse_args(arguments))
+    document, write_only = values.pop("document"), values.pop("write_only")
+    plan, begun = Plan(**values), time.monotonic()
     try:
-        outcomes = run_experiment(plan, _say)
+        if not write_only:
+            outcomes = run_experiment(plan, _say)
+            write_results(outcomes, plan, time.monotonic() - begun)
+        data = read_results(plan.out)
+        page = write_page(plan.out, data["joints"])
+        if document is not None:
+            write_document(document, data)
     except CjtGymError as error:
         sys.stderr.write(f"loop: {error}\n")
         return 2
-    page = write_report(outcomes, plan, time.monotonic() - begun)
-    sys.stdout.write(f"{verdict(summary_of(outcomes))}\n\n{page}\n")
+    sys.stdout.write(f"{verdict(summary_of(data['joints']))}\n\n{page}\n")
     return 0
 
 

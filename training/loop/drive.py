@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, Final, final
 
 import numpy as np
@@ -15,7 +15,9 @@ from cjt_gym.envs.foreign import advance_on, begin_on, conclude_on
 from cjt_gym.envs.torque_tracking import complete
 from cjt_gym.joint import Joint
 from cjt_gym.plant import Limits, Measurement, limits_of
+from cjt_gym.training.fast_policy import fast_policy
 from cjt_gym.training.loop.joints import CUTOFF
+from cjt_gym.training.policy import PolicyAgent
 from cjt_gym.training.rollout import Agent, Traces
 
 Floats = NDArray[np.float64]
@@ -94,7 +96,7 @@ def drive(
     """
     task = Episodes(1, **complete(arguments))
     steps = task.settings.episode_steps
-    shape = (episodes, steps)
+    shape, act = (episodes, steps), _function_of(agent)
     wanted, tau, measured, command = (np.zeros(shape) for _ in range(4))
     plant = BlindPlant(world, task.settings.joint, steps)
     for j in range(episodes):
@@ -103,9 +105,17 @@ def drive(
         agent.begin()
         begin_on(task, plant.reset(seed + j))
         for k in range(steps):
-            chosen = task.choose(agent.act(task.task.observation.copy()))
+            chosen = task.choose(act(task.task.observation.copy()))
             advance_on(task, plant.step(chosen))
             conclude_on(task, chosen)
             wanted[j, k], tau[j, k] = task.task.reference[0], plant.tau
             measured[j, k], command[j, k] = task.measurement().tau[0], chosen[0]
     return Traces(wanted, tau, measured, command, np.zeros(shape, np.bool_), plant.dt)
+
+
+def _function_of(agent: Agent) -> Callable[[NDArray[np.float32]], NDArray[Any]]:
+    """Return what an agent does with the observation of one episode, shape (1, size)."""
+    if not isinstance(agent, PolicyAgent):
+        return agent.act
+    policy = fast_policy(agent)
+    return lambda observation: policy(observation[0])[None]

@@ -14,29 +14,39 @@ from joblib import Parallel, delayed
 from cjt_gym.blind.case import Log
 from cjt_gym.envs.core import Episodes
 from cjt_gym.envs.torque_tracking import complete
-from cjt_gym.errors import CjtGymError
+from cjt_gym.errors import CjtGymError, ConfigurationError
 from cjt_gym.gap import diagnose
 from cjt_gym.joint import JointFile, load_joint_file, to_toml
 from cjt_gym.records import Record, default_units
+from cjt_gym.signals import Signal
+from cjt_gym.training.code_hash import COUNTED, code_hash
 from cjt_gym.training.conditions import EVALUATION_SEEDS, TASKS, task_reference, zero_reference
 from cjt_gym.training.config import TrainConfig, environment_arguments, load_config
 from cjt_gym.training.loop.drive import drive
 from cjt_gym.training.loop.joints import HiddenJoint, as_sensed, hidden_joints
 from cjt_gym.training.loop.wide import wide_randomization, with_room
-from cjt_gym.training.metrics import noise_amplification, rms
+from cjt_gym.training.metrics import noise_amplification, nrmse
 from cjt_gym.training.policy import load_policy
-from cjt_gym.training.rollout import Agent, ControllerAgent
+from cjt_gym.training.rollout import Agent, ControllerAgent, Traces
 from cjt_gym.training.train import train
 
 Say = Callable[[str], None]
 AMPLITUDE_SHARE: Final = 0.2
 """Amplitude of the references over the peak torque of the motor [-]."""
+BASE: Final = "pd_feedforward"
+"""The base of the policies, and who is tried beside them."""
+RECIPE: Final = "loop"
+"""Configuration of all trainings."""
 ARMS: Final = ("controller", "nominal", "wide", "identified", "true")
 """Who is tried on every joint."""
-EPISODES: Final = 3
+EPISODES: Final = 2
 """Of a second each, for every task."""
-RATE: Final = {"start": 5e-4, "end": 5e-5}
-"""Learning rate of a training that goes on from another."""
+RATE: Final = {"start": 3e-4, "end": 1e-5}
+"""Learning rate of a training that goes on from another: it begins low."""
+MADE_BY: Final = "made_by.json"
+"""File that says what the results of a folder come from."""
+PARTS: Final = (*COUNTED, "blind", "gap")
+"""Parts of the package that they come from."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +58,8 @@ class Plan:
         groups: Datasheets.
         per_group: Joints of each.
         steps: Of the training on a datasheet.
-        more: Of the training that goes on from there on a single joint.
+        more: Of the trainings that go on from there, on the datasheet or on a single joint; that of
+            the wide arm has as many as both.
         seed: Of joints and trainings.
         jobs: Processes.
     """
@@ -56,8 +67,8 @@ class Plan:
     out: Path
     groups: int = 4
     per_group: int = 5
-    steps: int = 500_000
-    more: int = 200_000
+    steps: int = 400_000
+    more: int = 100_000
     seed: int = 1
     jobs: int = 2
 
@@ -73,7 +84,8 @@ class Outcome:
         found: What the diagnosis named.
         verdict: Of the diagnosis; the reason where it could not be made.
         amplitude: Of the references [N m].
-        tasks: By arm and task, root mean square error of the true torque [N m].
+        tasks: By arm and task, error of the true torque over the reference, both root mean squares
+            [-].
         noise: By arm, amplification of the torque sensor's noise [-].
     """
 
@@ -86,19 +98,22 @@ class Outcome:
     tasks: dict[str, dict[str, float]]
     noise: dict[str, float]
 
-    def rmse(self, arm: str) -> float:
-        """Return the root mean square error of an arm over all tasks [N m]."""
-        return rms(np.array(list(self.tasks[arm].values())))
+    def error(self, arm: str) -> float:
+        """Return the error of an arm, the geometric mean over the tasks [-].
+
+        A task that asks for more than the motor can give, where all fail, does not hide the others.
+        """
+        return float(np.exp(np.mean(np.log(list(self.tasks[arm].values())))))
 
     @property
     def gap(self) -> float:
         """Error of the policy of the nominal joint over that of the true one, less one."""
-        return self.rmse("nominal") / self.rmse("true") - 1.0
+        return self.error("nominal") / self.error("true") - 1.0
 
     def recovered(self, arm: str) -> float:
         """Return the share of the gap that an arm takes away."""
-        nominal = self.rmse("nominal")
-        return (nominal - self.rmse(arm)) / (nominal - self.rmse("true"))
+        nominal = self.error("nominal")
+        return (nominal - self.error(arm)) / (nominal - self.error("true"))
 
 
 def run_experiment(plan: Plan, say: Say = lambda text: None) -> list[Outcome]:
@@ -107,8 +122,11 @@ def run_experiment(plan: Plan, say: Say = lambda text: None) -> list[Outcome]:
     Args:
         plan: How large.
         say: Told what has been done.
+
+    Raises:
+        ConfigurationError: The folder holds what other settings or other code gave.
     """
-    plan.out.mkdir(parents=True, exist_ok=True)
+    _claim(plan)
     joints = hidden_joints(plan.groups, plan.per_group, plan.seed)
     firsts = [next(j for j in joints if j.group == g) for g in range(plan.groups)]
     say(f"{len(joints)} joints with {plan.groups} datasheets")
@@ -117,22 +135,58 @@ def run_experiment(plan: Plan, say: Say = lambda text: None) -> list[Outcome]:
     for name in work(delayed(_teach)(plan, joint, arm) for joint in firsts for arm in arms):
         say(f"trained {name}")
     found = []
-    for outcome in work(delayed(_try)(plan, joint) for joint in joints):
-        errors = ", ".join(f"{arm} {outcome.rmse(arm):.3g}" for arm in ARMS)
+    in_turn = sorted(joints, key=lambda joint: joint.name[-1])  # of each datasheet one, and so on
+    for outcome in work(delayed(_try)(plan, joint) for joint in in_turn):
+        errors = ", ".join(f"{arm} {outcome.error(arm):.3g}" for arm in ARMS)
         hidden, named = (", ".join(n) or "nothing" for n in (outcome.hidden, outcome.found))
-        say(f"{outcome.joint} hides {hidden}, found {named}; error [N m]: {errors}")
+        say(f"{outcome.joint} hides {hidden}, found {named}; error: {errors}")
         found.append(outcome)
     return sorted(found, key=lambda outcome: outcome.joint)
 
 
+def _claim(plan: Plan) -> None:
+    """Say in the folder what its results come from; refuse one whose results come from else."""
+    here = {
+        "steps": plan.steps,
+        "more": plan.more,
+        "seed": plan.seed,
+        "recipe": json.loads(json.dumps(load_config(RECIPE).to_dict())),
+        "code": code_hash(PARTS),
+    }
+    path = plan.out / MADE_BY
+    there = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else None
+    if there is None and not any(plan.out.glob("joint_*")):
+        plan.out.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps(here, indent=1) + "\n", encoding="utf-8")
+    elif there != here:
+        different = [name for name in here if here[name] != (there or {}).get(name)]
+        raise ConfigurationError(
+            f"{plan.out} holds an experiment that differs in {', '.join(different)}. Choose "
+            "another folder with --out, or delete this one."
+        )
+
+
 def _teach(plan: Plan, joint: HiddenJoint, arm: str) -> str:
-    """Train a policy of a datasheet."""
-    file = as_sensed(joint.stated(plan.out))
-    name, drawn = f"policy_{joint.group}_{arm}", None
+    """Train a policy of a datasheet, for as many steps as one of a joint gets in all."""
+    file, folder = as_sensed(joint.stated(plan.out)), _folder(plan, joint, arm)
     if arm == "wide":
-        file, drawn = with_room(file), wide_randomization(file, joint.structure)
-    _train(plan, joint, file, name, plan.steps, drawn, None)
-    return name
+        drawn = wide_randomization(file, joint.structure)
+        _train(plan, joint, with_room(file), folder, plan.steps + plan.more, drawn)
+    else:
+        first = _folder(plan, joint, "first")
+        _train(plan, joint, file, first, plan.steps)
+        _train(plan, joint, file, folder, plan.more, before=first)
+    return folder.name
+
+
+def _folder(plan: Plan, joint: HiddenJoint, arm: str) -> Path:
+    """Return the run of an arm, or "first", from which all but wide go on.
+
+    The controller has the observation and scales of nominal.
+    """
+    if arm in ("identified", "true"):
+        return plan.out / f"{joint.name}_{arm}"
+    return plan.out / f"policy_{joint.group}_{'nominal' if arm == 'controller' else arm}"
 
 
 def _try(plan: Plan, joint: HiddenJoint) -> Outcome:
@@ -142,27 +196,17 @@ def _try(plan: Plan, joint: HiddenJoint) -> Outcome:
         return Outcome(**json.loads(place.read_text(encoding="utf-8")))
     stated = joint.stated(plan.out)
     file, found, verdict = _diagnosed(joint, stated)
-    before = plan.out / f"policy_{joint.group}_nominal"
-    drawn = "identified" if found else None
-    _train(plan, joint, as_sensed(file), f"{joint.name}_identified", plan.more, drawn, before)
-    true = as_sensed(joint.true(stated))
-    _train(plan, joint, true, f"{joint.name}_true", plan.more, None, before)
-    agents: dict[str, Agent] = {
-        "controller": ControllerAgent("pd_feedforward"),
-        "nominal": load_policy(before),
-        "wide": load_policy(plan.out / f"policy_{joint.group}_wide"),
-        "identified": load_policy(plan.out / f"{joint.name}_identified"),
-        "true": load_policy(plan.out / f"{joint.name}_true"),
-    }
+    for arm, known, drawn in (
+        ("identified", file, "identified" if found else None),
+        ("true", joint.true(stated), None),
+    ):
+        before = _folder(plan, joint, "first")
+        _train(plan, joint, as_sensed(known), _folder(plan, joint, arm), plan.more, drawn, before)
     tasks, noise = {}, {}
-    for arm, agent in agents.items():
-        home = "nominal" if arm == "controller" else arm
-        own = (
-            f"policy_{joint.group}_{home}"
-            if home in ("nominal", "wide")
-            else f"{joint.name}_{home}"
-        )
-        config = load_config(plan.out / own / "config.toml")
+    for arm in ARMS:
+        folder = _folder(plan, joint, arm)
+        agent = ControllerAgent(BASE) if arm == "controller" else load_policy(folder)
+        config = load_config(folder / "config.toml")
         tasks[arm], noise[arm] = _tried(agent, config, joint)
     amplitude = config.env["torque_amplitude"]
     outcome = Outcome(
@@ -191,15 +235,15 @@ def _train(
     plan: Plan,
     joint: HiddenJoint,
     file: JointFile,
-    name: str,
+    folder: Path,
     steps: int,
-    randomization: Any,
-    before: Path | None,
+    randomization: Any = None,
+    before: Path | None = None,
 ) -> None:
     """Train on a joint; amplitude and scales are those of the datasheet for everyone."""
-    path = plan.out / f"{name}.toml"
+    path = folder.with_suffix(".toml")
     path.write_text(to_toml(file), encoding="utf-8")
-    base = load_config("loop")
+    base = load_config(RECIPE)
     sheet = str(plan.out / f"sheet_{joint.group}.toml")
     p = load_joint_file(sheet).parameters
     env = dict(base.env) | {"joint": sheet, "structure": joint.structure}
@@ -212,20 +256,17 @@ def _train(
     if before is not None:
         options = {**base.algorithm_options, "learning_rate": RATE}
         changes |= {"start_from": str(before.resolve()), "algorithm_options": options}
-    train(base.with_changes(**changes), plan.out / name, quiet=True)
+    train(base.with_changes(**changes), folder, quiet=True)
 
 
 def _tried(agent: Agent, config: TrainConfig, joint: HiddenJoint) -> tuple[dict[str, float], float]:
-    """Return the errors of an agent on a joint by task [N m], and its noise amplification [-]."""
-    arguments = environment_arguments(config.env)
+    """Return the errors of an agent on a joint by task, and its noise amplification [-]."""
     amplitude = config.env["torque_amplitude"]
-    references = {task: task_reference(task, amplitude) for task in TASKS}
-    references["rest"] = zero_reference()
-    errors: dict[str, float] = {}
-    for task, reference in references.items():
-        given = arguments | {"reference": reference, "randomization": None, "episode_steps": 1000}
-        runs = drive(agent, given, joint.case.world, EPISODES, EVALUATION_SEEDS)
-        if task == "rest":
-            return errors, noise_amplification(runs)
-        errors[task] = rms(runs.error)
-    raise AssertionError
+    arguments = environment_arguments(config.env) | {"randomization": None, "episode_steps": 1000}
+
+    def runs(reference: Signal, episodes: int) -> Traces:
+        given = arguments | {"reference": reference}
+        return drive(agent, given, joint.case.world, episodes, EVALUATION_SEEDS)
+
+    errors = {task: nrmse(runs(task_reference(task, amplitude), EPISODES)) for task in TASKS}
+    return errors, noise_amplification(runs(zero_reference(), 1))

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from itertools import groupby
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
+from cjt_gym.errors import MissingFileError
 from cjt_gym.training import report
 from cjt_gym.training.figures import COLOURS, INK, new_figure, to_svg
 from cjt_gym.training.loop.experiment import ARMS, Outcome, Plan
+from cjt_gym.training.marks import fill, markdown
 from cjt_gym.training.run_folder import versions
 
 NAMES: Final = {
@@ -33,17 +36,19 @@ def summary_of(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     over these joints.
     """
     gaps = [outcome for outcome in outcomes if outcome.gap > MATERIAL]
-    worse = [
-        o.joint for o in outcomes if o.rmse("identified") > (1.0 + MATERIAL) * o.rmse("nominal")
-    ]
+    worse = {
+        arm: [o.joint for o in outcomes if o.error(arm) > (1.0 + MATERIAL) * o.error("nominal")]
+        for arm in ("identified", "wide")
+    }
     return {
         "joints": len(outcomes),
         "with_a_gap": len(gaps),
         "recovered": {arm: _median([o.recovered(arm) for o in gaps]) for arm in ARMS[2:4]},
         "error_over_nominal": {
-            arm: _median([o.rmse(arm) / o.rmse("nominal") for o in outcomes]) for arm in ARMS
+            arm: _median([o.error(arm) / o.error("nominal") for o in outcomes]) for arm in ARMS
         },
-        "worse_than_nominal": worse,
+        "worse_than_nominal": worse["identified"],
+        "wide_worse": len(worse["wide"]),
         "names_right": sum(set(o.hidden) == set(o.found) for o in outcomes),
     }
 
@@ -59,12 +64,23 @@ def _median(values: Sequence[float]) -> dict[str, float] | None:
 
 def table_of(outcomes: Sequence[Outcome]) -> list[list[str]]:
     """Return a line per joint: what it hides, what was found, and everybody's error."""
-    head = ["joint", "hides", "found", *(f"{NAMES[arm]} [N m]" for arm in ARMS), "recovered"]
+    head = ["joint", "hides", "found", *(NAMES[arm] for arm in ARMS), "recovered"]
     lines = [head]
     for o in outcomes:
         share = f"{100.0 * o.recovered('identified'):.0f} %" if o.gap > MATERIAL else "no gap"
         names = [", ".join(n).replace("_", " ") or "-" for n in (o.hidden, o.found)]
-        lines.append([o.joint, *names, *(f"{o.rmse(arm):.3g}" for arm in ARMS), share])
+        lines.append([o.joint, *names, *(f"{o.error(arm):.3g}" for arm in ARMS), share])
+    return lines
+
+
+def noise_of(outcomes: Sequence[Outcome]) -> list[list[str]]:
+    """Return a line per datasheet: everybody's median amplification of the sensor's noise."""
+    lines = [["joints", "structure", *(NAMES[arm] for arm in ARMS)]]
+    for group, members in groupby(outcomes, key=lambda o: o.joint[:-1]):
+        same = list(members)
+        medians = (np.median([o.noise[arm] for o in same]) for arm in ARMS)
+        words = same[0].structure.replace("_", " ")
+        lines.append([f"{group}*", words, *(f"{value:.1f}" for value in medians)])
     return lines
 
 
@@ -81,9 +97,16 @@ def verdict(found: dict[str, Any]) -> str:
             f"Training on the identified joint recovers {_percent(share)} of this gap in the "
             f"median joint, wide randomisation {_percent(wide)}. "
         )
+    medians = ", ".join(
+        f"{NAMES[arm]} {_percent(found['error_over_nominal'][arm])}"
+        for arm in ("wide", "identified", "true")
+    )
     text += (
-        f"It made {', '.join(worse) or 'none'} worse by more than {100.0 * MATERIAL:.0f} %. "
-        f"The diagnosis named all that was hidden, and nothing else, on {found['names_right']}."
+        f"Error over that of nominal, median of all joints: {medians}. "
+        f"Training on the identified joint made {', '.join(worse) or 'none'} worse by more than "
+        f"{100.0 * MATERIAL:.0f} %, wide randomisation {found['wide_worse']} of all. "
+        f"The diagnosis named all that was hidden, and nothing else, on {found['names_right']}. "
+        "In brackets: 95 % intervals of a bootstrap over the joints."
     )
     return text
 
@@ -100,10 +123,10 @@ def figure_of(outcomes: Sequence[Outcome]) -> str:
     axes = figure.subplots()
     rows = np.arange(len(order))
     for arm, colour in zip(ARMS[:4], COLOURS, strict=False):
-        ratios = [o.rmse(arm) / o.rmse("true") for o in order]
+        ratios = [o.error(arm) / o.error("true") for o in order]
         axes.plot(ratios, rows, "o", color=colour, markersize=5, label=NAMES[arm])
     for row, o in zip(rows, order, strict=True):
-        ends = [o.rmse(arm) / o.rmse("true") for arm in ("nominal", "identified")]
+        ends = [o.error(arm) / o.error("true") for arm in ("nominal", "identified")]
         axes.plot(ends, [row, row], color=COLOURS[3], linewidth=0.8, zorder=0)
     axes.axvline(1.0, color=INK, linewidth=0.8)
     axes.set_xscale("log")
@@ -114,34 +137,100 @@ def figure_of(outcomes: Sequence[Outcome]) -> str:
     return to_svg(figure)
 
 
-def write_report(outcomes: Sequence[Outcome], plan: Plan, seconds: float) -> Path:
-    """Write `loop.json` and `report.html`; return the latter."""
-    found = summary_of(outcomes)
+def write_results(outcomes: Sequence[Outcome], plan: Plan, seconds: float) -> None:
+    """Write `loop.json`."""
     data = {
         "plan": {**vars(plan), "out": None},
-        "summary": found,
+        "summary": summary_of(outcomes),
         "joints": [vars(o) for o in outcomes],
         "versions": versions(),
         "seconds": seconds,
     }
     (plan.out / "loop.json").write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+
+
+def read_results(folder: Path) -> dict[str, Any]:
+    """Return what `loop.json` of a folder holds; its "joints" are of `Outcome`.
+
+    Raises:
+        MissingFileError: There is none.
+    """
+    try:
+        data: dict[str, Any] = json.loads((folder / "loop.json").read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise MissingFileError(
+            f"{folder} holds no loop.json. Make it:  python -m cjt_gym.training.loop --out {folder}"
+        ) from None
+    names = ("hidden", "found")
+    joints = [{**row, **{name: tuple(row[name]) for name in names}} for row in data["joints"]]
+    return {**data, "joints": [Outcome(**row) for row in joints]}
+
+
+def write_document(path: Path, data: dict[str, Any]) -> Path:
+    """Write facts, summary and table between the marks of a Markdown document; return its path.
+
+    A mark is `<!-- loop: NAME -->`, its end `<!-- end of loop: NAME -->`. The figure goes to
+    `figures/loop.svg` beside the document.
+
+    Raises:
+        MissingFileError: There is no such document.
+        ConfigurationError: It has no mark, or one without an end.
+    """
+    outcomes = data["joints"]
+    parts = {
+        "facts": facts(data),
+        "summary": verdict(summary_of(outcomes)),
+        "joints": markdown(table_of(outcomes)),
+        "noise": markdown(noise_of(outcomes)),
+    }
+    fill(path, "loop", parts)
+    (path.parent / "figures").mkdir(exist_ok=True)
+    (path.parent / "figures" / "loop.svg").write_text(figure_of(outcomes), encoding="utf-8")
+    return path
+
+
+def facts(data: dict[str, Any]) -> str:
+    """Return in a sentence what was run."""
+    plan, outcomes = data["plan"], data["joints"]
+    steps, more = (f"{plan[name]:,}".replace(",", " ") for name in ("steps", "more"))
+    named = ", ".join(f"{name} {version}" for name, version in data["versions"].items())
+    return (
+        f"{len(outcomes)} joints with {plan['groups']} datasheets, seed {plan['seed']}, one "
+        f"training of each policy; {steps} steps on the datasheet, {more} more of "
+        f"each that goes on. Versions: {named}."
+    )
+
+
+def write_page(folder: Path, outcomes: Sequence[Outcome]) -> Path:
+    """Write `report.html` and return its path."""
+    found = summary_of(outcomes)
     parts = [
         report.paragraph(verdict(found)),
         report.figure(
             figure_of(outcomes),
-            "Root mean square error of the true torque over steps, chirp, multisine and smooth "
-            "levels, relative to the policy that went on learning on the true joint. Joints by the "
-            "gap of the nominal policy; a line leads from it to that of the identified joint.",
+            "Error of the true torque over the reference, geometric mean over steps, chirp, "
+            "multisine and smooth levels, relative to the policy that went on learning on the true "
+            "joint. Joints by the gap of the nominal policy; a line leads from it to that of the "
+            "identified joint.",
+        ),
+        report.paragraph(
+            "Error of the true torque over the reference, geometric mean over the tasks [-]:",
+            note=True,
         ),
         report.html_table(table_of(outcomes)),
         report.paragraph(
+            "Amplification of the torque sensor's noise by the command at rest [-]:", note=True
+        ),
+        report.html_table(noise_of(outcomes)),
+        report.paragraph(
             "Every joint belongs to a simulator that shares no code with the one that policies "
-            "learn in. nominal: learnt on the joint of the datasheet. wide randomisation: learnt "
-            "on widely drawn joints. identified and true joint: went on from nominal, for as many "
-            "steps each, on the joint that the diagnosis of two records gave and on the one that "
-            "it is. controller alone: PD with feed-forward, designed on the datasheet, the base of "
-            "the policies. recovered: the share of the difference between nominal and true joint.",
+            "learn in. One policy learns on the joint of the datasheet; from it go on, for as many "
+            "steps each, nominal on that joint, identified on the joint that the diagnosis of two "
+            "records gave, and true joint on the one that it is. wide randomisation: learnt on "
+            "joints with widely drawn effects, for as many steps in all. controller alone: PD "
+            "with feed-forward, designed on the datasheet, the base of the policies. recovered: "
+            "the share of the difference between nominal and true joint.",
             note=True,
         ),
     ]
-    return report.write_page(plan.out / "report.html", "Closing the loop", parts)
+    return report.write_page(folder / "report.html", "Closing the loop", parts)

@@ -7,12 +7,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from cjt_gym.errors import ConfigurationError, MissingFileError
+from cjt_gym.errors import MissingFileError
 from cjt_gym.training import report
+from cjt_gym.training.marks import fill, markdown
 from cjt_gym.training.results import tables
 from cjt_gym.training.results.figures import delay_figure, noise_figure, port_figure, profile_figure
 from cjt_gym.training.results.plan import Plan
-from cjt_gym.training.results.tables import Cells, Found
+from cjt_gym.training.results.tables import Found
 from cjt_gym.training.run_folder import versions
 
 NOTES: Final = {
@@ -80,12 +81,6 @@ def write_page(folder: Path, found: Sequence[Found]) -> Path:
     return report.write_page(folder / "report.html", "Learned against classical", parts)
 
 
-def markdown(cells: Cells) -> str:
-    """Return a table in Markdown."""
-    lines = [cells[0], ["---"] * len(cells[0]), *cells[1:]]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
-
-
 def part_markdown(name: str, found: Sequence[Found]) -> str:
     """Return a table of every structure in Markdown, or the sentences for "summary"."""
     if name == "summary":
@@ -125,29 +120,6 @@ def write_document(path: Path, data: Found) -> Path:
         MissingFileError: There is no such document.
         ConfigurationError: It has no mark, or one without an end.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise MissingFileError(f"The document {path} does not exist.") from None
-    found, names = data["structures"], ("facts", "summary", *tables.PARTS)
-    present = [name for name in names if _begin(name) in text]
-    if not present:
-        raise ConfigurationError(
-            f"{path} has no place for results. Put {_begin('scores')} and {_end('scores')} into it."
-        )
-    for name in present:
-        before, rest = text.split(_begin(name), 1)
-        if _end(name) not in rest:
-            raise ConfigurationError(f"{path}: {_begin(name)} lacks its {_end(name)}.")
-        body = facts(data) if name == "facts" else part_markdown(name, found)
-        text = f"{before}{_begin(name)}\n\n{body}\n\n{_end(name)}{rest.split(_end(name), 1)[1]}"
-    path.write_text(text, encoding="utf-8")
-    return path
-
-
-def _begin(name: str) -> str:
-    return f"<!-- results: {name} -->"
-
-
-def _end(name: str) -> str:
-    return f"<!-- end of results: {name} -->"
+    names = ("summary", *tables.PARTS)
+    parts = {name: part_markdown(name, data["structures"]) for name in names}
+    return fill(path, "results", {"facts": facts(data), **parts})
