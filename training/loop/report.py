@@ -8,11 +8,13 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any, Final
 
+import matplotlib
 import numpy as np
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from cjt_gym.errors import MissingFileError
 from cjt_gym.training import report
-from cjt_gym.training.figures import COLOURS, INK, new_figure, to_svg
+from cjt_gym.training.figures import COLOURS, INK, STYLE, new_figure, to_svg
 from cjt_gym.training.loop.experiment import ARMS, Outcome, Plan
 from cjt_gym.training.marks import fill, markdown
 from cjt_gym.training.run_folder import versions
@@ -119,22 +121,29 @@ def _percent(share: dict[str, float]) -> str:
 def figure_of(outcomes: Sequence[Outcome]) -> str:
     """Return every joint's errors, relative to the policy of its true joint, as SVG."""
     order = sorted(outcomes, key=lambda o: o.gap)
-    figure = new_figure(0.6 + 0.24 * len(order))
-    axes = figure.subplots()
     rows = np.arange(len(order))
-    for arm, colour in zip(ARMS[:4], COLOURS, strict=False):
-        ratios = [o.error(arm) / o.error("true") for o in order]
-        axes.plot(ratios, rows, "o", color=colour, markersize=5, label=NAMES[arm])
-    for row, o in zip(rows, order, strict=True):
-        ends = [o.error(arm) / o.error("true") for arm in ("nominal", "identified")]
-        axes.plot(ends, [row, row], color=COLOURS[3], linewidth=0.8, zorder=0)
-    axes.axvline(1.0, color=INK, linewidth=0.8)
-    axes.set_xscale("log")
-    axes.set_yticks(rows, [", ".join(o.hidden).replace("_", " ") for o in order])
-    axes.set_xlabel("error over that of the policy of the true joint")
-    axes.grid(axis="y", visible=False)
-    axes.legend(loc="lower right")
+    ratios = {arm: [o.error(arm) / o.error("true") for o in order] for arm in ARMS[:4]}
+    figure = new_figure(1.4 + 0.22 * len(order))
+    with matplotlib.rc_context(STYLE):
+        axes = figure.subplots()
+        axes.hlines(rows, ratios["nominal"], ratios["identified"], colors=COLOURS[3], linewidth=0.8)
+        for arm, colour in zip(ratios, COLOURS, strict=False):
+            axes.plot(ratios[arm], rows, "o", color=colour, markersize=4, label=NAMES[arm])
+        axes.axvline(1.0, color=INK, linewidth=0.8)
+        axes.set_xscale("log")
+        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axes.xaxis.set_major_formatter("{x:g}")
+        axes.xaxis.set_minor_formatter(NullFormatter())
+        axes.set_yticks(rows, [_label(o) for o in order])
+        axes.set_xlabel("error over that of the policy of the true joint")
+        axes.grid(axis="y", visible=False)
+        figure.legend(loc="outside upper right", ncols=4)
     return to_svg(figure)
+
+
+def _label(outcome: Outcome) -> str:
+    names = ", ".join(outcome.hidden).replace("_", " ")
+    return f"{names}  {outcome.joint.removeprefix('joint_')}"
 
 
 def write_results(outcomes: Sequence[Outcome], plan: Plan, seconds: float) -> None:
