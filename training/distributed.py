@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -11,42 +10,42 @@ from typing import Any
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.training.config import TrainConfig
 from cjt_gym.training.run_folder import RunFolder
+from cjt_gym.training.seeds import runs_of
 
 RETRIES = 3
 
 
 def train_on_ray(
     config: TrainConfig,
-    seeds: Sequence[int],
     out: str | Path,
+    seeds: int,
     *,
     workers: int | None = None,
     retries: int = RETRIES,
 ) -> list[RunFolder]:
-    """Train with each of some seeds, each as a task of a Ray cluster.
+    """Do what `train_seeds` does, with each training as a task of a Ray cluster.
 
     A task whose worker is killed starts again on another one and goes on from the last checkpoint
     in its run folder. A cluster that is already there is used, as `RAY_ADDRESS` says, else one on
     this machine. A task takes as many cores as the configuration has threads.
 
     Args:
-        config: What to train; its seed is replaced.
-        seeds: The seeds.
-        out: Folder of the run folders `seed_0`, `seed_1`, ...; all machines of the cluster must
-            see it, by the same path.
+        config: What to train; it may have up to `STRIDE` environments.
+        out: Path of the run folders without _k; all machines of the cluster must see it, by the
+            same path.
+        seeds: How many.
         workers: Cores of a cluster that is started here; all of this machine if absent.
         retries: How often a task may lose its worker.
 
     Returns:
-        The run folders, in the order of the seeds. Their facts say which finished: a training that
+        The run folders. Their facts say which finished: a training that
         diverged, or that lost too many workers, has "failed" there, and the others go on.
 
     Raises:
-        ConfigurationError: Ray is not installed, there is no seed or one twice, a number is out of
-            range, or a folder holds something else.
+        ConfigurationError: Ray is not installed, a number is out of range, or a folder holds
+            something else.
     """
-    if not seeds or len(set(seeds)) != len(seeds):
-        raise ConfigurationError(f"seeds must be different whole numbers, got {list(seeds)}.")
+    runs = runs_of(config, out, seeds)
     if retries < 0 or (workers is not None and workers < 1):
         raise ConfigurationError(
             f"retries must be >= 0 and workers >= 1, got {retries} and {workers}."
@@ -58,13 +57,8 @@ def train_on_ray(
         train(changed, path, quiet=True)
 
     task = ray.remote(num_cpus=config.threads, max_retries=retries)(run)
-    folder = Path(out).resolve()
-    paths = [folder / f"seed_{seed}" for seed in seeds]
-    jobs = [
-        task.options(name=f"train seed {seed}").remote(config.with_changes(seed=seed), str(path))
-        for seed, path in zip(seeds, paths, strict=True)
-    ]
-    return [_outcome(ray, job, RunFolder(path)) for job, path in zip(jobs, paths, strict=True)]
+    jobs = [task.options(name=path.name).remote(changed, str(path)) for changed, path in runs]
+    return [_outcome(ray, job, RunFolder(path)) for job, (_, path) in zip(jobs, runs, strict=True)]
 
 
 def join_cluster(workers: int | None = None) -> Any:

@@ -32,17 +32,33 @@ def train_seeds(config: TrainConfig, out: str | Path, seeds: int, jobs: int) -> 
         ConfigurationError: A number is out of range, or a folder holds something else.
         TrainingError: A training diverged.
     """
-    if seeds < 1 or jobs < 1 or config.num_envs > STRIDE:
-        raise ConfigurationError(
-            f"--seeds and --jobs must be >= 1 and num_envs at most {STRIDE}, got {seeds}, {jobs} "
-            f"and {config.num_envs}."
-        )
-    path = Path(out)
-    tasks = [
-        (config.with_changes(seed=config.seed + STRIDE * k), path.with_name(f"{path.name}_{k}"))
-        for k in range(seeds)
-    ]
+    if jobs < 1:
+        raise ConfigurationError(f"--jobs must be >= 1, got {jobs}.")
+    tasks = runs_of(config, out, seeds)
     with ProcessPoolExecutor(min(jobs, seeds), mp_context=get_context("spawn")) as pool:
         futures = [pool.submit(train, *task, quiet=True) for task in tasks]
         for future in as_completed(futures):
             yield future.result()
+
+
+def runs_of(config: TrainConfig, out: str | Path, seeds: int) -> list[tuple[TrainConfig, Path]]:
+    """Return configuration and run folder of each training from several seeds.
+
+    Args:
+        config: What to train.
+        out: Path of the run folders without _k.
+        seeds: How many.
+
+    Raises:
+        ConfigurationError: There are none, or so many environments that trainings share seeds.
+    """
+    if seeds < 1 or config.num_envs > STRIDE:
+        raise ConfigurationError(
+            f"--seeds must be >= 1 and num_envs at most {STRIDE}, got {seeds} and "
+            f"{config.num_envs}."
+        )
+    path = Path(out).resolve()
+    return [
+        (config.with_changes(seed=config.seed + STRIDE * k), path.with_name(f"{path.name}_{k}"))
+        for k in range(seeds)
+    ]

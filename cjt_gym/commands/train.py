@@ -9,11 +9,15 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.plant.randomization import PRESETS
 from cjt_gym.training.config import config_names, load_config
+from cjt_gym.training.distributed import train_on_ray
 from cjt_gym.training.run_folder import RunFolder
 from cjt_gym.training.seeds import train_seeds
 from cjt_gym.training.train import train
+
+BACKENDS = ("loky", "ray")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -35,6 +39,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = "train from N seeds into the folders RUN_0, RUN_1 ..., instead of once into RUN"
     add("--seeds", type=int, metavar="N", help=text)
     add("--jobs", type=int, default=1, help="trainings side by side with --seeds, default 1")
+    text = "where they train: loky for processes here, or ray, with RAY_ADDRESS or a cluster here"
+    add("--backend", default="loky", metavar="B", help=text)
     add("--quiet", action="store_true", help="no progress bar")
 
 
@@ -57,10 +63,18 @@ def run(options: argparse.Namespace) -> None:
     config = load_config(options.config)
     env = environment(config.env, options)
     config = config.with_changes(env=env, seed=options.seed, total_steps=options.steps)
+    if options.backend not in BACKENDS:
+        raise unknown_name("backend", options.backend, BACKENDS)
+    if options.seeds is None and options.backend != "loky":
+        raise ConfigurationError(f"--backend {options.backend} needs --seeds.")
     if options.seeds is None:
         _tell(train(config, options.out, quiet=options.quiet), options.json)
         return
-    for folder in train_seeds(config, options.out, options.seeds, options.jobs):
+    if options.backend == "ray":
+        runs = iter(train_on_ray(config, options.out, options.seeds, workers=options.jobs))
+    else:
+        runs = train_seeds(config, options.out, options.seeds, options.jobs)
+    for folder in runs:
         _tell(folder, options.json)
 
 

@@ -77,7 +77,7 @@ def _multisine(key: np.uint64, table: Floats, t: float) -> float:
     total, count = 0.0, table.shape[0]
     for j in range(count):
         total += _sine(table[j, 0] * t + hashed_uniform(key, j))
-    return total / count
+    return float(total / count)
 
 
 @lean

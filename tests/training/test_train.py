@@ -239,5 +239,5 @@ def test_several_seeds_train_side_by_side(tiny: TrainConfig, tmp_path: Path) -> 
     assert [run.facts["seed"] for run in runs] == [tiny.seed, tiny.seed + 1000]
     assert all(run.facts["status"] == "finished" for run in runs)
     assert runs[0].progress()[-1]["rmse"] != runs[1].progress()[-1]["rmse"]
-    with pytest.raises(ConfigurationError, match="--seeds and --jobs must be >= 1"):
+    with pytest.raises(ConfigurationError, match="must be >= 1"):
         next(train_seeds(short, tmp_path / "run", seeds=0, jobs=1))
