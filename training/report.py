@@ -19,10 +19,15 @@ th, td { text-align: right; padding: 0.15rem 0.5rem; white-space: nowrap; }
 th { font-weight: normal; color: #555; border-bottom: 1px solid #202020; vertical-align: bottom;
   white-space: normal; }
 th:first-child, td:first-child, td.text { text-align: left; padding-left: 0; }
+td.long { text-align: left; white-space: normal; min-width: 24rem; }
 tr.first td { border-top: 1px solid #ddd; }
 div.wide { overflow-x: auto; }
 @media print { body { margin: 0; max-width: none; font-size: 11pt; } h2 { break-after: avoid; } }
 """
+
+
+LONG = 60
+"""Characters from which the text of a cell is broken into lines."""
 
 
 def paragraph(text: str, note: bool = False) -> str:
@@ -52,8 +57,13 @@ def html_table(cells: Sequence[Sequence[str]]) -> str:
     for line in cells[1:]:
         new = " class=first" if line[0] != group else ""
         group = line[0]
-        lines.append(f"<tr{new}>" + "".join(f"<td>{escape(cell)}</td>" for cell in line) + "</tr>")
+        lines.append(f"<tr{new}>" + "".join(map(_cell, line)) + "</tr>")
     return f"<div class=wide><table><tr>{lines[0]}</tr>{''.join(lines[1:])}</table></div>"
+
+
+def _cell(text: str) -> str:
+    long = " class=long" if len(text) > LONG else ""
+    return f"<td{long}>{escape(text)}</td>"
 
 
 def write_page(path: Path, title: str, parts: Sequence[str]) -> Path:

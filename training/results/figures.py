@@ -27,7 +27,7 @@ def _some(found: Found) -> dict[str, tuple[str, float]]:
 
 
 def noise_figure(found: Found) -> str:
-    """Return score against noise of everybody."""
+    """Return score against noise of everybody; whom nobody beats in both has a name."""
     figure = new_figure(3.4)
     with matplotlib.rc_context(STYLE):
         axes: Any = figure.subplots()
@@ -37,9 +37,13 @@ def noise_figure(found: Found) -> str:
                 continue
             at = (max(noise, 0.1), score)
             axes.plot(*at, "o", color=COLOURS[2] if name == "policy" else COLOURS[0])
-            axes.annotate(
-                name.replace("_", " "), at, textcoords="offset points", xytext=(4, 3), fontsize=7
+            beaten = any(
+                found["score"][other] < score and (found["noise"][other] or np.inf) < noise
+                for other in found["score"]
             )
+            if name in _some(found) or not beaten:
+                word = name.replace("_", " ")
+                axes.annotate(word, at, textcoords="offset points", xytext=(5, 3), fontsize=7)
         axes.set_xscale("log")
         axes.set_yscale("log")
         axes.set_xlabel("amplification of the torque sensor's noise")

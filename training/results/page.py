@@ -69,7 +69,11 @@ def write_page(folder: Path, found: Sequence[Found]) -> Path:
             cells = tables.port(one, everybody=True) if name == "port" else table(one)
             parts += [report.paragraph(NOTES[name], note=True), report.html_table(cells)]
         parts += [
-            report.figure(noise_figure(one), "Everybody's error and what it costs in noise."),
+            report.figure(
+                noise_figure(one),
+                "Everybody's error and what it costs in noise; named are the policies, the best "
+                "controllers, the base, and whom nobody beats in both.",
+            ),
             report.figure(
                 profile_figure(one),
                 "Performance profiles: share of episodes whose nrmse is below a threshold, with "
