@@ -45,7 +45,7 @@ def train_on_ray(
         ConfigurationError: Ray is not installed, a number is out of range, or a folder holds
             something else.
     """
-    runs = runs_of(config, out, seeds)
+    runs = runs_of(config, Path(out).resolve(), seeds)  # workers are elsewhere
     if retries < 0 or (workers is not None and workers < 1):
         raise ConfigurationError(
             f"retries must be >= 0 and workers >= 1, got {retries} and {workers}."

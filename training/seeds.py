@@ -57,7 +57,7 @@ def runs_of(config: TrainConfig, out: str | Path, seeds: int) -> list[tuple[Trai
             f"--seeds must be >= 1 and num_envs at most {STRIDE}, got {seeds} and "
             f"{config.num_envs}."
         )
-    path = Path(out).resolve()
+    path = Path(out)
     return [
         (config.with_changes(seed=config.seed + STRIDE * k), path.with_name(f"{path.name}_{k}"))
         for k in range(seeds)

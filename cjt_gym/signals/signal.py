@@ -37,7 +37,7 @@ class Signal:
         high: Highest frequency [Hz] of chirp and multisine.
         period: Hold time of a step, spacing of the smooth levels, duration of a sweep [s].
         count: Tones of a multisine.
-        table: Rows [t, value] of a file, [f, 0] of a multisine, which finds it, shape (rows, 2).
+        table: Rows [t, value] of a file, shape (rows, 2); a multisine sets it to rows [f, 0].
         key: Seed of the random parts; `reset` draws it.
 
     Example:

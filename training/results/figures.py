@@ -38,8 +38,8 @@ def noise_figure(found: Found) -> str:
             at = (max(noise, 0.1), score)
             axes.plot(*at, "o", color=COLOURS[2] if name == "policy" else COLOURS[0])
             beaten = any(
-                found["score"][other] < score and (found["noise"][other] or np.inf) < noise
-                for other in found["score"]
+                other is not None and other < noise and found["score"][who] < score
+                for who, other in found["noise"].items()
             )
             if name in _some(found) or not beaten:
                 word = name.replace("_", " ")
