@@ -9,7 +9,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from cjt_gym.envs.observe import CLIP, SIGNALS_PER_SAMPLE, Task, begin, draw_episodes
+from cjt_gym.envs.observe import CLIP, SIGNALS_PER_SAMPLE, TERMS, Task, begin, draw_episodes
 from cjt_gym.envs.settings import BaseController, Settings, make_settings
 from cjt_gym.envs.step import (
     BAD_ACTION,
@@ -27,7 +27,6 @@ from cjt_gym.plant import Measurement, SimulatedPlant
 from cjt_gym.signals import Signal
 
 Floats = NDArray[np.float64]
-TERMS = ("tracking", "smoothness", "effort", "safety")
 ControllerOrFactory = BaseController | Callable[[Joint, float], BaseController]
 
 

@@ -17,7 +17,10 @@ Floats = NDArray[np.float64]
 Masks = NDArray[np.bool_]
 
 CLIP = 5.0
-TRACKING, SMOOTHNESS, EFFORT, SAFETY = range(4)
+TERMS = ("tracking", "precision", "smoothness", "effort", "safety")
+TRACKING, PRECISION, SMOOTHNESS, EFFORT, SAFETY = range(len(TERMS))
+FINE = 0.05
+"""Error over the torque amplitude up to which the term `precision` grows about linearly."""
 SIGNALS_PER_SAMPLE = 4  # torque, motor velocity, load velocity, command
 
 
@@ -42,10 +45,10 @@ class Task(NamedTuple):
         history: Scaled samples [tau, dq_m, dq_l, command], newest first, shape (n, 4 history).
         observation: Shape (n, size), float32.
         reward: Shape (n,).
-        terms: Weighted reward terms, shape (n, 4).
+        terms: Weighted reward terms, shape (n, 5).
         terminated: Shape (n,).
         truncated: Shape (n,).
-        weights: Of the reward terms, shape (4,).
+        weights: Of the reward terms, shape (5,).
         scales: [torque amplitude, velocity scale, action scale, torque limit, speed limit,
             joint torque limit, control step, n (gear ratio)], shape (8,).
         episode_steps: Control steps after which an episode is truncated.
@@ -205,10 +208,17 @@ def conclude_one(
     task.truncated[i] = batch.samples[i] >= task.episode_steps and not task.terminated[i]
     terms = task.terms[i]
     terms[TRACKING] = -weights[TRACKING] * abs(error)
+    terms[PRECISION] = 0.0
+    if weights[PRECISION] > 0.0:
+        fine = math.log1p(abs(error) / FINE) / math.log1p(1.0 / FINE)
+        terms[PRECISION] = -weights[PRECISION] * fine
     terms[SMOOTHNESS] = -weights[SMOOTHNESS] * change * change
     terms[EFFORT] = -weights[EFFORT] * (command / scales[0]) ** 2
     terms[SAFETY] = -weights[SAFETY] if task.terminated[i] else 0.0
-    task.reward[i] = terms[TRACKING] + terms[SMOOTHNESS] + terms[EFFORT] + terms[SAFETY]
+    reward = 0.0
+    for j in range(SAFETY + 1):
+        reward += terms[j]
+    task.reward[i] = reward
     sample(batch, task, i)
     observe(batch, task, i, sine, cosine)
     task.load[i] = load_at(task, i, t)

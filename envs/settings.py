@@ -10,6 +10,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from cjt_gym.envs.observe import TERMS
 from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.joint import Joint, get_structure, load_joint, load_joint_file
 from cjt_gym.joint.parameters import JointParameters
@@ -19,7 +20,7 @@ from cjt_gym.plant.randomization.program import compile_plan
 from cjt_gym.signals import Signal, make_signals
 
 Floats = NDArray[np.float64]
-REWARD_WEIGHTS = {"tracking": 1.0, "smoothness": 0.05, "effort": 0.0, "safety": 50.0}
+REWARD_WEIGHTS = dict(zip(TERMS, (1.0, 0.0, 0.05, 0.0, 50.0), strict=True))
 AMPLITUDE_SHARE = 0.1
 FRICTION_FACTOR = 3.0
 LOAD_FACTOR = 10.0

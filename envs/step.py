@@ -16,7 +16,7 @@ from numba import from_dtype
 from numba.np import arrayobj
 from numpy.typing import NDArray
 
-from cjt_gym.envs.observe import SAFETY, Task, conclude_one, rotor_angle
+from cjt_gym.envs.observe import SAFETY, TERMS, Task, conclude_one, rotor_angle
 from cjt_gym.joint.arrays import TAU, Batch, Floats, Setup
 from cjt_gym.joint.blocks import Blocks, advance
 from cjt_gym.joint.compiled import inlined, threaded
@@ -30,7 +30,7 @@ populate_array: Any = arrayobj.populate_array
 BAD_ACTION = -1
 REPORT = (
     *("tau", "tau_measured", "tau_reference", "tau_command", "base_action", "residual"),
-    *("reward/tracking", "reward/smoothness", "reward/effort", "reward/safety"),
+    *(f"reward/{name}" for name in TERMS),
 )
 
 
@@ -43,7 +43,7 @@ class Control(NamedTuple):
         residual: Motor torque of the action, shape (n,) [N m].
         wanted: Both, within the limits, shape (n,) [N m].
         commands: The same as currents [A], shape (n, 2).
-        report: Columns of `REPORT`, shape (1, 10) for a single episode, else (0, 10).
+        report: Columns of `REPORT`, shape (1, 11) for a single episode, else (0, 11).
         factors: [action scale, torque limit, torque per ampere].
     """
 

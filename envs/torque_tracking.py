@@ -65,9 +65,13 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
     | Term | Value | Weight |
     |---|---|---|
     | `tracking` | -abs(e) | 1 |
+    | `precision` | -ln(1 + 20 abs(e)) / ln(21) | 0 |
     | `smoothness` | -(u - u before)^2 | 0.05 |
     | `effort` | -u^2 | 0 |
     | `safety` | -1 if the episode terminates | 50 |
+
+    `precision` is for tasks whose errors differ much: halving an error is worth about the same in
+    each, down to 5 % of the amplitude.
 
     ## Starting state
 

@@ -1,11 +1,13 @@
-"""A policy for PPO that pays for what the noise of the sensors does to its action.
+"""A policy for PPO that pays for what the noise of the sensors does to the command.
 
-With m the mean action, o an observation and d[t] the noise that the joint's sensors have at rest,
+With m the mean action, o an observation, d[t] what the sensors' noise does to it at rest, and b[t]
+what it does to the command of the base controller,
 
     u[t] = m(o + d[t] + h[t]) - m(o),
 
-where h[t] are u[t-1], u[t-2], ... at the places of the past commands: how the command shakes while
-the joint, held by its friction, does not answer. The penalty is the mean square of u. It is a
+where h[t] are u[t-1], u[t-2], ... at the places of the past commands, which hold those of the base
+already: how the command shakes while the joint, held by its friction, does not answer. The penalty
+is the mean square of u + b. It is a
 smoothness in space as in Mysore et al., 2021, Regularizing Action Policies for Smooth Control,
 with noise that is not white and in a loop: without the loop, policies learn to ring in their past
 commands. Unlike a reward for small changes of the command it leaves the answer to the reference
@@ -43,6 +45,8 @@ class SensorNoise:
 
     Attributes:
         rows: Deviations of observations from their mean, shape (steps, episodes, size).
+        base: Those of the base controller's command that answers each, over `action`, shape
+            (steps, episodes).
         torque: Standard deviation of the measured torque from the true one [N m].
         action: Motor torque of an action of 1 [N m].
         amplitude: Torque that observations are divided by [N m].
@@ -50,6 +54,7 @@ class SensorNoise:
     """
 
     rows: NDArray[np.float32]
+    base: NDArray[np.float32]
     torque: float
     action: float
     amplitude: float
@@ -57,7 +62,9 @@ class SensorNoise:
 
 
 def sensor_noise(config: TrainConfig) -> SensorNoise:
-    """Return the noise on the observations of a configuration, of joints at rest without command.
+    """Return the noise on the observations of a configuration, of joints at rest.
+
+    The base controller acts, with a reference of zero; the policy does not.
 
     Raises:
         ConfigurationError: The torque sensor has no noise.
@@ -67,15 +74,17 @@ def sensor_noise(config: TrainConfig) -> SensorNoise:
     names = ("torque_amplitude", "velocity_scale", "action_scale", "history")
     still = Signal("file", amplitude=0.0, table=np.zeros((1, 2)))
     arguments |= {name: getattr(s, name) for name in names}
-    arguments |= {"reference": still, "disturbance": None, "base_controller": None}
+    arguments |= {"reference": still, "disturbance": None}
     episodes = Episodes(EPISODES, **(arguments | {"episode_steps": SETTLE + STEPS}))
     episodes.seed(SEED, None)
     episodes.reset()
-    seen, off = [], []
+    seen, answers, off = [], [], []
     for step in range(SETTLE + STEPS):
+        before = episodes.task.observation.copy()
         episodes.step(np.zeros((EPISODES, 1)))
         if step >= SETTLE:
-            seen.append(episodes.task.observation.copy())
+            seen.append(before)
+            answers.append(episodes.task.command.copy())
             told = episodes.info()
             off.append(told["tau_measured"] - told["tau"])
     torque = float(np.mean(np.std(off, axis=0)))
@@ -89,7 +98,10 @@ def sensor_noise(config: TrainConfig) -> SensorNoise:
         SIGNALS_PER_SAMPLE - 1 :: SIGNALS_PER_SAMPLE
     ]
     rows -= rows.mean(axis=0)
-    return SensorNoise(rows, torque, s.action_scale, s.torque_amplitude, commands)
+    base = np.array(answers)
+    base -= base.mean(axis=0)
+    base = (base / s.action_scale).astype(np.float32)
+    return SensorNoise(rows, base, torque, s.action_scale, s.torque_amplitude, commands)
 
 
 class QuietPolicy(ActorCriticPolicy):
@@ -123,6 +135,7 @@ class QuietPolicy(ActorCriticPolicy):
         if self._noise is None:
             self._heard = self._hear()
             self._noise = torch.as_tensor(self._heard.rows, device=self.device)
+            self._base = torch.as_tensor(self._heard.base, device=self.device).unsqueeze(2)
         heard, count = self._heard, len(obs)
         steps, episodes, _ = self._noise.shape
         first = torch.randint(steps - LENGTH + 1, (count,), device=self.device)
@@ -138,7 +151,7 @@ class QuietPolicy(ActorCriticPolicy):
             shaking = self._mean(shaken[t].index_add(1, commands, factors * past)) - mean
             past = torch.cat([shaking, past[:, :-1]], dim=1)
             if t >= LENGTH // 2:
-                total = total + shaking.square().mean()
+                total = total + (shaking + self._base[times[t], which]).square().mean()
         return total / (LENGTH - LENGTH // 2) * (heard.action / heard.torque) ** 2
 
     def _mean(self, obs: torch.Tensor) -> torch.Tensor:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import subprocess
 import sys
 import warnings
@@ -15,6 +16,7 @@ from gymnasium.utils.env_checker import check_env
 from stable_baselines3.common.env_checker import check_env as check_env_sb3
 
 import cjt_gym
+from cjt_gym.envs.observe import TERMS
 from cjt_gym.envs.sb3 import TorqueTrackingVecEnv
 from cjt_gym.errors import ConfigurationError, ParameterError, UnknownNameError
 from cjt_gym.registry import ENVIRONMENTS
@@ -111,13 +113,17 @@ def test_the_stable_baselines_batch_resets_within_the_step_and_keeps_the_last_ob
 
 
 def test_every_step_reports_the_promised_keys_and_the_terms_sum_to_the_reward() -> None:
-    env = make(effects=REAL, reward_weights={"effort": 0.1})
+    env = make(effects=REAL, reward_weights={"effort": 0.1, "precision": 0.5})
     env.reset(seed=0)
     _, reward, _, _, info = env.step(np.array([0.5], dtype=np.float32))
-    terms = [f"reward/{name}" for name in ("tracking", "smoothness", "effort", "safety")]
+    terms = [f"reward/{name}" for name in TERMS]
     plain = ["tau", "tau_measured", "tau_reference", "tau_command", "base_action", "residual"]
     assert set(info) == {*plain, *terms}
     assert reward == pytest.approx(sum(info[name] for name in terms))
+    error = -info["reward/tracking"]
+    assert error > 0.0
+    expected = -0.5 * math.log1p(20.0 * error) / math.log(21.0)
+    assert info["reward/precision"] == pytest.approx(expected)
     assert info["residual"] == info["tau_command"]
     assert info["base_action"] == 0.0
 

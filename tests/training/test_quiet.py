@@ -1,4 +1,4 @@
-"""The penalty on what the sensors' noise does to the action of a policy."""
+"""The penalty on what the sensors' noise does to the command of a policy and its base."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from cjt_gym.training.config import TrainConfig
 from cjt_gym.training.deploy.export import export_policy
 from cjt_gym.training.policy import load_policy
 from cjt_gym.training.quiet import QuietPolicy, sensor_noise
-from cjt_gym.training.run_folder import RunFolder
 from cjt_gym.training.train import train
 
 
@@ -39,7 +38,11 @@ def test_noise_is_that_of_the_sensors(tiny: TrainConfig) -> None:
     assert scatter[head] * config.torque_amplitude == pytest.approx(noise.torque, rel=0.05)
     assert np.all(scatter[head::4] == pytest.approx(scatter[head], rel=0.1))
     assert scatter[0] == 0.0  # the reference
-    assert np.all(scatter[noise.commands] == 0.0)
+    shares = noise.amplitude / noise.action * noise.rows[1:, :, noise.commands[0]]
+    shares -= shares.mean(axis=0)
+    before = noise.base[:-1] - noise.base[:-1].mean(axis=0)
+    np.testing.assert_allclose(shares, before, atol=1e-5)
+    assert before.std() > 0.0
     assert np.allclose(noise.rows[..., config.preview + 1], -noise.rows[..., head], atol=1e-6)
 
 
@@ -60,7 +63,8 @@ def test_without_past_commands_the_penalty_is_that_of_the_sensors_alone(tiny: Tr
         found = float(policy.penalty(torch.zeros(4000, size)))
         mean = policy.get_distribution(torch.zeros(1, size)).mode()
         there = policy.get_distribution(torch.as_tensor(noise.rows.reshape(-1, size))).mode()
-    expected = float((there - mean).square().mean()) * (noise.action / noise.torque) ** 2
+    shaken = (there - mean).flatten() + torch.as_tensor(noise.base.reshape(-1))
+    expected = float(shaken.square().mean()) * (noise.action / noise.torque) ** 2
     assert found == pytest.approx(expected, rel=0.1)
 
 
@@ -86,14 +90,16 @@ def test_the_penalty_is_how_much_a_joint_at_rest_shakes(tiny: TrainConfig, feedb
 
 
 def test_a_weight_quietens_the_policy_and_what_is_exported(
-    tiny: TrainConfig, finished: RunFolder, tmp_path: Path
+    tiny: TrainConfig, tmp_path: Path
 ) -> None:
-    run = train(with_weight(tiny, 10.0), tmp_path / "quiet", quiet=True)
-    policy = policy_of(with_weight(tiny, 10.0))
+    alone = replace(tiny, env={**tiny.env, "base_controller": None})
+    loud = train(alone, tmp_path / "loud", quiet=True)
+    run = train(with_weight(alone, 100.0), tmp_path / "quiet", quiet=True)
+    policy = policy_of(with_weight(alone, 100.0))
     places = torch.zeros(500, policy.observation_space.shape[0])  # type: ignore[index]
     shaken = []
     with torch.no_grad():
-        for folder in (run.path, finished.path):
+        for folder in (run.path, loud.path):
             policy.load_state_dict(load_policy(folder).model.policy.state_dict())
             shaken.append(float(policy.penalty(places)) ** 0.5)
     assert shaken[0] < 0.5 * shaken[1]
