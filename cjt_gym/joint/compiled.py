@@ -29,6 +29,7 @@ PACKAGES = (
     "cjt_gym.plant",
     "cjt_gym.envs",
     "cjt_gym.gap",
+    "cjt_gym.training.deploy",
 )
 STAMP = "compiled.stamp"
 BORROWED: Any = {"cache": True, "_nrt": False}

@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.errors import ConfigurationError, MissingFileError
+from cjt_gym.joint.compiled import threaded
 from cjt_gym.training.conditions import Conditions
 from cjt_gym.training.config import TrainConfig, from_dict
-from cjt_gym.training.deploy.layout import Layout, Observer
-from cjt_gym.training.deploy.network import Layer, Network
+from cjt_gym.training.deploy.layout import Layout, observe
+from cjt_gym.training.deploy.network import Layer, Network, run_layers
 from cjt_gym.training.policy_arguments import kind_of, policy_arguments, trained_on
 
 KIND: Final = "cjt_gym policy"
@@ -71,6 +72,27 @@ class Exported:
         """Nothing is remembered."""
 
 
+@threaded
+def run_step(
+    plan: NDArray[np.int64],
+    numbers: NDArray[np.float32],
+    clip: float,
+    work: NDArray[np.float32],
+    scales: Floats,
+    reference: Floats,
+    tau: float,
+    q_m: float,
+    dq_m: float,
+    dq_l: float,
+    command: float,
+    begun: bool,
+    observation: NDArray[np.float32],
+) -> float:
+    """Observe and return the action; see `observe` and `run_layers`."""
+    observe(scales, reference, tau, q_m, dq_m, dq_l, command, begun, observation)
+    return float(work[run_layers(plan, numbers, observation, clip, work), 0])
+
+
 @final
 class Stepper:
     """A policy at work: measurements in, motor torque out, its history inside.
@@ -81,13 +103,27 @@ class Stepper:
     """
 
     def __init__(self, policy: Exported) -> None:
-        """Begin an episode."""
+        """Begin an episode.
+
+        Raises:
+            ConfigurationError: Its network takes another observation than its layout makes.
+        """
+        layout, network = policy.layout, policy.network
+        if layout.history < 1 or network.mean.shape != (layout.size,):
+            raise ConfigurationError(
+                f"The network of the policy {policy.name} takes {len(network.mean)} numbers, its "
+                f"layout makes {layout.size}. Export it anew."
+            )
         self.policy = policy
-        self._observer = Observer(policy.layout)
+        self._fixed = (*network.packed[:2], network.clip, network.packed[2])
+        self._scales = np.array([layout.torque, layout.velocity, layout.n])
+        self._reference = np.zeros(layout.preview + 1)
+        self._observation = np.zeros(layout.size, dtype=np.float32)
+        self.reset()
 
     def reset(self) -> None:
-        """Forget the past."""
-        self._observer.reset()
+        """Forget the past; the next step is the first."""
+        self._begun = False
 
     def step(
         self,
@@ -108,8 +144,13 @@ class Stepper:
             dq_l: Measured load velocity [rad/s].
             command: Motor torque that was commanded in the step before; 0 in the first [N m].
         """
-        observation = self._observer.observe(reference, tau, q_m, dq_m, dq_l, command)
-        return float(self.policy.network.act(observation)[0]) * self.policy.layout.action
+        self._reference[:] = reference
+        numbers = (float(tau), float(q_m), float(dq_m), float(dq_l), float(command))  # one type
+        action = run_step(
+            *self._fixed, self._scales, self._reference, *numbers, self._begun, self._observation
+        )
+        self._begun = True
+        return float(action) * self.policy.layout.action
 
 
 def facts_of(policy: Exported) -> dict[str, Any]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 
 from cjt_gym.envs.observe import CLIP, SIGNALS_PER_SAMPLE
 from cjt_gym.envs.settings import Settings
+from cjt_gym.joint.compiled import inlined
 
 Floats = NDArray[np.float32]
 LIMIT: Final = CLIP
@@ -64,48 +64,48 @@ def layout_of(settings: Settings) -> Layout:
     )
 
 
-class Observer:
-    """Makes observations, one control step after the other."""
-
-    def __init__(self, layout: Layout) -> None:
-        """Begin an episode."""
-        self.layout = layout
-        self._observation = np.zeros(layout.size, dtype=np.float32)
-        self.reset()
-
-    def reset(self) -> None:
-        """Forget the past; the next step is the first."""
-        self._begun = False
-
-    def observe(
-        self,
-        reference: Sequence[float],
-        tau: float,
-        q_m: float,
-        dq_m: float,
-        dq_l: float,
-        command: float,
-    ) -> Floats:
-        """Return the observation of a control step, shape (size,); it is overwritten by the next.
-
-        Arguments are those of `cjt_gym.training.deploy.exported.Stepper.step`.
-        """
-        layout, out = self.layout, self._observation
-        head, torque, velocity = layout.head, layout.torque, layout.velocity
-        for k, wanted in enumerate(reference):
-            out[k] = _limited(wanted / torque)
-        out[head - 3] = _limited((reference[0] - tau) / torque)
-        rotor = layout.n * q_m
-        out[head - 2], out[head - 1] = math.sin(rotor), math.cos(rotor)
-        sample = (tau / torque, dq_m / velocity, dq_l / velocity, command / torque)
-        if self._begun:
-            out[head + PER_SAMPLE :] = out[head:-PER_SAMPLE]  # NumPy minds the overlap
-            out[head : head + PER_SAMPLE] = [_limited(x) for x in sample]
-        else:
-            out[head:] = [_limited(x) for x in sample] * layout.history
-            self._begun = True
-        return out
-
-
+@inlined
 def _limited(x: float) -> float:
     return LIMIT if x > LIMIT else -LIMIT if x < -LIMIT else x
+
+
+@inlined
+def observe(
+    scales: NDArray[np.float64],
+    reference: NDArray[np.float64],
+    tau: float,
+    q_m: float,
+    dq_m: float,
+    dq_l: float,
+    command: float,
+    begun: bool,
+    observation: Floats,
+) -> None:
+    """Make the observation of a control step out of that of the step before.
+
+    Args:
+        scales: Torque, velocity and n of a layout, shape (3,).
+        reference: Wanted joint torque now and at the next steps, shape (preview + 1,) [N m].
+        tau: Measured joint torque [N m].
+        q_m: Measured motor angle, rotor angle / n [rad].
+        dq_m: Measured motor velocity [rad/s].
+        dq_l: Measured load velocity [rad/s].
+        command: Motor torque that was commanded in the step before [N m].
+        begun: Whether there was a step before; the first sample stands for all of the past.
+        observation: What is overwritten, shape (size,).
+    """
+    torque, velocity, rotor = scales[0], scales[1], scales[2] * q_m
+    count, size = reference.shape[0], observation.shape[0]
+    for k in range(count):
+        observation[k] = _limited(reference[k] / torque)
+    observation[count] = _limited((reference[0] - tau) / torque)
+    observation[count + 1], observation[count + 2] = math.sin(rotor), math.cos(rotor)
+    past = observation[count + 3 : size]
+    if begun:
+        for k in range(past.shape[0] - 1, PER_SAMPLE - 1, -1):
+            past[k] = past[k - PER_SAMPLE]
+    past[0], past[1] = _limited(tau / torque), _limited(dq_m / velocity)
+    past[2], past[3] = _limited(dq_l / velocity), _limited(command / torque)
+    if not begun:
+        for k in range(PER_SAMPLE, past.shape[0]):
+            past[k] = past[k - PER_SAMPLE]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.joint.compiled import reordered, threaded
+from cjt_gym.joint.compiled import inlined, reordered, threaded
 
 Floats = NDArray[np.float32]
 ACTIVATIONS: Final = ("none", "tanh", "relu", "elu")
@@ -53,7 +53,7 @@ def tanh(x: float) -> float:
     return x * top / bottom
 
 
-@threaded
+@inlined
 def run_layers(
     plan: NDArray[np.int64], numbers: Floats, observation: Floats, clip: float, work: Floats
 ) -> int:
@@ -95,6 +95,14 @@ def run_layers(
     return now
 
 
+@threaded
+def run_network(
+    plan: NDArray[np.int64], numbers: Floats, observation: Floats, clip: float, work: Floats
+) -> int:
+    """Run a network; see `run_layers`."""
+    return run_layers(plan, numbers, observation, clip, work)
+
+
 @dataclass(frozen=True)
 class Layer:
     """A linear layer and what follows it.
@@ -127,8 +135,8 @@ class Network:
     clip: float
 
     @cached_property
-    def _packed(self) -> tuple[NDArray[np.int64], Floats, Floats]:
-        """Return plan, numbers and scratch of `run_layers`."""
+    def packed(self) -> tuple[NDArray[np.int64], Floats, Floats]:
+        """Plan, numbers and scratch of `run_layers`."""
         numbers, plan, at = [self.mean, self.scale], [], 2 * len(self.mean)
         for layer in self.layers:
             outputs, inputs = layer.weight.shape
@@ -147,6 +155,6 @@ class Network:
                 f"The policy takes an observation of shape {self.mean.shape}, got "
                 f"{observation.shape}. Give it what its environment or its `Stepper` observes."
             )
-        plan, numbers, work = self._packed
-        found = run_layers(plan, numbers, observation, self.clip, work)
+        plan, numbers, work = self.packed
+        found = run_network(plan, numbers, observation, self.clip, work)
         return work[found, : plan[-1, OUTPUTS]].copy()
