@@ -227,6 +227,8 @@ def _controller(given: ControllerOrFactory | None, s: Settings) -> BaseControlle
 
 def _make_task(s: Settings, num: int, plant: SimulatedPlant) -> Task:
     size = s.preview + 4 + SIGNALS_PER_SAMPLE * s.history
+    observation = np.zeros((num, size + len(s.joint_numbers)), dtype=np.float32)
+    observation[:, size:] = np.clip(s.joint_numbers, -CLIP, CLIP)  # no step touches these
     reference_tables, reference_spans = _stack(s.references)
     disturbance_tables, disturbance_spans = _stack(s.disturbances)
     limits = plant.limits
@@ -248,7 +250,7 @@ def _make_task(s: Settings, num: int, plant: SimulatedPlant) -> Task:
         reference=np.zeros(num),
         command=np.zeros(num),
         history=np.zeros((num, s.history * SIGNALS_PER_SAMPLE), dtype=np.float32),
-        observation=np.zeros((num, size), dtype=np.float32),
+        observation=observation,
         reward=np.zeros(num),
         terms=np.zeros((num, len(TERMS))),
         terminated=np.zeros(num, dtype=np.bool_),

@@ -112,3 +112,70 @@ class TorqueTrackingVecEnv(VecEnv):
     def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
         """Return no images: a batch is not drawn."""
         return [None for _ in range(self.num_envs)]
+
+
+class JointsVecEnv(VecEnv):
+    """Batches of several joints as one; what they observe and how they act must be alike."""
+
+    def __init__(self, batches: Sequence[TorqueTrackingVecEnv]) -> None:
+        """Take the batches, first to last."""
+        self.batches = list(batches)
+        self.render_mode = None
+        self._ends = np.cumsum([batch.num_envs for batch in self.batches])
+        first = self.batches[0]
+        super().__init__(int(self._ends[-1]), first.observation_space, first.action_space)
+
+    def reset(self) -> NDArray[np.float32]:
+        """Begin all episodes; `seed` beforehand fixes what they draw."""
+        for batch, end in zip(self.batches, self._ends, strict=True):
+            batch._seeds = self._seeds[end - batch.num_envs : end]
+        self._reset_seeds()
+        self._reset_options()
+        return np.concatenate([batch.reset() for batch in self.batches])
+
+    def step_async(self, actions: NDArray[Any]) -> None:
+        """Keep the actions for `step_wait`."""
+        for batch, part in zip(self.batches, np.split(actions, self._ends[:-1]), strict=True):
+            batch.step_async(part)
+
+    def step_wait(
+        self,
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
+        """Advance all members by one control step."""
+        observations, rewards, dones, infos = zip(
+            *(batch.step_wait() for batch in self.batches), strict=True
+        )
+        told = [info for some in infos for info in some]
+        return np.concatenate(observations), np.concatenate(rewards), np.concatenate(dones), told
+
+    def close(self) -> None:
+        """Release nothing."""
+
+    def _batch_of(self, index: int) -> TorqueTrackingVecEnv:
+        return self.batches[int(np.searchsorted(self._ends, index, side="right"))]
+
+    def get_attr(self, attr_name: str, indices: Indices = None) -> list[Any]:
+        """Return an attribute of the batch of each index."""
+        return [getattr(self._batch_of(i), attr_name) for i in self._get_indices(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: Indices = None) -> None:
+        """Set an attribute of the batches of these indices."""
+        for i in self._get_indices(indices):
+            setattr(self._batch_of(i), attr_name, value)
+
+    def env_method(
+        self, method_name: str, *args: Any, indices: Indices = None, **kwargs: Any
+    ) -> list[Any]:
+        """Call a method of the batch of each index."""
+        found = [self._batch_of(i) for i in self._get_indices(indices)]
+        return [getattr(batch, method_name)(*args, **kwargs) for batch in found]
+
+    def env_is_wrapped(
+        self, wrapper_class: type[gym.Wrapper[Any, Any, Any, Any]], indices: Indices = None
+    ) -> list[bool]:
+        """Return False for each: members are not wrapped."""
+        return [False for _ in self._get_indices(indices)]
+
+    def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
+        """Return no images: a batch is not drawn."""
+        return [None for _ in range(self.num_envs)]

@@ -26,6 +26,7 @@ FRICTION_FACTOR = 3.0
 LOAD_FACTOR = 10.0
 BARE_SHARE = 0.1
 FREE_DRIFT = 1.0
+TYPICAL_HZ = 20.0
 
 
 @runtime_checkable
@@ -53,6 +54,7 @@ class Settings:
         action_scale: Motor torque of an action of 1 [N m].
         preview: Future samples of the reference in the observation.
         history: Past samples of every measured signal in the observation.
+        joint_numbers: What of the joint's datasheet ends the observation; see `joint_numbers`.
         episode_steps: Control steps after which an episode is truncated.
         dt: Control step [s].
         dt_physics: Substep [s].
@@ -68,6 +70,7 @@ class Settings:
     action_scale: float
     preview: int
     history: int
+    joint_numbers: tuple[float, ...]
     episode_steps: int
     dt: float
     dt_physics: float
@@ -106,6 +109,39 @@ def default_amplitude(p: JointParameters) -> float:
     return max(AMPLITUDE_SHARE * p.k_t * p.n * p.i_p, FRICTION_FACTOR * friction)
 
 
+def joint_numbers(joint: Joint, amplitude: float) -> tuple[float, ...]:
+    """Return what tells joints apart once torques are divided by an amplitude.
+
+    With f the frequency of motor and gear on the spring, ln(f / 20 Hz) and (20 Hz / f)^2, which is
+    the torque that accelerates over that which stretches the spring at 20 Hz; the Coulomb friction
+    of motor and gear and the noise of the torque sensor, both over the amplitude.
+
+    Args:
+        joint: The joint as its datasheet has it.
+        amplitude: Torque amplitude [N m].
+
+    Raises:
+        ConfigurationError: The structure has no spring.
+    """
+    p = joint.parameters
+    if "k_b" not in p or joint.structure == "rigid":
+        raise ConfigurationError(
+            "observe_joint must be False for a joint without a spring, got True for structure "
+            f"{joint.structure} of {joint.file.name}."
+        )
+    f = math.sqrt(p.k_b / (p.I_m + p.get("I_g", 0.0))) / (2.0 * math.pi)
+    friction = p.get("d_cm", 0.0) + p.get("d_cg", 0.0)
+    known = joint.file.sensors.get("tau", {}).get("noise")
+    noise = joint.effects.get("noise", {}).get("tau", 0.0 if known is None else known.value)
+    assert isinstance(noise, float)
+    return (
+        math.log(f / TYPICAL_HZ),
+        (TYPICAL_HZ / f) ** 2,
+        friction / amplitude,
+        noise / amplitude,
+    )
+
+
 def make_settings(
     *,
     joint: str | Joint,
@@ -122,6 +158,7 @@ def make_settings(
     residual: bool,
     preview: int,
     history: int | None,
+    observe_joint: bool,
     episode_steps: int,
     dt_control: float,
     dt_physics: float,
@@ -170,6 +207,7 @@ def make_settings(
         action_scale=float(action_scale),
         preview=preview,
         history=max(1, history),
+        joint_numbers=joint_numbers(joint, torque_amplitude) if observe_joint else (),
         episode_steps=episode_steps,
         dt=dt_control,
         dt_physics=dt_physics,
@@ -197,7 +235,7 @@ def _velocity_scale(joint: Joint, amplitude: float, disturbances: tuple[Signal, 
     p = joint.parameters
     if joint.structure_row.output_fixed:
         load = max(abs(signal.amplitude) * (signal.kind != "zero") for signal in disturbances)
-        return max(amplitude / p.k_b * 2.0 * math.pi * 20.0, load)
+        return max(amplitude / p.k_b * 2.0 * math.pi * TYPICAL_HZ, load)
     inertia = p.I_m + p.get("I_g", 0.0) + p.get("I_l", 0.0)
     return p.get("dq_p", FREE_DRIFT * amplitude / inertia)
 

@@ -41,8 +41,9 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
 
     ## Observation space
 
-    `Box(-5, 5, (preview + 4 + 4 history,), float32)`, made only of what a real joint measures.
-    Torques are divided by `torque_amplitude`, velocities by `velocity_scale`, and clipped.
+    `Box(-5, 5, (preview + 4 + 4 history,), float32)`, made only of what a real joint
+    measures, and four more with `observe_joint`. Torques are divided by `torque_amplitude`,
+    velocities by `velocity_scale`, and clipped.
 
     | Index | Observation | Unit before scaling |
     |---|---|---|
@@ -54,6 +55,11 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
     | | measured motor velocity | rad/s |
     | | measured load velocity | rad/s |
     | | motor torque that was commanded | N m |
+
+    With `observe_joint`, what of the joint's datasheet tells it from others ends the observation,
+    for policies that suit many joints: ln(f / 20 Hz) and (20 Hz / f)^2 with the frequency f of
+    motor and gear on the spring, and Coulomb friction and noise of the torque sensor over
+    `torque_amplitude`. They are those of the joint file, whatever is randomised.
 
     The commands of the past keep a delayed joint Markovian: `history` is at least the delay.
 
@@ -109,6 +115,7 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
     | `action_scale` | 3 (0.5 with a base) `torque_amplitude` | torque of an action of 1 [N m] |
     | `preview` | 0 | future samples of the reference in the observation |
     | `history` | 4, or delay + 2 | past samples in the observation |
+    | `observe_joint` | False | whether four numbers of the datasheet end the observation |
     | `episode_steps` | 1000 | control steps until truncation |
     | `dt_control` | 0.001 | control step [s] |
     | `dt_physics` | 0.0001 | substep [s], a whole fraction of it |
@@ -157,6 +164,7 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
         action_scale: float | None = None,
         preview: int = 0,
         history: int | None = None,
+        observe_joint: bool = False,
         episode_steps: int = 1000,
         dt_control: float = 1e-3,
         dt_physics: float = 1e-4,

@@ -15,9 +15,10 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
-from cjt_gym.envs.sb3 import TorqueTrackingVecEnv
+from cjt_gym.envs.sb3 import JointsVecEnv, TorqueTrackingVecEnv
 from cjt_gym.errors import ConfigurationError, unknown_name
-from cjt_gym.training.config import TrainConfig, environment_arguments
+from cjt_gym.training.config import TrainConfig
+from cjt_gym.training.datasheets import arguments_of
 from cjt_gym.training.quiet import QuietPolicy, sensor_noise
 
 CLASSES: dict[str, type[BaseAlgorithm]] = {
@@ -37,7 +38,7 @@ def make_environment(config: TrainConfig) -> VecEnv:
     Raises:
         ConfigurationError: An option is not one of the algorithm's.
     """
-    env: VecEnv = TorqueTrackingVecEnv(config.num_envs, **environment_arguments(config.env))
+    env: VecEnv = _batch(config)
     if config.normalize_observations or config.normalize_rewards:
         gamma = float(_options(config, CLASSES[config.algorithm]).get("gamma", 0.99))
         env = VecNormalize(
@@ -47,6 +48,13 @@ def make_environment(config: TrainConfig) -> VecEnv:
             gamma=gamma,
         )
     return env
+
+
+def _batch(config: TrainConfig) -> VecEnv:
+    joints = arguments_of(config)
+    each = config.num_envs // len(joints)
+    batches = [TorqueTrackingVecEnv(each, **arguments) for arguments in joints]
+    return batches[0] if len(batches) == 1 else JointsVecEnv(batches)
 
 
 def make_model(config: TrainConfig, env: VecEnv) -> BaseAlgorithm:

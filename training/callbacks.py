@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import shutil
 import time
 from collections import deque
@@ -17,14 +18,17 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv
 from tqdm import tqdm
 
+from cjt_gym.envs.core import Episodes
 from cjt_gym.training.algorithms import load_normalization, save_normalization
 from cjt_gym.training.config import VALIDATION_SEEDS, TrainConfig, environment_arguments
+from cjt_gym.training.datasheets import datasheets
 from cjt_gym.training.metrics import rmse
 from cjt_gym.training.policy import agent_of
-from cjt_gym.training.rollout import Traces, run_episodes
+from cjt_gym.training.rollout import run_episodes
 from cjt_gym.training.run_folder import RunFolder, TrainingError
 
 RECENT = 100
+VALIDATION_JOINTS = 8
 BUFFER_ARRAYS = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
 
 
@@ -100,7 +104,7 @@ class Companion(BaseCallback):
 
     def validate(self) -> None:
         """Run the policy on the validation episodes and keep the model if it is the best."""
-        error = rmse(validation_traces(self.config, self.model, self.training_env))
+        error = validation_error(self.config, self.model, self.training_env)
         self.logger.record("validation/rmse_Nm", error)
         row = {"steps": self.num_timesteps, "seconds": self.seconds, "validation_rmse": error}
         if self._errors:
@@ -147,11 +151,25 @@ class Companion(BaseCallback):
         self._bar.close()
 
 
-def validation_traces(config: TrainConfig, model: BaseAlgorithm, env: VecEnv) -> Traces:
-    """Return what the deterministic policy does on seeds that training does not see."""
+def validation_error(config: TrainConfig, model: BaseAlgorithm, env: VecEnv) -> float:
+    """Return the error of the deterministic policy on seeds that training does not see [N m].
+
+    With [datasheets], on joints of other datasheets than those of the training; their errors over
+    their amplitudes, times that of the joint of [env].
+    """
     agent = agent_of("validation", config, model, env)
-    arguments = environment_arguments(config.env)
-    return run_episodes(agent, arguments, config.evaluation.episodes, VALIDATION_SEEDS)
+    own, episodes = environment_arguments(config.env), config.evaluation.episodes
+    if config.datasheets.count == 0:
+        return rmse(run_episodes(agent, own, episodes, VALIDATION_SEEDS))
+    joints = datasheets(config, VALIDATION_SEEDS, min(config.datasheets.count, VALIDATION_JOINTS))
+    each = math.ceil(episodes / len(joints))
+    squares = [
+        (rmse(run_episodes(agent, arguments, each, VALIDATION_SEEDS)) / amplitude) ** 2
+        for arguments in joints
+        for amplitude in [arguments["torque_amplitude"]]
+    ]
+    amplitude = Episodes(1, **own).settings.torque_amplitude
+    return float(amplitude * np.sqrt(np.mean(squares)))
 
 
 def check_finite(model: BaseAlgorithm, steps: int) -> None:

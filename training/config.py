@@ -79,6 +79,36 @@ class EvaluationConfig:
 
 
 @dataclass(frozen=True)
+class DatasheetsConfig:
+    """Joints of other datasheets, section [datasheets]; see `cjt_gym.training.datasheets`.
+
+    Attributes:
+        count: How many; 0 trains on the joint of [env] alone.
+        frequency: Of motor and gear on the spring, lowest and highest [Hz].
+        friction: Coulomb friction over a tenth of the peak torque, least and most [-].
+        noise: Of the torque sensor, over the torque amplitude, least and most [-].
+    """
+
+    count: int = 0
+    frequency: tuple[float, float] = (9.0, 150.0)
+    friction: tuple[float, float] = (0.0, 0.4)
+    noise: tuple[float, float] = (0.003, 0.03)
+
+    def __post_init__(self) -> None:
+        _at_least("count of [datasheets]", self.count, 0)
+        for name, least in (("frequency", 1.0), ("friction", 0.0), ("noise", 1e-6)):
+            pair: Any = getattr(self, name)
+            good = isinstance(pair, (list, tuple)) and len(pair) == 2
+            good = good and all(isinstance(x, (int, float)) and math.isfinite(x) for x in pair)
+            if not good or not least <= pair[0] <= pair[1]:
+                raise ConfigurationError(
+                    f"{name} of [datasheets] must be two numbers, lowest and highest, >= {least}, "
+                    f"got {pair!r}."
+                )
+            object.__setattr__(self, name, (float(pair[0]), float(pair[1])))
+
+
+@dataclass(frozen=True)
 class TrainConfig:
     """One training.
 
@@ -102,6 +132,7 @@ class TrainConfig:
         algorithm_options: Arguments of the Stable-Baselines3 class; `learning_rate` and
             `clip_range` may be {start = ..., end = ...} for a linear schedule.
         evaluation: Evaluations during training.
+        datasheets: Joints beside that of [env].
     """
 
     algorithm: str = "PPO"
@@ -118,6 +149,7 @@ class TrainConfig:
     policy: PolicyConfig = field(default_factory=PolicyConfig)
     algorithm_options: Mapping[str, Any] = field(default_factory=dict)
     evaluation: EvaluationConfig = field(default_factory=EvaluationConfig)
+    datasheets: DatasheetsConfig = field(default_factory=DatasheetsConfig)
 
     def __post_init__(self) -> None:
         if self.algorithm not in ALGORITHMS:
@@ -141,6 +173,7 @@ class TrainConfig:
             )
         if self.policy.noise_weight > 0.0:
             _check_quiet(self.algorithm, self.algorithm_options)
+        _check_datasheets(self)
         environment_arguments(self.env)
 
     def to_dict(self) -> dict[str, Any]:
@@ -152,7 +185,11 @@ class TrainConfig:
         return replace(self, **{k: v for k, v in changes.items() if v is not None})
 
 
-SECTIONS = {"policy": PolicyConfig, "evaluation": EvaluationConfig}
+SECTIONS = {
+    "policy": PolicyConfig,
+    "evaluation": EvaluationConfig,
+    "datasheets": DatasheetsConfig,
+}
 
 
 def from_dict(data: Mapping[str, Any], origin: str) -> TrainConfig:
@@ -258,6 +295,19 @@ def _check_quiet(algorithm: str, options: Mapping[str, Any]) -> None:
         raise ConfigurationError(
             "ent_coef of [algorithm_options] must be 0 beside noise_weight of [policy], which "
             f"takes its place, got {options['ent_coef']}."
+        )
+
+
+def _check_datasheets(config: TrainConfig) -> None:
+    count = config.datasheets.count
+    if count > 0 and config.num_envs % count != 0:
+        raise ConfigurationError(
+            f"num_envs must be a multiple of count of [datasheets], {count}, got {config.num_envs}."
+        )
+    if count > 0 and config.env.get("observe_joint") is not True:
+        raise ConfigurationError(
+            "observe_joint of [env] must be true with [datasheets], so that a policy can tell the "
+            f"joints apart, got {config.env.get('observe_joint')!r}."
         )
 
 

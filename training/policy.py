@@ -15,7 +15,7 @@ from cjt_gym.envs.core import Episodes
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.training.algorithms import load_normalization, make_environment, make_model
 from cjt_gym.training.conditions import Conditions
-from cjt_gym.training.config import TrainConfig, environment_arguments
+from cjt_gym.training.config import DatasheetsConfig, TrainConfig, environment_arguments
 from cjt_gym.training.deploy.layout import Layout, layout_of
 from cjt_gym.training.policy_arguments import kind_of, policy_arguments, trained_on
 from cjt_gym.training.run_folder import open_run
@@ -109,7 +109,7 @@ def load_policy(run: str | Path, checkpoint: Path | None = None) -> PolicyAgent:
             f"cjt-gym train {folder.path / 'config.toml'} --out {run}"
         )
     config = replace(folder.config, device="cpu")
-    env = make_environment(config)
+    env = make_environment(replace(config, datasheets=DatasheetsConfig()))
     model = make_model(config, env)
     model.set_parameters(str(files / "model.zip"), device="cpu")
     if isinstance(env, VecNormalize):

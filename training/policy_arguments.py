@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from cjt_gym.envs.core import Episodes
@@ -54,10 +55,10 @@ def policy_arguments(
     own = environment_arguments(config.env)
     if (arguments["joint"], arguments["structure"]) == (own["joint"], own["structure"]):
         return arguments | {name: getattr(layout, short) for name, short in SCALES.items()}
-    return arguments | _scales(layout, own, arguments)
+    return arguments | scales_on(layout, own, arguments)
 
 
-def _scales(layout: Layout, own: dict[str, Any], other: dict[str, Any]) -> dict[str, float]:
+def scales_on(layout: Layout, own: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, float]:
     """Return the scales on another joint: what they were over the usual ones, times those there.
 
     Args:

@@ -16,7 +16,7 @@ free, and its gradient is exact.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -29,11 +29,13 @@ from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
 from cjt_gym.envs.core import Episodes
 from cjt_gym.envs.observe import SIGNALS_PER_SAMPLE
+from cjt_gym.envs.settings import Settings
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.signals import Signal
-from cjt_gym.training.config import TrainConfig, environment_arguments
+from cjt_gym.training.config import TrainConfig
+from cjt_gym.training.datasheets import arguments_of
 
-EPISODES, SETTLE, STEPS, SEED = 64, 50, 256, 0
+EPISODES, FEWEST, SETTLE, STEPS, SEED = 64, 4, 50, 256, 0
 PLACES, LENGTH, EVERY = 32, 32, 4
 """How many loops are followed, for how many steps, of which the second half counts, and in which
 share of the minibatches; their penalties stand for those of the others."""
@@ -41,23 +43,25 @@ share of the minibatches; their penalties stand for those of the others."""
 
 @dataclass(frozen=True)
 class SensorNoise:
-    """What the sensors' noise does to observations at rest.
+    """What the sensors' noise does to observations at rest, on each joint of a training.
 
     Attributes:
-        rows: Deviations of observations from their mean, shape (steps, episodes, size).
+        rows: Deviations of observations from their mean, shape (joints, steps, episodes, size).
         base: Those of the base controller's command that answers each, over `action`, shape
-            (steps, episodes).
-        torque: Standard deviation of the measured torque from the true one [N m].
-        action: Motor torque of an action of 1 [N m].
-        amplitude: Torque that observations are divided by [N m].
+            (joints, steps, episodes).
+        torque: Standard deviation of the measured torque from the true one, shape (joints,) [N m].
+        action: Motor torque of an action of 1, shape (joints,) [N m].
+        amplitude: Torque that observations are divided by, shape (joints,) [N m].
+        numbers: What of the datasheets ends observations, shape (joints, numbers).
         commands: Where an observation holds the past commands, newest first, shape (history,).
     """
 
     rows: NDArray[np.float32]
     base: NDArray[np.float32]
-    torque: float
-    action: float
-    amplitude: float
+    torque: NDArray[np.float64]
+    action: NDArray[np.float64]
+    amplitude: NDArray[np.float64]
+    numbers: NDArray[np.float32]
     commands: NDArray[np.int64]
 
 
@@ -69,39 +73,52 @@ def sensor_noise(config: TrainConfig) -> SensorNoise:
     Raises:
         ConfigurationError: The torque sensor has no noise.
     """
-    arguments = environment_arguments(config.env)
+    joints = arguments_of(config)
+    episodes = max(FEWEST, EPISODES // len(joints))
+    heard = [_listen(arguments, episodes) for arguments in joints]
+    rows, base, torque, settings = zip(*heard, strict=True)
+    if min(torque) == 0.0:
+        raise ConfigurationError(
+            "noise_weight of [policy] must be 0 where the torque sensor has no noise, got "
+            f"{config.policy.noise_weight}. Set it to 0, or add noise to [env.effects]."
+        )
+    head, size = settings[0].preview + 4, SIGNALS_PER_SAMPLE * settings[0].history
+    return SensorNoise(
+        np.stack(rows),
+        np.stack(base),
+        np.array(torque),
+        np.array([s.action_scale for s in settings]),
+        np.array([s.torque_amplitude for s in settings]),
+        np.array([s.joint_numbers for s in settings], np.float32),
+        np.arange(head, head + size)[SIGNALS_PER_SAMPLE - 1 :: SIGNALS_PER_SAMPLE],
+    )
+
+
+def _listen(
+    arguments: Mapping[str, Any], count: int
+) -> tuple[NDArray[np.float32], NDArray[np.float32], float, Settings]:
+    """Return deviations of observations and of the base's actions, and the torque's noise."""
     s = Episodes(1, **arguments).settings
     names = ("torque_amplitude", "velocity_scale", "action_scale", "history")
     still = Signal("file", amplitude=0.0, table=np.zeros((1, 2)))
-    arguments |= {name: getattr(s, name) for name in names}
-    arguments |= {"reference": still, "disturbance": None}
-    episodes = Episodes(EPISODES, **(arguments | {"episode_steps": SETTLE + STEPS}))
+    here = dict(arguments) | {name: getattr(s, name) for name in names}
+    here |= {"reference": still, "disturbance": None, "episode_steps": SETTLE + STEPS}
+    episodes = Episodes(count, **here)
     episodes.seed(SEED, None)
     episodes.reset()
     seen, answers, off = [], [], []
     for step in range(SETTLE + STEPS):
         before = episodes.task.observation.copy()
-        episodes.step(np.zeros((EPISODES, 1)))
+        episodes.step(np.zeros((count, 1)))
         if step >= SETTLE:
             seen.append(before)
-            answers.append(episodes.task.command.copy())
+            answers.append(episodes.task.command / s.action_scale)
             told = episodes.info()
             off.append(told["tau_measured"] - told["tau"])
-    torque = float(np.mean(np.std(off, axis=0)))
-    if torque == 0.0:
-        raise ConfigurationError(
-            "noise_weight of [policy] must be 0 where the torque sensor has no noise, got "
-            f"{config.policy.noise_weight}. Set it to 0, or add noise to [env.effects]."
-        )
-    rows = np.array(seen)
-    commands = np.arange(s.preview + 4, rows.shape[-1])[
-        SIGNALS_PER_SAMPLE - 1 :: SIGNALS_PER_SAMPLE
-    ]
+    rows, base = (np.array(x, np.float32) for x in (seen, answers))
     rows -= rows.mean(axis=0)
-    base = np.array(answers)
     base -= base.mean(axis=0)
-    base = (base / s.action_scale).astype(np.float32)
-    return SensorNoise(rows, base, torque, s.action_scale, s.torque_amplitude, commands)
+    return rows, base, float(np.mean(np.std(off, axis=0))), s
 
 
 class QuietPolicy(ActorCriticPolicy):
@@ -135,32 +152,50 @@ class QuietPolicy(ActorCriticPolicy):
         if self._noise is None:
             self._heard = self._hear()
             self._noise = torch.as_tensor(self._heard.rows, device=self.device)
-            self._base = torch.as_tensor(self._heard.base, device=self.device).unsqueeze(2)
+            self._base = torch.as_tensor(self._heard.base, device=self.device).unsqueeze(3)
         heard, count = self._heard, len(obs)
-        steps, episodes, _ = self._noise.shape
+        _, steps, episodes, _ = self._noise.shape
+        mean, scale = (
+            torch.as_tensor(x, dtype=obs.dtype, device=self.device).expand(obs.shape[1])
+            for x in self._scale()
+        )
+        joint = self._joint_of(obs, mean, scale)
         first = torch.randint(steps - LENGTH + 1, (count,), device=self.device)
         which = torch.randint(episodes, (count,), device=self.device)
         times = first + torch.arange(LENGTH, device=self.device).unsqueeze(1)
-        scale = torch.as_tensor(self._scale(), dtype=obs.dtype, device=self.device)
-        shaken = obs + scale * self._noise[times, which]
+        shaken = obs + scale * self._noise[joint, times, which]
         commands = torch.as_tensor(heard.commands, device=self.device)
-        factors = heard.action / heard.amplitude * scale.expand(obs.shape[1])[commands]
+        action, loud = (
+            torch.as_tensor(x, dtype=obs.dtype, device=self.device)[joint].unsqueeze(1)
+            for x in (heard.action / heard.amplitude, heard.action / heard.torque)
+        )
+        factors = action * scale[commands]
         past = torch.zeros(count, len(commands), device=self.device)
-        mean, total = self._mean(obs), torch.zeros((), device=self.device)
+        still, total = self._mean(obs), torch.zeros((), device=self.device)
         for t in range(LENGTH):
-            shaking = self._mean(shaken[t].index_add(1, commands, factors * past)) - mean
+            shaking = self._mean(shaken[t].index_add(1, commands, factors * past)) - still
             past = torch.cat([shaking, past[:, :-1]], dim=1)
             if t >= LENGTH // 2:
-                total = total + (shaking + self._base[times[t], which]).square().mean()
-        return total / (LENGTH - LENGTH // 2) * (heard.action / heard.torque) ** 2
+                answer = shaking + self._base[joint, times[t], which]
+                total = total + (loud * answer).square().mean()
+        return total / (LENGTH - LENGTH // 2)
+
+    def _joint_of(self, obs: torch.Tensor, mean: torch.Tensor, scale: torch.Tensor) -> torch.Tensor:
+        """Return to which joint of the noise each observation belongs, by its last numbers."""
+        numbers = torch.as_tensor(self._heard.numbers, device=self.device)
+        if len(numbers) == 1:
+            return torch.zeros(len(obs), dtype=torch.int64, device=self.device)
+        count = numbers.shape[1]
+        here = (numbers - mean[-count:]) * scale[-count:]
+        return torch.cdist(obs[:, -count:], here).argmin(dim=1)
 
     def _mean(self, obs: torch.Tensor) -> torch.Tensor:
         return torch.as_tensor(self.action_net(self.mlp_extractor.forward_actor(obs)))
 
 
-def scaling(env: VecEnv) -> Callable[[], NDArray[np.float64]]:
-    """Return what gives the factors by which an environment scales its observations now."""
+def scaling(env: VecEnv) -> Callable[[], tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """Return what gives by what an environment shifts and then multiplies its observations now."""
     if not (isinstance(env, VecNormalize) and env.norm_obs):
-        return lambda: np.ones(1)
+        return lambda: (np.zeros(1), np.ones(1))
     statistics: Any = env.obs_rms
-    return lambda: np.asarray(1.0 / np.sqrt(statistics.var + env.epsilon))
+    return lambda: (statistics.mean, 1.0 / np.sqrt(statistics.var + env.epsilon))

@@ -74,6 +74,19 @@ def test_every_form_gives_what_torch_gives(
 
 
 @pytest.mark.parametrize("form", FORMS)
+def test_the_numbers_of_the_datasheet_are_inside(
+    form: str, tiny: TrainConfig, tmp_path: Path
+) -> None:
+    agent = agent_for(tiny, "PPO", "tanh", history=5, observe_joint=True)
+    stepper = stepper_of(form, agent, tmp_path)
+    inputs, wanted = recorded(agent)
+    assert np.ptp(wanted) > 1e-3 * agent.layout.action
+    stepper.reset()
+    found = np.array([stepper.step(*row) for row in inputs])
+    np.testing.assert_allclose(found, wanted, atol=TOLERANCE * agent.layout.action)
+
+
+@pytest.mark.parametrize("form", FORMS)
 def test_signals_beyond_the_box_are_limited(form: str, tiny: TrainConfig, tmp_path: Path) -> None:
     agent = agent_for(tiny, "PPO", "tanh")
     stepper, torch_one = stepper_of(form, agent, tmp_path), Stepper(exported(agent))

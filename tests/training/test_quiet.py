@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from cjt_gym.training.algorithms import make_environment, make_model
 from cjt_gym.training.config import TrainConfig
 from cjt_gym.training.deploy.export import export_policy
 from cjt_gym.training.policy import load_policy
-from cjt_gym.training.quiet import QuietPolicy, sensor_noise
+from cjt_gym.training.quiet import QuietPolicy, SensorNoise, sensor_noise
 from cjt_gym.training.train import train
 
 
@@ -28,8 +29,15 @@ def policy_of(config: TrainConfig) -> QuietPolicy:
     return policy
 
 
+def one_joint(noise: SensorNoise) -> SimpleNamespace:
+    """Return the noise on the only joint of a training, without the axis of joints."""
+    assert len(noise.rows) == 1
+    first = {name: getattr(noise, name)[0] for name in ("rows", "base", "torque", "action")}
+    return SimpleNamespace(**first, amplitude=noise.amplitude[0], commands=noise.commands)
+
+
 def test_noise_is_that_of_the_sensors(tiny: TrainConfig) -> None:
-    noise = sensor_noise(tiny)
+    noise = one_joint(sensor_noise(tiny))
     config = make_environment(tiny).get_attr("episodes")[0].settings
     head = config.preview + 4
     assert noise.rows.shape[2] == head + 4 * config.history
@@ -54,7 +62,7 @@ def test_a_torque_sensor_without_noise_cannot_set_a_penalty(tiny: TrainConfig) -
 
 def test_without_past_commands_the_penalty_is_that_of_the_sensors_alone(tiny: TrainConfig) -> None:
     config = with_weight(tiny, 0.1)
-    policy, noise = policy_of(config), sensor_noise(config)
+    policy, noise = policy_of(config), one_joint(sensor_noise(config))
     size = noise.rows.shape[2]
     with torch.no_grad():
         for name, weights in policy.mlp_extractor.policy_net.named_parameters():
@@ -74,7 +82,7 @@ def test_the_penalty_is_how_much_a_joint_at_rest_shakes(tiny: TrainConfig, feedb
         replace(tiny, env={**tiny.env, "base_controller": None}, normalize_observations=False), 0.1
     )
     env = make_environment(config)
-    policy, noise = policy_of(config), sensor_noise(config)
+    policy, noise = policy_of(config), one_joint(sensor_noise(config))
     held = env.get_attr("episodes")[0].settings
     with torch.no_grad():  # a linear law: the measured torque and the command before it
         gain, shrunk = 0.5 * noise.amplitude / noise.action, 1e-3

@@ -31,7 +31,7 @@ def c_header(policy: Exported, prefix: str = "policy") -> str:
         prefix: What its names begin with.
     """
     name = re.sub(r"\W", "_", prefix)
-    layout, network = policy.layout, policy.network
+    layout, network = policy.layout, policy.on_its_joint
     values = {
         "NAME": name,
         "GUARD": f"{name.upper()}_H",
@@ -68,7 +68,7 @@ def _base(env: Mapping[str, Any]) -> str:
 
 
 def _arrays(policy: Exported, name: str) -> list[str]:
-    network = policy.network
+    network = policy.on_its_joint
     found = [_array(f"{name}_mean", network.mean), _array(f"{name}_scale", network.scale)]
     for k, layer in enumerate(network.layers):
         found.append(_array(f"{name}_weight_{k}", layer.weight.ravel()))
@@ -85,7 +85,7 @@ def _array(name: str, values: NDArray[np.float32]) -> str:
 
 def _layers(policy: Exported, name: str) -> list[str]:
     lines, source, size = [], "in", policy.layout.size
-    for k, layer in enumerate(policy.network.layers):
+    for k, layer in enumerate(policy.on_its_joint.layers):
         target, outputs = ("a", "b")[k % 2], len(layer.bias)
         lines += [
             f"  for (i = 0; i < {outputs}; i++) {{",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Final, final
 
@@ -15,7 +16,7 @@ from cjt_gym.errors import ConfigurationError, MissingFileError
 from cjt_gym.joint.compiled import threaded
 from cjt_gym.training.conditions import Conditions
 from cjt_gym.training.config import TrainConfig, from_dict
-from cjt_gym.training.deploy.layout import Layout, observe
+from cjt_gym.training.deploy.layout import LIMIT, Layout, observe
 from cjt_gym.training.deploy.network import Layer, Network, run_layers
 from cjt_gym.training.policy_arguments import kind_of, policy_arguments, trained_on
 
@@ -40,6 +41,11 @@ class Exported:
     config: TrainConfig
     network: Network
     layout: Layout
+
+    @cached_property
+    def on_its_joint(self) -> Network:
+        """The network on the joint of the layout, whose numbers are no input any more."""
+        return self.network.with_end(np.clip(self.layout.joint_numbers, -LIMIT, LIMIT).tolist())
 
     @property
     def kind(self) -> str:
@@ -108,7 +114,7 @@ class Stepper:
         Raises:
             ConfigurationError: Its network takes another observation than its layout makes.
         """
-        layout, network = policy.layout, policy.network
+        layout, network = policy.layout, policy.on_its_joint
         if layout.history < 1 or network.mean.shape != (layout.size,):
             raise ConfigurationError(
                 f"The network of the policy {policy.name} takes {len(network.mean)} numbers, its "

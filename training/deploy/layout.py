@@ -30,6 +30,7 @@ class Layout:
         action: Motor torque of an action of 1 [N m].
         n: Gear ratio; the rotor's angle is n q_m.
         dt: Control step [s].
+        joint_numbers: What of the joint's datasheet ends an observation.
     """
 
     preview: int
@@ -39,10 +40,14 @@ class Layout:
     action: float
     n: float
     dt: float
+    joint_numbers: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "joint_numbers", tuple(self.joint_numbers))
 
     @property
     def size(self) -> int:
-        """Numbers of an observation."""
+        """Numbers of an observation without those of the datasheet, which stay what they are."""
         return self.preview + 4 + PER_SAMPLE * self.history
 
     @property
@@ -61,6 +66,7 @@ def layout_of(settings: Settings) -> Layout:
         action=settings.action_scale,
         n=float(settings.joint.parameters.n),
         dt=settings.dt,
+        joint_numbers=settings.joint_numbers,
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
@@ -133,6 +134,15 @@ class Network:
     mean: Floats
     scale: Floats
     clip: float
+
+    def with_end(self, end: Sequence[float]) -> Network:
+        """Return the network of the other inputs where the last ones stay at these values."""
+        count = len(self.mean) - len(end)
+        fixed = (np.asarray(end, np.float32) - self.mean[count:]) * self.scale[count:]
+        first, *others = self.layers
+        bias = first.bias + first.weight[:, count:] @ np.clip(fixed, -self.clip, self.clip)
+        layer = Layer(first.weight[:, :count], bias, first.activation)
+        return Network((layer, *others), self.mean[:count], self.scale[:count], self.clip)
 
     @cached_property
     def packed(self) -> tuple[NDArray[np.int64], Floats, Floats]:

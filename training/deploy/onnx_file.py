@@ -73,12 +73,12 @@ def write_onnx(policy: Exported, path: str | Path) -> Path:
         raise ConfigurationError(
             "An export to ONNX needs the package onnx. Install it:  pip install 'cjt-gym[onnx]'"
         ) from error
-    layout, graph = policy.layout, Graph()
+    layout, network, graph = policy.layout, policy.on_its_joint, Graph()
     observation = _observation(graph, layout)
-    clip = min(policy.network.clip, float(np.finfo(np.float32).max))
-    x = graph.add("Sub", observation, graph.constant(policy.network.mean))
-    x = graph.limited(graph.add("Mul", x, graph.constant(policy.network.scale)), clip)
-    for layer in policy.network.layers:
+    clip = min(network.clip, float(np.finfo(np.float32).max))
+    x = graph.add("Sub", observation, graph.constant(network.mean))
+    x = graph.limited(graph.add("Mul", x, graph.constant(network.scale)), clip)
+    for layer in network.layers:
         product = graph.add("MatMul", graph.constant(layer.weight), x)
         x = graph.add("Add", product, graph.constant(layer.bias))
         if layer.activation != "none":

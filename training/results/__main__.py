@@ -13,7 +13,7 @@ from cjt_gym.training.benchmark import align
 from cjt_gym.training.results import tables
 from cjt_gym.training.results.experiment import run_results
 from cjt_gym.training.results.page import read_results, write_all, write_document, write_page
-from cjt_gym.training.results.plan import Plan
+from cjt_gym.training.results.plan import STRUCTURES, Plan
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -30,6 +30,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         default=usual.recipe,
         help="configuration of the training, for all structures instead of one for each",
     )
+    add(
+        "--structure", choices=STRUCTURES, action="append", help="of the joint; usually all of them"
+    )
     add("--seeds", type=int, default=usual.seeds, help="trainings of each structure")
     add("--steps", type=int, help="of a training, instead of the recipe's")
     add("--episodes", type=int, default=usual.episodes, help="of each task")
@@ -38,7 +41,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     add("--write-only", action="store_true", help="run nothing: take results.json of --out")
     values = vars(parser.parse_args(arguments))
     document, write_only = values.pop("document"), values.pop("write_only")
-    plan, begun = Plan(**values), time.monotonic()
+    structures = tuple(values.pop("structure") or usual.structures)
+    plan, begun = Plan(structures=structures, **values), time.monotonic()
     try:
         if write_only:
             page = write_page(plan.out, read_results(plan.out)["structures"])

@@ -14,7 +14,6 @@ from cjt_gym.training.benchmark_results import write_benchmark
 from cjt_gym.training.grid import Cell, make_cells, run_grid
 from cjt_gym.training.results.jobs import Job, run_jobs
 from cjt_gym.training.results.plan import (
-    STRUCTURES,
     TASKS,
     Plan,
     Say,
@@ -52,7 +51,7 @@ def run_results(plan: Plan, say: Say = lambda text: None) -> list[dict[str, Any]
     """
     train_all(plan, say)
     found = []
-    for structure in STRUCTURES:
+    for structure in plan.structures:
         cells = _cells(plan, structure)
         folder = plan.out / structure
         told = run_grid(cells, folder / "cells", plan.jobs, "loky", lambda result: None)

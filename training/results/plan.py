@@ -37,6 +37,7 @@ class Plan:
         steps: Of a training; None for those of the recipe.
         episodes: Of each task.
         jobs: Processes.
+        structures: Some of `STRUCTURES`.
     """
 
     out: Path
@@ -46,6 +47,7 @@ class Plan:
     steps: int | None = None
     episodes: int = 32
     jobs: int = 2
+    structures: tuple[str, ...] = STRUCTURES
 
     def config(self, structure: str) -> TrainConfig:
         """Return the configuration of the trainings of a structure, on the joint of the plan.
@@ -85,7 +87,7 @@ def train_all(plan: Plan, say: Say) -> None:
     work = Parallel(n_jobs=plan.jobs, return_as="generator_unordered")
     for name in work(
         delayed(_train)(plan, structure, seed)
-        for structure in STRUCTURES
+        for structure in plan.structures
         for seed in range(plan.seeds)
     ):
         say(f"trained {name}")
