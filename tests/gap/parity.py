@@ -86,6 +86,8 @@ def load(file: JointFile, structure: str, path: Path, *, write: bool = True) -> 
 
 def named(hypothesis: Hypothesis, values: Mapping[str, float]) -> NamedEffect:
     """Return the effect as a diagnosis would name it, every number known to ten per cent."""
+    if hypothesis.name == "stribeck":  # a fit has its rise, a diagnosis the level of breakaway
+        values = {**values, "d_s": values["d_s"] + values[hypothesis.unknowns[0].symbol]}
     units = {unknown.symbol: unknown.unit for unknown in hypothesis.unknowns}
     spans = {
         s: Interval(x, x - 0.1 * abs(x) - 1e-9, x + 0.1 * abs(x) + 1e-9, units[s])

@@ -57,6 +57,7 @@ def simulate(
     seconds: float = 4.0,
     seed: int = 0,
     friction: tuple[float, float] = (0.0, 0.0),
+    breakaway: tuple[float, float] = (0.0, 1.0),
     extra: Callable[[float, float, float], float] | None = None,
     spring: Callable[[float], float] | None = None,
     sensed: Callable[[Floats], Floats] | None = None,
@@ -68,6 +69,7 @@ def simulate(
         seconds: Its length.
         seed: Of command and noise.
         friction: Coulomb levels for both directions [N m].
+        breakaway: What rest adds to them [N m], and the velocity over which it fades [rad/s].
         extra: Further torque of time, angle and velocity [N m].
         spring: Torque of deflection [N m]; linear if left out.
         sensed: What the torque sensor makes of the torque.
@@ -88,7 +90,9 @@ def simulate(
             if extra is not None:
                 push += extra(k * DT, q, v)
             free = v + h * push / p["I_m"]
-            v = free - min(max(free, -h * friction[1] / p["I_m"]), h * friction[0] / p["I_m"])
+            rise = breakaway[0] * np.exp(-((v / breakaway[1]) ** 2))
+            up, down = (h * (level + rise) / p["I_m"] for level in friction)
+            v = free - min(max(free, -down), up)
             q += h * v
     tau = rows[:, 1] if sensed is None else sensed(rows[:, 1])
     true = {"q_m": rows[:, 0], "q_l": np.zeros(len(rows)), "tau": tau, "i": rows[:, 2]}

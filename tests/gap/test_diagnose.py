@@ -72,6 +72,17 @@ def test_coulomb_friction_is_found_where_it_is_and_as_large_as_it_is() -> None:
     assert found.effects[0].status == "confirmed"
 
 
+def test_a_breakaway_that_holds_the_joint_for_most_of_the_time_is_found() -> None:
+    held = [simulate(seed=seed, friction=(6.0, 6.0), breakaway=(5.0, 0.1)) for seed in (0, 1)]
+    found = diagnose(held[0], nominal(), validate=held[1])
+    assert names(found) == ["stribeck"]
+    assert found.verdict == "explained"
+    numbers = found.effects[0].parameters
+    assert numbers["d_cm"].value == pytest.approx(6.0, rel=0.03)
+    assert numbers["d_s"].value == pytest.approx(11.0, rel=0.03)
+    assert numbers["d_s"].low <= 11.0 <= numbers["d_s"].high
+
+
 def test_the_direction_of_unequal_friction_is_right() -> None:
     found = diagnose(simulate(friction=(2.5, 1.0)), nominal())
     assert names(found)[0] == "coulomb_asym"

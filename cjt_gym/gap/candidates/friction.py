@@ -41,7 +41,7 @@ def friction_of(
     p, n = f"d_c{body}", f"d_c{body}_n"
     force = Unknown(p, "N m", 0.0, torque, low=0.0)
     force_n = Unknown(n, "N m", 0.0, torque, low=0.0)
-    breakaway = Unknown("d_s", "N m", 0.0, torque, low=0.0)
+    rise = Unknown("d_s", "N m", 0.0, torque, low=0.0)  # of breakaway above the Coulomb level
     slow, fast = 1e-4 * speed, 20.0 * speed
     stribeck = Unknown("v_s", "rad/s", 0.1 * speed, 1.2, True, slow, fast, shape=True)
     slide = Unknown("z_s", "rad", 1e-3, 2.0, log=True, low=1e-6, high=0.3, shape=True)
@@ -77,8 +77,7 @@ def friction_of(
             f[f"{key}_{body}"] += value
 
     def apply_stribeck(f: Fields, v: Values) -> None:
-        more = max(v["d_s"] - v[p], 0.0)
-        add(f, c_p=v[p], c_n=v[p], s_p=more, s_n=more)
+        add(f, c_p=v[p], c_n=v[p], s_p=v["d_s"], s_n=v["d_s"])
         f[f"v_s_{body}"] = v["v_s"]
 
     def apply_presliding(f: Fields, v: Values) -> None:
@@ -104,9 +103,9 @@ def friction_of(
         ),
         row(
             "stribeck",
-            (force, breakaway, stribeck),
+            (force, rise, stribeck),
             apply_stribeck,
-            tuple((guess, 1.6 * guess, x * speed) for x in (0.03, 0.15, 0.6)),
+            tuple((guess, 0.6 * guess, x * speed) for x in (0.03, 0.15, 0.6)),
         ),
         row(
             "presliding",
