@@ -257,7 +257,16 @@ class Selection:
         quick = self.rough(fit, pool)
         chosen = self._short_list(quick, fit)
         self.untried += [f for f in quick if f not in chosen][:SHORT_LIST]
-        return [self.problem.fit(f.model, f.z, TRIAL_MOVES, f.jacobian) for f in chosen]
+        return [self._tried(f) for f in chosen]
+
+    def _tried(self, rough: Fit) -> Fit:
+        """Return a rough fit after some steps in full.
+
+        A drive's laws take all they need: the instant at which it takes its command over, which is
+        free, has taken their place and must first give way.
+        """
+        moves = MOVES if rough.model.effects[-1].family == "drive" else TRIAL_MOVES
+        return self.problem.fit(rough.model, rough.z, moves, rough.jacobian)
 
     def rough(self, fit: Fit, pool: Sequence[Hypothesis]) -> list[Fit]:
         """Return rough fits with one effect more, the best first."""
@@ -305,7 +314,7 @@ class Selection:
         return [fit.z, z] if strained else [fit.z]
 
     def _short_list(self, quick: list[Fit], before: Fit) -> list[Fit]:
-        """Return the leading fits, and the whole friction family where one of them leads."""
+        """Return the leading fits, and the whole family of friction or drive where one leads."""
         if not quick:
             return []
         top = evidence(self.problem, quick[0])
@@ -321,6 +330,10 @@ class Selection:
                 and f.model.effects[-1].family == "friction"
                 and f.model.effects[-1].body == first.body
                 and evidence(self.problem, f) > base + FAMILY_SHARE * (top - base)
+            ]
+        if first.family == "drive":
+            chosen += [
+                f for f in quick if f not in chosen and f.model.effects[-1].family == "drive"
             ]
         return chosen
 

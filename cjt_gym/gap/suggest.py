@@ -86,7 +86,8 @@ def cautious(suggestion: Suggestion, setting: Setting, held_out: bool) -> Sugges
 def _nearest(problem: Problem, seen: Sequence[Fit], stage: str) -> Mapping[str, Fit]:
     """Return the two explanations by which a stage's gap is least badly explained, by name."""
     found: dict[str, Fit] = {}
-    for fit in sorted(seen, key=lambda f: -evidence(problem, f)):
+    blamed = [fit for fit in seen if fit.model.effects]
+    for fit in sorted(blamed, key=lambda f: -evidence(problem, f)):
         last = fit.model.effects[-1]
         if stage in last.touches and len(found) < 2:
             found.setdefault(last.name, fit)

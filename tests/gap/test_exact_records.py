@@ -44,6 +44,17 @@ def test_a_late_joint_with_friction_is_explained(
     capsys.readouterr()
 
 
+def test_a_lag_is_found_that_the_free_instant_of_the_drive_hides(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    records = [simulated(tmp_path, r, "current_lag.bandwidth=300") for r in ("multisine", "chirp")]
+    found = diagnose(records[0], validate=records[1])
+    assert [effect.name for effect in found.effects] == ["current_lag"]
+    assert found.effects[0].parameters["bandwidth"].value == pytest.approx(300.0, rel=0.02)
+    assert found.verdict == "explained"
+    capsys.readouterr()
+
+
 def test_samples_that_fit_exactly_count(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     record = simulated(tmp_path, "multisine", "coulomb.d_cm=6")
     setting = make_setting(record, load_joint_file(JOINT), get_structure(FIXED))
