@@ -28,6 +28,7 @@ from cjt_gym.gap.intervals import (
     covariance,
 )
 from cjt_gym.gap.joint_file import identified_joint
+from cjt_gym.gap.lateness import open_instant
 from cjt_gym.gap.localize import where
 from cjt_gym.gap.missing import not_judged
 from cjt_gym.gap.naming import doubted, name_effects
@@ -217,7 +218,9 @@ def _report(
     stages = _stages(found, fit, all_before, named)
     nominal = _nominal_fields(found)
     drawn = gather(problem, fit, nominal, within, before, settings, named, refined)
-    lying = where(problem.stages.setting, stages, before, problem.stages.first(fit.residuals))
+    setting = problem.stages.setting
+    said = (*not_judged(setting), *open_instant(named, setting.series.dt))
+    lying = where(setting, stages, before, problem.stages.first(fit.residuals))
     drawn = replace(drawn, regimes=lying, steps=_steps(found), source=source)
     return Diagnosis(
         verdict=verdict(len(named), left),
@@ -225,16 +228,16 @@ def _report(
         regimes=next(iter(lying.values()))[0],
         effects=named,
         gap=GapSize(**{k: v for k, v in vars(gap).items() if k != "replays"}),
-        unexplained=_unexplained(left, not_judged(problem.stages.setting)),
+        unexplained=_unexplained(left, said),
         suggestion=cautious(
             suggest(problem, found.base, found.fit, found.needs, found.seen, named, left),
-            problem.stages.setting,
+            setting,
             held_out,
         ),
         seconds=time.perf_counter() - started,
         evidence=drawn,
         joint=identified_joint(
-            problem.stages.setting,
+            setting,
             problem.fields(fit.model, fit.z),
             named,
             _refined(found, fit, spread) if refined else {},

@@ -12,6 +12,7 @@ from cjt_gym.gap.fit import Fit, Model, Problem, retuned
 from cjt_gym.gap.heldout import HeldOut, on_held_out, worth
 from cjt_gym.gap.hypotheses import hypotheses, shown
 from cjt_gym.gap.hypothesis import Hypothesis
+from cjt_gym.gap.lateness import DELAY, as_effect
 from cjt_gym.gap.process import allow_for_colour
 from cjt_gym.gap.prune import (
     COARSE_STRAIN,
@@ -122,10 +123,16 @@ def explain(
     other = _decided(problem, fit, held, tested, selection.candidates)
     if other is not fit:
         fit, needs, held = _standing(problem, retuned(problem, other), tested, strain)
+    seen = tuple(selection.seen)
+    delayed = as_effect(problem, base, fit, seen, selection.candidates)
+    if delayed is not None:
+        standing = _standing(delayed.problem, delayed.fit, tested, strain)
+        if any(effect.name == DELAY for effect in standing[0].model.effects):
+            problem, base, seen = delayed.problem, delayed.base, delayed.seen
+            fit, needs, held = standing
     left = leftovers(base, fit, needs, held, coarse)
     if setting.current_unspecified:
-        selection.seen += uneven(problem, fit, selection.candidates)
-    seen = tuple(selection.seen)
+        seen = (*seen, *uneven(problem, fit, selection.candidates))
     return Explanation(problem, base, fit, tuple(needs), held, seen, left, sensors)
 
 

@@ -163,10 +163,10 @@ def _shared(
         for k, n in enumerate(problem.shared)
         if n.field not in PER_RECORD
     }
-    return tuple(
-        n if n.field not in values else replace(n, unknown=values[n.field])
-        for n in nuisances(setting, names)
-    )
+    own = nuisances(setting, names)
+    if "delay" not in {n.field for n in problem.shared}:  # its dead time is an effect
+        own = tuple(n for n in own if n.field != "delay")
+    return tuple(n if n.field not in values else replace(n, unknown=values[n.field]) for n in own)
 
 
 def _narrowed(problem: Problem, fit: Fit, known: Covariance) -> tuple[Hypothesis, ...]:

@@ -13,6 +13,7 @@ from cjt_gym.gap.diagnosis import Interval, NamedEffect
 from cjt_gym.gap.explain import Explanation
 from cjt_gym.gap.heldout import worth
 from cjt_gym.gap.intervals import Covariance, at_an_end, effect_intervals, may_be_nothing
+from cjt_gym.gap.lateness import may_be_the_records
 from cjt_gym.gap.missing import same_here, undecided
 from cjt_gym.gap.prune import Need
 from cjt_gym.gap.select import MARGIN, evidence
@@ -38,7 +39,7 @@ def name_effects(
         unseen: Records that it was not fitted to; none where there are no others.
     """
     problem, fit = found.problem, found.fit
-    whole = _whole(found)
+    whole, dt = _whole(found), problem.stages.setting.series.dt
     rows = []
     for index, (effect, need) in enumerate(zip(fit.model.effects, found.needs, strict=True)):
         if effect.outside:
@@ -50,6 +51,7 @@ def name_effects(
         numbers = effect_intervals(problem, fit, index, spread)
         doubtful = may_be_nothing(effect, numbers) or at_an_end(effect, numbers)
         doubtful = doubtful or undecided(problem.stages.setting, effect.name)
+        doubtful = doubtful or may_be_the_records(effect.name, numbers, dt)
         if doubtful or _harmful(found, need, unseen):
             state = "tentative"
         lead = evidence(problem, fit) - best_rival(problem, fit, index, found.seen)

@@ -109,11 +109,16 @@ def _open_question(
             if (row.name, row.body, row.channel) != (effect.name, effect.body, effect.channel):
                 continue
             others = list(rival_fits(problem, base, fit, index, seen).items())[:MOST_RIVALS]
-            if not others and effect.status == "tentative":
+            if not others and effect.status == "tentative" and not _told_otherwise(effect):
                 others = [(NOTHING, needs[index].without)]
             if others:
                 return {effect.name: fit, **dict(others)}
     return {}
+
+
+def _told_otherwise(effect: NamedEffect) -> bool:
+    """Return whether other means than motion tell an effect from what it looks like."""
+    return any(frozenset((effect.name, other)) in SEPARATED_BY for other in effect.confusable_with)
 
 
 def _text(best: Prospect, unit: str) -> str:

@@ -9,6 +9,7 @@ import pytest
 
 from cjt_gym.errors import CjtGymError, ConfigurationError, RecordError
 from cjt_gym.gap import Diagnosis, diagnose
+from cjt_gym.gap.lateness import OPEN
 from cjt_gym.records import Record, read_record
 from tests.gap.simulator import TRUE, nominal, simulate
 
@@ -122,6 +123,29 @@ def test_a_late_command_is_named() -> None:
     found = diagnose(simulate(drive=late), nominal())
     assert names(found) == ["command_delay"]
     assert found.effects[0].parameters["delay"].value == pytest.approx(4e-3, rel=0.02)
+
+
+def test_a_command_that_is_late_by_a_sample_is_named_and_its_cause_left_open() -> None:
+    def late(command: np.ndarray) -> np.ndarray:
+        return np.concatenate([np.zeros(1), command[:-1]])
+
+    records = [simulate(seed=seed, friction=(1.5, 1.5), drive=late) for seed in (0, 1)]
+    found = diagnose(records[0], nominal(), validate=records[1])
+    assert sorted(names(found)) == ["command_delay", "coulomb"]
+    delay = next(effect for effect in found.effects if effect.name == "command_delay")
+    assert delay.parameters["delay"].value == pytest.approx(1e-3, rel=0.05)
+    assert delay.status == "tentative"
+    assert delay.worth == pytest.approx(1.0, abs=0.05)
+    assert OPEN in found.unexplained.text
+    assert found.joint.effects["command_delay"]["delay"].number == pytest.approx(1e-3, rel=0.05)  # type: ignore[union-attr]
+
+
+def test_a_delay_that_the_other_record_has_not_is_not_the_joints() -> None:
+    def late(command: np.ndarray) -> np.ndarray:
+        return np.concatenate([np.zeros(1), command[:-1]])
+
+    found = diagnose(simulate(drive=late), nominal(), validate=simulate(seed=1))
+    assert names(found) == []
 
 
 def test_an_effect_outside_the_table_gets_no_confirmed_name() -> None:

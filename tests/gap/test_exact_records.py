@@ -37,10 +37,14 @@ def test_a_late_joint_with_friction_is_explained(
     records = [simulated(tmp_path, name, *hidden) for name in ("multisine", "chirp")]
     found = diagnose(records[0], validate=records[1])
     effects = {effect.name: effect for effect in found.effects}
-    assert found.verdict == "explained"  # a sample is within what a drive takes to follow
+    assert found.verdict == "explained"
+    assert effects["command_delay"].parameters["delay"].value == pytest.approx(1e-3, rel=0.02)
+    assert "measurement_delay" in effects["command_delay"].confusable_with
     both = 6.0 + 3.3  # motor and gear of a rigid gearbox are one body
     assert effects["coulomb"].parameters["d_cm"].value == pytest.approx(both, rel=0.05)
     assert found.gap.after < 0.1 * found.gap.before
+    replayed = found.joint.effects["command_delay"]["delay"]
+    assert replayed.number == pytest.approx(1e-3, rel=0.02)  # type: ignore[union-attr]
     capsys.readouterr()
 
 
