@@ -63,7 +63,7 @@ def effect_table() -> Table:
         variants["coulomb, sharp"] = {"coulomb": {"dq_0": 0.0}}
         variants["all"] = "all"
         columns.append(
-            best_in_turns({n: stepping(structure, e) for n, e in variants.items()}, rounds=15)
+            best_in_turns({n: stepping(structure, e) for n, e in variants.items()}, rounds=7)
         )
     names = dict.fromkeys(name for column in columns for name in column)
     rows = [
