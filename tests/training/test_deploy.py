@@ -96,6 +96,13 @@ def test_signals_beyond_the_box_are_limited(form: str, tiny: TrainConfig, tmp_pa
         assert abs(stepper.step(*row) - torch_one.step(*row)) < TOLERANCE * agent.layout.action
 
 
+def test_layout_of_another_network_is_refused(tiny: TrainConfig) -> None:
+    policy = exported(agent_for(tiny, "PPO", "tanh"))
+    other = replace(policy, layout=replace(policy.layout, history=policy.layout.history + 1))
+    with pytest.raises(CjtGymError, match="its layout makes"):
+        Stepper(other)
+
+
 def test_recurrent_policy_is_not_exported(tiny: TrainConfig) -> None:
     agent = agent_for(tiny, "RecurrentPPO", "tanh")
     with pytest.raises(CjtGymError, match="not a chain of linear layers"):
