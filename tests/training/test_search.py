@@ -24,7 +24,7 @@ def test_values_are_put_where_they_were_read() -> None:
     assert {place: own_value(config, place) for place in SPACE} == values
     assert config.policy.net_arch == (128, 128)
     assert config.algorithm_options["learning_rate"] == {"start": 2e-3, "end": pytest.approx(2e-4)}
-    assert config.env["reward_weights"] == {"smoothness": 8.0}
+    assert config.env["reward_weights"]["smoothness"] == 8.0
     kept = {place: own_value(RECIPE, place) for place in SPACE}
     assert changed(RECIPE, kept).env == RECIPE.env
 

@@ -209,8 +209,9 @@ def load_exported(path: str | Path) -> Exported:
         network = Network(layers, given["mean"], given["scale"], float(facts["clip"]))
         layout = Layout(**facts["layout"])
     except (KeyError, ValueError, OSError, TypeError) as error:
+        reason = f"it lacks {error}" if isinstance(error, KeyError) else str(error)
         raise ConfigurationError(
-            f"{path} is not a policy that cjt-gym exported ({error}). Make one:  "
+            f"{path} is not a policy that cjt-gym exported ({reason}). Make one:  "
             "cjt-gym export RUN --to numpy --out policy.npz"
         ) from None
     config = from_dict(facts["config"], str(path))
