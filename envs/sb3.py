@@ -16,7 +16,24 @@ from cjt_gym.envs.torque_tracking import complete
 Indices = int | Iterable[int] | None
 
 
-class TorqueTrackingVecEnv(VecEnv):
+class BareVecEnv(VecEnv):
+    """What batches have in common: they hold nothing to release, wrap nothing and draw nothing."""
+
+    def close(self) -> None:
+        """Release nothing."""
+
+    def env_is_wrapped(
+        self, wrapper_class: type[gym.Wrapper[Any, Any, Any, Any]], indices: Indices = None
+    ) -> list[bool]:
+        """Return False for each: members are not wrapped."""
+        return [False for _ in self._get_indices(indices)]
+
+    def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
+        """Return no images: a batch is not drawn."""
+        return [None for _ in range(self.num_envs)]
+
+
+class TorqueTrackingVecEnv(BareVecEnv):
     """A batch of `TorqueTrackingEnv` for Stable-Baselines3, with the same arguments.
 
     Episodes that end begin anew within the same step; their `info` holds `terminal_observation`,
@@ -85,9 +102,6 @@ class TorqueTrackingVecEnv(VecEnv):
             }
         self._returns[ended] = self._squares[ended] = 0.0
 
-    def close(self) -> None:
-        """Release nothing."""
-
     def get_attr(self, attr_name: str, indices: Indices = None) -> list[Any]:
         """Return an attribute of the batch once per index."""
         return [getattr(self, attr_name) for _ in self._get_indices(indices)]
@@ -103,18 +117,8 @@ class TorqueTrackingVecEnv(VecEnv):
         method = getattr(self, method_name)
         return [method(*args, **kwargs) for _ in self._get_indices(indices)]
 
-    def env_is_wrapped(
-        self, wrapper_class: type[gym.Wrapper[Any, Any, Any, Any]], indices: Indices = None
-    ) -> list[bool]:
-        """Return False for each: members are not wrapped."""
-        return [False for _ in self._get_indices(indices)]
 
-    def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
-        """Return no images: a batch is not drawn."""
-        return [None for _ in range(self.num_envs)]
-
-
-class JointsVecEnv(VecEnv):
+class JointsVecEnv(BareVecEnv):
     """Batches of several joints as one; what they observe and how they act must be alike."""
 
     def __init__(self, batches: Sequence[TorqueTrackingVecEnv]) -> None:
@@ -148,9 +152,6 @@ class JointsVecEnv(VecEnv):
         told = [info for some in infos for info in some]
         return np.concatenate(observations), np.concatenate(rewards), np.concatenate(dones), told
 
-    def close(self) -> None:
-        """Release nothing."""
-
     def _batch_of(self, index: int) -> TorqueTrackingVecEnv:
         return self.batches[int(np.searchsorted(self._ends, index, side="right"))]
 
@@ -169,13 +170,3 @@ class JointsVecEnv(VecEnv):
         """Call a method of the batch of each index."""
         found = [self._batch_of(i) for i in self._get_indices(indices)]
         return [getattr(batch, method_name)(*args, **kwargs) for batch in found]
-
-    def env_is_wrapped(
-        self, wrapper_class: type[gym.Wrapper[Any, Any, Any, Any]], indices: Indices = None
-    ) -> list[bool]:
-        """Return False for each: members are not wrapped."""
-        return [False for _ in self._get_indices(indices)]
-
-    def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
-        """Return no images: a batch is not drawn."""
-        return [None for _ in range(self.num_envs)]
