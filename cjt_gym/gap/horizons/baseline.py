@@ -1,0 +1,46 @@
+"""Five lines of least squares, which no diagnosis may lose against."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cjt_gym.gap.horizons.log import Log
+from cjt_gym.gap.horizons.model import Draft, body_group, drafted
+from cjt_gym.joint import Joint
+
+SHARP = 0.02
+"""Velocity over which the sign is smoothed in the regression, as a share of its spread."""
+
+
+def least_squares(joint: Joint, log: Log) -> Joint | None:
+    """Return the joint with inertia, damping, Coulomb friction and offset from a regression.
+
+    The motor's torque, less what the spring was measured to take, over acceleration, speed, its
+    sign, and a constant. None where the record lacks the angle, or a torque that it would need.
+    """
+    shape, p = joint.structure_row, joint.parameters
+    sprung = shape.groups[1] != shape.groups[2]
+    if "q_m" not in log.measured or log.voltage or (sprung and "tau" not in log.measured):
+        return None
+    use = log.whole
+    v, a = log.speed[use], log.acceleration[use]
+    torque = p.k_t * p.n * log.command[use]
+    torque = torque - log.measured["tau"][use] if sprung else torque + log.load[use]
+    width = max(SHARP * float(np.std(v)), 1e-12)
+    columns = np.stack([a, v, np.tanh(v / width), np.ones_like(v)], axis=1)
+    inertia, damping, dry, offset = np.linalg.lstsq(columns, torque, rcond=None)[0]
+    draft = Draft(joint.file, {})
+    own = body_group(shape, "m")
+    draft.row("inertia")["I_m"] = max(float(inertia), 1e-9)
+    if "g" in own:
+        draft.effects["inertia"]["I_g"] = 0.0
+    if "l" in own and p.get("I_l", 0.0) > 0.0:
+        draft.row("load_inertia")["I_l"] = 0.0
+    row = draft.row("damping")
+    for body in own:
+        row[f"d_{body}"] = 0.0
+    row["d_m"] = max(float(damping), 0.0)
+    draft.row("coulomb")["d_cm"] = max(float(dry), 0.0)
+    draft.smooth(0.0)
+    draft.row("torque_offset")["torque"] = -float(offset)
+    return drafted(joint, draft)

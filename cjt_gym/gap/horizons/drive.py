@@ -1,0 +1,121 @@
+"""What a drive makes of its command, where both were measured: when, how fast, how much.
+
+The measured current is compared with the command through a dead time and a first-order lag, sample
+by sample; a gain and an offset are free. Dead times below most of a sample cannot be told from the
+instant within a sample at which a log writes its rows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from cjt_gym.gap.horizons.log import Log
+from cjt_gym.gap.horizons.windows import Piece
+
+Floats = NDArray[np.float64]
+DELAYS = np.arange(0.0, 8.01, 0.25)
+LAGS = (0.0, 0.3, 0.6, 1.0, 1.5, 2.5, 4.0, 7.0, 12.0)
+"""Dead times and time constants that are tried, in samples."""
+LEAST = 0.6
+"""Dead time that is told, in samples."""
+BETTER = 0.8
+"""Mean square that must be left, as a share of that without dead time or lag, at most."""
+FOLLOWS = 0.5
+"""Share of the current's variance that its command must explain, at least."""
+MOSTLY = 0.75
+"""Share of the pieces in which dead time and lag must help."""
+
+
+@dataclass(frozen=True)
+class DriveFit:
+    """How the current follows its command.
+
+    Attributes:
+        delay: Dead time [s].
+        lag: Time constant [s].
+        gain: Current per command.
+        offset: Current at no command [A].
+        before: rms of what the command alone leaves of the current [A].
+        after: rms of what is left with dead time and lag [A].
+        step: Accuracy of the dead time [s].
+        pieces: Share of the pieces of the record in which they help.
+    """
+
+    delay: float
+    lag: float
+    gain: float
+    offset: float
+    before: float
+    after: float
+    step: float
+    pieces: float
+
+    @property
+    def late(self) -> bool:
+        """Whether the current comes later than the command by more than a log can hide."""
+        return self._helps and self.delay > LEAST * self.step * 4.0
+
+    @property
+    def lagging(self) -> bool:
+        """Whether the current follows with a lag."""
+        return self._helps and self.lag > self.step
+
+    @property
+    def _helps(self) -> bool:
+        return self.after**2 < BETTER * self.before**2 and self.pieces >= MOSTLY
+
+
+def fit_drive(log: Log, pieces: list[Piece]) -> DriveFit | None:
+    """Return how the current follows its command, None where it does not or nothing is measured."""
+    if log.wanted is None or not np.any(np.diff(log.wanted)):
+        return None
+    i, c, use = log.command, log.wanted, log.whole.copy()
+    use[: int(DELAYS[-1]) + 2] = False
+    if np.var(i[use]) == 0.0:
+        return None
+    best, plain = None, _left(i, c, use)
+    for lag in LAGS:
+        slow = _lagged(c, lag)
+        for delay in DELAYS:
+            left, gain, offset = _left(i, _late(slow, delay), use)
+            if best is None or np.sum(left**2) < 0.999 * np.sum(best[0] ** 2):
+                best = (left, gain, offset, delay, lag)
+    assert best is not None
+    left, gain, offset, delay, lag = best
+    if np.sum(left**2) > (1.0 - FOLLOWS) * np.sum((i[use] - np.mean(i[use])) ** 2):
+        return None
+    index = np.flatnonzero(use)
+    better = [
+        np.sum(left[a:b] ** 2) < np.sum(plain[0][a:b] ** 2)
+        for p in pieces
+        if (a := np.searchsorted(index, p.start)) < (b := np.searchsorted(index, p.stop))
+        and np.ptp(c[p.start : p.stop]) > 0.0
+    ]
+    return DriveFit(
+        float(delay * log.dt), float(lag * log.dt), gain, offset,
+        float(np.sqrt(np.mean(plain[0] ** 2))), float(np.sqrt(np.mean(left**2))),
+        0.25 * log.dt, float(np.mean(better)) if better else 0.0,
+    )  # fmt: skip
+
+
+def _lagged(c: Floats, lag: float) -> Floats:
+    if lag == 0.0:
+        return c
+    a = float(np.exp(-1.0 / lag))
+    return np.asarray(lfilter([0.0, 1.0 - a], [1.0, -a], c - c[0]) + c[0])
+
+
+def _late(c: Floats, delay: float) -> Floats:
+    at = np.arange(len(c)) - delay
+    return np.interp(at, np.arange(len(c)), c)
+
+
+def _left(i: Floats, model: Floats, use: NDArray[np.bool_]) -> tuple[Floats, float, float]:
+    """Return what a regression of the current on a model leaves, its gain and its offset."""
+    x = np.stack([model[use], np.ones(int(use.sum()))], axis=1)
+    (gain, offset), *_ = np.linalg.lstsq(x, i[use], rcond=None)
+    return i[use] - x @ np.array([gain, offset]), float(gain), float(offset)

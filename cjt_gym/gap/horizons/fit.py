@@ -1,0 +1,234 @@
+"""Least squares over all horizons at once.
+
+The error of each kind (channel and horizon) has a scale of its own that nobody specifies: the cost
+is the logarithm of its mean square, summed over the kinds, so that none drowns the others and no
+noise level enters. Values that a datasheet states with a tolerance have a Gaussian prior.
+
+Where a joint is free to move, a share of the cost is the same error as the torque that would have
+caused it. A joint of great inertia hardly listens to its input; where a motion repeats itself, it
+may predict that motion all the same, from the state alone. As torques its errors are large.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cjt_gym.errors import CjtGymError
+from cjt_gym.gap.horizons.model import Model
+from cjt_gym.gap.horizons.windows import WHOLE, Windows
+
+Floats = NDArray[np.float64]
+LEAST = 3e-3
+"""Relative error below which a better fit is worth nothing."""
+STEP = 0.02
+"""Step of a finite difference, in units of a coordinate."""
+LONGEST = 3.0
+"""Longest step of a fit, in units of a coordinate."""
+MOTION, LISTEN, FORCE = "q_m", 0.1, 0.2
+"""Error that counts as a torque, too, with which weight beside one for all horizons together."""
+USUAL, BOUND = 0.8, 4.0
+"""Windows count by the logarithm beyond so many times the mean square that most do not exceed."""
+SHARES = {0.02: 0.5, 0.1: 1.0, 0.5: 1.0}
+"""Weight of each horizon: the shortest owes most of its error to the measured start."""
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A model at the coordinates that fit best.
+
+    Attributes:
+        model: The model.
+        z: Coordinates, shape (n,).
+        cost: What was minimised.
+        errors: Errors by kind, each of shape (windows, points).
+        jacobian: Derivatives of the errors by kind, each of shape (windows, points, n).
+    """
+
+    model: Model
+    z: Floats
+    cost: float
+    errors: list[Floats]
+    jacobian: list[Floats] | None = None
+
+    def relative(self) -> Floats:
+        """Return the relative error of each kind."""
+        return np.sqrt([float(np.mean(e**2)) for e in self.errors])
+
+
+def bounded(errors: Floats) -> tuple[Floats, Floats]:
+    """Return what each window counts for, and the weight of its errors, shape (W,) each.
+
+    Few windows that go far wrong (a blow, an end stop) count less than by their square.
+    """
+    square = np.mean(errors**2, axis=1)
+    bound = BOUND * float(np.quantile(square, USUAL)) + LEAST**2
+    return bound * np.log1p(square / bound), 1.0 / (1.0 + square / bound)
+
+
+@dataclass(eq=False)
+class Problem:
+    """Windows to which models are fitted.
+
+    Attributes:
+        windows: The windows.
+        weights: Weight of each kind; they sum to one.
+    """
+
+    windows: Windows
+    runs: int = 0
+    force: float = 0.0
+
+    def __post_init__(self) -> None:
+        keys = self.windows.keys
+        shares = np.array([SHARES.get(horizon, 1.0) for _, horizon in keys])
+        self.weights = shares / shares.sum()
+        free = (MOTION, LISTEN) in keys and not any(h == WHOLE for _, h in keys)
+        self.force = FORCE if free else 0.0
+
+    @property
+    def strength(self) -> float:
+        """Half the number of errors that count as independent."""
+        return 0.5 * self.windows.count
+
+    def weight(self, key: tuple[str, float]) -> float:
+        """Return the weight of a kind of error."""
+        extra = self.force if key == (MOTION, LISTEN) else 0.0
+        return float(self.weights[self.windows.keys.index(key)]) + extra
+
+    def errors(self, model: Model, z: Floats) -> list[Floats]:
+        """Return the errors of a model by kind."""
+        self.runs += 1
+        try:
+            return self.windows.errors(model.at(z))
+        except (CjtGymError, np.linalg.LinAlgError, ValueError):
+            return [np.full((len(self.windows.pieces(k)), 1), 100.0) for k in self.windows.keys]
+
+    def cost(self, model: Model, z: Floats, errors: Sequence[Floats]) -> float:
+        """Return the cost of a model at coordinates."""
+        squares = np.array([float(np.mean(bounded(e)[0])) for e in errors])
+        logs = np.log(squares + LEAST**2)
+        data = float(self.weights @ logs)
+        if self.force:
+            key = self.windows.keys.index((MOTION, LISTEN))
+            data += self.force * (logs[key] + 2.0 * deafness(model, z))
+        return self.strength * data + 0.5 * float(np.sum(z[_known(model)] ** 2))
+
+    def fit(self, model: Model, z: Floats | None = None, steps: int = 12) -> Fit:
+        """Return the best fit of a model from given coordinates, by Levenberg and Marquardt."""
+        z = np.zeros(len(model.numbers)) if z is None else np.array(z, dtype=np.float64)
+        errors = self.errors(model, z)
+        cost, damping = self.cost(model, z, errors), 1e-3
+        jacobian = None
+        for _ in range(steps if len(z) else 0):
+            jacobian = self.jacobian(model, z, errors)
+            hessian, gradient = self.normal(model, z, errors, jacobian)
+            gain = 0.0
+            for _ in range(5):
+                move = -_solve(hessian, damping, gradient)
+                new = _within(model, z + move * min(1.0, LONGEST / max(np.abs(move).max(), 1e-12)))
+                tried = self.errors(model, new)
+                better = self.cost(model, new, tried)
+                if better < cost:
+                    gain, cost, z, errors = cost - better, better, new, tried
+                    damping = max(damping / 8.0, 1e-9)
+                    break
+                damping = max(damping * 8.0, 1e-3)
+            if gain < 2e-3 * self.strength:
+                break
+        return Fit(model, z, cost, errors, jacobian)
+
+    def jacobian(
+        self,
+        model: Model,
+        z: Floats,
+        errors: Sequence[Floats],
+        first: int = 0,
+        known: Sequence[Floats] | None = None,
+    ) -> list[Floats]:
+        """Return the derivatives of the errors, each of shape (windows, points, n).
+
+        Those of the first numbers may be known already.
+        """
+        out = [np.zeros((*e.shape, len(z))) for e in errors]
+        for k, columns in enumerate(known or ()):
+            out[k][..., :first] = columns
+        for j, number in enumerate(model.numbers):
+            if j < first:
+                continue
+            step = STEP
+            if number.value(z[j] + step) >= number.high or number.value(z[j]) >= number.high:
+                step = -STEP
+            moved = z.copy()
+            moved[j] += step
+            for k, e in enumerate(self.errors(model, moved)):
+                out[k][..., j] = (e - errors[k]) / step
+        return out
+
+    def normal(
+        self, model: Model, z: Floats, errors: Sequence[Floats], jacobian: Sequence[Floats]
+    ) -> tuple[Floats, Floats]:
+        """Return Gauss and Newton's Hessian, shape (n, n), and the gradient, shape (n,)."""
+        known = _known(model)
+        hessian, gradient = np.diag(known + 1e-9), known * z
+        weights = self.weights.copy()
+        if self.force:
+            weights[self.windows.keys.index((MOTION, LISTEN))] += self.force
+            gradient = gradient + 2.0 * self.strength * self.force * _slopes(model, z)
+        for weight, e, j in zip(weights, errors, jacobian, strict=True):
+            counted, share = bounded(e)
+            factor = 2.0 * self.strength * weight / (float(np.mean(counted)) + LEAST**2) / e.size
+            flat = (j * share[:, None, None]).reshape(-1, len(z))
+            hessian = hessian + factor * (flat.T @ j.reshape(-1, len(z)))
+            gradient = gradient + factor * (flat.T @ e.reshape(-1))
+        return hessian, gradient
+
+
+def deafness(model: Model, z: Floats) -> float:
+    """Return the logarithm of the torque that moves a free joint off by a given error.
+
+    Over a time h it is about 2 I / h^2 + d / h for inertia I and damping d.
+    """
+    draft = model.draft(z)
+    p, shape = model.joint.parameters, model.joint.structure_row
+    free = [b for b, g in zip("mgl", shape.groups, strict=True) if g >= 0]
+    rows = draft.effects
+    own = {**rows.get("inertia", {}), **rows.get("load_inertia", {}), **rows.get("damping", {})}
+    inertia = sum(_number(own.get(f"I_{b}", p.get(f"I_{b}", 0.0))) for b in free)
+    damping = sum(_number(own.get(f"d_{b}", p.get(f"d_{b}", 0.0))) for b in free)
+    constant = _number(rows.get("torque_constant", {}).get("k_t", p.k_t)) / p.k_t
+    return float(np.log((2.0 * inertia / LISTEN**2 + damping / LISTEN) / constant))
+
+
+def _number(value: object) -> float:
+    return float(value)  # type: ignore[arg-type]
+
+
+def _slopes(model: Model, z: Floats) -> Floats:
+    """Return the derivatives of `deafness`, shape (n,)."""
+    here = deafness(model, z)
+    out = np.zeros(len(z))
+    for j in range(len(z)):
+        moved = z.copy()
+        moved[j] += STEP
+        out[j] = (deafness(model, moved) - here) / STEP
+    return out
+
+
+def _known(model: Model) -> Floats:
+    return np.array([float(n.prior) for n in model.numbers], dtype=bool)
+
+
+def _solve(hessian: Floats, damping: float, gradient: Floats) -> Floats:
+    matrix = hessian + np.diag(damping * np.diag(hessian) + 1e-12)
+    return np.asarray(np.linalg.lstsq(matrix, gradient, rcond=None)[0])
+
+
+def _within(model: Model, z: Floats) -> Floats:
+    """Return coordinates whose values stay within their bounds."""
+    return np.array(
+        [n.coordinate(n.value(float(x))) for n, x in zip(model.numbers, z, strict=True)]
+    )

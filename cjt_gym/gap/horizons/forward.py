@@ -1,0 +1,112 @@
+"""What a joint predicts in windows of a record, by the joint's own kernel."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cjt_gym.gap.horizons.log import Log
+from cjt_gym.joint import Joint
+from cjt_gym.joint.arrays import (
+    LAGGED,
+    Q_L,
+    Q_M,
+    REFERENCE,
+    TAU,
+    WORK_ROWS,
+    WORK_WIDTH,
+    Batch,
+    Setup,
+)
+from cjt_gym.joint.batch import JointBatch, longest_substep
+from cjt_gym.joint.compiled import compiled
+from cjt_gym.joint.kernel import control_step, restart
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+CHANNELS = {"q_m": 0, "q_l": 1, "tau": 2}
+SUBSTEP = 2e-3
+"""Longest substep [s]: linear motion is exact at any, friction and ripple to about its square."""
+LEAD = 0.05
+"""Time before a window over which delays, lags and bristles follow what was measured [s]."""
+
+
+@compiled
+def run_windows(
+    batch: Batch,
+    setup: Setup,
+    commands: Floats,
+    loads: Floats,
+    states: Floats,
+    starts: Integers,
+    lengths: Integers,
+    leads: Integers,
+    out: Floats,
+) -> None:
+    """Predict each window from its measured start; NaN from where a state ceases to be finite.
+
+    Before a window begins the joint is held to its measured states, so that delay lines, lags,
+    bristles and temperatures are what they are when it is let go.
+
+    Args:
+        batch: A batch of one.
+        setup: Its setup.
+        commands: Currents [A] or voltages [V] of the record, shape (N,).
+        loads: Load torque [N m] or velocity [rad/s], shape (N,).
+        states: Measured states, shape (N, 6).
+        starts: First sample of each window, shape (W,).
+        lengths: Samples of each window, shape (W,).
+        leads: Samples before it from which the joint is held, shape (W,).
+        out: Receives q_m, q_l and tau as the sensors report them, shape (W, longest, 3).
+    """
+    work = np.zeros((WORK_ROWS, WORK_WIDTH))
+    for w in range(starts.shape[0]):
+        first = starts[w] - leads[w]
+        for j in range(6):
+            batch.state[0, j] = states[first, j]
+        restart(batch, setup, 0, loads[first], work)
+        if not setup.is_voltage:
+            batch.currents[0, 0] = commands[first]
+            batch.memory[0, LAGGED] = batch.memory[0, REFERENCE] = commands[first]
+        for d in range(batch.commands.shape[1]):
+            batch.commands[0, d, 0] = commands[first]
+        good = True
+        for k in range(first, starts[w]):
+            good = good and control_step(batch, setup, 0, commands[k], 0.0, loads[k], work)
+            for j in range(6):
+                batch.state[0, j] = states[k + 1, j]
+        for j in range(lengths[w]):
+            k = starts[w] + j
+            if good:
+                out[w, j, 0] = batch.measured[0, Q_M] if j > 0 else batch.state[0, 0]
+                out[w, j, 1] = batch.measured[0, Q_L] if j > 0 else batch.state[0, 2]
+                out[w, j, 2] = batch.measured[0, TAU]
+                good = control_step(batch, setup, 0, commands[k], 0.0, loads[k], work)
+            else:
+                for c in range(3):
+                    out[w, j, c] = np.nan
+
+
+def predict(
+    joint: Joint, log: Log, starts: Integers, lengths: Integers, leads: Integers
+) -> Floats:
+    """Return what a joint predicts in windows, shape (W, longest, 3); columns as in `CHANNELS`.
+
+    Args:
+        joint: The joint, without noise.
+        log: The record.
+        starts: First sample of each window, shape (W,).
+        lengths: Samples of each, shape (W,).
+        leads: Samples before each that are held to what was measured, shape (W,).
+    """
+    longest = min(SUBSTEP, 0.5 * longest_substep(joint))
+    substeps = max(math.ceil(log.dt / longest - 1e-9), 1)
+    batch = JointBatch(joint, 1, log.dt, log.dt / substeps, voltage=log.voltage)
+    out = np.zeros((len(starts), int(lengths.max(initial=1)), 3))
+    command = np.ascontiguousarray(log.command)
+    run_windows(
+        batch.arrays, batch.setup, command, log.load, log.states, starts, lengths, leads, out
+    )
+    return out

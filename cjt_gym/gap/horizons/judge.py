@@ -1,0 +1,283 @@
+"""Which joint predicts best, which effects it has, and how well anything could predict."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cjt_gym.gap.horizons.baseline import least_squares
+from cjt_gym.gap.horizons.drive import DriveFit, fit_drive
+from cjt_gym.gap.horizons.fit import Fit, Problem
+from cjt_gym.gap.horizons.log import Log, to_log
+from cjt_gym.gap.horizons.model import Model, quiet
+from cjt_gym.gap.horizons.predictable import Predictable
+from cjt_gym.gap.horizons.predictable import left as left_by
+from cjt_gym.gap.horizons.rows import base_terms, candidates, scales_of
+from cjt_gym.gap.horizons.search import Found, Worth, search, worth
+from cjt_gym.gap.horizons.windows import Windows, cut, make_windows, relative, split
+from cjt_gym.joint import Joint, JointFile, Structure
+from cjt_gym.joint.configure import resolve_effects
+from cjt_gym.records import Record
+
+Floats = NDArray[np.float64]
+Key = tuple[str, float]
+Progress = Callable[[str], None]
+TEST = 200
+"""Most windows on which models are compared."""
+WORSE = 1.02
+"""Relative error, over that of datasheet or least squares, up to which a joint is no worse."""
+EQUAL = 1.1
+"""Relative error, over that of the best joint, up to which another one does as well."""
+LEFT_SHARE, LEFT_CLEAR = 0.3, 3.0
+"""Share of an error that a regression predicts, and its deviations, from which it is left."""
+KEPT = 0.1
+"""How far the inertia may move in the end, relative."""
+BALANCED = 3
+"""How often horizons at which a joint would be worse get twice the weight."""
+TRIVIAL = 0.03
+"""Relative error that is left to no one's concern."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the table of horizons: relative errors on held-out data.
+
+    Attributes:
+        seconds: How far ahead [s]; 0 for a piece of a held output as a whole.
+        channel: What is predicted.
+        datasheet: Error of the nominal joint.
+        least_squares: Error of a regression on inertia, damping, Coulomb friction and offset.
+        found: Error of the joint that is the answer.
+        floor: What is predictable by no model; None where that cannot be told.
+        left: What of the error of the answer is predictable.
+    """
+
+    seconds: float
+    channel: str
+    datasheet: float
+    least_squares: float | None
+    found: float
+    floor: float | None
+    left: Predictable | None
+
+    @property
+    def unexplained(self) -> bool:
+        """Whether what is left is clearly more than what no model could predict."""
+        return (
+            self.left is not None
+            and self.found > TRIVIAL
+            and self.left.share > LEFT_SHARE
+            and self.left.share > LEFT_CLEAR * self.left.deviation
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """Records, cut into what is fitted and what is held out.
+
+    Attributes:
+        joint: The nominal joint, without noise.
+        logs: The records that are fitted.
+        fit: Windows that are fitted.
+        test: Windows that are held out.
+        all: Windows over all that the answer is to hold for.
+        drive: How the current follows its command, where both were measured.
+    """
+
+    joint: Joint
+    logs: tuple[Log, ...]
+    fit: Windows
+    test: Windows
+    all: Windows
+    drive: DriveFit | None
+
+
+def make_case(
+    records: Sequence[Record], held: Sequence[Record], file: JointFile, shape: Structure
+) -> Case:
+    """Return records ready to be judged."""
+    first = to_log(records[0], file, shape)
+    drive = "static" if first.voltage else "current"
+    joint = quiet(Joint(file, shape.name, drive, resolve_effects(None, file, shape, drive)))
+    logs = [first, *(to_log(record, file, shape) for record in records[1:])]
+    other = [to_log(record, file, shape) for record in held]
+    pieces = cut(logs)
+    own, kept = (pieces, cut(other)) if other else split(logs, pieces)
+    whole = shape.output_fixed
+    fit = make_windows(logs, own, whole=whole)
+    test = make_windows(other or logs, kept or own, TEST, whole=whole)
+    every = test if other else make_windows(logs, pieces, TEST, whole=whole)
+    return Case(joint, tuple(logs), fit, test, every, fit_drive(first, [p for p in own if p.log == 0]))
+
+
+def as_joint(file: JointFile, like: Joint) -> Joint:
+    """Return the joint of a file with the structure and drive of another, without noise."""
+    shape = like.structure_row
+    effects = resolve_effects(None, file, shape, like.drive)
+    return quiet(Joint(file, like.structure, like.drive, effects))
+
+
+@dataclass(frozen=True, eq=False)
+class Judgement:
+    """What several joints predict, and which is the answer.
+
+    Attributes:
+        case: The records.
+        answer: "datasheet", "least squares", "stages" or "found".
+        joint: The joint that is the answer.
+        rows: The table of horizons.
+        found: The search, where there was one.
+        tests: Worth of each term of the search on held-out data.
+        problem: What the search was fitted to.
+    """
+
+    case: Case
+    answer: str
+    joint: Joint
+    rows: tuple[Row, ...]
+    found: Found | None = None
+    tests: tuple[Worth, ...] = ()
+    problem: Problem | None = None
+    errors: dict[str, list[Floats]] = field(default_factory=dict)
+
+    @property
+    def unexplained(self) -> tuple[Row, ...]:
+        """Rows in which something is left that could be predicted."""
+        return tuple(row for row in self.rows if row.unexplained)
+
+
+def judge(case: Case, stages: Joint | None, progress: Progress) -> Judgement:
+    """Return the judgement of a record.
+
+    Args:
+        case: The record.
+        stages: What the stages' one-step predictors have found, to be judged beside the others.
+        progress: Is told in words what is being done.
+    """
+    progress("predicting up to half a second ahead")
+    test = Problem(case.test)
+    joints = {"datasheet": case.joint}
+    ls = least_squares(case.joint, case.logs[0])
+    if ls is not None:
+        joints["least squares"] = ls
+    if stages is not None:
+        joints["stages"] = stages
+        known = left_by(case.all, stages)
+        errors = relative(case.all, case.all.errors(stages))
+        open_ = any(_left(errors[key], one) for key, one in known.items())
+        if not open_ and _no_worse(case, joints, "stages"):
+            return _settled(case, joints, "stages")
+    problem = Problem(case.fit)
+    scales = scales_of(case.joint, case.logs)
+    base = Model(case.joint, base_terms(case.joint, scales))
+    terms = candidates(case.joint, scales, case.logs)
+    found = search(problem, base, terms, progress=progress)
+    found, tests = _tested(problem, test, found)
+    found = _polished(case, problem, found, joints)
+    joints["found"] = found.fit.model.at(found.fit.z)
+    joints["base"] = found.base.model.at(found.base.z)
+    best = _best(case, test, joints)
+    judged = _settled(case, joints, best)
+    return replace(judged, found=found, tests=tests, problem=problem)
+
+
+def _left(error: float, one: Predictable) -> bool:
+    return error > TRIVIAL and one.share > LEFT_SHARE and one.share > LEFT_CLEAR * one.deviation
+
+
+def _tested(problem: Problem, test: Problem, found: Found) -> tuple[Found, tuple[Worth, ...]]:
+    """Return a search without what held-out data refute, and what they say of the rest."""
+    while True:
+        fit, base = found.fit, len(found.base.model.terms)
+        errors = test.errors(fit.model, fit.z)
+        more = Fit(fit.model, fit.z, test.cost(Model(fit.model.joint), np.zeros(0), errors), errors)
+        tests = []
+        for k, term in enumerate(fit.model.terms):
+            less = found.less[k]
+            e = test.errors(less.model, less.z)
+            one = Fit(less.model, less.z, test.cost(Model(fit.model.joint), np.zeros(0), e), e)
+            tests.append(worth(test, one, more, term))
+        refuted = [k for k in range(base, len(tests)) if tests[k].fall < -tests[k].price]
+        if not refuted:
+            return found, tuple(tests)
+        found = found.dropped(problem, min(refuted, key=lambda k: tests[k].fall))
+
+
+def _no_worse(case: Case, joints: dict[str, Joint], name: str) -> bool:
+    """Return whether a joint predicts no worse than datasheet and least squares, at any horizon."""
+    own = relative(case.test, case.test.errors(joints[name]))
+    for other in ("datasheet", "least squares"):
+        if other in joints:
+            errors = relative(case.test, case.test.errors(joints[other]))
+            if any(own[key] > max(WORSE * errors[key], TRIVIAL) for key in own):
+                return False
+    return True
+
+
+def _polished(case: Case, problem: Problem, found: Found, joints: dict[str, Joint]) -> Found:
+    """Return a search whose numbers predict best, its inertia nearly as it was found.
+
+    Horizons at which it would be worse than datasheet or least squares get more weight.
+    """
+    problem = replace(problem)
+    problem.force = 0.0
+    model, z = _held(found.fit.model, found.fit.z)
+    limits = [relative(case.fit, case.fit.errors(joints[n])) for n in joints if n != "stages"]
+    fit = problem.fit(model, z)
+    for _ in range(BALANCED):
+        errors = dict(zip(case.fit.keys, fit.relative(), strict=True))
+        worse = [any(errors[key] > limit[key] for limit in limits) for key in case.fit.keys]
+        if not any(worse):
+            break
+        problem.weights = problem.weights * np.where(worse, 2.0, 1.0)
+        problem.weights /= problem.weights.sum()
+        fit = problem.fit(model, fit.z)
+    return replace(found, fit=fit)
+
+
+def _held(model: Model, z: Floats) -> tuple[Model, Floats]:
+    """Return a model whose inertia is known nearly as it is, and coordinates."""
+    terms, z = [], z.copy()
+    for k, (term, values) in enumerate(zip(model.terms, model.values(z), strict=True)):
+        if term.name == "inertia":
+            number = replace(term.numbers[0], start=values[0], scale=KEPT)
+            term = replace(term, numbers=(number,))
+            z[model.span(k)] = 0.0
+        terms.append(term)
+    return replace(model, terms=tuple(terms)), z
+
+
+def _best(case: Case, test: Problem, joints: dict[str, Joint]) -> str:
+    """Return the name of the joint that is the answer."""
+    blank = Model(case.joint)
+    errors = {name: case.test.errors(joint) for name, joint in joints.items()}
+    costs = {name: test.cost(blank, np.zeros(0), e) for name, e in errors.items()}
+    sound = [n for n in joints if _no_worse(case, joints, n)]
+    for name in ("found", "base", "stages"):
+        others = [costs[n] for n in sound if n != name]
+        if name in sound and costs[name] <= min(others, default=np.inf) + 1.0:
+            return name
+    return min(sound or ("datasheet", "least squares") & joints.keys(), key=lambda n: costs[n])
+
+
+def _settled(case: Case, joints: dict[str, Joint], best: str) -> Judgement:
+    """Return the judgement with a joint as its answer."""
+    errors = {name: case.test.errors(joint) for name, joint in joints.items()}
+    table = {name: relative(case.test, e) for name, e in errors.items()}
+    known = left_by(case.all, joints[best])
+    rows = []
+    for key in case.test.keys:
+        left = known.get(key)
+        enough = left is not None and left.deviation < 1.0
+        floor = table[best][key] * (1.0 - left.share) ** 0.5 if left is not None else None
+        rows.append(
+            Row(
+                key[1], key[0], table["datasheet"][key],
+                table["least squares"][key] if "least squares" in table else None,
+                table[best][key], floor if enough else None, left if enough else None,
+            )
+        )  # fmt: skip
+    return Judgement(case, best, joints[best], tuple(rows), errors=errors)

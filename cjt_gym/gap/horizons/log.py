@@ -1,0 +1,219 @@
+"""A record as even arrays: what drives the joint, what was measured, where it may be used."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
+from scipy.ndimage import binary_dilation
+from scipy.signal import savgol_filter
+
+from cjt_gym.errors import RecordError
+from cjt_gym.joint import JointFile, Structure
+from cjt_gym.records import Record
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+SMOOTH = 0.02
+"""Time over which angles are smoothed for the state at the start of a window [s]."""
+LEAST_SMOOTH = 5
+"""Fewest samples of it."""
+GAP = 5.0
+"""Sampling intervals, in medians, from which there is a gap in the log."""
+ENOUGH = 2e-3
+"""Sample time to which records of a joint without a spring are thinned [s]."""
+DRIVING = ("i", "i_cmd", "v", "tau_cmd", "tau_m", "tau_l")
+FEWEST = 100
+"""Fewest samples of a channel that can be used."""
+Drive = Literal["i", "i_cmd", "v"]
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """One record, ready to be predicted.
+
+    Attributes:
+        name: Of the record, in words.
+        dt: Sample time [s].
+        t: Time of the samples [s], shape (N,).
+        drive: Which channel drives the joint.
+        command: That channel [A], or [V] where it is a voltage; shape (N,).
+        wanted: The command of the drive where the current was measured, too [A], shape (N,).
+        load: Torque on the load [N m], or velocity of a prescribed load [rad/s]; shape (N,).
+        measured: Channels to predict, of q_m, q_l and tau, each of shape (N,).
+        states: [q_m q_g q_l dq_m dq_g dq_l] as measured, smoothed, shape (N, 6).
+        acceleration: Of the motor, smoothed [rad/s^2], shape (N,).
+        whole: Where all channels were measured and no gap is near, shape (N,).
+    """
+
+    name: str
+    dt: float
+    t: Floats
+    drive: Drive
+    command: Floats
+    wanted: Floats | None
+    load: Floats
+    measured: dict[str, Floats]
+    states: Floats
+    acceleration: Floats
+    whole: Flags
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    @property
+    def voltage(self) -> bool:
+        """Whether the joint is driven by a voltage."""
+        return self.drive == "v"
+
+    @property
+    def speed(self) -> Floats:
+        """Velocity of the motor [rad/s], shape (N,)."""
+        return self.states[:, 3]
+
+
+def to_log(record: Record, file: JointFile, structure: Structure) -> Log:
+    """Return a record on an even grid.
+
+    Raises:
+        RecordError: Nothing drives the joint, or nothing that could be predicted was measured.
+    """
+    columns = {name: record[name] for name in record.columns if name != "t"}
+    columns = {n: x for n, x in columns.items() if np.isfinite(x).sum() > FEWEST}
+    t = record.t
+    dt = float(np.median(np.diff(t)))
+    if structure.size == 1 and not structure.output_fixed:
+        columns, t = _thinned(columns, t, max(int(ENOUGH / dt + 1e-9), 1))
+        dt = float(np.median(np.diff(t)))
+    grid = t[0] + dt * np.arange(round((t[-1] - t[0]) / dt) + 1)
+    even = {n: _even(grid, t, x) for n, x in columns.items()}
+    drive, command = _driving(record, even, file)
+    measured = _measured(record, even, file, structure, grid)
+    used = [n for n in columns if n in (*measured, drive, "tau_cmd", "tau_l")]
+    holes = _holes(grid, t, [columns[n] for n in used], dt)
+    states, acceleration = _states(measured, even, structure, file, dt)
+    load = even.get("tau_l", np.zeros(len(grid)))
+    if structure.output_fixed:
+        load = states[:, 5]
+    wanted = even.get("i_cmd") if drive == "i" else None
+    return Log(
+        record.owner, dt, grid, drive, command, wanted, load, measured, states, acceleration, ~holes
+    )
+
+
+def _thinned(columns: dict[str, Floats], t: Floats, every: int) -> tuple[dict[str, Floats], Floats]:
+    """Return every so-manyth sample; what drives the joint is averaged until the next."""
+    if every == 1:
+        return columns, t
+    rows = len(t) // every
+    kept = {}
+    for name, x in columns.items():
+        parts = x[: rows * every].reshape(rows, every)
+        kept[name] = parts.mean(axis=1) if name in DRIVING else parts[:, 0]
+    return kept, t[: rows * every : every]
+
+
+def _even(grid: Floats, t: Floats, x: Floats) -> Floats:
+    good = np.isfinite(x)
+    return np.asarray(np.interp(grid, t[good], x[good]))
+
+
+def _driving(record: Record, even: dict[str, Floats], file: JointFile) -> tuple[Drive, Floats]:
+    """Return which channel drives the joint, and the current or voltage that it stands for."""
+    p = file.parameters
+    if "i" in even:
+        return "i", even["i"]
+    if "i_cmd" in even:
+        return "i_cmd", even["i_cmd"]
+    for name in ("tau_m", "tau_cmd"):
+        if name in even:
+            return ("i" if name == "tau_m" else "i_cmd"), even[name] / (p.k_t * p.n)
+    if "v" in even and "r" in p:
+        return "v", even["v"]
+    raise RecordError(
+        f"{record.owner} must have one of i [A], i_cmd [A], tau_m [N m], tau_cmd [N m], or v [V] "
+        f"with the resistance r of the joint. Columns there: {', '.join(record.columns)}."
+    )
+
+
+def _measured(
+    record: Record, even: dict[str, Floats], file: JointFile, structure: Structure, grid: Floats
+) -> dict[str, Floats]:
+    """Return the channels that a joint of this structure predicts."""
+    motor, gear, load = structure.groups
+    found: dict[str, Floats] = {}
+    with_motor = [b for b, g in zip("mgl", structure.groups, strict=True) if g == motor]
+    for body in with_motor:
+        if f"q_{body}" in even:
+            found["q_m"] = even[f"q_{body}"]
+            break
+    else:
+        for body in with_motor:
+            if f"dq_{body}" in even:
+                found["q_m"] = cumulative_trapezoid(even[f"dq_{body}"], grid, initial=0.0)
+                break
+    if load != motor and "q_l" in even:
+        found["q_l"] = even["q_l"]
+    if gear != load and "tau" in even:
+        found["tau"] = even["tau"]
+    if not found.keys() & {"q_m", "tau"}:
+        raise RecordError(
+            f"{record.owner} must have the motor's angle q_m [rad] or velocity dq_m [rad/s], or "
+            f"with a spring its torque tau [N m]. Columns there: {', '.join(record.columns)}."
+        )
+    return found
+
+
+def _holes(grid: Floats, t: Floats, columns: list[Floats], dt: float) -> Flags:
+    """Return where the log has a gap, shape (N,)."""
+    bad = np.zeros(len(grid), dtype=bool)
+    for x in columns:
+        known = t[np.isfinite(x)]
+        for k in np.flatnonzero(np.diff(known) > GAP * dt):
+            bad |= (grid > known[k] + 0.5 * dt) & (grid < known[k + 1] - 0.5 * dt)
+        bad |= (grid < known[0] - 0.5 * dt) | (grid > known[-1] + 0.5 * dt)
+    return np.asarray(binary_dilation(bad, iterations=LEAST_SMOOTH // 2)) if bad.any() else bad
+
+
+def smoothed(x: Floats, dt: float, order: int = 0) -> Floats:
+    """Return a channel, or its derivative of an order up to 2, over local parabolas."""
+    count = max(LEAST_SMOOTH, round(SMOOTH / dt) | 1)
+    return np.asarray(savgol_filter(x, count, 2, deriv=order, delta=dt))
+
+
+def _states(
+    measured: dict[str, Floats],
+    even: dict[str, Floats],
+    structure: Structure,
+    file: JointFile,
+    dt: float,
+) -> tuple[Floats, Floats]:
+    """Return the measured states, shape (N, 6), and the motor's acceleration, shape (N,).
+
+    What was not measured follows from what was: the deflection of a spring from its torque, the
+    motor's angle of a held output from the same, bodies that move together from each other.
+    """
+    p = file.parameters
+    motor, gear, load = structure.groups
+    size = len(next(iter(measured.values())))
+    tau = measured.get("tau", np.zeros(size))
+    k_b, k_g = p.get("k_b", 0.0), p.get("k_g", 0.0)
+    bar = tau / k_b if gear != load and k_b > 0.0 else np.zeros(size)
+    mesh = tau / k_g if motor != gear and k_g > 0.0 else np.zeros(size)
+    held = measured.get("q_l", np.zeros(size))
+    q_m = measured.get("q_m", held + bar + mesh)
+    if "q_l" in measured:
+        q_l = measured["q_l"]
+    else:
+        q_l = np.zeros(size) if structure.output_fixed else q_m - bar - mesh
+    q_g = q_m - mesh if motor != gear else q_m
+    q_l = q_m if load == motor else q_l
+    angles = [smoothed(q, dt) for q in (q_m, q_g, q_l)]
+    rates = [smoothed(q, dt, 1) for q in (q_m, q_g, q_l)]
+    if "dq_m" in even:
+        rates[0] = even["dq_m"]
+    acceleration = smoothed(q_m, dt, 2)
+    return np.stack([*angles, *rates], axis=1), acceleration

@@ -1,0 +1,226 @@
+"""A joint whose effects have free numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cjt_gym.joint import EFFECTS, Joint, JointFile
+from cjt_gym.joint.configure import EffectValues
+from cjt_gym.joint.structures import Structure
+
+Floats = NDArray[np.float64]
+MEASURES = ("noise", "quantization", "drift", "dropout", "command_noise")
+"""Effects that a prediction leaves out: they scatter, or round, what is measured."""
+SHARED = "dq_0"
+
+
+@dataclass(frozen=True)
+class Number:
+    """One free number, worked on as a coordinate z, its value at z = 0 being the start.
+
+    Attributes:
+        symbol: Its name in the effect table.
+        unit: Its unit.
+        start: Value at z = 0.
+        scale: Change that one unit of z makes: relative where `log`, else in the unit.
+        log: Whether the value is start * exp(scale z) rather than start + scale z.
+        low: Smallest value.
+        high: Largest value.
+        prior: Whether z is known to be about 0 with deviation 1.
+    """
+
+    symbol: str
+    unit: str
+    start: float
+    scale: float
+    log: bool = False
+    low: float = -np.inf
+    high: float = np.inf
+    prior: bool = False
+
+    def value(self, z: float) -> float:
+        """Return the value at a coordinate."""
+        if self.log:
+            raw = self.start * float(np.exp(np.clip(self.scale * z, -20.0, 20.0)))
+        else:
+            raw = self.start + self.scale * z
+        return min(max(raw, self.low), self.high)
+
+    def coordinate(self, value: float) -> float:
+        """Return the coordinate of a value."""
+        value = min(max(value, self.low), self.high)
+        if self.log:
+            return float(np.log(max(value, 1e-300) / self.start) / self.scale)
+        return (value - self.start) / self.scale
+
+
+class Draft:
+    """Parameters and effects of a joint while they are being changed."""
+
+    def __init__(self, file: JointFile, effects: Mapping[str, EffectValues]) -> None:
+        """Begin with a joint as it is."""
+        self.file = file
+        self.parameters: dict[str, float] = {}
+        self.effects: dict[str, EffectValues] = {name: dict(v) for name, v in effects.items()}
+
+    def row(self, name: str) -> EffectValues:
+        """Return the values of an effect, off where it was not there."""
+        if name not in self.effects:
+            p = self.file.parameters
+            self.effects[name] = {
+                parameter.symbol: p.get(parameter.relative_to, 0.0)
+                if parameter.relative_to is not None
+                else (() if parameter.series else parameter.default or parameter.neutral or 0.0)
+                for parameter in EFFECTS[name].parameters
+            }
+            if SHARED in self.effects[name]:
+                self.effects[name][SHARED] = self.smoothing
+        return self.effects[name]
+
+    @property
+    def smoothing(self) -> float:
+        """Velocity over which the sign of dry friction is smoothed [rad/s]; 0 unless stated."""
+        stated = [v[SHARED] for n, v in self.effects.items() if SHARED in v]
+        return float(stated[0]) if stated else 0.0  # type: ignore[arg-type]
+
+    def smooth(self, width: float) -> None:
+        """Give all dry friction a smoothing [rad/s]."""
+        for values in self.effects.values():
+            if SHARED in values:
+                values[SHARED] = width
+
+
+Put = Callable[[Draft, Sequence[float]], None]
+
+
+@dataclass(frozen=True)
+class Term:
+    """A row of the effect table with free numbers.
+
+    Attributes:
+        name: Name in the effect table.
+        numbers: Its free numbers.
+        put: Writes their values into a draft.
+        body: motor, gear or load, where that is a choice.
+        channel: Channel, where that is a choice.
+        replaces: Names of terms whose place it takes.
+        starts: Values of the numbers at which a search starts, each of their length.
+        needs: Names of terms without which it makes no sense.
+        nominal: Values of the numbers at which it does nothing.
+        family: Terms of one family are compared with each other.
+        factor: Factor on the price of one that is less likely than others.
+    """
+
+    name: str
+    numbers: tuple[Number, ...]
+    put: Put
+    body: str | None = None
+    channel: str | None = None
+    replaces: tuple[str, ...] = ()
+    starts: tuple[tuple[float, ...], ...] = ()
+    needs: tuple[str, ...] = ()
+    nominal: tuple[float, ...] = ()
+    family: str = ""
+    factor: float = 1.0
+
+    @property
+    def key(self) -> tuple[str, str | None, str | None]:
+        """What tells it from the others."""
+        return (self.name, self.body, self.channel)
+
+    @property
+    def stage(self) -> str:
+        """Stage of the effect table."""
+        return EFFECTS[self.name].stage
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """A joint with terms.
+
+    Attributes:
+        joint: The nominal joint, with the effects that its file lists, without noise.
+        terms: Its terms.
+    """
+
+    joint: Joint
+    terms: tuple[Term, ...] = ()
+
+    @property
+    def numbers(self) -> tuple[Number, ...]:
+        """All free numbers, in the order of the coordinates."""
+        return tuple(n for term in self.terms for n in term.numbers)
+
+    def values(self, z: Floats) -> list[tuple[float, ...]]:
+        """Return the values of each term's numbers."""
+        found, at = [], 0
+        for term in self.terms:
+            count = len(term.numbers)
+            pairs = zip(term.numbers, z[at : at + count], strict=True)
+            found.append(tuple(number.value(float(x)) for number, x in pairs))
+            at += count
+        return found
+
+    def span(self, index: int) -> slice:
+        """Return where the coordinates of a term are."""
+        at = sum(len(term.numbers) for term in self.terms[:index])
+        return slice(at, at + len(self.terms[index].numbers))
+
+    def draft(self, z: Floats) -> Draft:
+        """Return the joint's parameters and effects at coordinates."""
+        draft = Draft(self.joint.file, self.joint.effects)
+        for term, values in zip(self.terms, self.values(z), strict=True):
+            term.put(draft, values)
+        return draft
+
+    def at(self, z: Floats) -> Joint:
+        """Return the joint at coordinates."""
+        return drafted(self.joint, self.draft(z))
+
+    def without(self, index: int) -> Model:
+        """Return the model less one of its terms."""
+        return replace(self, terms=self.terms[:index] + self.terms[index + 1 :])
+
+
+def drafted(joint: Joint, draft: Draft) -> Joint:
+    """Return a joint with the parameters and effects of a draft."""
+    file = joint.file
+    if draft.parameters:
+        file = replace(file, parameters=file.parameters.replace(**draft.parameters))
+    return replace(joint, file=file, effects=draft.effects)
+
+
+def quiet(joint: Joint) -> Joint:
+    """Return a joint without noise and rounding of what it measures."""
+    kept = {name: values for name, values in joint.effects.items() if name not in MEASURES}
+    return replace(joint, effects=kept)
+
+
+@dataclass(frozen=True)
+class Scales:
+    """What is large on a record; searches start from shares of it.
+
+    Attributes:
+        torque: Motor torque, rms of what varies [N m].
+        speed: Motor speed, rms [rad/s].
+        peak: Motor torque that is rarely exceeded [N m].
+        travel: Range of the motor's angle [rad].
+    """
+
+    torque: float
+    speed: float
+    peak: float
+    travel: float
+
+
+def body_group(structure: Structure, body: str) -> tuple[str, ...]:
+    """Return the letters of the bodies that move together with one."""
+    group = structure.groups["mgl".index(body)]
+    return tuple(b for b, g in zip("mgl", structure.groups, strict=True) if g == group)
+
+
+__all__ = ["Draft", "Model", "Number", "Scales", "Term", "body_group", "drafted", "field", "quiet"]

@@ -1,0 +1,116 @@
+"""What of an error could still be predicted, whatever causes it.
+
+A flexible regression (random Fourier features under ridge) of the error at the end of each window
+on the state at its start, the input within it, and the recent past, including the error of the
+window that ends where this one begins. It is trained on some pieces of the record and tested on
+the others: what it predicts there is not noise. What is left is the floor.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cjt_gym.gap.horizons.windows import HORIZONS, Windows
+from cjt_gym.joint import Joint
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+FEATURES = 60
+FOLDS = 6
+RIDGES = np.geomspace(1e-2, 1e4, 9)
+FEWEST = 30
+"""Windows below which nothing can be said."""
+CLIP = 4.0
+"""Errors count up to so many of their median sizes, so that one blow teaches nothing."""
+
+
+@dataclass(frozen=True)
+class Predictable:
+    """What is predictable of the errors of one kind.
+
+    Attributes:
+        share: Share of their mean square that a regression predicts on unseen pieces, 0 to 1.
+        deviation: How uncertain that share is, one deviation over the folds.
+        windows: From how many windows.
+    """
+
+    share: float
+    deviation: float
+    windows: int
+
+
+def features(windows: Windows, key: tuple[str, float]) -> Floats:
+    """Return what an error may depend on, shape (windows, n), each of unit spread."""
+    horizon, rows = key[1], []
+    for group in windows.groups_of(key):
+        log = windows.logs[group.log]
+        last = int(group.points(horizon, log.dt)[-1])
+        before = max(round(0.05 / log.dt), 2)
+        start, stop = group.starts, group.starts + last
+        total = np.concatenate([[0.0], np.cumsum(log.command)])
+        past = np.maximum(start - before, 0)
+        v, q, a = log.speed[start], log.states[start, 0], log.acceleration[start]
+        u = (total[stop] - total[start]) / np.maximum(stop - start, 1)
+        old = (total[start] - total[past]) / np.maximum(start - past, 1)
+        load = log.load[start]
+        twist = log.states[start, 0] - log.states[start, 2]
+        rows.append(
+            np.stack(
+                [v, np.sign(v) * np.sqrt(np.abs(v)), u, old, u - old, a, q, load, twist,
+                 log.t[start]], axis=1,
+            )
+        )  # fmt: skip
+    x = np.concatenate(rows)
+    spread = x.std(axis=0)
+    x = x[:, spread > 1e-12] - x[:, spread > 1e-12].mean(axis=0)
+    x = x / spread[spread > 1e-12]
+    return np.asarray(np.clip(x, -4.0, 4.0))
+
+
+def predictable(
+    windows: Windows, errors: list[Floats], key: tuple[str, float], seed: int = 0
+) -> Predictable:
+    """Return which share of the errors of a kind is predictable."""
+    error = errors[windows.keys.index(key)][:, -1]
+    pieces, x = windows.pieces(key), features(windows, key)
+    good = np.isfinite(error)
+    error, pieces, x = error[good], pieces[good], x[good]
+    if len(error) < FEWEST or len(np.unique(pieces)) < FOLDS or not np.any(error):
+        return Predictable(0.0, 1.0, len(error))
+    size = np.median(np.abs(error)) / 0.6745
+    y = np.clip(error, -CLIP * size, CLIP * size) if size > 0.0 else error
+    rng = np.random.default_rng(seed)
+    w = rng.normal(size=(x.shape[1], FEATURES)) * 0.5
+    phase = rng.uniform(0.0, 2.0 * np.pi, FEATURES)
+    phi = np.hstack([np.ones((len(x), 1)), x, np.tanh(10.0 * x[:, :1]), np.cos(x @ w + phase)])
+    order = np.unique(pieces)
+    fold = (np.searchsorted(order, pieces) * FOLDS) // len(order)
+    shares = _shares(phi, y, fold)
+    return Predictable(float(np.clip(shares[0], 0.0, 1.0)), float(shares[1]), len(error))
+
+
+def _shares(phi: Floats, y: Floats, fold: Integers) -> tuple[float, float]:
+    """Return the predicted share over folds, and its deviation, at the best of all ridges."""
+    total = np.array([np.sum(y[fold == f] ** 2) for f in range(FOLDS)])
+    left = np.zeros((FOLDS, len(RIDGES)))
+    for f in range(FOLDS):
+        train = fold != f
+        a, b = phi[train], y[train]
+        u, s, vt = np.linalg.svd(a, full_matrices=False)
+        project = u.T @ b
+        for k, ridge in enumerate(RIDGES):
+            weights = vt.T @ (s / (s**2 + ridge) * project)
+            left[f, k] = np.sum((y[~train] - phi[~train] @ weights) ** 2)
+    best = int(np.argmin(left.sum(axis=0)))
+    share = 1.0 - left[:, best].sum() / max(total.sum(), 1e-300)
+    each = (total - left[:, best]) / max(total.sum(), 1e-300)
+    return float(share), float(np.std(each) * np.sqrt(FOLDS))
+
+
+def left(windows: Windows, joint: Joint) -> dict[tuple[str, float], Predictable]:
+    """Return for each kind what of a joint's errors is predictable."""
+    errors = windows.errors(joint)
+    return {k: predictable(windows, errors, k) for k in windows.keys if k[1] in HORIZONS}

@@ -1,0 +1,385 @@
+"""Which rows of the effect table may explain a record, and where the search for them starts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cjt_gym.gap.horizons.log import Log
+from cjt_gym.gap.horizons.model import Draft, Number, Put, Scales, Term, body_group
+from cjt_gym.joint import EFFECTS, Joint, JointFile
+from cjt_gym.joint.configure import EffectValue
+from cjt_gym.joint.quantity import Quantity
+
+Floats = NDArray[np.float64]
+K_T, INERTIA, STIFFNESS = 0.05, 0.1, 0.1
+"""Relative deviation of datasheet values that state no tolerance."""
+VAGUE = 0.3
+"""Tolerance from which a value counts as a guess."""
+GUESSED = 1.0
+"""Deviation of the logarithm of a guess."""
+LIKELY, RARE, UNLIKELY = 0.5, 2.0, 4.0
+"""Factors on the price of a term: dry friction, which every joint has; what few joints show, or
+other errors mimic; a delay or lag behind a current that was measured."""
+HEAVIEST = 3.0
+"""Largest weight that a joint would be built to hold, in torques that are rarely exceeded."""
+SWING = 0.4
+"""Travel from which a weight can be told from a constant torque [rad]."""
+BODIES = {"m": "motor", "g": "gear", "l": "load"}
+
+
+def scales_of(joint: Joint, logs: Sequence[Log]) -> Scales:
+    """Return what is large on some records."""
+    p = joint.parameters
+    gain = p.k_t * p.n / (p.r if logs[0].voltage else 1.0)
+    torque = np.concatenate([gain * log.command[log.whole] for log in logs])
+    speed = np.concatenate([log.speed[log.whole] for log in logs])
+    travel = max(float(np.ptp(log.states[log.whole, 0])) for log in logs)
+    return Scales(
+        max(float(np.std(torque)), 1e-3 * float(np.abs(torque).max()), 1e-9),
+        max(float(np.sqrt(np.mean(speed**2))), 1e-9),
+        max(float(np.percentile(np.abs(torque), 99)), 1e-9),
+        max(travel, 1e-9),
+    )
+
+
+def tolerance_of(file: JointFile, symbol: str, usual: float) -> float:
+    """Return the relative deviation of a datasheet value, infinite for a guess."""
+    quantity = file.parameters.quantities.get(symbol)
+    if quantity is None or getattr(quantity, "guess", False):
+        return math.inf
+    stated = quantity.tolerance
+    if stated is None:
+        return math.inf if "guess" in quantity.source.lower() else usual
+    return math.inf if stated >= VAGUE else max(stated, 1e-3)
+
+
+def _datasheet(file: JointFile, symbol: str, usual: float, reach: float) -> Number:
+    """Return a value of the datasheet as a number with its tolerance."""
+    quantity = file.parameters.quantities[symbol]
+    tolerance = tolerance_of(file, symbol, usual)
+    vague = not math.isfinite(tolerance)
+    start = quantity.number
+    return Number(
+        symbol, quantity.unit, start, GUESSED if vague else tolerance, True,
+        start / reach, start * reach, True,
+    )  # fmt: skip
+
+
+def _set(effect: str, *symbols: str) -> Put:
+    def put(draft: Draft, values: Sequence[float]) -> None:
+        row = draft.row(effect)
+        for symbol, value in zip(symbols, values, strict=True):
+            row[symbol] = value
+
+    return put
+
+
+# ---- what is free in every fit
+def base_terms(joint: Joint, scales: Scales) -> tuple[Term, ...]:
+    """Return what is free in every fit: inertia, damping and torque constant of the motor."""
+    file, groups = joint.file, joint.structure_row
+    found = [
+        Term("inertia", (_inertia(joint),), _put_inertia(joint), "motor", nominal=(1.0,)),
+        _damping(joint, scales),
+        Term(
+            "torque_constant",
+            (_datasheet(file, "k_t", K_T, 10.0),),
+            _set("torque_constant", "k_t"),
+            nominal=(file.parameters.k_t,),
+        ),
+    ]
+    if groups.groups[1] != groups.groups[2] and file.parameters.get("k_b", 0.0) > 0.0:
+        number = _datasheet(file, "k_b", STIFFNESS, 100.0)
+        found.append(
+            Term("stiffness", (number,), _set("stiffness", "k_b"), nominal=(number.start,))
+        )
+    if groups.groups[0] != groups.groups[1] and file.parameters.get("k_g", 0.0) > 0.0:
+        number = _datasheet(file, "k_g", STIFFNESS, 100.0)
+        found.append(
+            Term(
+                "gear_stiffness", (number,), _set("gear_stiffness", "k_g"), nominal=(number.start,)
+            )
+        )
+    if groups.groups[2] >= 0 and groups.groups[2] != groups.groups[0]:
+        number = _datasheet(file, "I_l", INERTIA, 100.0)
+        found.append(
+            Term("load_inertia", (number,), _set("load_inertia", "I_l"), nominal=(number.start,))
+        )
+    return tuple(found)
+
+
+def _inertia(joint: Joint) -> Number:
+    """Return the factor on the inertia of all bodies that move with the motor."""
+    p, file = joint.parameters, joint.file
+    own = [f"I_{b}" for b in body_group(joint.structure_row, "m")]
+    parts = [(p.get(s, 0.0), tolerance_of(file, s, INERTIA)) for s in own if p.get(s, 0.0) > 0.0]
+    total = sum(value for value, _ in parts)
+    spread = math.sqrt(sum((min(t, GUESSED) * value) ** 2 for value, t in parts)) / total
+    spread = GUESSED if spread >= VAGUE else spread
+    return Number("I_m", "-", 1.0, spread, True, 1e-3, 1e3, True)
+
+
+def _put_inertia(joint: Joint) -> Put:
+    p = joint.parameters
+    own = body_group(joint.structure_row, "m")
+
+    def put(draft: Draft, values: Sequence[float]) -> None:
+        factor = values[0]
+        row = draft.row("inertia")
+        row["I_m"] = p.get("I_m", 0.0) * factor
+        if "g" in own:
+            row["I_g"] = p.get("I_g", 0.0) * factor
+        if "l" in own and p.get("I_l", 0.0) > 0.0:
+            draft.row("load_inertia")["I_l"] = p.get("I_l", 0.0) * factor
+
+    return put
+
+
+def _damping(joint: Joint, scales: Scales) -> Term:
+    """Return the damping of all bodies that move with the motor, written as the motor's."""
+    own = body_group(joint.structure_row, "m")
+    start = sum(joint.parameters.get(f"d_{b}", 0.0) for b in own)
+    step = max(0.05 * scales.torque / scales.speed, 0.1 * start)
+    stated = min(
+        (tolerance_of(joint.file, f"d_{b}", math.inf) for b in own), default=math.inf
+    )
+    known = start > 0.0 and math.isfinite(stated)
+    number = (
+        Number("d_m", "N m s/rad", start, stated, True, start / 100.0, start * 100.0, True)
+        if known
+        else Number("d_m", "N m s/rad", start, step, low=0.0)
+    )
+
+    def put(draft: Draft, values: Sequence[float]) -> None:
+        row = draft.row("damping")
+        row["d_m"] = values[0]
+        for body in own[1:]:
+            row[f"d_{body}"] = 0.0
+
+    return Term("damping", (number,), put, "motor", nominal=(start,))
+
+
+# ---- candidates
+def candidates(joint: Joint, scales: Scales, logs: Sequence[Log]) -> tuple[Term, ...]:
+    """Return the rows that may be added to the model of a record."""
+    shape, drive = joint.structure_row, joint.drive
+    found = [
+        *_friction(joint, scales, "m"),
+        _offset(scales),
+        *_drive(logs),
+        _derating(joint, scales, logs),
+    ]
+    free = shape.groups[2] >= 0
+    if free and shape.groups[2] != shape.groups[0]:
+        found += [_load_coulomb(scales), _load_damping(scales)]
+    if free and joint.parameters.axis == "rotary" and scales.travel > SWING:
+        found.append(_gravity(joint, scales))
+    measured = set().union(*(log.measured for log in logs))
+    if "tau" in measured:
+        found += _torque_sensor(logs)
+    if shape.groups[1] != shape.groups[2]:
+        found += _spring(joint, logs)
+    kept = [t for t in found if EFFECTS[t.name].acts_in(shape, drive)]
+    return tuple(kept)
+
+
+def _level(symbol: str, scales: Scales) -> Number:
+    return Number(symbol, "N m", 0.0, 0.05 * scales.torque, low=0.0, high=5.0 * scales.peak)
+
+
+def _friction(joint: Joint, scales: Scales, body: str) -> list[Term]:
+    name, level = BODIES[body], 0.2 * scales.torque
+    nominal = _listed_coulomb(joint, body)
+
+    def coulomb(draft: Draft, values: Sequence[float]) -> None:
+        asymmetric = "coulomb_asym" in draft.effects
+        row = draft.row("coulomb_asym" if asymmetric else "coulomb")
+        row[f"d_c{body}"] = values[0]
+        if asymmetric:
+            row[f"d_c{body}_n"] = values[0]
+
+    def asymmetric(draft: Draft, values: Sequence[float]) -> None:
+        if "coulomb" in draft.effects:
+            old = draft.effects.pop("coulomb")
+            row = draft.row("coulomb_asym")
+            for symbol in ("d_cm", "d_cg", "d_cl"):
+                row[symbol] = row[f"{symbol}_n"] = old[symbol]
+            row["dq_0"] = old["dq_0"]
+        row = draft.row("coulomb_asym")
+        row[f"d_c{body}"], row[f"d_c{body}_n"] = values
+
+    def viscous(draft: Draft, values: Sequence[float]) -> None:
+        up = draft.effects.get("damping", {}).get(f"d_{body}", 0.0)
+        draft.row("viscous_asym")[f"d_{body}_n"] = max(float(up) + values[0], 0.0)  # type: ignore[arg-type]
+
+    def presliding(draft: Draft, values: Sequence[float]) -> None:
+        draft.row("presliding")[f"sigma_{body}"] = values[0]
+
+    d_c = _level(f"d_c{body}", scales)
+    rise = Number(f"d_s{body}", "N m", 0.0, 0.05 * scales.torque, low=0.0, high=3.0 * scales.peak)
+    v_s = Number(
+        "v_s", "rad/s", 0.1 * scales.speed, 0.5, True, 0.003 * scales.speed, 3.0 * scales.speed
+    )
+    slope = 0.1 * scales.torque / scales.speed
+    steep = scales.torque / scales.travel
+    sigma = Number(f"sigma_{body}", "N m/rad", 100.0 * steep, 0.7, True, 0.5 * steep, 1e6 * steep)
+    mu = Number(f"mu_{body}", "-", 0.0, 0.05, low=0.0, high=2.0)
+    return [
+        Term("coulomb", (d_c,), coulomb, name, starts=((nominal + level,),), nominal=(nominal,),
+             family="dry", factor=LIKELY),
+        Term("coulomb_asym", (d_c, _level(f"d_c{body}_n", scales)), asymmetric, name,
+             replaces=("coulomb",), starts=((level, 0.5 * level), (0.5 * level, level)),
+             nominal=(nominal, nominal), family="dry"),
+        Term("stribeck", (rise, v_s), _set("stribeck", f"d_s{body}", "v_s"), name,
+             starts=tuple((level, k * scales.speed) for k in (0.02, 0.1, 0.4)),
+             nominal=(0.0, 0.1 * scales.speed), family="dry"),
+        Term("presliding", (sigma,), presliding, name, needs=("coulomb", "coulomb_asym"),
+             starts=tuple((k * steep,) for k in (10.0, 100.0, 1e3, 1e4)), nominal=(1e6 * steep,),
+             family="dry"),
+        Term("load_friction", (mu,), _set("load_friction", f"mu_{body}"), name, starts=((0.1,),),
+             nominal=(0.0,), family="dry"),
+        Term("viscous_asym", (Number(f"d_{body}_n", "N m s/rad", 0.0, slope),), viscous, name,
+             starts=((0.2 * slope,), (-0.2 * slope,)), nominal=(0.0,), family="dry",
+             factor=RARE),
+    ]  # fmt: skip
+
+
+def _listed_coulomb(joint: Joint, body: str) -> float:
+    for name in ("coulomb", "coulomb_asym"):
+        if name in joint.effects:
+            return float(joint.effects[name][f"d_c{body}"])  # type: ignore[arg-type]
+    return 0.0
+
+
+def _offset(scales: Scales) -> Term:
+    number = Number("torque", "N m", 0.0, 0.05 * scales.torque)
+    start = 0.1 * scales.torque
+    return Term(
+        "torque_offset", (number,), _set("torque_offset", "torque"), starts=((start,), (-start,)),
+        nominal=(0.0,), family="dry",
+    )  # fmt: skip
+
+
+def _drive(logs: Sequence[Log]) -> list[Term]:
+    dt, factor = logs[0].dt, UNLIKELY if logs[0].drive == "i" else 1.0
+    longest = max(0.02, 4.0 * dt)
+    delay = Number("delay", "s", 0.0, 0.5 * dt, low=0.0, high=longest)
+    lag = Number("bandwidth", "Hz", 0.1 / dt, 0.5, True, 0.2, 0.5 / dt)
+    return [
+        Term("command_delay", (delay,), _set("command_delay", "delay"), nominal=(0.0,),
+             starts=tuple((k * dt,) for k in (0.7, 1.5, 3.0) if k * dt < longest), family="late",
+             factor=factor),
+        Term("current_lag", (lag,), _set("current_lag", "bandwidth"), nominal=(0.5 / dt,),
+             starts=((0.15 / dt,), (0.05 / dt,), (0.015 / dt,)), family="late", factor=factor),
+    ]  # fmt: skip
+
+
+def _derating(joint: Joint, scales: Scales, logs: Sequence[Log]) -> Term:
+    """Return windings that warm: only derating times the heat per square ampere can be told."""
+    p = joint.parameters
+    current = scales.torque / (p.k_t * p.n)
+    length = max(log.t[-1] - log.t[0] for log in logs)
+    loss = Number("loss", "1/A^2", 0.0, 0.05 / current**2, low=0.0, high=2.0 / current**2)
+    time = Number("T_thw", "s", 0.3 * length, 0.7, True, 0.02 * length, 3.0 * length)
+
+    def put(draft: Draft, values: Sequence[float]) -> None:
+        row = draft.row("thermal_derating")
+        row |= {"derating": 0.002, "a_CU": 0.0, "r": 1.0, "r_th1": max(values[0] / 0.002, 1e-9),
+                "r_th2": 1e-3, "T_thw": values[1], "T_thm": 1e3 * values[1], "rise": 0.0}  # fmt: skip
+
+    return Term(
+        "thermal_derating", (loss, time), put, starts=((0.2 / current**2, 0.3 * length),),
+        nominal=(0.0, 0.3 * length), factor=RARE,
+    )  # fmt: skip
+
+
+def _load_coulomb(scales: Scales) -> Term:
+    return Term(
+        "load_coulomb", (_level("d_cl", scales),), _set("load_coulomb", "d_cl"), "load",
+        starts=((0.2 * scales.torque,),), nominal=(0.0,), family="dry",
+    )  # fmt: skip
+
+
+def _load_damping(scales: Scales) -> Term:
+    step = 0.1 * scales.torque / scales.speed
+    number = Number("d_l", "N m s/rad", 0.0, step, low=0.0)
+    return Term("damping", (number,), _set("damping", "d_l"), "load", starts=((step,),),
+                nominal=(0.0,))  # fmt: skip
+
+
+def _gravity(joint: Joint, scales: Scales) -> Term:
+    size, most = 0.2 * scales.torque, HEAVIEST * scales.peak
+    numbers = tuple(Number(s, "N m", 0.0, size, low=-most, high=most) for s in ("a", "b"))
+
+    def put(draft: Draft, values: Sequence[float]) -> None:
+        a, b = values  # the load needs a cos q + b sin q
+        row = draft.row("gravity")
+        row["torque"], row["angle"] = math.hypot(a, b), -math.atan2(a, b)
+
+    return Term(
+        "gravity", numbers, put, "load", nominal=(0.0, 0.0),
+        starts=((size, 0.0), (0.0, size), (-size, 0.0), (0.0, -size)), replaces=("torque_offset",),
+        factor=RARE,
+    )  # fmt: skip
+
+
+def ripple(kind: str, f: float, size: float) -> Term:
+    """Return a torque that repeats with the motor's angle at f periods per revolution."""
+    unit = "N m" if kind == "cogging" else "-"
+    numbers = (Number("a", unit, 0.0, size), Number("b", unit, 0.0, size))
+
+    def put(draft: Draft, values: Sequence[float]) -> None:
+        row = draft.row(kind)
+        for symbol, value in zip(("f", "a", "b"), (f, *values), strict=True):
+            old: EffectValue = row[symbol]
+            row[symbol] = (*(old if isinstance(old, tuple) else ()), value)
+
+    return Term(kind, numbers, put, nominal=(0.0, 0.0), starts=((size, 0.0), (0.0, size)))
+
+
+def _torque_sensor(logs: Sequence[Log]) -> list[Term]:
+    spread = max(float(np.std(log.measured["tau"])) for log in logs if "tau" in log.measured)
+    gain = Number("gain", "-", 1.0, 0.05, True, 0.2, 5.0)
+    bias = Number("bias", "N m", 0.0, 0.05 * spread)
+    dt = logs[0].dt
+    late = Number("delay", "s", 0.0, 0.5 * dt, low=0.0, high=max(0.02, 4.0 * dt))
+    return [
+        Term("torque_gain", (gain,), _set("torque_gain", "gain"), channel="tau", nominal=(1.0,),
+             starts=((1.1,), (0.9,))),
+        Term("torque_bias", (bias,), _set("torque_bias", "bias"), channel="tau", nominal=(0.0,),
+             starts=((0.1 * spread,), (-0.1 * spread,))),
+        Term("torque_delay", (late,), _set("torque_delay", "delay"), channel="tau",
+             nominal=(0.0,), starts=((1.5 * dt,),), family="late"),
+    ]  # fmt: skip
+
+
+def _spring(joint: Joint, logs: Sequence[Log]) -> list[Term]:
+    p = joint.parameters
+    with_tau = [log for log in logs if "tau" in log.measured]
+    swing = [np.abs(log.states[:, 1] - log.states[:, 2]) for log in logs]
+    reach = max(float(np.percentile(x - x.min(), 99)) for x in swing) or 1e-3
+    k_b = p.get("k_b", 0.0)
+    gap = Number("gap", "rad", 0.0, 0.05 * reach, low=0.0, high=2.0 * reach)
+    cubic = Number("k_3", "N m/rad^3", 0.0, 0.1 * k_b / reach**2, low=0.0)
+    found = [
+        Term("backlash", (gap,), _set("backlash", "gap"), nominal=(0.0,),
+             starts=((0.1 * reach,), (0.4 * reach,))),
+        Term("hardening", (cubic,), _set("hardening", "k_3"), nominal=(0.0,),
+             starts=((0.2 * k_b / reach**2,),)),
+    ]  # fmt: skip
+    if with_tau:
+        size = 0.05 * k_b * reach
+        tau_h = Number("tau_h", "N m", 0.0, size, low=0.0)
+        delta = Number("delta_h", "rad", 0.1 * reach, 0.5, True, 1e-3 * reach, reach)
+        found.append(
+            Term("spring_hysteresis", (tau_h, delta), _set("spring_hysteresis", "tau_h", "delta_h"),
+                 nominal=(0.0, 0.1 * reach), starts=((size, 0.1 * reach), (size, 0.3 * reach)))
+        )  # fmt: skip
+    return found
+
+
+__all__ = ["Quantity", "base_terms", "candidates", "ripple", "scales_of", "tolerance_of"]

@@ -1,0 +1,303 @@
+"""Which rows of the effect table a record calls for: forward, then each left out again."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cjt_gym.gap.horizons.fit import Fit, Problem, _known, _solve, _within, bounded
+from cjt_gym.gap.horizons.model import Model, Number, Term
+
+Floats = NDArray[np.float64]
+PRICE, PER_NUMBER = 3.0, 1.0
+"""Fall of the cost that a term has to bring, and each of its numbers beyond the first."""
+CLEAR = 2.5
+"""Fall over the pieces of the record in its own standard deviations, at least."""
+BROAD = 0.05
+"""Share of the pieces, the best ones, without which a term must still be worth its price."""
+QUIET = 0.2
+"""Share of the usual error below which that of a piece makes no difference."""
+FULL = 3
+"""Candidates that are fitted fully after a quick look at all."""
+MOST = 6
+"""Most terms beyond the base."""
+FIRST = "coulomb"
+"""Dry friction is tried from a grid at once: damping alone may have taken its place."""
+FAR = 0.5
+"""Deviation of a logarithm from which a start is tried at other magnitudes, too."""
+ALIKE = 2.0
+"""Difference of the cost up to which two models fit alike."""
+
+
+@dataclass(frozen=True)
+class Worth:
+    """What a term is worth.
+
+    Attributes:
+        fall: By how much it lowers the cost.
+        clear: That over the pieces of the record, in its own standard deviations.
+        rest: Fall that is left without the best pieces.
+        price: What it has to be worth.
+        needed: How clear it has to be.
+    """
+
+    fall: float
+    clear: float
+    rest: float
+    price: float
+    needed: float = CLEAR
+
+    @property
+    def enough(self) -> bool:
+        """Whether the record calls for it."""
+        return self.fall > self.price and self.clear > self.needed and self.rest > 0.3 * self.price
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a search ends with.
+
+    Attributes:
+        fit: The model with all terms that the record calls for.
+        base: The fit of the base alone.
+        worths: Worth of each term of the model.
+        rivals: For each term the names of others that would do as well in its place.
+        less: For each term the fit without it.
+    """
+
+    fit: Fit
+    base: Fit
+    worths: tuple[Worth, ...]
+    rivals: tuple[tuple[str, ...], ...]
+    less: tuple[Fit, ...]
+
+    def dropped(self, problem: Problem, index: int) -> Found:
+        """Return the search without one of its terms."""
+        fit = self.less[index]
+        count = range(len(fit.model.terms))
+        less = tuple(leave(problem, fit, k) for k in count)
+        worths = tuple(
+            worth(problem, less[k], fit, fit.model.terms[k]) for k in count
+        )
+        rivals = self.rivals[:index] + self.rivals[index + 1 :]
+        return Found(fit, self.base, worths, rivals, less)
+
+
+def price(term: Term) -> float:
+    """Return what a term has to be worth."""
+    return term.factor * (PRICE + PER_NUMBER * (len(term.numbers) - 1))
+
+
+def worth(problem: Problem, less: Fit, more: Fit, term: Term) -> Worth:
+    """Return what the difference between two fits is worth.
+
+    Over the pieces the errors are compared by their ratio, so that no piece counts more because
+    more happens in it; pieces in which nothing happens count for nothing.
+    """
+    size = max(int(problem.windows.pieces(k).max()) for k in problem.windows.keys) + 1
+    gains, ratios, there = np.zeros(size), np.zeros(size), np.zeros(size, dtype=bool)
+    for k, key in enumerate(problem.windows.keys):
+        pieces = problem.windows.pieces(key)
+        one, two = (_by_piece(fit.errors[k], pieces, size) for fit in (less, more))
+        count = np.bincount(pieces, minlength=size)
+        there |= count > 0
+        middle = float(np.sqrt(one.sum() * two.sum()))
+        gains += problem.strength * problem.weight(key) * (one - two) / max(middle, 1e-12)
+        quiet = QUIET * min(one.sum(), two.sum()) * count / count.sum() + 1e-12
+        ratios += problem.weight(key) * np.log((one + quiet) / (two + quiet))
+    gains, ratios = gains[there], ratios[there]
+    best = np.sort(gains)[: len(gains) - max(round(BROAD * len(gains)), 1)]
+    clear = max(_in_deviations(gains), _in_deviations(ratios))
+    needed = CLEAR * term.factor**0.5
+    return Worth(less.cost - more.cost, clear, float(best.sum()), price(term), needed)
+
+
+def _by_piece(errors: Floats, pieces: NDArray[np.int64], size: int) -> Floats:
+    return np.bincount(pieces, bounded(errors)[0], size)
+
+
+def _in_deviations(x: Floats) -> float:
+    """Return the sum of independent numbers in its own standard deviations."""
+    n = len(x)
+    deviation = float(np.std(x, ddof=1) * np.sqrt(n)) if n > 2 else np.inf
+    return float(x.sum()) / max(deviation, 1e-12)
+
+
+def added(fit: Fit, term: Term, values: Sequence[float]) -> tuple[Model, Floats]:
+    """Return a model with one more term, which may take the place of others, and coordinates."""
+    kept = [k for k, t in enumerate(fit.model.terms) if t.name not in term.replaces]
+    z = [fit.z[fit.model.span(k)] for k in kept]
+    new = np.array([n.coordinate(v) for n, v in zip(term.numbers, values, strict=True)])
+    terms = tuple(fit.model.terms[k] for k in kept)
+    return replace(fit.model, terms=(*terms, term)), np.concatenate([*z, new])
+
+
+def quick(problem: Problem, fit: Fit, term: Term) -> Fit | None:
+    """Return a rough fit with one more term: one step from each of its starts."""
+    best: Fit | None = None
+    for start in term.starts:
+        model, z = added(fit, term, start)
+        errors = problem.errors(model, z)
+        one = Fit(model, z, problem.cost(model, z, errors), errors)
+        known = fit.jacobian if not _replaced(fit, term) else None
+        stepped = _step(problem, one, len(fit.z) if known is not None else 0, known)
+        if best is None or stepped.cost < best.cost:
+            best = stepped
+    return best
+
+
+def _replaced(fit: Fit, term: Term) -> bool:
+    return any(t.name in term.replaces for t in fit.model.terms)
+
+
+def _step(problem: Problem, fit: Fit, first: int, known: Sequence[Floats] | None) -> Fit:
+    """Return a fit after a damped step, with the derivatives of its first numbers known."""
+    jacobian = problem.jacobian(fit.model, fit.z, fit.errors, first, known)
+    hessian, gradient = problem.normal(fit.model, fit.z, fit.errors, jacobian)
+    for damping in (1e-3, 0.3, 10.0):
+        move = -_solve(hessian, damping, gradient)
+        move *= min(1.0, 3.0 / max(float(np.abs(move).max()), 1e-12))
+        z = _within(fit.model, fit.z + move)
+        errors = problem.errors(fit.model, z)
+        cost = problem.cost(fit.model, z, errors)
+        if cost < fit.cost:
+            return Fit(fit.model, z, cost, errors)
+    return fit
+
+
+def allowed(fit: Fit, term: Term) -> bool:
+    """Return whether a term may be added to a model."""
+    names = {t.name for t in fit.model.terms}
+    if term.key in {t.key for t in fit.model.terms}:
+        return False
+    if term.name == "coulomb" and "coulomb_asym" in names:
+        return False
+    if term.name == "torque_offset" and names & {"gravity", "coulomb_asym"}:
+        return False
+    return not term.needs or bool(names & set(term.needs))
+
+
+def extend(
+    problem: Problem, fit: Fit, terms: Sequence[Term], most: int = FULL
+) -> list[tuple[Fit, Term]]:
+    """Return the fits with one more term, the best first."""
+    looked = [(quick(problem, fit, t), t) for t in terms if allowed(fit, t)]
+    rough = sorted(((f, t) for f, t in looked if f is not None), key=lambda x: x[0].cost)
+    chosen = rough[:most]
+    full = [(problem.fit(f.model, f.z), t) for f, t in chosen]
+    return sorted(full, key=lambda x: x[0].cost + price(x[1]))
+
+
+def search(
+    problem: Problem,
+    base: Model,
+    terms: Sequence[Term],
+    start: Fit | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Found:
+    """Return the terms that a record calls for.
+
+    Args:
+        problem: The windows.
+        base: What is free in every fit.
+        terms: What may be added.
+        start: A fit to begin with instead of that of the base.
+        progress: Is told in words what is being done.
+    """
+    first = best_start(problem, base)
+    begun = [first, *(f for t in terms if t.name == FIRST and (f := begin(problem, first, t)))]
+    begun += [start] if start is not None else []
+    fit = min(begun, key=lambda f: f.cost)
+    for _ in range(MOST):
+        progress(f"predicting up to half a second ahead with one of {len(terms)} effects more")
+        step = next(
+            (
+                more
+                for more, term in extend(problem, fit, terms)
+                if _accepted(problem, fit, more, term)
+            ),
+            None,
+        )
+        if step is None:
+            break
+        fit = step
+    return pruned(problem, first, fit, terms, len(base.terms))
+
+
+def best_start(problem: Problem, model: Model) -> Fit:
+    """Return the best fit of a model from a grid of its numbers, which may be far off."""
+    numbers = model.numbers
+    grids = [_grid(n) for n in numbers]
+    best: list[tuple[float, Floats]] = []
+    for values in itertools.product(*grids):
+        z = np.array([n.coordinate(v) for n, v in zip(numbers, values, strict=True)])
+        best.append((problem.cost(model, z, problem.errors(model, z)), z))
+    best.sort(key=lambda x: x[0])
+    return min((problem.fit(model, z) for _, z in best[:2]), key=lambda f: f.cost)
+
+
+def _grid(number: Number) -> tuple[float, ...]:
+    """Return values of a number from which a fit may start."""
+    if number.prior and number.scale < FAR:
+        return (number.start,)
+    if number.log:
+        return tuple(number.value(np.log(k) / number.scale) for k in (0.1, 0.33, 1.0, 3.0, 10.0))
+    return tuple(number.value(k) for k in (0.0, 2.0, 6.0, 15.0))
+
+
+def begin(problem: Problem, fit: Fit, term: Term) -> Fit:
+    """Return the best fit with one more term, from a grid of all numbers."""
+    model, _ = added(fit, term, term.starts[0])
+    return best_start(problem, model)
+
+
+def _accepted(problem: Problem, less: Fit, more: Fit, term: Term) -> bool:
+    return worth(problem, less, more, term).enough
+
+
+def pruned(
+    problem: Problem, base: Fit, fit: Fit, terms: Sequence[Term], fixed: int
+) -> Found:
+    """Return a search's end: terms that are not needed left out, the others weighed."""
+    while True:
+        less = [leave(problem, fit, k) for k in range(len(fit.model.terms))]
+        worths = [
+            worth(problem, one, fit, fit.model.terms[k]) for k, one in enumerate(less)
+        ]
+        own = [k for k, t in enumerate(fit.model.terms) if t.key not in _keys(base)]
+        weak = [k for k in own if not worths[k].enough]
+        if not weak:
+            break
+        fit = less[min(weak, key=lambda k: worths[k].fall)]
+    rivals = []
+    for k, term in enumerate(fit.model.terms):
+        rivals.append(_rivals(problem, less[k], fit, term, terms) if k in own else ())
+    return Found(fit, base, tuple(worths), tuple(rivals), tuple(less))
+
+
+def _keys(fit: Fit) -> set[tuple[str, str | None, str | None]]:
+    return {t.key for t in fit.model.terms}
+
+
+def leave(problem: Problem, fit: Fit, index: int) -> Fit:
+    """Return the fit without one of its terms."""
+    span = fit.model.span(index)
+    z = np.delete(fit.z, np.arange(span.start, span.stop))
+    return problem.fit(fit.model.without(index), z)
+
+
+def _rivals(
+    problem: Problem, less: Fit, fit: Fit, term: Term, terms: Sequence[Term]
+) -> tuple[str, ...]:
+    others = [t for t in terms if t.name != term.name]
+    found = extend(problem, less, others, 2)
+    return tuple(
+        t.name for f, t in found if f.cost + price(t) < fit.cost + price(term) + ALIKE
+    )
+
+
+__all__ = ["Found", "Worth", "_known", "search", "worth"]

@@ -1,0 +1,275 @@
+"""Windows of records: from where, how far, and in which part of the record they lie."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cjt_gym.gap.horizons.forward import CHANNELS, LEAD, predict
+from cjt_gym.gap.horizons.log import Log
+from cjt_gym.joint import Joint
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+HORIZONS = (0.02, 0.1, 0.5)
+"""How far ahead a joint is asked to predict [s]."""
+SHORTEST = 3
+"""Fewest samples of a window."""
+POINTS = 8
+"""Samples of a window that count, evenly spread."""
+PIECES = 24
+"""Pieces into which a record is cut; evidence has to come from many of them."""
+LEAST_PIECE = 0.8
+"""Shortest piece [s]."""
+HELD = 4
+"""Every so-manyth moving piece is held out where there is no second record."""
+MOST = 80
+"""Most windows of a search."""
+WHOLE = 0.0
+"""The horizon of a piece that is predicted from its first sample to its last."""
+LONG = 400
+"""Samples of such a piece that count."""
+TINY = 1e-12
+_NONE: tuple[Integers, Integers] = (np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))
+
+
+@dataclass(frozen=True)
+class Group:
+    """Windows of one length of one record.
+
+    Attributes:
+        log: Index of the record.
+        horizons: How far ahead errors are taken [s]; `WHOLE` alone for a piece as a whole.
+        starts: First sample of each window, shape (W,).
+        length: Samples of each.
+        pieces: Number of the piece that each lies in, over all records, shape (W,).
+        leads: Samples before each over which the joint is held to what was measured, shape (W,).
+    """
+
+    log: int
+    horizons: tuple[float, ...]
+    starts: Integers
+    length: int
+    pieces: Integers
+    leads: Integers
+
+    def points(self, horizon: float, dt: float) -> Integers:
+        """Return the samples of a window that count at a horizon."""
+        if horizon == WHOLE:
+            return np.unique(np.linspace(1, self.length - 1, min(self.length, LONG)).astype(int))
+        last = min(samples(horizon, dt), self.length) - 1
+        return np.unique(np.linspace(0, last, POINTS + 1).astype(int)[1:])
+
+
+@dataclass(frozen=True, eq=False)
+class Windows:
+    """Windows over some records, and what was measured in them.
+
+    Attributes:
+        logs: The records.
+        groups: The windows.
+        keys: Channel and horizon of each kind of error.
+        scales: For each key what the channel did, mean square over its windows [unit^2].
+    """
+
+    logs: tuple[Log, ...]
+    groups: tuple[Group, ...]
+    keys: tuple[tuple[str, float], ...]
+    scales: Floats
+
+    @property
+    def count(self) -> int:
+        """Number of windows."""
+        return sum(len(g.starts) for g in self.groups if g.horizons != (WHOLE,))
+
+    def errors(self, joint: Joint) -> list[Floats]:
+        """Return predicted minus measured for each key, shape (windows, points) each.
+
+        Errors are in units of what the channel did. Where the prediction ceases to be finite they
+        are a hundred.
+        """
+        parts: dict[tuple[str, float], list[Floats]] = {key: [] for key in self.keys}
+        for group in self.groups:
+            log = self.logs[group.log]
+            lengths = np.full(len(group.starts), group.length)
+            out = predict(joint, log, group.starts, lengths, group.leads)
+            for key, points in self._kinds(group):
+                at = group.starts[:, None] + points
+                error = out[:, points, CHANNELS[key[0]]] - log.measured[key[0]][at]
+                parts[key].append(error)
+        found = []
+        for k, key in enumerate(self.keys):
+            error = _joined(parts[key]) / np.sqrt(self.scales[k])
+            found.append(np.where(np.abs(error) < 100.0, error, 100.0))
+        return found
+
+    def _kinds(self, group: Group) -> list[tuple[tuple[str, float], Integers]]:
+        log = self.logs[group.log]
+        return [
+            ((channel, horizon), group.points(horizon, log.dt))
+            for horizon in group.horizons
+            for channel in log.measured
+        ]
+
+    def pieces(self, key: tuple[str, float]) -> Integers:
+        """Return in which piece each window of a kind lies, shape (W,)."""
+        return np.concatenate([g.pieces for g in self.groups_of(key)])
+
+    def groups_of(self, key: tuple[str, float]) -> list[Group]:
+        """Return the groups with errors of a kind."""
+        return [g for g in self.groups if key in [kind for kind, _ in self._kinds(g)]]
+
+
+def samples(horizon: float, dt: float) -> int:
+    """Return the samples of a window of a length [s]."""
+    return max(SHORTEST, round(horizon / dt))
+
+
+def _joined(parts: list[Floats]) -> Floats:
+    """Return errors of several groups as one array; short rows repeat their last error."""
+    width = max(p.shape[1] for p in parts)
+    return np.concatenate([np.pad(p, ((0, 0), (0, width - p.shape[1])), "edge") for p in parts])
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A stretch of a record without a gap.
+
+    Attributes:
+        log: Index of the record.
+        start: First sample.
+        stop: Sample after its last.
+    """
+
+    log: int
+    start: int
+    stop: int
+
+
+def cut(logs: Sequence[Log]) -> list[Piece]:
+    """Return the pieces of records: about `PIECES` in each, none across a gap."""
+    found = []
+    for number, log in enumerate(logs):
+        length = max(len(log) / PIECES, LEAST_PIECE / log.dt, 4 * SHORTEST)
+        edges = np.flatnonzero(np.diff(np.r_[False, log.whole, False].astype(int)))
+        for start, stop in zip(edges[::2], edges[1::2], strict=True):
+            count = max(int((stop - start) / length), 1)
+            cuts = np.linspace(start, stop, count + 1).astype(int)
+            found += [Piece(number, a, b) for a, b in zip(cuts, cuts[1:], strict=False)]
+    return [p for p in found if p.stop - p.start >= 2 * SHORTEST]
+
+
+def split(logs: Sequence[Log], pieces: Sequence[Piece]) -> tuple[list[Piece], list[Piece]]:
+    """Return pieces to fit and pieces to hold out, the latter among those in which it moves."""
+    moved = [_motion(logs[p.log], p) for p in pieces]
+    moving = [k for k, m in enumerate(moved) if m > 0.05 * max(moved)]
+    held = set(moving[HELD // 2 :: HELD]) if len(moving) >= HELD else set()
+    return (
+        [p for k, p in enumerate(pieces) if k not in held],
+        [p for k, p in enumerate(pieces) if k in held],
+    )
+
+
+def _motion(log: Log, piece: Piece) -> float:
+    """Return how much happens in a piece: spread of the motor's speed, or of the torque."""
+    cut = slice(piece.start, piece.stop)
+    x = log.measured["tau"] if "tau" in log.measured and "q_m" not in log.measured else log.speed
+    return float(np.std(x[cut]) + 0.1 * np.abs(np.mean(x[cut])))
+
+
+def make_windows(
+    logs: Sequence[Log], pieces: Sequence[Piece], most: int = MOST, *, whole: bool = False
+) -> Windows:
+    """Return windows spread evenly over pieces of records.
+
+    A piece that is too short for the longest horizon has windows as long as it allows.
+
+    Args:
+        logs: The records.
+        pieces: Where the windows may lie.
+        most: Most windows.
+        whole: Whether the pieces themselves are windows, too, as where the output is held.
+    """
+    groups = []
+    total = max(sum(p.stop - p.start for p in pieces), 1)
+    for number, log in enumerate(logs):
+        left = [(k, p) for k, p in enumerate(pieces) if p.log == number]
+        for count in range(len(HORIZONS), 0, -1):
+            length = samples(HORIZONS[count - 1], log.dt)
+            own = [(k, p) for k, p in left if p.stop - p.start > length]
+            left = [(k, p) for k, p in left if p.stop - p.start <= length]
+            share = most * sum(p.stop - p.start for _, p in own) / total
+            starts, numbers = _spread(own, length, max(share, 1.0)) if own else _NONE
+            if len(starts):
+                first = np.array([pieces[k].start for k in numbers])
+                room = starts if log.whole.all() else starts - first
+                lead = np.minimum(_lead(log), room)
+                groups.append(Group(number, HORIZONS[:count], starts, length, numbers, lead))
+    if whole:
+        groups += [
+            Group(p.log, (WHOLE,), np.array([p.start]), p.stop - p.start, np.array([k]),
+                  np.array([0]))
+            for k, p in enumerate(pieces)
+        ]  # fmt: skip
+    return _scaled(tuple(logs), tuple(groups))
+
+
+def _lead(log: Log) -> int:
+    return max(round(LEAD / log.dt), 3)
+
+
+def _spread(
+    own: Sequence[tuple[int, Piece]], length: int, share: float
+) -> tuple[Integers, Integers]:
+    """Return starts and piece numbers of windows, as even as pieces allow."""
+    room = [max(p.stop - p.start - length, 0) for _, p in own]
+    fits = [r > 0 for r in room]
+    total = sum(p.stop - p.start for (_, p), f in zip(own, fits, strict=True) if f)
+    starts: list[int] = []
+    numbers: list[int] = []
+    due = 0.0
+    for (k, p), r, f in zip(own, room, fits, strict=True):
+        if not f:
+            continue
+        due += share * (p.stop - p.start) / total
+        count = int(due)
+        due -= count
+        places = np.unique(p.start + ((np.arange(count) + 0.5) / max(count, 1) * r).astype(int))
+        starts += places.tolist()
+        numbers += [k] * len(places)
+    return np.array(starts, dtype=np.int64), np.array(numbers, dtype=np.int64)
+
+
+def _scaled(logs: tuple[Log, ...], groups: tuple[Group, ...]) -> Windows:
+    blank = Windows(logs, groups, (), np.zeros(0))
+    sums: dict[tuple[str, float], list[float]] = {}
+    for group in groups:
+        log = logs[group.log]
+        for key, points in blank._kinds(group):
+            x = log.measured[key[0]][group.starts[:, None] + points]
+            did = x - _stays(log, key, group, points)
+            total = sums.setdefault(key, [0.0, 0.0])
+            total[0] += float(np.sum(did**2))
+            total[1] += did.size
+    scales = np.array([max(a / b, TINY**2) for a, b in sums.values()])
+    return Windows(logs, groups, tuple(sums), scales)
+
+
+def _stays(log: Log, key: tuple[str, float], group: Group, points: Integers) -> Floats:
+    """Return the channel if the joint went on as it does at the start, shape (W, points)."""
+    channel, horizon = key
+    if channel == "tau" or horizon == WHOLE:
+        return np.full((len(group.starts), 1), float(np.mean(log.measured[channel])))
+    column = 0 if channel == "q_m" else 2
+    q, v = log.states[group.starts, column], log.states[group.starts, column + 3]
+    return q[:, None] + v[:, None] * points * log.dt
+
+
+def relative(windows: Windows, errors: Sequence[Floats]) -> dict[tuple[str, float], float]:
+    """Return the relative error of each kind: 1 is no better than going on as at the start."""
+    return {
+        key: float(np.sqrt(np.mean(e**2))) for key, e in zip(windows.keys, errors, strict=True)
+    }
