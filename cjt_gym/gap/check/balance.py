@@ -73,6 +73,12 @@ class Balance:
         usual = SYSTEMATIC * float(np.sqrt(np.mean(self.y**2) / (power / len(term))))
         return float(max(chance, usual))
 
+    def apart(self, term: Floats, against: Sequence[str]) -> float:
+        """Return which share of a term is its own, and none of the named columns'."""
+        basis = self._basis(tuple(against))
+        left = term - basis @ (basis.T @ term)
+        return float(np.sqrt((left @ left) / max(float(term @ term), 1e-300)))
+
     def slow(self, f: float, dt: float) -> Bools:
         """Return where a torque periodic in the angle is passed slowly enough to show.
 

@@ -54,7 +54,7 @@ class Channel:
     def noise(self) -> float:
         """Return the deviation of one sample that counts, never zero."""
         known = self.observed or (self.specified if self.specified != self.resolution else 0.0)
-        return max(known, self.resolution / np.sqrt(12.0), FINEST * self.span, 1e-300)
+        return float(max(known, self.resolution / np.sqrt(12.0), FINEST * self.span, 1e-300))
 
     @property
     def moves(self) -> bool:

@@ -19,6 +19,8 @@ KIND = 0.04
 """Relative spread within a kind."""
 SHARE = 0.05
 """Share of the intervals that are of the rarer kind, or that jitter, at least."""
+BOTH = 0.5
+"""Share of the intervals that are of one of the two kinds at least."""
 MISSING, WHOLE = 4.5, 0.08
 """Ratio up to which a whole multiple is a missing row, and the distance from it."""
 JITTER = 0.2
@@ -71,12 +73,12 @@ def _kinds(steps: Floats) -> tuple[float, float, float] | None:
 
     Intervals that are whole multiples of the usual one are missing rows, not another kind.
     """
-    most, _ = _mode(np.sort(steps))
+    most, usual = _mode(np.sort(steps))
     apart = np.abs(np.log(steps / most)) > np.log(MIXED)
     if not apart.any():
         return None
     other, count = _mode(np.sort(steps[apart]))
-    if count < SHARE * len(steps):
+    if count < SHARE * len(steps) or usual + count < BOTH * len(steps):
         return None
     short, slow = min(most, other), max(most, other)
     ratio = slow / short

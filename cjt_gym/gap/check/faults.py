@@ -101,8 +101,11 @@ def _few_counts(view: View) -> list[str]:
 def _whole_numbers(view: View) -> list[str]:
     found = []
     for name, channel in view.channels.items():
-        x = view.stretches[0][name][: 10_000]
-        if name.startswith("q_") and channel.span > FEW_COUNTS and np.all(x == np.round(x)):
+        if not name.startswith("q_") or channel.span < FEW_COUNTS:
+            continue
+        known = [record[name] for record in view.records if name in record]
+        x = np.concatenate(known)
+        if np.all(np.equal(x, np.round(x)) | np.isnan(x)):
             found.append(f"{name} has whole numbers only: these look like counts of an encoder.")
     return found
 
@@ -251,7 +254,7 @@ def _moved(x: np.ndarray, angle: str, t: np.ndarray) -> np.ndarray:
         return np.abs(x[1:] * np.diff(t))
     size = max(len(x) // 400, 1)
     smooth = np.convolve(np.pad(x, (size, size), mode="edge"), np.ones(2 * size + 1), "valid")
-    return np.abs(np.diff(smooth / (2 * size + 1)))
+    return np.asarray(np.abs(np.diff(smooth / (2 * size + 1))))
 
 
 def _swing(view: View) -> Sequence[str]:

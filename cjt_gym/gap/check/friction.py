@@ -23,6 +23,8 @@ STEPS = 3.0
 """Counts, or deviations of the noise, that presliding has to cover."""
 SWING = 0.1
 """Share of a usual swing up to which presliding may reach."""
+APART = 0.05
+"""Share of an effect's torque, at least, that is none of the others'."""
 LOADED = 0.05
 """Share of the driving torque that a weight amounts to, at least, where it makes a load."""
 TURN = "Record motion in both directions, as often in one as in the other."
@@ -59,6 +61,10 @@ def seen(
     size = balance.least(term, against)
     most = float(np.quantile(np.abs(term), 0.95)) or float(np.abs(term).max(initial=0.0))
     torque = size * most
+    own = balance.apart(term, against)
+    if own < APART:
+        why = f"all but {percent(own)} of what it does could be inertia or other friction"
+        return Unseen(why, instead)
     if np.isfinite(torque) and torque <= TORQUE * balance.level:
         return Seen(size, unit)
     figure = f"{torque:.2g}" if np.isfinite(torque) else "any number of"

@@ -82,7 +82,12 @@ def quantization(view: View) -> Verdict:
     """A coarse channel needs a stated resolution, and motion over many steps."""
     if view.joint is None:
         return Unseen("no joint file states a resolution", "State it: [sensors.q_m] resolution.")
-    stated = [n for n in MEASURED if n in view and "resolution" in view.joint.sensors.get(n, {})]
+    sensors = view.joint.sensors
+    stated = [
+        n
+        for n in MEASURED
+        if n in view and "resolution" in sensors.get(n, {}) and view.channels[n].resolution > 0.0
+    ]
     if not stated:
         why = "the joint file states no resolution of any channel recorded"
         return Unseen(why, "State it: [sensors.q_m] resolution.")

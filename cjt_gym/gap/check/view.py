@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.signal import savgol_coeffs, savgol_filter
 
-from cjt_gym.gap.check.balance import FEWEST, Balance, Floats, left_over
-from cjt_gym.gap.check.clock import gap_length
+from cjt_gym.gap.check.balance import FEWEST, Balance, Floats
+from cjt_gym.gap.check.body import Body
 from cjt_gym.gap.check.channels import Channel, channels_of
+from cjt_gym.gap.check.pieces import Columns, changes, stretches
 from cjt_gym.joint import STRUCTURES, JointFile, Structure
 from cjt_gym.records import Record
 
@@ -20,17 +19,8 @@ WIDTHS = (5, 7, 9, 13, 17, 25, 37, 53, 75, 101)
 """Samples over which angles may be smoothed."""
 LONGEST = 0.3
 """Time over which they are smoothed at most [s]."""
-MOVING = 3.0
-"""Deviations of the speed from which a body moves."""
-LEAST_SPEED = 2e-3
-"""Share of its highest speed from which a body moves."""
 REST = 0.1
 """Time without motion from which a body is at rest [s]."""
-CLEAN = 3.0
-"""Factor by which the scatter of a balance may exceed what the noise of its channels makes."""
-
-Columns = dict[str, Floats]
-
 
 @dataclass(frozen=True, eq=False)
 class View:
@@ -155,17 +145,26 @@ class View:
     @cached_property
     def stretches(self) -> tuple[Columns, ...]:
         """The channels on even times between the gaps, longest first; without short pieces."""
-        found = [piece for record in self.records for piece in _stretches(record, self.channels)]
+        found = [piece for record in self.records for piece in stretches(record, self.channels)]
         found.sort(key=lambda piece: -len(piece["t"]))
         return tuple(piece for piece in found if len(piece["t"]) >= FEWEST) or tuple(found[:1])
 
     # ---- bodies
     @cached_property
-    def motor(self) -> Balance | None:
-        """The balance of the motor side, or of all bodies where nothing cuts them; or None."""
-        if self.drive is None or self.motor_angle is None:
+    def motor_body(self) -> Body | None:
+        """The motor side, or all bodies where nothing cuts them; None without motion."""
+        if self.motor_angle is None:
             return None
-        return self._balance(self.motor_angle, self._motor_torque)
+        power = (self.torque_per_input * self._noise(self.drive)) ** 2
+        power += self._noise("tau") ** 2 if self.cut else 0.0
+        return self._body(self.motor_angle, self._motor_torque, float(np.sqrt(power)))
+
+    @cached_property
+    def motor(self) -> Balance | None:
+        """The balance of that body, or None."""
+        if self.motor_body is None or self.drive is None:
+            return None
+        return self.motor_body.balance(self.width)
 
     @cached_property
     def load(self) -> Balance | None:
@@ -174,7 +173,9 @@ class View:
         known = "tau" in self or self.wound
         if self.structure.output_fixed or not known or angle is None:
             return None
-        return self._balance(angle, self._load_torque)
+        ends = self._noise("q_m") + self._noise("q_l")
+        noise = self.value("k_b") * ends if self.wound else self._noise("tau")
+        return self._body(angle, self._load_torque, noise).balance(self.width)
 
     @property
     def wound(self) -> bool:
@@ -182,11 +183,47 @@ class View:
         ends = self.has_spring and {"q_m", "q_l"} <= self.channels.keys()
         return ends and "tau" not in self and self.value("k_b") > 0.0
 
+    def _noise(self, name: str | None) -> float:
+        """Return the deviation of a sample of a channel; 0 of a command or where it is not."""
+        if name is None or name not in self.channels or name.endswith("_cmd"):
+            return 0.0
+        return self.channels[name].noise
+
+    def angle_noise(self, angle: str) -> float:
+        """Return the deviation of a sample of an angle; of tau, of the angle that it stands for."""
+        return self._noise(angle) / (self.value("k_b", 1.0) if angle == "tau" else 1.0)
+
+    def _body(self, angle: str, torque: Callable[[Columns], Floats], noise: float) -> Body:
+        return Body(
+            self.stretches,
+            self.dt,
+            angle,
+            self.angle_noise(angle),
+            self.value("k_b", 1.0),
+            torque,
+            noise,
+            self._driving,
+        )
+
+    def _driving(self, piece: Columns) -> Floats:
+        if self.drive is None:
+            return np.zeros(len(piece["t"]))
+        return np.asarray(self.torque_per_input * piece[self.drive])
+
+    def _motor_torque(self, piece: Columns) -> Floats:
+        torque = self._driving(piece)
+        return np.asarray(torque - piece["tau"] if self.cut else torque + piece.get("tau_l", 0.0))
+
+    def _load_torque(self, piece: Columns) -> Floats:
+        spring = self.value("k_b") * (piece["q_m"] - piece["q_l"]) if self.wound else piece["tau"]
+        return np.asarray(spring + piece.get("tau_l", 0.0))
+
+    # ---- motion
     @cached_property
     def travel(self) -> tuple[float, float]:
         """How far the motor goes in the positive and in the negative direction."""
         up = down = 0.0
-        for motion in self._motions(self.motor_angle, 9):
+        for motion in self._motions:
             change = np.diff(motion["q"])
             up, down = up + change[change > 0.0].sum(), down - change[change < 0.0].sum()
         return float(up), float(down)
@@ -194,7 +231,7 @@ class View:
     @cached_property
     def both_ways(self) -> tuple[float, float]:
         """Share of the moving samples in the positive and in the negative direction."""
-        if self.motor is None or not len(self.motor):
+        if self.motor is None:
             return 0.0, 0.0
         up = float(np.mean(self.motor["s"] > 0.0))
         return up, 1.0 - up
@@ -202,7 +239,7 @@ class View:
     @cached_property
     def speeds(self) -> tuple[float, float]:
         """Tenth and nine tenths quantile of the motor's speed while it moves."""
-        if self.motor is None or not len(self.motor):
+        if self.motor is None:
             return 0.0, 0.0
         low, high = np.quantile(np.abs(self.motor["v"]), [0.1, 0.9])
         return float(low), float(high)
@@ -210,115 +247,35 @@ class View:
     @cached_property
     def reversals(self) -> int:
         """How often the motor turns round, or sets out from rest."""
-        count = 0
-        for motion in self._motions(self.motor_angle, self.width):
-            limit = self._least_speed(self.motor_angle, self.width)
-            way = np.where(np.abs(motion["v"]) > limit, np.sign(motion["v"]), 0.0)
-            count += _changes(way, max(int(REST / self.dt), 3))
-        return count
+        if self.motor_body is None:
+            return 0
+        limit, rest = self.motor_body.least_speed(self.width), max(int(REST / self.dt), 3)
+        ways = (
+            np.where(np.abs(motion["v"]) > limit, np.sign(motion["v"]), 0.0)
+            for motion in self._motions
+        )
+        return sum(changes(way, rest) for way in ways)
 
     @cached_property
-    def resting(self) -> float:
-        """Share of the samples at which the motor is at rest."""
-        total = sum(len(piece["t"]) for piece in self._motions(self.motor_angle, self.width))
-        return 1.0 - (0 if self.motor is None else len(self.motor)) / max(total, 1)
+    def _motions(self) -> list[Columns]:
+        return [] if self.motor_body is None else self.motor_body.motions(self.width)
 
     @cached_property
     def width(self) -> int:
         """Samples over which everything is smoothed: those that show the acceleration best."""
         longest = max(len(piece["t"]) for piece in self.stretches) // 8
         most = max(min(LONGEST / self.dt, longest), WIDTHS[0])
-        names = [width for width in WIDTHS if width <= most]
-        return max(names, key=self._sharpness)
+        return max((width for width in WIDTHS if width <= most), key=self._sharpness)
 
     def _sharpness(self, width: int) -> float:
-        if self.drive is None or self.motor_angle is None:
-            return 0.0
-        found = self._balance(self.motor_angle, self._motor_torque, width)
+        """Return how sharply a smoothing shows the acceleration."""
+        found = None
+        if self.motor_body is not None and self.drive is not None:
+            found = self.motor_body.balance(width)
         if found is None:
             return 0.0
         least = found.least(found["a"], ("v", "s", "one"))
-        return 1.0 / least if np.isfinite(least) and least > 0.0 else 0.0
-
-    def _motor_torque(self, piece: Columns) -> Floats:
-        assert self.drive is not None
-        torque = self.torque_per_input * piece[self.drive]
-        if self.cut:
-            return np.asarray(torque - piece["tau"])
-        return np.asarray(torque + piece.get("tau_l", 0.0))
-
-    def _load_torque(self, piece: Columns) -> Floats:
-        spring = self.value("k_b") * (piece["q_m"] - piece["q_l"]) if self.wound else piece["tau"]
-        return np.asarray(spring + piece.get("tau_l", 0.0))
-
-    def _motions(self, angle: str | None, width: int) -> list[Columns]:
-        if angle is None:
-            return []
-        pieces = (piece for piece in self.stretches if len(piece["t"]) > 2 * width)
-        return [_motion(piece, angle, self, width) for piece in pieces]
-
-    def _least_speed(self, angle: str | None, width: int) -> float:
-        """Return the speed from which a body moves."""
-        assert angle is not None
-        fastest = max((float(np.abs(m["v"]).max()) for m in self._motions(angle, width)), default=0)
-        noise = MOVING * self.angle_noise(angle) * _gain(width, 1, self.dt, angle)
-        return float(max(LEAST_SPEED * fastest, noise, 1e-300))
-
-    def angle_noise(self, angle: str) -> float:
-        """Return the deviation of a sample of an angle; of tau, of the angle that it stands for."""
-        noise = self.channels[angle].noise
-        return noise / self.value("k_b", 1.0) if angle == "tau" else noise
-
-    def _balance(self, angle: str, torque, width: int | None = None) -> Balance | None:  # type: ignore[no-untyped-def]
-        """Return the balance of the body of that angle under that torque while it moves."""
-        wide = width or self.width
-        limit = self._least_speed(angle, wide)
-        parts: list[Columns] = []
-        for k, piece in enumerate(self.stretches):
-            if len(piece["t"]) <= 2 * wide:
-                continue
-            motion = _motion(piece, angle, self, wide)
-            smoothed = {n: _smooth(x, wide) for n, x in piece.items() if n != "t"}
-            motion["y"] = _smooth(torque(piece), wide)
-            motion["u"] = self._driving(smoothed)
-            motion |= {n: x for n, x in smoothed.items() if n not in motion}
-            motion["valid"] = _smooth(piece["_valid"], wide) > 0.5
-            moving = (np.abs(motion["v"]) > limit) & motion["valid"].astype(bool)
-            moving[: wide // 2] = moving[-(wide // 2) :] = False
-            motion |= {"time": piece["t"], "stretch": np.full(len(piece["t"]), float(k))}
-            parts.append({n: x[moving] for n, x in motion.items()})
-        if not parts:
-            return None
-        joined = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-        if len(joined["y"]) < FEWEST:
-            return None
-        y = joined.pop("y")
-        joined |= {"s": np.sign(joined["v"]), "one": np.ones(len(y))}
-        scatter = self._scatter(angle, y, joined, wide)
-        driving = joined["u"] if self.drive is not None else y
-        return Balance(y, joined, scatter, wide, float(np.quantile(np.abs(driving), 0.95)))
-
-    def _driving(self, smoothed: Columns) -> Floats:
-        if self.drive is None:
-            return np.zeros(len(next(iter(smoothed.values()))))
-        return np.asarray(self.torque_per_input * smoothed[self.drive])
-
-    def _scatter(self, angle: str, y: Floats, columns: Columns, width: int) -> float:
-        """Return the scatter of a balance: what is left of it, if that is not far above noise."""
-        plain = [columns[name] for name in ("a", "v", "s", "one")]
-        v = columns["v"]
-        quick = float(np.quantile(np.abs(v), 0.9))
-        more = [np.abs(v), v * np.abs(v), np.exp(-np.abs(v) / (0.1 * quick)) * np.sign(v)]
-        left = left_over(y, plain + more)
-        basis = np.column_stack(plain)
-        inertia = abs(float(np.linalg.lstsq(basis, y, rcond=None)[0][0]))
-        power = (inertia * self.angle_noise(angle) * _gain(width, 2, self.dt, angle)) ** 2
-        if self.drive is not None:
-            noise = 0.0 if self.drive.endswith("_cmd") else self.channels[self.drive].noise
-            power += (self.torque_per_input * noise) ** 2 / width
-        if "tau" in self.channels:
-            power += self.channels["tau"].noise ** 2 / width
-        return float(max(min(left, CLEAN * np.sqrt(power)), 1e-12 * np.std(y), 1e-300))
+        return 1.0 / least if least > 0.0 else 0.0
 
 
 def _likely(record: Record, channels: Mapping[str, Channel]) -> Structure:
@@ -329,66 +286,4 @@ def _likely(record: Record, channels: Mapping[str, Channel]) -> Structure:
         return STRUCTURES["rigid"]
     free = "q_l" in channels and channels["q_l"].moves
     return STRUCTURES["rigid_gearbox" if free else "output_fixed_rigid_gearbox"]
-
-
-def _stretches(record: Record, channels: Mapping[str, Channel]) -> list[Columns]:
-    """Return the channels of a record on even times, cut at its gaps."""
-    t, dt = record.t, record.dt
-    gap = gap_length(np.diff(t))
-    ends = np.flatnonzero(np.diff(t) > gap) + 1
-    found = []
-    for rows in np.split(np.arange(len(t)), ends):
-        if len(rows) < 4:
-            continue
-        grid = t[rows[0]] + dt * np.arange(int((t[rows[-1]] - t[rows[0]]) / dt + 1.5))
-        piece: Columns = {"t": grid}
-        valid = np.ones(len(grid), dtype=bool)
-        for name in channels:
-            known = rows[np.isfinite(record[name][rows])] if name in record else rows[:0]
-            if len(known) < 2:
-                piece[name] = np.zeros(len(grid))
-                valid[:] = False
-                continue
-            piece[name] = np.interp(grid, t[known], record[name][known])
-            near = np.searchsorted(t[known], grid).clip(1, len(known) - 1)
-            apart = t[known][near] - t[known][near - 1]
-            valid &= (apart < gap) | (name not in USED)
-        piece["_valid"] = valid.astype(np.float64)
-        found.append(piece)
-    return found
-
-
-USED = ("i", "i_cmd", "tau_m", "tau_cmd", "tau", "q_m", "q_g", "q_l", "dq_m", "dq_l")
-"""Channels without which a sample does not count."""
-
-
-def _motion(piece: Columns, angle: str, view: View, width: int) -> Columns:
-    """Return angle, speed and acceleration of a body, smoothed."""
-    x = piece[angle]
-    if angle == "tau":
-        x = x / view.value("k_b", 1.0)
-    if angle.startswith("dq_"):
-        v, a = _smooth(x, width), _smooth(x, width, 1, view.dt)
-        return {"q": np.cumsum(x) * view.dt, "v": v, "a": a}
-    speed, acceleration = _smooth(x, width, 1, view.dt), _smooth(x, width, 2, view.dt)
-    return {"q": _smooth(x, width), "v": speed, "a": acceleration}
-
-
-def _smooth(x: Floats, width: int, order: int = 0, dt: float = 1.0) -> Floats:
-    return np.asarray(savgol_filter(x, width, 3, deriv=order, delta=dt), dtype=np.float64)
-
-
-def _gain(width: int, order: int, dt: float, angle: str) -> float:
-    """Return the deviation of a smoothed derivative per deviation of a sample."""
-    order -= angle.startswith("dq_")
-    return float(np.linalg.norm(savgol_coeffs(width, 3, deriv=order, delta=dt)))
-
-
-def _changes(way: NDArray[np.float64], rest: int) -> int:
-    """Return how often a direction changes, or begins again after so many samples of rest."""
-    at = np.flatnonzero(way)
-    if len(at) < 2:
-        return len(at)
-    turned = way[at[1:]] != way[at[:-1]]
-    return int(np.sum(turned | (np.diff(at) > rest))) + int(at[0] > rest)
 
