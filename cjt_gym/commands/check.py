@@ -41,7 +41,9 @@ def run(options: argparse.Namespace) -> None:
 def to_json(found: Examination) -> dict[str, object]:
     """Return an examination with all that the terminal shows."""
     return found.to_dict() | {
-        "smallest": {name: {"value": x, "unit": unit} for name, (x, unit) in found.smallest.items()},
+        "smallest": {
+            name: {"value": x, "unit": unit} for name, (x, unit) in found.smallest.items()
+        },
         "advice": list(found.advice),
         "channels": [channel.to_dict() for channel in found.channels.values()],
     }

@@ -9,7 +9,7 @@ import numpy as np
 from cjt_gym.gap.check.clock import even
 from cjt_gym.gap.noise import OTHER_ORDER, Floats, high_frequency_std, lattice_step
 from cjt_gym.joint import JointFile
-from cjt_gym.records import Record
+from cjt_gym.records import TRUE_PREFIX, Record
 
 ALIKE = 0.06
 """Relative difference up to which two estimates of a noise agree, so that it is white."""
@@ -75,11 +75,11 @@ class Channel:
 
 
 def channels_of(record: Record, joint: JointFile | None) -> dict[str, Channel]:
-    """Return the channels of a record but for its time; those without any sample are left out."""
+    """Return the measured channels of a record; those without any sample are left out."""
     found = {}
     for name in record.columns:
         known = np.isfinite(record[name])
-        if name != "t" and known.any():
+        if name != "t" and not name.startswith(TRUE_PREFIX) and known.any():
             found[name] = _channel(record, joint, name, record[name][known])
     return found
 

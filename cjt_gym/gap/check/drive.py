@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cjt_gym.gap.check.balance import RELIABLE, Floats
-from cjt_gym.gap.check.verdicts import Seen, Unseen, Verdict
+from cjt_gym.gap.check.verdicts import Seen, Unseen, Verdict, only_from
 from cjt_gym.gap.check.view import View
 
 LEAST_DELAY = 0.25
@@ -46,8 +46,7 @@ def _late(view: View, least: float) -> Verdict:
     size = min(_least_delay(view, name) for name in _responses(view))
     if size <= LATEST:
         return Seen(max(size, least * view.dt), "s")
-    figure = f"{1e3 * size:.2g} ms" if np.isfinite(size) else "any delay"
-    return Unseen(f"the response to the command shows a delay only from {figure}", CHANGES)
+    return Unseen(f"in the response to the command {only_from(1e3 * size, 'ms')}", CHANGES)
 
 
 def current_saturation(view: View) -> Verdict:
@@ -80,8 +79,7 @@ def command_quantization(view: View) -> Verdict:
         return Unseen("the current is not measured", "Record the measured current.")
     if size < 0.5 * known.span:
         return Seen(float(max(size, known.resolution)), known.unit)
-    why = f"it would show only from steps of {size:.2g} {known.unit}"
-    return Unseen(f"{why}, and the command spans {known.span:.2g}", CHANGES)
+    return Unseen(f"{only_from(size, known.unit)}, and the command spans {known.span:.2g}", CHANGES)
 
 
 def _gain(view: View) -> float:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from cjt_gym.errors import RecordError
 from cjt_gym.gap.check import drive, friction, load, sensing, torque, transmission
+from cjt_gym.gap.check.channels import channels_of
 from cjt_gym.gap.check.examination import CannotTell, Examination
 from cjt_gym.gap.check.faults import faults
 from cjt_gym.gap.check.verdicts import Seen, Unseen, Verdict
@@ -77,12 +78,13 @@ def examine(
         for name, verdict in verdicts.items()
         if isinstance(verdict, Unseen)
     )
+    wrong, remedies = faults(view)
     return Examination(
         can_tell=tuple(seen),
         cannot_tell=unseen,
-        faults=faults(view),
+        faults=wrong,
         smallest={name: (verdict.size, verdict.unit) for name, verdict in seen.items()},
-        advice=tuple(dict.fromkeys(row.instead for row in unseen)),
+        advice=tuple(dict.fromkeys([*remedies, *(row.instead for row in unseen if row.instead)])),
         channels=view.channels,
     )
 
@@ -109,8 +111,8 @@ def _check(records: Sequence[Record]) -> None:
                 f"{record.owner} must have at least {SHORTEST} samples to be examined, "
                 f"got {len(record)}. Record for longer."
             )
-        if not [name for name in record.columns if name != "t"]:
+        if not channels_of(record, None):
             raise RecordError(
-                f"{record.owner} has no channel but its time. Record at least one of i, i_cmd, "
-                "q_m and tau."
+                f"{record.owner} has no measured channel but its time. Record at least one of i, "
+                "i_cmd, q_m and tau."
             )

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from cjt_gym.gap.check.clock import clock
-from cjt_gym.gap.check.friction import one_way, two_ways
+from cjt_gym.gap.check.friction import TURN, one_way, two_ways
 from cjt_gym.gap.check.resonances import gear_resonance, resonance
 from cjt_gym.gap.check.transmission import deflection
 from cjt_gym.gap.check.view import View
@@ -39,24 +39,15 @@ AT_REST = 0.1
 """Speed in that part, as a share of that before it, below which it is at rest."""
 
 
-def faults(view: View) -> tuple[str, ...]:
-    """Return what is wrong with the records, a sentence each."""
-    found = [
-        *_repairs(view),
-        *clock(view.records),
-        *_still(view),
-        *_few_counts(view),
-        *_whole_numbers(view),
-        *_velocities(view),
-        *_angles(view),
-        *_spring(view),
-        *_noise(view),
-        *_lateness(view),
-        *_direction(view),
-        *_tail(view),
-        *_swing(view),
-    ]
-    return tuple(dict.fromkeys(found))
+def faults(view: View) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return what is wrong with the records and what to do about it, a sentence each."""
+    said: dict[str, None] = {}
+    remedies: dict[str, None] = {}
+    for look, remedy in LOOKS:
+        found = look(view)
+        said |= dict.fromkeys(found)
+        remedies |= dict.fromkeys([remedy] if found and remedy else [])
+    return tuple(said), tuple(remedies)
 
 
 def _repairs(view: View) -> list[str]:
@@ -269,3 +260,24 @@ def _swing(view: View) -> Sequence[str]:
                 f"{what} at {swing:.3g} Hz, above the log's Nyquist frequency of {nyquist:.3g} Hz."
             )
     return found
+
+
+UNITS = "Map each channel with its unit, sign and side: --mapping."
+FINER = "Record more motion, or a finer angle."
+SPECIFY = "State the noise that each sensor has: [sensors.i] noise in the joint file."
+LOOKS: tuple[tuple[Callable[[View], Sequence[str]], str], ...] = (
+    (_repairs, ""),
+    (lambda view: clock(view.records), "Log at an even rate of 1 kHz, with the time of each row."),
+    (_still, "Leave out channels that are not connected."),
+    (_few_counts, FINER),
+    (_whole_numbers, UNITS),
+    (_velocities, UNITS),
+    (_angles, UNITS),
+    (_spring, UNITS),
+    (_noise, SPECIFY),
+    (_lateness, "Log command and measurement of the same instant in one row."),
+    (_direction, TURN),
+    (_tail, "Record motion to the end, or a second record to test on."),
+    (_swing, ""),
+)
+"""Where faults are looked for, and what to do where one is found."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from cjt_gym.gap.check.balance import Balance, Floats
 from cjt_gym.gap.check.resonances import resonance
-from cjt_gym.gap.check.verdicts import TORQUE, Seen, Unseen, Verdict, no_balance, percent
+from cjt_gym.gap.check.verdicts import TORQUE, Seen, Unseen, Verdict, no_balance, only_from, percent
 from cjt_gym.gap.check.view import View
 
 BOTH_WAYS = 0.02
@@ -67,12 +67,8 @@ def seen(
         return Unseen(why, instead)
     if np.isfinite(torque) and torque <= TORQUE * balance.level:
         return Seen(size, unit)
-    figure = f"{torque:.2g}" if np.isfinite(torque) else "any number of"
-    why = (
-        f"it would show only from {figure} {view.torque_unit}, while the joint is driven by "
-        f"{balance.level:.2g} {view.torque_unit}"
-    )
-    return Unseen(why, instead)
+    driven = f"while the joint is driven by {balance.level:.2g} {view.torque_unit}"
+    return Unseen(f"{only_from(torque, view.torque_unit)}, {driven}", instead)
 
 
 def inertia(view: View) -> Verdict:
@@ -91,7 +87,7 @@ def inertia(view: View) -> Verdict:
     unit = unit if view.joint else f"{view.torque_unit} s^2/{view.angle_unit}"
     if size <= INERTIA * max(nominal, found):
         return Seen(size, unit)
-    why = f"it would show only from {size:.2g} {unit}, more than there is"
+    why = f"{only_from(size, unit)}, more than there is"
     return Unseen(why, "Record quick motion: steps of the current, or a chirp.")
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from cjt_gym.gap.check.balance import Balance
 from cjt_gym.gap.check.friction import INERTIA, seen
-from cjt_gym.gap.check.verdicts import Seen, Unseen, Verdict, no_balance
+from cjt_gym.gap.check.verdicts import Seen, Unseen, Verdict, no_balance, only_from
 from cjt_gym.gap.check.view import View
 
 FREE = "Record with a free load, its angle q_l and the joint torque tau."
@@ -37,10 +37,12 @@ def load_inertia(view: View) -> Verdict:
     size = balance.least(balance["a"], ("v", "s", "one"))
     basis = np.column_stack([balance[name] for name in ("a", "v", "s", "one")])
     found = abs(float(np.linalg.lstsq(basis, balance.y, rcond=None)[0][0]))
+    unit = "kg" if view.angle_unit == "m" else "kg m^2"
     if size <= INERTIA * max(found, view.value("I_l")):
-        return Seen(size, "kg" if view.angle_unit == "m" else "kg m^2")
-    why = f"it would show only from {size:.2g} kg m^2, more than there is"
-    return Unseen(why, "Record quick motion of the load.")
+        return Seen(size, unit)
+    return Unseen(
+        f"{only_from(size, unit)}, more than there is", "Record quick motion of the load."
+    )
 
 
 def load_coulomb(view: View) -> Verdict:

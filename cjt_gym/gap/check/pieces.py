@@ -84,4 +84,3 @@ def changes(way: NDArray[np.float64], rest: int) -> int:
         return len(at)
     turned = way[at[1:]] != way[at[:-1]]
     return int(np.sum(turned | (np.diff(at) > rest))) + int(at[0] > rest)
-

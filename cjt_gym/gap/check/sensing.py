@@ -6,7 +6,7 @@ import numpy as np
 
 from cjt_gym.gap.check.friction import TURN, one_way, seen, two_ways
 from cjt_gym.gap.check.transmission import BESIDE, no_spring, spring
-from cjt_gym.gap.check.verdicts import Seen, Unseen, Verdict
+from cjt_gym.gap.check.verdicts import Seen, Unseen, Verdict, only_from
 from cjt_gym.gap.check.view import View
 
 GAIN = 0.3
@@ -28,7 +28,7 @@ def torque_gain(view: View) -> Verdict:
     size = balance.least(balance.y, ("rate", "one"))
     if size <= GAIN:
         return Seen(size, "-")
-    return Unseen(f"it would show only from {100.0 * size:.2g} %", "Load the spring further.")
+    return Unseen(only_from(size, "-"), "Load the spring further.")
 
 
 def torque_bias(view: View) -> Verdict:
@@ -53,7 +53,7 @@ def torque_delay(view: View) -> Verdict:
         size = min(size, view.motor.least(_rise(view), ("a", "v", "s", "one")))
     if size <= LATEST:
         return Seen(max(size, LEAST_DELAY * view.dt), "s")
-    why = f"the torque changes so slowly that a delay would show only from {1e3 * size:.2g} ms"
+    why = f"the torque changes so slowly that {only_from(1e3 * size, 'ms')}"
     return Unseen(why, "Record quick steps of the current.")
 
 
@@ -96,4 +96,6 @@ def quantization(view: View) -> Verdict:
     steps = best.span / best.resolution
     if steps >= STEPS:
         return Seen(2.0 * best.resolution, best.unit)
-    return Unseen(f"{best.name} moves by {steps:.2g} steps of its resolution", "Record more motion.")
+    return Unseen(
+        f"{best.name} moves by {steps:.2g} steps of its resolution", "Record more motion."
+    )

@@ -15,7 +15,9 @@ HEAD = ("channel", "unit", "from", "to", "resolution", "noise", "missing")
 def text(found: Examination, width: int) -> str:
     """Return an examination as text of so many letters a line."""
     channels = Table("Channels", "", [HEAD, *map(_row, found.channels.values())])
-    sizes = [(name, f"{size:.2g} {unit}".rstrip(" -")) for name, (size, unit) in found.smallest.items()]
+    sizes = [
+        (name, f"{size:.2g} {unit}".rstrip(" -")) for name, (size, unit) in found.smallest.items()
+    ]
     parts = [channels.text(width), _list("Faults of the log", found.faults, width, "none found")]
     if sizes:
         parts.append(Table("Can be told", "", [("effect", "from"), *sizes]).text(width))
@@ -25,6 +27,10 @@ def text(found: Examination, width: int) -> str:
     parts.append(_list("Cannot be told", reasons, width, "nothing"))
     parts.append(_list("What to record instead", found.advice, width, "nothing else is needed"))
     return "\n\n".join(parts)
+
+
+def _size(size: float, unit: str) -> str:
+    return f"{100.0 * size:.2g} %" if unit == "-" else f"{size:.2g} {unit}"
 
 
 def _list(title: str, lines: Sequence[str], width: int, none: str) -> str:

@@ -7,7 +7,7 @@ from scipy.signal import lfilter
 
 from cjt_gym.gap.check.balance import Balance, Floats
 from cjt_gym.gap.check.friction import seen
-from cjt_gym.gap.check.verdicts import Seen, Unseen, Verdict, no_balance
+from cjt_gym.gap.check.verdicts import Seen, Unseen, Verdict, no_balance, only_from
 from cjt_gym.gap.check.view import View
 
 CONSTANT = 0.3
@@ -40,7 +40,7 @@ def torque_constant(view: View) -> Verdict:
     size = balance.least(balance["u"], ("a", "v", "s", "one"))
     if size <= CONSTANT:
         return Seen(size, "-")
-    return Unseen(f"it would show only from {100 * size:.2g} %", instead)
+    return Unseen(only_from(size, "-"), instead)
 
 
 def thermal_derating(view: View) -> Verdict:
@@ -57,9 +57,7 @@ def thermal_derating(view: View) -> Verdict:
     size = min(balance.least(balance["u"] * heat, names) for heat in heats)
     if size <= DROP:
         return Seen(size, "-")
-    figure = f"{100.0 * size:.2g} %" if np.isfinite(size) else "any drop"
-    why = f"over its {view.seconds:.3g} s a drop of the torque would show only from {figure}"
-    return Unseen(why, instead)
+    return Unseen(f"over its {view.seconds:.3g} s {only_from(size, '-')}", instead)
 
 
 def _heat(view: View, balance: Balance, constant: float) -> Floats:
@@ -76,7 +74,8 @@ def _heat(view: View, balance: Balance, constant: float) -> Floats:
     for k, (t, heat) in enumerate(parts):
         own = rows == k
         out[own] = np.interp(at[own], t, heat)
-    return out / max(float(out.max()), 1e-300)
+    warmest = float(out.max())
+    return out / warmest if warmest > 1e-200 else np.zeros_like(out)
 
 
 def cogging(view: View) -> Verdict:

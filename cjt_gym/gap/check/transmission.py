@@ -6,7 +6,7 @@ import numpy as np
 
 from cjt_gym.gap.check.balance import RELIABLE, Balance, Floats
 from cjt_gym.gap.check.resonances import gear_resonance
-from cjt_gym.gap.check.verdicts import Seen, Unseen, Verdict
+from cjt_gym.gap.check.verdicts import Seen, Unseen, Verdict, only_from
 from cjt_gym.gap.check.view import View
 
 RELATIVE = 0.3
@@ -15,6 +15,8 @@ CROSSINGS = 4
 """Passages of the torque through zero that play needs."""
 PLAY = 0.2
 """Share of the range of deflections up to which the least play may come."""
+RIGID = ""
+"""A joint that is rigid as it is given needs no other record."""
 BESIDE = "Record the joint torque tau and both angles of the spring, q_m and q_l."
 NEAR = 0.4
 """Share of the gearbox's resonance up to which an excitation must reach at least."""
@@ -26,7 +28,7 @@ def no_spring(view: View) -> Unseen | None:
     """Return why the spring cannot be seen, or None where it can."""
     if not view.has_spring:
         why = f"the structure {view.structure.name} has no spring"
-        return Unseen(why, "Give the structure that the joint has: --structure.")
+        return Unseen(why, RIGID)
     if "tau" not in view.channels:
         return Unseen("the joint torque tau is not recorded", BESIDE)
     if "tau" not in view:
@@ -90,7 +92,7 @@ def hardening(view: View) -> Verdict:
     torque = size * float(np.abs(balance["cubed"]).max()) / max(balance.level, 1e-300)
     if torque <= RELATIVE:
         return Seen(torque, "-")
-    why = f"it would show only from {100.0 * torque:.2g} % of the torque at the largest deflection"
+    why = f"{only_from(torque, '-')} of the torque at the largest deflection"
     return Unseen(why, "Record large and small deflections.")
 
 
@@ -102,7 +104,7 @@ def spring_hysteresis(view: View) -> Verdict:
     size = balance.least(balance["way"], ("delta", "cubed", "rate", "one"))
     if size <= RELATIVE * balance.level:
         return Seen(size, view.torque_unit)
-    why = f"it would show only from {size:.2g} {view.torque_unit}"
+    why = only_from(size, view.torque_unit)
     return Unseen(why, "Wind and unwind the spring many times, slowly.")
 
 
@@ -119,7 +121,7 @@ def backlash(view: View) -> Verdict:
     size = RELIABLE * balance.scatter / max(slope, 1e-300) / np.sqrt(crossings)
     if size <= PLAY * float(np.ptp(balance["delta"])):
         return Seen(float(size), view.angle_unit)
-    why = f"it would show only from {size:.2g} {view.angle_unit}"
+    why = only_from(size, view.angle_unit)
     return Unseen(why, "Record larger torques in both directions.")
 
 
@@ -137,7 +139,7 @@ def gear_stiffness(view: View) -> Verdict:
     """The gearbox's stiffness shows near its resonance, or between its two angles."""
     if not view.has_gear:
         why = f"the gearbox of the structure {view.structure.name} is rigid"
-        return Unseen(why, "Give a structure with a compliant gearbox: --structure.")
+        return Unseen(why, RIGID)
     if "q_g" in view and "q_m" in view and "tau" in view:
         return Seen(RELATIVE * 0.1, "-")
     swing, nyquist = gear_resonance(view), 0.5 / view.dt

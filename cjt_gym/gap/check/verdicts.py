@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from cjt_gym.gap.check.view import View
 
 TORQUE = 0.3
@@ -55,6 +57,19 @@ def no_balance(view: View) -> Unseen | None:
     if view.motor_angle is None:
         return Unseen("no motion of the motor is recorded", "Record the motor's angle q_m.")
     return NO_MOTION if view.motor is None else None
+
+
+def only_from(size: float, unit: str) -> str:
+    """Return the sentence that an effect would show only from a size on.
+
+    Example:
+        >>> only_from(0.123, "N m"), only_from(0.5, "-"), only_from(float("inf"), "s")
+        ('it would show only from 0.12 N m', 'it would show only from 50 %', 'no size of it shows')
+    """
+    if not np.isfinite(size):
+        return "no size of it shows"
+    number = f"{100.0 * size:.2g} %" if unit == "-" else f"{size:.2g} {unit}"
+    return f"it would show only from {number}"
 
 
 def percent(share: float) -> str:

@@ -1,4 +1,4 @@
-"""A record seen as bodies that move: smoothed angles with their derivatives, torques, directions."""
+"""A record seen as bodies that move: what is measured of them, and how far and how fast they go."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ LONGEST = 0.3
 """Time over which they are smoothed at most [s]."""
 REST = 0.1
 """Time without motion from which a body is at rest [s]."""
+
 
 @dataclass(frozen=True, eq=False)
 class View:
@@ -286,4 +287,3 @@ def _likely(record: Record, channels: Mapping[str, Channel]) -> Structure:
         return STRUCTURES["rigid"]
     free = "q_l" in channels and channels["q_l"].moves
     return STRUCTURES["rigid_gearbox" if free else "output_fixed_rigid_gearbox"]
-

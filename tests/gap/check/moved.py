@@ -41,7 +41,9 @@ def speed(kind: str, seconds: float) -> Floats:
     return np.asarray(swing if kind == BOTH else 3.0 + swing)
 
 
-def columns(kind: str = BOTH, seconds: float = 8.0, seed: int = 0, dt: float = DT) -> dict[str, Floats]:
+def columns(
+    kind: str = BOTH, seconds: float = 8.0, seed: int = 0, dt: float = DT
+) -> dict[str, Floats]:
     """Return time, command, current and angle of the mass."""
     rng = np.random.default_rng(seed)
     v = speed(kind, seconds)
