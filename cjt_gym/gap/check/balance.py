@@ -101,8 +101,25 @@ def orthonormal(columns: Sequence[Floats], length: int) -> Floats:
     scaled = [x / np.linalg.norm(x) for x in columns if float(x @ x) > 0.0]
     if not scaled:
         return np.zeros((length, 0))
-    u, size, _ = np.linalg.svd(np.column_stack(scaled), full_matrices=False)
-    return np.asarray(u[:, size > 1e-7 * size[0]])
+    matrix = np.column_stack(scaled)
+    power, ways = np.linalg.eigh(matrix.T @ matrix)
+    used = power > 1e-11 * power[-1]
+    return np.asarray(matrix @ (ways[:, used] / np.sqrt(power[used])))
+
+
+def factors(y: Floats, columns: Sequence[Floats]) -> Floats:
+    """Return the factors with which columns make y, by least squares; shape (columns,)."""
+    size = np.array([max(float(np.linalg.norm(x)), 1e-300) for x in columns])
+    matrix = np.column_stack(columns) / size
+    found = np.linalg.lstsq(matrix.T @ matrix, matrix.T @ y, rcond=1e-12)[0]
+    return np.asarray(found / size)
+
+
+def slope(x: Floats, y: Floats) -> float:
+    """Return the slope of y over x by least squares; 0 where x does not change."""
+    x = x - x.mean()
+    power = float(x @ x)
+    return float(x @ y) / power if power > 0.0 else 0.0
 
 
 def left_over(y: Floats, columns: Sequence[Floats]) -> float:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cjt_gym.gap.check.balance import FEWEST, Balance, Floats, left_over
+from cjt_gym.gap.check.balance import FEWEST, Balance, Floats, factors, left_over
 from cjt_gym.gap.check.pieces import Columns, gain, motion, smooth
 
 MOVING = 3.0
@@ -89,7 +89,7 @@ class Body:
         quick = max(float(np.quantile(np.abs(v), 0.9)), 1e-300)
         slow = np.exp(-np.abs(v) / (0.1 * quick)) * columns["s"]
         left = left_over(y, [*plain, np.abs(v), v * np.abs(v), slow])
-        inertia = float(np.linalg.lstsq(np.column_stack(plain), y, rcond=None)[0][0])
+        inertia = float(factors(y, plain)[0])
         shaken = inertia * self.angle_noise * gain(width, 2, self.dt, self.angle)
         noise = float(np.hypot(shaken, self.torque_noise / np.sqrt(width)))
         return max(min(left, CLEAN * noise), 1e-12 * float(np.std(y)), 1e-300)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cjt_gym.gap.check.balance import left_over
 from cjt_gym.gap.check.clock import even
 from cjt_gym.gap.noise import OTHER_ORDER, Floats, high_frequency_std, lattice_step
 from cjt_gym.joint import JointFile
@@ -76,12 +77,17 @@ class Channel:
 
 def channels_of(record: Record, joint: JointFile | None) -> dict[str, Channel]:
     """Return the measured channels of a record; those without any sample are left out."""
-    found = {}
-    for name in record.columns:
-        known = np.isfinite(record[name])
-        if name != "t" and not name.startswith(TRUE_PREFIX) and known.any():
-            found[name] = _channel(record, joint, name, record[name][known])
-    return found
+    names = (name for name in record.columns if measured(name, record))
+    return {
+        name: _channel(record, joint, name, record[name][np.isfinite(record[name])])
+        for name in names
+    }
+
+
+def measured(name: str, record: Record) -> bool:
+    """Whether a column has samples that a sensor or a controller could give."""
+    ours = name != "t" and not name.startswith(TRUE_PREFIX)
+    return ours and bool(np.isfinite(record[name]).any())
 
 
 def _channel(record: Record, joint: JointFile | None, name: str, x: Floats) -> Channel:
@@ -127,5 +133,4 @@ def _beside_command(record: Record) -> float:
     good = np.isfinite(matrix).all(axis=1) & np.isfinite(y)
     if good.sum() < 50:
         return 0.0
-    factors = np.linalg.lstsq(matrix[good], y[good], rcond=None)[0]
-    return float(np.std(y[good] - matrix[good] @ factors))
+    return left_over(y[good], list(matrix[good].T))

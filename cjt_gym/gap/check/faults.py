@@ -242,7 +242,7 @@ def _moved(x: np.ndarray, angle: str, t: np.ndarray) -> np.ndarray:
     """Return how far a body goes between samples, noise of the angle left out."""
     x = np.nan_to_num(x, nan=float(np.nanmean(x)))
     if angle.startswith("dq_"):
-        return np.abs(x[1:] * np.diff(t))
+        return np.asarray(np.abs(x[1:] * np.diff(t)))
     size = max(len(x) // 400, 1)
     smooth = np.convolve(np.pad(x, (size, size), mode="edge"), np.ones(2 * size + 1), "valid")
     return np.asarray(np.abs(np.diff(smooth / (2 * size + 1))))

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cjt_gym.gap.check.balance import Balance, Floats
+from cjt_gym.gap.check.balance import Balance, Floats, factors
 from cjt_gym.gap.check.resonances import resonance
 from cjt_gym.gap.check.verdicts import TORQUE, Seen, Unseen, Verdict, no_balance, only_from, percent
 from cjt_gym.gap.check.view import View
@@ -80,8 +80,7 @@ def inertia(view: View) -> Verdict:
     balance = view.motor
     assert balance is not None
     size = balance.least(balance["a"], ("v", "s", "one"))
-    basis = np.column_stack([balance[name] for name in ("a", "v", "s", "one")])
-    found = abs(float(np.linalg.lstsq(basis, balance.y, rcond=None)[0][0]))
+    found = abs(float(factors(balance.y, [balance[n] for n in ("a", "v", "s", "one")])[0]))
     nominal = sum(view.value(name) for name in bodies(view))
     unit = "kg" if view.angle_unit == "m" else "kg m^2"
     unit = unit if view.joint else f"{view.torque_unit} s^2/{view.angle_unit}"
@@ -233,7 +232,6 @@ def _weight(balance: Balance) -> Floats | None:
     """Return the torque of a weight, shape (N,); None where the record shows none."""
     plain = [balance[name] for name in ("a", "v", "s", "one")]
     waves = [np.sin(balance["q"]), np.cos(balance["q"])]
-    factors = np.linalg.lstsq(np.column_stack([*plain, *waves]), balance.y, rcond=None)[0]
-    weight = np.column_stack(waves) @ factors[-2:]
+    weight = np.column_stack(waves) @ factors(balance.y, [*plain, *waves])[-2:]
     shown = float(np.std(weight))
     return weight if shown > max(LOADED * balance.level, 3.0 * balance.scatter) else None

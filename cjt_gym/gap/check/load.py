@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cjt_gym.gap.check.balance import Balance
+from cjt_gym.gap.check.balance import Balance, factors
 from cjt_gym.gap.check.friction import INERTIA, seen
 from cjt_gym.gap.check.verdicts import Seen, Unseen, Verdict, no_balance, only_from
 from cjt_gym.gap.check.view import View
@@ -35,8 +35,7 @@ def load_inertia(view: View) -> Verdict:
     balance = view.load
     assert balance is not None
     size = balance.least(balance["a"], ("v", "s", "one"))
-    basis = np.column_stack([balance[name] for name in ("a", "v", "s", "one")])
-    found = abs(float(np.linalg.lstsq(basis, balance.y, rcond=None)[0][0]))
+    found = abs(float(factors(balance.y, [balance[n] for n in ("a", "v", "s", "one")])[0]))
     unit = "kg" if view.angle_unit == "m" else "kg m^2"
     if size <= INERTIA * max(found, view.value("I_l")):
         return Seen(size, unit)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cjt_gym.gap.check.balance import RELIABLE, Balance, Floats
+from cjt_gym.gap.check.balance import RELIABLE, Balance, Floats, slope
 from cjt_gym.gap.check.resonances import gear_resonance
 from cjt_gym.gap.check.verdicts import Seen, Unseen, Verdict, only_from
 from cjt_gym.gap.check.view import View
@@ -59,8 +59,8 @@ def spring(view: View) -> Balance:
     if view.motor_angle and view.motor_angle.startswith("q_"):
         ends = [n for n in (view.motor_angle, "q_l") if n in view.channels]
         angles = sum(view.channels[name].noise ** 2 for name in ends)
-        slope = float(np.polyfit(delta, tau, 1)[0]) if np.ptp(delta) > 0.0 else 0.0
-        noise = float(np.hypot(noise, slope * np.sqrt(angles)))
+        rise = slope(delta, tau)
+        noise = float(np.hypot(noise, rise * np.sqrt(angles)))
     columns = {"delta": delta, "cubed": delta**3, "rate": rate, "one": np.ones(len(delta))}
     columns |= {"way": np.sign(rate), "rise": np.gradient(tau, view.dt), "tau": tau}
     return Balance(tau, columns, noise, 1, float(np.quantile(np.abs(tau), 0.95)))
@@ -75,9 +75,9 @@ def stiffness(view: View) -> Verdict:
     if (none := no_spring(view)) is not None:
         return none
     balance = spring(view)
-    slope = abs(float(np.polyfit(balance["delta"], balance.y, 1)[0]))
+    found = abs(slope(balance["delta"], balance.y))
     size = balance.least(balance["delta"], ("rate", "one"))
-    if size <= RELATIVE * max(slope, view.value("k_b")):
+    if size <= RELATIVE * max(found, view.value("k_b")):
         return Seen(size, "N/m" if view.angle_unit == "m" else "N m/rad")
     why = f"the deflection spans {np.ptp(balance['delta']):.2g} {view.angle_unit}, hardly its noise"
     return Unseen(why, "Load the spring further.")
@@ -117,8 +117,8 @@ def backlash(view: View) -> Verdict:
     if crossings < CROSSINGS:
         return Unseen(f"the torque passes through zero {crossings} times", instead)
     balance = spring(view)
-    slope = abs(float(np.polyfit(balance["delta"], balance.y, 1)[0]))
-    size = RELIABLE * balance.scatter / max(slope, 1e-300) / np.sqrt(crossings)
+    found = abs(slope(balance["delta"], balance.y))
+    size = RELIABLE * balance.scatter / max(found, 1e-300) / np.sqrt(crossings)
     if size <= PLAY * float(np.ptp(balance["delta"])):
         return Seen(float(size), view.angle_unit)
     why = only_from(size, view.angle_unit)
