@@ -73,7 +73,9 @@ def _known_better(view: View, text: str) -> bool:
 
 def _still(view: View) -> list[str]:
     names = [name for name, channel in view.channels.items() if channel.span == 0.0]
-    names = [name for name in names if not (name == "q_l" and view.structure.output_fixed)]
+    names = [
+        name for name in names if not (name in ("q_l", "dq_l") and view.structure.output_fixed)
+    ]
     return [f"{name} never changes: {view.channels[name].low:.4g} throughout." for name in names]
 
 

@@ -19,6 +19,8 @@ INERTIA = 1.0
 """Share of the inertia up to which its least difference may come."""
 FEWEST_REVERSALS = 4
 """Reversals or breakaways that presliding needs."""
+SLOW = 0.002
+"""Share of the motion, at least, that is slower than a tenth of its highest speed."""
 STEPS = 3.0
 """Counts, or deviations of the noise, that presliding has to cover."""
 SWING = 0.1
@@ -183,10 +185,12 @@ def stribeck(view: View) -> Verdict:
     terms = [balance["s"] * np.exp(-((v / scale) ** 2)) for scale in scales]
     best = min(terms, key=lambda term: balance.least(term, ("a", "v", "s", "one")))
     found = seen(view, balance, best, ("a", "v", "s", "one"), view.torque_unit, SPREAD)
-    if isinstance(found, Seen):
+    slow = float(np.mean(v < 0.1 * fastest))
+    if isinstance(found, Seen) and slow >= SLOW:
         return found
-    slow = percent(float(np.mean(v < 0.1 * fastest)))
-    why = f"{slow} of the motion is slower than a tenth of its highest speed, so that {found.why}"
+    why = f"{percent(slow)} of the motion is slower than a tenth of its highest speed"
+    if isinstance(found, Unseen):
+        why = f"{why}, so that {found.why}"
     return Unseen(why, "Record many slow reversals: ramps through zero speed in both directions.")
 
 
@@ -196,8 +200,10 @@ def presliding(view: View) -> Verdict:
         return none
     instead = "Record small oscillations below the breakaway torque, many of them."
     if view.reversals < FEWEST_REVERSALS:
-        times = "once" if view.reversals == 1 else f"{view.reversals} times"
-        return Unseen(f"the motion turns round or sets out only {times}", instead)
+        turns = "turns round or sets out from rest"
+        times = {0: f"never {turns}", 1: f"{turns} only once"}
+        said = times.get(view.reversals, f"{turns} only {view.reversals} times")
+        return Unseen(f"the motion {said}", instead)
     assert view.motor_angle is not None
     count = STEPS * view.angle_noise(view.motor_angle)
     if view.motor_angle in view.channels and view.motor_angle.startswith("q_"):

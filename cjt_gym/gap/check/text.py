@@ -15,9 +15,7 @@ HEAD = ("channel", "unit", "from", "to", "resolution", "noise", "missing")
 def text(found: Examination, width: int) -> str:
     """Return an examination as text of so many letters a line."""
     channels = Table("Channels", "", [HEAD, *map(_row, found.channels.values())])
-    sizes = [
-        (name, f"{size:.2g} {unit}".rstrip(" -")) for name, (size, unit) in found.smallest.items()
-    ]
+    sizes = [(name, _size(*size)) for name, size in found.smallest.items()]
     parts = [channels.text(width), _list("Faults of the log", found.faults, width, "none found")]
     if sizes:
         parts.append(Table("Can be told", "", [("effect", "from"), *sizes]).text(width))

@@ -57,7 +57,7 @@ def thermal_derating(view: View) -> Verdict:
     size = min(balance.least(balance["u"] * heat, names) for heat in heats)
     if size <= DROP:
         return Seen(size, "-")
-    return Unseen(f"over its {view.seconds:.3g} s {only_from(size, '-')}", instead)
+    return Unseen(f"as a drop over {view.seconds:.3g} s {only_from(size, '-')}", instead)
 
 
 def _heat(view: View, balance: Balance, constant: float) -> Floats:

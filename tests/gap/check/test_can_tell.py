@@ -61,6 +61,12 @@ def test_one_speed_does_not_tell_damping_from_coulomb_friction() -> None:
     assert "The speeds lie between 2 and 2 rad/s" in why["damping"]
 
 
+def test_fast_motion_alone_shows_neither_breakaway_nor_presliding() -> None:
+    why = reasons(examine(record(columns(ONE)), joint(), None))
+    assert "0.0 % of the motion is slower than a tenth of its highest speed" in why["stribeck"]
+    assert "The motion never turns round or sets out from rest." in why["presliding"]
+
+
 def test_without_a_command_the_drive_is_not_seen() -> None:
     table = columns()
     del table["i_cmd"]
