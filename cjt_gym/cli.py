@@ -31,6 +31,7 @@ COMMANDS: dict[str, str] = {
     "hardware": "run a controller, policy or experiment on a joint on a CAN bus",
     "emulate": "serve an emulated drive with a simulated joint on a CAN bus",
     "convert": "turn a log, a trace of a CAN bus or a record into a record of any format",
+    "check": "say what a record can and cannot tell, before any fit",
     "diagnose": "find where a recorded joint and its simulation differ, why, and how far",
 }
 EXTRAS = {

@@ -1,0 +1,128 @@
+"""A body's balance of torques, and from which size on a term of it can be told.
+
+    y = I a + d v + F sgn(v) + c + ...
+
+The smallest size of a term follows from what is left of its column once the columns that it must be
+told from are taken off, and from the scatter of the balance: plain least squares, and no model of
+the joint is fitted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+RELIABLE = 10.0
+"""Deviations of a term's size from which it can be told: 5 would do for white noise, and what is
+left of a real joint is never quite white."""
+SYSTEMATIC = 0.005
+"""Share of the balance that its own faults may amount to: smaller terms drown in them."""
+PER_PERIOD = 4.0
+"""Samples per period, at least, of a torque periodic in the angle."""
+FEWEST = 50
+"""Samples in motion below which nothing of a body's motion can be told."""
+
+
+@dataclass(frozen=True, eq=False)
+class Balance:
+    """The balance of torques of one body while it moves.
+
+    Attributes:
+        y: Torque that its motion needs [N m], shape (N,).
+        columns: Terms by name, each of shape (N,): ``a``, ``v``, ``s`` (direction), ``one``, ``q``,
+            and what else is known at these samples.
+        scatter: Deviation of y about what moves the body, one smoothed sample [N m].
+        width: Samples over which everything was smoothed.
+        level: Torque that drives the body, its 95 % quantile [N m].
+    """
+
+    y: Floats
+    columns: Mapping[str, Floats]
+    scatter: float
+    width: int
+    level: float
+    _left: dict[tuple[str, ...], Floats] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.y)
+
+    def __getitem__(self, name: str) -> Floats:
+        return self.columns[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.columns
+
+    def least(self, term: Floats, against: Sequence[str]) -> float:
+        """Return the smallest factor of a term that can be told [N m per unit of the term].
+
+        Args:
+            term: The term's column, shape (N,).
+            against: Names of the columns that it must be told from.
+        """
+        basis = self._basis(tuple(against))
+        left = term - basis @ (basis.T @ term)
+        power = float(left @ left)
+        if power <= 1e-18 * max(float(term @ term), 1e-300):
+            return float("inf")
+        chance = RELIABLE * self.scatter * np.sqrt(self.width / power)
+        usual = SYSTEMATIC * float(np.sqrt(np.mean(self.y**2) / (power / len(term))))
+        return float(max(chance, usual))
+
+    def apart(self, term: Floats, against: Sequence[str]) -> float:
+        """Return which share of a term is its own, and none of the named columns'."""
+        basis = self._basis(tuple(against))
+        left = term - basis @ (basis.T @ term)
+        return float(np.sqrt((left @ left) / max(float(term @ term), 1e-300)))
+
+    def slow(self, f: float, dt: float) -> Bools:
+        """Return where a torque periodic in the angle is passed slowly enough to show.
+
+        Args:
+            f: Its frequency [rad/rad].
+            dt: Sample time [s].
+        """
+        samples = max(self.width, PER_PERIOD)
+        return np.asarray(np.abs(self.columns["v"]) * f * dt * samples < 2.0 * np.pi)
+
+    def _basis(self, names: tuple[str, ...]) -> Floats:
+        """Return an orthonormal basis of some columns, shape (N, rank)."""
+        if names not in self._left:
+            self._left[names] = orthonormal([self.columns[name] for name in names], len(self))
+        return self._left[names]
+
+
+def orthonormal(columns: Sequence[Floats], length: int) -> Floats:
+    """Return an orthonormal basis of columns, shape (length, rank)."""
+    scaled = [x / np.linalg.norm(x) for x in columns if float(x @ x) > 0.0]
+    if not scaled:
+        return np.zeros((length, 0))
+    matrix = np.column_stack(scaled)
+    power, ways = np.linalg.eigh(matrix.T @ matrix)
+    used = power > 1e-11 * power[-1]
+    return np.asarray(matrix @ (ways[:, used] / np.sqrt(power[used])))
+
+
+def factors(y: Floats, columns: Sequence[Floats]) -> Floats:
+    """Return the factors with which columns make y, by least squares; shape (columns,)."""
+    size = np.array([max(float(np.linalg.norm(x)), 1e-300) for x in columns])
+    matrix = np.column_stack(columns) / size
+    found = np.linalg.lstsq(matrix.T @ matrix, matrix.T @ y, rcond=1e-12)[0]
+    return np.asarray(found / size)
+
+
+def slope(x: Floats, y: Floats) -> float:
+    """Return the slope of y over x by least squares; 0 where x does not change."""
+    x = x - x.mean()
+    power = float(x @ x)
+    return float(x @ y) / power if power > 0.0 else 0.0
+
+
+def left_over(y: Floats, columns: Sequence[Floats]) -> float:
+    """Return the deviation of what columns leave of y."""
+    basis = orthonormal(columns, len(y))
+    return float(np.std(y - basis @ (basis.T @ y)))

@@ -1,0 +1,95 @@
+"""A body of the joint in motion: which channel shows it, and which torque moves it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cjt_gym.gap.check.balance import FEWEST, Balance, Floats, factors, left_over
+from cjt_gym.gap.check.pieces import Columns, gain, motion, smooth
+
+MOVING = 3.0
+"""Deviations of the speed from which a body moves."""
+LEAST_SPEED = 2e-3
+"""Share of its highest speed from which a body moves."""
+CLEAN = 3.0
+"""Factor by which the scatter of a balance may exceed what the noise of its channels makes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """One body of a joint, or several that move as one.
+
+    Attributes:
+        pieces: The stretches of the log.
+        dt: Sample time [s].
+        angle: The channel that shows its motion.
+        angle_noise: Deviation of a sample of its angle.
+        stiffness: Of the spring to a held output, where the torque stands for the angle.
+        torque: Returns the torque that moves it, of the channels of a stretch.
+        torque_noise: Deviation of a sample of that torque.
+        driving: Returns the motor's torque.
+    """
+
+    pieces: Sequence[Columns]
+    dt: float
+    angle: str
+    angle_noise: float
+    stiffness: float
+    torque: Callable[[Columns], Floats]
+    torque_noise: float
+    driving: Callable[[Columns], Floats]
+
+    def motions(self, width: int) -> list[Columns]:
+        """Return its smoothed motion, for each stretch that is long enough."""
+        long = (piece for piece in self.pieces if len(piece["t"]) > 2 * width)
+        return [motion(piece, self.angle, self.stiffness, width) for piece in long]
+
+    def least_speed(self, width: int) -> float:
+        """Return the speed from which it moves."""
+        fastest = max((float(np.abs(m["v"]).max()) for m in self.motions(width)), default=0.0)
+        noise = MOVING * self.angle_noise * gain(width, 1, self.dt, self.angle)
+        return float(max(LEAST_SPEED * fastest, noise, 1e-300))
+
+    def balance(self, width: int) -> Balance | None:
+        """Return its balance of torques while it moves; None where it hardly does."""
+        limit = self.least_speed(width)
+        parts = [
+            self._part(k, piece, width, limit)
+            for k, piece in enumerate(self.pieces)
+            if len(piece["t"]) > 2 * width
+        ]
+        if not parts:
+            return None
+        joined = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+        y = joined.pop("y")
+        if len(y) < FEWEST:
+            return None
+        joined |= {"s": np.sign(joined["v"]), "one": np.ones(len(y))}
+        level = float(np.quantile(np.abs(joined["u"]), 0.95))
+        return Balance(y, joined, self._scatter(y, joined, width), width, level)
+
+    def _part(self, k: int, piece: Columns, width: int, limit: float) -> Columns:
+        """Return the columns of a stretch where the body moves."""
+        found = motion(piece, self.angle, self.stiffness, width)
+        found |= {"y": smooth(self.torque(piece), width), "u": smooth(self.driving(piece), width)}
+        if "tau" in piece:
+            found["tau"] = smooth(piece["tau"], width)
+        found |= {"time": piece["t"], "stretch": np.full(len(piece["t"]), float(k))}
+        moving = (np.abs(found["v"]) > limit) & (smooth(piece["valid"], width) > 0.5)
+        moving[: width // 2] = moving[-(width // 2) :] = False
+        return {name: x[moving] for name, x in found.items()}
+
+    def _scatter(self, y: Floats, columns: Columns, width: int) -> float:
+        """Return the scatter of a balance: what is left of it, if that is not far above noise."""
+        plain = [columns[name] for name in ("a", "v", "s", "one")]
+        v = columns["v"]
+        quick = max(float(np.quantile(np.abs(v), 0.9)), 1e-300)
+        slow = np.exp(-np.abs(v) / (0.1 * quick)) * columns["s"]
+        left = left_over(y, [*plain, np.abs(v), v * np.abs(v), slow])
+        inertia = float(factors(y, plain)[0])
+        shaken = inertia * self.angle_noise * gain(width, 2, self.dt, self.angle)
+        noise = float(np.hypot(shaken, self.torque_noise / np.sqrt(width)))
+        return max(min(left, CLEAN * noise), 1e-12 * float(np.std(y)), 1e-300)

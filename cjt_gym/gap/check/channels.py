@@ -1,0 +1,136 @@
+"""What each channel of a record is by itself: its range, resolution, noise, and what is missing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cjt_gym.gap.check.balance import left_over
+from cjt_gym.gap.check.clock import even
+from cjt_gym.gap.noise import OTHER_ORDER, Floats, high_frequency_std, lattice_step
+from cjt_gym.joint import JointFile
+from cjt_gym.records import TRUE_PREFIX, Record
+
+ALIKE = 0.06
+"""Relative difference up to which two estimates of a noise agree, so that it is white."""
+FINEST = 1e-6
+"""Noise of a channel about which nothing is known, as a share of its range."""
+LATEST = 20
+"""Samples by which a current may follow its command where its noise is read off the two."""
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One channel of a record.
+
+    Attributes:
+        name: Its name.
+        unit: Its unit.
+        low: Smallest value.
+        high: Largest value.
+        resolution: Step of its values, as the joint file states it or else as they show it; 0
+            where they lie on no lattice.
+        specified: Deviation of a sample that the joint file allows, a whole step where it states a
+            resolution alone; 0 where it says nothing.
+        observed: Deviation that the samples show; 0 where it cannot be told.
+        missing: Share of the samples that are missing.
+    """
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    resolution: float
+    specified: float
+    observed: float
+    missing: float
+
+    @property
+    def span(self) -> float:
+        """Return the width of its range."""
+        return self.high - self.low
+
+    @property
+    def noise(self) -> float:
+        """Return the deviation of one sample that counts, never zero."""
+        known = self.observed or (self.specified if self.specified != self.resolution else 0.0)
+        return float(max(known, self.resolution / np.sqrt(12.0), FINEST * self.span, 1e-300))
+
+    @property
+    def moves(self) -> bool:
+        """Whether the channel changes by more than noise and resolution."""
+        return self.span > max(2.0 * self.resolution, 1e-12 * max(abs(self.high), abs(self.low)))
+
+    def to_dict(self) -> dict[str, object]:
+        """Return the channel as JSON has it."""
+        return {
+            "name": self.name,
+            "unit": self.unit,
+            "low": self.low,
+            "high": self.high,
+            "resolution": self.resolution or None,
+            "noise": self.observed or None,
+            "missing": self.missing,
+        }
+
+
+def channels_of(record: Record, joint: JointFile | None) -> dict[str, Channel]:
+    """Return the measured channels of a record; those without any sample are left out."""
+    names = (name for name in record.columns if measured(name, record))
+    return {
+        name: _channel(record, joint, name, record[name][np.isfinite(record[name])])
+        for name in names
+    }
+
+
+def measured(name: str, record: Record) -> bool:
+    """Whether a column has samples that a sensor or a controller could give."""
+    ours = name != "t" and not name.startswith(TRUE_PREFIX)
+    return ours and bool(np.isfinite(record[name]).any())
+
+
+def _channel(record: Record, joint: JointFile | None, name: str, x: Floats) -> Channel:
+    stated = joint.sensors.get(name, {}) if joint is not None else {}
+    resolution = stated["resolution"].number if "resolution" in stated else 0.0
+    noise = stated["noise"].number if "noise" in stated else 0.0
+    return Channel(
+        name=name,
+        unit=record.units[name],
+        low=float(x.min()),
+        high=float(x.max()),
+        resolution=max(resolution, lattice_step(x)) if len(x) > 1 else resolution,
+        specified=float(np.hypot(noise, resolution / np.sqrt(12.0))) if noise else resolution,
+        observed=_observed(record, name, x),
+        missing=1.0 - len(x) / len(record),
+    )
+
+
+def _observed(record: Record, name: str, x: Floats) -> float:
+    """Return the deviation of white noise on a channel; 0 where there is none to be told."""
+    if name.endswith(("_cmd", "_ref")) or np.ptp(x) == 0.0:
+        return 0.0
+    beside = _beside_command(record) if name == "i" else 0.0
+    if not even(np.diff(record.t)):
+        return beside
+    still = np.zeros(len(x))
+    valid = np.ones(len(x), dtype=bool)
+    first = high_frequency_std(x, valid, still)
+    other = high_frequency_std(x, valid, still, OTHER_ORDER)
+    if abs(first - other) <= ALIKE * first:
+        return min(first, beside) if beside else first
+    return beside
+
+
+def _beside_command(record: Record) -> float:
+    """Return the deviation of the current about what its last commands make of it; 0 if unknown."""
+    if "i_cmd" not in record or len(record) < 50 * LATEST:
+        return 0.0
+    i, command = record["i"], record["i_cmd"]
+    late = [np.roll(command, k) for k in range(LATEST + 1)]
+    matrix = np.column_stack([np.roll(i, 1), *late, np.ones(len(i))])[LATEST:]
+    y = i[LATEST:]
+    good = np.isfinite(matrix).all(axis=1) & np.isfinite(y)
+    if good.sum() < 50:
+        return 0.0
+    return left_over(y[good], list(matrix[good].T))

@@ -1,0 +1,95 @@
+"""The times of a log: how far apart its samples are, and what is wrong with that."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cjt_gym.records import Record
+from cjt_gym.records.repairs import counted
+
+Floats = NDArray[np.float64]
+GAP = 5.0
+"""Usual intervals from which a pause between samples is a gap."""
+MIXED = 1.5
+"""Ratio of two intervals from which they are two kinds."""
+KIND = 0.04
+"""Relative spread within a kind."""
+SHARE = 0.05
+"""Share of the intervals that are of the rarer kind, or that jitter, at least."""
+BOTH = 0.5
+"""Share of the intervals that are of one of the two kinds at least."""
+MISSING, WHOLE = 4.5, 0.08
+"""Ratio up to which a whole multiple is a missing row, and the distance from it."""
+JITTER = 0.2
+"""Deviation from the usual interval, relative, from which it jitters."""
+
+
+def clock(records: Sequence[Record]) -> list[str]:
+    """Return sentences on the times of records."""
+    found: dict[str, None] = {}
+    for record in records:
+        if len(record) > 10:
+            found |= dict.fromkeys(_sentences(np.diff(record.t)))
+    return list(found)
+
+
+def gap_length(steps: Floats) -> float:
+    """Return the interval from which a pause between samples is a gap [s]."""
+    kinds = _kinds(steps)
+    return GAP * (float(np.median(steps)) if kinds is None else kinds[1])
+
+
+def even(steps: Floats) -> bool:
+    """Whether nearly all samples are equally far apart."""
+    low, high = np.quantile(steps, [0.05, 0.95])
+    return bool(high < (1.0 + JITTER) * low)
+
+
+def _sentences(steps: Floats) -> list[str]:
+    dt, found = float(np.median(steps)), []
+    long = steps[steps > gap_length(steps)]
+    if long.size:
+        found.append(
+            f"The log has {counted(int(long.size), 'gap')} of up to {1e3 * long.max():.3g} ms, "
+            f"where its samples are {1e3 * dt:.3g} ms apart."
+        )
+    if (kinds := _kinds(steps)) is not None:
+        short, slow, share = kinds
+        found.append(
+            f"The sampling is mixed: {1e3 * short:.3g} and {1e3 * slow:.3g} ms, the longer ones "
+            f"{100.0 * share:.2g} % of the intervals."
+        )
+    elif np.mean(np.abs(steps / dt - 1.0) > JITTER) > SHARE:
+        low, high = 1e3 * np.quantile(steps, [0.05, 0.95])
+        found.append(f"The sampling jitters: intervals of {low:.3g} to {high:.3g} ms.")
+    return found
+
+
+def _kinds(steps: Floats) -> tuple[float, float, float] | None:
+    """Return two usual intervals and the share of the longer ones; None where there is one.
+
+    Intervals that are whole multiples of the usual one are missing rows, not another kind.
+    """
+    most, usual = _mode(np.sort(steps))
+    apart = np.abs(np.log(steps / most)) > np.log(MIXED)
+    if not apart.any():
+        return None
+    other, count = _mode(np.sort(steps[apart]))
+    if count < SHARE * len(steps) or usual + count < BOTH * len(steps):
+        return None
+    short, slow = min(most, other), max(most, other)
+    ratio = slow / short
+    if ratio < MISSING and abs(ratio - round(ratio)) < WHOLE:
+        return None
+    return short, slow, float(np.mean(steps > np.sqrt(short * slow)))
+
+
+def _mode(steps: Floats) -> tuple[float, int]:
+    """Return the interval near which most of the sorted ones lie, and how many."""
+    ends = np.searchsorted(steps, steps * (1.0 + KIND), side="right")
+    counts = ends - np.arange(len(steps))
+    k = int(np.argmax(counts))
+    return float(np.median(steps[k : ends[k]])), int(counts[k])

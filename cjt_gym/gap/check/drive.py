@@ -1,0 +1,131 @@
+"""What a record shows of the drive: between command and current, or command and motion."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cjt_gym.gap.check.balance import RELIABLE, Floats
+from cjt_gym.gap.check.verdicts import Seen, Unseen, Verdict, only_from
+from cjt_gym.gap.check.view import View
+
+LEAST_DELAY = 0.25
+"""Share of a sample below which no delay can be told."""
+LATEST = 0.03
+"""Delay up to which the least one may come [s]."""
+FEWEST_VALUES = 20
+"""Values of a command below which its rounding is part of it."""
+NEAR_LIMIT = 0.1
+"""Share of the largest current that a record reaches at least."""
+CHANGES = "Record steps of different sizes in the command, and the measured current."
+
+
+def no_command(view: View) -> Unseen | None:
+    """Return why the drive cannot be seen, or None where it can."""
+    if view.command is None:
+        return Unseen("no command is recorded", "Record the command i_cmd beside the current.")
+    if view.command not in view:
+        return Unseen("the command never changes", CHANGES)
+    if not _responses(view):
+        return Unseen("neither the current nor any motion is recorded", CHANGES)
+    return None
+
+
+def command_delay(view: View) -> Verdict:
+    """A delay needs a command that moves and a quick response."""
+    return _late(view, LEAST_DELAY)
+
+
+def current_lag(view: View) -> Verdict:
+    """So does a lag of the current."""
+    return _late(view, 2.0 * LEAST_DELAY)
+
+
+def _late(view: View, least: float) -> Verdict:
+    if (none := no_command(view)) is not None:
+        return none
+    size = min(_least_delay(view, name) for name in _responses(view))
+    if size <= LATEST:
+        return Seen(max(size, least * view.dt), "s")
+    return Unseen(f"in the response to the command {only_from(1e3 * size, 'ms')}", CHANGES)
+
+
+def current_saturation(view: View) -> Verdict:
+    """A limit shows where the command goes beyond it."""
+    if (none := no_command(view)) is not None:
+        return none
+    assert view.command is not None
+    known = view.channels[view.command]
+    most, limit = max(abs(known.low), abs(known.high)), view.value("i_p")
+    if view.command == "i_cmd" and known.unit == "A" and 0.0 < most < NEAR_LIMIT * limit:
+        why = f"the command reaches {most:.2g} A of the {limit:.3g} A that the drive may give"
+        return Unseen(why, "Record steps up to the largest current.")
+    return Seen(most, known.unit)
+
+
+def command_quantization(view: View) -> Verdict:
+    """A coarse command shows where it would be fine."""
+    if (none := no_command(view)) is not None:
+        return none
+    assert view.command is not None
+    known = view.channels[view.command]
+    values = len(np.unique(np.round(view.stretches[0][view.command], 12)))
+    if values < FEWEST_VALUES:
+        return Unseen(f"the command takes {values} values only", CHANGES.replace("steps", "ramps"))
+    if "i" in view and view.command == "i_cmd" and known.unit == view.channels["i"].unit:
+        size = RELIABLE * view.channels["i"].noise / np.sqrt(np.sqrt(values))
+    elif view.motor is not None:
+        size = RELIABLE * view.motor.scatter / abs(_gain(view))
+    else:
+        return Unseen("the current is not measured", "Record the measured current.")
+    if size < 0.5 * known.span:
+        return Seen(float(max(size, known.resolution)), known.unit)
+    return Unseen(f"{only_from(size, known.unit)}, and the command spans {known.span:.2g}", CHANGES)
+
+
+def _gain(view: View) -> float:
+    return 1.0 if view.command == "tau_cmd" else view.value("k_t", 1.0) * view.ratio
+
+
+def _responses(view: View) -> tuple[str, ...]:
+    """Return what shows a response to the command."""
+    found = ["i"] if "i" in view and view.command == "i_cmd" else []
+    if view.motor is not None and view.drive == view.command:
+        found.append("motion")
+    return tuple(found)
+
+
+def _least_delay(view: View, response: str) -> float:
+    """Return the smallest delay that a response shows [s]."""
+    assert view.command is not None
+    if response == "i":
+        rates = [np.gradient(piece["i_cmd"], view.dt) for piece in view.stretches]
+        power = sum(float(x @ x) for x in rates)
+        gain = _follows(view)
+        return float(RELIABLE * view.channels["i"].noise / max(gain * np.sqrt(power), 1e-300))
+    balance = view.motor
+    assert balance is not None
+    return balance.least(_rate(view), ("a", "v", "s", "one"))
+
+
+def _follows(view: View) -> float:
+    """Return by how much the current follows the command, at most 1."""
+    x = np.concatenate([piece["i_cmd"] for piece in view.stretches])
+    y = np.concatenate([piece["i"] for piece in view.stretches])
+    x, y = x - x.mean(), y - y.mean()
+    late = [float(x[: len(x) - k] @ y[k:]) for k in range(8)]
+    return min(max(max(late), 0.0) / max(float(x @ x), 1e-300), 1.0)
+
+
+def _rate(view: View) -> Floats:
+    """Return how fast the command changes while the motor moves [N m/s]."""
+    balance = view.motor
+    assert balance is not None
+    rate = np.zeros(len(balance))
+    for k, piece in enumerate(view.stretches):
+        own = balance["stretch"] == k
+        at = balance["time"][own]
+        half = 0.5 * balance.width * view.dt
+        u = _gain(view) * piece[view.command or ""]
+        ahead, behind = (np.interp(at + d, piece["t"], u) for d in (half, -half))
+        rate[own] = (ahead - behind) / (2.0 * half)
+    return rate

@@ -1,0 +1,121 @@
+"""Look at a record before any fit: what is wrong with it, and what it can and cannot tell."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+from threadpoolctl import threadpool_limits
+
+from cjt_gym.errors import RecordError
+from cjt_gym.gap.check import drive, friction, load, sensing, torque, transmission
+from cjt_gym.gap.check.channels import measured
+from cjt_gym.gap.check.examination import CannotTell, Examination
+from cjt_gym.gap.check.faults import faults
+from cjt_gym.gap.check.verdicts import Seen, Unseen, Verdict
+from cjt_gym.gap.check.view import View
+from cjt_gym.joint import JointFile, Structure
+from cjt_gym.records import Record
+
+SHORTEST = 100
+"""Fewest samples of which anything can be said."""
+ROWS: Mapping[str, Callable[[View], Verdict]] = {
+    "command_delay": drive.command_delay,
+    "current_lag": drive.current_lag,
+    "current_saturation": drive.current_saturation,
+    "command_quantization": drive.command_quantization,
+    "torque_constant": torque.torque_constant,
+    "thermal_derating": torque.thermal_derating,
+    "torque_offset": friction.torque_offset,
+    "inertia": friction.inertia,
+    "damping": friction.damping,
+    "coulomb": friction.coulomb,
+    "coulomb_asym": friction.coulomb_asym,
+    "viscous_asym": friction.viscous_asym,
+    "stribeck": friction.stribeck,
+    "presliding": friction.presliding,
+    "load_friction": friction.load_friction,
+    "cogging": torque.cogging,
+    "gear_ripple": torque.gear_ripple,
+    "backlash": transmission.backlash,
+    "stiffness": transmission.stiffness,
+    "gear_stiffness": transmission.gear_stiffness,
+    "hardening": transmission.hardening,
+    "spring_hysteresis": transmission.spring_hysteresis,
+    "torque_gain": sensing.torque_gain,
+    "torque_bias": sensing.torque_bias,
+    "torque_delay": sensing.torque_delay,
+    "quantization": sensing.quantization,
+    "noise": sensing.noise,
+    "load_inertia": load.load_inertia,
+    "load_coulomb": load.load_coulomb,
+    "gravity": load.gravity,
+}
+"""The effects that an examination judges, in the order of the effect table's stages."""
+
+
+def examine(
+    record: Record | Sequence[Record], joint: JointFile | None, structure: Structure | None
+) -> Examination:
+    """Return what a record can and cannot tell, and what is wrong with it.
+
+    No model is fitted: what an effect would do to the record is compared with what the channels
+    scatter, by plain least squares.
+
+    Args:
+        record: The record, or several of one joint, which are judged together.
+        joint: The nominal joint; None where it is not known.
+        structure: How its bodies are joined; None takes what the record says, or else what its
+            channels suggest.
+
+    Raises:
+        RecordError: There is no record, or it has fewer than 100 samples or no channel.
+    """
+    records = (record,) if isinstance(record, Record) else tuple(record)
+    _check(records)
+    view = View.of(records, joint, structure)
+    with threadpool_limits(1, "blas"):  # products of narrow matrices lose by threads
+        verdicts = {name: row(view) for name, row in ROWS.items()}
+        wrong, remedies = faults(view)
+    seen = {name: verdict for name, verdict in verdicts.items() if isinstance(verdict, Seen)}
+    unseen = tuple(
+        CannotTell(name, sentence(verdict.why), verdict.instead)
+        for name, verdict in verdicts.items()
+        if isinstance(verdict, Unseen)
+    )
+    return Examination(
+        can_tell=tuple(seen),
+        cannot_tell=unseen,
+        faults=wrong,
+        smallest={name: (verdict.size, verdict.unit) for name, verdict in seen.items()},
+        advice=tuple(dict.fromkeys([*remedies, *(row.instead for row in unseen if row.instead)])),
+        channels=view.channels,
+    )
+
+
+def sentence(words: str) -> str:
+    """Return words as a sentence.
+
+    Example:
+        >>> sentence("no command is recorded")
+        'No command is recorded.'
+    """
+    words = words.rstrip(".")
+    first = words.split(" ", 1)[0]
+    symbol = "_" in first or first in ("i", "tau", "v")
+    return (words if symbol else words[0].upper() + words[1:]) + "."
+
+
+def _check(records: Sequence[Record]) -> None:
+    if not records:
+        raise RecordError("An examination needs a record, got none.")
+    for record in records:
+        if len(record) < SHORTEST:
+            raise RecordError(
+                f"{record.owner} must have at least {SHORTEST} samples to be examined, "
+                f"got {len(record)}. Record for longer."
+            )
+        if not any(measured(name, record) for name in record.columns):
+            raise RecordError(
+                f"{record.owner} has no measured channel but its time. Record at least one of i, "
+                "i_cmd, q_m and tau."
+            )

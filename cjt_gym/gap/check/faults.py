@@ -1,0 +1,285 @@
+"""What is wrong with a record: channels against each other, clock, noise, motion."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from cjt_gym.gap.check.clock import clock
+from cjt_gym.gap.check.friction import TURN, one_way, two_ways
+from cjt_gym.gap.check.resonances import gear_resonance, resonance
+from cjt_gym.gap.check.transmission import deflection
+from cjt_gym.gap.check.view import View
+from cjt_gym.gap.orient import orient
+from cjt_gym.records import clean_pieces
+from cjt_gym.records.repair import NOTE
+
+FEW_COUNTS = 50.0
+"""Steps of an angle below which its motion is told."""
+SLOPE = 0.15
+"""Relative difference between a velocity and the slope of its angle that is told."""
+SAME = 0.9
+"""Correlation from which two channels are the same motion."""
+SPRING = 1.6
+"""Factor between torque and stiffness times deflection that is told."""
+RATIO = 0.1
+"""Relative distance from the gear's ratio up to which two angles differ by it."""
+NOISY = 1.5
+"""Factor between observed and specified noise that is told."""
+LOUD = 0.2
+"""Share of the current that its noise may be where nothing is specified."""
+LATE = 0.7
+"""Samples by which the current follows its command that are told."""
+MOST_LATE = 40
+"""Samples by which it may follow."""
+TAIL = 0.2
+"""Share of a record that is kept to test what was found."""
+AT_REST = 0.1
+"""Speed in that part, as a share of that before it, below which it is at rest."""
+
+
+def faults(view: View) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return what is wrong with the records and what to do about it, a sentence each."""
+    said: dict[str, None] = {}
+    remedies: dict[str, None] = {}
+    for look, remedy in LOOKS:
+        found = look(view)
+        said |= dict.fromkeys(found)
+        remedies |= dict.fromkeys([remedy] if found and remedy else [])
+    return tuple(said), tuple(remedies)
+
+
+def _repairs(view: View) -> list[str]:
+    """Return what reading the records has found, and what their signs and units say."""
+    found: list[str] = []
+    for record in view.records:
+        _, repairs = clean_pieces(record)
+        noted = [str(text) for text in record.provenance.get(NOTE, [])]
+        told = ("sampling", "lateness", "missing") if noted else ("sampling", "lateness")
+        kept = [repair.text for repair in repairs if repair.kind not in told]
+        if view.joint is not None:
+            _, turned = orient(record, view.joint, view.structure)
+            kept += [repair.text for repair in turned]
+        found += [text for text in [*noted, *kept] if not _known_better(view, text)]
+    return found
+
+
+def _known_better(view: View, text: str) -> bool:
+    """Whether a doubt is answered by the joint file, or said better by another part."""
+    turns = " spans " in text and view.joint is not None
+    return turns or text.startswith(("Sampling is uneven", "No rows for up to"))
+
+
+def _still(view: View) -> list[str]:
+    names = [name for name, channel in view.channels.items() if channel.span == 0.0]
+    names = [
+        name for name in names if not (name in ("q_l", "dq_l") and view.structure.output_fixed)
+    ]
+    return [f"{name} never changes: {view.channels[name].low:.4g} throughout." for name in names]
+
+
+def _few_counts(view: View) -> list[str]:
+    found = []
+    for name, channel in view.channels.items():
+        held = name in ("q_l", "q_ref") and view.structure.output_fixed
+        if not name.startswith("q_") or not channel.resolution or not channel.span or held:
+            continue
+        steps = channel.span / channel.resolution
+        if steps < FEW_COUNTS:
+            found.append(f"{name} moves over {steps:.0f} steps of its resolution only.")
+    return found
+
+
+def _whole_numbers(view: View) -> list[str]:
+    found = []
+    for name, channel in view.channels.items():
+        if not name.startswith("q_") or channel.span < FEW_COUNTS:
+            continue
+        known = [record[name] for record in view.records if name in record]
+        x = np.concatenate(known)
+        if np.all(np.equal(x, np.round(x)) | np.isnan(x)):
+            found.append(f"{name} has whole numbers only: these look like counts of an encoder.")
+    return found
+
+
+def _velocities(view: View) -> list[str]:
+    found = []
+    for body in "mgl":
+        angle, velocity = f"q_{body}", f"dq_{body}"
+        if angle not in view or velocity not in view:
+            continue
+        x = np.concatenate([_lumps(np.gradient(p[angle], view.dt)) for p in view.stretches])
+        y = np.concatenate([_lumps(p[velocity]) for p in view.stretches])
+        slope = _factor(x, y)
+        if slope is not None and abs(slope - 1.0) > SLOPE:
+            found.append(f"{velocity} is {slope:.3g} times the slope of {angle}.")
+    return found
+
+
+def _angles(view: View) -> list[str]:
+    """Return that load and motor differ by the gear's ratio although both count at the link."""
+    if view.structure.output_fixed or "q_l" not in view or "q_m" not in view:
+        return []
+    x, y = (np.concatenate([p[name] for p in view.stretches]) for name in ("q_m", "q_l"))
+    factor = _factor(x, y)
+    if factor is None or abs(factor - 1.0) < 0.5:
+        return []
+    for ratio, text in ((view.ratio, "the ratio n"), (1.0 / view.ratio, "one over the ratio n")):
+        if ratio != 1.0 and abs(factor / ratio - 1.0) < RATIO:
+            return [f"q_l is {factor:.3g} times q_m, {text} of the gear: map q_m to the link side."]
+    return [f"q_l is {factor:.3g} times q_m, and both should count on the link side."]
+
+
+def _spring(view: View) -> list[str]:
+    """Return that torque and deflection contradict the spring's stiffness."""
+    k_b = view.value("k_b")
+    if not view.deflection_known or k_b <= 0.0:
+        return []
+    stiffness = 1.0 / (1.0 / k_b + (1.0 / view.value("k_g", np.inf) if view.has_gear else 0.0))
+    x = np.concatenate([deflection(view, piece) for piece in view.stretches])
+    y = np.concatenate([piece["tau"] for piece in view.stretches])
+    factor = _factor(x, y)
+    if factor is None:
+        return []
+    times = factor / stiffness
+    if 1.0 / SPRING < times < SPRING:
+        return []
+    return [f"tau is {times:.3g} times the nominal stiffness times the deflection of the spring."]
+
+
+def _factor(x: np.ndarray, y: np.ndarray) -> float | None:
+    """Return by which factor y is x, zeros apart; None where they are not the same motion."""
+    x, y = x - x.mean(), y - y.mean()
+    power = float((x @ x) * (y @ y))
+    if power <= 0.0 or abs(float(x @ y)) < SAME * np.sqrt(power):
+        return None
+    return float(x @ y / (x @ x))
+
+
+def _lumps(x: np.ndarray, size: int = 8) -> np.ndarray:
+    """Return means over so many samples, in which noise and lateness matter less."""
+    count = len(x) // size
+    return np.asarray(x[: count * size].reshape(count, size).mean(axis=1))
+
+
+def _noise(view: View) -> list[str]:
+    found = []
+    for name, channel in view.channels.items():
+        if name == "i" and not channel.specified and channel.observed:
+            swing = float(np.std(np.concatenate([piece["i"] for piece in view.stretches])))
+            if channel.observed > LOUD * swing:
+                found.append(
+                    f"i has noise of {channel.observed:.2g} {channel.unit}, against a deviation of "
+                    f"{swing:.2g} {channel.unit} in all, and the joint file specifies none."
+                )
+        elif channel.specified and channel.observed > NOISY * channel.specified:
+            found.append(
+                f"{name} has noise of {channel.observed:.2g} {channel.unit}, "
+                f"{channel.observed / channel.specified:.2g} times what the joint file specifies."
+            )
+    return found
+
+
+def _lateness(view: View) -> list[str]:
+    """Return that command and current of one row belong to different instants."""
+    if "i" not in view or "i_cmd" not in view:
+        return []
+    if view.channels["i"].unit != view.channels["i_cmd"].unit:
+        return []
+    piece = view.stretches[0]
+    x, y = np.diff(piece["i_cmd"]), np.diff(piece["i"])
+    lags = range(-MOST_LATE, MOST_LATE + 1)
+    alike = np.array([_at(x, y, lag) for lag in lags])
+    if not np.isfinite(alike).all() or alike.max() < 0.3:
+        return []
+    best = int(np.argmax(alike))
+    lag = float(lags[best])
+    if 0 < best < len(alike) - 1:
+        low, top, high = alike[best - 1 : best + 2]
+        bend = low - 2.0 * top + high
+        lag += float(0.5 * (low - high) / bend) if bend else 0.0
+    if lag < -LATE:
+        return [
+            f"i goes {-lag:.2g} samples ahead of i_cmd: their rows belong to different instants."
+        ]
+    if lag > LATE:
+        return [
+            f"i follows i_cmd by {lag:.2g} samples ({1e3 * lag * view.dt:.2g} ms): a dead time of "
+            "the drive, or rows in which command and measurement belong to different instants."
+        ]
+    return []
+
+
+def _at(x: np.ndarray, y: np.ndarray, lag: int) -> float:
+    a, b = (x[: len(x) - lag], y[lag:]) if lag >= 0 else (x[-lag:], y[: len(y) + lag])
+    power = float((a @ a) * (b @ b))
+    return float(a @ b) / np.sqrt(power) if power > 0.0 else 0.0
+
+
+def _direction(view: View) -> list[str]:
+    if view.motor is None or two_ways(view):
+        return []
+    return [f"Motion in one direction only: {one_way(view)}."]
+
+
+def _tail(view: View) -> list[str]:
+    """Return that the part on which findings are tested is at rest."""
+    angle = view.motor_angle
+    if angle is None or len(view.records) > 1:
+        return []
+    record = view.records[0]
+    x, t = _moved(record[angle], angle, record.t), record.t
+    begin = t[0] + (1.0 - TAIL) * (t[-1] - t[0])
+    before, after = x[t[1:] < begin].sum(), x[t[1:] >= begin].sum()
+    if before <= 0.0 or after / before > AT_REST * TAIL / (1.0 - TAIL):
+        return []
+    return [
+        f"The last fifth of the record, from {begin:.3g} s on, is at rest: what is found in the "
+        "rest cannot be tested on it."
+    ]
+
+
+def _moved(x: np.ndarray, angle: str, t: np.ndarray) -> np.ndarray:
+    """Return how far a body goes between samples, noise of the angle left out."""
+    x = np.nan_to_num(x, nan=float(np.nanmean(x)))
+    if angle.startswith("dq_"):
+        return np.asarray(np.abs(x[1:] * np.diff(t)))
+    size = max(len(x) // 400, 1)
+    smooth = np.convolve(np.pad(x, (size, size), mode="edge"), np.ones(2 * size + 1), "valid")
+    return np.asarray(np.abs(np.diff(smooth / (2 * size + 1))))
+
+
+def _swing(view: View) -> Sequence[str]:
+    nyquist = 0.5 / view.dt
+    found = []
+    for swing, what in (
+        (resonance(view), "The joint swings on its spring"),
+        (gear_resonance(view) if view.has_gear else 0.0, "Motor and gear swing on the gearbox"),
+    ):
+        if swing > nyquist:
+            found.append(
+                f"{what} at {swing:.3g} Hz, above the log's Nyquist frequency of {nyquist:.3g} Hz."
+            )
+    return found
+
+
+UNITS = "Map each channel with its unit, sign and side: --mapping."
+FINER = "Record more motion, or a finer angle."
+SPECIFY = "State the noise that each sensor has: [sensors.i] noise in the joint file."
+LOOKS: tuple[tuple[Callable[[View], Sequence[str]], str], ...] = (
+    (_repairs, ""),
+    (lambda view: clock(view.records), "Log at an even rate of 1 kHz, with the time of each row."),
+    (_still, "Leave out channels that are not connected."),
+    (_few_counts, FINER),
+    (_whole_numbers, UNITS),
+    (_velocities, UNITS),
+    (_angles, UNITS),
+    (_spring, UNITS),
+    (_noise, SPECIFY),
+    (_lateness, "Log command and measurement of the same instant in one row."),
+    (_direction, TURN),
+    (_tail, "Record motion to the end, or a second record to test on."),
+    (_swing, ""),
+)
+"""Where faults are looked for, and what to do where one is found."""

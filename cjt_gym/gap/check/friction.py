@@ -1,0 +1,243 @@
+"""What a record shows of the motor's inertia and friction, by its balance of torques."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from cjt_gym.gap.check.balance import Balance, Floats, factors
+from cjt_gym.gap.check.resonances import resonance
+from cjt_gym.gap.check.verdicts import TORQUE, Seen, Unseen, Verdict, no_balance, only_from, percent
+from cjt_gym.gap.check.view import View
+
+BOTH_WAYS = 0.02
+"""Share of the moving samples, at least, in the rarer direction."""
+FEWEST_COUNTS = 10.0
+"""Counts that the way in each direction takes at least."""
+INERTIA = 1.0
+"""Share of the inertia up to which its least difference may come."""
+FEWEST_REVERSALS = 4
+"""Reversals or breakaways that presliding needs."""
+SLOW = 0.002
+"""Share of the motion, at least, that is slower than a tenth of its highest speed."""
+STEPS = 3.0
+"""Counts, or deviations of the noise, that presliding has to cover."""
+SWING = 0.1
+"""Share of a usual swing up to which presliding may reach."""
+APART = 0.05
+"""Share of an effect's torque, at least, that is none of the others'."""
+LOADED = 0.05
+"""Share of the driving torque that a weight amounts to, at least, where it makes a load."""
+TURN = "Record motion in both directions, as often in one as in the other."
+SPREAD = "Record slow and fast motion: ramps from rest to full speed in both directions."
+
+
+def two_ways(view: View) -> bool:
+    """Whether the motor moves far enough in both directions."""
+    up, down = view.both_ways
+    count = view.angle_noise(view.motor_angle) if view.motor_angle else 0.0
+    return min(up, down) >= BOTH_WAYS and min(view.travel) > FEWEST_COUNTS * count
+
+
+def one_way(view: View) -> str:
+    """Return the sentence on a motion in one direction."""
+    share = percent(max(view.both_ways))
+    way = "positive" if view.both_ways[0] > view.both_ways[1] else "negative"
+    return f"{share} of the motion is in the {way} direction"
+
+
+def seen(
+    view: View, balance: Balance, term: Floats, against: Sequence[str], unit: str, instead: str
+) -> Verdict:
+    """Return whether a torque shows whose column is given, of size 1 where it is at its most.
+
+    Args:
+        view: The records.
+        balance: Of the body on which it acts.
+        term: Its column, shape (N,).
+        against: The columns that it must be told from.
+        unit: Of its factor.
+        instead: What to record where it does not show.
+    """
+    size = balance.least(term, against)
+    most = float(np.quantile(np.abs(term), 0.95)) or float(np.abs(term).max(initial=0.0))
+    torque = size * most
+    own = balance.apart(term, against)
+    if own < APART:
+        why = f"all but {percent(own)} of what it does could be inertia or other friction"
+        return Unseen(why, instead)
+    if np.isfinite(torque) and torque <= TORQUE * balance.level:
+        return Seen(size, unit)
+    driven = f"while the joint is driven by {balance.level:.2g} {view.torque_unit}"
+    return Unseen(f"{only_from(torque, view.torque_unit)}, {driven}", instead)
+
+
+def inertia(view: View) -> Verdict:
+    """Inertia needs acceleration torque above the noise, and a log that follows its swing."""
+    if (none := no_balance(view)) is not None:
+        return none
+    if (fast := too_fast(view)) is not None:
+        return fast
+    balance = view.motor
+    assert balance is not None
+    size = balance.least(balance["a"], ("v", "s", "one"))
+    found = abs(float(factors(balance.y, [balance[n] for n in ("a", "v", "s", "one")])[0]))
+    nominal = sum(view.value(name) for name in bodies(view))
+    unit = "kg" if view.angle_unit == "m" else "kg m^2"
+    unit = unit if view.joint else f"{view.torque_unit} s^2/{view.angle_unit}"
+    if size <= INERTIA * max(nominal, found):
+        return Seen(size, unit)
+    why = f"{only_from(size, unit)}, more than there is"
+    return Unseen(why, "Record quick motion: steps of the current, or a chirp.")
+
+
+def bodies(view: View) -> tuple[str, ...]:
+    """Return the inertias that the motor's balance contains."""
+    return ("I_m", "I_g") if view.cut and not view.has_gear else _all(view)
+
+
+def _all(view: View) -> tuple[str, ...]:
+    return ("I_m", "I_g") if view.structure.output_fixed or view.cut else ("I_m", "I_g", "I_l")
+
+
+def too_fast(view: View) -> Unseen | None:
+    """Return that a held joint swings above the log's Nyquist frequency, if it does."""
+    swing, nyquist = resonance(view), 0.5 / view.dt
+    if not view.structure.output_fixed or swing <= nyquist:
+        return None
+    why = (
+        f"the held joint swings at {swing:.3g} Hz, above the log's Nyquist frequency of "
+        f"{nyquist:.3g} Hz, and only near there does it count"
+    )
+    return Unseen(why, f"Record at {max(1e3, 5.0 * swing):.2g} Hz or more.")
+
+
+def damping(view: View) -> Verdict:
+    """Damping is told from Coulomb friction by a spread of speeds."""
+    if (none := no_balance(view) or too_fast(view)) is not None:
+        return none
+    assert view.motor is not None
+    unit = f"{view.torque_unit} s/{view.angle_unit}"
+    return _by_speed(view, view.motor["v"], ("a", "s"), unit)
+
+
+def coulomb(view: View) -> Verdict:
+    """Coulomb friction is told from damping by a spread of speeds, or by both directions."""
+    if (none := no_balance(view)) is not None:
+        return none
+    assert view.motor is not None
+    return _by_speed(view, view.motor["s"], ("a", "v"), view.torque_unit)
+
+
+def _by_speed(view: View, term: Floats, against: Sequence[str], unit: str) -> Verdict:
+    assert view.motor is not None
+    found = seen(view, view.motor, term, against, unit, SPREAD)
+    if isinstance(found, Seen):
+        return found
+    low, high = view.speeds
+    speeds = f"the speeds lie between {low:.2g} and {high:.2g} {view.angle_unit}/s"
+    return Unseen(f"{speeds}, so that {found.why}", found.instead)
+
+
+def coulomb_asym(view: View) -> Verdict:
+    """Friction that differs with the direction needs both of them."""
+    if (none := no_balance(view)) is not None:
+        return none
+    if not two_ways(view):
+        return Unseen(f"{one_way(view)}: what differs with the direction does not show", TURN)
+    assert view.motor is not None
+    term = np.abs(view.motor["s"])
+    return seen(view, view.motor, term, ("a", "v", "s"), view.torque_unit, TURN)
+
+
+def viscous_asym(view: View) -> Verdict:
+    """So does damping that differs with the direction, and a spread of speeds."""
+    if (none := no_balance(view) or too_fast(view)) is not None:
+        return none
+    if not two_ways(view):
+        return Unseen(f"{one_way(view)}: what differs with the direction does not show", TURN)
+    assert view.motor is not None
+    term, unit = np.abs(view.motor["v"]), f"{view.torque_unit} s/{view.angle_unit}"
+    return seen(view, view.motor, term, ("a", "v", "s", "one"), unit, SPREAD)
+
+
+def torque_offset(view: View) -> Verdict:
+    """A constant torque is told from Coulomb friction by the direction of motion."""
+    if (none := no_balance(view)) is not None:
+        return none
+    if not two_ways(view):
+        why = f"{one_way(view)}: a constant torque is one with Coulomb friction"
+        return Unseen(why, TURN)
+    assert view.motor is not None
+    return seen(view, view.motor, view.motor["one"], ("a", "v", "s"), view.torque_unit, TURN)
+
+
+def stribeck(view: View) -> Verdict:
+    """A friction that falls with speed needs slow phases beside fast ones."""
+    if (none := no_balance(view)) is not None:
+        return none
+    balance = view.motor
+    assert balance is not None
+    v = np.abs(balance["v"])
+    fastest = float(np.quantile(v, 0.95))
+    scales = np.geomspace(max(float(v.min()), 1e-3 * fastest), 0.5 * fastest, 12)
+    terms = [balance["s"] * np.exp(-((v / scale) ** 2)) for scale in scales]
+    best = min(terms, key=lambda term: balance.least(term, ("a", "v", "s", "one")))
+    found = seen(view, balance, best, ("a", "v", "s", "one"), view.torque_unit, SPREAD)
+    slow = float(np.mean(v < 0.1 * fastest))
+    if isinstance(found, Seen) and slow >= SLOW:
+        return found
+    why = f"{percent(slow)} of the motion is slower than a tenth of its highest speed"
+    if isinstance(found, Unseen):
+        why = f"{why}, so that {found.why}"
+    return Unseen(why, "Record many slow reversals: ramps through zero speed in both directions.")
+
+
+def presliding(view: View) -> Verdict:
+    """Elastic presliding needs reversals, and an angle fine enough to see it."""
+    if (none := no_balance(view)) is not None:
+        return none
+    instead = "Record small oscillations below the breakaway torque, many of them."
+    if view.reversals < FEWEST_REVERSALS:
+        turns = "turns round or sets out from rest"
+        times = {0: f"never {turns}", 1: f"{turns} only once"}
+        said = times.get(view.reversals, f"{turns} only {view.reversals} times")
+        return Unseen(f"the motion {said}", instead)
+    assert view.motor_angle is not None
+    count = STEPS * view.angle_noise(view.motor_angle)
+    if view.motor_angle in view.channels and view.motor_angle.startswith("q_"):
+        count = max(count, STEPS * view.channels[view.motor_angle].resolution)
+    swing = sum(view.travel) / view.reversals
+    if count > SWING * swing:
+        unit = view.angle_unit
+        why = f"a usual swing of {swing:.2g} {unit} is hardly more than {count:.2g} {unit} of noise"
+        return Unseen(why, "Record larger swings, or a finer angle.")
+    return Seen(count, view.angle_unit)
+
+
+def load_friction(view: View) -> Verdict:
+    """Friction that grows with the load needs a load that changes apart from the direction."""
+    if (none := no_balance(view)) is not None:
+        return none
+    balance = view.motor
+    assert balance is not None
+    instead = "Record the same motion under two different loads, with the joint torque tau."
+    names = ("a", "v", "s", "one")
+    if "tau" in balance and view.channels["tau"].moves:
+        return seen(view, balance, balance["s"] * np.abs(balance["tau"]), names, "-", instead)
+    if view.structure.output_fixed or view.angle_unit == "m":
+        return Unseen("the transmitted torque tau is not recorded", instead)
+    weight = _weight(balance)
+    if weight is None:
+        return Unseen("neither tau nor a weight on the joint shows a load that changes", instead)
+    return seen(view, balance, balance["s"] * np.abs(weight), names, "-", instead)
+
+
+def _weight(balance: Balance) -> Floats | None:
+    """Return the torque of a weight, shape (N,); None where the record shows none."""
+    plain = [balance[name] for name in ("a", "v", "s", "one")]
+    waves = [np.sin(balance["q"]), np.cos(balance["q"])]
+    weight = np.column_stack(waves) @ factors(balance.y, [*plain, *waves])[-2:]
+    shown = float(np.std(weight))
+    return weight if shown > max(LOADED * balance.level, 3.0 * balance.scatter) else None

@@ -1,0 +1,81 @@
+"""What a record shows of a free load: inertia, friction, weight."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cjt_gym.gap.check.balance import Balance, factors
+from cjt_gym.gap.check.friction import INERTIA, seen
+from cjt_gym.gap.check.verdicts import Seen, Unseen, Verdict, no_balance, only_from
+from cjt_gym.gap.check.view import View
+
+FREE = "Record with a free load, its angle q_l and the joint torque tau."
+OFFSET = "On a straight axis look for a weight as torque_offset."
+HELD = Unseen("the output is held", FREE)
+
+
+def no_load(view: View) -> Unseen | None:
+    """Return why the load cannot be told from the motor, or None where it can."""
+    if view.structure.output_fixed:
+        return HELD
+    if view.load is not None:
+        return None
+    if "tau" not in view and not view.wound:
+        why = "no joint torque tau is recorded: the load is one with the motor"
+        return Unseen(why, FREE)
+    if view.load_angle is None and view.has_spring:
+        return Unseen("the load's angle q_l is not recorded", FREE)
+    return Unseen("the load does not move by more than its noise", FREE)
+
+
+def load_inertia(view: View) -> Verdict:
+    """A load's inertia needs its acceleration above the noise of the torque."""
+    if (none := no_load(view)) is not None:
+        return none
+    balance = view.load
+    assert balance is not None
+    size = balance.least(balance["a"], ("v", "s", "one"))
+    found = abs(float(factors(balance.y, [balance[n] for n in ("a", "v", "s", "one")])[0]))
+    unit = "kg" if view.angle_unit == "m" else "kg m^2"
+    if size <= INERTIA * max(found, view.value("I_l")):
+        return Seen(size, unit)
+    return Unseen(
+        f"{only_from(size, unit)}, more than there is", "Record quick motion of the load."
+    )
+
+
+def load_coulomb(view: View) -> Verdict:
+    """Dry friction of the load needs it to move, under a measured torque."""
+    if (none := no_load(view)) is not None:
+        return none
+    balance = view.load
+    assert balance is not None
+    names, instead = ("a", "v"), "Record slow and fast motion of the load, in both directions."
+    return _by_torque(view, balance, balance["s"], names, instead)
+
+
+def gravity(view: View) -> Verdict:
+    """Weight needs a way over which sine and cosine of the angle are told from a constant."""
+    if view.structure.output_fixed:
+        return HELD
+    if view.angle_unit == "m":
+        return Unseen("on a straight axis a weight is a constant force", OFFSET)
+    balance = view.load if view.has_spring and view.load is not None else view.motor
+    if balance is None:
+        return no_balance(view) or Unseen("the load does not move", FREE)
+    angle, slow = balance["q"], balance.slow(1.0, view.dt)
+    names, instead = ("a", "v", "s", "one"), "Record motion over half a turn of the load, slowly."
+    found = [
+        _by_torque(view, balance, wave(angle - angle.mean()) * slow, names, instead)
+        for wave in (np.sin, np.cos)
+    ]
+    best = next((verdict for verdict in found if isinstance(verdict, Seen)), None)
+    if best is not None:
+        return best
+    way = f"the load moves over {np.ptp(angle):.2g} rad"
+    assert isinstance(found[0], Unseen)
+    return Unseen(f"{way}, so that {found[0].why}", instead)
+
+
+def _by_torque(view: View, balance: Balance, term, names, instead: str) -> Verdict:  # type: ignore[no-untyped-def]
+    return seen(view, balance, term, names, view.torque_unit, instead)

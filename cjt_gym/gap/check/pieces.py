@@ -1,0 +1,86 @@
+"""Stretches of a log between its gaps, on even times, and their angles smoothed."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import savgol_coeffs, savgol_filter
+
+from cjt_gym.gap.check.clock import gap_length
+from cjt_gym.records import Record
+
+Floats = NDArray[np.float64]
+Columns = dict[str, Floats]
+ORDER = 3
+"""Order of the polynomials with which everything is smoothed."""
+USED = ("i", "i_cmd", "tau_m", "tau_cmd", "tau", "q_m", "q_g", "q_l", "dq_m", "dq_l")
+"""Channels without which a sample does not count."""
+
+
+def stretches(record: Record, channels: Collection[str]) -> list[Columns]:
+    """Return the channels of a record on even times, cut at its gaps."""
+    t, dt = record.t, record.dt
+    gap = gap_length(np.diff(t))
+    ends = np.flatnonzero(np.diff(t) > gap) + 1
+    found = []
+    for rows in np.split(np.arange(len(t)), ends):
+        if len(rows) < 4:
+            continue
+        grid = t[rows[0]] + dt * np.arange(int((t[rows[-1]] - t[rows[0]]) / dt + 1.5))
+        piece: Columns = {"t": grid}
+        valid = np.ones(len(grid), dtype=bool)
+        for name in channels:
+            known = rows[np.isfinite(record[name][rows])] if name in record else rows[:0]
+            if len(known) < 2:
+                piece[name] = np.zeros(len(grid))
+                valid[:] = False
+                continue
+            piece[name] = np.interp(grid, t[known], record[name][known])
+            near = np.searchsorted(t[known], grid).clip(1, len(known) - 1)
+            apart = t[known][near] - t[known][near - 1]
+            valid &= (apart < gap) | (name not in USED)
+        piece["valid"] = valid.astype(np.float64)
+        found.append(piece)
+    return found
+
+
+def motion(piece: Columns, angle: str, stiffness: float, width: int) -> Columns:
+    """Return angle, speed and acceleration of a body, smoothed.
+
+    Args:
+        piece: The channels of a stretch.
+        angle: The channel that shows the body's motion: an angle, a velocity, or the torque of a
+            spring to a held output.
+        stiffness: Of that spring [N m/rad].
+        width: Samples over which to smooth.
+    """
+    x, dt = piece[angle], float(piece["t"][1] - piece["t"][0])
+    if angle == "tau":
+        x = x / stiffness
+    if angle.startswith("dq_"):
+        v, a = smooth(x, width), smooth(x, width, 1, dt)
+        return {"q": np.cumsum(x) * dt, "v": v, "a": a}
+    speed, acceleration = smooth(x, width, 1, dt), smooth(x, width, 2, dt)
+    return {"q": smooth(x, width), "v": speed, "a": acceleration}
+
+
+def smooth(x: Floats, width: int, order: int = 0, dt: float = 1.0) -> Floats:
+    """Return a channel, or a derivative of it, smoothed by polynomials; shape (N,)."""
+    return np.asarray(savgol_filter(x, width, ORDER, deriv=order, delta=dt), dtype=np.float64)
+
+
+def gain(width: int, order: int, dt: float, angle: str) -> float:
+    """Return the deviation of a smoothed derivative per deviation of a sample."""
+    order -= angle.startswith("dq_")
+    return float(np.linalg.norm(savgol_coeffs(width, ORDER, deriv=order, delta=dt)))
+
+
+def changes(way: NDArray[np.float64], rest: int) -> int:
+    """Return how often a direction changes, or begins again after so many samples of rest."""
+    at = np.flatnonzero(way)
+    if len(at) < 2:
+        return len(at)
+    turned = way[at[1:]] != way[at[:-1]]
+    return int(np.sum(turned | (np.diff(at) > rest))) + int(at[0] > rest)

@@ -1,0 +1,52 @@
+"""An examination in words, for a terminal."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+
+from cjt_gym.gap.check.channels import Channel
+from cjt_gym.gap.check.examination import Examination
+from cjt_gym.gap.report.table import Table
+
+HEAD = ("channel", "unit", "from", "to", "resolution", "noise", "missing")
+
+
+def text(found: Examination, width: int) -> str:
+    """Return an examination as text of so many letters a line."""
+    channels = Table("Channels", "", [HEAD, *map(_row, found.channels.values())])
+    sizes = [(name, _size(*size)) for name, size in found.smallest.items()]
+    parts = [channels.text(width), _list("Faults of the log", found.faults, width, "none found")]
+    if sizes:
+        parts.append(Table("Can be told", "", [("effect", "from"), *sizes]).text(width))
+    else:
+        parts.append("Can be told\nnothing")
+    reasons = [f"{row.name}: {row.why}" for row in found.cannot_tell]
+    parts.append(_list("Cannot be told", reasons, width, "nothing"))
+    parts.append(_list("What to record instead", found.advice, width, "nothing else is needed"))
+    return "\n\n".join(parts)
+
+
+def _size(size: float, unit: str) -> str:
+    return f"{100.0 * size:.2g} %" if unit == "-" else f"{size:.2g} {unit}"
+
+
+def _list(title: str, lines: Sequence[str], width: int, none: str) -> str:
+    wrapped = [
+        line
+        for words in lines or [none]
+        for line in textwrap.wrap(words, width, initial_indent="- ", subsequent_indent="  ")
+    ]
+    return "\n".join([title, *wrapped])
+
+
+def _row(channel: Channel) -> tuple[str, ...]:
+    return (
+        channel.name,
+        channel.unit,
+        f"{channel.low:.4g}",
+        f"{channel.high:.4g}",
+        f"{channel.resolution:.2g}" if channel.resolution else "-",
+        f"{channel.observed:.2g}" if channel.observed else "-",
+        f"{100.0 * channel.missing:.2g} %",
+    )

@@ -1,0 +1,82 @@
+"""What a record says of one effect: from which size on it shows, or why it cannot."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cjt_gym.gap.check.view import View
+
+TORQUE = 0.3
+"""Share of the driving torque up to which the least size of a friction, say, may come."""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """An effect that the record would show.
+
+    Attributes:
+        size: From which size on.
+        unit: Its unit.
+    """
+
+    size: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Unseen:
+    """An effect that the record cannot tell.
+
+    Attributes:
+        why: The reason, with the figure that decides.
+        instead: What to record instead.
+    """
+
+    why: str
+    instead: str
+
+
+Verdict = Seen | Unseen
+
+NO_MOTION = Unseen(
+    "nothing moves by more than its noise",
+    "Record motion: drive the joint far enough that it turns by a thousand counts.",
+)
+NO_INPUT = Unseen(
+    "the record has nothing that drives the joint",
+    "Record the motor's current or its command.",
+)
+
+
+def no_balance(view: View) -> Unseen | None:
+    """Return why there is no balance of the motor's torques, or None where there is one."""
+    if view.drive is None:
+        return NO_INPUT
+    if view.motor_angle is None:
+        return Unseen("no motion of the motor is recorded", "Record the motor's angle q_m.")
+    return NO_MOTION if view.motor is None else None
+
+
+def only_from(size: float, unit: str) -> str:
+    """Return the sentence that an effect would show only from a size on.
+
+    Example:
+        >>> only_from(0.123, "N m"), only_from(0.5, "-"), only_from(float("inf"), "s")
+        ('it would show only from 0.12 N m', 'it would show only from 50 %', 'no size of it shows')
+    """
+    if not np.isfinite(size):
+        return "no size of it shows"
+    number = f"{100.0 * size:.2g} %" if unit == "-" else f"{size:.2g} {unit}"
+    return f"it would show only from {number}"
+
+
+def percent(share: float) -> str:
+    """Return a share in per cent, with two digits.
+
+    Example:
+        >>> percent(1.0), percent(0.0312)
+        ('100 %', '3.1 %')
+    """
+    return f"{100.0 * share:.{0 if share >= 0.1 else 1}f} %"

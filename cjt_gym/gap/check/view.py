@@ -1,0 +1,289 @@
+"""A record seen as bodies that move: what is measured of them, and how far and how fast they go."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from cjt_gym.gap.check.balance import FEWEST, Balance, Floats
+from cjt_gym.gap.check.body import Body
+from cjt_gym.gap.check.channels import Channel, channels_of
+from cjt_gym.gap.check.pieces import Columns, changes, stretches
+from cjt_gym.joint import STRUCTURES, JointFile, Structure
+from cjt_gym.records import Record
+
+WIDTHS = (5, 7, 9, 13, 17, 25, 37, 53, 75, 101)
+"""Samples over which angles may be smoothed."""
+LONGEST = 0.3
+"""Time over which they are smoothed at most [s]."""
+REST = 0.1
+"""Time without motion from which a body is at rest [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """Records of one joint, ready to be examined.
+
+    Attributes:
+        records: The records.
+        joint: The nominal joint; None where it is not known.
+        structure: How its bodies are joined.
+        channels: What each channel is by itself; of several records, that of the longest.
+    """
+
+    records: tuple[Record, ...]
+    joint: JointFile | None
+    structure: Structure
+    channels: Mapping[str, Channel]
+
+    @classmethod
+    def of(
+        cls, records: Sequence[Record], joint: JointFile | None, structure: Structure | None
+    ) -> View:
+        """Return the view of one or several records."""
+        longest = max(records, key=len)
+        channels = channels_of(longest, joint)
+        return cls(tuple(records), joint, structure or _likely(longest, channels), channels)
+
+    def __contains__(self, name: object) -> bool:
+        """Return whether a channel is there and moves."""
+        return name in self.channels and self.channels[str(name)].moves
+
+    # ---- what the joint file says
+    def value(self, symbol: str, default: float = 0.0) -> float:
+        """Return a parameter of the joint, or the default where there is none."""
+        return default if self.joint is None else self.joint.parameters.get(symbol, default)
+
+    @property
+    def ratio(self) -> float:
+        """Ratio of the gear; 1 where it is not known."""
+        return self.value("n", 1.0)
+
+    @property
+    def torque_per_input(self) -> float:
+        """Torque on the link side per unit of what drives the motor; 1 where it is not known."""
+        gain = self.value("k_t", 1.0) * self.ratio
+        if self.drive == "v" and self.value("r") > 0.0:
+            gain /= self.value("r")
+        return 1.0 if self.drive in ("tau_m", "tau_cmd") else gain
+
+    @property
+    def torque_unit(self) -> str:
+        """Unit of the torques in the balance."""
+        if self.joint is None and self.drive is not None:
+            return self.channels[self.drive].unit
+        return "N" if self.records[0].prismatic else "N m"
+
+    @property
+    def angle_unit(self) -> str:
+        """Unit of the angles."""
+        return "m" if self.records[0].prismatic else "rad"
+
+    # ---- what is there
+    @property
+    def dt(self) -> float:
+        """Usual sample time [s]."""
+        return max(self.records, key=len).dt
+
+    @property
+    def seconds(self) -> float:
+        """Time that the longest record covers [s]."""
+        return max(float(record.t[-1] - record.t[0]) for record in self.records)
+
+    @cached_property
+    def drive(self) -> str | None:
+        """The channel that stands for the motor's torque, or None."""
+        names = ("i", "tau_m", "i_cmd", "tau_cmd", "v")
+        return next((name for name in names if name in self.channels), None)
+
+    @cached_property
+    def command(self) -> str | None:
+        """The channel of the command to the drive, or None."""
+        return next((name for name in ("i_cmd", "tau_cmd") if name in self.channels), None)
+
+    @property
+    def has_spring(self) -> bool:
+        """Whether a torsion bar separates motor side and load."""
+        return self.structure.groups[1] != self.structure.groups[2]
+
+    @property
+    def has_gear(self) -> bool:
+        """Whether the gearbox is compliant."""
+        return self.structure.groups[0] != self.structure.groups[1]
+
+    @property
+    def cut(self) -> bool:
+        """Whether the measured torque separates the motor side from the load."""
+        return self.has_spring and "tau" in self
+
+    @cached_property
+    def motor_angle(self) -> str | None:
+        """The channel that shows the motor's motion: an angle, a velocity, or tau; or None."""
+        groups = self.structure.groups
+        bodies = [b for b, group in zip("mgl", groups, strict=True) if group == groups[0]]
+        names = [*(f"q_{b}" for b in bodies), *(f"dq_{b}" for b in bodies)]
+        found = next((name for name in names if name in self.channels), None)
+        held = self.structure.output_fixed and "tau" in self.channels
+        return found or ("tau" if held and self.value("k_b", 1.0) > 0.0 else None)
+
+    @cached_property
+    def load_angle(self) -> str | None:
+        """The channel that shows the load's motion, or None."""
+        if self.structure.output_fixed:
+            return None
+        return next((name for name in ("q_l", "dq_l") if name in self.channels), None)
+
+    @property
+    def deflection_known(self) -> bool:
+        """Whether both ends of the spring are measured, or one is held."""
+        if not self.cut or not self.motor_angle or self.motor_angle == "tau":
+            return False
+        return self.structure.output_fixed or self.load_angle is not None
+
+    @cached_property
+    def stretches(self) -> tuple[Columns, ...]:
+        """The channels on even times between the gaps, longest first; without short pieces."""
+        found = [piece for record in self.records for piece in stretches(record, self.channels)]
+        found.sort(key=lambda piece: -len(piece["t"]))
+        return tuple(piece for piece in found if len(piece["t"]) >= FEWEST) or tuple(found[:1])
+
+    # ---- bodies
+    @cached_property
+    def motor_body(self) -> Body | None:
+        """The motor side, or all bodies where nothing cuts them; None without motion."""
+        if self.motor_angle is None:
+            return None
+        power = (self.torque_per_input * self._noise(self.drive)) ** 2
+        power += self._noise("tau") ** 2 if self.cut else 0.0
+        return self._body(self.motor_angle, self._motor_torque, float(np.sqrt(power)))
+
+    @cached_property
+    def motor(self) -> Balance | None:
+        """The balance of that body, or None."""
+        if self.motor_body is None or self.drive is None:
+            return None
+        return self.motor_body.balance(self.width)
+
+    @cached_property
+    def load(self) -> Balance | None:
+        """The balance of the load, where it is cut off and free; or None."""
+        angle = self.load_angle if self.has_spring else self.motor_angle
+        known = "tau" in self or self.wound
+        if self.structure.output_fixed or not known or angle is None:
+            return None
+        ends = self._noise("q_m") + self._noise("q_l")
+        noise = self.value("k_b") * ends if self.wound else self._noise("tau")
+        return self._body(angle, self._load_torque, noise).balance(self.width)
+
+    @property
+    def wound(self) -> bool:
+        """Whether the spring's torque follows from its two angles, as none is measured."""
+        ends = self.has_spring and {"q_m", "q_l"} <= self.channels.keys()
+        return ends and "tau" not in self and self.value("k_b") > 0.0
+
+    def _noise(self, name: str | None) -> float:
+        """Return the deviation of a sample of a channel; 0 of a command or where it is not."""
+        if name is None or name not in self.channels or name.endswith("_cmd"):
+            return 0.0
+        return self.channels[name].noise
+
+    def angle_noise(self, angle: str) -> float:
+        """Return the deviation of a sample of an angle; of tau, of the angle that it stands for."""
+        return self._noise(angle) / (self.value("k_b", 1.0) if angle == "tau" else 1.0)
+
+    def _body(self, angle: str, torque: Callable[[Columns], Floats], noise: float) -> Body:
+        return Body(
+            self.stretches,
+            self.dt,
+            angle,
+            self.angle_noise(angle),
+            self.value("k_b", 1.0),
+            torque,
+            noise,
+            self._driving,
+        )
+
+    def _driving(self, piece: Columns) -> Floats:
+        if self.drive is None:
+            return np.zeros(len(piece["t"]))
+        return np.asarray(self.torque_per_input * piece[self.drive])
+
+    def _motor_torque(self, piece: Columns) -> Floats:
+        torque = self._driving(piece)
+        return np.asarray(torque - piece["tau"] if self.cut else torque + piece.get("tau_l", 0.0))
+
+    def _load_torque(self, piece: Columns) -> Floats:
+        spring = self.value("k_b") * (piece["q_m"] - piece["q_l"]) if self.wound else piece["tau"]
+        return np.asarray(spring + piece.get("tau_l", 0.0))
+
+    # ---- motion
+    @cached_property
+    def travel(self) -> tuple[float, float]:
+        """How far the motor goes in the positive and in the negative direction."""
+        up = down = 0.0
+        for motion in self._motions:
+            change = np.diff(motion["q"])
+            up, down = up + change[change > 0.0].sum(), down - change[change < 0.0].sum()
+        return float(up), float(down)
+
+    @cached_property
+    def both_ways(self) -> tuple[float, float]:
+        """Share of the moving samples in the positive and in the negative direction."""
+        if self.motor is None:
+            return 0.0, 0.0
+        up = float(np.mean(self.motor["s"] > 0.0))
+        return up, 1.0 - up
+
+    @cached_property
+    def speeds(self) -> tuple[float, float]:
+        """Tenth and nine tenths quantile of the motor's speed while it moves."""
+        if self.motor is None:
+            return 0.0, 0.0
+        low, high = np.quantile(np.abs(self.motor["v"]), [0.1, 0.9])
+        return float(low), float(high)
+
+    @cached_property
+    def reversals(self) -> int:
+        """How often the motor turns round, or sets out from rest."""
+        if self.motor_body is None:
+            return 0
+        limit, rest = self.motor_body.least_speed(self.width), max(int(REST / self.dt), 3)
+        ways = (
+            np.where(np.abs(motion["v"]) > limit, np.sign(motion["v"]), 0.0)
+            for motion in self._motions
+        )
+        return sum(changes(way, rest) for way in ways)
+
+    @cached_property
+    def _motions(self) -> list[Columns]:
+        return [] if self.motor_body is None else self.motor_body.motions(self.width)
+
+    @cached_property
+    def width(self) -> int:
+        """Samples over which everything is smoothed: those that show the acceleration best."""
+        longest = max(len(piece["t"]) for piece in self.stretches) // 8
+        most = max(min(LONGEST / self.dt, longest), WIDTHS[0])
+        return max((width for width in WIDTHS if width <= most), key=self._sharpness)
+
+    def _sharpness(self, width: int) -> float:
+        """Return how sharply a smoothing shows the acceleration."""
+        found = None
+        if self.motor_body is not None and self.drive is not None:
+            found = self.motor_body.balance(width)
+        if found is None:
+            return 0.0
+        least = found.least(found["a"], ("v", "s", "one"))
+        return 1.0 / least if least > 0.0 else 0.0
+
+
+def _likely(record: Record, channels: Mapping[str, Channel]) -> Structure:
+    """Return the structure that a record names, or else the one that its channels suggest."""
+    if record.structure in STRUCTURES:
+        return STRUCTURES[record.structure]
+    if "tau" not in channels:
+        return STRUCTURES["rigid"]
+    free = "q_l" in channels and channels["q_l"].moves
+    return STRUCTURES["rigid_gearbox" if free else "output_fixed_rigid_gearbox"]

@@ -1,0 +1,175 @@
+"""What `examine` says that a record can and cannot tell, on motion whose physics is known."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from cjt_gym.errors import RecordError
+from cjt_gym.gap.check import Examination, examine
+from cjt_gym.joint import get_structure, load_joint_file
+from cjt_gym.records import read_record
+from tests.gap.check.moved import BOTH, CONSTANT, FRICTION, ONE, columns, joint, record
+from tests.gap.simulator import nominal, simulate
+
+HELD = "output_fixed_rigid_gearbox"
+FRICTION_ROWS = ("inertia", "damping", "coulomb", "coulomb_asym", "viscous_asym", "stribeck")
+
+
+def reasons(found: Examination) -> dict[str, str]:
+    return {row.name: row.why for row in found.cannot_tell}
+
+
+def test_every_effect_of_the_contract_is_either_told_or_not() -> None:
+    found = examine(record(columns()), joint(), None)
+    assert len(found.can_tell) + len(found.cannot_tell) == 30
+    assert not set(found.can_tell) & set(reasons(found))
+    assert set(found.smallest) == set(found.can_tell)
+    assert all(np.isfinite(size) and size > 0.0 for size, _ in found.smallest.values())
+
+
+def test_motion_both_ways_at_many_speeds_shows_inertia_and_all_friction() -> None:
+    found = examine(record(columns(BOTH)), joint(), None)
+    assert set(FRICTION_ROWS) | {"torque_offset", "command_delay"} <= set(found.can_tell)
+    size, unit = found.smallest["coulomb"]
+    assert unit == "N m"
+    assert size < 0.2 * FRICTION
+
+
+def test_motion_one_way_shows_no_asymmetry_and_no_offset() -> None:
+    found = examine(record(columns(ONE)), joint(), None)
+    assert {"coulomb_asym", "viscous_asym", "torque_offset"} <= set(reasons(found))
+    assert "100 % of the motion is in the positive direction" in reasons(found)["coulomb_asym"]
+    assert {"inertia", "damping"} <= set(found.can_tell)
+    assert any("one direction only" in fault for fault in found.faults)
+
+
+def test_records_in_opposite_directions_tell_together_what_neither_tells_alone() -> None:
+    there, back = columns(ONE), columns(ONE, seed=1)
+    back |= {name: -back[name] for name in ("i", "i_cmd", "q_m")}
+    found = examine([record(there), record(back)], joint(), None)
+    assert {"coulomb_asym", "torque_offset"} <= set(found.can_tell)
+
+
+def test_one_speed_does_not_tell_damping_from_coulomb_friction() -> None:
+    table = columns(CONSTANT)
+    steady = np.abs(np.abs(np.gradient(table["q_m"], 1e-3)) - 2.0) < 0.2
+    table["q_m"][~steady] = np.nan
+    why = reasons(examine(record(table), joint(), None))
+    assert "The speeds lie between 2 and 2 rad/s" in why["damping"]
+
+
+def test_fast_motion_alone_shows_neither_breakaway_nor_presliding() -> None:
+    why = reasons(examine(record(columns(ONE)), joint(), None))
+    assert "0.0 % of the motion is slower than a tenth of its highest speed" in why["stribeck"]
+    assert "The motion never turns round or sets out from rest." in why["presliding"]
+
+
+def test_without_a_command_the_drive_is_not_seen() -> None:
+    table = columns()
+    del table["i_cmd"]
+    drive = {"command_delay", "current_lag", "current_saturation", "command_quantization"}
+    assert drive <= set(reasons(examine(record(table), joint(), None)))
+
+
+def test_a_command_alone_shows_a_delay_by_the_motion() -> None:
+    table = columns()
+    del table["i"]
+    found = examine(record(table), joint(), None)
+    size, unit = found.smallest["command_delay"]
+    assert unit == "s"
+    assert 0.25e-3 <= size < 0.01
+
+
+def test_a_delay_below_a_quarter_of_a_sample_is_not_promised() -> None:
+    found = examine(record(columns(dt=0.01)), joint(), None)
+    assert found.smallest["command_delay"][0] > 2.4e-3
+
+
+def test_a_rigid_joint_shows_no_spring_no_load_and_no_torque_constant() -> None:
+    why = reasons(examine(record(columns()), joint(), None))
+    rows = {"stiffness", "backlash", "hardening", "spring_hysteresis", "torque_gain"}
+    assert rows | {"torque_constant", "load_inertia", "torque_delay", "gear_ripple"} <= set(why)
+
+
+def test_rest_tells_nothing_of_motion() -> None:
+    table = columns()
+    table["q_m"] = np.zeros_like(table["q_m"])
+    found = examine(record(table), joint(), None)
+    assert not set(FRICTION_ROWS) & set(found.can_tell)
+    assert "q_m never changes: 0 throughout." in found.faults
+
+
+def test_noise_of_the_current_hides_small_friction() -> None:
+    loud, quiet = columns(), columns()
+    loud["i"] = loud["i"] + np.random.default_rng(1).normal(0.0, 1.0, len(loud["i"]))
+    sizes = [
+        examine(record(table), joint(), None).smallest["coulomb"][0] for table in (loud, quiet)
+    ]
+    assert sizes[0] > 2.0 * sizes[1]
+
+
+def test_a_held_joint_with_a_spring_shows_spring_sensor_and_motor() -> None:
+    found = examine(simulate(friction=(1.5, 1.5)), nominal(), get_structure(HELD))
+    rows = {"stiffness", "torque_gain", "torque_bias", "torque_delay", "torque_constant"}
+    rows |= {"coulomb", "coulomb_asym", "inertia", "backlash", "hardening", "spring_hysteresis"}
+    assert rows | {"noise", "quantization"} <= set(found.can_tell)
+    assert {"gravity", "load_inertia", "load_coulomb"} <= set(reasons(found))
+
+
+def test_without_the_angle_the_spring_is_not_seen() -> None:
+    whole = simulate(friction=(1.5, 1.5))
+    table = {"t": whole.t} | {name: whole[name] for name in ("i_cmd", "i", "tau")}
+    found = examine(record(table, HELD), nominal(), None)
+    rows = ("stiffness", "torque_gain", "backlash", "hardening", "spring_hysteresis")
+    assert set(rows) <= set(reasons(found))
+    assert {"coulomb", "torque_constant", "command_delay"} <= set(found.can_tell)
+
+
+def test_a_resonance_above_nyquist_hides_inertia() -> None:
+    whole = simulate(friction=(1.5, 1.5))
+    table = {"t": whole.t} | {name: whole[name] for name in ("i_cmd", "i", "tau")}
+    slow = {name: x[::20] for name, x in table.items()}
+    found = examine(record(slow, HELD), nominal(), None)
+    assert "inertia" in found.can_tell  # 22.5 Hz, below the 25 Hz of this log
+    slower = {name: x[::25] for name, x in table.items()}
+    found = examine(record(slower, HELD), nominal(), None)
+    assert "22.5 Hz, above the log's Nyquist frequency of 20 Hz" in reasons(found)["inertia"]
+    assert any("above the log's Nyquist frequency of 20 Hz" in fault for fault in found.faults)
+
+
+def test_emps_shows_friction_and_no_spring() -> None:
+    found = examine(read_record("emps"), load_joint_file("emps"), None)
+    assert set(FRICTION_ROWS) | {"torque_offset"} <= set(found.can_tell)
+    assert found.faults == ()
+    assert {"stiffness", "gravity", "torque_constant"} <= set(reasons(found))
+
+
+@pytest.mark.parametrize("name", ["odrive_cogging", "odrive_anticogging"])
+def test_odrive_shows_cogging_and_coulomb_friction(name: str) -> None:
+    rec = read_record(name)
+    found = examine(rec, load_joint_file(rec.joint_file), None)  # type: ignore[arg-type]
+    assert {"cogging", "coulomb", "inertia"} <= set(found.can_tell)
+    assert found.smallest["cogging"][0] < 0.01
+
+
+def test_without_a_joint_sizes_are_in_the_unit_of_the_current() -> None:
+    found = examine(record(columns()), None, None)
+    assert found.smallest["coulomb"][1] == "A"
+    assert {"noise", "quantization"} <= set(reasons(found))
+
+
+def test_its_dictionary_is_what_the_contract_says() -> None:
+    found = examine(record(columns()), joint(), None).to_dict()
+    assert set(found) == {"can_tell", "cannot_tell", "faults"}
+    assert all(set(row) == {"name", "why"} for row in found["cannot_tell"])  # type: ignore[attr-defined]
+    assert json.loads(json.dumps(found)) == found
+
+
+def test_a_record_that_is_too_short_is_refused() -> None:
+    with pytest.raises(RecordError, match="at least 100 samples"):
+        examine(record(columns(seconds=0.05)), joint(), None)
+    with pytest.raises(RecordError, match="needs a record"):
+        examine([], joint(), None)
