@@ -249,10 +249,9 @@ class Joint:
             **known: What else belongs to its provenance.
         """
         p = self.parameters
-        volts = p.unit("k_t").endswith("/V")
-        kept = {n: v for n, v in columns.items() if not (volts and n in ("i", "true_i"))}
+        kept = {n: v for n, v in columns.items() if not (p.takes_volts and n in ("i", "true_i"))}
         units = default_units(tuple(kept), prismatic=p.axis == "prismatic")
-        if volts and "i_cmd" in units:
+        if p.takes_volts and "i_cmd" in units:
             units["i_cmd"] = "V"
         effects = {
             name: {k: list(v) if isinstance(v, tuple) else v for k, v in values.items()}
@@ -322,12 +321,17 @@ def load_joint(
 
 
 def _check_drive(joint: Joint) -> None:
+    p = joint.parameters
+    if joint.drive != CURRENT_FREE and p.takes_volts:
+        raise ParameterError(
+            f"k_t of {p.origin} is in {p.unit('k_t')}: voltage is this joint's command already, so "
+            f"that it takes drive current, got {joint.drive}. Or give k_t per ampere, and r."
+        )
     for name in ("r", "l_a", "p", "v_0"):
-        value = joint.parameters.get(name, 1.0)
+        value = p.get(name, 1.0)
         if joint.drive != CURRENT_FREE and value <= 0.0:
             raise ParameterError(
-                f"{name} of {joint.parameters.origin} must be > 0 for drive {joint.drive}, got "
-                f"{value:g}."
+                f"{name} of {p.origin} must be > 0 for drive {joint.drive}, got {value:g}."
             )
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from cjt_gym.errors import ParameterError, did_you_mean, unknown_name
 from cjt_gym.joint.parameter_table import AXES, PARAMETERS, ParameterSpec
@@ -58,6 +58,7 @@ class JointParameters:
         for symbol in self.quantities:
             if symbol.endswith("_n"):
                 _check_partner(symbol, self.quantities, self.origin)
+        _check_amplifier(self)
         object.__setattr__(self, "quantities", FrozenMapping(self.quantities))
 
     @classmethod
@@ -126,6 +127,11 @@ class JointParameters:
         quantity = self.quantities.get(symbol)
         return PARAMETERS[symbol].units[self.axis][0] if quantity is None else quantity.unit
 
+    @property
+    def takes_volts(self) -> bool:
+        """Whether the joint has no current: its gain k_t is torque per volt of an amplifier."""
+        return self.unit("k_t").endswith("/V")
+
     def replace(self, **values: float | Quantity) -> JointParameters:
         """Return a copy with other values; a bare number keeps the unit that the parameter has.
 
@@ -143,11 +149,9 @@ class JointParameters:
     def _revalued(self, symbol: str, value: float) -> Quantity:
         new = _in_usual_unit(symbol, value, self.axis, "set in Python")
         old = self.quantities.get(symbol)
-        return (
-            new
-            if old is None
-            else Quantity(new.value, old.unit, new.source, old.tolerance, old.asymmetric)
-        )
+        if old is None:
+            return new
+        return replace(old, value=new.value, source=new.source, low=None, high=None)
 
     def content(self) -> dict[str, object]:
         """Return what makes two sets the same: the axis, and value and unit of every parameter."""
@@ -216,6 +220,16 @@ def _check_partner(symbol: str, quantities: Mapping[str, Quantity], origin: str)
             f"{symbol} of {origin} must lie within a factor {ASYMMETRY_FACTOR:g} of {partner} "
             f"= {quantities[partner].number:.10g} {negative.unit}, "
             f"got {negative.number:.10g}. {remedy}"
+        )
+
+
+def _check_amplifier(p: JointParameters) -> None:
+    """Refuse a limit in volts on a gain per ampere, and the other way round."""
+    if "k_t" in p and "i_p" in p and p.takes_volts != (p.unit("i_p") == "V"):
+        unit = "V" if p.takes_volts else "A"
+        raise ParameterError(
+            f"i_p of {p.origin} must be in {unit}, as k_t is in {p.unit('k_t')}, got the unit "
+            f"'{p.unit('i_p')}'. State both per ampere or both per volt."
         )
 
 

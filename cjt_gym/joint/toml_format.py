@@ -231,6 +231,8 @@ def _quantity(quantity: Quantity) -> str:
         parts.append(f"source = {_text(quantity.source)}")
     if quantity.tolerance is not None:
         parts.append(f"tolerance = {quantity.tolerance!r}")
+    elif quantity.guess:
+        parts.append("guess = true")
     if quantity.low is not None and quantity.high is not None:
         parts += [f"low = {_number(quantity.low)}", f"high = {_number(quantity.high)}"]
     if quantity.asymmetric:
