@@ -7,17 +7,19 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.errors import ParameterError, unknown_name
+from cjt_gym.errors import CjtGymWarning, ParameterError, unknown_name
 from cjt_gym.joint.drives import NEEDED_PARAMETERS
+from cjt_gym.joint.effect_entries import CHANNEL_VALUES, usual_entries
 from cjt_gym.joint.effects import EFFECTS, PLACES, Effect, EffectParameter, body_of
 from cjt_gym.joint.files import JointFile
-from cjt_gym.joint.parameter_table import axis_units
+from cjt_gym.joint.mistakes import Mistakes
 from cjt_gym.joint.parameters import JointParameters, Quantity
 from cjt_gym.joint.ripple import ripple_rows
 from cjt_gym.joint.structures import Structure
@@ -144,8 +146,8 @@ def _share(
 def _resolve_one(
     effect: Effect, values: Mapping[str, Any], file: JointFile, *, typical: bool
 ) -> EffectValues:
-    _check_units(effect, file)
-    merged = {**_plain(effect, file.effects.get(effect.name, {})), **_plain(effect, values)}
+    listed = file.effects.get(effect.name, {})
+    merged = {**_plain(effect, listed, file), **_plain(effect, values, file)}
     body = merged.pop("body", None)
     if body is not None and (body not in effect.bodies):
         raise unknown_name(f"body of effect {effect.name}", str(body), effect.bodies)
@@ -168,29 +170,18 @@ def _resolve_one(
     return result
 
 
-def _check_units(effect: Effect, file: JointFile) -> None:
-    """Refuse a value of the joint file in another unit than the table's."""
-    for symbol, quantity in file.effects.get(effect.name, {}).items():
-        parameter = effect.parameter(symbol)
-        if parameter is None or not isinstance(quantity, Quantity):
-            continue
-        allowed = {parameter.unit, *axis_units(parameter.unit, file.parameters.axis)}
-        if quantity.unit not in allowed:
-            raise ParameterError(
-                f"{effect.name}.{symbol} of {file.parameters.origin} must be in "
-                f"{' or '.join(sorted(allowed))}, got {quantity.unit!r}. Convert it."
-            )
-
-
-def _plain(effect: Effect, values: Mapping[str, Any]) -> dict[str, Any]:
+def _plain(effect: Effect, values: Mapping[str, Any], file: JointFile) -> dict[str, Any]:
     """Strip units and turn {channel, std | resolution} into {channel: value}."""
-    plain = {k: v.value if isinstance(v, Quantity) else v for k, v in values.items()}
+    p, noted = file.parameters, Mistakes(file.parameters.origin)
+    usual = usual_entries(effect, values, p.axis, p.origin, noted)
+    noted.check()
+    plain = {k: v.value if isinstance(v, Quantity) else v for k, v in usual.items()}
     channel = plain.pop("channel", None)
     if channel is None:
         return plain
     if channel not in effect.channels:
         raise unknown_name(f"channel of effect {effect.name}", str(channel), effect.channels)
-    key = next((k for k in ("std", "noise", "resolution", "value") if k in plain), None)
+    key = next((k for k in CHANNEL_VALUES if k in plain), None)
     if key is not None:
         plain[channel] = plain.pop(key)
     for parameter in effect.parameters:
@@ -233,20 +224,12 @@ def _fallback(
     *,
     typical: bool,
 ) -> Any:
-    source = parameter.joint_parameter
-    if source is not None and source.startswith("sensors."):
-        _, channel, key = source.split(".")
-        quantity = file.sensors.get(channel, {}).get(key)
-        if quantity is not None:
-            return quantity.value
-    elif source is not None:
-        partner = source.removesuffix("_n")
-        if partner in merged:  # a level that is given moves the one of the other direction along
-            return merged[partner]
-        if source in file.parameters:
-            return file.parameters.get(source, 0.0)
-        if partner in file.parameters:
-            return file.parameters.get(partner, 0.0)
+    partner = (parameter.joint_parameter or "").removesuffix("_n")
+    if partner in merged:  # a level that is given moves the one of the other direction along
+        return merged[partner]
+    stated = _stated(parameter, file) or file.parameters.quantities.get(partner)
+    if stated is not None:
+        return stated.value
     if typical:
         return typical_value(parameter, file.parameters)
     if parameter.default is not None:
@@ -305,13 +288,30 @@ def _check_whole(effect: Effect, values: EffectValues, given: set[str], file: Jo
         raise ParameterError(
             f"The series of effect {effect.name} of {owner} must be of equal length, got {lengths}."
         )
-    if _is_idle(effect, values, file.parameters) and not given & set(effect.size):
-        size = [p for p in effect.parameters if p.symbol in effect.size]
-        names = ", ".join(f"{p.symbol} [{p.unit}]" for p in size)
-        raise ParameterError(
-            f"Effect {effect.name} of {owner} would do nothing: nothing is known of {names}. "
-            "Give one of them, or leave the effect out."
+    if not _is_idle(effect, values, file.parameters) or given & set(effect.size):
+        return
+    size = [p for p in effect.parameters if p.symbol in effect.size]
+    if any(_stated(p, file) is not None for p in size):
+        warnings.warn(
+            f"Effect {effect.name} of {owner} changes nothing: its values are those without it.",
+            CjtGymWarning,
+            stacklevel=2,
         )
+        return
+    names = ", ".join(f"{p.symbol} [{p.unit}]" for p in size)
+    raise ParameterError(
+        f"Effect {effect.name} of {owner} would do nothing: nothing is known of {names}. "
+        "Give one of them, or leave the effect out."
+    )
+
+
+def _stated(parameter: EffectParameter, file: JointFile) -> Quantity | None:
+    """Return what the joint file says of a number elsewhere than under the effect itself."""
+    source = parameter.joint_parameter or ""
+    if source.startswith("sensors."):
+        _, channel, key = source.split(".")
+        return file.sensors.get(channel, {}).get(key)
+    return file.parameters.quantities.get(source)
 
 
 def pack(

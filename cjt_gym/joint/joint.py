@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 DT_PHYSICS = 1e-5
 CURRENT_FREE = "current"
+USUAL_STRUCTURE = "full_dynamics"
 
 
 @dataclass(frozen=True)
@@ -283,17 +284,22 @@ def _series(name: str, values: ArrayLike, length: int) -> Floats:
 
 def load_joint(
     name: str | Path,
-    structure: str = "full_dynamics",
-    drive: str = "current",
+    structure: str | None = None,
+    drive: str | None = None,
     effects: EffectSpec = None,
     parameters: Mapping[str, float] | None = None,
 ) -> Joint:
     """Return a joint of the library, or one from a TOML file.
 
+    What a file says a joint is holds unless an argument says otherwise: its `structure`, its
+    `drive`, and the effects that have a table [effects.NAME] in it, as far as they can act in that
+    structure and with that drive. Values that a file merely knows, such as d_cm under [parameters]
+    or the noise of a sensor, turn no effect on.
+
     Args:
         name: Name of a shipped joint, or path of a joint file.
-        structure: One of `STRUCTURES`.
-        drive: One of `DRIVES`.
+        structure: One of `STRUCTURES`; None for that of the file, or else "full_dynamics".
+        drive: One of `DRIVES`; None for that of the file, or else "current".
         effects: None for those the file lists; names, or a mapping of names to values, for
             exactly these. Values that are not given come from the joint file. The name "all"
             adds all others that can act, and takes typical values where nothing is known.
@@ -311,6 +317,8 @@ def load_joint(
     file = load_joint_file(name)
     if parameters:
         file = replace(file, parameters=file.parameters.replace(**parameters))
+    structure = structure or file.structure or USUAL_STRUCTURE
+    drive = drive or file.drive or CURRENT_FREE
     row = get_structure(structure)
     get_drive(drive)
     linear.reduced_matrices(file.parameters, row)

@@ -9,7 +9,7 @@ from typing import TypeVar
 
 from cjt_gym.errors import ParameterError, did_you_mean
 
-__all__ = ["FrozenMapping", "Quantity", "Setting", "parse_quantity"]
+__all__ = ["FrozenMapping", "Plain", "Quantity", "Setting", "freeze", "parse_quantity"]
 
 Value = TypeVar("Value")
 QUANTITY_KEYS = ("value", "unit", "source", "tolerance", "guess", "asymmetric", "low", "high")
@@ -81,6 +81,21 @@ class Quantity:
 
 
 Setting = Quantity | str | bool | tuple[str, ...]  # what an entry of [effects.*] may be
+Plain = bool | int | float | str | tuple["Plain", ...] | FrozenMapping["Plain"]
+"""What an entry of [found] may be."""
+
+
+def freeze(table: Mapping[str, object]) -> FrozenMapping[Plain]:
+    """Return plain data that cannot be changed: lists as tuples, tables as `FrozenMapping`."""
+    return FrozenMapping({key: _frozen(value) for key, value in table.items()})
+
+
+def _frozen(value: object) -> Plain:
+    if isinstance(value, Mapping):
+        return freeze(value)
+    if isinstance(value, list | tuple):
+        return tuple(map(_frozen, value))
+    return value if isinstance(value, bool | int | float | str) else str(value)
 
 
 def parse_quantity(entry: object, owner: str) -> Quantity:

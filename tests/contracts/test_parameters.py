@@ -171,8 +171,17 @@ def test_replace_is_validated_and_leaves_the_original() -> None:
     with pytest.raises(ParameterError, match="no parameter 'kb'. Did you mean 'k_b'?"):
         p.replace(kb=1.0)
     with pytest.raises(ParameterError, match="d_cm_n of .* within a factor 3 of d_cm"):
-        p.replace(d_cm=20.0)
-    assert p.replace(d_cm=20.0, d_cm_n=20.0).d_cm_n == 20.0
+        p.replace(d_cm=20.0, d_cm_n=2.0)
+
+
+def test_negative_direction_follows_its_partner_unless_given() -> None:
+    p = load_joint_file("example").parameters  # d_g_n is 2.1 where d_g is 2.2
+    q = p.replace(d_cm=20.0, d_g=4.4)
+    assert (q.d_cm_n, q.d_g_n) == (20.0, pytest.approx(4.2))
+    assert q.quantities["d_cm_n"].source == q.quantities["d_cm"].source
+    assert p.replace(d_cm=20.0, d_cm_n=10.0).d_cm_n == 10.0
+    assert p.replace(d_cm=Quantity(2000.0, "N cm")).d_cm_n == 20.0
+    assert load_joint("generic", parameters={"d_cm": 2.64}).parameters.d_cm_n == 2.64
 
 
 def test_replace_keeps_a_unit_that_is_not_the_usual_one() -> None:
@@ -289,24 +298,32 @@ REFUSED = {
     "missing source": ('name = "x"\n', ["lacks the key 'source'"]),
     "empty name": ('name = " "\nsource = "x"\n', ["name of", "not empty", "' '"]),
     "wrong unit": (
-        entries('k_b = { value = 6.0, unit = "kN m/rad" }'),
-        ["k_b of", "must be in N m/rad", "'kN m/rad'", 'unit = "N m/rad"'],
+        entries('k_b = { value = 6.0, unit = "kN m" }'),
+        ["k_b of", "must be in N m/rad", "'kN m'", 'unit = "N m/rad"'],
+    ),
+    "unit that does not exist": (
+        entries('k_b = { value = 6.0, unit = "N m/radd" }'),
+        ["k_b of", "must be in N m/rad", "'N m/radd', which does not exist"],
+    ),
+    "frequency as angular velocity": (
+        entries('dq_p = { value = 6.0, unit = "Hz" }'),
+        ["dq_p of", "must be in rad/s", "'Hz'"],
     ),
     "rotary unit on a prismatic axis": (
         'axis = "prismatic"\n' + entries(KB),
-        ["k_b of", "must be in N/m on a prismatic axis", "'N m/rad'"],
+        ["k_b of", "must be in N/m", "'N m/rad'"],
     ),
     "prismatic unit on a rotary axis": (
         entries('I_m = { value = 1.0, unit = "kg" }'),
-        ["I_m of", "must be in kg m^2 on a rotary axis", "'kg'"],
+        ["I_m of", "must be in kg m^2", "'kg'"],
     ),
     "wrong sensor unit": (
         HEAD + '[sensors.tau]\nnoise = { value = 1.0, unit = "rad" }\n',
         ["noise of [sensors.tau]", "must be in N m", "'rad'"],
     ),
     "wrong sampling unit": (
-        HEAD + '[sampling]\ndt = { value = 1.0, unit = "ms" }\n',
-        ["dt of [sampling]", "must be in s", "'ms'"],
+        HEAD + '[sampling]\ndt = { value = 1.0, unit = "m" }\n',
+        ["dt of [sampling]", "must be in s", "'m'"],
     ),
     "negative stiffness": (
         entries('k_b = { value = -6000, unit = "N m/rad" }'),
