@@ -19,6 +19,8 @@ from cjt_gym.joint.toml_writer import write_document
 
 __all__ = ["JointFile", "joint_names", "load_joint_file", "to_toml"]
 
+TOOLBOX_SUFFIX = ".m"
+
 
 @dataclass(frozen=True)
 class JointFile:
@@ -93,7 +95,7 @@ def load_joint_file(name_or_path: str | Path) -> JointFile:
 
     Args:
         name_or_path: Name of a joint that ships with the package (see `joint_names`), or path of
-            a TOML file.
+            a TOML file, or of a parameter file of the Compliant Joint Toolbox (`.m`).
 
     Raises:
         UnknownNameError: No joint of this name ships with the package.
@@ -106,7 +108,11 @@ def load_joint_file(name_or_path: str | Path) -> JointFile:
     """
     if _is_path(name_or_path):
         path = Path(name_or_path).expanduser()
-        return _parsed(_read(path), str(name_or_path))
+        if path.suffix == TOOLBOX_SUFFIX:
+            from cjt_gym.joint.toolbox_files import read_toolbox
+
+            return read_toolbox(name_or_path)
+        return _parsed(read_text(path), str(name_or_path))
     name = str(name_or_path)
     if name not in joint_names():
         raise unknown_name("joint", name, joint_names())
@@ -139,10 +145,20 @@ def to_toml(joint_file: JointFile) -> str:
 def _is_path(name_or_path: str | Path) -> bool:
     if isinstance(name_or_path, Path):
         return True
-    return name_or_path.endswith(".toml") or "/" in name_or_path or "\\" in name_or_path
+    return (
+        name_or_path.endswith((".toml", TOOLBOX_SUFFIX))
+        or "/" in name_or_path
+        or "\\" in name_or_path
+    )
 
 
-def _read(path: Path) -> str:
+def read_text(path: Path) -> str:
+    """Return the text of a joint file.
+
+    Raises:
+        MissingFileError: There is no file at this path.
+        ParameterError: It is not a text.
+    """
     try:
         return path.read_text(encoding="utf-8")
     except FileNotFoundError as error:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
-from importlib.resources import files
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cjt_gym.errors import ParameterError
@@ -73,7 +73,7 @@ def _registry() -> pint.UnitRegistry[float]:
 
     # Begun empty: a registry that begins full has settled that an angle has no dimension.
     registry: pint.UnitRegistry[float] = pint.UnitRegistry(None, on_redefinition="ignore")
-    registry.load_definitions(files(pint) / "default_en.txt")
+    registry.load_definitions(Path(pint.__file__).with_name("default_en.txt"))
     for definition in _DEFINITIONS:
         registry.define(definition)
     return registry
