@@ -26,9 +26,9 @@ from cjt_gym.joint.structures import Structure
 
 EffectValue = float | tuple[float, ...]
 EffectValues = dict[str, EffectValue]
-EffectSpec = Mapping[str, Mapping[str, Any]] | Iterable[str] | str | None
+EffectSpec = Mapping[str, Mapping[str, Any] | str] | Iterable[str] | str | None
 
-ALL = "all"
+ALL, TYPICAL = "all", "typical"
 PEAK_CURRENT, PEAK_TORQUE = 10.0, 50.0
 BASE_FIELDS = (
     *("I_m", "I_g", "I_l", "k_g", "k_b", "d_m", "d_g", "d_l", "d_mg", "d_gl"),
@@ -50,9 +50,9 @@ def resolve_effects(
 
     Args:
         spec: None for the effects listed in the joint file, as far as they can act in the
-            structure; a name, names, or a mapping of names to values for exactly these. The
-            name "all" adds all others that can act, and takes typical values where nothing is
-            known.
+            structure; a name, names, or a mapping of names to values for exactly these. Instead
+            of values "typical" takes the table's typical ones where nothing is known. The name
+            "all" adds all others that can act, likewise.
         file: The joint file.
         structure: Where they act.
         drive: Name of the drive.
@@ -62,7 +62,7 @@ def resolve_effects(
         ParameterError: A value is missing, not finite, out of its domain or without effect, or
             an effect cannot act in the structure.
     """
-    given = _requested(spec, file)
+    given, assumed = _requested(spec, file)
     everything = given.pop(ALL, None) is not None
     for name in given:
         if name not in EFFECTS:
@@ -92,7 +92,8 @@ def resolve_effects(
                     f"Effects {name} and {other} of {file.parameters.origin} set the same levels. "
                     "Keep one of them."
                 )
-        resolved[name] = _resolve_one(effect, given.get(name, {}), file, typical=everything)
+        typical = everything or name in assumed
+        resolved[name] = _resolve_one(effect, given.get(name, {}), file, typical=typical)
     resolved = {
         name: values
         for name, values in resolved.items()
@@ -109,20 +110,22 @@ def _lacks_nominal(effect: Effect, p: JointParameters) -> bool:
     return any(p.get(name or "", 0.0) == 0.0 for name in replaced)
 
 
-def _requested(spec: EffectSpec, file: JointFile) -> dict[str, Mapping[str, Any]]:
+def _requested(spec: EffectSpec, file: JointFile) -> tuple[dict[str, Mapping[str, Any]], set[str]]:
+    """Return the effects that are asked for with their values, and those with typical ones."""
     if spec is None:
         spec = file.effects
     elif isinstance(spec, str):
         spec = [spec]
-    if isinstance(spec, Mapping):
-        for name, values in spec.items():
-            if not isinstance(values or {}, Mapping):
-                raise ParameterError(
-                    f"Effect {name} of {file.parameters.origin} takes a mapping of its parameters "
-                    f"to values, got {values!r}. Write {{'{name}': {{'parameter': value}}}}."
-                )
-        return {name: values or {} for name, values in spec.items()}
-    return {name: {} for name in spec}
+    rows = spec if isinstance(spec, Mapping) else dict.fromkeys(spec)
+    for name, values in rows.items():
+        if values != TYPICAL and not isinstance(values or {}, Mapping):
+            raise ParameterError(
+                f"Effect {name} of {file.parameters.origin} takes a mapping of its parameters "
+                f'to values, or "{TYPICAL}", got {values!r}. Write '
+                f"{{'{name}': {{'parameter': value}}}}."
+            )
+    assumed = {name for name, values in rows.items() if values == TYPICAL}
+    return {k: {} if k in assumed else v or {} for k, v in rows.items()}, assumed
 
 
 def _share(
@@ -239,7 +242,8 @@ def _fallback(
     raise ParameterError(
         f"{effect.name}.{parameter.symbol} of {file.parameters.origin} is needed and absent "
         f"({parameter.description}, {parameter.unit}). Give it in effects={{'{effect.name}': "
-        f"{{'{parameter.symbol}': ...}}}} or in the joint file under [effects.{effect.name}]."
+        f"{{'{parameter.symbol}': ...}}}} or in the joint file under [effects.{effect.name}]; "
+        f"{_typical_offer(effect)}."
     )
 
 
@@ -301,8 +305,33 @@ def _check_whole(effect: Effect, values: EffectValues, given: set[str], file: Jo
     names = ", ".join(f"{p.symbol} [{p.unit}]" for p in size)
     raise ParameterError(
         f"Effect {effect.name} of {owner} would do nothing: nothing is known of {names}. "
-        "Give one of them, or leave the effect out."
+        f"Give one of them, or leave the effect out; {_typical_offer(effect)}."
     )
+
+
+def _typical_offer(effect: Effect) -> str:
+    return (
+        f"or take typical values: effects={{'{effect.name}': '{TYPICAL}'}}, "
+        f"--effect {effect.name}={TYPICAL}"
+    )
+
+
+def is_known(effect: Effect, file: JointFile) -> bool:
+    """Return whether a joint file has the numbers that make an effect do something.
+
+    Raises:
+        ParameterError: It has some of them, and lacks others.
+    """
+    size = [p for p in effect.parameters if p.symbol in effect.size]
+    if effect.name in file.effects:
+        return True
+    if all(_stated(p, file) is None for p in size):
+        return False
+    values = {
+        p.symbol: _checked(effect, p, _fallback(effect, p, {}, file, typical=False), file)
+        for p in effect.parameters
+    }
+    return not _is_idle(effect, values, file.parameters)
 
 
 def _stated(parameter: EffectParameter, file: JointFile) -> Quantity | None:

@@ -301,8 +301,9 @@ def load_joint(
         structure: One of `STRUCTURES`; None for that of the file, or else "full_dynamics".
         drive: One of `DRIVES`; None for that of the file, or else "current".
         effects: None for those the file lists; names, or a mapping of names to values, for
-            exactly these. Values that are not given come from the joint file. The name "all"
-            adds all others that can act, and takes typical values where nothing is known.
+            exactly these. Values that are not given come from the joint file; "typical" instead
+            of values takes the table's typical ones where nothing is known. The name "all" adds
+            all others that can act, likewise.
         parameters: Parameters that replace those of the file.
 
     Raises:
