@@ -75,7 +75,7 @@ def run(options: argparse.Namespace) -> None:
     if options.out is not None:
         sheet = linear_sheet(cases, options.input, options.output, dt)
         written = write_sheet(sheet, options.out)
-    for case in cases:
+    for case in cases if options.identify is not None else ():
         tell_effects(case.joint)
     if not options.json:
         sys.stdout.write(" ".join(str(path) for path in written) + "\n")
