@@ -50,6 +50,19 @@ def test_joints_lists_every_effect_with_units_and_ranges(
     assert main(["joints"]) == 0
     text = capsys.readouterr().out
     assert all(name in text for name in (*joint_names(), *EFFECTS))
+    assert len(text.splitlines()) < 60
+
+
+def test_joints_shows_a_joint_and_a_file_of_ones_own(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "sea.toml"
+    path.write_text(SEA + "[effects.coulomb]\n", encoding="utf-8")
+    assert main(["joints", str(path), "orange_80_6000"]) == 0
+    text = capsys.readouterr().out
+    assert "k_b       3000 N m/rad" in text
+    assert "effect coulomb  on" in text
+    assert "sensor q_m  resolution 1.19842e-05 rad" in text
 
 
 def test_joints_shows_the_rows_that_are_named(capsys: pytest.CaptureFixture[str]) -> None:

@@ -106,7 +106,7 @@ def load_joint_file(name_or_path: str | Path) -> JointFile:
         >>> load_joint_file("orange_80_6000").parameters.k_b
         6000.0
     """
-    if _is_path(name_or_path):
+    if is_path(name_or_path):
         path = Path(name_or_path).expanduser()
         if path.suffix == TOOLBOX_SUFFIX:
             from cjt_gym.joint.toolbox_files import read_toolbox
@@ -142,7 +142,8 @@ def to_toml(joint_file: JointFile) -> str:
     return write_document(document)
 
 
-def _is_path(name_or_path: str | Path) -> bool:
+def is_path(name_or_path: str | Path) -> bool:
+    """Return whether this is the path of a file rather than the name of a shipped joint."""
     if isinstance(name_or_path, Path):
         return True
     return (
