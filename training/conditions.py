@@ -47,7 +47,7 @@ class Conditions:
     structure: str = USUAL_STRUCTURE
     drive: str = "current"
     effects: Any = None
-    randomization: Mapping[str, Any] | str = field(default_factory=dict)
+    randomization: Mapping[str, Any] = field(default_factory=dict)
     torque_amplitude: float | None = None
     dt_control: float = 1e-3
     dt_physics: float = 1e-4
@@ -120,7 +120,7 @@ def realistic_conditions(
     structure: str = USUAL_STRUCTURE,
     *,
     effects: Mapping[str, Any] | None = None,
-    randomization: Any = None,
+    randomization: str | None = None,
     **others: Any,
 ) -> Conditions:
     """Return conditions for a comparison.
@@ -129,13 +129,15 @@ def realistic_conditions(
         joint: Name of the joint, or path of its file.
         structure: Its structure.
         effects: What makes it non-ideal; None for `realistic_effects`.
-        randomization: What every episode draws anew; None for `realistic_randomization`.
+        randomization: Preset of what every episode draws anew; None for
+            `realistic_randomization`.
         **others: Other arguments of `Conditions`.
     """
     effects = realistic_effects(joint) if effects is None else effects
+    varying: dict[str, Any] = {"preset": randomization}
     if randomization is None:
-        randomization = realistic_randomization(joint, effects)
-    return Conditions(joint, structure, effects=effects, randomization=randomization, **others)
+        varying = realistic_randomization(joint, effects)
+    return Conditions(joint, structure, effects=effects, randomization=varying, **others)
 
 
 def transferred(env: Mapping[str, Any], joint: str) -> dict[str, Any]:

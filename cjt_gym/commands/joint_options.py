@@ -58,7 +58,7 @@ def add_conditions(
     """
     add = parser.add_argument
     text = f"{', '.join(STRUCTURES)}; default: {structure}"
-    add("--structure", metavar="S", help=text, **({"nargs": "+"} if several else {}))
+    add("--structure", metavar="S", help=text, nargs="+" if several else None)
     text = f"{', '.join(DRIVES)}; default: that of the joint file, or {USUAL_DRIVE}"
     add("--drive", metavar="D", help=text)
     text = "exactly these effects, by name, name=typical or name.parameter=value; none for none; "

@@ -140,9 +140,10 @@ def _task(options: argparse.Namespace) -> Task:
             f"{what}. Give one as --reference, or a controller: {', '.join(CONTROLLERS)}."
         )
     length = 10.0 if recorded is None else len(recorded) * recorded.dt
+    said = None if recorded is None else recorded.structure
     return Task(
         recorded,
-        structure_of(options.joint, options.structure or (recorded and recorded.structure)),
+        structure_of(options.joint, options.structure or said),
         controller,
         length if options.duration is None else options.duration,
         options.dt or (1e-3 if recorded is None else recorded.dt),

@@ -125,7 +125,8 @@ def _requested(spec: EffectSpec, file: JointFile) -> tuple[dict[str, Mapping[str
                 f"{{'{name}': {{'parameter': value}}}}."
             )
     assumed = {name for name, values in rows.items() if values == TYPICAL}
-    return {k: {} if k in assumed else v or {} for k, v in rows.items()}, assumed
+    given = {k: v if isinstance(v, Mapping) else {} for k, v in rows.items()}
+    return given, assumed
 
 
 def _share(
