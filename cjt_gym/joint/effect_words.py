@@ -70,7 +70,9 @@ def known_but_off(joint: Joint) -> tuple[str, ...]:
 
 def _known_but_off(joint: Joint) -> Iterator[str]:
     taken: set[str] = set(joint.effects)
-    for name, effect in EFFECTS.items():
+    listed = [name for name in joint.file.effects if name in EFFECTS]
+    for name in dict.fromkeys((*listed, *EFFECTS)):
+        effect = EFFECTS[name]
         rivals = any(other in taken for other in effect.excludes)
         if name in taken or rivals or not effect.acts_in(joint.structure_row, joint.drive):
             continue
