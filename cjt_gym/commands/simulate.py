@@ -210,6 +210,7 @@ def simulate(
     rows["tau_ref"] = reference.torque(rows["t"])
     rows["tau_cmd"] = np.zeros(samples)
     measured = plant.reset(seed=seed)
+    drawn = {name: float(values[0]) for name, values in plant.drawn().items()}
     for k in range(samples):
         command = law.act(measured, rows["tau_ref"][k : k + 1])
         arrays = plant.batch.arrays
@@ -228,6 +229,8 @@ def simulate(
         "controller": NONE if controller == NONE else choice.controller,
         **gains,
     }
+    if drawn:
+        known["drawn"] = drawn
     if choice.gains:
         known["gains"] = dict(choice.gains)
     return joint.record(rows, dt, seed, reference=reference.kind, **known)

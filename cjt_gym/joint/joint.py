@@ -318,8 +318,10 @@ def load_joint(
     file = load_joint_file(name)
     if parameters:
         file = replace(file, parameters=file.parameters.replace(**parameters))
-    structure = structure or file.structure or USUAL_STRUCTURE
-    drive = drive or file.drive or CURRENT_FREE
+    if structure is None:
+        structure = file.structure or USUAL_STRUCTURE
+    if drive is None:
+        drive = file.drive or CURRENT_FREE
     row = get_structure(structure)
     get_drive(drive)
     linear.reduced_matrices(file.parameters, row)

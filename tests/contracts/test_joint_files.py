@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import gymnasium
 import pytest
 
 from cjt_gym.cli import main
+from cjt_gym.envs.torque_tracking import complete
 from cjt_gym.errors import CjtGymWarning, ParameterError
 from cjt_gym.joint import load_joint, load_joint_file, to_toml
 from cjt_gym.joint.build import build_joints, file_of
@@ -59,6 +61,19 @@ def test_a_file_says_what_the_joint_is_and_arguments_override(sheet: Path) -> No
         ("coulomb",),
     )
     assert load_joint(sheet, effects=[]).effects == {}
+
+
+def test_an_environment_is_what_its_joint_file_says(sheet: Path) -> None:
+    sheet.write_text(SHEET + "[effects.command_delay]\ndelay = { value = 2, unit = 'ms' }\n")
+    scale = {"torque_amplitude": 5.0, "velocity_scale": 1.0}
+    env = gymnasium.make("CJT/TorqueTracking-v0", joint=str(sheet), **scale)
+    joint = env.unwrapped.episodes.settings.joint  # type: ignore[attr-defined]
+    assert (joint.structure, joint.drive) == ("output_fixed_rigid_gearbox", "static")
+    assert joint.effects["command_delay"]["delay"] == pytest.approx(2e-3)
+    other = complete({"joint": str(sheet), "structure": "rigid"})
+    assert (other["structure"], other["drive"]) == ("rigid", "static")
+    usual = complete({})
+    assert (usual["structure"], usual["drive"]) == ("output_fixed_rigid_gearbox", "current")
 
 
 def test_what_a_shipped_joint_merely_knows_turns_nothing_on() -> None:
