@@ -37,7 +37,17 @@ class CjtGymWarning(UserWarning):
 
 
 class ParameterError(CjtGymError, ValueError):
-    """A joint parameter, or the file that holds it, is missing, malformed or out of range."""
+    """A joint parameter, or the file that holds it, is missing, malformed or out of range.
+
+    Attributes:
+        mistakes: One message for each mistake that was found; the message itself if it is one.
+    """
+
+    mistakes: tuple[str, ...]
+
+    def __init__(self, message: str, mistakes: tuple[str, ...] = ()) -> None:
+        super().__init__(message)
+        self.mistakes = mistakes or (message,)
 
 
 class ConfigurationError(CjtGymError, ValueError):

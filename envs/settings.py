@@ -21,6 +21,8 @@ from cjt_gym.signals import Signal, make_signals
 
 Floats = NDArray[np.float64]
 REWARD_WEIGHTS = dict(zip(TERMS, (1.0, 0.0, 0.05, 0.0, 50.0), strict=True))
+USUAL = {"structure": "output_fixed_rigid_gearbox", "drive": "current"}
+"""What a joint is where neither an argument nor its file says so."""
 AMPLITUDE_SHARE = 0.1
 FRICTION_FACTOR = 3.0
 LOAD_FACTOR = 10.0
@@ -76,6 +78,16 @@ class Settings:
     dt_physics: float
     reward_weights: Mapping[str, float]
     randomization: Mapping[str, Variation] = field(default_factory=dict)
+
+
+def stated_by_joint(arguments: Mapping[str, Any]) -> dict[str, str]:
+    """Return structure and drive: as given, as the joint states them, or the usual ones."""
+    joint = arguments["joint"]
+    known = joint if isinstance(joint, Joint) else load_joint_file(joint)
+    return {
+        key: next(name for name in (arguments[key], getattr(known, key), usual) if name is not None)
+        for key, usual in USUAL.items()
+    }
 
 
 def default_load(name: str, structure: str, parameters: Mapping[str, float]) -> dict[str, float]:

@@ -12,6 +12,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from cjt_gym.envs.core import ControllerOrFactory, Episodes
+from cjt_gym.envs.settings import stated_by_joint
 from cjt_gym.envs.step import REPORT
 from cjt_gym.envs.strip_chart import StripChart
 from cjt_gym.errors import ConfigurationError, unknown_name
@@ -102,8 +103,8 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
     | Argument | Default | Meaning |
     |---|---|---|
     | `joint` | "orange_80_6000" | name, path or `Joint` |
-    | `structure` | "output_fixed_rigid_gearbox" | one of the five structures |
-    | `drive` | "current" | "current", "static", "rl" or "dq" |
+    | `structure` | that of the joint file, or "output_fixed_rigid_gearbox" | one of the five |
+    | `drive` | that of the joint file, or "current" | "current", "static", "rl" or "dq" |
     | `effects` | None | names or {name: values}; None for those that the joint file lists |
     | `parameters` | None | parameters that replace those of the joint file |
     | `randomization` | None | "mild", "wide", "identified" or {name: variation}, see below |
@@ -151,8 +152,8 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
     def __init__(
         self,
         joint: str | Joint = "orange_80_6000",
-        structure: str = "output_fixed_rigid_gearbox",
-        drive: str = "current",
+        structure: str | None = None,
+        drive: str | None = None,
         effects: Any = None,
         parameters: Mapping[str, float] | None = None,
         randomization: Randomization = None,
@@ -175,7 +176,7 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
             raise unknown_name("render mode", render_mode, RENDER_MODES)
         arguments = {k: v for k, v in locals().items() if k not in ("self", "render_mode")}
         arguments.pop("__class__", None)
-        self.episodes = Episodes(1, **arguments)
+        self.episodes = Episodes(1, **complete(arguments))
         self.observation_space = self.episodes.observation_space
         self.action_space = self.episodes.action_space
         self.render_mode = render_mode
@@ -305,7 +306,7 @@ class TorqueTrackingVectorEnv(VectorEnv[Observation, Action, NDArray[Any]]):
 
 
 def complete(arguments: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the arguments of `TorqueTrackingEnv` with its defaults filled in.
+    """Return the arguments of `TorqueTrackingEnv` with its and the joint's defaults filled in.
 
     Raises:
         ConfigurationError: An argument is not one of them.
@@ -320,4 +321,4 @@ def complete(arguments: Mapping[str, Any]) -> dict[str, Any]:
                 str(unknown_name("argument of TorqueTrackingEnv", name, names))
             )
         filled[name] = value
-    return filled
+    return filled | stated_by_joint(filled)

@@ -14,8 +14,11 @@ import pytest
 
 from cjt_gym import EFFECTS, joint_names, read_record
 from cjt_gym.cli import COMMANDS, main
-from cjt_gym.commands.train import environment
+from cjt_gym.commands.train import environment, tell
+from cjt_gym.joint import load_joint
+from cjt_gym.plant.randomization import resolve_randomization
 from cjt_gym.records import Record, record_names, write_record
+from cjt_gym.training.config import load_config
 
 SHORT = ["simulate", "orange_80_6000", "--duration", "0.2"]
 TUNE = ["tune", "pd_feedforward", "--joint"]
@@ -47,6 +50,19 @@ def test_joints_lists_every_effect_with_units_and_ranges(
     assert main(["joints"]) == 0
     text = capsys.readouterr().out
     assert all(name in text for name in (*joint_names(), *EFFECTS))
+    assert len(text.splitlines()) < 60
+
+
+def test_joints_shows_a_joint_and_a_file_of_ones_own(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "sea.toml"
+    path.write_text(SEA + "[effects.coulomb]\n", encoding="utf-8")
+    assert main(["joints", str(path), "orange_80_6000"]) == 0
+    text = capsys.readouterr().out
+    assert "k_b       3000 N m/rad" in text
+    assert "effect coulomb  on" in text
+    assert "sensor q_m  resolution 1.19842e-05 rad" in text
 
 
 def test_joints_shows_the_rows_that_are_named(capsys: pytest.CaptureFixture[str]) -> None:
@@ -111,15 +127,73 @@ def test_the_recorded_reference_is_tracked_and_its_command_can_be_replayed(
     assert read_record(tracked)["tau_ref"] == pytest.approx(read_record(first)["tau_ref"])
 
 
-def test_another_joint_brings_its_own_effects_to_a_training() -> None:
-    env = {"joint": "orange_80_6000", "effects": {"coulomb": {}}, "episode_steps": 500}
-    chosen = Namespace(joint="joint.toml", structure=None, randomization="identified")
-    assert environment(env, chosen) == {
-        "joint": "joint.toml",
-        "episode_steps": 500,
-        "randomization": "identified",
-    }
-    assert environment(env, Namespace(joint=None, structure=None, randomization=None)) == env
+SEA = """
+name = "sea"
+source = "datasheet"
+structure = "output_fixed_rigid_gearbox"
+[parameters]
+I_m = { value = 0.1, unit = "kg m^2" }
+k_b = { value = 3000.0, unit = "N m/rad" }
+n = { value = 50.0, unit = "-" }
+k_t = { value = 0.05, unit = "N m/A" }
+i_p = { value = 20.0, unit = "A" }
+d_cm = { value = 1.5, unit = "N m" }
+[sensors.tau]
+noise = { value = 0.05, unit = "N m" }
+"""
+NO_OPTIONS = {"joint": None, "structure": None, "drive": None, "effect": None, "randomize": None}
+
+
+def test_a_joint_from_a_datasheet_keeps_its_friction_in_a_training(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "sea.toml"
+    path.write_text(SEA, encoding="utf-8")
+    recipe = load_config("ppo_residual").env
+    env = environment(recipe, Namespace(**NO_OPTIONS | {"joint": str(path)}))
+    tell(env, recipe)
+    joint = load_joint(path, env["structure"], effects=env["effects"])
+    assert joint.effects["coulomb"]["d_cm"] == 1.5
+    assert joint.effects["noise"]["tau"] == 0.05
+    assert joint.effects["gear_ripple"]["f"] == (100.0,)
+    assert set(env["randomization"]) >= {"I_m", "k_b", "coulomb.d_cm", "gear_ripple.scale"}
+    told = capsys.readouterr().err
+    assert "effects in force: command_delay" in told
+    assert "unlike in the configuration: cogging, quantization" in told
+    resolve_randomization(joint, env["randomization"])
+
+
+def test_a_diagnosed_joint_brings_its_own_effects_to_a_training(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "joint.toml"
+    path.write_text(SEA + "[effects.coulomb]\n", encoding="utf-8")
+    recipe = {"joint": "orange_80_6000", "effects": {"cogging": {}}, "randomization": "mild"}
+    env = environment(recipe, Namespace(**NO_OPTIONS | {"joint": str(path)}))
+    assert env == {"joint": str(path), "structure": "output_fixed_rigid_gearbox"}
+    tell(env, recipe)
+    told = capsys.readouterr().err
+    assert "effects in force: coulomb; its file knows, but they are off: noise" in told
+    assert "unlike in the configuration: cogging" in told
+    assert "Nothing varies" in told
+    asked = {"joint": str(path), "randomize": "identified", "effect": ["noise"]}
+    env = environment(recipe, Namespace(**NO_OPTIONS | asked))
+    assert (env["effects"], env["randomization"]) == ({"noise": {}}, "identified")
+    assert environment(recipe, Namespace(**NO_OPTIONS)) == recipe
+
+
+def test_effects_in_force_are_stated_and_typical_values_are_offered(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = ["--out", str(tmp_path / "a.npz")]
+    assert main([*SHORT, "--effect", "cogging", *out]) == 2
+    assert "--effect cogging=typical" in capsys.readouterr().err
+    assert main([*SHORT, "--effect", "cogging=typical", "--json", *out]) == 0
+    told = capsys.readouterr()
+    assert list(json.loads(told.out)["effects"]) == ["cogging"]
+    assert "effects in force: cogging; its file knows, but they are off: coulomb" in told.err
+    assert main([*SHORT, "--effect", "none", "--randomize", "mild", "--json", *out]) == 0
+    assert json.loads(capsys.readouterr().out)["effects"] == {}
 
 
 @pytest.mark.parametrize(

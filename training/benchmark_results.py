@@ -51,6 +51,7 @@ def _pool(rows: Sequence[Result], same: Sequence[Result], task: str) -> dict[str
     merged["nrmse"] = rmse / math.sqrt(power) if power > 0.0 else None
     merged["effort_rms"] = float(np.sqrt(np.mean(np.square([row["effort_rms"] for row in rows]))))
     merged["episodes"] = len(squares)
+    merged["effects"] = same[0]["effects"]
     merged["ci95"] = list(bootstrap_rms(squares))
     return merged
 
@@ -100,7 +101,17 @@ def write_benchmark(results: Sequence[Result], out: Path, facts: Sequence[str]) 
     parts = [table(rows)]
     for (joint, structure), ranked in places.items():
         parts += ["", f"Ranking on {joint}, {structure}", align(ranking_cells(ranked))]
+        parts.append(effects_in_force(results, joint, structure))
     return "\n".join(parts)
+
+
+def effects_in_force(results: Sequence[Result], joint: str, structure: str) -> str:
+    """Say which effects acted on a joint."""
+    cells = [
+        r for r in results if (r["cell"]["joint"], r["cell"]["structure"]) == (joint, structure)
+    ]
+    names = next(r["effects"] for r in cells if r["status"] == "done")
+    return f"Effects in force: {', '.join(names) or 'none'}"
 
 
 def _group(

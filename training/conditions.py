@@ -10,9 +10,12 @@ import numpy as np
 
 from cjt_gym.envs.settings import default_amplitude
 from cjt_gym.errors import unknown_name
-from cjt_gym.joint import load_joint_file
+from cjt_gym.joint import EFFECTS, get_structure, load_joint_file
 from cjt_gym.signals import Signal, make_signals
 
+USUAL_STRUCTURE = "output_fixed_rigid_gearbox"
+FULLY_KNOWN = "orange_80_6000"
+"""A joint of which everything is known that `realistic_effects` asks for."""
 COGGING_SHARE = 0.003
 RIPPLE_SHARE = 0.02
 TASKS = ("step", "chirp", "multisine", "smooth")
@@ -41,7 +44,7 @@ class Conditions:
     """
 
     joint: str
-    structure: str = "output_fixed_rigid_gearbox"
+    structure: str = USUAL_STRUCTURE
     drive: str = "current"
     effects: Any = None
     randomization: Mapping[str, Any] = field(default_factory=dict)
@@ -71,7 +74,8 @@ def realistic_effects(joint: str) -> dict[str, dict[str, Any]]:
 
     Friction and sensors as the joint file has them; cogging with 2 p periods per rotor turn and
     0.36 % of the peak torque; a gear ripple of 2.2 % with two periods per rotor turn; 1 ms of
-    delay each of command and measurement; velocities differentiated below 200 Hz.
+    delay each of command and measurement; velocities differentiated below 200 Hz. What the file
+    lists under [effects.*] holds instead, and stands for what it excludes.
     """
     file = load_joint_file(joint)
     p = file.parameters
@@ -89,7 +93,9 @@ def realistic_effects(joint: str) -> dict[str, dict[str, Any]]:
     for name, key in (("noise", "noise"), ("quantization", "resolution")):
         if any(key in known for known in file.sensors.values()):
             effects[name] = {}
-    return effects | {name: dict(values) for name, values in file.effects.items()}
+    rivals = {other for name in file.effects for other in EFFECTS[name].excludes}
+    kept = {name: values for name, values in effects.items() if name not in rivals}
+    return kept | {name: dict(values) for name, values in file.effects.items()}
 
 
 def realistic_randomization(joint: str, effects: Mapping[str, Any]) -> dict[str, Any]:
@@ -110,12 +116,68 @@ def realistic_randomization(joint: str, effects: Mapping[str, Any]) -> dict[str,
 
 
 def realistic_conditions(
-    joint: str, structure: str = "output_fixed_rigid_gearbox", **others: Any
+    joint: str,
+    structure: str = USUAL_STRUCTURE,
+    *,
+    effects: Mapping[str, Any] | None = None,
+    randomization: str | None = None,
+    **others: Any,
 ) -> Conditions:
-    """Return conditions with `realistic_effects` and `realistic_randomization`."""
-    effects = realistic_effects(joint)
-    spec = realistic_randomization(joint, effects)
-    return Conditions(joint, structure, effects=effects, randomization=spec, **others)
+    """Return conditions for a comparison.
+
+    Args:
+        joint: Name of the joint, or path of its file.
+        structure: Its structure.
+        effects: What makes it non-ideal; None for `realistic_effects`.
+        randomization: Preset of what every episode draws anew; None for
+            `realistic_randomization`.
+        **others: Other arguments of `Conditions`.
+    """
+    effects = realistic_effects(joint) if effects is None else effects
+    varying: dict[str, Any] = {"preset": randomization}
+    if randomization is None:
+        varying = realistic_randomization(joint, effects)
+    return Conditions(joint, structure, effects=effects, randomization=varying, **others)
+
+
+def transferred(env: Mapping[str, Any], joint: str) -> dict[str, Any]:
+    """Return the arguments of an environment that was described for one joint, for another one.
+
+    Structure and drive are those of the other joint's file where it states them. Where it lists
+    effects, these act, and nothing varies. A file without any, as one from a datasheet, takes over
+    the effects by name, with its own numbers or those of `realistic_effects`, and what varies;
+    what cannot act in it, or of which nothing is known, is left out.
+
+    Args:
+        env: Arguments of an environment, with structure and drive as they shall be if the file
+            states none.
+        joint: Name of the other joint, or path of its file.
+    """
+    file = load_joint_file(joint)
+    moved = {**env, "joint": joint}
+    effects, varying = moved.pop("effects", None), moved.pop("randomization", None)
+    for key in ("structure", "drive"):
+        if getattr(file, key) is not None:
+            moved[key] = getattr(file, key)
+    if file.effects or effects is None:
+        return moved
+    if isinstance(effects, str) or not isinstance(effects, Mapping):
+        effects = dict.fromkeys([effects] if isinstance(effects, str) else effects)
+    usual, known = realistic_effects(joint), realistic_effects(FULLY_KNOWN)
+    structure = get_structure(moved.get("structure", USUAL_STRUCTURE))
+    moved["effects"] = {
+        name: usual.get(name, values or {})
+        for name, values in effects.items()
+        if (name in usual or name not in known)
+        and EFFECTS[name].acts_in(structure, moved.get("drive", "current"))
+    }
+    if isinstance(varying, Mapping):
+        varying = {
+            name: row
+            for name, row in varying.items()
+            if name.partition(".")[0] in moved["effects"] or name in file.parameters
+        }
+    return moved if varying is None else {**moved, "randomization": varying}
 
 
 def task_reference(task: str, amplitude: float) -> Signal:

@@ -24,9 +24,15 @@ from numpy.typing import NDArray
 from cjt_gym.analysis import Loop, figures_of, probe_law, probe_plant, stiffest_rendered
 from cjt_gym.errors import ConfigurationError, SimulationError, unknown_name
 from cjt_gym.joint import get_structure, load_joint_file
+from cjt_gym.joint.effect_words import parse_effects
 from cjt_gym.training.benchmark import make_agents
 from cjt_gym.training.code_hash import code_hash
-from cjt_gym.training.conditions import BANDWIDTH_HIGH, BANDWIDTH_LOW, realistic_conditions
+from cjt_gym.training.conditions import (
+    BANDWIDTH_HIGH,
+    BANDWIDTH_LOW,
+    Conditions,
+    realistic_conditions,
+)
 from cjt_gym.training.evaluate import Evaluation, check_episodes, evaluate
 from cjt_gym.training.metrics import (
     command_above,
@@ -62,6 +68,11 @@ class Cell:
         seed: Which held-out episodes.
         episodes: Of each task.
         amplitude: Of the references [N m]; None for that of the joint.
+        drive: Its drive.
+        effects: What makes the joint non-ideal, as a command line writes it; None for
+            `realistic_effects`.
+        randomization: Preset of what every episode draws anew; None for
+            `realistic_randomization`.
     """
 
     agent: str
@@ -72,6 +83,20 @@ class Cell:
     seed: int = 0
     episodes: int = 32
     amplitude: float | None = None
+    drive: str = "current"
+    effects: tuple[str, ...] | None = None
+    randomization: str | None = None
+
+    def conditions(self) -> Conditions:
+        """Return the conditions of the comparison."""
+        return realistic_conditions(
+            self.joint,
+            self.structure,
+            effects=parse_effects(self.effects),
+            randomization=self.randomization,
+            drive=self.drive,
+            torque_amplitude=self.amplitude,
+        )
 
     def key(self) -> str:
         """Return a name that changes with everything that the result depends on.
@@ -113,9 +138,8 @@ def run_cell(cell: Cell) -> dict[str, Any]:
     base: dict[str, Any] = {"cell": asdict(cell), "agent": agent.name}
     base |= {"kind": agent.kind, "renders": agent.renders}
     try:
-        conditions = realistic_conditions(
-            cell.joint, cell.structure, torque_amplitude=cell.amplitude
-        )
+        conditions = cell.conditions()
+        base["effects"] = list(joint_of(conditions).effects)
         found = evaluate(agent, conditions, cell.tasks, cell.episodes, cell.seed)
         linear = _linear(cell, agent)
     except SimulationError as error:
@@ -185,7 +209,7 @@ def _linear(cell: Cell, agent: Agent) -> dict[str, Any] | None:
         or "k_b" not in get_structure(cell.structure).needed_parameters
     ):
         return None
-    conditions = realistic_conditions(cell.joint, cell.structure, torque_amplitude=cell.amplitude)
+    conditions = cell.conditions()
     joint = joint_of(conditions)
     law = probe_law(
         agent.base()["base_controller"](joint, conditions.dt_control), joint, conditions.dt_control
@@ -325,6 +349,7 @@ def make_cells(
     seeds: Sequence[int],
     episodes: int,
     amplitude: float | None = None,
+    **others: Any,
 ) -> list[Cell]:
     """Return the cells of a grid.
 
@@ -337,6 +362,7 @@ def make_cells(
         seeds: Blocks of held-out episodes.
         episodes: Of each task and seed.
         amplitude: Of the references [N m]; None for that of each joint.
+        **others: Drive, effects and randomization, see `Cell`.
 
     Raises:
         ConfigurationError: There is no agent, two have the same name, or a task exists nowhere.
@@ -355,7 +381,7 @@ def make_cells(
             )
     check_episodes(episodes, min(seeds))
     return [
-        Cell(word, is_policy, joint, structure, kept_tasks, seed, episodes, amplitude)
+        Cell(word, is_policy, joint, structure, kept_tasks, seed, episodes, amplitude, **others)
         for joint in joints
         for structure in structures
         for (word, is_policy), agent in zip(words, agents, strict=True)

@@ -16,6 +16,7 @@ from typing import Any
 
 from cjt_gym.errors import CjtGymError, ConfigurationError, MissingFileError
 from cjt_gym.joint import Joint, load_joint_file
+from cjt_gym.joint.effect_words import plain_effects
 from cjt_gym.plant.randomization import resolve_randomization
 from cjt_gym.training.config import (
     VALIDATION_SEEDS,
@@ -173,6 +174,8 @@ def _facts(config: TrainConfig, joint: Joint) -> dict[str, Any]:
         "validation_seeds": VALIDATION_SEEDS,
         "joint": joint.parameters.name,
         "structure": joint.structure,
+        "drive": joint.drive,
+        "effects": plain_effects(joint.effects),
         "parameter_hash": joint.file.hash_hex(),
         "versions": versions(),
         "git_revision": git_revision(),

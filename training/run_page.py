@@ -77,6 +77,8 @@ def _levels(controllers: Sequence[Evaluation]) -> dict[str, float]:
 
 def _origin(facts: dict[str, Any]) -> list[list[str]]:
     rows = [["begun", facts["begun"]], ["seed", str(facts["seed"])]]
+    if "effects" in facts:
+        rows += [["effects in force", ", ".join(facts["effects"]) or "none"]]
     rows += [["git revision", str(facts["git_revision"])]]
     rows += [["parameter hash", facts["parameter_hash"][:16]]]
     return rows + [[name, number] for name, number in facts["versions"].items()]

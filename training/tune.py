@@ -31,7 +31,8 @@ from cjt_gym.envs.core import Episodes
 from cjt_gym.envs.torque_tracking import complete
 from cjt_gym.errors import ConfigurationError, SimulationError, unknown_name
 from cjt_gym.joint import Joint
-from cjt_gym.training.conditions import TASKS, realistic_conditions
+from cjt_gym.joint.effect_words import parse_effects
+from cjt_gym.training.conditions import TASKS, Conditions, realistic_conditions
 from cjt_gym.training.gains import Choice
 from cjt_gym.training.metrics import squared_errors
 from cjt_gym.training.rollout import Agent, ControllerAgent, joint_of, run_episodes
@@ -67,6 +68,11 @@ class Search:
             ones compare the best with the designed gains.
         limits: What the loop must keep.
         dt: Sample time [s].
+        drive: Its drive.
+        effects: What makes the joint non-ideal, as a command line writes it; None for
+            `realistic_effects`.
+        randomization: Preset of what every episode draws anew; None for
+            `realistic_randomization`.
 
     Raises:
         UnknownNameError: There is no such controller.
@@ -81,6 +87,20 @@ class Search:
     episodes: int = 32
     limits: Limits = Limits()  # noqa: RUF009 - frozen
     dt: float = 1e-3
+    drive: str = "current"
+    effects: tuple[str, ...] | None = None
+    randomization: str | None = None
+
+    def conditions(self) -> Conditions:
+        """Return the conditions of the search."""
+        return realistic_conditions(
+            self.joint,
+            self.structure,
+            effects=parse_effects(self.effects),
+            randomization=self.randomization,
+            drive=self.drive,
+            dt_control=self.dt,
+        )
 
     def __post_init__(self) -> None:
         if self.controller not in CONTROLLERS:
@@ -148,6 +168,8 @@ class Outcome:
         return {
             "joint": s.joint,
             "structure": s.structure,
+            "drive": s.drive,
+            "effects": list(joint_of(s.conditions()).effects),
             "dt": s.dt,
             "budget": s.budget,
             "seed": s.seed,
@@ -199,7 +221,7 @@ class Problem:
     def __init__(self, search: Search) -> None:
         """Prepare the joint, its linear model and the errors of the open loop."""
         self.search = search
-        usual = realistic_conditions(search.joint, search.structure, dt_control=search.dt)
+        usual = search.conditions()
         self.conditions = replace(usual, torque_amplitude=usual.amplitude)
         self.joint: Joint = joint_of(self.conditions)
         self.plant: LinearPlant = probe_plant(self.joint, search.dt)

@@ -35,7 +35,7 @@ from cjt_gym.canbus.protocols.contract import Settings
 from cjt_gym.canbus.safety import SafetyLimits
 from cjt_gym.canbus.tables import Table, check_keys, flag, number, quantity, text, whole
 from cjt_gym.errors import ConfigurationError, MissingFileError
-from cjt_gym.joint import Joint, load_joint
+from cjt_gym.joint import Joint, load_joint, load_joint_file
 from cjt_gym.joint.configure import EffectSpec
 from cjt_gym.plant import limits_of
 
@@ -254,7 +254,8 @@ def _joint(table: object, owner: str, folder: Path) -> tuple[Joint, str, EffectS
     name = text(given, "file", owner)
     beside = folder / name
     known = str(beside) if name.endswith(".toml") and beside.is_file() else name
-    structure = text(given, "structure", owner, "output_fixed_rigid_gearbox")
+    usual = load_joint_file(known).structure or "output_fixed_rigid_gearbox"
+    structure = text(given, "structure", owner, usual)
     effects = given.get("effects", [])
     if not isinstance(effects, list | Mapping):
         raise ConfigurationError(

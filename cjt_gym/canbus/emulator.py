@@ -46,11 +46,8 @@ def emulated_joint(config: HardwareConfig, effects: Any = None) -> Joint:
         effects: What it has instead of the effects of the configuration.
     """
     nominal, wanted = config.joint, config.effects if effects is None else effects
-    given: dict[str, Any] = {}
-    if isinstance(wanted, Mapping):
-        given = {name: dict(values or {}) for name, values in wanted.items()}
-    else:
-        given = {name: {} for name in wanted or ()}
+    listed = wanted if isinstance(wanted, Mapping) else dict.fromkeys(wanted or ())
+    given: dict[str, Any] = dict(listed)
     for effect, key in (("noise", "noise"), ("quantization", "resolution")):
         if any(key in known for known in nominal.file.sensors.values()):
             given.setdefault(effect, {})

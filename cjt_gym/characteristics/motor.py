@@ -29,7 +29,7 @@ def torque_per_ampere(p: JointParameters) -> float:
     Raises:
         ParameterError: The joint lacks one of them, or its amplifier takes volts.
     """
-    if p.unit("k_t").endswith("/V"):
+    if p.takes_volts:
         raise ParameterError(
             f"k_t of {p.origin} is in {p.unit('k_t')}, torque per volt of an amplifier; current, "
             "heat and power do not follow from it. Give it in N m/A or N/A."

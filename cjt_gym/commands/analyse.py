@@ -12,11 +12,18 @@ from pathlib import Path
 from cjt_gym.analysis import identify
 from cjt_gym.analysis.open_loop import INPUTS
 from cjt_gym.baselines import make_controller
-from cjt_gym.commands.simulate import USUAL, parse_effects
+from cjt_gym.commands.joint_options import (
+    add_conditions,
+    add_joint,
+    check_joint,
+    chosen_joint,
+    structures_of,
+    tell_effects,
+)
 from cjt_gym.datasheet import FORMATS, check_format, write_sheet
 from cjt_gym.datasheet.linear import Case, analyse_case, linear_sheet
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.joint import DRIVES, STRUCTURES, Joint, load_joint
+from cjt_gym.joint import Joint
 from cjt_gym.joint.linear import OUTPUTS
 
 DT, HIGHEST = 1e-3, 200.0
@@ -29,17 +36,14 @@ LONGEST = 0.1
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add joints, structures, and from where to where."""
     add = parser.add_argument
-    add("joints", metavar="JOINT", nargs="+", help="names of joints, or paths of joint files")
-    text = f"one or several of {', '.join(STRUCTURES)}; default: {USUAL}"
-    add("--structure", nargs="+", default=[USUAL], metavar="S", help=text)
-    add("--drive", default="current", help=f"{', '.join(DRIVES)}; one with a voltage for v")
+    add_joint(parser, several=True)
+    add_conditions(parser, several=True, draws=False)
     add("--input", default="tau_m", help=f"{', '.join(INPUTS)}; default: tau_m")
     add("--output", default="tau", help=f"{', '.join(OUTPUTS)}; default: tau")
     add("--dt", type=float, help="sample time of an input that is held [s]; default: continuous")
     text = "measure the response of the joint with its effects, too: rms of the multisine of motor "
     text += f"torque [N m]; torques are held for --dt, {DT:g} s unless given"
     add("--identify", type=float, metavar="RMS", help=text)
-    add("--effect", nargs="+", metavar="E", help="effects of the measured joint, as in simulate")
     add("--seed", type=int, default=0, help="of the multisine and the noise, default 0")
     text = f"file to write ({', '.join(FORMATS)}); may be left out with --json"
     add("--out", type=Path, metavar="FILE", help=text)
@@ -47,6 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Analyse, write the sheet, and print the figures where they are asked for."""
+    check_joint(options.joints)
     if options.out is None and not options.json:
         raise ConfigurationError(
             f"--out FILE is needed ({', '.join(FORMATS)}), or --json for the figures alone."
@@ -70,6 +75,8 @@ def run(options: argparse.Namespace) -> None:
     if options.out is not None:
         sheet = linear_sheet(cases, options.input, options.output, dt)
         written = write_sheet(sheet, options.out)
+    for case in cases if options.identify is not None else ():
+        tell_effects(case.joint)
     if not options.json:
         sys.stdout.write(" ".join(str(path) for path in written) + "\n")
         return
@@ -96,12 +103,11 @@ def check_rms(rms: float, joint: Joint) -> None:
 
 
 def _cases(options: argparse.Namespace, dt: float) -> Iterator[Case]:
-    effects = parse_effects(options.effect)
     for name in options.joints:
-        for structure in options.structure:
-            joint = load_joint(name, structure, options.drive, effects)
-            label = joint.file.name if len(options.structure) == 1 else f"{joint.file.name}, "
-            label += "" if len(options.structure) == 1 else structure
+        structures = structures_of(name, options.structure)
+        for structure in structures:
+            joint = chosen_joint(options, name, structure)
+            label = joint.file.name + (f", {structure}" if len(structures) > 1 else "")
             seen = None
             if options.identify is not None:
                 check_rms(options.identify, joint)

@@ -10,12 +10,20 @@ from typing import Any
 
 from cjt_gym import __version__
 from cjt_gym.baselines import CONTROLLERS
+from cjt_gym.commands.joint_options import (
+    add_conditions,
+    check_randomize,
+    drive_of,
+    effect_words,
+    structures_of,
+    tell_effects,
+)
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.joint import STRUCTURES
+from cjt_gym.joint.effect_words import parse_effects
 from cjt_gym.training.grid import BACKENDS, Cell, make_cells, run_grid
+from cjt_gym.training.rollout import joint_of
 from cjt_gym.training.tasks import BENCHMARK_TASKS
 
-USUAL = "output_fixed_rigid_gearbox"
 ALL = "all"
 
 
@@ -23,7 +31,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add what to compare, on what, where to run it, and where to write it."""
     add = parser.add_argument
     add("--joint", nargs="+", required=True, metavar="J", help="joints, or paths of joint files")
-    add("--structure", nargs="+", default=[USUAL], metavar="S", help=", ".join(STRUCTURES))
+    text = "friction, sensors and what the joint file lists, ripple, delays (docs/benchmark.md)"
+    add_conditions(parser, several=True, effects=text)
     text = f"{', '.join(CONTROLLERS)}, gain files of `cjt-gym tune`, or {ALL}"
     add("--controller", nargs="+", default=[], metavar="C", help=text)
     add(
@@ -49,6 +58,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> None:
     """Compare; write rows, ranking and report; print the table."""
     cells = _cells(options)
+    for conditions in {(c.joint, c.structure): c.conditions() for c in cells}.values():
+        tell_effects(joint_of(conditions))
     from cjt_gym.training.benchmark_results import merge, write_benchmark
 
     progress = Progress(len(cells))
@@ -65,25 +76,41 @@ def _cells(options: argparse.Namespace) -> list[Cell]:
     controllers = list(CONTROLLERS) if options.controller == [ALL] else options.controller
     if options.seeds < 1:
         raise ConfigurationError(f"--seeds must be >= 1, got {options.seeds}.")
-    tasks = options.task
-    if tasks is None:
-        tasks = [
-            name
-            for name, row in BENCHMARK_TASKS.items()
-            if any(row.applies(structure) for structure in options.structure)
-        ]
-        if not controllers:
-            tasks = [name for name in tasks if not BENCHMARK_TASKS[name].classical_only]
-    return make_cells(
-        controllers,
-        options.policy,
-        options.joint,
-        options.structure,
-        tasks,
-        range(options.seed, options.seed + options.seeds),
-        options.episodes,
-        options.amplitude,
-    )
+    words = effect_words(options)
+    asked = {
+        "effects": None if words is None else tuple(words),
+        "randomization": check_randomize(options),
+    }
+    parse_effects(words)
+    cells = []
+    for joint in options.joint:
+        structures = structures_of(joint, options.structure)
+        cells += make_cells(
+            controllers,
+            options.policy,
+            [joint],
+            structures,
+            _tasks(options, structures, bool(controllers)),
+            range(options.seed, options.seed + options.seeds),
+            options.episodes,
+            options.amplitude,
+            drive=drive_of(joint, options.drive),
+            **asked,
+        )
+    return cells
+
+
+def _tasks(options: argparse.Namespace, structures: list[str], has_controllers: bool) -> list[str]:
+    if options.task is not None:
+        return list(options.task)
+    tasks = [
+        name
+        for name, row in BENCHMARK_TASKS.items()
+        if any(row.applies(structure) for structure in structures)
+    ]
+    if has_controllers:
+        return tasks
+    return [name for name in tasks if not BENCHMARK_TASKS[name].classical_only]
 
 
 class Progress:
@@ -116,15 +143,20 @@ def _tell(results: list[dict[str, Any]]) -> None:
 
 
 def _facts(options: argparse.Namespace, results: list[dict[str, Any]]) -> list[str]:
+    from cjt_gym.training.benchmark_results import effects_in_force
+
     seeds = f"seed {options.seed}" if options.seeds == 1 else f"{options.seeds} seeds"
-    places = [counted(options.joint, "joint"), counted(options.structure, "structure")]
     done = [r for r in results if r["status"] == "done"]
+    places = list(dict.fromkeys((r["cell"]["joint"], r["cell"]["structure"]) for r in done))
+    joints, structures = (list(dict.fromkeys(names)) for names in zip(*places, strict=True))
+    counts = [counted(joints, "joint"), counted(structures, "structure")]
     agents = len({r["agent"] for r in done})
     return [
-        f"{agents} controllers and policies, {', '.join(places)}, {options.episodes} episodes of "
+        f"{agents} controllers and policies, {', '.join(counts)}, {options.episodes} episodes of "
         f"each task and seed, {seeds}. All meet the same joints, references and noise. Every "
         "episode draws its own parameters, from seeds that neither training nor tuning uses. "
         f"cjt-gym {__version__}.",
+        *(f"{joint}, {s}. {effects_in_force(results, joint, s)}." for joint, s in places),
     ]
 
 

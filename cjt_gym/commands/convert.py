@@ -1,4 +1,4 @@
-"""`cjt-gym convert`: logs and traces into records, and records into other formats."""
+"""`cjt-gym convert`: logs and traces into records, records into other formats, joints into TOML."""
 
 from __future__ import annotations
 
@@ -7,24 +7,37 @@ import json
 import sys
 from pathlib import Path
 
+from cjt_gym.errors import ConfigurationError
+from cjt_gym.joint import to_toml
+from cjt_gym.joint.files import TOOLBOX_SUFFIX
+from cjt_gym.joint.toolbox_files import read_toolbox
 from cjt_gym.records import FORMATS, Record, Repair, read_log, write_record
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add what to read, how to understand it, and where to write it."""
     add = parser.add_argument
-    add("log", metavar="LOG", help=f"a record or a log ({', '.join(FORMATS)})")
+    text = f"a record or a log ({', '.join(FORMATS)}), or a parameter file of the toolbox "
+    add("log", metavar="LOG|JOINT.m", help=f"{text}({TOOLBOX_SUFFIX})")
     text = "which column is which: a TOML file; default: LOG's name with .map.toml, beside it"
     add("--mapping", metavar="FILE.toml", help=text)
     text = "configuration of a joint, as for hardware: LOG is a trace of its bus, read by the "
     text += "protocols of its nodes"
     add("--bus", metavar="CONFIG.toml", help=text)
+    text = "joint from which comes what JOINT.m leaves open; generic has the toolbox's defaults"
+    add("--defaults", metavar="JOINT", help=text)
     endings = ", ".join(ending for ending, form in FORMATS.items() if form.write is not None)
-    add("--out", type=Path, required=True, metavar="RECORD", help=f"file to write ({endings})")
+    text = f"file to write ({endings}; .toml for a joint)"
+    add("--out", type=Path, required=True, metavar="FILE", help=text)
 
 
 def run(options: argparse.Namespace) -> None:
     """Read, repair, write, and say what was repaired."""
+    if Path(options.log).suffix == TOOLBOX_SUFFIX:
+        _write_joint(options)
+        return
+    if options.defaults is not None:
+        raise ConfigurationError(f"--defaults is for a joint (.m), got the log {options.log}.")
     records, repairs = _read(options)
     paths = [
         write_record(record, _numbered(options.out, k, len(records)))
@@ -42,6 +55,18 @@ def run(options: argparse.Namespace) -> None:
         sys.stderr.write(f"{repair}\n")
     for path, record in zip(paths, records, strict=True):
         sys.stdout.write(f"{path}: {len(record)} samples of {', '.join(record.columns)}\n")
+
+
+def _write_joint(options: argparse.Namespace) -> None:
+    if options.out.suffix != ".toml":
+        raise ConfigurationError(f"--out of a joint must end in .toml, got {options.out}.")
+    file = read_toolbox(options.log, options.defaults)
+    options.out.write_text(to_toml(file), encoding="utf-8")
+    count = len(file.parameters.quantities)
+    if options.json:
+        sys.stdout.write(json.dumps({"joint": str(options.out), "parameters": count}) + "\n")
+    else:
+        sys.stdout.write(f"{options.out}: {count} parameters\n")
 
 
 def _read(options: argparse.Namespace) -> tuple[tuple[Record, ...], tuple[Repair, ...]]:

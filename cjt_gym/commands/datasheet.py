@@ -7,6 +7,7 @@ import json
 import sys
 from pathlib import Path
 
+from cjt_gym.commands.joint_options import add_joint, check_joint
 from cjt_gym.datasheet import FORMATS, check_format, make_sheet, quantities, write_sheet
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import load_joint_file
@@ -14,14 +15,14 @@ from cjt_gym.joint import load_joint_file
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the joints and the file to write."""
-    text = "name of a joint, or path of a joint file; several are compared"
-    parser.add_argument("joints", metavar="JOINT", nargs="+", help=text)
+    add_joint(parser, several=True)
     text = f"file to write ({', '.join(FORMATS)}); may be left out with --json"
     parser.add_argument("--out", type=Path, metavar="FILE", help=text)
 
 
 def run(options: argparse.Namespace) -> None:
     """Write the sheet, and print its numbers where they are asked for."""
+    check_joint(options.joints)
     if options.out is None and not options.json:
         raise ConfigurationError(
             f"--out FILE is needed ({', '.join(FORMATS)}), or --json for the numbers alone."

@@ -11,11 +11,20 @@ from dataclasses import replace
 from pathlib import Path
 
 from cjt_gym.commands.in_the_loop import InTheLoop, agents_for, in_the_loop
+from cjt_gym.commands.joint_options import asked_effects
 from cjt_gym.errors import ConfigurationError, RecordError
 from cjt_gym.gap import Diagnosis, diagnose
 from cjt_gym.gap.orient import orient
 from cjt_gym.gap.report import WIDTH, summary, write_report
-from cjt_gym.joint import STRUCTURES, JointFile, get_structure, load_joint_file, to_toml
+from cjt_gym.joint import (
+    STRUCTURES,
+    JointFile,
+    get_structure,
+    load_joint,
+    load_joint_file,
+    to_toml,
+)
+from cjt_gym.joint.build import file_of
 from cjt_gym.records import Record, Repair, read_log, record_names
 
 SECONDS, WINDOW = 60.0, 10.0
@@ -39,7 +48,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         f"nominal joint: a name or a file; default: what the record names, or {NOMINAL} beside it"
     )
     add("--joint", metavar="JOINT|FILE.toml", help=text)
-    add("--structure", metavar="S", help=f"{', '.join(STRUCTURES)}; default: what the record says")
+    text = f"{', '.join(STRUCTURES)}; default: what the record or the joint file says"
+    add("--structure", metavar="S", help=text)
+    text = "exactly these effects of the nominal joint, as in simulate; default: those of its file"
+    add("--effect", nargs="+", metavar="E", help=text)
     text = "records with other excitation, on which the findings are tested"
     add("--validate", nargs="+", default=[], metavar="RECORD", help=text)
     add("--mapping", metavar="FILE", help="TOML file that says which column is what, in which unit")
@@ -64,12 +76,14 @@ def run(options: argparse.Namespace) -> None:
     fitted, notes = _read(options.records, options)
     held, more = _read(options.validate, options)
     joint = _nominal(fitted[0], options.joint)
-    structure = options.structure or fitted[0].structure
+    file = load_joint_file(joint)
+    structure = options.structure or fitted[0].structure or file.structure
     if structure is None:
         raise ConfigurationError(
             f"{fitted[0].owner} names no structure. Give one: --structure {' | '.join(STRUCTURES)}."
         )
-    file = load_joint_file(joint)
+    if options.effect is not None:
+        file = file_of(load_joint(joint, structure, effects=asked_effects(options)))
     fitted, turned = _oriented(fitted, file, structure)
     held, also = _oriented(held, file, structure)
     folder = options.out or Path("diagnosis") / Path(options.records[0]).stem

@@ -18,7 +18,7 @@ from cjt_gym.canbus.hidden import draw_hidden
 from cjt_gym.canbus.link import quiet_machine
 from cjt_gym.canbus.ports import open_port
 from cjt_gym.canbus.ports.port import Port
-from cjt_gym.commands.simulate import parse_effects
+from cjt_gym.commands.joint_options import asked_effects
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import EFFECTS
 
@@ -34,7 +34,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--hidden-seed", type=int, metavar="N", help=text)
     text = "write what the joint really has to this JSON file, to look at afterwards"
     add("--truth", type=Path, metavar="FILE", help=text)
-    text = f"effects instead of the file's: name or name.parameter=value ({', '.join(EFFECTS)})"
+    text = "effects instead of the file's: name, name=typical or name.parameter=value "
+    text += f"({', '.join(EFFECTS)})"
     add("--effect", nargs="+", metavar="E", help=text)
     add("--speed", type=float, help="time of the joint over that of the clock, default 1")
     add("--latency", type=float, help="time that a frame takes [s], default 0")
@@ -52,7 +53,7 @@ def run(options: argparse.Namespace) -> None:
         raise ConfigurationError(f"--hidden-seed must be >= 0, got {options.hidden_seed}.")
     if options.hidden_seed is not None and options.effect is not None:
         raise ConfigurationError("Give --hidden-seed or --effect, not both.")
-    effects: Any = parse_effects(options.effect)
+    effects: Any = asked_effects(options)
     if options.hidden_seed is not None:
         effects = draw_hidden(config.joint, options.hidden_seed)
     joint = emulated_joint(config, effects)

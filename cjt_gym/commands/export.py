@@ -7,9 +7,8 @@ import json
 import sys
 from pathlib import Path
 
-from cjt_gym.commands.simulate import parse_effects
+from cjt_gym.commands.joint_options import add_conditions, chosen_joint, tell_effects
 from cjt_gym.export import TARGETS, Export, to_isaaclab, to_mujoco
-from cjt_gym.joint import DRIVES, STRUCTURES, load_joint
 
 FORMS = ("onnx", "numpy", "c")
 """Forms of an exported policy."""
@@ -22,10 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("source", metavar="JOINT|RUN", help=text)
     text = f"simulator for a joint: {', '.join(TARGETS)}; form of a policy: {', '.join(FORMS)}"
     add("--to", required=True, choices=[*TARGETS, *FORMS], help=text)
-    add("--structure", default="output_fixed_rigid_gearbox", help=", ".join(STRUCTURES))
-    add("--drive", default="current", help=", ".join(DRIVES))
-    text = "effects, by name or name.parameter=value; default: those of the joint file"
-    add("--effect", nargs="+", metavar="E", help=text)
+    add_conditions(parser, draws=False)
     add("--timestep", type=float, help="of the simulation that will use it [s]")
     text = "mujoco: leave out the dcmotor, which versions before 4 lack"
     add("--without-dcmotor", action="store_true", help=text)
@@ -42,14 +38,14 @@ def run(options: argparse.Namespace) -> None:
         text = json.dumps(result.to_dict()) if options.json else result.summary()
         sys.stdout.write(text + "\n")
         return
-    effects = parse_effects(options.effect)
-    joint = load_joint(options.source, options.structure, options.drive, effects)
+    joint = chosen_joint(options, options.source)
     step = {} if options.timestep is None else {"timestep": options.timestep}
     if options.to == "mujoco":
         found = to_mujoco(joint, dcmotor=not options.without_dcmotor, **step)
     else:
         found = to_isaaclab(joint, **step)
     options.out.write_text(found.text, encoding="utf-8")
+    tell_effects(joint)
     if options.json:
         sys.stdout.write(json.dumps({"file": str(options.out), **found.to_dict()}) + "\n")
     else:

@@ -14,18 +14,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.baselines import CONTROLLERS
+from cjt_gym.commands.joint_options import (
+    USUAL,
+    add_conditions,
+    add_joint,
+    asked_effects,
+    check_joint,
+    check_randomize,
+    structure_of,
+    tell_effects,
+)
 from cjt_gym.envs.settings import default_amplitude, default_load
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.joint import DRIVES, EFFECTS, STRUCTURES, Joint, load_joint
+from cjt_gym.joint import Joint, load_joint
 from cjt_gym.joint.arrays import CHANNELS
+from cjt_gym.joint.effect_words import plain_effects
 from cjt_gym.plant import SimulatedPlant
+from cjt_gym.plant.randomization import Randomization
 from cjt_gym.records import FORMATS, Record, read_record, record_names, write_record
 from cjt_gym.signals import Signal, make_signals, sampled_signal, signal_from_file
 from cjt_gym.training.gains import choose
 
 Floats = NDArray[np.float64]
-USUAL, TRACKING, NONE = "output_fixed_rigid_gearbox", "pd_feedforward", "none"
-"""Structure and controller where nothing else is said; the name for no controller at all."""
+TRACKING, NONE = "pd_feedforward", "none"
+"""Controller where nothing else is said; the name for no controller at all."""
 COMMANDS = ("i_cmd", "tau_cmd")
 DT_PHYSICS = 1e-4
 GAINS = ("kp", "kd", "derivative")
@@ -35,12 +47,9 @@ GAINS = ("kp", "kd", "derivative")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add what to simulate, how long, and where to write it."""
     add = parser.add_argument
-    add("joint", metavar="JOINT", help="name of a joint, or path of a joint file")
-    text = f"{', '.join(STRUCTURES)}; default: that of the record given as reference, or {USUAL}"
-    add("--structure", help=text)
-    add("--drive", default="current", help=", ".join(DRIVES))
-    text = "effects to switch on, by name or name.parameter=value; default: those of the joint file"
-    add("--effect", nargs="+", metavar="E", help=f"{text} ({', '.join(EFFECTS)})")
+    add_joint(parser)
+    text = f"that of the record given as reference, of the joint file, or {USUAL}"
+    add_conditions(parser, structure=text)
     text = "step, chirp, multisine, smooth, or a record: tau_ref is tracked, a command replayed"
     add("--reference", default="chirp", help=text)
     add("--amplitude", type=float, help="of the reference [N m]; default: from the joint")
@@ -58,9 +67,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Simulate, write the record and say what came out."""
+    check_joint(options.joint)
+    randomize = check_randomize(options)
     task = _task(options)
     loaded = default_load(options.joint, task.structure, {})
-    effects = parse_effects(options.effect)
+    effects = asked_effects(options)
     joint = load_joint(options.joint, task.structure, options.drive, effects, loaded)
     record = simulate(
         joint,
@@ -70,8 +81,10 @@ def run(options: argparse.Namespace) -> None:
         task.dt,
         options.dt_physics or task.dt / ceil(task.dt / DT_PHYSICS - 1e-9),
         options.seed,
+        randomize,
     )
     path = write_record(record, options.out)
+    tell_effects(joint)
     tracks = "tau_ref" in record
     error = record["tau_ref"] - record["true_tau"] if tracks else np.array([np.nan])
     rmse = float(np.sqrt(np.mean(error**2)))
@@ -79,6 +92,9 @@ def run(options: argparse.Namespace) -> None:
         "record": str(path),
         "samples": len(record),
         "controller": task.controller,
+        "structure": joint.structure,
+        "drive": joint.drive,
+        "effects": plain_effects(joint.effects),
         "rmse": rmse if tracks else None,
         "peak_torque": float(np.abs(record["true_tau"]).max()),
     }
@@ -124,43 +140,14 @@ def _task(options: argparse.Namespace) -> Task:
             f"{what}. Give one as --reference, or a controller: {', '.join(CONTROLLERS)}."
         )
     length = 10.0 if recorded is None else len(recorded) * recorded.dt
+    said = None if recorded is None else recorded.structure
     return Task(
         recorded,
-        options.structure or (recorded and recorded.structure) or USUAL,
+        structure_of(options.joint, options.structure or said),
         controller,
         length if options.duration is None else options.duration,
         options.dt or (1e-3 if recorded is None else recorded.dt),
     )
-
-
-def parse_effects(words: list[str] | None) -> dict[str, dict[str, Any]] | None:
-    """Turn ["coulomb", "command_delay.delay=0.001"] into a mapping of effects to values.
-
-    A series is written with commas: cogging.f=480,960.
-
-    Raises:
-        ConfigurationError: A value is not a number.
-    """
-    if words is None:
-        return None
-    effects: dict[str, dict[str, Any]] = {}
-    for word in words:
-        name, _, rest = word.partition(".")
-        values = effects.setdefault(name, {})
-        if rest:
-            symbol, _, text = rest.partition("=")
-            try:
-                numbers = [float(part) for part in text.split(",")]
-            except ValueError:
-                if symbol not in ("body", "channel"):
-                    raise ConfigurationError(
-                        f"--effect {word} must be name, name.parameter=number or "
-                        "name.parameter=number,number."
-                    ) from None
-                values[symbol] = text
-                continue
-            values[symbol] = numbers[0] if len(numbers) == 1 else tuple(numbers)
-    return effects
 
 
 def _reference(options: argparse.Namespace, task: Task, joint: Joint) -> Signal:
@@ -191,6 +178,7 @@ def simulate(
     dt: float,
     dt_physics: float,
     seed: int,
+    randomize: Randomization = None,
 ) -> Record:
     """Run a joint in closed loop and return the record.
 
@@ -202,14 +190,15 @@ def simulate(
         duration: [s].
         dt: Control step [s].
         dt_physics: Substep [s].
-        seed: Seed of the sensors' noise.
+        seed: Seed of the sensors' noise, and of what is drawn.
+        randomize: What varies about the joint, see `resolve_randomization`.
 
     Returns:
         Row k holds what was true, measured, wanted and commanded at t = k dt.
     """
     if not (np.isfinite(duration) and duration >= dt):
         raise ConfigurationError(f"--duration must be >= one control step, got {duration} s.")
-    plant = SimulatedPlant(joint, 1, dt, dt_physics)
+    plant = SimulatedPlant(joint, 1, dt, dt_physics, randomize)
     choice = choose("open_loop" if controller == NONE else controller)
     law = choice.make(joint, dt)
     law.reset()
@@ -221,6 +210,7 @@ def simulate(
     rows["tau_ref"] = reference.torque(rows["t"])
     rows["tau_cmd"] = np.zeros(samples)
     measured = plant.reset(seed=seed)
+    drawn = {name: float(values[0]) for name, values in plant.drawn().items()}
     for k in range(samples):
         command = law.act(measured, rows["tau_ref"][k : k + 1])
         arrays = plant.batch.arrays
@@ -239,6 +229,8 @@ def simulate(
         "controller": NONE if controller == NONE else choice.controller,
         **gains,
     }
+    if drawn:
+        known["drawn"] = drawn
     if choice.gains:
         known["gains"] = dict(choice.gains)
     return joint.record(rows, dt, seed, reference=reference.kind, **known)

@@ -9,8 +9,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from cjt_gym.commands.joint_options import (
+    USUAL,
+    add_conditions,
+    asked_effects,
+    check_randomize,
+    tell_effects,
+)
 from cjt_gym.errors import ConfigurationError, unknown_name
-from cjt_gym.plant.randomization import PRESETS
+from cjt_gym.joint import load_joint
+from cjt_gym.training.conditions import transferred
 from cjt_gym.training.config import config_names, load_config
 from cjt_gym.training.distributed import train_on_ray
 from cjt_gym.training.run_folder import RunFolder
@@ -26,14 +34,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     names = ", ".join(config_names())
     add("config", metavar="CONFIG.toml", help=f"a file, or one that ships: {names}")
     add("--out", type=Path, required=True, metavar="RUN", help="run folder; a stopped run goes on")
-    text = "joint that replaces the configuration's, with its effects and randomization"
+    text = "joint that replaces the configuration's; it brings its own effects, or takes over "
+    text += "those of the configuration as far as it knows the numbers"
     add("--joint", metavar="JOINT|FILE.toml", help=text)
-    add("--structure", metavar="S", help="replaces the structure of the configuration")
-    add(
-        "--randomization",
-        metavar="PRESET",
-        help=f"replaces its randomization: {', '.join(PRESETS)}",
-    )
+    here = "that of the joint file with --joint, or of the configuration"
+    add_conditions(parser, effects=here, structure=here)
     add("--seed", type=int, help="replaces the seed of the configuration")
     add("--steps", type=int, help="replaces its total_steps")
     text = "train from N seeds into the folders RUN_0, RUN_1 ..., instead of once into RUN"
@@ -45,23 +50,41 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def environment(env: Mapping[str, Any], options: argparse.Namespace) -> dict[str, Any]:
-    """Return a section [env] with what the options replace.
+    """Return a section [env] with what the options replace; see `transferred` for another joint.
 
-    Effects and randomization of a configuration are about its own joint: with another joint the
-    effects are those that its file lists, and nothing varies unless --randomization says so.
+    Raises:
+        CjtGymError: There is no such joint, preset or effect.
     """
-    kept = dict(env)
-    if options.joint is not None:
-        kept.pop("effects", None)
-        kept.pop("randomization", None)
-    given = {name: getattr(options, name) for name in ("joint", "structure", "randomization")}
-    return {**kept, **{name: word for name, word in given.items() if word is not None}}
+    kept = dict(env) if options.joint is None else transferred(env, options.joint)
+    given = {
+        "structure": options.structure,
+        "drive": options.drive,
+        "effects": asked_effects(options),
+        "randomization": check_randomize(options),
+    }
+    return kept | {name: value for name, value in given.items() if value is not None}
+
+
+def tell(env: Mapping[str, Any], before: Mapping[str, Any]) -> None:
+    """Say on standard error what is in force, and what the configuration had besides."""
+    joint = env.get("joint")
+    if not isinstance(joint, str):
+        return
+    asked = {name: env[name] for name in ("drive", "effects") if name in env}
+    told = load_joint(joint, env.get("structure", USUAL), **asked)
+    tell_effects(told)
+    lost = [name for name in before.get("effects") or () if name not in told.effects]
+    if lost:
+        sys.stderr.write(f"Not in force, unlike in the configuration: {', '.join(lost)}\n")
+    if before.get("randomization") and not env.get("randomization"):
+        sys.stderr.write("Nothing varies between episodes; --randomize changes that.\n")
 
 
 def run(options: argparse.Namespace) -> None:
     """Train and say where the run is."""
     config = load_config(options.config)
     env = environment(config.env, options)
+    tell(env, config.env)
     config = config.with_changes(env=env, seed=options.seed, total_steps=options.steps)
     if options.backend not in BACKENDS:
         raise unknown_name("backend", options.backend, BACKENDS)

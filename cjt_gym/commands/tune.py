@@ -14,10 +14,18 @@ from typing import Any
 
 from cjt_gym import __version__
 from cjt_gym.baselines import CONTROLLERS
+from cjt_gym.commands.joint_options import (
+    add_conditions,
+    check_randomize,
+    drive_of,
+    effect_words,
+    structure_of,
+    tell_effects,
+)
 from cjt_gym.errors import ConfigurationError, unknown_name
-from cjt_gym.joint import STRUCTURES
 from cjt_gym.training.gains import read_gains, write_gains
 from cjt_gym.training.grid import BACKENDS, cluster
+from cjt_gym.training.rollout import joint_of
 from cjt_gym.training.tune import Outcome, Search, tune
 from cjt_gym.training.tune_limits import Limits
 
@@ -37,7 +45,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("controller", metavar="CONTROLLER", help=", ".join(CONTROLLERS))
     add("--joint", required=True, help="name of a joint, or path of a joint file")
-    add("--structure", default="output_fixed_rigid_gearbox", help=", ".join(STRUCTURES))
+    text = "friction, sensors and what the joint file lists, ripple, delays (docs/benchmark.md)"
+    add_conditions(parser, effects=text)
     add("--out", type=Path, required=True, metavar="FILE.toml", help="gain file to write")
     add("--budget", type=int, default=200, help="candidates to try, default 200")
     add("--seed", type=int, default=0, help="of the search and its draws, 0 to 99, default 0")
@@ -64,7 +73,9 @@ def _workers(backend: str, jobs: int) -> AbstractContextManager[Any]:
 
 def run(options: argparse.Namespace) -> None:
     """Search, write the gain file, and say what came out. A stopped search goes on."""
+    options.structure = structure_of(options.joint, options.structure)
     check_out(options)
+    asked = effect_words(options)
     limits = Limits(**{limit.name: getattr(options, limit.name) for limit in fields(Limits)})
     search = Search(
         options.controller,
@@ -74,7 +85,11 @@ def run(options: argparse.Namespace) -> None:
         options.seed,
         options.episodes,
         limits,
+        drive=drive_of(options.joint, options.drive),
+        effects=None if asked is None else tuple(asked),
+        randomization=check_randomize(options),
     )
+    tell_effects(joint_of(search.conditions()))
     begun = time.monotonic()
     trials = options.out.with_suffix(".trials.jsonl")
     with _workers(options.backend, options.jobs):
@@ -132,6 +147,12 @@ def command(options: argparse.Namespace) -> str:
     words = ["cjt-gym", "tune", options.controller, "--joint", options.joint]
     words += ["--structure", options.structure, "--budget", str(options.budget)]
     words += ["--seed", str(options.seed), "--episodes", str(options.episodes)]
+    if options.drive is not None:
+        words += ["--drive", options.drive]
+    if options.effect is not None:
+        words += ["--effect", *options.effect]
+    if options.randomize is not None:
+        words += ["--randomize", options.randomize]
     for limit in fields(Limits):
         value = getattr(options, limit.name)
         if value != limit.default:

@@ -243,7 +243,7 @@ def _value(quantity: Quantity | None) -> str:
         return f"{number(quantity.value)} ({number(quantity.low)} … {number(quantity.high)})"
     if quantity.tolerance:
         text = with_tolerance(quantity.value, abs(quantity.tolerance * quantity.value))
-    return text
+    return f"{text} (guess)" if quantity.guess else text
 
 
 def _effects(files: Sequence[JointFile]) -> Iterator[Block]:

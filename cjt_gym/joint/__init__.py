@@ -4,12 +4,13 @@ from cjt_gym.joint.drives import DRIVES
 from cjt_gym.joint.effects import EFFECTS, STAGES, Effect, EffectParameter
 from cjt_gym.joint.files import JointFile, joint_names, load_joint_file, to_toml
 from cjt_gym.joint.joint import Joint, load_joint
-from cjt_gym.joint.parameters import JointParameters, Quantity
+from cjt_gym.joint.parameters import PARAMETERS, JointParameters, Quantity
 from cjt_gym.joint.structures import STRUCTURES, Structure, get_structure
 
 __all__ = [
     "DRIVES",
     "EFFECTS",
+    "PARAMETERS",
     "STAGES",
     "STRUCTURES",
     "Effect",

@@ -27,10 +27,10 @@ from pathlib import Path
 from typing import Any
 
 from cjt_gym.errors import ConfigurationError, MissingFileError, did_you_mean
+from cjt_gym.joint.effect_entries import unit_on
 from cjt_gym.joint.effects import EFFECTS
 from cjt_gym.joint.files import JointFile
 from cjt_gym.joint.joint import Joint, load_joint
-from cjt_gym.joint.parameter_table import axis_units
 from cjt_gym.joint.quantity import FrozenMapping, Quantity, Setting
 
 KEYS = ("joints", "structures", "drives", "effects")
@@ -85,8 +85,8 @@ def build_joints(table: str | Path | Mapping[str, Any]) -> dict[str, Joint]:
 
 
 def file_of(joint: Joint) -> JointFile:
-    """Return a joint file that lists the active effects of a joint with all their values."""
-    axis = joint.parameters.axis
+    """Return a joint file that loads as this joint: its structure, drive and active effects."""
+    p = joint.parameters
     tables: dict[str, Mapping[str, Setting]] = {}
     for name, values in joint.effects.items():
         entries: dict[str, Setting] = {}
@@ -95,9 +95,14 @@ def file_of(joint: Joint) -> JointFile:
             if row is None:
                 entries[symbol] = value  # type: ignore[assignment]
             else:
-                entries[symbol] = Quantity(value, axis_units(row.unit, axis)[0], "set in a table")
+                entries[symbol] = Quantity(value, unit_on(row, p), "set in a table")
         tables[name] = FrozenMapping(entries)
-    return replace(joint.file, effects=FrozenMapping(tables))
+    return replace(
+        joint.file,
+        effects=FrozenMapping(tables),
+        structure=joint.structure,
+        drive=joint.drive,
+    )
 
 
 def _read(path: Path) -> Mapping[str, Any]:

@@ -7,26 +7,28 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.errors import ParameterError, unknown_name
+from cjt_gym.errors import CjtGymWarning, ParameterError, unknown_name
 from cjt_gym.joint.drives import NEEDED_PARAMETERS
+from cjt_gym.joint.effect_entries import CHANNEL_VALUES, usual_entries
 from cjt_gym.joint.effects import EFFECTS, PLACES, Effect, EffectParameter, body_of
 from cjt_gym.joint.files import JointFile
-from cjt_gym.joint.parameter_table import axis_units
+from cjt_gym.joint.mistakes import Mistakes
 from cjt_gym.joint.parameters import JointParameters, Quantity
 from cjt_gym.joint.ripple import ripple_rows
 from cjt_gym.joint.structures import Structure
 
 EffectValue = float | tuple[float, ...]
 EffectValues = dict[str, EffectValue]
-EffectSpec = Mapping[str, Mapping[str, Any]] | Iterable[str] | str | None
+EffectSpec = Mapping[str, Mapping[str, Any] | str] | Iterable[str] | str | None
 
-ALL = "all"
+ALL, TYPICAL = "all", "typical"
 PEAK_CURRENT, PEAK_TORQUE = 10.0, 50.0
 BASE_FIELDS = (
     *("I_m", "I_g", "I_l", "k_g", "k_b", "d_m", "d_g", "d_l", "d_mg", "d_gl"),
@@ -48,9 +50,9 @@ def resolve_effects(
 
     Args:
         spec: None for the effects listed in the joint file, as far as they can act in the
-            structure; a name, names, or a mapping of names to values for exactly these. The
-            name "all" adds all others that can act, and takes typical values where nothing is
-            known.
+            structure; a name, names, or a mapping of names to values for exactly these. Instead
+            of values "typical" takes the table's typical ones where nothing is known. The name
+            "all" adds all others that can act, likewise.
         file: The joint file.
         structure: Where they act.
         drive: Name of the drive.
@@ -60,7 +62,7 @@ def resolve_effects(
         ParameterError: A value is missing, not finite, out of its domain or without effect, or
             an effect cannot act in the structure.
     """
-    given = _requested(spec, file)
+    given, assumed = _requested(spec, file)
     everything = given.pop(ALL, None) is not None
     for name in given:
         if name not in EFFECTS:
@@ -90,7 +92,8 @@ def resolve_effects(
                     f"Effects {name} and {other} of {file.parameters.origin} set the same levels. "
                     "Keep one of them."
                 )
-        resolved[name] = _resolve_one(effect, given.get(name, {}), file, typical=everything)
+        typical = everything or name in assumed
+        resolved[name] = _resolve_one(effect, given.get(name, {}), file, typical=typical)
     resolved = {
         name: values
         for name, values in resolved.items()
@@ -107,20 +110,23 @@ def _lacks_nominal(effect: Effect, p: JointParameters) -> bool:
     return any(p.get(name or "", 0.0) == 0.0 for name in replaced)
 
 
-def _requested(spec: EffectSpec, file: JointFile) -> dict[str, Mapping[str, Any]]:
+def _requested(spec: EffectSpec, file: JointFile) -> tuple[dict[str, Mapping[str, Any]], set[str]]:
+    """Return the effects that are asked for with their values, and those with typical ones."""
     if spec is None:
         spec = file.effects
     elif isinstance(spec, str):
         spec = [spec]
-    if isinstance(spec, Mapping):
-        for name, values in spec.items():
-            if not isinstance(values or {}, Mapping):
-                raise ParameterError(
-                    f"Effect {name} of {file.parameters.origin} takes a mapping of its parameters "
-                    f"to values, got {values!r}. Write {{'{name}': {{'parameter': value}}}}."
-                )
-        return {name: values or {} for name, values in spec.items()}
-    return {name: {} for name in spec}
+    rows = spec if isinstance(spec, Mapping) else dict.fromkeys(spec)
+    for name, values in rows.items():
+        if values != TYPICAL and not isinstance(values or {}, Mapping):
+            raise ParameterError(
+                f"Effect {name} of {file.parameters.origin} takes a mapping of its parameters "
+                f'to values, or "{TYPICAL}", got {values!r}. Write '
+                f"{{'{name}': {{'parameter': value}}}}."
+            )
+    assumed = {name for name, values in rows.items() if values == TYPICAL}
+    given = {k: v if isinstance(v, Mapping) else {} for k, v in rows.items()}
+    return given, assumed
 
 
 def _share(
@@ -144,8 +150,8 @@ def _share(
 def _resolve_one(
     effect: Effect, values: Mapping[str, Any], file: JointFile, *, typical: bool
 ) -> EffectValues:
-    _check_units(effect, file)
-    merged = {**_plain(effect, file.effects.get(effect.name, {})), **_plain(effect, values)}
+    listed = file.effects.get(effect.name, {})
+    merged = {**_plain(effect, listed, file), **_plain(effect, values, file)}
     body = merged.pop("body", None)
     if body is not None and (body not in effect.bodies):
         raise unknown_name(f"body of effect {effect.name}", str(body), effect.bodies)
@@ -168,29 +174,18 @@ def _resolve_one(
     return result
 
 
-def _check_units(effect: Effect, file: JointFile) -> None:
-    """Refuse a value of the joint file in another unit than the table's."""
-    for symbol, quantity in file.effects.get(effect.name, {}).items():
-        parameter = effect.parameter(symbol)
-        if parameter is None or not isinstance(quantity, Quantity):
-            continue
-        allowed = {parameter.unit, *axis_units(parameter.unit, file.parameters.axis)}
-        if quantity.unit not in allowed:
-            raise ParameterError(
-                f"{effect.name}.{symbol} of {file.parameters.origin} must be in "
-                f"{' or '.join(sorted(allowed))}, got {quantity.unit!r}. Convert it."
-            )
-
-
-def _plain(effect: Effect, values: Mapping[str, Any]) -> dict[str, Any]:
+def _plain(effect: Effect, values: Mapping[str, Any], file: JointFile) -> dict[str, Any]:
     """Strip units and turn {channel, std | resolution} into {channel: value}."""
-    plain = {k: v.value if isinstance(v, Quantity) else v for k, v in values.items()}
+    p, noted = file.parameters, Mistakes(file.parameters.origin)
+    usual = usual_entries(effect, values, p.axis, p.origin, noted)
+    noted.check()
+    plain = {k: v.value if isinstance(v, Quantity) else v for k, v in usual.items()}
     channel = plain.pop("channel", None)
     if channel is None:
         return plain
     if channel not in effect.channels:
         raise unknown_name(f"channel of effect {effect.name}", str(channel), effect.channels)
-    key = next((k for k in ("std", "noise", "resolution", "value") if k in plain), None)
+    key = next((k for k in CHANNEL_VALUES if k in plain), None)
     if key is not None:
         plain[channel] = plain.pop(key)
     for parameter in effect.parameters:
@@ -233,20 +228,12 @@ def _fallback(
     *,
     typical: bool,
 ) -> Any:
-    source = parameter.joint_parameter
-    if source is not None and source.startswith("sensors."):
-        _, channel, key = source.split(".")
-        quantity = file.sensors.get(channel, {}).get(key)
-        if quantity is not None:
-            return quantity.value
-    elif source is not None:
-        partner = source.removesuffix("_n")
-        if partner in merged:  # a level that is given moves the one of the other direction along
-            return merged[partner]
-        if source in file.parameters:
-            return file.parameters.get(source, 0.0)
-        if partner in file.parameters:
-            return file.parameters.get(partner, 0.0)
+    partner = (parameter.joint_parameter or "").removesuffix("_n")
+    if partner in merged:  # a level that is given moves the one of the other direction along
+        return merged[partner]
+    stated = _stated(parameter, file) or file.parameters.quantities.get(partner)
+    if stated is not None:
+        return stated.value
     if typical:
         return typical_value(parameter, file.parameters)
     if parameter.default is not None:
@@ -256,7 +243,8 @@ def _fallback(
     raise ParameterError(
         f"{effect.name}.{parameter.symbol} of {file.parameters.origin} is needed and absent "
         f"({parameter.description}, {parameter.unit}). Give it in effects={{'{effect.name}': "
-        f"{{'{parameter.symbol}': ...}}}} or in the joint file under [effects.{effect.name}]."
+        f"{{'{parameter.symbol}': ...}}}} or in the joint file under [effects.{effect.name}]; "
+        f"{_typical_offer(effect)}."
     )
 
 
@@ -305,13 +293,55 @@ def _check_whole(effect: Effect, values: EffectValues, given: set[str], file: Jo
         raise ParameterError(
             f"The series of effect {effect.name} of {owner} must be of equal length, got {lengths}."
         )
-    if _is_idle(effect, values, file.parameters) and not given & set(effect.size):
-        size = [p for p in effect.parameters if p.symbol in effect.size]
-        names = ", ".join(f"{p.symbol} [{p.unit}]" for p in size)
-        raise ParameterError(
-            f"Effect {effect.name} of {owner} would do nothing: nothing is known of {names}. "
-            "Give one of them, or leave the effect out."
+    if not _is_idle(effect, values, file.parameters) or given & set(effect.size):
+        return
+    size = [p for p in effect.parameters if p.symbol in effect.size]
+    if any(_stated(p, file) is not None for p in size):
+        warnings.warn(
+            f"Effect {effect.name} of {owner} changes nothing: its values are those without it.",
+            CjtGymWarning,
+            stacklevel=2,
         )
+        return
+    names = ", ".join(f"{p.symbol} [{p.unit}]" for p in size)
+    raise ParameterError(
+        f"Effect {effect.name} of {owner} would do nothing: nothing is known of {names}. "
+        f"Give one of them, or leave the effect out; {_typical_offer(effect)}."
+    )
+
+
+def _typical_offer(effect: Effect) -> str:
+    return (
+        f"or take typical values: effects={{'{effect.name}': '{TYPICAL}'}}, "
+        f"--effect {effect.name}={TYPICAL}"
+    )
+
+
+def is_known(effect: Effect, file: JointFile) -> bool:
+    """Return whether a joint file has the numbers that make an effect do something.
+
+    Raises:
+        ParameterError: It has some of them, and lacks others.
+    """
+    size = [p for p in effect.parameters if p.symbol in effect.size]
+    if effect.name in file.effects:
+        return True
+    if all(_stated(p, file) is None for p in size):
+        return False
+    values = {
+        p.symbol: _checked(effect, p, _fallback(effect, p, {}, file, typical=False), file)
+        for p in effect.parameters
+    }
+    return not _is_idle(effect, values, file.parameters)
+
+
+def _stated(parameter: EffectParameter, file: JointFile) -> Quantity | None:
+    """Return what the joint file says of a number elsewhere than under the effect itself."""
+    source = parameter.joint_parameter or ""
+    if source.startswith("sensors."):
+        _, channel, key = source.split(".")
+        return file.sensors.get(channel, {}).get(key)
+    return file.parameters.quantities.get(source)
 
 
 def pack(

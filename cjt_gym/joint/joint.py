@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 DT_PHYSICS = 1e-5
 CURRENT_FREE = "current"
+USUAL_STRUCTURE = "full_dynamics"
 
 
 @dataclass(frozen=True)
@@ -249,10 +250,9 @@ class Joint:
             **known: What else belongs to its provenance.
         """
         p = self.parameters
-        volts = p.unit("k_t").endswith("/V")
-        kept = {n: v for n, v in columns.items() if not (volts and n in ("i", "true_i"))}
+        kept = {n: v for n, v in columns.items() if not (p.takes_volts and n in ("i", "true_i"))}
         units = default_units(tuple(kept), prismatic=p.axis == "prismatic")
-        if volts and "i_cmd" in units:
+        if p.takes_volts and "i_cmd" in units:
             units["i_cmd"] = "V"
         effects = {
             name: {k: list(v) if isinstance(v, tuple) else v for k, v in values.items()}
@@ -284,20 +284,26 @@ def _series(name: str, values: ArrayLike, length: int) -> Floats:
 
 def load_joint(
     name: str | Path,
-    structure: str = "full_dynamics",
-    drive: str = "current",
+    structure: str | None = None,
+    drive: str | None = None,
     effects: EffectSpec = None,
     parameters: Mapping[str, float] | None = None,
 ) -> Joint:
     """Return a joint of the library, or one from a TOML file.
 
+    What a file says a joint is holds unless an argument says otherwise: its `structure`, its
+    `drive`, and the effects that have a table [effects.NAME] in it, as far as they can act in that
+    structure and with that drive. Values that a file merely knows, such as d_cm under [parameters]
+    or the noise of a sensor, turn no effect on.
+
     Args:
         name: Name of a shipped joint, or path of a joint file.
-        structure: One of `STRUCTURES`.
-        drive: One of `DRIVES`.
+        structure: One of `STRUCTURES`; None for that of the file, or else "full_dynamics".
+        drive: One of `DRIVES`; None for that of the file, or else "current".
         effects: None for those the file lists; names, or a mapping of names to values, for
-            exactly these. Values that are not given come from the joint file. The name "all"
-            adds all others that can act, and takes typical values where nothing is known.
+            exactly these. Values that are not given come from the joint file; "typical" instead
+            of values takes the table's typical ones where nothing is known. The name "all" adds
+            all others that can act, likewise.
         parameters: Parameters that replace those of the file.
 
     Raises:
@@ -312,6 +318,10 @@ def load_joint(
     file = load_joint_file(name)
     if parameters:
         file = replace(file, parameters=file.parameters.replace(**parameters))
+    if structure is None:
+        structure = file.structure or USUAL_STRUCTURE
+    if drive is None:
+        drive = file.drive or CURRENT_FREE
     row = get_structure(structure)
     get_drive(drive)
     linear.reduced_matrices(file.parameters, row)
@@ -322,12 +332,17 @@ def load_joint(
 
 
 def _check_drive(joint: Joint) -> None:
+    p = joint.parameters
+    if joint.drive != CURRENT_FREE and p.takes_volts:
+        raise ParameterError(
+            f"k_t of {p.origin} is in {p.unit('k_t')}: voltage is this joint's command already, so "
+            f"that it takes drive current, got {joint.drive}. Or give k_t per ampere, and r."
+        )
     for name in ("r", "l_a", "p", "v_0"):
-        value = joint.parameters.get(name, 1.0)
+        value = p.get(name, 1.0)
         if joint.drive != CURRENT_FREE and value <= 0.0:
             raise ParameterError(
-                f"{name} of {joint.parameters.origin} must be > 0 for drive {joint.drive}, got "
-                f"{value:g}."
+                f"{name} of {p.origin} must be > 0 for drive {joint.drive}, got {value:g}."
             )
 
 

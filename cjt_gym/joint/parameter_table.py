@@ -25,17 +25,19 @@ __all__ = [
 AXES = ("rotary", "prismatic")
 SENSOR_KEYS = ("resolution", "noise")
 
-# What a unit of a rotary joint becomes on a prismatic one, whose amplifier may take volts.
-_PRISMATIC: Mapping[str, tuple[str, ...]] = {
-    "kg m^2": ("kg",),
-    "N m/rad": ("N/m",),
-    "N m s/rad": ("N s/m",),
-    "N m": ("N",),
-    "N m/A": ("N/A", "N/V"),
-    "rad": ("m",),
-    "rad/s": ("m/s",),
-    "A": ("A", "V"),
+# What a unit of a rotary joint becomes on a prismatic one.
+_PRISMATIC: Mapping[str, str] = {
+    "kg m^2": "kg",
+    "N m/rad": "N/m",
+    "N m s/rad": "N s/m",
+    "N m": "N",
+    "N m/A": "N/A",
+    "N m/V": "N/V",
+    "rad": "m",
+    "rad/s": "m/s",
 }
+# What a current is where nobody knows it, because the amplifier takes volts.
+_VOLTS: Mapping[str, str] = {"N m/A": "N m/V", "A": "V"}
 
 
 @dataclass(frozen=True)
@@ -70,7 +72,9 @@ class ParameterSpec:
 
 
 def _axis_units(unit: str) -> Mapping[str, tuple[str, ...]]:
-    return MappingProxyType({"rotary": (unit,), "prismatic": _PRISMATIC.get(unit, (unit,))})
+    rotary = (unit, _VOLTS[unit]) if unit in _VOLTS else (unit,)
+    prismatic = tuple(_PRISMATIC.get(each, each) for each in rotary)
+    return MappingProxyType({"rotary": rotary, "prismatic": prismatic})
 
 
 def _rows(unit: str, lower: str, **descriptions: str) -> dict[str, ParameterSpec]:

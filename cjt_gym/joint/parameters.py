@@ -8,11 +8,13 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from cjt_gym.errors import ParameterError, did_you_mean, unknown_name
+from cjt_gym.joint.mistakes import Mistakes
 from cjt_gym.joint.parameter_table import AXES, PARAMETERS, ParameterSpec
 from cjt_gym.joint.quantity import FrozenMapping, Quantity, Setting
+from cjt_gym.joint.units import in_usual_unit
 
 __all__ = ["PARAMETERS", "JointParameters", "ParameterSpec", "Quantity", "content_of", "sha256_of"]
 
@@ -53,12 +55,9 @@ class JointParameters:
             raise ParameterError(
                 f'axis of {self.origin} must be "rotary" or "prismatic", got {self.axis!r}.'
             )
-        for symbol, quantity in self.quantities.items():
-            _check_quantity(symbol, quantity, self.axis, self.origin)
-        for symbol in self.quantities:
-            if symbol.endswith("_n"):
-                _check_partner(symbol, self.quantities, self.origin)
-        object.__setattr__(self, "quantities", FrozenMapping(self.quantities))
+        quantities = check_quantities(self.quantities, self.axis, self.origin)
+        object.__setattr__(self, "quantities", FrozenMapping(quantities))
+        _check_amplifier(self)
 
     @classmethod
     def from_values(
@@ -126,28 +125,43 @@ class JointParameters:
         quantity = self.quantities.get(symbol)
         return PARAMETERS[symbol].units[self.axis][0] if quantity is None else quantity.unit
 
+    @property
+    def takes_volts(self) -> bool:
+        """Whether the joint has no current: its gain k_t is torque per volt of an amplifier."""
+        return self.unit("k_t").endswith("/V")
+
     def replace(self, **values: float | Quantity) -> JointParameters:
         """Return a copy with other values; a bare number keeps the unit that the parameter has.
 
+        A negative-direction value (..._n) that is not given changes by the factor by which its
+        partner does.
+
         Raises:
-            ParameterError: As for the constructor. A negative-direction value does not follow its
-                partner: give both.
+            ParameterError: As for the constructor.
         """
         quantities = dict(self.quantities)
         for symbol, value in values.items():
             quantities[symbol] = (
                 value if isinstance(value, Quantity) else self._revalued(symbol, value)
             )
+        for symbol in values:
+            if f"{symbol}_n" in self.quantities and f"{symbol}_n" not in values:
+                quantities[f"{symbol}_n"] = self._following(symbol, quantities[symbol])
         return JointParameters(self.name, self.source, quantities, self.axis, self.origin)
 
     def _revalued(self, symbol: str, value: float) -> Quantity:
         new = _in_usual_unit(symbol, value, self.axis, "set in Python")
         old = self.quantities.get(symbol)
-        return (
-            new
-            if old is None
-            else Quantity(new.value, old.unit, new.source, old.tolerance, old.asymmetric)
-        )
+        if old is None:
+            return new
+        return replace(old, value=new.value, source=new.source, low=None, high=None)
+
+    def _following(self, symbol: str, partner: Quantity) -> Quantity:
+        """Return the negative-direction value that goes with another positive-direction one."""
+        negative, before = self.quantities[f"{symbol}_n"], self.quantities[symbol].number
+        partner = in_usual_unit(partner, (negative.unit,), f"{symbol} of {self.origin}")
+        ratio = negative.number / before if before > 0.0 else 1.0
+        return replace(partner, value=partner.number * ratio, asymmetric=negative.asymmetric)
 
     def content(self) -> dict[str, object]:
         """Return what makes two sets the same: the axis, and value and unit of every parameter."""
@@ -170,33 +184,52 @@ def _in_usual_unit(symbol: str, value: float, axis: str, source: str) -> Quantit
     return Quantity(float(value) + 0.0, PARAMETERS[symbol].units[axis][0], source)
 
 
-def _check_quantity(symbol: str, quantity: Quantity, axis: str, origin: str) -> None:
+def check_quantities(
+    quantities: Mapping[str, Quantity], axis: str, origin: str, is_whole: bool = True
+) -> dict[str, Quantity]:
+    """Return the parameters of a joint in their usual units.
+
+    Args:
+        quantities: Value, unit and source by symbol.
+        axis: "rotary" or "prismatic".
+        origin: Where they come from, for messages.
+        is_whole: Whether none is missing because of a mistake, so that they are held against each
+            other, too.
+
+    Raises:
+        ParameterError: A symbol is unknown, or a value has a wrong unit, is out of range, or
+            differs silently from its partner for the other direction; all that is wrong.
+    """
+    mistakes, checked = Mistakes(origin), {}
+    for symbol, quantity in quantities.items():
+        with mistakes.collected():
+            checked[symbol] = _checked_quantity(symbol, quantity, axis, origin)
+    for symbol in checked if is_whole and not mistakes.found else ():
+        if symbol.endswith("_n"):
+            with mistakes.collected():
+                _check_partner(symbol, checked, origin)
+    mistakes.check()
+    return checked
+
+
+def _checked_quantity(symbol: str, quantity: Quantity, axis: str, origin: str) -> Quantity:
     if symbol not in PARAMETERS:
         raise ParameterError(
             f"{origin} has the unknown parameter '{symbol}'.{did_you_mean(symbol, PARAMETERS)} "
             f"Known: {', '.join(PARAMETERS)}."
         )
-    spec = PARAMETERS[symbol]
-    if quantity.unit not in spec.units[axis]:
-        allowed = " or ".join(spec.units[axis])
-        raise ParameterError(
-            f"{symbol} of {origin} must be in {allowed} on a {axis} axis, "
-            f"got the unit '{quantity.unit}'. "
-            f'Convert the value and write  unit = "{spec.units[axis][0]}".'
-        )
+    spec, owner = PARAMETERS[symbol], f"{symbol} of {origin}"
+    quantity = in_usual_unit(quantity, spec.units[axis], owner)
     if isinstance(quantity.value, tuple):
-        raise ParameterError(
-            f"{symbol} of {origin} must be one number, got the list {list(quantity.value)}."
-        )
+        raise ParameterError(f"{owner} must be one number, got the list {list(quantity.value)}.")
     if not spec.allows(quantity.value):
-        raise ParameterError(
-            f"{symbol} of {origin} must be {spec.range_text(axis)}, got {quantity.value:.10g}."
-        )
+        raise ParameterError(f"{owner} must be {spec.range_text(axis)}, got {quantity.value:.10g}.")
     if quantity.asymmetric and not symbol.endswith("_n"):
         raise ParameterError(
-            f"{symbol} of {origin} carries asymmetric = true, which belongs to a "
+            f"{owner} carries asymmetric = true, which belongs to a "
             "negative-direction value (..._n) only. Remove it."
         )
+    return quantity
 
 
 def _check_partner(symbol: str, quantities: Mapping[str, Quantity], origin: str) -> None:
@@ -216,6 +249,16 @@ def _check_partner(symbol: str, quantities: Mapping[str, Quantity], origin: str)
             f"{symbol} of {origin} must lie within a factor {ASYMMETRY_FACTOR:g} of {partner} "
             f"= {quantities[partner].number:.10g} {negative.unit}, "
             f"got {negative.number:.10g}. {remedy}"
+        )
+
+
+def _check_amplifier(p: JointParameters) -> None:
+    """Refuse a limit in volts on a gain per ampere, and the other way round."""
+    if "k_t" in p and "i_p" in p and p.takes_volts != (p.unit("i_p") == "V"):
+        unit = "V" if p.takes_volts else "A"
+        raise ParameterError(
+            f"i_p of {p.origin} must be in {unit}, as k_t is in {p.unit('k_t')}, got the unit "
+            f"'{p.unit('i_p')}'. State both per ampere or both per volt."
         )
 
 

@@ -9,10 +9,10 @@ from typing import TypeVar
 
 from cjt_gym.errors import ParameterError, did_you_mean
 
-__all__ = ["FrozenMapping", "Quantity", "Setting", "parse_quantity"]
+__all__ = ["FrozenMapping", "Plain", "Quantity", "Setting", "freeze", "parse_quantity"]
 
 Value = TypeVar("Value")
-QUANTITY_KEYS = ("value", "unit", "source", "tolerance", "asymmetric", "low", "high")
+QUANTITY_KEYS = ("value", "unit", "source", "tolerance", "guess", "asymmetric", "low", "high")
 
 
 class FrozenMapping(Mapping[str, Value]):
@@ -53,6 +53,8 @@ class Quantity:
         asymmetric: For a negative-direction value only: it is meant to differ from its partner.
         low: Low end of the 95 % interval of the value, in `unit` and of its shape; None if unknown.
         high: High end of it.
+        guess: Whether nothing is known of the value but its order of magnitude, so that a diagnosis
+            may take any other; it has no tolerance then.
     """
 
     value: float | tuple[float, ...]
@@ -62,6 +64,7 @@ class Quantity:
     asymmetric: bool = False
     low: float | tuple[float, ...] | None = None
     high: float | tuple[float, ...] | None = None
+    guess: bool = False
 
     @property
     def number(self) -> float:
@@ -78,6 +81,21 @@ class Quantity:
 
 
 Setting = Quantity | str | bool | tuple[str, ...]  # what an entry of [effects.*] may be
+Plain = bool | int | float | str | tuple["Plain", ...] | FrozenMapping["Plain"]
+"""What an entry of [found] may be."""
+
+
+def freeze(table: Mapping[str, object]) -> FrozenMapping[Plain]:
+    """Return plain data that cannot be changed: lists as tuples, tables as `FrozenMapping`."""
+    return FrozenMapping({key: _frozen(value) for key, value in table.items()})
+
+
+def _frozen(value: object) -> Plain:
+    if isinstance(value, Mapping):
+        return freeze(value)
+    if isinstance(value, list | tuple):
+        return tuple(map(_frozen, value))
+    return value if isinstance(value, bool | int | float | str) else str(value)
 
 
 def parse_quantity(entry: object, owner: str) -> Quantity:
@@ -97,14 +115,21 @@ def parse_quantity(entry: object, owner: str) -> Quantity:
     _check_keys(entry, owner)
     value = _parse_value(entry["value"], owner)
     low, high = _parse_interval(entry, value, owner)
+    guess = _parse_flag(entry, "guess", owner)
+    if guess and "tolerance" in entry:
+        raise ParameterError(
+            f"{owner} must have either a tolerance or guess = true (nothing is known), got both. "
+            "Remove one of them."
+        )
     return Quantity(
         value=value,
         unit=_parse_text(entry["unit"], f"unit of {owner}"),
         source=_parse_text(entry["source"], f"source of {owner}") if "source" in entry else "",
         tolerance=_parse_tolerance(entry["tolerance"], owner) if "tolerance" in entry else None,
-        asymmetric=_parse_flag(entry.get("asymmetric", False), owner),
+        asymmetric=_parse_flag(entry, "asymmetric", owner),
         low=low,
         high=high,
+        guess=guess,
     )
 
 
@@ -175,7 +200,8 @@ def _parse_tolerance(value: object, owner: str) -> float:
     return tolerance
 
 
-def _parse_flag(value: object, owner: str) -> bool:
+def _parse_flag(entry: Mapping[str, object], key: str, owner: str) -> bool:
+    value = entry.get(key, False)
     if not isinstance(value, bool):
-        raise ParameterError(f"asymmetric of {owner} must be true or false, got {value!r}.")
+        raise ParameterError(f"{key} of {owner} must be true or false, got {value!r}.")
     return value

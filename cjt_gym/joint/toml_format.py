@@ -1,24 +1,38 @@
-"""The syntax of a joint file: TOML text to quantities and back.
+"""The syntax of a joint file: TOML text to quantities; `toml_writer` has the way back.
 
 What a value means is checked elsewhere: in `cjt_gym.joint.parameters` and by the effect table.
 """
 
 from __future__ import annotations
 
-import json
 import re
 import tomllib
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from typing import TypeVar
 
 from cjt_gym.errors import ParameterError, did_you_mean
+from cjt_gym.joint.mistakes import Mistakes
 from cjt_gym.joint.parameter_table import AXES, SAMPLING_UNITS, SENSOR_KEYS, sensor_units
-from cjt_gym.joint.quantity import FrozenMapping, Quantity, Setting, parse_quantity
+from cjt_gym.joint.quantity import (
+    FrozenMapping,
+    Plain,
+    Quantity,
+    Setting,
+    freeze,
+    parse_quantity,
+)
+from cjt_gym.joint.units import in_usual_unit
 
-__all__ = ["Document", "parse_document", "write_document"]
+__all__ = ["Document", "parse_document"]
 
-TOP_LEVEL_KEYS = ("name", "source", "axis", "parameters", "effects", "sensors", "sampling")
-_BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
+TOP_LEVEL_KEYS = (
+    *("name", "source", "axis", "structure", "drive"),
+    *("parameters", "effects", "sensors", "sampling", "found"),
+)
+
+Entry = TypeVar("Entry")
 
 
 @dataclass(frozen=True)
@@ -33,6 +47,9 @@ class Document:
         effects: Settings by effect, then by parameter; "body" and "channel" are texts.
         sensors: Quantities by channel, then "resolution" and "noise".
         sampling: Quantities by "dt", "dt_electrical", "jitter".
+        structure: Name of the structure that the joint has unless told otherwise, or None.
+        drive: Name of its drive, or None.
+        found: What a diagnosis says of how it found the values, as plain data.
     """
 
     name: str
@@ -42,33 +59,45 @@ class Document:
     effects: FrozenMapping[FrozenMapping[Setting]]
     sensors: FrozenMapping[FrozenMapping[Quantity]]
     sampling: FrozenMapping[Quantity]
+    structure: str | None = None
+    drive: str | None = None
+    found: FrozenMapping[Plain] = field(default_factory=FrozenMapping)
 
 
-def parse_document(text: str, origin: str) -> Document:
+def parse_document(text: str, origin: str, mistakes: Mistakes | None = None) -> Document:
     """Return the document that `text` holds.
 
     Args:
         text: Content of a joint file.
         origin: Where the text comes from, for messages.
+        mistakes: Takes what is wrong with single entries, which the document then lacks; without
+            it that is raised.
 
     Raises:
         ParameterError: The text is no TOML, or a key is unknown, missing or malformed.
     """
     raw = _parse_toml(text, origin)
-    _check_known(raw, TOP_LEVEL_KEYS, "key", origin)
-    axis = _parse_axis(raw.get("axis", AXES[0]), origin)
-    parameters = _table(raw, "parameters", origin)
-    return Document(
-        name=_required_text(raw, "name", origin),
-        source=_required_text(raw, "source", origin),
+    noted = Mistakes(origin) if mistakes is None else mistakes
+    known = _known(raw, TOP_LEVEL_KEYS, "key", origin, noted)
+    axis = AXES[0]
+    with noted.collected():
+        axis = _parse_axis(known.get("axis", axis), origin)
+    parameters = _table(known, "parameters", origin, noted)
+    document = Document(
+        name=_text(known, "name", origin, noted, required=True) or "",
+        source=_text(known, "source", origin, noted, required=True) or "",
         axis=axis,
-        parameters=FrozenMapping(
-            {s: parse_quantity(entry, f"{s} of {origin}") for s, entry in parameters.items()}
-        ),
-        effects=_parse_effects(_table(raw, "effects", origin), origin),
-        sensors=_parse_sensors(_table(raw, "sensors", origin), axis, origin),
-        sampling=_parse_sampling(_table(raw, "sampling", origin), origin),
+        parameters=FrozenMapping(_entries(parameters, parse_quantity, origin, noted)),
+        effects=_parse_effects(_table(known, "effects", origin, noted), origin, noted),
+        sensors=_parse_sensors(_table(known, "sensors", origin, noted), axis, origin, noted),
+        sampling=_parse_sampling(_table(known, "sampling", origin, noted), origin, noted),
+        structure=_text(known, "structure", origin, noted),
+        drive=_text(known, "drive", origin, noted),
+        found=freeze(_table(known, "found", origin, noted)),
     )
+    if mistakes is None:
+        noted.check()
+    return document
 
 
 def _parse_toml(text: str, origin: str) -> dict[str, object]:
@@ -91,24 +120,44 @@ def _toml_message(message: str, origin: str) -> str:
     )
 
 
-def _check_known(
-    table: Mapping[str, object], known: tuple[str, ...], what: str, owner: str
-) -> None:
+def _known(
+    table: Mapping[str, object], known: tuple[str, ...], what: str, owner: str, mistakes: Mistakes
+) -> dict[str, object]:
+    """Return the entries of a table whose keys are known."""
     for key in table:
         if key not in known:
-            raise ParameterError(
+            mistakes.found.append(
                 f"{owner} has the unknown {what} '{key}'.{did_you_mean(key, known)} "
                 f"Known: {', '.join(known)}."
             )
+    return {key: value for key, value in table.items() if key in known}
 
 
-def _required_text(raw: Mapping[str, object], key: str, origin: str) -> str:
+def _entries(
+    table: Mapping[str, object],
+    parse: Callable[[object, str], Entry],
+    owner: str,
+    mistakes: Mistakes,
+) -> dict[str, Entry]:
+    """Return the entries of a table that can be parsed."""
+    found = {}
+    for key, entry in table.items():
+        with mistakes.collected():
+            found[key] = parse(entry, f"{key} of {owner}")
+    return found
+
+
+def _text(
+    raw: Mapping[str, object], key: str, origin: str, mistakes: Mistakes, required: bool = False
+) -> str | None:
     value = raw.get(key)
-    if key not in raw:
-        raise ParameterError(f"{origin} lacks the key '{key}'. Add  {key} = \"...\"  at its top.")
-    if not isinstance(value, str) or not value.strip():
-        raise ParameterError(f"{key} of {origin} must be a text that is not empty, got {value!r}.")
-    return value
+    if isinstance(value, str) and value.strip():
+        return value
+    if key in raw:
+        mistakes.found.append(f"{key} of {origin} must be a text that is not empty, got {value!r}.")
+    elif required:
+        mistakes.found.append(f"{origin} lacks the key '{key}'. Add  {key} = \"...\"  at its top.")
+    return None
 
 
 def _parse_axis(value: object, origin: str) -> str:
@@ -117,136 +166,65 @@ def _parse_axis(value: object, origin: str) -> str:
     return str(value)
 
 
-def _table(raw: Mapping[str, object], key: str, owner: str) -> Mapping[str, object]:
+def _table(
+    raw: Mapping[str, object], key: str, owner: str, mistakes: Mistakes
+) -> Mapping[str, object]:
     value = raw.get(key, {})
-    if not isinstance(value, Mapping):
-        raise ParameterError(
-            f"{key} of {owner} must be a table, written as [{key}], got {value!r}."
-        )
-    return value
+    if isinstance(value, Mapping):
+        return value
+    mistakes.found.append(f"{key} of {owner} must be a table, written as [{key}], got {value!r}.")
+    return {}
 
 
-def _parse_effects(raw: Mapping[str, object], origin: str) -> FrozenMapping[FrozenMapping[Setting]]:
+def _parse_effects(
+    raw: Mapping[str, object], origin: str, mistakes: Mistakes
+) -> FrozenMapping[FrozenMapping[Setting]]:
     effects = {}
     for effect in raw:
-        settings = _table(raw, effect, f"[effects] of {origin}")
+        settings = _table(raw, effect, f"[effects] of {origin}", mistakes)
         owner = f"[effects.{effect}] of {origin}"
-        effects[effect] = FrozenMapping(
-            {key: _parse_setting(value, key, owner) for key, value in settings.items()}
-        )
+        effects[effect] = FrozenMapping(_entries(settings, _parse_setting, owner, mistakes))
     return FrozenMapping(effects)
 
 
-def _parse_setting(value: object, key: str, owner: str) -> Setting:
+def _parse_setting(value: object, owner: str) -> Setting:
     if isinstance(value, str | bool):
         return value
     if isinstance(value, list) and value and all(isinstance(item, str) for item in value):
         for item in value:
             if value.count(item) > 1:
-                raise ParameterError(f"{key} of {owner} names {item!r} twice. Keep one of them.")
+                raise ParameterError(f"{owner} names {item!r} twice. Keep one of them.")
         return tuple(value)
-    return parse_quantity(value, f"{key} of {owner}")
+    return parse_quantity(value, owner)
 
 
 def _parse_sensors(
-    raw: Mapping[str, object], axis: str, origin: str
+    raw: Mapping[str, object], axis: str, origin: str, mistakes: Mistakes
 ) -> FrozenMapping[FrozenMapping[Quantity]]:
     units = sensor_units(axis)
-    _check_known(raw, tuple(units), "sensor channel", f"[sensors] of {origin}")
+    known = _known(raw, tuple(units), "sensor channel", f"[sensors] of {origin}", mistakes)
     sensors = {}
-    for channel in raw:
-        entries = _table(raw, channel, f"[sensors] of {origin}")
+    for channel in known:
         owner = f"[sensors.{channel}] of {origin}"
-        _check_known(entries, SENSOR_KEYS, "key", owner)
-        sensors[channel] = FrozenMapping(
-            {
-                key: _non_negative(entry, f"{key} of {owner}", units[channel])
-                for key, entry in entries.items()
-            }
-        )
+        table = _table(known, channel, f"[sensors] of {origin}", mistakes)
+        parse = partial(_non_negative, units=units[channel])
+        entries = _known(table, SENSOR_KEYS, "key", owner, mistakes)
+        sensors[channel] = FrozenMapping(_entries(entries, parse, owner, mistakes))
     return FrozenMapping(sensors)
 
 
-def _parse_sampling(raw: Mapping[str, object], origin: str) -> FrozenMapping[Quantity]:
+def _parse_sampling(
+    raw: Mapping[str, object], origin: str, mistakes: Mistakes
+) -> FrozenMapping[Quantity]:
     owner = f"[sampling] of {origin}"
-    _check_known(raw, tuple(SAMPLING_UNITS), "key", owner)
-    return FrozenMapping(
-        {
-            key: _non_negative(entry, f"{key} of {owner}", (SAMPLING_UNITS[key],))
-            for key, entry in raw.items()
-        }
-    )
+    known = _known(raw, tuple(SAMPLING_UNITS), "key", owner, mistakes)
+    return FrozenMapping(_entries(known, partial(_non_negative, units=("s",)), owner, mistakes))
 
 
 def _non_negative(entry: object, owner: str, units: tuple[str, ...]) -> Quantity:
-    quantity = parse_quantity(entry, owner)
-    if quantity.unit not in units:
-        raise ParameterError(
-            f"{owner} must be in {' or '.join(units)}, got the unit '{quantity.unit}'. "
-            f'Convert the value and write  unit = "{units[0]}".'
-        )
+    quantity = in_usual_unit(parse_quantity(entry, owner), units, owner)
     if isinstance(quantity.value, tuple) or quantity.value < 0.0:
         raise ParameterError(
             f"{owner} must be one number >= 0 {quantity.unit}, got {quantity.value}."
         )
     return quantity
-
-
-def write_document(document: Document) -> str:
-    """Return the text of a joint file; `parse_document` reads it back to an equal document."""
-    lines = [f"name = {_text(document.name)}", f"source = {_text(document.source)}"]
-    if document.axis != AXES[0]:
-        lines.append(f"axis = {_text(document.axis)}")
-    lines += _section("parameters", document.parameters)
-    for effect, settings in document.effects.items():
-        lines += _section(f"effects.{_key(effect)}", settings)
-    for channel, entries in document.sensors.items():
-        lines += _section(f"sensors.{_key(channel)}", entries)
-    if document.sampling:
-        lines += _section("sampling", document.sampling)
-    return "\n".join(lines) + "\n"
-
-
-def _section(title: str, settings: Mapping[str, Setting]) -> list[str]:
-    return [
-        "",
-        f"[{title}]",
-        *(f"{_key(key)} = {_setting(value)}" for key, value in settings.items()),
-    ]
-
-
-def _setting(value: Setting) -> str:
-    if isinstance(value, Quantity):
-        return _quantity(value)
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, tuple):
-        return f"[{', '.join(_text(item) for item in value)}]"
-    return _text(value)
-
-
-def _quantity(quantity: Quantity) -> str:
-    parts = [f"value = {_number(quantity.value)}", f"unit = {_text(quantity.unit)}"]
-    if quantity.source:
-        parts.append(f"source = {_text(quantity.source)}")
-    if quantity.tolerance is not None:
-        parts.append(f"tolerance = {quantity.tolerance!r}")
-    if quantity.low is not None and quantity.high is not None:
-        parts += [f"low = {_number(quantity.low)}", f"high = {_number(quantity.high)}"]
-    if quantity.asymmetric:
-        parts.append("asymmetric = true")
-    return f"{{ {', '.join(parts)} }}"
-
-
-def _number(value: float | tuple[float, ...]) -> str:
-    return f"[{', '.join(map(repr, value))}]" if isinstance(value, tuple) else repr(value)
-
-
-def _text(text: str) -> str:
-    return json.dumps(text, ensure_ascii=False).replace(
-        "\x7f", "\\u007f"
-    )  # JSON's escapes are TOML's, but for DEL
-
-
-def _key(key: str) -> str:
-    return key if _BARE_KEY.fullmatch(key) else _text(key)

@@ -6,14 +6,17 @@ import copy
 import json
 import math
 import pickle
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cjt_gym.errors import CjtGymError, MissingFileError, ParameterError, UnknownNameError
+from cjt_gym.joint import Joint, load_joint
 from cjt_gym.joint.files import JointFile, joint_names, load_joint_file, to_toml
 from cjt_gym.joint.parameter_table import (
     AXES,
@@ -168,13 +171,61 @@ def test_replace_is_validated_and_leaves_the_original() -> None:
     with pytest.raises(ParameterError, match="no parameter 'kb'. Did you mean 'k_b'?"):
         p.replace(kb=1.0)
     with pytest.raises(ParameterError, match="d_cm_n of .* within a factor 3 of d_cm"):
-        p.replace(d_cm=20.0)
-    assert p.replace(d_cm=20.0, d_cm_n=20.0).d_cm_n == 20.0
+        p.replace(d_cm=20.0, d_cm_n=2.0)
+
+
+def test_negative_direction_follows_its_partner_unless_given() -> None:
+    p = load_joint_file("example").parameters  # d_g_n is 2.1 where d_g is 2.2
+    q = p.replace(d_cm=20.0, d_g=4.4)
+    assert (q.d_cm_n, q.d_g_n) == (20.0, pytest.approx(4.2))
+    assert q.quantities["d_cm_n"].source == q.quantities["d_cm"].source
+    assert p.replace(d_cm=20.0, d_cm_n=10.0).d_cm_n == 10.0
+    assert p.replace(d_cm=Quantity(2000.0, "N cm")).d_cm_n == 20.0
+    assert load_joint("generic", parameters={"d_cm": 2.64}).parameters.d_cm_n == 2.64
 
 
 def test_replace_keeps_a_unit_that_is_not_the_usual_one() -> None:
     p = load_joint_file("emps").parameters.replace(k_t=30.0)
     assert p.quantities["k_t"].unit == "N/V"
+
+
+def test_a_guess_is_kept_and_changes_no_simulation(tmp_path: Path) -> None:
+    guessed = 'k_b = { value = 6000.0, unit = "N m/rad", guess = true }'
+    file = load_joint_file(write(tmp_path, entries(guessed)))
+    assert file.parameters.quantities["k_b"].guess
+    assert guessed in to_toml(file)
+    assert file.parameters.replace(k_b=5000.0).quantities["k_b"].guess
+    known = load_joint_file(write(tmp_path, entries(guessed.replace(", guess = true", ""))))
+    assert file.hash_hex() == known.hash_hex()
+
+
+@pytest.mark.parametrize(("axis", "per_volt"), [("rotary", "N m/V"), ("prismatic", "N/V")])
+def test_an_amplifier_may_take_volts_on_either_axis(axis: str, per_volt: str) -> None:
+    quantities = {
+        "I_m": Quantity(0.1, "kg m^2" if axis == "rotary" else "kg"),
+        "n": Quantity(1.0, "-"),
+        "k_t": Quantity(2.0, per_volt),
+        "i_p": Quantity(5.0, "V"),
+    }
+    p = JointParameters("mine", "made up", quantities, axis)
+    joint = Joint(JointFile(p), "rigid", "current", {})
+    assert joint.torque_limit == 10.0
+    record = joint.simulate(np.full(101, 4.0))
+    assert record.units["i_cmd"] == "V"
+    assert "i" not in record
+    assert record["true_dq_m"][-1] == pytest.approx(4.0 / 0.1 * 0.1, rel=1e-9)
+
+
+def test_a_gain_per_volt_has_no_current_for_a_voltage_drive(tmp_path: Path) -> None:
+    text = entries(
+        'I_m = { value = 0.1, unit = "kg m^2" }',
+        'n = { value = 1.0, unit = "-" }',
+        'k_t = { value = 2.0, unit = "N m/V" }',
+        'r = { value = 1.0, unit = "Ohm" }',
+        'v_0 = { value = 24.0, unit = "V" }',
+    )
+    with pytest.raises(ParameterError, match="voltage is this joint's command already"):
+        load_joint(write(tmp_path, text), "rigid", "static")
 
 
 def test_equality_and_hash_follow_the_content() -> None:
@@ -247,24 +298,32 @@ REFUSED = {
     "missing source": ('name = "x"\n', ["lacks the key 'source'"]),
     "empty name": ('name = " "\nsource = "x"\n', ["name of", "not empty", "' '"]),
     "wrong unit": (
-        entries('k_b = { value = 6.0, unit = "kN m/rad" }'),
-        ["k_b of", "must be in N m/rad", "'kN m/rad'", 'unit = "N m/rad"'],
+        entries('k_b = { value = 6.0, unit = "kN m" }'),
+        ["k_b of", "must be in N m/rad", "'kN m'", 'unit = "N m/rad"'],
+    ),
+    "unit that does not exist": (
+        entries('k_b = { value = 6.0, unit = "N m/radd" }'),
+        ["k_b of", "must be in N m/rad", "'N m/radd', which does not exist"],
+    ),
+    "frequency as angular velocity": (
+        entries('dq_p = { value = 6.0, unit = "Hz" }'),
+        ["dq_p of", "must be in rad/s", "'Hz'"],
     ),
     "rotary unit on a prismatic axis": (
         'axis = "prismatic"\n' + entries(KB),
-        ["k_b of", "must be in N/m on a prismatic axis", "'N m/rad'"],
+        ["k_b of", "must be in N/m", "'N m/rad'"],
     ),
     "prismatic unit on a rotary axis": (
         entries('I_m = { value = 1.0, unit = "kg" }'),
-        ["I_m of", "must be in kg m^2 on a rotary axis", "'kg'"],
+        ["I_m of", "must be in kg m^2", "'kg'"],
     ),
     "wrong sensor unit": (
         HEAD + '[sensors.tau]\nnoise = { value = 1.0, unit = "rad" }\n',
         ["noise of [sensors.tau]", "must be in N m", "'rad'"],
     ),
     "wrong sampling unit": (
-        HEAD + '[sampling]\ndt = { value = 1.0, unit = "ms" }\n',
-        ["dt of [sampling]", "must be in s", "'ms'"],
+        HEAD + '[sampling]\ndt = { value = 1.0, unit = "m" }\n',
+        ["dt of [sampling]", "must be in s", "'m'"],
     ),
     "negative stiffness": (
         entries('k_b = { value = -6000, unit = "N m/rad" }'),
@@ -285,6 +344,21 @@ REFUSED = {
     "negative tolerance": (
         entries('k_b = { value = 1.0, unit = "N m/rad", tolerance = -0.1 }'),
         ["tolerance of k_b", ">= 0", "got -0.1."],
+    ),
+    "guess with a tolerance": (
+        entries('k_b = { value = 1.0, unit = "N m/rad", tolerance = 0.1, guess = true }'),
+        ["k_b of", "either a tolerance or guess = true", "got both"],
+    ),
+    "guess that is no truth value": (
+        entries('k_b = { value = 1.0, unit = "N m/rad", guess = 0.3 }'),
+        ["guess of k_b", "true or false", "got 0.3"],
+    ),
+    "limit in amperes on a gain per volt": (
+        entries(
+            'k_t = { value = 0.05, unit = "N m/V" }',
+            'i_p = { value = 10.0, unit = "A" }',
+        ),
+        ["i_p of", "must be in V", "k_t is in N m/V", "'A'"],
     ),
     "nan": (entries('k_b = { value = nan, unit = "N m/rad" }'), ["k_b of", "finite", "nan"]),
     "infinity": (entries('k_b = { value = inf, unit = "N m/rad" }'), ["k_b of", "finite", "inf"]),
@@ -421,8 +495,9 @@ NUMBER = st.floats(allow_nan=False, allow_infinity=False).map(lambda x: x + 0.0)
 def quantities(
     unit: st.SearchStrategy[str], value: st.SearchStrategy[Any]
 ) -> st.SearchStrategy[Quantity]:
-    tolerance = st.none() | st.floats(0.0, 1e6).map(lambda x: x + 0.0)
-    return st.builds(Quantity, value, unit, st.just("") | TEXT, tolerance)
+    tolerance = st.floats(0.0, 1e6).map(lambda x: x + 0.0)
+    known = st.builds(Quantity, value, unit, st.just("") | TEXT, st.none() | tolerance)
+    return known | st.builds(Quantity, value, unit, guess=st.booleans())
 
 
 @st.composite
@@ -438,6 +513,9 @@ def parameter_sets(draw: st.DrawFn) -> JointParameters:
         values[symbol] = Quantity(
             quantity.value, quantity.unit, quantity.source, quantity.tolerance, negative
         )
+    if "k_t" in values and "i_p" in values:
+        volts = values["k_t"].unit.endswith("/V")
+        values["i_p"] = replace(values["i_p"], unit="V" if volts else "A")
     return JointParameters(draw(TEXT), draw(TEXT), values, axis)
 
 

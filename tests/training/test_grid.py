@@ -229,3 +229,24 @@ def test_bad_grids_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match="episodes"):
         make_cells(["open_loop"], [], [JOINT], [FIXED], ["step"], [0], 0)
     assert main(["benchmark", "--joint", JOINT, "--out", str(tmp_path), "--seeds", "0"]) == 2
+
+
+def test_effects_that_are_asked_for_are_those_of_a_cell() -> None:
+    usual = make_cells(["open_loop"], [], [JOINT], [FIXED], ["step"], [0], 2)[0]
+    asked: dict[str, Any] = {"effects": ("coulomb", "cogging=typical"), "randomization": "mild"}
+    cell = make_cells(["open_loop"], [], [JOINT], [FIXED], ["step"], [0], 2, **asked)[0]
+    assert tuple(joint_of(cell.conditions()).effects) == ("coulomb", "cogging")
+    assert cell.conditions().randomization == {"preset": "mild"}
+    assert "command_delay" in joint_of(usual.conditions()).effects
+    assert cell.key() != usual.key()
+
+
+def test_a_listed_effect_stands_for_what_it_excludes(tmp_path: Path) -> None:
+    path = tmp_path / "found.toml"
+    shipped = resources.files("cjt_gym.params") / f"{JOINT}.toml"
+    text = shipped.read_text(encoding="utf-8")
+    path.write_text(text + "\n[effects.coulomb_asym]\n", encoding="utf-8")
+    cell = make_cells(["open_loop"], [], [str(path)], [FIXED], ["step"], [0], 2)[0]
+    effects = joint_of(cell.conditions()).effects
+    assert "coulomb_asym" in effects
+    assert "coulomb" not in effects

@@ -1,0 +1,83 @@
+"""The entries under [effects.*] of a joint file, checked against the effect table."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from cjt_gym.errors import unknown_name
+from cjt_gym.joint.effects import EFFECTS, Effect, EffectParameter
+from cjt_gym.joint.mistakes import Mistakes
+from cjt_gym.joint.parameter_table import axis_units
+from cjt_gym.joint.parameters import JointParameters
+from cjt_gym.joint.quantity import FrozenMapping, Quantity, Setting
+from cjt_gym.joint.units import in_usual_unit
+
+SELECTORS = ("body", "channel")
+CHANNEL_VALUES = ("std", "noise", "resolution", "value")
+"""Names for the value of the channel that an entry `channel` selects."""
+
+
+def usual_effects(
+    effects: Mapping[str, Mapping[str, Setting]], axis: str, origin: str, mistakes: Mistakes
+) -> FrozenMapping[FrozenMapping[Setting]]:
+    """Return the entries of effects with their values in the usual units.
+
+    Args:
+        effects: Entries by effect.
+        axis: "rotary" or "prismatic".
+        origin: Where they come from, for messages.
+        mistakes: Takes effects, keys and units that the table does not know.
+    """
+    found = {}
+    for name, entries in effects.items():
+        if name not in EFFECTS:
+            mistakes.found.append(f"[effects] of {origin}: {unknown_name('effect', name, EFFECTS)}")
+            continue
+        effect = EFFECTS[name]
+        for key in entries:
+            if not _is_known(effect, key, entries):
+                known = [p.symbol for p in effect.parameters]
+                text = unknown_name(f"parameter of effect {name}", key, known)
+                mistakes.found.append(f"{key} of [effects.{name}] of {origin}: {text}")
+        found[name] = FrozenMapping(usual_entries(effect, entries, axis, origin, mistakes))
+    return FrozenMapping(found)
+
+
+def usual_entries(
+    effect: Effect, entries: Mapping[str, Any], axis: str, origin: str, mistakes: Mistakes
+) -> dict[str, Any]:
+    """Return the entries of one effect likewise; numbers and unknown keys stay as they are."""
+    kept = {}
+    for key, entry in entries.items():
+        row = _parameter(effect, key, entries)
+        with mistakes.collected():
+            if row is not None and isinstance(entry, Quantity):
+                owner = f"{key} of [effects.{effect.name}] of {origin}"
+                entry = in_usual_unit(entry, units_of(row, axis), owner)
+            kept[key] = entry
+    return kept
+
+
+def _is_known(effect: Effect, key: str, entries: Mapping[str, Any]) -> bool:
+    selects = key in SELECTORS or (key in CHANNEL_VALUES and "channel" in entries)
+    return selects or effect.parameter(key) is not None
+
+
+def units_of(parameter: EffectParameter, axis: str) -> tuple[str, ...]:
+    """Return the units in which a number of an effect may be, the usual one first."""
+    return tuple(dict.fromkeys((*axis_units(parameter.unit, axis), parameter.unit)))
+
+
+def unit_on(parameter: EffectParameter, p: JointParameters) -> str:
+    """Return the usual unit of a number of an effect on a joint."""
+    units = axis_units(parameter.unit, p.axis)
+    return units[-1] if p.takes_volts else units[0]
+
+
+def _parameter(effect: Effect, key: str, entries: Mapping[str, Setting]) -> EffectParameter | None:
+    """Return the row of an entry; that of the selected channel for the names of its value."""
+    channel = entries.get("channel")
+    if isinstance(channel, str) and key in CHANNEL_VALUES:
+        return effect.parameter(channel)
+    return effect.parameter(key)

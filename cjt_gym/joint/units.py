@@ -1,0 +1,90 @@
+"""Units of joint files: any unit of the right kind is converted to the usual one.
+
+An angle counts as a dimension of its own here, so that N m is no stiffness and Hz no angular
+velocity.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cjt_gym.errors import ParameterError
+from cjt_gym.joint.quantity import Quantity
+
+if TYPE_CHECKING:
+    import pint
+
+_DEFINITIONS = (
+    "radian = [angle] = rad",
+    "newton_meter = newton * meter = Nm",
+    "newton_centimeter = newton * centimeter = Ncm",
+    "@alias turn = rev",
+    "@alias ohm = Ohm",
+)
+
+
+def in_usual_unit(quantity: Quantity, units: tuple[str, ...], owner: str) -> Quantity:
+    """Return a quantity in one of `units`, the first of its kind; in its own if it is among them.
+
+    Args:
+        quantity: What was written.
+        units: Units that are usual here, such as ("N m/rad",); "-" for a pure number.
+        owner: What the quantity is and where it stands.
+
+    Raises:
+        ParameterError: Its unit is unknown, or of another kind.
+
+    Example:
+        >>> in_usual_unit(Quantity(3.0, "mN m/A"), ("N m/A", "N m/V"), "k_t").value
+        0.003
+    """
+    if quantity.unit in units:
+        return quantity
+    given = _parsed(quantity.unit)
+    for unit in units:
+        if given is not None and unit != "-" and given.is_compatible_with(_parsed(unit)):
+            return _converted(quantity, unit)
+    known = "" if given is not None else ", which does not exist"
+    raise ParameterError(
+        f"{owner} must be in {' or '.join(units)}, or in another unit of that kind, got the unit "
+        f"'{quantity.unit}'{known}. Convert the value and write  unit = \"{units[0]}\"."
+    )
+
+
+def _converted(quantity: Quantity, unit: str) -> Quantity:
+    def convert(value: Any) -> Any:
+        if value is None:
+            return None
+        if isinstance(value, tuple):
+            return tuple(convert(x) for x in value)
+        return float(_registry().Quantity(value, _parsed(quantity.unit)).m_as(_parsed(unit)))
+
+    value, low, high = (convert(x) for x in (quantity.value, quantity.low, quantity.high))
+    return replace(quantity, value=value, low=low, high=high, unit=unit)
+
+
+@cache
+def _registry() -> pint.UnitRegistry[float]:
+    """Return the units, which load only where a file has a unit that is not the usual one."""
+    import pint
+
+    # Begun empty: a registry that begins full has settled that an angle has no dimension.
+    registry: pint.UnitRegistry[float] = pint.UnitRegistry(None, on_redefinition="ignore")
+    registry.load_definitions(Path(pint.__file__).with_name("default_en.txt"))
+    for definition in _DEFINITIONS:
+        registry.define(definition)
+    return registry
+
+
+@cache
+def _parsed(unit: str) -> Any:
+    """Return a unit as pint knows it; None if it does not."""
+    import pint
+
+    try:
+        return _registry().parse_units(unit.replace("·", "*").replace("⋅", "*"))
+    except (pint.PintError, AssertionError, AttributeError, KeyError, TypeError, ValueError):
+        return None

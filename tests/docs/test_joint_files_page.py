@@ -1,0 +1,66 @@
+"""The page on joint files: its file loads, its examples run, its drawing is what the tool draws."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+from cjt_gym.cli import main
+from cjt_gym.joint import load_joint
+from cjt_gym.joint.quantity import QUANTITY_KEYS
+
+ROOT = Path(__file__).parents[2]
+sys.path.append(str(ROOT))  # tools are not installed
+
+from tools.joint_drawing import DRAWING  # noqa: E402
+from tools.joint_drawing import main as draw  # noqa: E402
+
+TEXT = (ROOT / "docs" / "joint_files.md").read_text(encoding="utf-8")
+
+
+@pytest.fixture
+def arm(tmp_path: Path) -> Path:
+    path = tmp_path / "arm.toml"
+    path.write_text(re.findall(r"```toml\n(.*?)```", TEXT, re.DOTALL)[0], encoding="utf-8")
+    return path
+
+
+def test_the_file_of_the_page_is_the_joint_of_its_table(
+    arm: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    joint = load_joint(arm)
+    p = joint.parameters
+    assert (joint.structure, joint.drive, tuple(joint.effects)) == (
+        "rigid_gearbox",
+        "current",
+        ("coulomb",),
+    )
+    assert pytest.approx(0.181) == p.I_m
+    assert pytest.approx(6016.06, abs=0.01) == p.k_b
+    no_load = p.d_cm + p.d_m * 6110 / 100 * 2 * 3.14159265 / 60
+    assert no_load == pytest.approx(p.k_t * 0.234 * p.n, rel=0.01)
+    assert main(["joints", str(arm)]) == 0
+    assert "d_cm      0.6 N m (guess)" in capsys.readouterr().out
+    record = joint.simulate([1.0] * 100)
+    assert record["true_dq_m"][-1] > 0.0
+
+
+def test_the_page_names_every_key_of_an_entry() -> None:
+    assert all(f"`{key}" in TEXT for key in QUANTITY_KEYS)
+
+
+def test_its_examples_run(capsys: pytest.CaptureFixture[str]) -> None:
+    (example,) = re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL)
+    exec(compile(example, "joint_files.md", "exec"), {})
+    assert capsys.readouterr().out == 'structure = "rigid_gearbox"\n'
+
+
+def test_the_committed_drawing_is_what_the_tool_draws(capsys: pytest.CaptureFixture[str]) -> None:
+    assert draw(["--check"]) == 0, capsys.readouterr().err
+    words = "".join(ElementTree.parse(DRAWING).getroot().itertext())
+    for symbol in ("Im", "kg", "dmg", "kb", "dgl", "dcm", "kt", "ql"):
+        assert symbol in words
