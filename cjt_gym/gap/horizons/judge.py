@@ -17,7 +17,7 @@ from cjt_gym.gap.horizons.predictable import Predictable
 from cjt_gym.gap.horizons.predictable import left as left_by
 from cjt_gym.gap.horizons.rows import base_terms, candidates, scales_of
 from cjt_gym.gap.horizons.search import Found, Worth, search, worth
-from cjt_gym.gap.horizons.windows import HORIZONS, Windows, cut, make_windows, relative, split
+from cjt_gym.gap.horizons.windows import HORIZONS, WHOLE, Windows, cut, make_windows, relative, split
 from cjt_gym.joint import Joint, JointFile, Structure
 from cjt_gym.joint.configure import resolve_effects
 from cjt_gym.records import Record
@@ -29,10 +29,13 @@ TEST = 200
 """Most windows on which models are compared."""
 WORSE = 1.02
 """Relative error, over that of datasheet or least squares, up to which a joint is no worse."""
-EQUAL = 1.1
-"""Relative error, over that of the best joint, up to which another one does as well."""
+WORSE_AT_ONCE = 1.2
+"""The same at the shortest horizon, where the measured start decides more than the joint."""
 SAME = 1.0
 """Difference of the cost up to which the first of several joints is the answer."""
+MISS = 1.25
+"""Relative error, over that of the datasheet, from which the stages of a cut joint are not the answer:
+they fit zeros and lateness of every record, which its joint does not hold."""
 NEAR = 0.2
 """Relative error from which a search looks for a better joint than that of the stages."""
 LEFT_SHARE, LEFT_CLEAR = 0.3, 3.0
@@ -105,7 +108,8 @@ def make_case(
     """Return records ready to be judged."""
     first = to_log(records[0], file, shape)
     drive = "static" if first.voltage else "current"
-    joint = quiet(Joint(file, shape.name, drive, resolve_effects(None, file, shape, drive)))
+    effects = resolve_effects(None, file, shape, drive)
+    joint = quiet(Joint(file, shape.name, drive, effects), driven=first.drive != "i")
     logs = [first, *(to_log(record, file, shape) for record in records[1:])]
     other = [to_log(record, file, shape) for record in held]
     pieces = cut(logs)
@@ -117,11 +121,12 @@ def make_case(
     return Case(joint, tuple(logs), fit, test, every, fit_drive(first, [p for p in own if p.log == 0]))
 
 
-def as_joint(file: JointFile, like: Joint) -> Joint:
-    """Return the joint of a file with the structure and drive of another, without noise."""
-    shape = like.structure_row
-    effects = resolve_effects(None, file, shape, like.drive)
-    return quiet(Joint(file, like.structure, like.drive, effects))
+def as_joint(file: JointFile, case: Case) -> Joint:
+    """Return the joint of a file with structure and drive of a case, without noise."""
+    like = case.joint
+    effects = resolve_effects(None, file, like.structure_row, like.drive)
+    joint = Joint(file, like.structure, like.drive, effects)
+    return quiet(joint, driven=case.logs[0].drive != "i")
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,6 +177,8 @@ def judge(case: Case, stages: Joint | None, progress: Progress) -> Judgement:
         known = left_by(case.all, stages)
         errors = relative(case.all, case.all.errors(stages))
         open_ = any(_left(errors[key], one) for key, one in known.items())
+        if _cut(case):
+            return _settled(case, joints, _sound(case, joints))
         near = all(e < NEAR for key, e in errors.items() if key[1] != min(HORIZONS))
         if near and not open_ and _no_worse(case, joints, "stages"):
             return _settled(case, joints, "stages")
@@ -194,6 +201,23 @@ def judge(case: Case, stages: Joint | None, progress: Progress) -> Judgement:
         best = _best(case, test, joints)
     judged = _settled(case, joints, best)
     return replace(judged, found=found, tests=tests, problem=problem)
+
+
+def _cut(case: Case) -> bool:
+    """Return whether a measured torque cuts the joint into stages, which then are sharper."""
+    shape = case.joint.structure_row
+    sprung = shape.groups[1] != shape.groups[2]
+    return sprung and any("tau" in log.measured for log in case.logs)
+
+
+def _sound(case: Case, joints: dict[str, Joint]) -> str:
+    """Return "stages" unless the datasheet predicts a joint that is cut clearly better."""
+    kinds = [("tau", WHOLE), ("q_m", 0.1), ("q_m", 0.5)]
+    own, other = (
+        relative(case.test, case.test.errors(joints[n])) for n in ("stages", "datasheet")
+    )
+    worse = any(own[k] > MISS * max(other[k], TRIVIAL) for k in kinds if k in own)
+    return "datasheet" if worse else "stages"
 
 
 def _left(error: float, one: Predictable) -> bool:
@@ -225,9 +249,14 @@ def _no_worse(case: Case, joints: dict[str, Joint], name: str) -> bool:
         for other in ("datasheet", "least squares"):
             if other in joints:
                 errors = relative(windows, windows.errors(joints[other]))
-                if any(own[key] > max(WORSE * errors[key], TRIVIAL) for key in own):
+                if any(own[key] > max(_slack(key) * errors[key], TRIVIAL) for key in own):
                     return False
     return True
+
+
+def _slack(key: Key) -> float:
+    """Return the relative error, over that of another joint, up to which one is no worse."""
+    return WORSE_AT_ONCE if key[1] == min(HORIZONS) else WORSE
 
 
 def _polished(case: Case, problem: Problem, found: Found, joints: dict[str, Joint]) -> Found:

@@ -26,6 +26,8 @@ GAP = 5.0
 ENOUGH = 2e-3
 """Sample time to which records of a joint without a spring are thinned [s]."""
 DRIVING = ("i", "i_cmd", "v", "tau_cmd", "tau_m", "tau_l")
+FOLLOWED = 0.1
+"""Share of a current's variance that its command may leave."""
 FEWEST = 100
 """Fewest samples of a channel that can be used."""
 Drive = Literal["i", "i_cmd", "v"]
@@ -91,10 +93,15 @@ def to_log(record: Record, file: JointFile, structure: Structure) -> Log:
     grid = t[0] + dt * np.arange(round((t[-1] - t[0]) / dt) + 1)
     even = {n: _even(grid, t, x) for n, x in columns.items()}
     drive, command = _driving(record, even, file)
+    sprung = structure.groups[1] != structure.groups[2]
+    if sprung and drive == "i" and "i_cmd" in even and _followed(even["i"], even["i_cmd"]):
+        drive, command = "i_cmd", even["i_cmd"]
     measured = _measured(record, even, file, structure, grid)
+    _relaxed(measured, even.get("q_l"), structure)
     used = [n for n in columns if n in (*measured, drive, "tau_cmd", "tau_l")]
     holes = _holes(grid, t, [columns[n] for n in used], dt)
-    states, acceleration = _states(measured, even, structure, file, dt)
+    held = even.get("q_l") if structure.output_fixed else None
+    states, acceleration = _states(measured, held, even, structure, file, dt)
     load = even.get("tau_l", np.zeros(len(grid)))
     if structure.output_fixed:
         load = states[:, 5]
@@ -139,6 +146,16 @@ def _driving(record: Record, even: dict[str, Floats], file: JointFile) -> tuple[
     )
 
 
+def _followed(i: Floats, command: Floats) -> bool:
+    """Return whether a measured current follows its command so closely that this drives the joint.
+
+    Between two samples a current that follows a held command is nearer to the next than to the
+    last; a spring that swings makes much of that. The command is known at every instant.
+    """
+    left = np.min([np.var(i[2:] - command[2 - k : len(command) - k]) for k in (0, 1, 2)])
+    return bool(left < FOLLOWED * np.var(i))
+
+
 def _measured(
     record: Record, even: dict[str, Floats], file: JointFile, structure: Structure, grid: Floats
 ) -> dict[str, Floats]:
@@ -155,7 +172,7 @@ def _measured(
             if f"dq_{body}" in even:
                 found["q_m"] = cumulative_trapezoid(even[f"dq_{body}"], grid, initial=0.0)
                 break
-    if load != motor and "q_l" in even:
+    if load != motor and "q_l" in even and not structure.output_fixed:
         found["q_l"] = even["q_l"]
     if gear != load and "tau" in even:
         found["tau"] = even["tau"]
@@ -165,6 +182,24 @@ def _measured(
             f"with a spring its torque tau [N m]. Columns there: {', '.join(record.columns)}."
         )
     return found
+
+
+def _relaxed(measured: dict[str, Floats], q_l: Floats | None, structure: Structure) -> None:
+    """Shift an angle so that the spring is relaxed where no torque is measured, in place.
+
+    Encoders have arbitrary zeros: a regression of the deflection on the torque tells theirs.
+    """
+    if structure.groups[1] == structure.groups[2] or not {"q_m", "tau"} <= measured.keys():
+        return
+    if q_l is None and not structure.output_fixed:
+        return
+    twist = measured["q_m"] - (q_l if q_l is not None else 0.0)
+    columns = np.stack([measured["tau"], np.ones(len(twist))], axis=1)
+    zero = float(np.linalg.lstsq(columns, twist, rcond=None)[0][1])
+    if "q_l" in measured:
+        measured["q_l"] = measured["q_l"] + zero
+    else:
+        measured["q_m"] = measured["q_m"] - zero
 
 
 def _holes(grid: Floats, t: Floats, columns: list[Floats], dt: float) -> Flags:
@@ -186,6 +221,7 @@ def smoothed(x: Floats, dt: float, order: int = 0) -> Floats:
 
 def _states(
     measured: dict[str, Floats],
+    held: Floats | None,
     even: dict[str, Floats],
     structure: Structure,
     file: JointFile,
@@ -203,10 +239,10 @@ def _states(
     k_b, k_g = p.get("k_b", 0.0), p.get("k_g", 0.0)
     bar = tau / k_b if gear != load and k_b > 0.0 else np.zeros(size)
     mesh = tau / k_g if motor != gear and k_g > 0.0 else np.zeros(size)
-    held = measured.get("q_l", np.zeros(size))
-    q_m = measured.get("q_m", held + bar + mesh)
-    if "q_l" in measured:
-        q_l = measured["q_l"]
+    load_angle = measured.get("q_l", held)
+    q_m = measured.get("q_m", (0.0 if load_angle is None else load_angle) + bar + mesh)
+    if load_angle is not None:
+        q_l = load_angle
     else:
         q_l = np.zeros(size) if structure.output_fixed else q_m - bar - mesh
     q_g = q_m - mesh if motor != gear else q_m

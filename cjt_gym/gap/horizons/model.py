@@ -15,6 +15,14 @@ from cjt_gym.joint.structures import Structure
 Floats = NDArray[np.float64]
 MEASURES = ("noise", "quantization", "drift", "dropout", "command_noise")
 """Effects that a prediction leaves out: they scatter, or round, what is measured."""
+DRIVE = (
+    "command_delay",
+    "current_lag",
+    "current_saturation",
+    "current_rate_limit",
+    "command_quantization",
+)
+"""Effects between a command and the current."""
 SHARED = "dq_0"
 
 
@@ -194,10 +202,15 @@ def drafted(joint: Joint, draft: Draft) -> Joint:
     return replace(joint, file=file, effects=draft.effects)
 
 
-def quiet(joint: Joint) -> Joint:
-    """Return a joint without noise and rounding of what it measures."""
-    kept = {name: values for name, values in joint.effects.items() if name not in MEASURES}
-    return replace(joint, effects=kept)
+def quiet(joint: Joint, *, driven: bool = True) -> Joint:
+    """Return a joint without noise and rounding of what it measures.
+
+    Args:
+        joint: The joint.
+        driven: Whether its drive takes a command; a measured current has passed the drive already.
+    """
+    out = MEASURES if driven else (*MEASURES, *DRIVE)
+    return replace(joint, effects={n: v for n, v in joint.effects.items() if n not in out})
 
 
 @dataclass(frozen=True)
