@@ -53,6 +53,11 @@ class SampledJoint:
         """The continuous transfer function from motor torque to joint torque."""
         return transfer_function(*self.mechanics.continuous, self.mechanics.row("tau"))
 
+    @cached_property
+    def placed(self) -> Mechanics:
+        """The sampled mechanics with the position of the last body as the last state."""
+        return placed(self.mechanics)
+
     @property
     def name(self) -> str:
         """Name and structure of the joint."""
@@ -85,6 +90,7 @@ class Mechanics:
         b: Motor torque, shape (order,).
         c: Rows of `MEASURED` with angles from q_l, shape (7, order).
         continuous: The same (a, b) before sampling.
+        fixed: Whether the output is fixed.
         dt: Sample time [s].
     """
 
@@ -92,6 +98,7 @@ class Mechanics:
     b: Floats
     c: Floats
     continuous: tuple[Floats, Floats]
+    fixed: bool
     dt: float
 
     def row(self, name: str) -> Floats:
@@ -100,7 +107,7 @@ class Mechanics:
 
 
 def mechanics(joint: Joint, dt: float) -> Mechanics:
-    """Return the sampled mechanics of a joint with a torsion bar."""
+    """Return the sampled mechanics of a joint; without a torsion bar its row of tau is zero."""
     a, b, rows, _ = state_matrices(joint.parameters, joint.structure_row)
     size = joint.structure_row.size
     order = a.shape[0]
@@ -120,7 +127,20 @@ def mechanics(joint: Joint, dt: float) -> Mechanics:
     drive = np.concatenate([np.zeros(bends), b[velocity, 0]])
     c = np.concatenate([rows[:, position] @ back, rows[:, velocity]], axis=1)
     a_d, b_d = zero_order_hold(continuous, drive[:, None], dt)
-    return Mechanics(a_d, b_d[:, 0], np.roll(c, 1, axis=0), (continuous, drive), dt)
+    fixed = joint.structure_row.output_fixed
+    return Mechanics(a_d, b_d[:, 0], np.roll(c, 1, axis=0), (continuous, drive), fixed, dt)
+
+
+def placed(model: Mechanics) -> Mechanics:
+    """Return mechanics with a free load and, as the last state, the position of the last body."""
+    (a, b), n = model.continuous, len(model.b)
+    wide = np.zeros((n + 1, n + 1))
+    wide[:n, :n], wide[n, n - 1] = a, 1.0  # the last velocity is that of the last body
+    into = np.append(b, 0.0)
+    angle = np.array([[float(name.startswith("q_"))] for name in MEASURED])
+    a_d, b_d = zero_order_hold(wide, into[:, None], model.dt)
+    c = np.concatenate([model.c, angle], axis=1)
+    return Mechanics(a_d, b_d[:, 0], c, (wide, into), model.fixed, model.dt)
 
 
 @dataclass(frozen=True)
