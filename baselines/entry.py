@@ -30,6 +30,7 @@ class Gain:
         log: Whether it is to be searched on a logarithmic scale; then low > 0.
         asked: Whether it says what is wanted rather than how well it is done, such as a stiffness
             to render. A search leaves it as it is.
+        usual: Its value where neither a design nor a gain file says one; None where they must.
     """
 
     name: str
@@ -38,6 +39,7 @@ class Gain:
     high: float
     log: bool = False
     asked: bool = False
+    usual: float | None = None
 
 
 @dataclass(frozen=True)
@@ -73,6 +75,12 @@ class ControllerEntry:
     def searched(self) -> tuple[Gain, ...]:
         """The gains that a search may change."""
         return tuple(gain for gain in self.tunable if not gain.asked)
+
+    def complete(self, gains: Gains) -> dict[str, float]:
+        """Return gains in the order of the row, with the usual ones where some are missing."""
+        usual = {gain.name: gain.usual for gain in self.tunable if gain.usual is not None}
+        known = usual | dict(gains)
+        return {gain.name: known[gain.name] for gain in self.tunable if gain.name in known}
 
     def check_structure(self, joint: Joint) -> None:
         """Raise ConfigurationError with the reason if the law does not hold for the structure."""

@@ -45,9 +45,9 @@ class ReferenceVelocity:
         return np.asarray(self._rate.step(reference, fresh) / self.stiffness + self._load)
 
 
-def pd_law(kp: float, kd: float, dt: float, *more: Block) -> LinearLaw:
-    """Return feed-forward and PD whose derivative is that of the torque, and more blocks."""
-    return assemble(dt, static(reference=1.0), pid(kp, 0.0, kd, dt, lead=False), *more)
+def pd_law(kp: float, kd: float, dt: float, *more: Block, lead: bool = False) -> LinearLaw:
+    """Return feed-forward and PD, without lead with the torque's derivative, and more blocks."""
+    return assemble(dt, static(reference=1.0), pid(kp, 0.0, kd, dt, lead), *more)
 
 
 def dob_candidates(model: SampledJoint) -> list[dict[str, float]]:

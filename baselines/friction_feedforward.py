@@ -1,6 +1,7 @@
 """Feed-forward of reference and friction, with PD.
 
-    u = r + kp e - kd F tau + share (d_c tanh(w / w_0) + d_v w),   w = dr/dt / k + dq_l
+    u = r + kp e + kd F e_d + share (d_c tanh(w / w_0) + d_v w),   w = dr/dt / k + dq_l,
+    e_d = -tau or, with lead, e
 
 w is the velocity at which the motor has to move for the spring k (and the gearbox in series with
 it) to follow the reference, so that neither noise nor delay of a measured velocity enters, and the
@@ -21,7 +22,7 @@ from cjt_gym.baselines.compensation import CompensatedPd
 from cjt_gym.baselines.controller import Controller, Floats, Mask, check
 from cjt_gym.baselines.entry import SPRUNG, ControllerEntry, Gain, Gains
 from cjt_gym.baselines.feedforward import ReferenceVelocity, pd_defaults
-from cjt_gym.baselines.pid import KD, KP
+from cjt_gym.baselines.pid import KD, KP, LATE
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.joint import Joint
 from cjt_gym.plant import Measurement, limits_of
@@ -39,6 +40,7 @@ class FrictionFeedForward(CompensatedPd):
         dt: Sample time [s].
         kp: Proportional gain, >= 0 [-].
         kd: Derivative gain, >= 0 [s].
+        lead: With at least 0.5 the derivative is that of the error.
         share: Of the friction that is compensated, >= 0 [-].
         smoothing: w_0, the velocity over which the sign is smoothed, > 0 [rad/s].
         torque_limit: Largest motor torque that is commanded [N m].
@@ -51,6 +53,7 @@ class FrictionFeedForward(CompensatedPd):
     dt: float
     kp: float
     kd: float
+    lead: float
     share: float = SHARE
     smoothing: float = SMOOTHING
     torque_limit: float = math.inf
@@ -88,6 +91,7 @@ ROW = ControllerEntry(
     tunable=(
         KP,
         KD,
+        LATE,
         Gain("share", "-", 0.0, 1.5),
         Gain("smoothing", "rad/s", 1e-4, 1.0, log=True),
     ),

@@ -43,7 +43,7 @@ def shipped_gains(entry: ControllerEntry, joint: Joint, dt: float) -> dict[str, 
         return None
     gains = {name: float(number["value"]) for name, number in known["gains"].items()}
     try:
-        law = entry.build(joint, dt, gains).linear
+        law = entry.build(joint, dt, entry.complete(gains)).linear
     except ConfigurationError:  # the law does not take them on this joint
         return None
     if law is not None and not is_robust(SampledJoint(joint, dt), law):
@@ -60,7 +60,7 @@ def designed_gains(entry: ControllerEntry, joint: Joint, dt: float) -> dict[str,
     row = f"{entry.name} {joint.file.hash_hex()} {joint.structure} {joint.drive}"
     key = f"{row} {joint.effects} {dt}"
     if key not in _DESIGNED:
-        _DESIGNED[key] = dict(entry.defaults(joint, dt))
+        _DESIGNED[key] = entry.complete(entry.defaults(joint, dt))
     return dict(_DESIGNED[key])
 
 
@@ -72,4 +72,4 @@ def gains_of(entry: ControllerEntry, joint: Joint, dt: float) -> dict[str, float
     """
     entry.check_structure(joint)
     found = shipped_gains(entry, joint, dt)
-    return designed_gains(entry, joint, dt) if found is None else found
+    return designed_gains(entry, joint, dt) if found is None else entry.complete(found)

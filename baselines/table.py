@@ -111,7 +111,7 @@ def make_controller(name: str, joint: Joint, dt: float, gains: Gains | None = No
     entry = get_entry(name)
     entry.check_structure(joint)
     entry.check_gains(gains or {})
-    given = dict(gains or {})
-    complete = all(gain.name in given for gain in entry.tunable)
-    usual = {} if complete else gains_of(entry, joint, dt)
-    return entry.build(joint, dt, usual | given)
+    given = entry.complete(gains or {})
+    if len(given) < len(entry.tunable):
+        given = gains_of(entry, joint, dt) | dict(gains or {})
+    return entry.build(joint, dt, given)
