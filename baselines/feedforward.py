@@ -30,9 +30,7 @@ class ReferenceVelocity:
     """
 
     def __init__(self, joint: Joint, dt: float) -> None:
-        groups, p = joint.structure_row.groups, joint.parameters
-        gear = 1.0 / p.k_g if groups[0] != groups[1] else 0.0
-        self.stiffness = 1.0 / (1.0 / p.k_b + gear)
+        self.stiffness = SampledJoint(joint, dt).stiffness
         self._rate = FilteredDerivative(min(CUTOFF_HZ, 0.4 / dt), dt)
         self._share = -math.expm1(-2.0 * math.pi * LOAD_HZ * dt)
         self._load = np.zeros(0)

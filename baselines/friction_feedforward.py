@@ -30,6 +30,31 @@ from cjt_gym.plant import Measurement, limits_of
 SHARE, SMOOTHING = 0.8, 0.02
 
 
+class KnownFriction:
+    """The friction that a joint file names, at the velocity that the reference asks for.
+
+    Attributes:
+        share: Of the friction that is given.
+        smoothing: w_0 [rad/s].
+        coulomb: Of motor and gear [N m].
+        viscous: Of motor and gear [N m s/rad].
+        velocity: The velocity.
+    """
+
+    def __init__(self, joint: Joint, dt: float, share: float, smoothing: float) -> None:
+        p = joint.parameters
+        self.share, self.smoothing = share, smoothing
+        self.coulomb = p.get("d_cm", 0.0) + p.get("d_cg", 0.0)
+        self.viscous = p.get("d_m", 0.0) + p.get("d_g", 0.0)
+        self.velocity = ReferenceVelocity(joint, dt)
+
+    def step(self, measurement: Measurement, reference: Floats, fresh: Mask) -> Floats:
+        """Return the friction [N m], shape (n,)."""
+        w = self.velocity.step(measurement, reference, fresh)
+        friction = self.coulomb * np.tanh(w / self.smoothing) + self.viscous * w
+        return np.asarray(self.share * friction)
+
+
 @final
 @dataclass(eq=False)
 class FrictionFeedForward(CompensatedPd):
@@ -62,17 +87,12 @@ class FrictionFeedForward(CompensatedPd):
         self._prepare()
         check(self, "share", "", low=0.0)
         check(self, "smoothing", "rad/s", above=0.0)
-        p = self.joint.parameters
-        self.coulomb = p.get("d_cm", 0.0) + p.get("d_cg", 0.0)
-        self.viscous = p.get("d_m", 0.0) + p.get("d_g", 0.0)
-        self._velocity = ReferenceVelocity(self.joint, self.dt)
+        self.friction = KnownFriction(self.joint, self.dt, self.share, self.smoothing)
 
     def _compensation(
         self, measurement: Measurement, reference: Floats, applied: Floats, fresh: Mask
     ) -> Floats:
-        w = self._velocity.step(measurement, reference, fresh)
-        friction = self.coulomb * np.tanh(w / self.smoothing) + self.viscous * w
-        return np.asarray(self.share * friction)
+        return self.friction.step(measurement, reference, fresh)
 
 
 def _defaults(joint: Joint, dt: float) -> Gains:

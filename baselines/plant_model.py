@@ -71,6 +71,13 @@ class SampledJoint:
         return min(pairs or poles, key=abs)
 
     @property
+    def stiffness(self) -> float:
+        """Stiffness of gearbox and torsion bar in series [N m/rad]."""
+        groups, p = self.joint.structure_row.groups, self.joint.parameters
+        gear = 1.0 / p.k_g if groups[0] != groups[1] else 0.0
+        return 1.0 / (1.0 / p.k_b + gear)
+
+    @property
     def inertia(self) -> float:
         """Inertia of motor and gear together [kg m^2]."""
         return self.joint.parameters.I_m + self.joint.parameters.get("I_g", 0.0)
