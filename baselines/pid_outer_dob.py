@@ -106,8 +106,8 @@ def _self_fed(low: tuple[np.ndarray, np.ndarray, np.ndarray, float], measured: B
 
 
 def _law(model: SampledJoint, gains: Gains) -> LinearLaw:
-    names = ("kp", "kd", "dob_hz", "prefilter_hz")
-    return outer_dob_law(model, *(gains[name] for name in names), leads(gains))
+    kp, kd, dob_hz, prefilter_hz = (gains[n] for n in ("kp", "kd", "dob_hz", "prefilter_hz"))
+    return outer_dob_law(model, kp, kd, dob_hz, prefilter_hz, leads(gains))
 
 
 def _candidates(model: SampledJoint) -> list[dict[str, float]]:

@@ -35,8 +35,9 @@ def shipped_gains(entry: ControllerEntry, joint: Joint, dt: float) -> dict[str, 
         joint: The joint; delays among its effects are taken into account.
         dt: Sample time [s].
     """
-    path = FOLDER / joint.parameters.name / joint.structure / f"{entry.name}.toml"
-    if not path.is_file():
+    file = f"{entry.name}.toml"
+    path = FOLDER / joint.parameters.name / joint.structure / file
+    if path.name != file or not path.is_file():  # the name of code of one's own has folders
         return None
     known = _read(path)
     if abs(known["tuned"]["dt"] - dt) > 1e-9 * dt:
@@ -57,7 +58,7 @@ def designed_gains(entry: ControllerEntry, joint: Joint, dt: float) -> dict[str,
     Raises:
         ConfigurationError: The law does not fit the joint or the sample time.
     """
-    row = f"{entry.name} {joint.file.hash_hex()} {joint.structure} {joint.drive}"
+    row = f"{entry.name} {entry.tunable} {joint.file.hash_hex()} {joint.structure} {joint.drive}"
     key = f"{row} {joint.effects} {dt}"
     if key not in _DESIGNED:
         _DESIGNED[key] = entry.complete(entry.defaults(joint, dt))

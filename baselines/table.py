@@ -86,7 +86,7 @@ def get_entry(name: str) -> ControllerEntry:
         return own_entry(name)
     if is_composed(name):
         return composed(name)
-    raise unknown_name("controller", name, [*CONTROLLERS, *PARTS])
+    raise unknown_name("controller", name, {*CONTROLLERS, *PARTS})
 
 
 def default_gains(name: str, joint: Joint, dt: float) -> dict[str, float]:

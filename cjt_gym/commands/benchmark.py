@@ -10,6 +10,7 @@ from typing import Any
 
 from cjt_gym import __version__
 from cjt_gym.baselines import CONTROLLERS
+from cjt_gym.commands.controllers import CONTROLLER_HELP
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import STRUCTURES
 from cjt_gym.training.grid import BACKENDS, Cell, make_cells, run_grid
@@ -24,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("--joint", nargs="+", required=True, metavar="J", help="joints, or paths of joint files")
     add("--structure", nargs="+", default=[USUAL], metavar="S", help=", ".join(STRUCTURES))
-    text = f"{', '.join(CONTROLLERS)}, gain files of `cjt-gym tune`, or {ALL}"
+    text = f"{CONTROLLER_HELP}; gain files of `cjt-gym tune`; or {ALL} of the table"
     add("--controller", nargs="+", default=[], metavar="C", help=text)
     add(
         "--policy",
