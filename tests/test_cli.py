@@ -133,7 +133,7 @@ def test_another_joint_brings_its_own_effects_to_a_training() -> None:
         ([*SHORT, "--effect", "command_delay.delay=soon", "--out", "x.csv"], "number"),
         ([*SHORT, "--effect", "cogging", "--out", "x.csv"], "cogging.f"),
         ([*SHORT, "--reference", "chrip", "--out", "x.csv"], "'chirp'"),
-        ([*SHORT, "--controller", "pid", "--out", "x.csv"], "pd_feedforward"),
+        ([*SHORT, "--controller", "pd_feedforwrd", "--out", "x.csv"], "'pd_feedforward'"),
         ([*SHORT, "--duration", "-1", "--out", "x.csv"], "duration"),
         ([*SHORT, "--dt-physics", "3e-4", "--out", "x.csv"], "whole multiple"),
         ([*SHORT, "--out", "x.xyz"], "xyz"),
