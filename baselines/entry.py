@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 from cjt_gym.baselines.controller import Controller
@@ -99,16 +99,21 @@ class ControllerEntry:
             UnknownNameError: The law has no gain of that name.
             ConfigurationError: A gain is out of its range.
         """
-        known = {gain.name: gain for gain in self.tunable}
-        for name, value in gains.items():
-            if name not in known:
-                raise unknown_name(f"gain of controller {self.name}", name, known)
-            gain = known[name]
-            if not (math.isfinite(value) and gain.low <= value <= gain.high):
-                raise ConfigurationError(
-                    f"Gain {name} of controller {self.name} must be in [{gain.low:g}, "
-                    f"{gain.high:g}] {gain.unit}, got {value}."
-                )
+        check_gains(f"controller {self.name}", self.tunable, gains)
+
+
+def check_gains(owner: str, tunable: Iterable[Gain], gains: Gains) -> None:
+    """Check the names and ranges of gains; see `ControllerEntry.check_gains`."""
+    known = {gain.name: gain for gain in tunable}
+    for name, value in gains.items():
+        if name not in known:
+            raise unknown_name(f"gain of {owner}", name, known)
+        gain = known[name]
+        if not (math.isfinite(value) and gain.low <= value <= gain.high):
+            raise ConfigurationError(
+                f"Gain {name} of {owner} must be in [{gain.low:g}, {gain.high:g}] {gain.unit}, "
+                f"got {value}."
+            )
 
 
 NO_SPRING = "without a torsion bar there is no joint torque to measure"

@@ -27,20 +27,22 @@ class ReferenceVelocity:
 
     Attributes:
         stiffness: Of gearbox and torsion bar in series [N m/rad].
+        rate: Derivative of the reference.
+        share: How much of a new dq_l the low pass takes over in a sample.
     """
 
     def __init__(self, joint: Joint, dt: float) -> None:
         self.stiffness = SampledJoint(joint, dt).stiffness
-        self._rate = FilteredDerivative(min(CUTOFF_HZ, 0.4 / dt), dt)
-        self._share = -math.expm1(-2.0 * math.pi * LOAD_HZ * dt)
+        self.rate = FilteredDerivative(min(CUTOFF_HZ, 0.4 / dt), dt)
+        self.share = -math.expm1(-2.0 * math.pi * LOAD_HZ * dt)
         self._load = np.zeros(0)
 
     def step(self, measurement: Measurement, reference: Floats, fresh: Mask) -> Floats:
         """Return the velocity [rad/s], shape (n,)."""
         seen = measurement.dq_l
         before = np.where(fresh, seen, self._load) if len(self._load) == len(fresh) else seen
-        self._load = before + self._share * (seen - before)
-        return np.asarray(self._rate.step(reference, fresh) / self.stiffness + self._load)
+        self._load = before + self.share * (seen - before)
+        return np.asarray(self.rate.step(reference, fresh) / self.stiffness + self._load)
 
 
 def pd_law(kp: float, kd: float, dt: float, *more: Block, lead: bool = False) -> LinearLaw:

@@ -33,10 +33,19 @@ class SampledJoint:
     Attributes:
         joint: The joint.
         dt: Sample time [s].
+
+    Raises:
+        ConfigurationError: The sample time is not > 0.
     """
 
     joint: Joint
     dt: float
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.dt) and self.dt > 0.0):
+            raise ConfigurationError(
+                f"The sample time of a controller or an observer must be > 0 s, got {self.dt}."
+            )
 
     @cached_property
     def mechanics(self) -> Mechanics:

@@ -76,8 +76,9 @@ WORDS = [
 ]
 
 
-@pytest.mark.parametrize("structure", [FIXED, FREE])
-@pytest.mark.parametrize("word", WORDS)
+@pytest.mark.parametrize(
+    ("word", "structure"), [*((w, FIXED) for w in WORDS), *((w, FREE) for w in WORDS[-5:])]
+)
 def test_what_is_put_together_is_robust_or_says_why_not(word: str, structure: str) -> None:
     joint, entry = a_joint(structure), get_entry(word)
     if structure not in entry.structures:
