@@ -86,14 +86,22 @@ def _gain(model: DesignModel, wanted: Complex) -> Floats:
     axes = axes[:, sizes > SAME * sizes[0]]  # outputs that say something of their own
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # whether it has converged is seen in the poles
-        placed = place_poles(a.T, (axes.T @ c).T, wanted)
-    gain = np.linalg.solve(a, placed.gain_matrix.T) @ axes.T
+        # a (1 - m c) has the poles of a - m (c a), whose placement bears modes that die in a sample.
+        try:
+            placed = place_poles(a.T, (axes.T @ c @ a).T, wanted)
+        except ValueError as error:
+            raise ConfigurationError(
+                f"Poles of the Luenberger observer cannot be placed at z = {wanted}: {error}. Leave "
+                "fast modes of the joint where they are, or take a Kalman filter."
+            ) from error
+    gain = placed.gain_matrix.T @ axes.T
     found = np.linalg.eigvals(a @ (np.eye(len(a)) - gain @ c))
     distance = np.abs(found[:, None] - wanted) / np.abs(1.0 - wanted)
     if distance[linear_sum_assignment(distance)].max() > MISSED:
         raise ConfigurationError(
             f"Poles of the Luenberger observer that are asked for at z = {wanted} come out at "
-            f"{found}: set them farther apart, or nearer to those of the joint."
+            f"{found}: set them farther apart or nearer to those of the joint, or take a Kalman "
+            "filter."
         )
     return np.asarray(gain * scale[:, None] / model.noise)
 

@@ -150,9 +150,17 @@ def test_poles_that_cannot_be_placed_are_refused() -> None:
     model = SampledJoint(load_joint("orange_80_6000", "full_dynamics", effects={}), DT)
     with (
         warnings.catch_warnings(action="error"),
-        pytest.raises(ConfigurationError, match=r"(?s)come out at .* set them farther apart"),
+        pytest.raises(ConfigurationError, match=r"(?s)come out at .* set them farther apart or"),
     ):
         luenberger_observer(model, [-300.0] * 7, ("q_m",))
+
+
+@pytest.mark.parametrize("outputs", [("tau",), ("dq_m",), MEASURED])
+def test_a_mode_that_dies_within_a_sample_is_no_raw_error(outputs: tuple[str, ...]) -> None:
+    model = SampledJoint(load_joint("example", "full_dynamics", effects={}), DT)
+    order = len(design_model(model, outputs, disturbance=False).b)
+    with pytest.raises(ConfigurationError, match=r"(?s)Poles of the .*take a Kalman filter"):
+        luenberger_observer(model, [-200.0] * order, outputs, disturbance=False)
 
 
 def test_the_noise_of_a_velocity_is_that_of_its_filtered_angle() -> None:
