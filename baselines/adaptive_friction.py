@@ -66,7 +66,7 @@ class AdaptiveFriction(CompensatedPd):
         check(self, "rate_hz", "Hz", above=0.0)
         check(self, "threshold", "rad/s", above=0.0)
         check(self, "share", "", low=0.0)
-        self._velocity = ReferenceVelocity(self.model.joint, self.dt)
+        self.velocity = ReferenceVelocity(self.model.joint, self.dt)
         self.level, self._speed = np.zeros(0), np.zeros(0)
         self._sent = np.zeros((0, 0))
 
@@ -74,7 +74,7 @@ class AdaptiveFriction(CompensatedPd):
         self, measurement: Measurement, reference: Floats, applied: Floats, fresh: Mask
     ) -> Floats:
         self._learn(measurement, applied, fresh)
-        w = self._velocity.step(measurement, reference, fresh)
+        w = self.velocity.step(measurement, reference, fresh)
         return np.asarray(self.share * self.level * np.tanh(w / SMOOTHING))
 
     def _learn(self, measurement: Measurement, applied: Floats, fresh: Mask) -> None:

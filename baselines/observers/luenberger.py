@@ -86,15 +86,14 @@ def _gain(model: DesignModel, wanted: Complex) -> Floats:
     axes = axes[:, sizes > SAME * sizes[0]]  # outputs that say something of their own
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # whether it has converged is seen in the poles
-        # a (1 - m c) has the poles of a - m (c a), whose placement bears modes that die in a sample.
         try:
-            placed = place_poles(a.T, (axes.T @ c @ a).T, wanted)
-        except ValueError as error:
+            placed = place_poles(a.T, (axes.T @ c).T, wanted).gain_matrix
+            gain = np.linalg.solve(a, placed.T) @ axes.T
+        except ValueError as error:  # of NumPy, too, where a mode dies within a sample
             raise ConfigurationError(
                 f"Poles of the Luenberger observer cannot be placed at z = {wanted}: {error}. Leave "
                 "fast modes of the joint where they are, or take a Kalman filter."
             ) from error
-    gain = placed.gain_matrix.T @ axes.T
     found = np.linalg.eigvals(a @ (np.eye(len(a)) - gain @ c))
     distance = np.abs(found[:, None] - wanted) / np.abs(1.0 - wanted)
     if distance[linear_sum_assignment(distance)].max() > MISSED:

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-import numpy as np
-
 from cjt_gym.baselines.linear_law import SIGNALS
+from cjt_gym.export.c_additions import NOTHING
 from cjt_gym.export.c_law import CLaw
 from cjt_gym.export.c_text import array, filled, identifier, number
 
@@ -28,14 +27,14 @@ def controller_header(
     """
     name, order = identifier(prefix), len(law.linear.c)
     kind = f"{name.upper()}_REAL"
-    back = np.zeros(order) if law.back is None else law.back
+    adds = law.addition is not NOTHING
     tables = {
         "a": law.linear.a,
         "b": law.linear.b,
         "c": law.linear.c,
         "d": law.linear.d,
         "rest": law.linear.at_rest(),
-    } | ({"back": back} if law.friction is not None else {})
+    } | ({} if law.back is None else {"back": law.back})
     values = {
         "TITLE": title,
         "JOINT": joint,
@@ -48,11 +47,12 @@ def controller_header(
         "COUNT": str(COUNT),
         "START": "reference" if law.follows else "tau",
         "RENDER": _render(law),
-        "FRICTION_STATE": FRICTION_STATE if law.friction is not None else "",
-        "FRICTION": _friction(law),
-        "DECLARED": ", added, velocity" if law.friction is not None else "",
-        "ADDED": "added" if law.friction is not None else "0.0",
-        "BACK": " - @NAME@_back[i] * added" if law.friction is not None else "",
+        "ADDITION_STATE": law.addition.state,
+        "ADDITION": law.addition.code,
+        "AFTER": law.addition.after,
+        "LOCAL": law.addition.local,
+        "ADDED": "added" if adds else "0.0",
+        "BACK": "" if law.back is None else " - @NAME@_back[i] * added",
         "REST_STATE": "  @REAL@ rest; /* load angle at the start */\n" if _renders(law) else "",
         "NAME": name,
         "GUARD": f"{name.upper()}_H",
@@ -71,40 +71,6 @@ def _render(law: CLaw) -> str:
     return filled(RENDER, {"STIFFNESS": number(law.stiffness), "DAMPING": number(law.damping)})
 
 
-def _friction(law: CLaw) -> str:
-    if law.friction is None:
-        return ""
-    f, v = law.friction, law.friction.velocity
-    values = {
-        "A": v.rate.a,
-        "B": v.rate.b,
-        "K": v.stiffness,
-        "LOAD": v.share,
-        "SHARE": f.share,
-        "COULOMB": f.coulomb,
-        "VISCOUS": f.viscous,
-        "SMOOTHING": f.smoothing,
-    }
-    return filled(FRICTION, {key: number(value) for key, value in values.items()})
-
-
-FRICTION_STATE: Final = """\
-  @REAL@ reference, rate, load; /* of the velocity that the reference asks for */
-"""
-FRICTION: Final = """\
-  /* Known friction at the velocity that the reference asks for. */
-  if (!state->begun) {
-    state->reference = reference;
-    state->rate = 0.0;
-    state->load = dq_l;
-  } else {
-    state->rate = @A@ * state->rate + @B@ * (reference - state->reference);
-    state->reference = reference;
-    state->load += @LOAD@ * (dq_l - state->load);
-  }
-  velocity = state->rate / @K@ + state->load;
-  added = @SHARE@ * (@COULOMB@ * tanh(velocity / @SMOOTHING@) + @VISCOUS@ * velocity);
-"""
 RENDER: Final = """\
   /* A spring and a damper at the load, about where it stood at the start. */
   if (!state->begun) state->rest = q_l;
@@ -139,7 +105,7 @@ TEMPLATE: Final = """\
 
 typedef struct {
   @REAL@ x[@STATES@];
-@FRICTION_STATE@@REST_STATE@  int begun;
+@ADDITION_STATE@@REST_STATE@  int begun;
 } @NAME@_state;
 
 /* Forget the past: the first step takes the joint to have been at rest under its torque. */
@@ -156,9 +122,9 @@ static inline @REAL@ @NAME@_step(@NAME@_state *state, @REAL@ reference, @REAL@ t
                                  @REAL@ q_m, @REAL@ q_g, @REAL@ q_l,
                                  @REAL@ dq_m, @REAL@ dq_g, @REAL@ dq_l) {
   const @REAL@ limit = @NAME@_LIMIT;
-  @REAL@ next[@STATES@], command@DECLARED@;
+  @REAL@ next[@STATES@], command@LOCAL@;
   int i, j;
-@FRICTION@@RENDER@  @REAL@ w[@COUNT@] = {reference, tau, q_m, q_g, q_l, dq_m, dq_g, dq_l, 0.0};
+@ADDITION@@RENDER@  @REAL@ w[@COUNT@] = {reference, tau, q_m, q_g, q_l, dq_m, dq_g, dq_l, 0.0};
   if (!state->begun) {
     const @REAL@ still[@COUNT@] = {@START@, tau, q_m, q_g, q_l, dq_m, dq_g, dq_l, tau};
     for (i = 0; i < @ORDER@; i++)
@@ -171,7 +137,7 @@ static inline @REAL@ @NAME@_step(@NAME@_state *state, @REAL@ reference, @REAL@ t
   for (j = 0; j < @COUNT@; j++) command += @NAME@_d[j] * w[j];
   command = command > limit ? limit : command < -limit ? -limit : command;
   w[@COUNT@ - 1] = command;
-  for (i = 0; i < @ORDER@; i++) {
+@AFTER@  for (i = 0; i < @ORDER@; i++) {
     for (next[i] = 0.0, j = 0; j < @ORDER@; j++)
       next[i] += @NAME@_a[i * @ORDER@ + j] * state->x[j];
     for (j = 0; j < @COUNT@; j++) next[i] += @NAME@_b[i * @COUNT@ + j] * w[j];

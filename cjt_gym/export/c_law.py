@@ -8,11 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.baselines import Controller, OpenLoop, PdFeedForward
+from cjt_gym.baselines.adaptive_friction import AdaptiveFriction
 from cjt_gym.baselines.compose import WithFriction
-from cjt_gym.baselines.friction_feedforward import FrictionFeedForward, KnownFriction
+from cjt_gym.baselines.friction_feedforward import FrictionFeedForward
 from cjt_gym.baselines.impedance import Impedance
 from cjt_gym.baselines.linear_law import LinearController, LinearLaw, assemble, static
 from cjt_gym.errors import ConfigurationError
+from cjt_gym.export.c_additions import NOTHING, Addition, known_friction, learnt_friction
 
 Floats = NDArray[np.float64]
 
@@ -26,7 +28,7 @@ class CLaw:
         limit: Largest motor torque [N m].
         follows: Whether its memory begins as if the reference had long stood where it is, else as
             if it had been the torque that is there.
-        friction: Friction that is fed forward beside it, or None.
+        addition: What is added to its command.
         back: What the law's states take back of that, shape (order,).
         stiffness: Of a spring that is rendered at the load by way of the reference [N m/rad].
         damping: Of a damper beside that [N m s/rad].
@@ -35,7 +37,7 @@ class CLaw:
     linear: LinearLaw
     limit: float
     follows: bool = False
-    friction: KnownFriction | None = None
+    addition: Addition = NOTHING
     back: Floats | None = None
     stiffness: float = 0.0
     damping: float = 0.0
@@ -49,7 +51,7 @@ def law_of(controller: Controller, name: str) -> CLaw:
         name: Its name, for errors.
 
     Raises:
-        ConfigurationError: It learns, solves programs, or is code of one's own.
+        ConfigurationError: It learns series, solves programs, or is code of one's own.
     """
     limit = controller.torque_limit
     match controller:
@@ -70,12 +72,15 @@ def law_of(controller: Controller, name: str) -> CLaw:
         case WithFriction():
             assert controller.linear is not None
             back = controller.block.g
-            return CLaw(controller.linear, limit, friction=controller.friction, back=back)
+            return CLaw(controller.linear, limit, addition=known_friction(controller.friction), back=back)
         case FrictionFeedForward():
             assert controller.linear is not None
-            return CLaw(controller.linear, limit, friction=controller.friction)
+            return CLaw(controller.linear, limit, addition=known_friction(controller.friction))
+        case AdaptiveFriction():
+            assert controller.linear is not None
+            return CLaw(controller.linear, limit, addition=learnt_friction(controller))
     raise ConfigurationError(
-        f"The controller {name} cannot be written in C: it learns, solves programs while it runs, "
-        "or is code of your own. Take a linear law, such as lqg or pid+reference+friction, or one "
-        "put together from parts."
+        f"The controller {name} cannot be written in C: it learns series, solves programs while it "
+        "runs, or is code of your own. Take a linear law, such as lqg, or one put together from "
+        "parts, such as pid+reference+friction."
     )

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cjt_gym import load_joint
-from cjt_gym.baselines import make_controller
+from cjt_gym.baselines import default_gains, make_controller
 from cjt_gym.baselines.feedforward import pd_law
 from cjt_gym.baselines.pbh import check_stabilisable
 from cjt_gym.baselines.plant_model import SampledJoint
@@ -46,3 +46,11 @@ def test_a_library_that_is_missing_is_named(monkeypatch: pytest.MonkeyPatch) -> 
     joint = load_joint("orange_80_6000", "output_fixed_rigid_gearbox", effects={})
     with pytest.raises(ConfigurationError, match=r'mpc needs osqp: pip install "cjt-gym\[control'):
         make_controller("mpc", joint, DT, {"effort": 1.0, "drift": 1.0})
+
+
+@pytest.mark.parametrize("name", ["disturbance_rejection", "extended_dob+reference"])
+def test_gains_for_which_no_law_can_be_made_are_no_candidates(name: str) -> None:
+    """Slow observers of a joint with modes that die within a sample cannot be placed."""
+    joint = load_joint("lime_50_21000", "output_fixed", effects={})
+    with pytest.raises(ConfigurationError, match="Poles of the Luenberger observer"):
+        make_controller(name, joint, DT, default_gains(name, joint, DT) | {"observer_hz": 0.2})

@@ -28,7 +28,7 @@ from cjt_gym.joint import Joint
 
 DT = 1e-3
 FIXED, FREE = "output_fixed_rigid_gearbox", "full_dynamics"
-NOT_IN_C = {"mpc", "adaptive_friction", "ripple_learning", "iterative_learning"}
+NOT_IN_C = {"mpc", "ripple_learning", "iterative_learning"}
 PARTS = ["pid+reference+friction+momentum_dob", "pi+friction+reference+inner_dob", "position_pd+p"]
 needs_compiler = pytest.mark.skipif(compiler() is None, reason="there is no C compiler")
 
