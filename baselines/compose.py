@@ -28,6 +28,7 @@ from cjt_gym.baselines.linear_law import (
     total,
 )
 from cjt_gym.baselines.linear_row import grid
+from cjt_gym.baselines.own import is_own
 from cjt_gym.baselines.parts import OBSERVER, PARTS, Part, friction_of
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.baselines.robust import best_gains
@@ -74,7 +75,7 @@ class WithFriction(Controller):
 
 def is_composed(word: str) -> bool:
     """Return whether a word names parts, one or several."""
-    return JOINED in word or word in PARTS
+    return not is_own(word) and (JOINED in word or word in PARTS)
 
 
 @lru_cache(maxsize=256)

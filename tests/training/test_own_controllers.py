@@ -11,6 +11,7 @@ import pytest
 
 from cjt_gym import load_joint
 from cjt_gym.baselines import Controller, PdFeedForward, make_controller
+from cjt_gym.baselines.compose import is_composed
 from cjt_gym.cli import main
 from cjt_gym.errors import CjtGymError, ConfigurationError, MissingFileError, UnknownNameError
 from cjt_gym.training.config import environment_arguments
@@ -155,6 +156,7 @@ def test_no_file_brings_code_in(law: str, capsys: pytest.CaptureFixture[str]) ->
         choose("kp.toml")
     with pytest.raises(ConfigurationError, match="A file cannot name code"):
         environment_arguments({"base_controller": f"{law}:Mine"})
+    assert not is_composed("./a+b.py:Mine"), "or a record that names it would bring it in"
     assert imports() == 0
     with pytest.raises(ConfigurationError, match=r"holds gains of .*Mine, not of .*ready"):
         choose(f"{law}:ready@kp.toml")
