@@ -12,7 +12,7 @@ from typing import Any
 
 from cjt_gym.envs.torque_tracking import complete
 from cjt_gym.errors import ConfigurationError, MissingFileError, unknown_name
-from cjt_gym.training.gains import choose
+from cjt_gym.training.gains import choose_listed
 
 ALGORITHMS = ("PPO", "SAC", "TQC", "RecurrentPPO")
 ACTIVATIONS = ("tanh", "relu", "elu")
@@ -265,7 +265,7 @@ def environment_arguments(env: Mapping[str, Any]) -> dict[str, Any]:
             f"{gains!r}."
         )
     if name is not None:
-        arguments["base_controller"] = choose(str(name)).with_gains(gains or {}).make
+        arguments["base_controller"] = choose_listed(str(name)).with_gains(gains or {}).make
     return arguments
 
 

@@ -13,7 +13,6 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.baselines import CONTROLLERS
 from cjt_gym.canbus.config import HardwareConfig, load_hardware
 from cjt_gym.canbus.dry_run import Frames
 from cjt_gym.canbus.emulator import Emulator, emulated_joint
@@ -22,6 +21,7 @@ from cjt_gym.canbus.link import Link
 from cjt_gym.canbus.plant import CanPlant
 from cjt_gym.canbus.safety import HardwareFault
 from cjt_gym.canbus.virtual import VirtualLink
+from cjt_gym.commands.controllers import CONTROLLER_HELP
 from cjt_gym.commands.hardware_jobs import NONE, TRACKING, Job, jobs_of
 from cjt_gym.commands.simulate import GAINS
 from cjt_gym.errors import ConfigurationError
@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("config", type=Path, metavar="CONFIG.toml", help="the joint on its bus, as for emulate")
     who = parser.add_mutually_exclusive_group()
-    text = f"{', '.join(CONTROLLERS)}, a gain file, or {NONE}: the reference is the motor torque"
+    text = f"{CONTROLLER_HELP}; a gain file; or {NONE}: the reference is the motor torque"
     who.add_argument("--controller", metavar="C", help=text)
     who.add_argument(
         "--policy", metavar="RUN", help="run folder, or a policy of  cjt-gym export --to numpy"

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.baselines import CONTROLLERS
+from cjt_gym.commands.controllers import CONTROLLER_HELP
 from cjt_gym.commands.joint_options import (
     USUAL,
     add_conditions,
@@ -53,8 +54,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = "step, chirp, multisine, smooth, or a record: tau_ref is tracked, a command replayed"
     add("--reference", default="chirp", help=text)
     add("--amplitude", type=float, help="of the reference [N m]; default: from the joint")
-    text = f"{', '.join(CONTROLLERS)}, a gain file of `cjt-gym tune`, or {NONE}: replay the "
-    text += f"record's command; default: {TRACKING}"
+    text = f"{CONTROLLER_HELP}; a gain file of `cjt-gym tune`; or {NONE}: replay the record's "
+    text += f"command; default: {TRACKING}"
     add("--controller", help=f"{text} where there is a tau_ref")
     add("--duration", type=float, help="[s]; default: that of the record, or 10")
     add("--dt", type=float, help="control step [s]; default: that of the record, or 0.001")
