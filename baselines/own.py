@@ -142,7 +142,8 @@ def _imported(path: Path, content: bytes) -> ModuleType:
     """Return the module of a file, imported once for each content."""
     name = f"cjt_gym_own_{path.stem}_{hashlib.sha256(bytes(path) + content).hexdigest()[:12]}"
     spec = importlib.util.spec_from_file_location(name, path)
-    assert spec is not None and spec.loader is not None
+    assert spec is not None
+    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module  # dataclasses look their module up there
     try:

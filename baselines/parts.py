@@ -105,9 +105,7 @@ ROWS = (
     Part("p", FEEDBACK, "kp e", (KP,), _pid, _pid_tries("kp")),
     Part("i", FEEDBACK, "ki integral of e", (KI,), _pid, _pid_tries("ki"), FIXED),
     Part("pi", FEEDBACK, "p and i", (KP, KI), _pid, _pid_tries("kp", "ki"), FIXED),
-    Part(
-        "pd", FEEDBACK, "p and kd F e or -kd F tau", (KP, KD, LEAD), _pid, _pid_tries("kp", "kd")
-    ),
+    Part("pd", FEEDBACK, "p and kd F e or -kd F tau", (KP, KD, LEAD), _pid, _pid_tries("kp", "kd")),
     Part(
         "pid",
         FEEDBACK,

@@ -14,9 +14,7 @@ from cjt_gym.baselines.pid import INTEGRALS, KD, KI, KP, LEAD, damping_gains, le
 from cjt_gym.baselines.plant_model import SampledJoint
 
 
-def pid_feedforward_law(
-    kp: float, ki: float, kd: float, dt: float, lead: bool = True
-) -> LinearLaw:
+def pid_feedforward_law(kp: float, ki: float, kd: float, dt: float, lead: bool = True) -> LinearLaw:
     """Return the law; see the module.
 
     Args:

@@ -1,6 +1,7 @@
 """PD with feed-forward, an outer (closed-loop) disturbance observer and a prefilter.
 
-    r'[k] = r0 - d,   d = Pc^-1 Q tau - Q z^-delay r',   u = r' + kp (r' - tau) + kd F e_d,   e_d = r' - tau or, without lead, -tau
+    r'[k] = r0 - d,   d = Pc^-1 Q tau - Q z^-delay r',   u = r' + kp (r' - tau) + kd F e_d,
+    e_d = r' - tau or, without lead, -tau
 
 Pc is the nominal closed loop from r' to tau, so that d, in the sense of a reference, is what that
 loop does otherwise than it should. With a prefilter r0 = Pc^-1 Qf r, else r0 = r. Where a limit

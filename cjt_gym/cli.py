@@ -27,7 +27,7 @@ COMMANDS: dict[str, str] = {
     "analyse": "draw linear responses, poles, zeros and steps of joints",
     "build": "make many joints from a table of parameter sets, structures and effects",
     "datasheet": "write what a joint can do on a few pages, as PDF or HTML; compare several",
-    "export": "write a joint for MuJoCo or Isaac Lab, a policy as ONNX, NumPy or C, a controller as C",
+    "export": "write a joint for MuJoCo or Isaac Lab, a policy or a controller for a control loop",
     "hardware": "run a controller, policy or experiment on a joint on a CAN bus",
     "emulate": "serve an emulated drive with a simulated joint on a CAN bus",
     "check": "say what a record can and cannot tell, before any fit",

@@ -17,7 +17,13 @@ from typing import Any
 
 from cjt_gym.baselines import Controller, ControllerEntry, get_entry, make_controller
 from cjt_gym.baselines.own import is_own, path_of
-from cjt_gym.errors import CjtGymError, CjtGymWarning, ConfigurationError, MissingFileError, unknown_name
+from cjt_gym.errors import (
+    CjtGymError,
+    CjtGymWarning,
+    ConfigurationError,
+    MissingFileError,
+    unknown_name,
+)
 from cjt_gym.joint import Joint
 from cjt_gym.training.toml_text import to_toml
 

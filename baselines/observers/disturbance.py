@@ -3,9 +3,10 @@
     d = P^-1 Q y - Q z^-delay u
 
 estimates the torque that acts on the motor as u does, seen through the low pass Q (Butterworth,
-unit gain at rest). P is the linear joint from motor torque to the output y, any of the seven. Both filters have the
-same gain at rest: P^-1 Q is discretised by the bilinear rule, and Q as the plant sees a command,
-held over a sample, so that Q has no feed-through and there is no algebraic loop.
+unit gain at rest). P is the linear joint from motor torque to the output y, any of the seven.
+Both filters have the same gain at rest: P^-1 Q is discretised by the bilinear rule, and Q as the
+plant sees a command, held over a sample, so that Q has no feed-through and there is no algebraic
+loop.
 
 References:
     Ohnishi, Shibata, Murakami (1996), Motion control for advanced mechatronics, IEEE/ASME

@@ -91,8 +91,8 @@ def _gain(model: DesignModel, wanted: Complex) -> Floats:
             gain = np.linalg.solve(a, placed.T) @ axes.T
         except ValueError as error:  # of NumPy, too, where a mode dies within a sample
             raise ConfigurationError(
-                f"Poles of the Luenberger observer cannot be placed at z = {wanted}: {error}. Leave "
-                "fast modes of the joint where they are, or take a Kalman filter."
+                f"Poles of the Luenberger observer cannot be placed at z = {wanted}: {error}. "
+                "Leave fast modes of the joint where they are, or take a Kalman filter."
             ) from error
     found = np.linalg.eigvals(a @ (np.eye(len(a)) - gain @ c))
     distance = np.abs(found[:, None] - wanted) / np.abs(1.0 - wanted)

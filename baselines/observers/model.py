@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from cjt_gym.baselines.linear_law import COMMAND, MEASURED, SIGNALS, signals
+from cjt_gym.baselines.mechanics import Mechanics
 from cjt_gym.baselines.observers.linear_observer import LinearObserver
 from cjt_gym.baselines.pbh import check_observable
-from cjt_gym.baselines.mechanics import Mechanics
 from cjt_gym.baselines.plant_model import SampledJoint, scatter, setting
 from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.joint import Joint

@@ -72,7 +72,9 @@ def law_of(controller: Controller, name: str) -> CLaw:
         case WithFriction():
             assert controller.linear is not None
             back = controller.block.g
-            return CLaw(controller.linear, limit, addition=known_friction(controller.friction), back=back)
+            return CLaw(
+                controller.linear, limit, addition=known_friction(controller.friction), back=back
+            )
         case FrictionFeedForward():
             assert controller.linear is not None
             return CLaw(controller.linear, limit, addition=known_friction(controller.friction))

@@ -29,9 +29,7 @@ def compiled(source: str, headers: Mapping[str, str]) -> ctypes.CDLL:
     """
     name = compiler()
     if name is None:
-        raise ConfigurationError(
-            f"There is no C compiler ({', '.join(COMPILERS)}) to try it with."
-        )
+        raise ConfigurationError(f"There is no C compiler ({', '.join(COMPILERS)}) to try it with.")
     with tempfile.TemporaryDirectory() as place:  # a library that is loaded needs no file
         folder = Path(place)
         for file, text in {**headers, "source.c": source}.items():

@@ -1,4 +1,4 @@
-"""Controllers that are put together do what the laws do that are written out, and keep what they promise."""
+"""Controllers put together from parts do what laws written out do, and keep their promises."""
 
 from __future__ import annotations
 
@@ -120,7 +120,9 @@ def test_friction_fed_forward_helps_a_disturbance_observer() -> None:
     gains = PD | {"dob_hz": 4.0, "share": 0.8, "smoothing": 0.02}
     error = []
     for share in (0.8, 0.0):
-        found = torque_under("pd+reference+mass_dob+friction", joint, gains | {"share": share}, wanted)
+        found = torque_under(
+            "pd+reference+mass_dob+friction", joint, gains | {"share": share}, wanted
+        )
         error.append(np.sqrt(np.mean((found - wanted)[500:] ** 2)))
     assert error[0] < 0.8 * error[1]
 

@@ -87,9 +87,7 @@ def poles(model: SampledJoint, outputs: tuple[str, ...]) -> list[complex]:
 
 
 DESIGNS: dict[str, Callable[[SampledJoint, tuple[str, ...]], LinearObserver]] = {
-    "luenberger": lambda model, outputs: luenberger_observer(
-        model, poles(model, outputs), outputs
-    ),
+    "luenberger": lambda model, outputs: luenberger_observer(model, poles(model, outputs), outputs),
     "kalman": lambda model, outputs: kalman_filter(model, 0.1, 0.5, outputs),
 }
 
@@ -167,7 +165,7 @@ def test_the_noise_of_a_velocity_is_that_of_its_filtered_angle() -> None:
     effects = {"velocity_differentiation": {"cutoff": 100.0}, "noise": {"q_m": 1e-5, "q_l": 0.0}}
     model = SampledJoint(load_joint("orange_80_6000", "rigid_gearbox", effects=effects), DT)
     plant = SimulatedPlant(model.joint, 64, DT)
-    now = plant.reset(seed=1)
-    seen = np.array([(now := plant.step(np.zeros(64))).dq_m for _ in range(1000)])[200:]
+    plant.reset(seed=1)
+    seen = np.array([plant.step(np.zeros(64)).dq_m for _ in range(1000)])[200:]
     angle = output_noise(model, "q_m")
     assert np.std(seen) == pytest.approx(output_noise(model, "dq_m") * 1e-5 / angle, rel=0.02)

@@ -210,7 +210,9 @@ def test_the_momentum_observer_sees_coulomb_friction(structure: str) -> None:
 @pytest.mark.parametrize("structure", FREE)
 def test_a_free_load_hides_a_constant_disturbance_from_the_joint_torque(structure: str) -> None:
     model = sampled("orange_80_6000", structure)
-    with pytest.raises(ConfigurationError, match=r"from tau: the mode 0 1/s \(of .*disturbance\) does"):
+    with pytest.raises(
+        ConfigurationError, match=r"from tau: the mode 0 1/s \(of .*disturbance\) does"
+    ):
         luenberger_observer(model, [-100.0] * 6)
     with pytest.raises(ConfigurationError, match="not observable from tau"):
         extended_state_observer(model, 30.0)

@@ -21,7 +21,9 @@ DT = 1e-3
 
 def test_a_mode_that_the_motor_does_not_move_is_named() -> None:
     a, b = np.diag([-1.0, 0.0, -3.0]), np.array([[1.0], [0.0], [2.0]])
-    with pytest.raises(ConfigurationError, match=r"load is not stabilisable: .* not move the mode 0 1/s"):
+    with pytest.raises(
+        ConfigurationError, match=r"load is not stabilisable: .* not move the mode 0 1/s"
+    ):
         check_stabilisable(a, b, "load")
     check_stabilisable(np.diag([-1.0, -2.0, 0.0]), np.array([[1.0], [0.0], [2.0]]), "load")
 
@@ -29,7 +31,9 @@ def test_a_mode_that_the_motor_does_not_move_is_named() -> None:
 def test_what_has_no_stable_inverse_is_not_inverted() -> None:
     poles = np.array([-10.0, -20.0, -30.0], complex)
     ahead = Rational(np.array([5.0 + 0j]), poles, 1.0)
-    with pytest.raises(ConfigurationError, match=r"x cannot be inverted: it has zeros, 5 1/s, that"):
+    with pytest.raises(
+        ConfigurationError, match=r"x cannot be inverted: it has zeros, 5 1/s, that"
+    ):
         inverse_times(ahead, low_pass(2, 10.0), "x")
     with pytest.raises(ConfigurationError, match="must have at least order 3, got 2"):
         inverse_times(Rational(np.zeros(0, complex), poles, 1.0), low_pass(2, 10.0), "x")

@@ -100,7 +100,7 @@ def test_the_momentum_observer_agrees_with_the_toolbox() -> None:
 
 
 def test_two_of_the_toolboxs_examples_are_unstable_without_dry_friction() -> None:
-    """Example 3 integrates with 10 1/s, Example 10 observes with 25 Hz; less of either is stable."""
+    """Example 3 integrates with 10 1/s, Example 10 observes with 25 Hz; less is stable."""
     joint = load_joint("orange_80_6000", "output_fixed_rigid_gearbox", effects={})
     model = SampledJoint(joint, DT)
     found = [is_stable(model.loop, integral_law(ki, DT)) for ki in (10.0, 5.0)]

@@ -2,8 +2,9 @@
 
 The toolbox's own gains are good to a few digits only where it finds any; these are those of its
 problems, solved with extended precision. They belong to continuous designs with the positions of
-all bodies among the states. Where the motor torque alone is noisy, they are what our sampled filters
-tend to with the sample time; the others test the joints' matrices and their Riccati equations.
+all bodies among the states. Where the motor torque alone is noisy, they are what our sampled
+filters tend to with the sample time; the others test the joints' matrices and their Riccati
+equations.
 """
 
 from __future__ import annotations

@@ -76,7 +76,9 @@ def made(word: str) -> Controller:
 
 
 def test_classes_functions_and_rows_make_controllers(law: str) -> None:
-    env = gymnasium.make("CJT/TorqueTracking-v0", base_controller=lambda joint, dt: made(f"{law}:Mine"))
+    env = gymnasium.make(
+        "CJT/TorqueTracking-v0", base_controller=lambda joint, dt: made(f"{law}:Mine")
+    )
     env.reset(seed=0)
     first = env.step(np.zeros(1))[4]["base_action"]
     for name in ("ready", "Mine"):
@@ -133,7 +135,17 @@ def test_files_that_are_gone_or_broken_are_refused(law: str) -> None:
 
 def test_commands_take_it(law: str, capsys: pytest.CaptureFixture[str]) -> None:
     word = f"{law}:Mine"
-    run = ["simulate", JOINT, "--reference", "step", "--duration", "0.2", "--out", "r.csv", "--json"]
+    run = [
+        "simulate",
+        JOINT,
+        "--reference",
+        "step",
+        "--duration",
+        "0.2",
+        "--out",
+        "r.csv",
+        "--json",
+    ]
     assert main([*run, "--controller", word]) == 0
     error = json.loads(capsys.readouterr().out)["rmse"]
     tuned = ["--joint", JOINT, "--budget", "3", "--episodes", "4", "--out", "kp.toml", "--json"]
