@@ -15,6 +15,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
+from cjt_gym.disk import whole
 from cjt_gym.envs.sb3 import JointsVecEnv, TorqueTrackingVecEnv
 from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.training.config import TrainConfig
@@ -128,7 +129,8 @@ def save_normalization(env: VecEnv, path: Path) -> None:
             statistics: Any = env.obs_rms
             arrays |= {"observation_mean": statistics.mean, "observation_var": statistics.var}
             arrays |= {"observation_count": np.array(statistics.count)}
-        np.savez(path, **arrays)  # type: ignore[arg-type]
+        with whole(path) as part:
+            np.savez(part, **arrays)  # type: ignore[arg-type]
 
 
 def load_normalization(env: VecEnv, path: Path) -> None:

@@ -18,6 +18,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv
 from tqdm import tqdm
 
+from cjt_gym.disk import whole, write_text
 from cjt_gym.envs.core import Episodes
 from cjt_gym.training.algorithms import load_normalization, save_normalization
 from cjt_gym.training.config import VALIDATION_SEEDS, TrainConfig, environment_arguments
@@ -132,7 +133,7 @@ class Companion(BaseCallback):
         save_model(self.model, self.training_env, part)
         save_replay(self.model, part / "replay.npz")
         state = {"steps": self.num_timesteps, "seconds": self.seconds}
-        (part / "state.json").write_text(json.dumps(state) + "\n", encoding="utf-8")
+        write_text(part / "state.json", json.dumps(state) + "\n")
         place = folder / f"step_{self.num_timesteps:012d}"
         shutil.rmtree(place, ignore_errors=True)
         part.rename(place)
@@ -183,10 +184,9 @@ def check_finite(model: BaseAlgorithm, steps: int) -> None:
 
 
 def save_model(model: BaseAlgorithm, env: VecEnv, folder: Path) -> None:
-    """Write model and statistics into a folder, each in one go."""
-    part = folder / "model.part.zip"
-    model.save(part)
-    part.replace(folder / "model.zip")
+    """Write model and statistics into a folder, each whole or not at all."""
+    with whole(folder / "model.zip") as part:
+        model.save(part)
     save_normalization(env, folder / "normalization.npz")
 
 
@@ -196,7 +196,8 @@ def save_replay(model: BaseAlgorithm, path: Path) -> None:
     if isinstance(buffer, ReplayBuffer):
         rows = buffer.buffer_size if buffer.full else buffer.pos
         arrays = {name: getattr(buffer, name)[:rows] for name in BUFFER_ARRAYS}
-        np.savez(path, pos=buffer.pos, full=buffer.full, **arrays)
+        with whole(path) as part:
+            np.savez(part, pos=buffer.pos, full=buffer.full, **arrays)
 
 
 def load_replay(model: BaseAlgorithm, path: Path) -> None:

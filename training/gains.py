@@ -6,7 +6,6 @@ Wherever a controller is named, such a file may stand instead: in `simulate`, `b
 
 from __future__ import annotations
 
-import tomllib
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -14,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from cjt_gym.baselines import CONTROLLERS, Controller, make_controller
+from cjt_gym.disk import read_toml, write_text
 from cjt_gym.errors import CjtGymWarning, ConfigurationError, MissingFileError, unknown_name
 from cjt_gym.joint import Joint
 from cjt_gym.training.toml_text import to_toml
@@ -103,7 +103,7 @@ def write_gains(
     values = {name: {"value": value, "unit": units[name]} for name, value in gains.items()}
     path.parent.mkdir(parents=True, exist_ok=True)
     data = {"controller": controller, "gains": values, "tuned": facts}
-    path.write_text(to_toml(data), encoding="utf-8")
+    write_text(path, to_toml(data))
     return path
 
 
@@ -117,11 +117,9 @@ def read_gains(path: str | Path) -> Choice:
     """
     file = Path(path)
     try:
-        data = tomllib.loads(file.read_text(encoding="utf-8"))
+        data = read_toml(file, ConfigurationError)
     except FileNotFoundError:
         raise MissingFileError(f"The gain file {path} does not exist. Make it with tune.") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigurationError(f"{path} must be a TOML file: {error}.") from None
     for key in data:
         if key not in KEYS:
             raise ConfigurationError(f"{unknown_name('key', key, KEYS)} (in {path})")

@@ -14,6 +14,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from cjt_gym.disk import write_text
 from cjt_gym.errors import CjtGymError, ConfigurationError, MissingFileError
 from cjt_gym.joint import Joint, load_joint_file
 from cjt_gym.plant.randomization import resolve_randomization
@@ -66,7 +67,7 @@ class RunFolder:
 
     def note(self, **facts: Any) -> None:
         """Add facts to `run.json`."""
-        _write_text(self.path / MARKER, json.dumps({**self.facts, **facts}, indent=2) + "\n")
+        write_text(self.path / MARKER, json.dumps({**self.facts, **facts}, indent=2) + "\n")
 
     def checkpoints(self) -> list[Path]:
         """Return the complete checkpoints, oldest first."""
@@ -147,9 +148,9 @@ def begin_run(path: str | Path, config: TrainConfig, joint: Joint) -> RunFolder:
     if str(name).endswith(".toml"):
         shutil.copyfile(str(name), folder / "joint.toml")
         config = replace(config, env={**config.env, "joint": "joint.toml"})
-    _write_text(folder / "config.toml", to_toml(config.to_dict()))
-    _write_text(folder / "randomization.toml", to_toml(resolved_randomization(config, joint)))
-    _write_text(folder / MARKER, json.dumps(_facts(config, joint), indent=2) + "\n")
+    write_text(folder / "config.toml", to_toml(config.to_dict()))
+    write_text(folder / "randomization.toml", to_toml(resolved_randomization(config, joint)))
+    write_text(folder / MARKER, json.dumps(_facts(config, joint), indent=2) + "\n")
     return RunFolder(folder)
 
 
@@ -229,10 +230,3 @@ def _comparable(config: TrainConfig) -> dict[str, Any]:
     if str(data["env"].get("joint", "")).endswith(".toml"):
         data["env"]["joint"] = load_joint_file(Path(data["env"]["joint"])).hash_hex()
     return data
-
-
-def _write_text(path: Path, text: str) -> None:
-    """Write a file in one go, so that a kill leaves the old one or the new one."""
-    part = path.with_name(path.name + ".part")
-    part.write_text(text, encoding="utf-8")
-    part.replace(path)

@@ -7,6 +7,7 @@ import json
 import sys
 from pathlib import Path
 
+from cjt_gym.disk import write_text
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import to_toml
 from cjt_gym.joint.build import build_joints, file_of
@@ -34,7 +35,7 @@ def run(options: argparse.Namespace) -> None:
                     f"{path} exists and differs from what the table says. Give another --out, or "
                     "move that file away."
                 )
-            path.write_text(text, encoding="utf-8")
+            write_text(path, text)
         lines.append(f"{name}  {', '.join(joint.effects) or 'no effects'}\n")
         rows.append(
             {

@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from cjt_gym.commands.in_the_loop import InTheLoop, agents_for, in_the_loop
+from cjt_gym.disk import write_text
 from cjt_gym.errors import ConfigurationError, RecordError
 from cjt_gym.gap import Diagnosis, diagnose
 from cjt_gym.gap.orient import orient
@@ -123,8 +124,8 @@ def write_files(
     """
     next_record = diagnosis.suggestion.written(folder / "next.npz")
     diagnosis = replace(diagnosis, suggestion=next_record)
-    (folder / "diagnosis.json").write_text(_json(diagnosis, loop, repairs), encoding="utf-8")
-    (folder / "joint.toml").write_text(joint_text(diagnosis, name), encoding="utf-8")
+    write_text(folder / "diagnosis.json", _json(diagnosis, loop, repairs))
+    write_text(folder / "joint.toml", joint_text(diagnosis, name))
     notes = [*(repair.text for repair in repairs), *loop.notes]
     title, tables = f"Diagnosis of {name}", loop.tables()
     write_report(diagnosis, folder / "report.html", title=title, notes=notes, tables=tables)

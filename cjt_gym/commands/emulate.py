@@ -19,6 +19,7 @@ from cjt_gym.canbus.link import quiet_machine
 from cjt_gym.canbus.ports import open_port
 from cjt_gym.canbus.ports.port import Port
 from cjt_gym.commands.simulate import parse_effects
+from cjt_gym.disk import write_text
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import EFFECTS
 
@@ -57,7 +58,7 @@ def run(options: argparse.Namespace) -> None:
         effects = draw_hidden(config.joint, options.hidden_seed)
     joint = emulated_joint(config, effects)
     if options.truth is not None:
-        options.truth.write_text(json.dumps(joint.effects, indent=1) + "\n", encoding="utf-8")
+        write_text(options.truth, json.dumps(joint.effects, indent=1) + "\n")
     port = open_port(config.bus)
     try:
         _announce(options, config, port, list(joint.effects))

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 from cjt_gym.commands.simulate import parse_effects
+from cjt_gym.disk import write_text
 from cjt_gym.export import TARGETS, Export, to_isaaclab, to_mujoco
 from cjt_gym.joint import DRIVES, STRUCTURES, load_joint
 
@@ -49,7 +50,7 @@ def run(options: argparse.Namespace) -> None:
         found = to_mujoco(joint, dcmotor=not options.without_dcmotor, **step)
     else:
         found = to_isaaclab(joint, **step)
-    options.out.write_text(found.text, encoding="utf-8")
+    write_text(options.out, found.text)
     if options.json:
         sys.stdout.write(json.dumps({"file": str(options.out), **found.to_dict()}) + "\n")
     else:

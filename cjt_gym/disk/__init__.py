@@ -10,7 +10,7 @@
 """
 
 from cjt_gym.disk.limits import BYTES_OF_TEXT, COLUMNS, NUMBERS, Limit
-from cjt_gym.disk.parsing import parsing
+from cjt_gym.disk.parsing import parsed_each, parsing
 from cjt_gym.disk.text import parse_json, parse_toml, read_json, read_toml, toml_text
 from cjt_gym.disk.whole import check_file_name, refuse_inputs, whole, write_bytes, write_text
 
@@ -22,6 +22,7 @@ __all__ = [
     "check_file_name",
     "parse_json",
     "parse_toml",
+    "parsed_each",
     "parsing",
     "read_json",
     "read_toml",

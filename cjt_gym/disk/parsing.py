@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from typing import TypeVar
 
 from cjt_gym.errors import CjtGymError
 
-__all__ = ["parsing", "reason_of"]
+__all__ = ["parsed_each", "parsing", "reason_of"]
 
+Item = TypeVar("Item")
 LONGEST = 300
 """Characters of a foreign message that are shown."""
 
@@ -34,6 +36,25 @@ def parsing(what: str, error: type[CjtGymError], remedy: str = "") -> Iterator[N
         raise
     except Exception as reason:  # no list of what they raise is ever complete
         raise error(f"{what} ({reason_of(reason)}). {remedy}".strip()) from reason
+
+
+def parsed_each(items: Iterable[Item], what: str, error: type[CjtGymError]) -> Iterator[Item]:
+    """Yield items that a foreign parser makes one by one; see `parsing`.
+
+    Raises:
+        CjtGymError: Of the given class for any other exception that the parser raises.
+    """
+    iterator = iter(items)
+    while True:
+        try:
+            item = next(iterator)
+        except StopIteration:
+            return
+        except CjtGymError:
+            raise
+        except Exception as reason:
+            raise error(f"{what} ({reason_of(reason)}).") from reason
+        yield item
 
 
 def reason_of(reason: BaseException) -> str:

@@ -20,9 +20,8 @@ DEEPEST: Final = 32
 """Tables and lists within each other."""
 LARGEST: Final = 2**63
 """Whole numbers are smaller, as TOML has them; a float can hold them."""
-LONG_KEY: Final = re.compile(
-    r"""(?<![\w-])(?:(?:[\w-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){%d}""" % (2 * DEEPEST)
-)
+PART: Final = r"""(?:[\w-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')[ \t]*+"""
+LONG_KEY: Final = re.compile(rf"(?<![\w-])(?:{PART}\.[ \t]*+){{{2 * DEEPEST}}}")
 Error = type[CjtGymError]
 
 
@@ -94,11 +93,11 @@ def parse_json(text: str, owner: str, error: Error) -> Any:
 
 
 def toml_text(text: str) -> str:
-    """Return a text in quotes as TOML has it.
+    r"""Return a text in quotes as TOML has it.
 
     Example:
-        >>> print(toml_text('a "b"'), toml_text("one\\ntwo"))
-        "a \\"b\\"" "one\\ntwo"
+        >>> print(toml_text('a "b"'))
+        "a \"b\""
     """
     quoted = json.dumps(text, ensure_ascii=False)  # JSON's escapes are TOML's, but for two
     quoted = quoted.replace("\x7f", "\\u007f")

@@ -19,13 +19,13 @@ the name where there are several.
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from typing import Any
 
+from cjt_gym.disk import read_toml
 from cjt_gym.errors import ConfigurationError, MissingFileError, did_you_mean
 from cjt_gym.joint.effects import EFFECTS
 from cjt_gym.joint.files import JointFile
@@ -102,11 +102,9 @@ def file_of(joint: Joint) -> JointFile:
 
 def _read(path: Path) -> Mapping[str, Any]:
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return read_toml(path, ConfigurationError)
     except FileNotFoundError:
         raise MissingFileError(f"The table of joints {path} does not exist.") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigurationError(f"{path} must be a TOML file: {error}.") from None
 
 
 def _check_keys(row: object, known: tuple[str, ...], owner: str) -> None:

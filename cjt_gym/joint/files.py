@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
 
+from cjt_gym.disk.text import read_text
 from cjt_gym.errors import MissingFileError, ParameterError, unknown_name
 from cjt_gym.joint.parameters import JointParameters, content_of, sha256_of
 from cjt_gym.joint.quantity import FrozenMapping, Quantity, Setting
@@ -129,13 +130,13 @@ def _is_path(name_or_path: str | Path) -> bool:
 
 def _read(path: Path) -> str:
     try:
-        return path.read_text(encoding="utf-8")
+        return read_text(path, ParameterError)
     except FileNotFoundError as error:
         raise MissingFileError(
             f"The joint file {path} does not exist. Give the path of a TOML file or one of: "
             f"{', '.join(joint_names())}."
         ) from error
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, ParameterError) as error:
         raise ParameterError(
             f"The joint file {path} cannot be read: {error}. It must be a UTF-8 text file."
         ) from error

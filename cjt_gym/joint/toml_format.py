@@ -5,12 +5,11 @@ What a value means is checked elsewhere: in `cjt_gym.joint.parameters` and by th
 
 from __future__ import annotations
 
-import json
 import re
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from cjt_gym.disk import parse_toml, toml_text
 from cjt_gym.errors import ParameterError, did_you_mean
 from cjt_gym.joint.parameter_table import AXES, SAMPLING_UNITS, SENSOR_KEYS, sensor_units
 from cjt_gym.joint.quantity import FrozenMapping, Quantity, Setting, parse_quantity
@@ -73,8 +72,8 @@ def parse_document(text: str, origin: str) -> Document:
 
 def _parse_toml(text: str, origin: str) -> dict[str, object]:
     try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+        return parse_toml(text, origin, ParameterError)
+    except ParameterError as error:
         raise ParameterError(_toml_message(str(error), origin)) from error
 
 
@@ -82,12 +81,11 @@ def _toml_message(message: str, origin: str) -> str:
     channel = re.search(r"Cannot declare \('sensors', '(\w+)'\) twice", message)
     if channel:
         return (
-            f"The sensor channel {channel[1]} stands twice in {origin}: {message}. "
-            "Keep one of the two tables."
+            f"The sensor channel {channel[1]} stands twice in {origin}. Keep one of the two "
+            f"tables. {message}"
         )
     return (
-        f"{origin} is not valid TOML: {message}. "
-        "A key or table may stand only once, a text needs quotes."
+        f"{message} It is not valid TOML: a key or table may stand only once, a text needs quotes."
     )
 
 
@@ -194,9 +192,9 @@ def _non_negative(entry: object, owner: str, units: tuple[str, ...]) -> Quantity
 
 def write_document(document: Document) -> str:
     """Return the text of a joint file; `parse_document` reads it back to an equal document."""
-    lines = [f"name = {_text(document.name)}", f"source = {_text(document.source)}"]
+    lines = [f"name = {toml_text(document.name)}", f"source = {toml_text(document.source)}"]
     if document.axis != AXES[0]:
-        lines.append(f"axis = {_text(document.axis)}")
+        lines.append(f"axis = {toml_text(document.axis)}")
     lines += _section("parameters", document.parameters)
     for effect, settings in document.effects.items():
         lines += _section(f"effects.{_key(effect)}", settings)
@@ -221,14 +219,14 @@ def _setting(value: Setting) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, tuple):
-        return f"[{', '.join(_text(item) for item in value)}]"
-    return _text(value)
+        return f"[{', '.join(toml_text(item) for item in value)}]"
+    return toml_text(value)
 
 
 def _quantity(quantity: Quantity) -> str:
-    parts = [f"value = {_number(quantity.value)}", f"unit = {_text(quantity.unit)}"]
+    parts = [f"value = {_number(quantity.value)}", f"unit = {toml_text(quantity.unit)}"]
     if quantity.source:
-        parts.append(f"source = {_text(quantity.source)}")
+        parts.append(f"source = {toml_text(quantity.source)}")
     if quantity.tolerance is not None:
         parts.append(f"tolerance = {quantity.tolerance!r}")
     if quantity.low is not None and quantity.high is not None:
@@ -242,11 +240,5 @@ def _number(value: float | tuple[float, ...]) -> str:
     return f"[{', '.join(map(repr, value))}]" if isinstance(value, tuple) else repr(value)
 
 
-def _text(text: str) -> str:
-    return json.dumps(text, ensure_ascii=False).replace(
-        "\x7f", "\\u007f"
-    )  # JSON's escapes are TOML's, but for DEL
-
-
 def _key(key: str) -> str:
-    return key if _BARE_KEY.fullmatch(key) else _text(key)
+    return key if _BARE_KEY.fullmatch(key) else toml_text(key)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from cjt_gym.disk import write_text
 from cjt_gym.errors import CjtGymError
 from cjt_gym.training.deploy.c_header import c_header
 from cjt_gym.training.deploy.check import TOLERANCE, Checked, check
@@ -77,7 +78,7 @@ def export_policy(run: str | Path, form: str, path: Path) -> Written:
         header = c_header(policy)
         prefix = re.sub(r"\W", "_", path.stem)
         named = header if prefix == "policy" else c_header(policy, prefix)
-        path.write_text(named, encoding="utf-8")
+        write_text(path, named)
     checked = check(agent, path, form, header)
     if checked.steps and not checked.error <= TOLERANCE:
         raise ExportError(

@@ -17,6 +17,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from cjt_gym.disk import write_bytes
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.training.deploy.exported import Exported, facts_of
 from cjt_gym.training.deploy.layout import LIMIT, PER_SAMPLE, Layout
@@ -67,7 +68,6 @@ def write_onnx(policy: Exported, path: str | Path) -> Path:
         ConfigurationError: The package onnx is not installed.
     """
     try:
-        import onnx
         from onnx import TensorProto, checker, helper
     except ImportError as error:
         raise ConfigurationError(
@@ -96,9 +96,7 @@ def write_onnx(policy: Exported, path: str | Path) -> Path:
     model.ir_version, model.producer_name = IR_VERSION, "cjt-gym"
     helper.set_model_props(model, {"cjt_gym": json.dumps(facts_of(policy))})
     checker.check_model(model)
-    path = Path(path)
-    onnx.save(model, str(path))
-    return path
+    return write_bytes(path, model.SerializeToString())
 
 
 def _observation(graph: Graph, layout: Layout) -> str:

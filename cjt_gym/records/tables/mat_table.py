@@ -12,6 +12,7 @@ from cjt_gym.errors import RecordError
 from cjt_gym.records.checks import FloatArray
 from cjt_gym.records.tables import hdf5_table
 from cjt_gym.records.tables.flat import flat_arrays, sliced
+from cjt_gym.records.tables.mat_size import check_size
 
 HDF5_MARK = b"MATLAB 7.3"
 
@@ -28,12 +29,9 @@ def read(path: Path) -> dict[str, NDArray[Any]]:
         if file.read(len(HDF5_MARK)) == HDF5_MARK:
             return hdf5_table.read(path)
     from scipy.io import loadmat
-    from scipy.io.matlab import MatReadError
 
-    try:
-        content = loadmat(path, simplify_cells=True)
-    except (MatReadError, ValueError, TypeError, OSError, NotImplementedError, KeyError) as error:
-        raise RecordError(f"{path} must be a MATLAB file of version 4 to 7.3: {error}.") from error
+    check_size(path)
+    content = loadmat(path, simplify_cells=True)
     named = {name: value for name, value in content.items() if not name.startswith("__")}
     found = dict(flat_arrays("", named))
     longest = max(map(len, found.values()), default=0)
