@@ -35,7 +35,7 @@ def parsing(what: str, error: type[CjtGymError], remedy: str = "") -> Iterator[N
     except CjtGymError:
         raise
     except Exception as reason:  # no list of what they raise is ever complete
-        raise error(f"{what} ({reason_of(reason)}). {remedy}".strip()) from reason
+        raise error(f"{what}: {reason_of(reason)}. {remedy}".strip()) from reason
 
 
 def parsed_each(items: Iterable[Item], what: str, error: type[CjtGymError]) -> Iterator[Item]:
@@ -53,7 +53,7 @@ def parsed_each(items: Iterable[Item], what: str, error: type[CjtGymError]) -> I
         except CjtGymError:
             raise
         except Exception as reason:
-            raise error(f"{what} ({reason_of(reason)}).") from reason
+            raise error(f"{what}: {reason_of(reason)}.") from reason
         yield item
 
 

@@ -33,6 +33,8 @@ def read_text(path: Path, error: Error) -> str:
         CjtGymError: Of the given class: it is too long, or not UTF-8.
     """
     limit = BYTES_OF_TEXT.value
+    if "\0" in str(path):
+        raise error(f"{str(path)!r} cannot be the name of a file.")
     with path.open("rb") as file:
         data = file.read(limit + 1)
     if len(data) > limit:
@@ -61,7 +63,7 @@ def parse_toml(text: str, owner: str, error: Error) -> dict[str, Any]:
 
     Raises:
         CjtGymError: Of the given class: it is not TOML, nested deeper than `DEEPEST`, or has a
-            whole number of more than 64 bits or a NUL in a text.
+            whole number of more than 64 bits.
     """
     with parsing(f"{owner} must be a TOML file in UTF-8", error):
         _refuse_long_keys(text)
@@ -121,8 +123,6 @@ def _check(document: Any) -> None:
                 values += [*item.keys(), *item.values()]
             elif isinstance(item, list):
                 values += item
-            elif isinstance(item, str) and "\0" in item:
-                raise ValueError("a text holds a NUL character")
             elif isinstance(item, int) and abs(item) >= LARGEST:
                 raise ValueError(f"a whole number has {math.log2(abs(item)):.0f} bits, 64 are read")
         if not values:
