@@ -7,7 +7,9 @@ import json
 import sys
 from pathlib import Path
 
+from cjt_gym.disk import refuse_inputs
 from cjt_gym.records import FORMATS, Record, Repair, read_log, write_record
+from cjt_gym.records.files import table_path
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -26,10 +28,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> None:
     """Read, repair, write, and say what was repaired."""
     records, repairs = _read(options)
-    paths = [
-        write_record(record, _numbered(options.out, k, len(records)))
-        for k, record in enumerate(records)
-    ]
+    paths = [_numbered(options.out, k, len(records)) for k in range(len(records))]
+    refuse_inputs(paths, [table_path(options.log), options.log, options.mapping, options.bus])
+    for record, path in zip(records, paths, strict=True):
+        write_record(record, path)
     if options.json:
         written = [
             {"record": str(path), "samples": len(record), "columns": list(record.columns)}

@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from cjt_gym.commands.in_the_loop import InTheLoop, agents_for, in_the_loop
-from cjt_gym.disk import write_text
+from cjt_gym.disk import refuse_inputs, write_text
 from cjt_gym.errors import ConfigurationError, RecordError
 from cjt_gym.gap import Diagnosis, diagnose
 from cjt_gym.gap.orient import orient
@@ -75,6 +75,8 @@ def run(options: argparse.Namespace) -> None:
     held, also = _oriented(held, file, structure)
     folder = options.out or Path("diagnosis") / Path(options.records[0]).stem
     agents = agents_for(options.controller, options.policy, [*held, *fitted])
+    nominal = joint if str(joint).endswith(".toml") else None
+    refuse_inputs([folder / name for name in FILES], [nominal, *options.records, *options.validate])
     _make(folder)
     found = diagnose(fitted, file, structure, held, progress=tell)
     tell("replaying in a closed loop")

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 from cjt_gym.commands.simulate import parse_effects
-from cjt_gym.disk import write_text
+from cjt_gym.disk import refuse_inputs, write_text
 from cjt_gym.export import TARGETS, Export, to_isaaclab, to_mujoco
 from cjt_gym.joint import DRIVES, STRUCTURES, load_joint
 
@@ -35,6 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Write the file; say what it holds and what it cannot."""
+    refuse_inputs([options.out], [options.source])
     options.out.parent.mkdir(parents=True, exist_ok=True)
     if options.to in FORMS:
         from cjt_gym.training.deploy.export import export_policy

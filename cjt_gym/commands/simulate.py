@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.baselines import CONTROLLERS
+from cjt_gym.disk import refuse_inputs
 from cjt_gym.envs.settings import default_amplitude, default_load
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import DRIVES, EFFECTS, STRUCTURES, Joint, load_joint
@@ -58,6 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Simulate, write the record and say what came out."""
+    refuse_inputs([options.out], [options.reference, options.joint, options.controller])
     task = _task(options)
     loaded = default_load(options.joint, task.structure, {})
     effects = parse_effects(options.effect)

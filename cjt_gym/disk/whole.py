@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import secrets
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Final
@@ -102,7 +102,7 @@ def check_file_name(name: str, owner: str) -> None:
         )
 
 
-def refuse_inputs(outputs: Iterator[Path] | list[Path], inputs: list[str | Path | None]) -> None:
+def refuse_inputs(outputs: Sequence[Path], inputs: Sequence[str | Path | None]) -> None:
     """Raise ConfigurationError if a file that is to be written is one that was read.
 
     Args:

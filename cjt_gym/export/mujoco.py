@@ -12,6 +12,7 @@ References:
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from xml.etree.ElementTree import Comment, Element, SubElement, indent, tostring
@@ -35,6 +36,8 @@ from cjt_gym.joint.ripple import COGGING
 
 Ripple = NDArray[np.float64]
 TIMESTEP = 2.5e-4
+ILLEGAL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+"""Characters that no XML file can hold, however they are written."""
 SPEED_OF_BRISTLES = 0.1
 """Frequency of a bristle against its body, as a share of what the time step allows."""
 DAMPING_OF_BRISTLES = 0.5
@@ -131,7 +134,7 @@ def to_mujoco(joint: Joint, timestep: float = TIMESTEP, dcmotor: bool = True) ->
     support = dict(SUPPORT) | ({} if dcmotor else dict(WITHOUT_DCMOTOR))
     exact, nearly, missing = sorted_out(joint, support)
     friction = _frictions(bodies, values)
-    model = Element("mujoco", model=joint.file.name)
+    model = Element("mujoco", model=ILLEGAL.sub("?", joint.file.name))
     model.append(Comment(_comment(joint, nearly, missing)))
     SubElement(model, "option", timestep=number(timestep), integrator="Euler", gravity="0 0 0")
     _add_hinges(SubElement(model, "worldbody"), bodies, values, friction, timestep, dcmotor)

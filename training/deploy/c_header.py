@@ -30,15 +30,15 @@ def c_header(policy: Exported, prefix: str = "policy") -> str:
         policy: What it computes.
         prefix: What its names begin with.
     """
-    name = re.sub(r"\W", "_", prefix)
+    name = identifier(prefix)
     layout, network = policy.layout, policy.on_its_joint
     values = {
         "NAME": name,
         "GUARD": f"{name.upper()}_H",
-        "TITLE": policy.name,
+        "TITLE": _comment(policy.name),
         "VERSION": version("cjt-gym"),
-        "JOINT": ", ".join(policy.trained_on),
-        "BASE": _base(policy.config.env),
+        "JOINT": _comment(", ".join(policy.trained_on)),
+        "BASE": _comment(_base(policy.config.env)),
         "DT": f"{layout.dt:g}",
         "COUNT": str(layout.preview + 1),
         "SIZE": str(layout.size),
@@ -55,10 +55,19 @@ def c_header(policy: Exported, prefix: str = "policy") -> str:
         "ARRAYS": "\n".join(_arrays(policy, name)),
         "LAYERS": "\n".join(_layers(policy, name)),
     }
-    text = TEMPLATE
-    for key, value in values.items():
-        text = text.replace(f"@{key}@", value)
-    return text
+    return re.sub("@([A-Z]+)@", lambda found: values[found[1]], TEMPLATE)
+
+
+def identifier(name: str) -> str:
+    """Return what names in C can begin with, made of any name."""
+    plain = re.sub(r"\W", "_", name, flags=re.ASCII)
+    return plain if plain[:1].isalpha() else f"policy_{plain}"
+
+
+def _comment(text: str) -> str:
+    """Return a text of somebody else that ends no comment and begins none."""
+    plain = "".join(c if c.isprintable() else "?" for c in text)
+    return plain.replace("*/", "* /").replace("/*", "/ *")
 
 
 def _base(env: Mapping[str, Any]) -> str:
