@@ -56,8 +56,12 @@ class Format:
         Raises:
             RecordError: It is not of this format, or holds more than it may.
         """
-        pieces = (_checked(path, piece) for piece in self.streamer(path, rows))
-        return parsed_each(pieces, f"{path} must be {self.what}", RecordError)
+
+        def pieces() -> Iterator[Table]:
+            for piece in self.streamer(path, rows):
+                yield _checked(path, piece)
+
+        return parsed_each(pieces(), f"{path} must be {self.what}", RecordError)
 
 
 def _checked(path: Path, table: Table) -> Table:
