@@ -51,8 +51,8 @@ class Limit:
         if not self.per_byte or count > self.per_byte * path.stat().st_size:
             raise error(
                 f"{path} holds {count} {self.unit}, more than the {self.value} that are read from "
-                f"a file{' of its size' if self.per_byte else ''}. If it may cost more memory and time, "
-                f"set the environment variable {self.variable} to a larger number."
+                f"a file{' of its size' if self.per_byte else ''}. If it may cost more memory and "
+                f"time, set the environment variable {self.variable} to a larger number."
             )
 
 
