@@ -51,8 +51,8 @@ def mat(path: Path, *parts: bytes) -> None:
 def nested(path: Path) -> None:
     inner = element(14, array_head(6, 1, 1) + element(9, struct.pack("<d", 1.0)))
     for _ in range(1200):
-        inner = element(14, array_head(1, 1, 1) + inner)
-    mat(path, array_head(1, 1, 1), inner)
+        inner = element(14, array_head(2, 1, 1) + FIELD + inner)
+    mat(path, array_head(2, 1, 1), FIELD, inner)
 
 
 def blf(path: Path) -> None:
@@ -109,6 +109,8 @@ def parquet(path: Path) -> None:
     file.write_table(pyarrow.table({"q_m": np.zeros(MUCH, np.int8)}), path, compression="zstd")
 
 
+FIELD = struct.pack("<HHi", 5, 4, 8) + element(1, b"a".ljust(8, b"\0"))
+"""The names of the fields of a structure that has one, as they stand before it."""
 DBC = 'VERSION ""\nBO_ 1 A: 8 X\n SG_ q_m : 0|8@1+ (1,0) [0|0] "" X\n'
 BOMBS: dict[str, tuple[Callable[[Path], None], str]] = {
     "shape.npz": (lambda p: archive(p, npy("(1000000000000000,)")), "but 0 bytes"),
@@ -128,10 +130,14 @@ BOMBS: dict[str, tuple[Callable[[Path], None], str]] = {
         lambda p: p.write_text(",".join(f"c{k}" for k in range(50)) + "\nx" * 30_000),  # type: ignore[arg-type,return-value]
         "1500000 numbers",
     ),
-    "nested.mat": (nested, "nested at most 32 levels"),
-    "cell.mat": (lambda p: mat(p, array_head(1, 30_000, 30_000)), "900000000 items in"),
-    "struct.mat": (lambda p: mat(p, array_head(2, 30_000, 30_000)), "900000000 items in"),
-    "text.mat": (lambda p: mat(p, array_head(4, 30_000, 30_000)), "900000000 items in"),
+    "nested.mat": (nested, "nested more than 32 levels"),
+    "cell.mat": (lambda p: mat(p, array_head(1, 30_000, 30_000)), "must hold vectors"),
+    "struct.mat": (lambda p: mat(p, array_head(2, 30_000, 30_000)), "must hold vectors"),
+    "text.mat": (lambda p: mat(p, array_head(4, 30_000, 30_000)), "must hold vectors"),
+    "numbers.mat": (
+        lambda p: mat(p, array_head(6, 30_000, 30_000), element(9, bytes(8))),
+        r"an array of shape \(30000, 30000\) has 1 numbers",
+    ),
     "bomb.mat": (
         lambda p: mat(p, array_head(6, MUCH // 8, 1), element(9, bytes(MUCH))),
         "numbers, more than",

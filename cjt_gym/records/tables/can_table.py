@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from cjt_gym.disk import BYTES_OF_TEXT, COLUMNS, NUMBERS, parsed_each, parsing
 from cjt_gym.errors import RecordError
 from cjt_gym.records.tables.flat import sliced
-from cjt_gym.records.tables.mat_size import inflated
+from cjt_gym.records.tables.inflate import inflated
 from cjt_gym.records.tables.mcap_table import LOG_TIME
 
 BLF, HEADER, OBJECT = b"LOGG", struct.Struct("<4sL"), struct.Struct("<4s4xLL")
