@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import math
 import platform
 import shutil
 import subprocess
@@ -14,7 +15,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from cjt_gym.disk import write_text
+from cjt_gym.disk import parsing, read_json, write_text
 from cjt_gym.errors import CjtGymError, ConfigurationError, MissingFileError
 from cjt_gym.joint import Joint, load_joint_file
 from cjt_gym.plant.randomization import resolve_randomization
@@ -31,6 +32,21 @@ MARKER = "run.json"
 KIND = "cjt_gym training run"
 PACKAGES = ("cjt-gym", "numpy", "numba", "gymnasium", "stable-baselines3", "torch")
 CHECKPOINTS_KEPT = 2
+FACTS: dict[str, Any] = {
+    "status": str,
+    "joint": str,
+    "structure": str,
+    "steps": int,
+    "seed": int,
+    "seconds": (int, float),
+    "best_validation_rmse": (int, float),
+    "best_steps": int,
+    "reason": str,
+    "begun_times": int,
+}
+"""Types of those facts that are read again."""
+OPTIONAL = ("seconds", "best_validation_rmse", "best_steps", "reason", "begun_times")
+WORDS: dict[Any, str] = {str: "a text", int: "a whole number", (int, float): "a number"}
 PROGRESS = ("steps", "seconds", "rmse", "return", "validation_rmse")
 
 
@@ -61,8 +77,22 @@ class RunFolder:
 
     @property
     def facts(self) -> dict[str, Any]:
-        """What `run.json` says."""
-        facts: dict[str, Any] = json.loads((self.path / MARKER).read_text(encoding="utf-8"))
+        """What `run.json` says.
+
+        Raises:
+            ConfigurationError: It is not as it was written.
+        """
+        path = self.path / MARKER
+        facts = read_json(path, ConfigurationError)
+        if not isinstance(facts, dict):
+            raise ConfigurationError(f"{path} must hold a table of facts, got {facts!r:.100}.")
+        for name, kind in FACTS.items():
+            value = facts.get(name)
+            missing = value is None and name in OPTIONAL
+            if not missing and (isinstance(value, bool) or not isinstance(value, kind)):
+                raise ConfigurationError(
+                    f"{name} of {path} must be {WORDS[kind]}, got {value!r:.100}."
+                )
         return facts
 
     def note(self, **facts: Any) -> None:
@@ -79,12 +109,19 @@ class RunFolder:
             shutil.rmtree(old)
 
     def progress(self) -> list[dict[str, float]]:
-        """Return the rows of `progress.csv`; what a row lacks is NaN."""
+        """Return the rows of `progress.csv`; what a row lacks is NaN.
+
+        A row without a readable number of steps, such as one that a full disk cut off, is left out.
+        """
         path = self.path / "progress.csv"
         if not path.is_file():
             return []
-        with path.open(encoding="utf-8", newline="") as file:
-            return [{k: float(v or "nan") for k, v in row.items()} for row in csv.DictReader(file)]
+        with (
+            parsing(f"{path} must be a table of numbers", ConfigurationError),
+            path.open(encoding="utf-8", newline="", errors="replace") as file,
+        ):
+            rows = [{k: _number(row.get(k)) for k in PROGRESS} for row in csv.DictReader(file)]
+        return [row for row in rows if math.isfinite(row["steps"])]
 
     def add_progress(self, row: Mapping[str, float]) -> None:
         """Append a row to `progress.csv`."""
@@ -207,10 +244,17 @@ def _git(folder: Path, *arguments: str) -> str:
     return subprocess.run(command, capture_output=True, text=True, check=True, timeout=10).stdout
 
 
+def _number(text: object) -> float:
+    try:
+        return float(str(text or "nan"))
+    except ValueError:
+        return math.nan
+
+
 def _is_ours(folder: Path) -> bool:
     try:
-        facts = json.loads((folder / MARKER).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        facts = read_json(folder / MARKER, ConfigurationError)
+    except (OSError, ConfigurationError):
         return False
     return isinstance(facts, dict) and facts.get("kind") == KIND
 

@@ -21,6 +21,7 @@ from cjt_gym.joint.build import build_joints
 from cjt_gym.joint.files import load_joint_file
 from cjt_gym.records import load_mapping, read_log, read_record, write_record
 from cjt_gym.records.record import Record
+from cjt_gym.records.tables.can_table import frames
 from cjt_gym.signals import make_signals
 from cjt_gym.training.config import load_config
 from cjt_gym.training.deploy.exported import Stepper, load_exported
@@ -32,6 +33,11 @@ from tests.training.test_hostile_policies import policy
 Parts = tuple[bytes, ...]
 ROOT = Path(__file__).parents[2]
 META = b'dt = 0.1\njoint = "orange_80_6000"\n[units]\nt = "s"\nq_m = "rad"\ntau_ref = "N m"\n'
+BUS = b"""[columns]
+q_m = "/A:q_m"
+tau = { source = "/A:tau", unit = "mN m" }
+"""
+TOPIC = b'[columns]\nq_m = "/cjt_gym/record:q_m"\ntau = { source = "/b:y" }\n'
 MAPPING = b"""n = 80
 [columns]
 t = { source = "time", unit = "ms" }
@@ -91,24 +97,40 @@ def _written(suffix: str, folder: Path) -> bytes:
 
 
 def _both(path: Path) -> None:
-    """Read a table as a log, as a record, and as a reference."""
+    """Read a table as a log, as a record, and as a reference; an error of one hides no other."""
     refused: list[CjtGymError] = []
     for read in (read_log, read_record, lambda p: make_signals(str(p), 1.0)):
         try:
             read(path)
         except CjtGymError as error:
             refused.append(error)
-    if refused:
+    if len(refused) == 3:
         raise refused[0]
 
 
-def table(suffix: str, seeds: Sequence[bytes], **others: bytes) -> Target:
-    """Return the reader of a table, beside which lie what is known of it, and further files."""
-    beside = {"x.toml": META} | {f"x.{ending}": data for ending, data in others.items()}
+def table(suffix: str, seeds: Sequence[bytes]) -> Target:
+    """Return the reader of a table, beside which lies what is known of it."""
     return Target(
         [(seed,) for seed in seeds],
-        lambda parts: {f"x{suffix}": parts[0]} | beside,
+        lambda parts: {f"x{suffix}": parts[0], "x.toml": META},
         lambda folder: _both(folder / f"x{suffix}"),
+    )
+
+
+def _traced(path: Path) -> None:
+    """Read all frames, and now and then what they say, for which a DBC file is read."""
+    for frame in frames(path):
+        assert frame.timestamp is not None
+    if path.stat().st_size % 16 == 0:
+        _both(path)
+
+
+def trace(suffix: str, folder: Path) -> Target:
+    """Return the reader of a trace."""
+    return Target(
+        [(_trace(suffix, folder),)],
+        lambda parts: {f"x{suffix}": parts[0], "x.dbc": DBC, "x.map.toml": BUS},
+        lambda here: _traced(here / f"x{suffix}"),
     )
 
 
@@ -147,14 +169,14 @@ def _mat(folder: Path) -> list[bytes]:
     from scipy.io import savemat
     from scipy.sparse import eye
 
-    columns = {"t": np.arange(12) * 0.1, "q_m": np.zeros(12)}
+    columns = {name: record()[name] for name in record().columns}
     cell = np.empty((1, 2), object)
     cell[0, 0], cell[0, 1] = np.arange(3.0), "text"
     seeds = []
     for content, form in (
         (columns, "5"),
         (columns, "4"),
-        ({"log": columns, "c": cell, "s": "text", "e": eye(3).tocsc()}, "5"),
+        (columns | {"log": {"c": cell, "s": "text", "e": eye(3).tocsc()}, "n": 1.0}, "5"),
     ):
         savemat(folder / "seed.mat", content, format=form)
         seeds.append((folder / "seed.mat").read_bytes())
@@ -175,7 +197,8 @@ def _hdf5(folder: Path) -> bytes:
     with h5py.File(folder / "seed.h5", "w") as file:
         for name in record().columns:
             file[name] = record()[name]
-        file.create_dataset("log/a", data=np.arange(10.0), chunks=(5,), compression="gzip")
+        del file["q_m"]
+        file.create_dataset("q_m", data=record()["q_m"], chunks=(5,), compression="gzip")
         file["text"] = "words"
     return (folder / "seed.h5").read_bytes()
 
@@ -230,7 +253,7 @@ def _blf(parts: Parts) -> dict[str, bytes]:
     head = bytearray(parts[1].ljust(32, b"\0"))
     head[8:12] = struct.pack("<L", 32 + len(body))
     data = parts[0] + bytes(head) + body
-    return {"x.blf": data, "x.dbc": DBC, "x.toml": META}
+    return {"x.blf": data, "x.dbc": DBC, "x.map.toml": BUS}
 
 
 def _run_folder() -> tuple[bytes, bytes]:
@@ -288,14 +311,18 @@ def targets(folder: Path) -> dict[str, Target]:
         "zip": table(".npz", [_written(".npz", folder)]),
         "mat": Target([(s,) for s in _mat(folder)], _packed_mat, lambda f: _both(f / "x.mat")),
         "h5": table(".h5", [_hdf5(folder)]),
-        "mcap": table(".mcap", [*_mcap(folder), _written(".mcap", folder)]),
-        "log": table(".log", [_trace(".log", folder)], dbc=DBC),
-        "asc": table(".asc", [_trace(".asc", folder)], dbc=DBC),
-        "trc": table(".trc", [_trace(".trc", folder)], dbc=DBC),
-        "blf": Target([_blf_parts(_trace(".blf", folder))], _blf, lambda f: _both(f / "x.blf")),
+        "mcap": Target(
+            [(seed,) for seed in _mcap(folder)],
+            lambda parts: {"x.mcap": parts[0], "x.map.toml": TOPIC},
+            lambda f: _both(f / "x.mcap"),
+        ),
+        "log": trace(".log", folder),
+        "asc": trace(".asc", folder),
+        "trc": trace(".trc", folder),
+        "blf": Target([_blf_parts(_trace(".blf", folder))], _blf, lambda f: _traced(f / "x.blf")),
         "dbc": Target(
             [(DBC, _trace(".log", folder))],
-            lambda parts: {"x.dbc": parts[0], "x.log": parts[1], "x.toml": META},
+            lambda parts: {"x.dbc": parts[0], "x.log": parts[1], "x.map.toml": BUS},
             lambda f: _both(f / "x.log"),
         ),
         "facts": Target(
@@ -308,7 +335,9 @@ def targets(folder: Path) -> dict[str, Target]:
             lambda parts: {"x.map.toml": parts[0], "x.csv": parts[1]},
             lambda f: (load_mapping(f / "x.map.toml"), _both(f / "x.csv")),
         ),
-        "joint": text("x.toml", _shipped("params/orange_80_6000.toml", "params/emps.toml"), _joint),
+        "joint": text(
+            "x.toml", _shipped("params/orange_80_6000.toml", "params/lime_50_21000.toml"), _joint
+        ),
         "build": text("x.toml", [BUILD], build_joints),
         "policy": Target(
             [tuple(kept.values())],

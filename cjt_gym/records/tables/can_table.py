@@ -9,7 +9,6 @@ Traces are those that python-can reads: candump's ``.log``, Vector's ``.asc`` an
 from __future__ import annotations
 
 import importlib
-import struct
 from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
@@ -20,12 +19,10 @@ from numpy.typing import NDArray
 
 from cjt_gym.disk import BYTES_OF_TEXT, COLUMNS, NUMBERS, parsed_each, parsing
 from cjt_gym.errors import RecordError
+from cjt_gym.records.tables import blf_size
 from cjt_gym.records.tables.flat import sliced
-from cjt_gym.records.tables.inflate import inflated
 from cjt_gym.records.tables.mcap_table import LOG_TIME
 
-BLF, HEADER, OBJECT = b"LOGG", struct.Struct("<4sL"), struct.Struct("<4s4xLL")
-CONTAINER, DEFLATED = 10, b"\x02\0"
 LATEST = 2**63 / 1e9
 """Time whose nanoseconds a whole number can hold [s]."""
 
@@ -85,7 +82,7 @@ def frames(path: Path) -> Iterator[Any]:
     if not path.is_file():
         raise RecordError(f"There is no trace {path}.")
     if path.suffix.lower() == ".blf":
-        _check_blf(path)
+        blf_size.check_size(path)
     yield from parsed_each(_messages(can, path), what, RecordError)
 
 
@@ -95,24 +92,6 @@ def _messages(can: Any, path: Path) -> Iterator[Any]:
             if not abs(message.timestamp) < LATEST:
                 raise ValueError(f"a frame was logged at {message.timestamp} s")
             yield message
-
-
-def _check_blf(path: Path) -> None:
-    """Raise RecordError where the containers of a BLF file make more of it than they may."""
-    total = 0
-    with path.open("rb") as file:
-        mark, size = HEADER.unpack(file.read(HEADER.size).ljust(HEADER.size, b"\0"))
-        if mark != BLF:
-            raise RecordError(f"{path} must be a trace of a CAN bus; it does not begin as BLF.")
-        file.seek(size)
-        while len(head := file.read(OBJECT.size)) == OBJECT.size:
-            mark, size, kind = OBJECT.unpack(head)
-            if mark != b"LOBJ" or size < OBJECT.size:
-                return
-            body = file.read(size - OBJECT.size)
-            file.seek(size % 4, 1)
-            if kind == CONTAINER and body[:2] == DEFLATED:
-                total += len(inflated(body[OBJECT.size :], path, total))
 
 
 def _dbc_of(path: Path) -> Path:
