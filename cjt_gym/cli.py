@@ -7,6 +7,7 @@ standard output, as text or with `--json` as JSON; progress goes to standard err
 from __future__ import annotations
 
 import argparse
+import math
 import os
 import sys
 import warnings
@@ -14,7 +15,7 @@ from collections.abc import Sequence
 from importlib import import_module
 from typing import Any, NoReturn
 
-from cjt_gym.errors import CjtGymError, unknown_name
+from cjt_gym.errors import CjtGymError, ConfigurationError, unknown_name
 
 COMMANDS: dict[str, str] = {
     "joints": "list the joints, structures, drives and effects there are",
@@ -50,12 +51,46 @@ EXTRAS = {
 }
 
 
+POSITIVE = ("dt", "dt_physics", "duration", "seconds", "timestep")
+"""Options that are times; all are > 0 s."""
+LONGEST = 1e7
+"""The longest of them [s]."""
+
+
+def _finite(text: str) -> float:
+    value = float(text)
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"must be a finite number, got {text}.")
+    return value
+
+
 class Parser(argparse.ArgumentParser):
     """A parser that answers bad input with one line."""
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        """Take numbers that are finite only."""
+        super().__init__(*arguments, **options)
+        self.register("type", float, _finite)
 
     def error(self, message: str) -> NoReturn:
         """Print the line and exit with status 2."""
         self.exit(2, f"{self.prog}: {message} See {self.prog} --help.\n")
+
+
+def check_options(options: argparse.Namespace) -> None:
+    """Refuse what no command can take.
+
+    Raises:
+        ConfigurationError: A seed is negative, or a time is not > 0 s.
+    """
+    seed = getattr(options, "seed", None)
+    if isinstance(seed, int) and seed < 0:
+        raise ConfigurationError(f"--seed must be >= 0, got {seed}.")
+    for name in POSITIVE:
+        value = getattr(options, name, None)
+        if isinstance(value, float) and not 0.0 < value <= LONGEST:
+            word = name.replace("_", "-")
+            raise ConfigurationError(f"--{word} must be > 0 and <= {LONGEST:g} s, got {value:g}.")
 
 
 def make_parser() -> Parser:
@@ -106,7 +141,9 @@ def _run_command(command: str, words: Sequence[str]) -> int:
         parser = Parser(prog=f"cjt-gym {command}", description=COMMANDS[command])
         module.add_arguments(parser)
         parser.add_argument("--json", action="store_true", help="print the result as JSON")
-        module.run(parser.parse_args(words))
+        options = parser.parse_args(words)
+        check_options(options)
+        module.run(options)
         sys.stdout.flush()
     except BrokenPipeError:  # the reader of a pipe has had enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -121,6 +158,8 @@ def _run_command(command: str, words: Sequence[str]) -> int:
         if extra is None:
             raise
         return _fail(f'This needs {error.name}: pip install "cjt-gym[{extra}]".', 2)
+    except MemoryError:
+        return _fail("There is not enough memory for this. Ask for fewer or shorter runs.", 1)
     except KeyboardInterrupt:
         return _fail("Stopped.", 1)
     return 0

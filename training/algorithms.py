@@ -15,9 +15,11 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
-from cjt_gym.disk import whole
+from cjt_gym.disk import parsing, whole
+from cjt_gym.disk.arrays import read_arrays
 from cjt_gym.envs.sb3 import JointsVecEnv, TorqueTrackingVecEnv
 from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.joint.border import checked_array
 from cjt_gym.training.config import TrainConfig
 from cjt_gym.training.datasheets import arguments_of
 from cjt_gym.training.quiet import QuietPolicy, sensor_noise
@@ -134,13 +136,24 @@ def save_normalization(env: VecEnv, path: Path) -> None:
 
 
 def load_normalization(env: VecEnv, path: Path) -> None:
-    """Read what `save_normalization` wrote into an environment."""
-    if isinstance(env, VecNormalize):
-        with np.load(path, allow_pickle=False) as arrays:
-            env.ret_rms.mean, env.ret_rms.var = arrays["return_mean"], arrays["return_var"]
-            env.ret_rms.count = float(arrays["return_count"])
-            if env.norm_obs:
-                statistics: Any = env.obs_rms
-                statistics.mean = arrays["observation_mean"]
-                statistics.var = arrays["observation_var"]
-                statistics.count = float(arrays["observation_count"])
+    """Read what `save_normalization` wrote into an environment.
+
+    Raises:
+        ConfigurationError: It is damaged, or of another environment.
+    """
+    if not isinstance(env, VecNormalize):
+        return
+    arrays = read_arrays(path, ConfigurationError)
+    kinds: list[tuple[str, Any]] = [("return", env.ret_rms)]
+    kinds += [("observation", env.obs_rms)] if env.norm_obs else []
+    with parsing(f"{path} must hold statistics of this environment", ConfigurationError):
+        for kind, statistics in kinds:
+            shape = np.shape(statistics.mean)
+            mean, var = (
+                checked_array(f"{kind}_{name}", arrays[f"{kind}_{name}"], shape)
+                for name in ("mean", "var")
+            )
+            if (var < 0.0).any():
+                raise ValueError(f"{kind}_var is negative")
+            statistics.mean, statistics.var = mean, var
+            statistics.count = float(arrays[f"{kind}_count"])

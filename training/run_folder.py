@@ -9,13 +9,14 @@ import platform
 import shutil
 import subprocess
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from cjt_gym.disk import parsing, read_json, write_text
+from cjt_gym.disk import lock, parsing, read_json, write_text
 from cjt_gym.errors import CjtGymError, ConfigurationError, MissingFileError
 from cjt_gym.joint import Joint, load_joint_file
 from cjt_gym.plant.randomization import resolve_randomization
@@ -28,6 +29,7 @@ from cjt_gym.training.config import (
 from cjt_gym.training.toml_text import to_toml
 
 SCHEMA = 1
+LOCK = ".lock"
 MARKER = "run.json"
 KIND = "cjt_gym training run"
 PACKAGES = ("cjt-gym", "numpy", "numba", "gymnasium", "stable-baselines3", "torch")
@@ -98,6 +100,26 @@ class RunFolder:
     def note(self, **facts: Any) -> None:
         """Add facts to `run.json`."""
         write_text(self.path / MARKER, json.dumps({**self.facts, **facts}, indent=2) + "\n")
+
+    @contextmanager
+    def held(self) -> Iterator[None]:
+        """Keep other processes from training in this folder.
+
+        The lock is that of the operating system, which takes it back from a process that ends,
+        however it ends.
+
+        Raises:
+            ConfigurationError: Another process is training in it.
+        """
+        with (self.path / LOCK).open("a", encoding="utf-8") as file:
+            try:
+                lock(file.fileno())
+            except OSError:
+                raise ConfigurationError(
+                    f"Another process is training in {self.path}. Wait for it, or choose another "
+                    "folder."
+                ) from None
+            yield
 
     def checkpoints(self) -> list[Path]:
         """Return the complete checkpoints, oldest first."""

@@ -29,6 +29,8 @@ USUAL, TRACKING, NONE = "output_fixed_rigid_gearbox", "pd_feedforward", "none"
 """Structure and controller where nothing else is said; the name for no controller at all."""
 COMMANDS = ("i_cmd", "tau_cmd")
 DT_PHYSICS = 1e-4
+MOST_SAMPLES = 20_000_000
+"""Samples of a record, of which each takes some 300 bytes."""
 GAINS = ("kp", "kd", "derivative")
 """What a controller is known by, where it has it."""
 
@@ -70,7 +72,7 @@ def run(options: argparse.Namespace) -> None:
         task.controller,
         task.duration,
         task.dt,
-        options.dt_physics or task.dt / ceil(task.dt / DT_PHYSICS - 1e-9),
+        options.dt_physics or task.dt / max(1, ceil(task.dt / DT_PHYSICS - 1e-9)),
         options.seed,
     )
     path = write_record(record, options.out)
@@ -211,6 +213,10 @@ def simulate(
     """
     if not (np.isfinite(duration) and duration >= dt):
         raise ConfigurationError(f"--duration must be >= one control step, got {duration} s.")
+    if duration / dt > MOST_SAMPLES:
+        raise ConfigurationError(
+            f"--duration over --dt must be at most {MOST_SAMPLES} samples, got {duration / dt:.3g}."
+        )
     plant = SimulatedPlant(joint, 1, dt, dt_physics)
     choice = choose("open_loop" if controller == NONE else controller)
     law = choice.make(joint, dt)

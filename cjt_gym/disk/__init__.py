@@ -12,7 +12,7 @@
 from cjt_gym.disk.limits import BYTES_OF_TEXT, COLUMNS, NUMBERS, Limit
 from cjt_gym.disk.parsing import parsed_each, parsing
 from cjt_gym.disk.text import parse_json, parse_toml, read_json, read_toml, toml_text
-from cjt_gym.disk.whole import check_file_name, refuse_inputs, whole, write_bytes, write_text
+from cjt_gym.disk.whole import check_file_name, lock, refuse_inputs, whole, write_bytes, write_text
 
 __all__ = [
     "BYTES_OF_TEXT",
@@ -20,6 +20,7 @@ __all__ = [
     "NUMBERS",
     "Limit",
     "check_file_name",
+    "lock",
     "parse_json",
     "parse_toml",
     "parsed_each",

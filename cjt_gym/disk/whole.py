@@ -12,7 +12,7 @@ from typing import Final
 
 from cjt_gym.errors import ConfigurationError
 
-__all__ = ["check_file_name", "refuse_inputs", "whole", "write_bytes", "write_text"]
+__all__ = ["check_file_name", "lock", "refuse_inputs", "whole", "write_bytes", "write_text"]
 
 LONGEST: Final = 200
 """Bytes of a file name, without its ending; most file systems take 255."""
@@ -116,6 +116,22 @@ def refuse_inputs(outputs: Sequence[Path], inputs: Sequence[str | Path | None]) 
                 raise ConfigurationError(
                     f"{output} is what was read and would be overwritten. Give another --out."
                 )
+
+
+def lock(handle: int) -> None:
+    """Lock an open file for this process, until it is closed.
+
+    Raises:
+        OSError: Another process, or another part of this one, has locked it.
+    """
+    try:
+        import fcntl
+    except ImportError:  # Windows
+        import msvcrt
+
+        msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined,unused-ignore]
+        return
+    fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 def _mode_of(place: Path) -> int | None:

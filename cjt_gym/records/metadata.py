@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from cjt_gym.disk import read_toml, toml_text
+from cjt_gym.disk import read_toml, toml_text, write_text
 from cjt_gym.errors import RecordError, unknown_name
 from cjt_gym.records.columns import default_units
 from cjt_gym.records.record import Record
@@ -76,6 +76,11 @@ def checked_facts(owner: str, facts: Mapping[str, Any]) -> dict[str, Any]:
         key: value for key, value in facts.items() if key not in known
     }
     return result
+
+
+def write_metadata(record: Record, path: Path) -> None:
+    """Write what is known of a record, whole or not at all."""
+    write_text(path, metadata_text(record))
 
 
 def metadata_text(record: Record) -> str:
