@@ -122,6 +122,16 @@ def _schedule(name: str, ends: Mapping[str, Any]) -> Callable[[float], float]:
     return lambda remaining: end + (start - end) * remaining
 
 
+def load_weights(model: BaseAlgorithm, path: Path) -> None:
+    """Read the weights of networks and optimiser, and nothing but numbers, into a model.
+
+    Raises:
+        ConfigurationError: The file is damaged, or of another network.
+    """
+    with parsing(f"{path} must hold the weights of this network", ConfigurationError):
+        model.set_parameters(str(path), device=model.device)
+
+
 def save_normalization(env: VecEnv, path: Path) -> None:
     """Write the running statistics of an environment, if it has any, as NPZ."""
     if isinstance(env, VecNormalize):

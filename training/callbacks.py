@@ -22,7 +22,7 @@ from cjt_gym.disk import parsing, read_json, whole, write_text
 from cjt_gym.disk.arrays import read_arrays
 from cjt_gym.envs.core import Episodes
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.training.algorithms import load_normalization, save_normalization
+from cjt_gym.training.algorithms import load_normalization, load_weights, save_normalization
 from cjt_gym.training.config import VALIDATION_SEEDS, TrainConfig, environment_arguments
 from cjt_gym.training.datasheets import datasheets
 from cjt_gym.training.metrics import rmse
@@ -228,7 +228,7 @@ def restore(model: BaseAlgorithm, env: VecEnv, checkpoint: Path) -> dict[str, An
     with parsing(f"The checkpoint {checkpoint} must be whole", ConfigurationError):
         state: dict[str, Any] = read_json(checkpoint / "state.json", ConfigurationError)
         steps = int(state["steps"])
-        model.set_parameters(str(checkpoint / "model.zip"), device=model.device)
+        load_weights(model, checkpoint / "model.zip")
         if (checkpoint / "normalization.npz").is_file():
             load_normalization(env, checkpoint / "normalization.npz")
         load_replay(model, checkpoint / "replay.npz")

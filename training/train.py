@@ -13,7 +13,12 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from cjt_gym.envs.core import Episodes
 from cjt_gym.errors import CjtGymError, ConfigurationError
-from cjt_gym.training.algorithms import load_normalization, make_environment, make_model
+from cjt_gym.training.algorithms import (
+    load_normalization,
+    load_weights,
+    make_environment,
+    make_model,
+)
 from cjt_gym.training.callbacks import Companion, restore
 from cjt_gym.training.config import TrainConfig, environment_arguments
 from cjt_gym.training.run_folder import RunFolder, TrainingError, begin_run, open_run
@@ -97,7 +102,7 @@ def start_from(run: str, config: TrainConfig, model: BaseAlgorithm, env: VecEnv)
                 f"start_from: {what} of {run} must be that of this training, {other}, got {one}. "
                 "Change one of them; history and preview of [env] make the observation."
             )
-    model.set_parameters(str(before.path / "model.zip"), device=model.device)
+    load_weights(model, before.path / "model.zip")
     if (before.path / "normalization.npz").is_file():
         load_normalization(env, before.path / "normalization.npz")
 
