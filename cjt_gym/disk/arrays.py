@@ -49,7 +49,8 @@ class Member:
             ValueError: It is not an array, holds objects, or is not as long as its shape says.
         """
         shape, self.by_columns, self.dtype = HEADERS[np.lib.format.read_magic(file)](file)
-        self.name, self.shape, self._file = name, shape, file
+        self.name, self._file = name, file
+        self.shape: tuple[int, ...] = shape
         if self.dtype.hasobject:
             raise ValueError(f"{name} holds objects, which are not read")
         if any(not isinstance(n, int) or n < 0 for n in shape):
@@ -72,8 +73,8 @@ class Member:
     def all(self) -> NDArray[Any]:
         """Return the whole array, where nothing of it has been read yet."""
         data = self._file.read(self.count * self.dtype.itemsize)
-        order = "F" if self.by_columns else "C"
-        return np.frombuffer(bytearray(data), dtype=self.dtype).reshape(self.shape, order=order)
+        flat: NDArray[Any] = np.frombuffer(bytearray(data), dtype=self.dtype)
+        return flat.reshape(self.shape, order="F" if self.by_columns else "C")
 
 
 @contextmanager

@@ -34,6 +34,7 @@ def read(path: Path) -> dict[str, NDArray[Any]]:
             "save('log.mat', '-v7')."
         ) from error
     columns: dict[str, NDArray[Any]] = {}
+    count = 0
 
     def visit(name: str, item: Any) -> None:
         nonlocal count
@@ -48,7 +49,6 @@ def read(path: Path) -> dict[str, NDArray[Any]]:
         columns.update(flat_arrays(name.replace("/", "."), np.asarray(item)))
         COLUMNS.check(len(columns), path, RecordError)
 
-    count = 0
     with h5py.File(path, "r") as file:
         file.visititems(visit)
     if not columns:
