@@ -160,7 +160,7 @@ def load_normalization(env: VecEnv, path: Path) -> None:
         for kind, statistics in kinds:
             shape = np.shape(statistics.mean)
             mean, var = (
-                checked_array(f"{kind}_{name}", arrays[f"{kind}_{name}"], shape)
+                checked_array(f"{kind}_{name} of {path}", arrays[f"{kind}_{name}"], shape)
                 for name in ("mean", "var")
             )
             if (var < 0.0).any():

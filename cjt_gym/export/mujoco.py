@@ -190,7 +190,7 @@ def _add_hinges(
                 "frictionloss": number(loss),
                 "solreffriction": f"{number(2.0 * timestep)} 1",
             }
-        SubElement(body, "joint", name=name, axis="0 0 1", **given)
+        SubElement(body, "joint", {"name": name, "axis": "0 0 1", **given})
 
 
 def _add_tendons(model: Element, bodies: Bodies, values: Mapping[str, float]) -> None:
@@ -206,7 +206,7 @@ def _add_tendons(model: Element, bodies: Bodies, values: Mapping[str, float]) ->
             half, middle = 0.5 * values["play_gap"], values["play_offset"]
             rest = f"{number(middle - half)} {number(middle + half)}"
         given = {"stiffness": stiffness, "damping": number(values[d]), "springlength": rest}
-        spring = SubElement(tendons, "fixed", name=name, **given)
+        spring = SubElement(tendons, "fixed", {"name": name, **given})
         SubElement(spring, "joint", joint=bodies.names[one], coef="1")
         if other >= 0:
             SubElement(spring, "joint", joint=bodies.names[other], coef="-1")
@@ -225,12 +225,12 @@ def _add_drive(
         samples = math.ceil(delay / timestep) + 1
         given |= {"delay": number(delay), "nsample": str(samples)}
     if joint.drive != CURRENT_FREE and dcmotor:
-        SubElement(actuator, "dcmotor", **given, **_winding(joint, values))
+        SubElement(actuator, "dcmotor", given | _winding(joint, values))
         return
     lag = values["current_bandwidth"]
     if lag > 0.0:
         given |= {"dyntype": "filterexact", "dynprm": number(1.0 / (2.0 * math.pi * lag))}
-    SubElement(actuator, "general", **given, gainprm=number(gain_of(joint, values)))
+    SubElement(actuator, "general", {**given, "gainprm": number(gain_of(joint, values))})
 
 
 def _winding(joint: Joint, values: Mapping[str, float]) -> dict[str, str]:
@@ -258,7 +258,7 @@ def _add_passive(
     if values["torque_offset"] != 0.0:
         bias = f"{number(values['torque_offset'])} 0 0"
         given = {"name": "offset", "joint": "motor", "gainprm": "0", "biastype": "affine"}
-        SubElement(actuator, "general", **given, biasprm=bias)
+        SubElement(actuator, "general", {**given, "biasprm": bias})
     if not dcmotor:
         return
     inertia = bodies.total(values, "I_")
@@ -274,7 +274,7 @@ def _add_passive(
 def _add_silent(actuator: Element, name: str, joint: str, **law: str) -> None:
     """Add a dcmotor without input and without current."""
     given = {"input": "none", "motorconst": "0 0", "resistance": "1"}
-    SubElement(actuator, "dcmotor", name=name, joint=joint, **given, **law)
+    SubElement(actuator, "dcmotor", {"name": name, "joint": joint, **given, **law})
 
 
 def _bristles(law: Friction, values: Mapping[str, float], inertia: float, timestep: float) -> str:

@@ -55,7 +55,7 @@ def checked_array(
             f"{what} must have the shape ({wanted}{comma}), got {given.shape}."
         )
     with np.errstate(over="ignore"):
-        array: NDArray[Any] = np.ascontiguousarray(given, dtype=dtype)
+        array: NDArray[Any] = np.asarray(given, dtype=dtype, order="C")
     if finite and not np.isfinite(array).all():
         where = np.unravel_index(int(np.argmin(np.isfinite(array))), array.shape)
         at = f" at {tuple(map(int, where))}" if array.ndim else ""

@@ -17,6 +17,7 @@ import hashlib
 import re
 import warnings
 from collections.abc import Callable
+from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, TypeVar
@@ -82,9 +83,15 @@ def _kept(function: Function, **options: Any) -> Function:
     try:
         kept: Function = njit(function, cache=True, **options)
     except RuntimeError:  # an installation that is read-only, and no home
-        warnings.warn(UNKEPT, CjtGymWarning, stacklevel=2)
+        _warn()
         kept = njit(function, **options)
     return kept
+
+
+@cache
+def _warn() -> None:
+    """Tell once that nothing is kept."""
+    warnings.warn(UNKEPT, CjtGymWarning, stacklevel=2)
 
 
 def _folders() -> list[Path]:
