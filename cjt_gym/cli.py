@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from importlib import import_module
 from typing import Any, NoReturn
 
-from cjt_gym.errors import CjtGymError, ConfigurationError, unknown_name
+from cjt_gym.errors import CjtGymError, unknown_name
 
 COMMANDS: dict[str, str] = {
     "joints": "list the joints, structures, drives and effects there are",
@@ -51,12 +51,6 @@ EXTRAS = {
 }
 
 
-POSITIVE = ("dt", "dt_physics", "duration", "seconds", "timestep")
-"""Options that are times; all are > 0 s."""
-LONGEST = 1e7
-"""The longest of them [s]."""
-
-
 def _finite(text: str) -> float:
     value = float(text)
     if not math.isfinite(value):
@@ -75,22 +69,6 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Print the line and exit with status 2."""
         self.exit(2, f"{self.prog}: {message} See {self.prog} --help.\n")
-
-
-def check_options(options: argparse.Namespace) -> None:
-    """Refuse what no command can take.
-
-    Raises:
-        ConfigurationError: A seed is negative, or a time is not > 0 s.
-    """
-    seed = getattr(options, "seed", None)
-    if isinstance(seed, int) and seed < 0:
-        raise ConfigurationError(f"--seed must be >= 0, got {seed}.")
-    for name in POSITIVE:
-        value = getattr(options, name, None)
-        if isinstance(value, float) and not 0.0 < value <= LONGEST:
-            word = name.replace("_", "-")
-            raise ConfigurationError(f"--{word} must be > 0 and <= {LONGEST:g} s, got {value:g}.")
 
 
 def make_parser() -> Parser:
@@ -141,9 +119,7 @@ def _run_command(command: str, words: Sequence[str]) -> int:
         parser = Parser(prog=f"cjt-gym {command}", description=COMMANDS[command])
         module.add_arguments(parser)
         parser.add_argument("--json", action="store_true", help="print the result as JSON")
-        options = parser.parse_args(words)
-        check_options(options)
-        module.run(options)
+        module.run(parser.parse_args(words))
         sys.stdout.flush()
     except BrokenPipeError:  # the reader of a pipe has had enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

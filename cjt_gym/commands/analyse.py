@@ -12,6 +12,7 @@ from pathlib import Path
 from cjt_gym.analysis import identify
 from cjt_gym.analysis.open_loop import INPUTS
 from cjt_gym.baselines import make_controller
+from cjt_gym.commands.numbers import check_seed
 from cjt_gym.commands.simulate import USUAL, parse_effects
 from cjt_gym.datasheet import FORMATS, check_format, write_sheet
 from cjt_gym.datasheet.linear import Case, analyse_case, linear_sheet
@@ -47,6 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Analyse, write the sheet, and print the figures where they are asked for."""
+    check_seed(options.seed)
     if options.out is None and not options.json:
         raise ConfigurationError(
             f"--out FILE is needed ({', '.join(FORMATS)}), or --json for the figures alone."

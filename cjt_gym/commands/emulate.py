@@ -18,6 +18,7 @@ from cjt_gym.canbus.hidden import draw_hidden
 from cjt_gym.canbus.link import quiet_machine
 from cjt_gym.canbus.ports import open_port
 from cjt_gym.canbus.ports.port import Port
+from cjt_gym.commands.numbers import check_seed, check_time
 from cjt_gym.commands.simulate import parse_effects
 from cjt_gym.disk import write_text
 from cjt_gym.errors import ConfigurationError
@@ -48,6 +49,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Serve until it is stopped."""
+    check_seed(options.seed)
+    check_time("seconds", options.seconds)
     config = with_options(load_hardware(options.config), options)
     if options.hidden_seed is not None and options.hidden_seed < 0:
         raise ConfigurationError(f"--hidden-seed must be >= 0, got {options.hidden_seed}.")

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.baselines import CONTROLLERS
+from cjt_gym.commands.numbers import check_seed, check_time
 from cjt_gym.disk import refuse_inputs
 from cjt_gym.envs.settings import default_amplitude, default_load
 from cjt_gym.errors import ConfigurationError
@@ -61,6 +62,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Simulate, write the record and say what came out."""
+    check_seed(options.seed)
+    check_time("dt", options.dt)
+    check_time("dt-physics", options.dt_physics)
     refuse_inputs([options.out], [options.reference, options.joint, options.controller])
     task = _task(options)
     loaded = default_load(options.joint, task.structure, {})
