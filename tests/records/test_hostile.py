@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cjt_gym.errors import RecordError
+from cjt_gym.errors import ConfigurationError, RecordError
 from cjt_gym.records import read_log, write_record
 from tests.disk.test_whole import RECORD
 
@@ -198,3 +198,13 @@ def test_a_table_that_is_not_utf_8_says_so(tmp_path: Path) -> None:
 
     with pytest.raises(RecordError, match="must be a table of numbers as text in UTF-8: .*0xb5"):
         read_record(tmp_path / "run.csv")
+
+
+def test_a_delay_that_would_fill_the_memory_is_an_error() -> None:
+    from cjt_gym.joint import load_joint
+
+    joint = load_joint("orange_80_6000", effects={"command_delay": {"delay": 1e9}})
+    with pytest.raises(
+        ConfigurationError, match="delays of orange_80_6000 together must be <= 100 s"
+    ):
+        joint.simulate([0.0] * 3)
