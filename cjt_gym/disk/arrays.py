@@ -25,6 +25,8 @@ HEADERS: Final[dict[tuple[int, int], Any]] = {
     (2, 0): np.lib.format.read_array_header_2_0,
 }
 ENDING: Final = ".npy"
+LAST_LETTER: Final = 0x10FFFF
+"""The last of Unicode; Python does not survive strings with others."""
 
 
 class Member:
@@ -74,6 +76,10 @@ class Member:
         """Return the whole array, where nothing of it has been read yet."""
         data = self._file.read(self.count * self.dtype.itemsize)
         flat: NDArray[Any] = np.frombuffer(bytearray(data), dtype=self.dtype)
+        if self.dtype.kind == TEXT:
+            letters = np.frombuffer(data, self.dtype.str[0] + "u4")
+            if ((letters > LAST_LETTER) | ((letters >= 0xD800) & (letters < 0xE000))).any():
+                raise ValueError(f"{self.name} has letters that there are not")
         return flat.reshape(self.shape, order="F" if self.by_columns else "C")
 
 

@@ -120,7 +120,13 @@ def _requested(spec: EffectSpec, file: JointFile) -> dict[str, Mapping[str, Any]
                     f"to values, got {values!r}. Write {{'{name}': {{'parameter': value}}}}."
                 )
         return {name: values or {} for name, values in spec.items()}
-    return {name: {} for name in spec}
+    names = list(spec) if isinstance(spec, Iterable) else [spec]
+    if wrong := [name for name in names if not isinstance(name, str)]:
+        raise ParameterError(
+            f"Effects of {file.parameters.origin} must be names, or a mapping of names to values, "
+            f"got {wrong[0]!r}."
+        )
+    return {name: {} for name in names}
 
 
 def _share(

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -126,7 +127,7 @@ class JointParameters:
         quantity = self.quantities.get(symbol)
         return PARAMETERS[symbol].units[self.axis][0] if quantity is None else quantity.unit
 
-    def replace(self, **values: float | Quantity) -> JointParameters:
+    def replace(self, /, **values: float | Quantity) -> JointParameters:
         """Return a copy with other values; a bare number keeps the unit that the parameter has.
 
         Raises:
@@ -167,7 +168,13 @@ def _in_usual_unit(symbol: str, value: float, axis: str, source: str) -> Quantit
             f"There is no parameter '{symbol}'.{did_you_mean(symbol, PARAMETERS)} "
             f"Known: {', '.join(PARAMETERS)}."
         )
-    return Quantity(float(value) + 0.0, PARAMETERS[symbol].units[axis][0], source)
+    try:
+        number = math.nan if isinstance(value, str | bool) else float(value)
+    except (TypeError, ValueError):
+        number = math.nan
+    if not math.isfinite(number):
+        raise ParameterError(f"{symbol} must be a finite number, got {value!r}.")
+    return Quantity(number + 0.0, PARAMETERS[symbol].units[axis][0], source)
 
 
 def _check_quantity(symbol: str, quantity: Quantity, axis: str, origin: str) -> None:

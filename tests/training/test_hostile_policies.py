@@ -41,7 +41,7 @@ def changed(path: Path, arrays: dict[str, Any], facts: dict[str, Any]) -> Path:
         table, _, key = name.rpartition("/")
         (known[table] if table else known)[key] = value
     given = {k: v for k, v in {**given, **arrays}.items() if v is not None}
-    np.savez(path, facts=np.array(json.dumps(known)), **given)
+    np.savez(path, **({"facts": np.array(json.dumps(known))} | given))
     return path
 
 
@@ -63,6 +63,7 @@ ARRAYS: dict[str, dict[str, Any]] = {
     "too large for single precision": {"scale": np.full(SIZE, 1e300)},
     "complex": {"weight_0": np.zeros((WIDTH, SIZE), complex)},
     "texts": {"mean": np.full(SIZE, "1")},
+    "letters that there are not": {"facts": np.frombuffer(b"\xff\xff\xff\x7f" * 4, "<U4")},
     "objects": {"mean": np.full(SIZE, None)},
     "absent": {"mean": None},
 }

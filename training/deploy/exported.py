@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from cjt_gym.disk import parse_json, parsing, whole
 from cjt_gym.disk.arrays import read_arrays
-from cjt_gym.errors import ConfigurationError, MissingFileError
+from cjt_gym.errors import CjtGymError, ConfigurationError, MissingFileError
 from cjt_gym.joint.compiled import threaded
 from cjt_gym.training.conditions import Conditions
 from cjt_gym.training.config import TrainConfig, from_dict
@@ -208,10 +208,18 @@ def load_exported(path: str | Path) -> Exported:
             f"The policy {path} does not exist. Make one:  "
             f"cjt-gym export RUN --to numpy --out {path}"
         )
-    remedy = "Make one:  cjt-gym export RUN --to numpy --out policy.npz"
-    what = f"{path} is not a policy that cjt-gym exported"
+    try:
+        return _parsed(file)
+    except CjtGymError as error:
+        raise ConfigurationError(
+            f"{path} is not a policy that cjt-gym exported: {error} Make one:  "
+            "cjt-gym export RUN --to numpy --out policy.npz"
+        ) from error
+
+
+def _parsed(file: Path) -> Exported:
     given = read_arrays(file, ConfigurationError)
-    with parsing(what, ConfigurationError, remedy):
+    with parsing("its facts must be those of a policy", ConfigurationError):
         facts = parse_json(str(given["facts"]), "facts", ConfigurationError)
         if facts["kind"] != KIND:
             raise KeyError("kind")
@@ -220,5 +228,5 @@ def load_exported(path: str | Path) -> Exported:
             for k, activation in enumerate(facts["activations"])
         )
         network = Network(layers, given["mean"], given["scale"], float(facts["clip"]))
-        config = from_dict(facts["config"], str(path))
+        config = from_dict(facts["config"], str(file))
         return Exported(file.stem, config, network, Layout(**facts["layout"]))
