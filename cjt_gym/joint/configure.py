@@ -120,7 +120,8 @@ def _requested(spec: EffectSpec, file: JointFile) -> dict[str, Mapping[str, Any]
                     f"to values, got {values!r}. Write {{'{name}': {{'parameter': value}}}}."
                 )
         return {name: values or {} for name, values in spec.items()}
-    names = list(spec) if isinstance(spec, Iterable) else [spec]
+    given: Any = spec  # a table in a file may hold anything
+    names = list(given) if isinstance(given, Iterable) else [given]
     if wrong := [name for name in names if not isinstance(name, str)]:
         raise ParameterError(
             f"Effects of {file.parameters.origin} must be names, or a mapping of names to values, "

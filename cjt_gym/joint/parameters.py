@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -169,11 +168,9 @@ def _in_usual_unit(symbol: str, value: float, axis: str, source: str) -> Quantit
             f"Known: {', '.join(PARAMETERS)}."
         )
     try:
-        number = math.nan if isinstance(value, str | bool) else float(value)
+        number = float(value)
     except (TypeError, ValueError):
-        number = math.nan
-    if not math.isfinite(number):
-        raise ParameterError(f"{symbol} must be a finite number, got {value!r}.")
+        raise ParameterError(f"{symbol} must be a number, got {value!r}.") from None
     return Quantity(number + 0.0, PARAMETERS[symbol].units[axis][0], source)
 
 
