@@ -7,6 +7,7 @@ standard output, as text or with `--json` as JSON; progress goes to standard err
 from __future__ import annotations
 
 import argparse
+import math
 import os
 import sys
 import warnings
@@ -51,8 +52,20 @@ EXTRAS = {
 }
 
 
+def _finite(text: str) -> float:
+    value = float(text)
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"must be a finite number, got {text}.")
+    return value
+
+
 class Parser(argparse.ArgumentParser):
     """A parser that answers bad input with one line."""
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        """Take numbers that are finite only."""
+        super().__init__(*arguments, **options)
+        self.register("type", float, _finite)
 
     def error(self, message: str) -> NoReturn:
         """Print the line and exit with status 2."""
@@ -122,6 +135,8 @@ def _run_command(command: str, words: Sequence[str]) -> int:
         if extra is None:
             raise
         return _fail(f'This needs {error.name}: pip install "cjt-gym[{extra}]".', 2)
+    except MemoryError:
+        return _fail("There is not enough memory for this. Ask for fewer or shorter runs.", 1)
     except KeyboardInterrupt:
         return _fail("Stopped.", 1)
     return 0

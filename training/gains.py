@@ -8,7 +8,6 @@ brings it in, and the gains of such a controller are named after it, PATH.py:NAM
 
 from __future__ import annotations
 
-import tomllib
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -17,6 +16,7 @@ from typing import Any
 
 from cjt_gym.baselines import Controller, ControllerEntry, get_entry, make_controller
 from cjt_gym.baselines.own import is_own, path_of
+from cjt_gym.disk import read_toml, write_text
 from cjt_gym.errors import (
     CjtGymError,
     CjtGymWarning,
@@ -151,7 +151,7 @@ def write_gains(
     values = {name: {"value": value, "unit": units[name]} for name, value in gains.items()}
     path.parent.mkdir(parents=True, exist_ok=True)
     data = {"controller": controller, "gains": values, "tuned": facts}
-    path.write_text(to_toml(data), encoding="utf-8")
+    write_text(path, to_toml(data))
     return path
 
 
@@ -187,11 +187,9 @@ def _read(path: str | Path, own: str | None) -> Choice:
     """Read a gain file, that of code of one's own where such is given."""
     file = Path(path)
     try:
-        data = tomllib.loads(file.read_text(encoding="utf-8"))
+        data = read_toml(file, ConfigurationError)
     except FileNotFoundError:
         raise MissingFileError(f"The gain file {path} does not exist. Make it with tune.") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigurationError(f"{path} must be a TOML file: {error}.") from None
     for key in data:
         if key not in KEYS:
             raise ConfigurationError(f"{unknown_name('key', key, KEYS)} (in {path})")

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.analysis import Loop, figures_of, probe_law, probe_plant, stiffest_rendered
+from cjt_gym.disk import write_text
 from cjt_gym.errors import ConfigurationError, SimulationError, unknown_name
 from cjt_gym.joint import get_structure, load_joint_file
 from cjt_gym.joint.effect_words import parse_effects
@@ -249,10 +250,7 @@ def kept(cell: Cell, folder: Path) -> dict[str, Any] | None:
 
 def _run_and_keep(cell: Cell, folder: Path) -> dict[str, Any]:
     text = json.dumps(run_cell(cell))
-    path = folder / f"{cell.key()}.json"
-    beside = path.with_suffix(f".{os.getpid()}.tmp")
-    beside.write_text(text, encoding="utf-8")
-    beside.replace(path)
+    write_text(folder / f"{cell.key()}.json", text)
     result: dict[str, Any] = json.loads(text)
     return result
 

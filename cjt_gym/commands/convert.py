@@ -7,11 +7,13 @@ import json
 import sys
 from pathlib import Path
 
+from cjt_gym.disk import refuse_inputs, write_text
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import to_toml
 from cjt_gym.joint.files import TOOLBOX_SUFFIX
 from cjt_gym.joint.toolbox_files import read_toolbox
 from cjt_gym.records import FORMATS, Record, Repair, read_log, write_record
+from cjt_gym.records.files import table_path
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -39,10 +41,10 @@ def run(options: argparse.Namespace) -> None:
     if options.defaults is not None:
         raise ConfigurationError(f"--defaults is for a joint (.m), got the log {options.log}.")
     records, repairs = _read(options)
-    paths = [
-        write_record(record, _numbered(options.out, k, len(records)))
-        for k, record in enumerate(records)
-    ]
+    paths = [_numbered(options.out, k, len(records)) for k in range(len(records))]
+    refuse_inputs(paths, [table_path(options.log), options.log, options.mapping, options.bus])
+    for record, path in zip(records, paths, strict=True):
+        write_record(record, path)
     if options.json:
         written = [
             {"record": str(path), "samples": len(record), "columns": list(record.columns)}
@@ -61,7 +63,8 @@ def _write_joint(options: argparse.Namespace) -> None:
     if options.out.suffix != ".toml":
         raise ConfigurationError(f"--out of a joint must end in .toml, got {options.out}.")
     file = read_toolbox(options.log, options.defaults)
-    options.out.write_text(to_toml(file), encoding="utf-8")
+    refuse_inputs([options.out], [options.log, options.defaults])
+    write_text(options.out, to_toml(file))
     count = len(file.parameters.quantities)
     if options.json:
         sys.stdout.write(json.dumps({"joint": str(options.out), "parameters": count}) + "\n")

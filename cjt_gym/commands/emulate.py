@@ -19,6 +19,8 @@ from cjt_gym.canbus.link import quiet_machine
 from cjt_gym.canbus.ports import open_port
 from cjt_gym.canbus.ports.port import Port
 from cjt_gym.commands.joint_options import asked_effects
+from cjt_gym.commands.numbers import check_seed, check_time
+from cjt_gym.disk import write_text
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import EFFECTS
 
@@ -48,6 +50,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Serve until it is stopped."""
+    check_seed(options.seed)
+    check_time("seconds", options.seconds)
     config = with_options(load_hardware(options.config), options)
     if options.hidden_seed is not None and options.hidden_seed < 0:
         raise ConfigurationError(f"--hidden-seed must be >= 0, got {options.hidden_seed}.")
@@ -58,7 +62,7 @@ def run(options: argparse.Namespace) -> None:
         effects = draw_hidden(config.joint, options.hidden_seed)
     joint = emulated_joint(config, effects)
     if options.truth is not None:
-        options.truth.write_text(json.dumps(joint.effects, indent=1) + "\n", encoding="utf-8")
+        write_text(options.truth, json.dumps(joint.effects, indent=1) + "\n")
     port = open_port(config.bus)
     try:
         _announce(options, config, port, list(joint.effects))

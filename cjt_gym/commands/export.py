@@ -10,6 +10,7 @@ from pathlib import Path
 from cjt_gym.baselines.observers import OBSERVERS
 from cjt_gym.commands import export_c
 from cjt_gym.commands.joint_options import add_conditions, chosen_joint, tell_effects
+from cjt_gym.disk import refuse_inputs, write_text
 from cjt_gym.export import TARGETS, Export, to_isaaclab, to_mujoco
 
 FORMS = ("onnx", "numpy", "c")
@@ -34,6 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Write the file; say what it holds and what it cannot."""
+    refuse_inputs([options.out], [options.source])
     options.out.parent.mkdir(parents=True, exist_ok=True)
     if options.to == "c" and export_c.is_classical(options.source):
         export_c.run(options)
@@ -51,7 +53,7 @@ def run(options: argparse.Namespace) -> None:
         found = to_mujoco(joint, dcmotor=not options.without_dcmotor, **step)
     else:
         found = to_isaaclab(joint, **step)
-    options.out.write_text(found.text, encoding="utf-8")
+    write_text(options.out, found.text)
     tell_effects(joint)
     if options.json:
         sys.stdout.write(json.dumps({"file": str(options.out), **found.to_dict()}) + "\n")

@@ -14,11 +14,12 @@ from cjt_gym.baselines.observers import OBSERVERS, make_observer
 from cjt_gym.baselines.own import is_own
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.commands.joint_options import asked_effects, structure_of, tell_effects
+from cjt_gym.disk import refuse_inputs, write_text
 from cjt_gym.envs.settings import default_load
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.export.c_files import Header, controller_to_c, observer_to_c
 from cjt_gym.joint import Joint, load_joint
-from cjt_gym.training.gains import choose
+from cjt_gym.training.gains import choose, files_of
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -41,6 +42,7 @@ def run(options: argparse.Namespace) -> None:
     """Write the header, and say how it compares with Python."""
     if options.joint is None:
         raise ConfigurationError(f"--joint must name the joint that {options.source} is for.")
+    refuse_inputs([options.out], [options.joint, *files_of(options.source)])
     structure = structure_of(options.joint, options.structure)
     load = default_load(options.joint, structure, {})
     joint = load_joint(options.joint, structure, options.drive, asked_effects(options), load)
@@ -51,7 +53,7 @@ def run(options: argparse.Namespace) -> None:
         if options.output is not None:
             raise ConfigurationError("--output is for observers; a controller takes what it needs.")
         made = _controller(options, joint, gains, prefix)
-    options.out.write_text(made.text, encoding="utf-8")
+    write_text(options.out, made.text)
     tell_effects(joint)
     checked = made.checked
     result = {"file": str(options.out), "form": "c", "steps": checked.steps}

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from cjt_gym.canbus.config import HardwareConfig
 from cjt_gym.canbus.experiments import EXPERIMENTS, experiment_torque
+from cjt_gym.commands.numbers import check_seed
 from cjt_gym.envs.settings import default_amplitude
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.records import Record, read_record, record_names
@@ -47,6 +48,7 @@ class Job:
 
 def jobs_of(config: HardwareConfig, options: argparse.Namespace) -> Sequence[Job]:
     """Return the runs that are asked for; of a series those that are not recorded yet."""
+    check_seed(options.seed)
     if options.benchmark is not None:
         return _missing(_tasks(config, options))
     if options.experiment is None:

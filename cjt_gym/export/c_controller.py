@@ -8,7 +8,7 @@ from typing import Final
 from cjt_gym.baselines.linear_law import SIGNALS
 from cjt_gym.export.c_additions import NOTHING
 from cjt_gym.export.c_law import CLaw
-from cjt_gym.export.c_text import array, filled, identifier, number
+from cjt_gym.export.c_text import array, comment, filled, identifier, number
 
 COUNT = len(SIGNALS)
 
@@ -36,8 +36,8 @@ def controller_header(
         "rest": law.linear.at_rest(),
     } | ({} if law.back is None else {"back": law.back})
     values = {
-        "TITLE": title,
-        "JOINT": joint,
+        "TITLE": comment(title),
+        "JOINT": comment(joint),
         "GAINS": ", ".join(f"{key} = {value:.6g}" for key, value in gains.items()) or "none",
         "DT": number(law.linear.dt),
         "LIMIT": number(law.limit),

@@ -6,7 +6,7 @@ from typing import Final
 
 from cjt_gym.baselines.linear_law import SIGNALS
 from cjt_gym.baselines.observers import LinearObserver
-from cjt_gym.export.c_text import array, filled, identifier, number
+from cjt_gym.export.c_text import array, comment, filled, identifier, number
 
 COUNT = len(SIGNALS)
 
@@ -31,8 +31,8 @@ def observer_header(observer: LinearObserver, prefix: str, title: str, joint: st
     }
     places = [identifier(f"{name}_{one}".upper()) for one in observer.names]
     values = {
-        "TITLE": title,
-        "JOINT": joint,
+        "TITLE": comment(title),
+        "JOINT": comment(joint),
         "DT": number(observer.dt),
         "ARRAYS": "\n".join(array(kind, f"{name}_{key}", table) for key, table in tables.items()),
         "PLACES": ", ".join(places),

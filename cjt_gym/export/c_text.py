@@ -14,15 +14,21 @@ from numpy.typing import NDArray
 PER_LINE = 4
 
 
-def identifier(text: str) -> str:
-    """Return a text as the beginning of names in C.
+def identifier(text: str, kind: str = "law") -> str:
+    """Return any text as the beginning of names in C; one that cannot begin them follows its kind.
 
     Example:
         >>> identifier("pid+friction"), identifier("80")
-        ('pid_friction', '_80')
+        ('pid_friction', 'law_80')
     """
-    name = re.sub(r"\W", "_", text)
-    return f"_{name}" if not name or name[0].isdigit() else name
+    name = re.sub(r"\W", "_", text, flags=re.ASCII)
+    return name if name[:1].isalpha() else f"{kind}_{name}"
+
+
+def comment(text: str) -> str:
+    """Return a text of somebody else that ends no comment and begins none."""
+    plain = "".join(c if c.isprintable() else "?" for c in text)
+    return plain.replace("*/", "* /").replace("/*", "/ *")
 
 
 def number(value: float) -> str:
