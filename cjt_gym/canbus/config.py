@@ -26,6 +26,7 @@ import math
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -44,7 +45,7 @@ BUS = ("interface", "channel", "host", "port", "bitrate", "fd", "options")
 JOINT = ("file", "structure", "effects")
 CONTROL = ("rate_hz", "priority", "missed", "overrun", "watchdog", "soft", "torque")
 LIMITS = ("tau", "tau_rate", "dq_m", "q_m", "tau_joint", "deflection", "temperature", "current")
-EMULATOR = ("latency", "jitter", "loss", "load", "speed", "seed")
+EMULATOR = ("latency", "jitter", "loss", "load", "speed", "seed", "watchdog")
 HEADROOM = 1.5
 """Measured values may pass the nominal peak current by this factor before that is a fault."""
 RAMP = 0.01
@@ -111,6 +112,8 @@ class EmulatorSettings:
         load: Share of the bus that others take, who let a frame wait.
         speed: Time of the joint over that of the clock on the wall.
         seed: Of the sensors' noise and of latency and loss.
+        watchdog: Time without a command after which the drive stops, as set in it beforehand [s];
+            0: as it leaves the factory.
     """
 
     latency: float = 0.0
@@ -119,6 +122,7 @@ class EmulatorSettings:
     load: float = 0.0
     speed: float = 1.0
     seed: int = 0
+    watchdog: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -211,11 +215,14 @@ def parse_hardware(document: Table, origin: str, folder: Path) -> HardwareConfig
     if torque not in TORQUES:
         raise ConfigurationError(f"torque of {owner} must be one of {TORQUES}, got {torque!r}.")
     limits = _limits(document.get("limits", {}), f"[limits] of {origin}", joint)
-    nodes = [_node("drive", document["drive"], f"[drive] of {origin}", folder, joint, dt, watchdog)]
+    emulator = _emulator(document.get("emulator", {}), f"[emulator] of {origin}")
+    node = partial(
+        _node, folder=folder, joint=joint, dt=dt, watchdog=watchdog, stored=emulator.watchdog
+    )
+    nodes = [node("drive", document["drive"], f"[drive] of {origin}")]
     sensors = document.get("sensors", {})
     for name, table in check_keys(sensors, list(sensors), f"[sensors] of {origin}").items():
-        place = f"[sensors.{name}] of {origin}"
-        nodes.append(_node(name, table, place, folder, joint, dt, watchdog))
+        nodes.append(node(name, table, f"[sensors.{name}] of {origin}"))
     return HardwareConfig(
         bus=_bus(document["bus"], f"[bus] of {origin}"),
         nodes=tuple(nodes),
@@ -229,7 +236,7 @@ def parse_hardware(document: Table, origin: str, folder: Path) -> HardwareConfig
         soft=quantity(control, "soft", owner, "s", low=0.0, high=10.0, default=0.1),
         torque=torque,
         limits=limits,
-        emulator=_emulator(document.get("emulator", {}), f"[emulator] of {origin}"),
+        emulator=emulator,
         origin=origin,
     )
 
@@ -264,7 +271,15 @@ def _joint(table: object, owner: str, folder: Path) -> tuple[Joint, str, EffectS
 
 
 def _node(
-    name: str, table: object, owner: str, folder: Path, joint: Joint, dt: float, watchdog: float
+    name: str,
+    table: object,
+    owner: str,
+    *,
+    folder: Path,
+    joint: Joint,
+    dt: float,
+    watchdog: float,
+    stored: float,
 ) -> NodeSettings:
     given = dict(check_keys(table, list(table) if isinstance(table, Mapping) else (), owner))
     protocol = text(given, "protocol", owner)
@@ -278,7 +293,10 @@ def _node(
         period=dt,
         watchdog=watchdog,
         limits=DriveLimits(
-            tau_m=limits.tau, dq_m=HEADROOM * limits.dq_m, temperature=p.get("Tmp_WMax", math.inf)
+            tau_m=limits.tau,
+            dq_m=HEADROOM * limits.dq_m,
+            temperature=p.get("Tmp_WMax", math.inf),
+            watchdog=stored,
         ),
         owner=owner,
     )
@@ -335,7 +353,7 @@ def _emulator(table: object, owner: str) -> EmulatorSettings:
     }
     times = {
         key: quantity(given, key, owner, "s", low=0.0, high=1.0, default=0.0)
-        for key in ("latency", "jitter")
+        for key in ("latency", "jitter", "watchdog")
     }
     return EmulatorSettings(
         **share,

@@ -57,11 +57,13 @@ class Node:
         error: The error it showed last.
         text: That error in words.
         is_asked: Whether it reports only when asked.
+        is_unwatched: Whether it is accepted that it does not stop by itself.
     """
 
     def __init__(self, settings: NodeSettings) -> None:
         self.name, self.address = settings.name, settings.settings.node
         self.master: Master = protocol_of(settings.protocol).master(settings.settings)
+        self.is_unwatched = settings.settings.unwatched
         self.mode: Mode | None = None
         self.error, self.text = 0, ""
         # what a DBC file describes comes in its own cycles, though its drive is polled to be off

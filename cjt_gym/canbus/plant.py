@@ -151,13 +151,21 @@ class CanPlant:
     def arm(self) -> None:
         """Allow the joint to be moved; it still is not.
 
+        The drive is switched on once, with zero torque, to show that it stops by itself where no
+        command comes, unless the configuration says that it is unwatched.
+
         Raises:
-            HardwareError: It is not connected, or what it shows is not within its limits.
+            HardwareError: It is not connected, what it shows is not within its limits, or its
+                torque might outlive this program.
         """
         if isinstance(self.link, BusLink):
             gc.collect()  # now, for it is kept out of the run
         for node in self.nodes.all:
             self._talk.perform(node, node.master.clear())
+        drive = self.nodes.drive
+        if not drive.is_unwatched:
+            self._talk.prove_watchdog(self.config.drive.settings.watchdog)
+            self._talk.perform(drive, drive.master.clear())
         self._talk.listen()
         seen = self._seen(self._completed(), 0.0)
         trouble = self.nodes.trouble(is_on=False) or self.guard.check(seen)
