@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from cjt_gym.canbus.config import HardwareConfig
 from cjt_gym.canbus.dialogue import LOOKS, Dialogue
+from cjt_gym.canbus.identity import bus_identity
 from cjt_gym.canbus.link import BusLink, Link, open_bus, quiet_machine
 from cjt_gym.canbus.lock import NodeLock
 from cjt_gym.canbus.nodes import Nodes
@@ -36,7 +37,8 @@ class CanPlant:
     Nothing moves before `arm`. A run begins with `reset`, which measures, and the first `step`,
     which switches the drive on; it goes on with one `step` per control step, at absolute deadlines.
     Any fault takes the torque away, switches off, completes the record and raises `HardwareFault`.
-    Used as a context manager it also does so when the code within raises, or is interrupted.
+    Used as a context manager it also does so when the code within raises, or is interrupted; an
+    interrupt while the drive is switched on does so anyway.
 
     Attributes:
         config: The joint on its bus.
@@ -132,7 +134,9 @@ class CanPlant:
             ConfigurationError: The bus cannot be opened.
         """
         if not self._is_given:
-            self._node_lock = NodeLock(self.config.bus.identity, self.config.drive.settings.node)
+            self._node_lock = NodeLock(
+                bus_identity(self.config.bus), self.config.drive.settings.node
+            )
             try:
                 self._dialogue = Dialogue(BusLink(open_bus(self.config.bus)), self.nodes)
             except BaseException:
@@ -265,17 +269,32 @@ class CanPlant:
         error = sys.exc_info()[1]
         try:
             if error is None:
-                self.stop()
+                self._stop_or_abandon()
             elif not isinstance(error, HardwareFault):
-                interrupted = isinstance(error, KeyboardInterrupt | SystemExit)
-                kind = "interrupt" if interrupted else "exception"
-                self._trip(Fault(kind, f"{type(error).__name__}: {error}.", self._now()))
-                self._talk.repeat_off()
+                self._abandon(error)
         finally:
-            self._end()
-            self._release()
-            if self.state is not State.FAULT:
-                self.guard.state = State.DISCONNECTED
+            try:
+                self._end()
+            finally:
+                self._release()
+                if self.state is not State.FAULT:
+                    self.guard.state = State.DISCONNECTED
+
+    def _stop_or_abandon(self) -> None:
+        try:
+            self.stop()
+        except HardwareFault:
+            raise
+        except BaseException as error:
+            self._abandon(error)
+            raise
+
+    def _abandon(self, error: BaseException) -> None:
+        """End a run at once because of an exception from elsewhere, as often as after a fault."""
+        interrupted = isinstance(error, KeyboardInterrupt | SystemExit)
+        kind = "interrupt" if interrupted else "exception"
+        self._trip(Fault(kind, f"{type(error).__name__}: {error}.", self._now()))
+        self._talk.repeat_off()
 
     def __enter__(self) -> Self:
         return self
@@ -287,14 +306,11 @@ class CanPlant:
     def _start(self) -> None:
         """Switch the drive on and begin to count."""
         self.timing = Timing()
-        self._quiet = contextlib.ExitStack()
-        if isinstance(self.link, BusLink):
-            self._quiet.enter_context(quiet_machine(self.config.priority))
-        if self._path is not None and self._record is None:
-            hot = "temperature" in self.nodes.latest
-            self._record = RunRecord(
-                self._path, self.config, self.sense, self._tau_ref, hot, self._facts
-            )
+        try:
+            self._prepare()
+        except BaseException:
+            self._end()
+            raise
         self.guard.move(State.RUNNING)
         self._due = math.inf
         try:
@@ -303,9 +319,23 @@ class CanPlant:
         except HardwareError as error:
             self._trip(Fault("drive", str(error), self._now()))
             self._raise()
+        except BaseException as error:  # Ctrl-C: the drive may be on already
+            self._abandon(error)
+            raise
         for node in self.nodes.all:
             node.forgive()
         self._begin = self._due = self.link.now()
+
+    def _prepare(self) -> None:
+        """Make the machine quiet and begin the record."""
+        self._quiet = contextlib.ExitStack()
+        if isinstance(self.link, BusLink):
+            self._quiet.enter_context(quiet_machine(self.config.priority))
+        if self._path is not None and self._record is None:
+            hot = "temperature" in self.nodes.latest
+            self._record = RunRecord(
+                self._path, self.config, self.sense, self._tau_ref, hot, self._facts
+            )
 
     def _command(self, torque: float, lateness: float) -> None:
         """Send a torque [N m], note it, and set the next deadline."""
@@ -318,7 +348,11 @@ class CanPlant:
         self._sent = self.link.now()
         self.timing.lateness.append(max(lateness, 0.0))
         self.timing.ages.append(self.age())
-        self._note(torque, max(lateness, 0.0))
+        try:
+            self._note(torque, max(lateness, 0.0))
+        except OSError as error:
+            self._trip(Fault("record", f"The record cannot be written: {error}.", self._now()))
+            self._raise()
         self._k += 1
         self._due = self._begin + self._k * self.dt
 
@@ -370,12 +404,15 @@ class CanPlant:
     def _trip(self, fault: Fault) -> None:
         """Switch off because of a fault, once, and complete the record."""
         with self._lock:
-            if not self.guard.trip(fault):
+            if self.state not in (State.ARMED, State.RUNNING):
                 return
             self._talk.switch_off()
+            self.guard.trip(fault)
             if self._full:
-                self._note(0.0, 0.0)
-            self._end(fault={"kind": fault.kind, "text": fault.text})
+                with contextlib.suppress(OSError):
+                    self._note(0.0, 0.0)
+            with contextlib.suppress(HardwareError):  # the fault matters more
+                self._end(fault={"kind": fault.kind, "text": fault.text})
 
     def _raise_if_tripped(self) -> None:
         if self.state is State.FAULT:
@@ -408,8 +445,14 @@ class CanPlant:
             quiet, self._quiet = self._quiet, None
             quiet.close()
         if self._record is not None:
-            self._record.close(self.timing, **known)
-            self._record, self._path = None, None
+            record, self._record, self._path = self._record, None, None
+            try:
+                record.close(self.timing, **known)
+            except OSError as error:
+                raise HardwareError(
+                    f"The record {record.path} could not be completed: {error}. Its rows are "
+                    f"there, as far as they were written, in {record.rows_path}."
+                ) from error
 
     def _release(self) -> None:
         if not self._is_given and self._dialogue is not None:

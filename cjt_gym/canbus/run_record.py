@@ -23,7 +23,12 @@ def versions() -> dict[str, str]:
 
 @final
 class RunRecord:
-    """A record that is on disk up to the latest control step."""
+    """A record that is on disk up to the latest control step.
+
+    Attributes:
+        path: Its file.
+        rows_path: The file that has its rows until it is complete.
+    """
 
     def __init__(
         self,
@@ -72,6 +77,7 @@ class RunRecord:
             },
         }
         self._journal = Journal(path, self._columns, config.dt, known)
+        self.path, self.rows_path = self._journal.wanted, self._journal.path
 
     def note(
         self,

@@ -18,6 +18,7 @@ from cjt_gym.canbus.hidden import draw_hidden
 from cjt_gym.canbus.link import quiet_machine
 from cjt_gym.canbus.ports import open_port
 from cjt_gym.canbus.ports.port import Port
+from cjt_gym.commands.endings import ending_signals
 from cjt_gym.commands.simulate import parse_effects
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import EFFECTS
@@ -119,7 +120,7 @@ def _until(seconds: float | None) -> Callable[[], bool]:
         nonlocal stopped
         stopped = True
 
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in ending_signals():
         signal.signal(number, stop)
     end = float("inf") if seconds is None else time.monotonic() + seconds
     return lambda: stopped or time.monotonic() >= end

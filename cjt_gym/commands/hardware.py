@@ -5,10 +5,9 @@ from __future__ import annotations
 import argparse
 import json
 import logging
-import signal
 import sys
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +21,7 @@ from cjt_gym.canbus.link import Link
 from cjt_gym.canbus.plant import CanPlant
 from cjt_gym.canbus.safety import HardwareFault
 from cjt_gym.canbus.virtual import VirtualLink
+from cjt_gym.commands.endings import in_order
 from cjt_gym.commands.hardware_jobs import NONE, TRACKING, Job, jobs_of
 from cjt_gym.commands.simulate import GAINS
 from cjt_gym.errors import ConfigurationError
@@ -78,9 +78,9 @@ def run(options: argparse.Namespace) -> None:
         return
     if options.out is None and not options.dry_run:
         raise ConfigurationError("--out must name the record to write, such as run.csv.")
-    signal.signal(signal.SIGTERM, _terminate)
     frames = Frames() if options.dry_run else None
-    results = [_run_one(config, options, job, frames) for job in jobs_of(config, options)]
+    with in_order():
+        results = [_run_one(config, options, job, frames) for job in jobs_of(config, options)]
     if frames is not None:
         text = ", ".join(f"{n} of {identifier:#x}" for identifier, n in frames.by_id.items())
         _tell(options, {"frames": frames.count, "by_id": text})
@@ -89,10 +89,6 @@ def run(options: argparse.Namespace) -> None:
         _tell(options, {"records": results, "rows": _compare(config, options)})
         return
     _tell(options, results[0] if options.experiment is None else {"records": results})
-
-
-def _terminate(number: int, frame: object) -> NoReturn:
-    raise SystemExit(f"Stopped by signal {number}.")
 
 
 def _compare(config: HardwareConfig, options: argparse.Namespace) -> list[dict[str, Any]]:

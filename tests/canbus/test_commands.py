@@ -183,7 +183,9 @@ def test_lock_is_given_back_when_a_process_dies() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    "number", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT]
+)
 def test_process_that_is_ended_leaves_no_torque_and_a_whole_record(
     number: signal.Signals, path: Path
 ) -> None:
