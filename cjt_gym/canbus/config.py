@@ -49,7 +49,7 @@ EMULATOR = ("latency", "jitter", "loss", "load", "speed", "seed", "watchdog")
 HEADROOM = 1.5
 """Measured values may pass the nominal peak current by this factor before that is a fault."""
 RAMP = 0.01
-"""Time from zero to the largest torque, where no rate is given [s]."""
+"""Time from zero to the joint's peak torque, where no rate is given [s]."""
 WATCHDOG = 1.75
 """Control steps without a command after which a drive stops by itself, where none is given."""
 TORQUES = ("auto", "sensor", "spring")
@@ -322,7 +322,7 @@ def _limits(table: object, owner: str, joint: Joint) -> SafetyLimits:
     low, high = _span(given, owner)
     return SafetyLimits(
         tau=tau,
-        tau_rate=quantity(given, "tau_rate", owner, "N m/s", low=0.0, default=tau / RAMP),
+        tau_rate=quantity(given, "tau_rate", owner, "N m/s", low=0.0, default=most.tau / RAMP),
         dq_m=tightened("dq_m", "rad/s", most.dq_m),
         q_low=low,
         q_high=high,

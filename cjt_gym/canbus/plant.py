@@ -28,6 +28,8 @@ from cjt_gym.errors import HardwareError, ProtocolError
 from cjt_gym.plant import Limits, Measurement
 
 Floats = NDArray[np.float64]
+REHEARSAL = 100
+"""Control steps for which the delay of the loop is measured before a run."""
 
 
 @final
@@ -125,6 +127,10 @@ class CanPlant:
         """Time by which the last command was late [s]."""
         return self.timing.lateness[-1] if self.timing.lateness else 0.0
 
+    def note(self, **facts: Any) -> None:
+        """Add what is known to the provenance of records that are not begun yet."""
+        self._facts = self._facts | facts
+
     # ---- before a run
     def connect(self) -> None:
         """Open the bus, set the nodes up, and wait until every channel was heard.
@@ -151,6 +157,34 @@ class CanPlant:
             self._release()
             raise
         self.guard.move(State.IDLE)
+
+    def measured_delay(self) -> dict[str, float]:
+        """Return the delays of bus and loop as they are now, without moving the joint [s].
+
+        For `REHEARSAL` control steps the nodes are asked as in a run. The keys are those of the
+        simulator's effects, as in a record; see `Timing.delay`.
+
+        Raises:
+            HardwareError: It is not connected, or moves.
+        """
+        if self.state not in (State.IDLE, State.ARMED):
+            raise HardwareError(
+                f"The delay is measured before a run, while the joint is idle or armed; it is "
+                f"{self.state.value}."
+            )
+        timing, link = Timing(), self.link
+        due = link.now()
+        for _ in range(REHEARSAL):
+            link.send(self.nodes.poll())
+            sent = link.now()
+            timing.lateness.append(max(sent - due, 0.0))
+            due += self.dt
+            link.wait_until(due)
+            arrivals = link.receive()
+            timing.answered(sent, [arrival.t for arrival in arrivals[:1]])
+            self.nodes.hear(arrivals)
+            timing.ages.append(self.age())
+        return timing.delay(self.dt)
 
     def arm(self) -> None:
         """Allow the joint to be moved; it still is not.
@@ -365,8 +399,7 @@ class CanPlant:
             except HardwareError as error:
                 self._trip(Fault("bus_off", str(error), self._now()))
                 self._raise()
-            if arrivals and arrivals[0].t >= self._sent:
-                self.timing.answers.append(arrivals[0].t - self._sent)
+            self.timing.answered(self._sent, [arrival.t for arrival in arrivals[:1]])
             trouble = self.nodes.hear(arrivals)
             full = self._completed()
             seen = self._seen(full, self.dt)

@@ -12,20 +12,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.baselines import CONTROLLERS
+from cjt_gym.baselines import CONTROLLERS, Controller
 from cjt_gym.canbus.config import HardwareConfig, load_hardware
 from cjt_gym.canbus.dry_run import Frames
 from cjt_gym.canbus.emulator import Emulator, emulated_joint
 from cjt_gym.canbus.experiments import EXPERIMENTS
 from cjt_gym.canbus.link import Link
 from cjt_gym.canbus.plant import CanPlant
+from cjt_gym.canbus.protocols.contract import CHANNELS
 from cjt_gym.canbus.safety import HardwareFault
 from cjt_gym.canbus.virtual import VirtualLink
 from cjt_gym.commands.endings import in_order
 from cjt_gym.commands.hardware_jobs import NONE, TRACKING, Job, jobs_of
+from cjt_gym.commands.hardware_law import law_for
 from cjt_gym.commands.simulate import GAINS
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.records import default_units
 from cjt_gym.signals import sampled_signal
 from cjt_gym.training.gains import choose
 
@@ -118,15 +119,15 @@ def _run_one(
     config: HardwareConfig, options: argparse.Namespace, job: Job, frames: Frames | None
 ) -> dict[str, Any]:
     """Run one job and return what came out."""
-    law = None
     if job.policy is None and job.controller != NONE:
-        law = choose(job.controller).make(config.joint, config.dt)
-        facts = {name: getattr(law, name) for name in GAINS if hasattr(law, name)}
-        job.facts.update(facts)
+        choose(job.controller)  # a wrong name is told before the bus is touched
     path = None if frames is not None else job.path
     plant = CanPlant(config, _link(config, options, frames), path, **job.facts)
     with plant:
         plant.connect()
+        law = None
+        if job.policy is None and job.controller != NONE:
+            law = _law(plant, job)
         plant.arm()
         error = _follow(plant, job, law) if job.policy is None else _follow_policy(plant, job)
         plant.stop()
@@ -138,6 +139,15 @@ def _run_one(
         "timing_us": timing.summary(),
         "delays_s": timing.delay(plant.dt),
     }
+
+
+def _law(plant: CanPlant, job: Job) -> Controller:
+    """Return the controller of a job, its gains for the delay that is measured now."""
+    delays = plant.measured_delay()
+    law = law_for(job.controller, plant.config.joint, plant.dt, delays)
+    gains = {name: getattr(law, name) for name in GAINS if hasattr(law, name)}
+    plant.note(designed_for_s=delays, **gains)
+    return law
 
 
 def _follow(plant: CanPlant, job: Job, law: Any) -> list[float]:
@@ -204,8 +214,9 @@ def _tell(options: argparse.Namespace, result: dict[str, Any]) -> None:
         sys.stdout.write(json.dumps(result) + "\n")
     elif "values" in result:
         values = dict(sorted(result["values"].items()))
-        units = default_units(tuple(values))
-        text = ", ".join(f"{name} {value:.6g} {units[name]}" for name, value in values.items())
+        text = ", ".join(
+            f"{name} {value:.6g} {CHANNELS[name][0]}" for name, value in values.items()
+        )
         sys.stdout.write(f"Not armed, nothing was moved (--arm moves it). {text}\n")
     elif "frames" in result:
         sys.stdout.write(f"{result['frames']} frames would be sent: {result['by_id']}\n")

@@ -15,13 +15,17 @@ def test_first_signal_ends_in_order_and_further_ones_are_ignored(name: str) -> N
     number = getattr(signal, name)
     before = signal.getsignal(number)
     cleaned = []
-    with pytest.raises((SystemExit, KeyboardInterrupt)) as caught, in_order():
+
+    def run() -> None:
         try:
             os.kill(os.getpid(), number)
         finally:
             os.kill(os.getpid(), number)
             os.kill(os.getpid(), signal.SIGTERM)
             cleaned.append(True)
+
+    with pytest.raises((SystemExit, KeyboardInterrupt)) as caught, in_order():
+        run()
     assert cleaned
     assert isinstance(caught.value, KeyboardInterrupt) == (name == "SIGINT")
     assert signal.getsignal(number) is before

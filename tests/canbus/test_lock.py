@@ -22,7 +22,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-@pytest.mark.parametrize("other", ["localhost", "LOCALHOST", "127.0.1.1", "0.0.0.0"])  # noqa: S104
+@pytest.mark.parametrize("other", ["localhost", "LOCALHOST", "127.0.1.1", "0.0.0.0"])
 def test_one_server_by_every_name(other: str) -> None:
     one = BusSettings("socketcand", "can0", host="127.0.0.1", port=29536)
     assert bus_identity(BusSettings("socketcand", "can0", other, 29536)) == bus_identity(one)

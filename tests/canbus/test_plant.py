@@ -258,9 +258,13 @@ def test_full_disk_takes_the_torque_away_and_leaves_a_record(
     off = [bytes(frame.data) for frame in plant.nodes.drive.master.disable()][-1]
     plant.link.sent = lambda t, frame: idle.append(t) if bytes(frame.data) == off else None
     left[0] = room
-    with pytest.raises(HardwareFault, match="No space left on device") as caught:
+
+    def go_on() -> None:
         for _ in range(5):
             plant.step(np.array([5.0]))
+
+    with pytest.raises(HardwareFault, match="No space left on device") as caught:
+        go_on()
     assert caught.value.fault.kind == "record"
     assert emulator.torque == 0.0
     assert len(idle) == 1 + AFTERWARDS  # as after any fault

@@ -31,6 +31,7 @@ from cjt_gym.errors import ConfigurationError
 __all__ = [
     "CHANNELS",
     "NO_CHANNELS",
+    "SLOW",
     "Fault",
     "Firmware",
     "Limits",
@@ -59,6 +60,8 @@ CHANNELS: Final = {
     "v_bus": ("V", "supply voltage"),
 }
 """What nodes may report: unit and meaning. All but the last two are on the link side."""
+SLOW: Final[Mapping[str, float]] = {"temperature": 5.0, "v_bus": 5.0}
+"""Channels that change slowly, and how old their values may be [s], however often they come."""
 NO_CHANNELS: Final[Mapping[str, float]] = {}
 
 
