@@ -30,6 +30,7 @@ COMMANDS: dict[str, str] = {
     "export": "write a joint for MuJoCo or Isaac Lab, or a policy as ONNX, NumPy or C",
     "hardware": "run a controller, policy or experiment on a joint on a CAN bus",
     "emulate": "serve an emulated drive with a simulated joint on a CAN bus",
+    "bus": "say which rate a CAN bus can carry for its joints, before anything is armed",
     "convert": "turn a log, a trace of a CAN bus or a record into a record of any format",
     "diagnose": "find where a recorded joint and its simulation differ, why, and how far",
 }

@@ -25,7 +25,7 @@ from __future__ import annotations
 import math
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -35,12 +35,15 @@ from cjt_gym.canbus.protocols.contract import Limits as DriveLimits
 from cjt_gym.canbus.protocols.contract import Settings
 from cjt_gym.canbus.safety import SafetyLimits
 from cjt_gym.canbus.tables import Table, check_keys, flag, number, quantity, text, whole
-from cjt_gym.errors import ConfigurationError, MissingFileError
+from cjt_gym.errors import ConfigurationError, MissingFileError, unknown_name
 from cjt_gym.joint import Joint, load_joint
 from cjt_gym.joint.configure import EffectSpec
 from cjt_gym.plant import limits_of
 
 TABLES = ("bus", "drive", "sensors", "joint", "control", "limits", "emulator")
+SHARED = ("bus", "control", "emulator", "joints")
+OWN = ("name", "drive", "sensors", "joint", "limits")
+"""What the joints of a list share, and what each has of its own."""
 BUS = ("interface", "channel", "host", "port", "bitrate", "fd", "options")
 JOINT = ("file", "structure", "effects")
 CONTROL = ("rate_hz", "priority", "missed", "overrun", "watchdog", "soft", "torque")
@@ -144,6 +147,7 @@ class HardwareConfig:
         limits: What keeps the joint safe.
         emulator: How an emulated bus behaves.
         origin: The file.
+        name: The joint's name where the file lists several.
     """
 
     bus: BusSettings
@@ -160,6 +164,7 @@ class HardwareConfig:
     limits: SafetyLimits
     emulator: EmulatorSettings
     origin: str
+    name: str = ""
 
     @property
     def drive(self) -> NodeSettings:
@@ -167,13 +172,35 @@ class HardwareConfig:
         return self.nodes[0]
 
 
-def load_hardware(path: str | Path) -> HardwareConfig:
+def load_hardware(path: str | Path, joint: str | None = None) -> HardwareConfig:
     """Read and check the file of a joint on a bus.
+
+    Args:
+        path: The file.
+        joint: Which of the joints that it lists; needed where it lists more than one.
 
     Raises:
         MissingFileError: There is no such file.
         ConfigurationError: It breaks the format, or a limit is looser than the joint file's.
+        UnknownNameError: It does not list that joint.
         CjtGymError: Joint, structure, effect or protocol are not known or not valid.
+    """
+    found = {config.name: config for config in load_joints(path)}
+    if joint is not None and joint not in found:
+        raise unknown_name(f"joint of {path}", joint, found)
+    if joint is None and len(found) > 1:
+        raise ConfigurationError(
+            f"{path} lists the joints {', '.join(found)}, of which one runs at a time. Name it: "
+            "--joint NAME."
+        )
+    return next(iter(found.values())) if joint is None else found[joint]
+
+
+def load_joints(path: str | Path) -> tuple[HardwareConfig, ...]:
+    """Read and check the file of one joint on a bus, or of several; one configuration for each.
+
+    Raises:
+        CjtGymError: See `load_hardware`.
     """
     file = Path(path)
     try:
@@ -182,7 +209,31 @@ def load_hardware(path: str | Path) -> HardwareConfig:
         raise MissingFileError(f"The hardware configuration {path} does not exist.") from None
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise ConfigurationError(f"{path} must be a TOML file in UTF-8: {error}.") from error
-    return parse_hardware(document, str(path), file.parent)
+    if "joints" not in document:
+        return (parse_hardware(document, str(path), file.parent),)
+    return parse_joints(document, str(path), file.parent)
+
+
+def parse_joints(document: Table, origin: str, folder: Path) -> tuple[HardwareConfig, ...]:
+    """Return the configurations of a parsed file that lists joints; see `parse_hardware`."""
+    shared = {k: v for k, v in check_keys(document, SHARED, origin).items() if k != "joints"}
+    listed = document["joints"]
+    if not isinstance(listed, list) or not listed:
+        raise ConfigurationError(f"joints of {origin} must be tables [[joints]], got {listed!r}.")
+    found: list[HardwareConfig] = []
+    for k, table in enumerate(listed, 1):
+        own = dict(check_keys(table, OWN, f"joint {k} of {origin}"))
+        name = text(own, "name", f"joint {k} of {origin}")
+        del own["name"]
+        config = parse_hardware(shared | own, f"joint {name} of {origin}", folder)
+        for other in found:
+            if name == other.name or config.drive.settings.node == other.drive.settings.node:
+                raise ConfigurationError(
+                    f"Joints of {origin} must differ in name and node, but {other.name} and {name} "
+                    f"have the nodes {other.drive.settings.node} and {config.drive.settings.node}."
+                )
+        found.append(replace(config, name=name))
+    return tuple(found)
 
 
 def parse_hardware(document: Table, origin: str, folder: Path) -> HardwareConfig:

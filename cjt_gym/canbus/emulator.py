@@ -18,7 +18,7 @@ from cjt_gym.canbus.config import HardwareConfig
 from cjt_gym.canbus.ports.port import Port
 from cjt_gym.canbus.protocols import protocol_of
 from cjt_gym.canbus.protocols.contract import Firmware
-from cjt_gym.canbus.wire import Due, Wire
+from cjt_gym.canbus.wire import Due, Medium, Wire
 from cjt_gym.joint import Joint
 from cjt_gym.joint.arrays import CHANNELS, WINDING
 from cjt_gym.joint.configure import resolve_effects
@@ -60,6 +60,14 @@ def emulated_joint(config: HardwareConfig, effects: Any = None) -> Joint:
     return joint
 
 
+def medium_of(config: HardwareConfig) -> Medium | None:
+    """Return what the frames of a bus share, None where no bit rate is given."""
+    bus = config.bus
+    if bus.bitrate is None:
+        return None
+    return Medium(bus.bitrate, float(bus.options.get("data_bitrate", 0) or bus.bitrate))
+
+
 @dataclass
 class Node:
     """An emulated node.
@@ -88,6 +96,7 @@ class Emulator:
         torque_changed: Called with the time and the torque whenever it changes, or None.
         tamper: Function of a frame from a node, its name and the time, that returns what the bus
             makes of it; None for an honest bus.
+        medium: What its frames share, where the bus has a bit rate.
     """
 
     def __init__(self, config: HardwareConfig, joint: Joint | None = None) -> None:
@@ -109,7 +118,9 @@ class Emulator:
         self.torque = 0.0
         self.torque_changed: Callable[[float, float], None] | None = None
         self.tamper: Callable[[can.Message, str, float], Sequence[can.Message]] | None = None
-        self._in, self._out = Wire(settings, settings.seed + 1), Wire(settings, settings.seed + 2)
+        self.medium = medium_of(config)
+        self._in = Wire(settings, settings.seed + 1, self.medium)
+        self._out = Wire(settings, settings.seed + 2, self.medium)
         self._ticks = 0
         p = self.joint.parameters
         self._per_ampere = p.k_t * p.n

@@ -31,6 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add which joint, what it hides, and how bus and clock behave."""
     add = parser.add_argument
     add("config", type=Path, metavar="CONFIG.toml", help="the joint on its bus, as for hardware")
+    add("--joint", metavar="NAME", help="which of the joints that it lists")
     text = "draw the joint's effects by this number and do not show them, for a blind diagnosis"
     add("--hidden-seed", type=int, metavar="N", help=text)
     text = "write what the joint really has to this JSON file, to look at afterwards"
@@ -48,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Serve until it is stopped."""
-    config = with_options(load_hardware(options.config), options)
+    config = with_options(load_hardware(options.config, options.joint), options)
     if options.hidden_seed is not None and options.hidden_seed < 0:
         raise ConfigurationError(f"--hidden-seed must be >= 0, got {options.hidden_seed}.")
     if options.hidden_seed is not None and options.effect is not None:

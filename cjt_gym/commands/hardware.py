@@ -37,6 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the joint, who moves it and how, and what keeps it still."""
     add = parser.add_argument
     add("config", type=Path, metavar="CONFIG.toml", help="the joint on its bus, as for emulate")
+    add("--joint", metavar="NAME", help="which of the joints that it lists")
     who = parser.add_mutually_exclusive_group()
     text = f"{', '.join(CONTROLLERS)}, a gain file, or {NONE}: the reference is the motor torque"
     who.add_argument("--controller", metavar="C", help=text)
@@ -70,7 +71,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> None:
     """Run, write the record and say what came out."""
     logging.getLogger("can").setLevel(logging.ERROR)  # which warns of frames that come in pieces
-    config = load_hardware(options.config)
+    config = load_hardware(options.config, options.joint)
     if options.dry_run and options.emulated:
         raise ConfigurationError("Give --dry-run or --emulated, not both.")
     moves = options.arm or options.dry_run or options.emulated

@@ -124,7 +124,7 @@ def end(protocol: str, ending: str, folder: Path) -> Ended:
     with served(given, plug) as joint:
         run = subprocess.Popen(
             [sys.executable, "-c", MAIN, *words, "--duration", "60", "--out", str(out)],
-            preexec_fn=_limited if ending == "full disk" else None,
+            preexec_fn=_limited if ending == "full disk" else _heeding,
             stderr=subprocess.DEVNULL,
         )
         begin = time.monotonic()
@@ -147,6 +147,12 @@ def end(protocol: str, ending: str, folder: Path) -> Ended:
     record = read_record(out)
     fault = record.provenance.get("fault", {"kind": ""})
     return Ended(torque, after, fault["kind"], len(record), status)
+
+
+def _heeding() -> None:
+    """Heed Ctrl-C and Ctrl-\\, which what runs in the background of a shell ignores."""
+    for number in (signal.SIGINT, signal.SIGQUIT):
+        signal.signal(number, signal.SIG_DFL)
 
 
 def _limited() -> None:
