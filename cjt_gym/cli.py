@@ -32,6 +32,7 @@ COMMANDS: dict[str, str] = {
     "emulate": "serve an emulated drive with a simulated joint on a CAN bus",
     "bus": "say which rate a CAN bus can carry for its joints, before anything is armed",
     "convert": "turn a log, a trace of a CAN bus or a record into a record of any format",
+    "plot": "draw records as a picture or a page",
     "diagnose": "find where a recorded joint and its simulation differ, why, and how far",
 }
 EXTRAS = {
