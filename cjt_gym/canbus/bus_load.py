@@ -135,7 +135,8 @@ def _exchanged(
 ) -> tuple[float, float, float]:
     """Return frames and bits per second and the share of the bus's time that they take."""
     bus = replace(config.bus, bitrate=None)
-    link = VirtualLink(Emulator(replace(config, bus=bus)))
+    emulator = Emulator(replace(config, bus=bus))
+    link = VirtualLink(emulator)
     counts = np.zeros(3)
 
     def count(message: can.Message) -> None:
@@ -151,7 +152,7 @@ def _exchanged(
     for node in nodes.all:
         talk.perform(node, node.master.configure())
     talk.perform(drive, [*drive.master.clear(), *drive.master.enable()])
-    link.sent, link.emulator.tamper = lambda t, message: count(message), pass_on
+    link.sent, emulator.tamper = lambda t, message: count(message), pass_on
     steps = max(1, round(SECONDS / config.dt))
     begin = link.now()
     top = min(config.limits.tau, drive.master.torque_range[1])

@@ -224,6 +224,10 @@ def parse_joints(document: Table, origin: str, folder: Path) -> tuple[HardwareCo
     for k, table in enumerate(listed, 1):
         own = dict(check_keys(table, OWN, f"joint {k} of {origin}"))
         name = text(own, "name", f"joint {k} of {origin}")
+        if not name.isidentifier():
+            raise ConfigurationError(
+                f"The name of joint {k} of {origin} must be letters, digits and _, got {name!r}."
+            )
         del own["name"]
         config = parse_hardware(shared | own, f"joint {name} of {origin}", folder)
         for other in found:

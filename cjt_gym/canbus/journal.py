@@ -64,8 +64,7 @@ class Journal:
             flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_EXCL
             self._file = os.open(self.path, flags, 0o644)
             self._append(",".join(columns) + "\n")
-            self._reserve = tempfile.TemporaryFile(dir=self.path.parent, buffering=0)  # noqa: SIM115
-            self._reserve.write(bytes(RESERVE))
+            self._reserve = _reserved(self.path.parent)
             self._describe({})
         except OSError as error:
             self._give_up()
@@ -116,7 +115,7 @@ class Journal:
         if self._file < 0:
             return self.path if self.rows else None
         file, self._file = self._file, -1
-        self._reserve.close()
+        os.close(self._reserve)
         try:
             os.fsync(file)
         finally:
@@ -152,3 +151,14 @@ class Journal:
         except OSError:
             beside.unlink(missing_ok=True)
             raise
+
+
+def _reserved(folder: Path) -> int:
+    """Return an open file without a name that takes `RESERVE` bytes of a disk until it is closed.
+
+    It is gone with the process, however that ends.
+    """
+    with tempfile.TemporaryFile(dir=folder, buffering=0) as file:
+        if file.write(bytes(RESERVE)) < RESERVE:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return os.dup(file.fileno())

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, final
+from typing import Any, Protocol, final
 
 from cjt_gym.canbus.config import HardwareConfig
 from cjt_gym.canbus.journal import Journal
@@ -19,6 +19,33 @@ from cjt_gym.canbus.timing import Timing
 def versions() -> dict[str, str]:
     """Return the versions of what makes a record; the first call takes long."""
     return {name: version(name) for name in ("cjt-gym", "numpy", "python-can")}
+
+
+class Recorder(Protocol):
+    """What takes the rows of a run; see `RunRecord`."""
+
+    path: Path
+    rows_path: Path
+
+    def note(
+        self,
+        k: int,
+        measured: Mapping[str, float],
+        torque: float,
+        tau_ref: float,
+        age: float,
+        lateness: float,
+    ) -> None:
+        """Append a row."""
+        ...
+
+    def close(self, timing: Timing, **known: Any) -> None:
+        """Complete it."""
+        ...
+
+
+BeginRecord = Callable[[HardwareConfig, Sense, float, bool, Mapping[str, Any]], Recorder]
+"""Begins a record, from the last five arguments of `RunRecord`."""
 
 
 @final
@@ -52,15 +79,28 @@ class RunRecord:
         Raises:
             ConfigurationError: The file cannot be written, or the record is there already.
         """
-        joint, drive = config.joint, config.drive
-        names = sense.measured
-        self._columns = ["t", "i_cmd", "tau_cmd", *names, "age", "lateness"]
-        if math.isfinite(tau_ref):
-            self._columns.append("tau_ref")
-        if shows_temperature:
-            self._columns.append("temperature")
+        joint = config.joint
+        self._columns, known = self.describe(config, sense, tau_ref, shows_temperature, facts)
         self._per_ampere = joint.parameters.k_t * joint.parameters.n
         self._dt = config.dt
+        self._journal = Journal(path, self._columns, config.dt, known)
+        self.path, self.rows_path = self._journal.wanted, self._journal.path
+
+    @staticmethod
+    def describe(
+        config: HardwareConfig,
+        sense: Sense,
+        tau_ref: float,
+        shows_temperature: bool,
+        facts: Mapping[str, Any],
+    ) -> tuple[list[str], dict[str, Any]]:
+        """Return the columns of a record and what is known at its beginning; see `RunRecord`."""
+        joint, drive, names = config.joint, config.drive, sense.measured
+        columns = ["t", "i_cmd", "tau_cmd", *names, "age", "lateness"]
+        if math.isfinite(tau_ref):
+            columns.append("tau_ref")
+        if shows_temperature:
+            columns.append("temperature")
         known = {
             "joint": joint.parameters.name,
             "structure": joint.structure,
@@ -76,8 +116,7 @@ class RunRecord:
                 **facts,
             },
         }
-        self._journal = Journal(path, self._columns, config.dt, known)
-        self.path, self.rows_path = self._journal.wanted, self._journal.path
+        return columns, known
 
     def note(
         self,
