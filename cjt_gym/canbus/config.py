@@ -185,23 +185,33 @@ def load_hardware(path: str | Path, joint: str | None = None) -> HardwareConfig:
         UnknownNameError: It does not list that joint.
         CjtGymError: Joint, structure, effect or protocol are not known or not valid.
     """
-    found = {config.name: config for config in load_joints(path)}
-    if joint is not None and joint not in found:
-        raise unknown_name(f"joint of {path}", joint, found)
-    if joint is None and len(found) > 1:
+    found = load_joints(path, joint)
+    if len(found) > 1:
         raise ConfigurationError(
-            f"{path} lists the joints {', '.join(found)}, of which one runs at a time. Name it: "
-            "--joint NAME."
+            f"{path} lists the joints {', '.join(config.name for config in found)}, and one is "
+            "meant. Name it: --joint NAME."
         )
-    return next(iter(found.values())) if joint is None else found[joint]
+    return found[0]
 
 
-def load_joints(path: str | Path) -> tuple[HardwareConfig, ...]:
+def load_joints(path: str | Path, joint: str | None = None) -> tuple[HardwareConfig, ...]:
     """Read and check the file of one joint on a bus, or of several; one configuration for each.
 
+    Args:
+        path: The file.
+        joint: The only one of the joints that it lists which is wanted.
+
     Raises:
+        UnknownNameError: It does not list that joint.
         CjtGymError: See `load_hardware`.
     """
+    found = {config.name: config for config in _listed(path)}
+    if joint is not None and joint not in found:
+        raise unknown_name(f"joint of {path}", joint, found)
+    return tuple(found.values()) if joint is None else (found[joint],)
+
+
+def _listed(path: str | Path) -> tuple[HardwareConfig, ...]:
     file = Path(path)
     try:
         document = tomllib.loads(file.read_text(encoding="utf-8"))

@@ -11,6 +11,7 @@ import can
 from cjt_gym.canbus.config import EmulatorSettings, HardwareConfig
 from cjt_gym.canbus.emulator import Emulator, medium_of
 from cjt_gym.canbus.wire import Due, Wire
+from cjt_gym.joint import Joint
 
 
 @final
@@ -23,11 +24,14 @@ class EmulatedArm:
         now: Time that they have been advanced to [s].
     """
 
-    def __init__(self, configs: Sequence[HardwareConfig]) -> None:
+    def __init__(
+        self, configs: Sequence[HardwareConfig], joints: Sequence[Joint] | None = None
+    ) -> None:
         """Boot all nodes at time zero.
 
         Args:
             configs: One for each joint.
+            joints: What is emulated; by default `emulated_joint` of each.
         """
         self.emulators = [
             Emulator(
@@ -35,7 +39,8 @@ class EmulatedArm:
                     config,
                     bus=replace(config.bus, bitrate=None),
                     emulator=replace(config.emulator, seed=config.emulator.seed + 100 * k),
-                )
+                ),
+                None if joints is None else joints[k],
             )
             for k, config in enumerate(configs)
         ]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, final
+from typing import Any, Protocol, final
 
 import can
 import numpy as np
@@ -211,8 +211,20 @@ class Emulator:
         }
 
 
+class Emulated(Protocol):
+    """What can be served: an emulator, or several on one bus."""
+
+    @property
+    def now(self) -> float: ...
+
+    def send(self, messages: Sequence[can.Message]) -> None: ...
+    def receive(self) -> list[Due]: ...
+    def next(self) -> float: ...
+    def advance(self, t: float) -> None: ...
+
+
 def serve(
-    emulator: Emulator,
+    emulator: Emulated,
     ports: Sequence[Port],
     speed: float,
     stopped: Callable[[], bool],
@@ -242,7 +254,7 @@ def serve(
                 _hand_out(emulator, ports)
 
 
-def _hand_out(emulator: Emulator, ports: Sequence[Port]) -> None:
+def _hand_out(emulator: Emulated, ports: Sequence[Port]) -> None:
     for due in emulator.receive():
         due.message.timestamp = time.time()
         for port in ports:

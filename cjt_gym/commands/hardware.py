@@ -6,6 +6,7 @@ import argparse
 import json
 import logging
 import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.baselines import CONTROLLERS, Controller
-from cjt_gym.canbus.config import HardwareConfig, load_hardware
+from cjt_gym.canbus.config import HardwareConfig, load_joints
 from cjt_gym.canbus.dry_run import Frames
 from cjt_gym.canbus.emulator import Emulator, emulated_joint
 from cjt_gym.canbus.experiments import EXPERIMENTS
@@ -23,6 +24,7 @@ from cjt_gym.canbus.protocols.contract import CHANNELS
 from cjt_gym.canbus.safety import HardwareFault
 from cjt_gym.canbus.virtual import VirtualLink
 from cjt_gym.commands.endings import in_order
+from cjt_gym.commands.hardware_arm import look_at, run_arm
 from cjt_gym.commands.hardware_jobs import NONE, TRACKING, Job, jobs_of
 from cjt_gym.commands.hardware_law import law_for
 from cjt_gym.commands.simulate import GAINS
@@ -71,18 +73,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> None:
     """Run, write the record and say what came out."""
     logging.getLogger("can").setLevel(logging.ERROR)  # which warns of frames that come in pieces
-    config = load_hardware(options.config, options.joint)
+    configs = load_joints(options.config, options.joint)
     if options.dry_run and options.emulated:
         raise ConfigurationError("Give --dry-run or --emulated, not both.")
     moves = options.arm or options.dry_run or options.emulated
     if not moves:
-        _tell(options, _look(config))
+        _tell(options, _look(configs))
         return
     if options.out is None and not options.dry_run:
         raise ConfigurationError("--out must name the record to write, such as run.csv.")
     frames = Frames() if options.dry_run else None
+    config = configs[0]
     with in_order():
-        results = [_run_one(config, options, job, frames) for job in jobs_of(config, options)]
+        if len(configs) > 1:
+            results = [run_arm(configs, options, frames)]
+        else:
+            results = [_run_one(config, options, job, frames) for job in jobs_of(config, options)]
     if frames is not None:
         text = ", ".join(f"{n} of {identifier:#x}" for identifier, n in frames.by_id.items())
         _tell(options, {"frames": frames.count, "by_id": text})
@@ -202,9 +208,11 @@ def _without_torch(agent: Any) -> Any:
     return fast_policy(agent)
 
 
-def _look(config: HardwareConfig) -> dict[str, Any]:
-    """Return what the joint shows, without moving it."""
-    with CanPlant(config) as plant:
+def _look(configs: Sequence[HardwareConfig]) -> dict[str, Any]:
+    """Return what the joint shows, or the joints, without moving anything."""
+    if len(configs) > 1:
+        return {"armed": False, "joints": look_at(configs)}
+    with CanPlant(configs[0]) as plant:
         plant.connect()
         values = plant.nodes.values()
     return {"armed": False, "values": values}
@@ -213,12 +221,13 @@ def _look(config: HardwareConfig) -> dict[str, Any]:
 def _tell(options: argparse.Namespace, result: dict[str, Any]) -> None:
     if options.json:
         sys.stdout.write(json.dumps(result) + "\n")
-    elif "values" in result:
-        values = dict(sorted(result["values"].items()))
-        text = ", ".join(
-            f"{name} {value:.6g} {CHANNELS[name][0]}" for name, value in values.items()
-        )
-        sys.stdout.write(f"Not armed, nothing was moved (--arm moves it). {text}\n")
+    elif "armed" in result:
+        sys.stdout.write("Not armed, nothing was moved (--arm moves it). ")
+        if "values" in result:
+            sys.stdout.write(_shown(result["values"]) + "\n")
+        else:
+            lines = [f"{name}: {_shown(values)}" for name, values in result["joints"].items()]
+            sys.stdout.write("\n" + "\n".join(lines) + "\n")
     elif "frames" in result:
         sys.stdout.write(f"{result['frames']} frames would be sent: {result['by_id']}\n")
     else:
@@ -228,6 +237,11 @@ def _tell(options: argparse.Namespace, result: dict[str, Any]) -> None:
             from cjt_gym.training.benchmark import table
 
             sys.stdout.write(table(result["rows"]) + "\n")
+
+
+def _shown(values: Mapping[str, float]) -> str:
+    named = sorted(values.items())
+    return ", ".join(f"{name} {value:.6g} {CHANNELS[name][0]}" for name, value in named)
 
 
 def _line(result: dict[str, Any]) -> str:

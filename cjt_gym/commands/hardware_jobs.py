@@ -56,7 +56,7 @@ def jobs_of(config: HardwareConfig, options: argparse.Namespace) -> Sequence[Job
     if options.benchmark is not None:
         return _missing(_tasks(config, options))
     if options.experiment is None:
-        return [_tracking(config, options)]
+        return [tracking(config, options)]
     names = list(EXPERIMENTS) if options.experiment == ["all"] else options.experiment
     jobs = []
     for name in names:
@@ -142,8 +142,12 @@ def _is_complete(path: Path, job: Job) -> bool:
     return True
 
 
-def _tracking(config: HardwareConfig, options: argparse.Namespace) -> Job:
-    """Return the run of a controller or policy along a reference."""
+def tracking(config: HardwareConfig, options: argparse.Namespace) -> Job:
+    """Return the run of a controller or policy along a reference.
+
+    Raises:
+        ConfigurationError: An option is out of its range.
+    """
     word = options.reference
     record = read_record(word) if Path(word).suffix or word in record_names() else None
     tracked = record is None or "tau_ref" in record
