@@ -111,7 +111,8 @@ class CanArm:
             CanPlant(config, tap, begin, self._lock)
             for config, tap in zip(self.configs, self.shared.taps, strict=True)
         )
-        for joint in self.joints:
+        for joint, tap in zip(self.joints, self.shared.taps, strict=True):
+            tap.claims = joint.nodes.claims
             joint.on_fault = partial(self._spread, joint.config.name)
 
     def measured_delay(self) -> list[dict[str, float]]:

@@ -140,6 +140,13 @@ class Nodes:
                 nodes.latest.setdefault(name, Latest(period=period, oldest=oldest, node=node.name))
         return nodes
 
+    def claims(self, message: can.Message) -> bool:
+        """Whether a frame is from one of these nodes, right or wrong."""
+        try:
+            return any(node.master.decode(message) is not None for node in self.all)
+        except ProtocolError:
+            return True
+
     @property
     def drive(self) -> Node:
         """The node that moves the joint."""

@@ -33,6 +33,7 @@ class SharedLink:
         self.link = link
         self.taps = tuple(Tap(self) for _ in range(joints))
         self._dt = dt
+        self._owners: dict[tuple[int, bool, bytes], tuple[Tap, ...]] = {}
         self._watching: list[Callable[[float], None]] = []
         self._kept: list[Callable[[], Frames]] = []
         self._fed = -float("inf")
@@ -76,10 +77,23 @@ class SharedLink:
         self.link.wait_until(t)
 
     def deliver(self) -> None:
-        """Hand what has arrived to every joint."""
+        """Hand what has arrived to the joints that it is from, to all where that is not known."""
         for arrival in self.link.receive():
-            for tap in self.taps:
+            for tap in self._takers(arrival.message):
                 tap.inbox.append(arrival)
+
+    def _takers(self, message: can.Message) -> tuple[Tap, ...]:
+        """Return whose frames these are; some protocols tell drives by the first byte alone."""
+        if message.is_error_frame:
+            return self.taps
+        key = (message.arbitration_id, message.is_extended_id, bytes(message.data[:1]))
+        known = self._owners.get(key)
+        if known is None:
+            known = tuple(tap for tap in self.taps if tap.claims(message))
+            if not known:
+                return self.taps
+            self._owners[key] = known
+        return known
 
     def watch(self, supervise: Callable[[float], None], every: float) -> None:
         """Have another `supervise(now)` called at least `every` so often [s]."""
@@ -97,11 +111,13 @@ class Tap:
 
     Attributes:
         inbox: What this joint has not fetched yet.
+        claims: Says whether a frame is from a node of this joint.
     """
 
     def __init__(self, shared: SharedLink) -> None:
         self._shared = shared
         self.inbox: deque[Arrival] = deque(maxlen=KEPT)
+        self.claims: Callable[[can.Message], bool] = lambda message: True
 
     def now(self) -> float:
         """Return the time [s]."""

@@ -7,7 +7,7 @@ import json
 import sys
 from pathlib import Path
 
-from cjt_gym.records import FORMATS, Record, Repair, read_log, write_record
+from cjt_gym.records import FORMATS, Record, Repair, one_joint, read_log, write_record
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -19,6 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = "configuration of a joint, as for hardware: LOG is a trace of its bus, read by the "
     text += "protocols of its nodes"
     add("--bus", metavar="CONFIG.toml", help=text)
+    add("--joint", metavar="NAME", help="the joint of which LOG, or the configuration, has several")
     endings = ", ".join(ending for ending, form in FORMATS.items() if form.write is not None)
     add("--out", type=Path, required=True, metavar="RECORD", help=f"file to write ({endings})")
 
@@ -46,12 +47,15 @@ def run(options: argparse.Namespace) -> None:
 
 def _read(options: argparse.Namespace) -> tuple[tuple[Record, ...], tuple[Repair, ...]]:
     if options.bus is None:
-        return read_log(options.log, options.mapping)
+        records, repairs = read_log(options.log, options.mapping)
+        if options.joint is not None:
+            records = tuple(one_joint(record, options.joint) for record in records)
+        return records, repairs
     from cjt_gym.canbus.config import load_hardware
     from cjt_gym.canbus.protocols import protocol_of
     from cjt_gym.canbus.traces import read_trace
 
-    config = load_hardware(options.bus)
+    config = load_hardware(options.bus, options.joint)
     nodes = [(protocol_of(node.protocol), node.settings) for node in config.nodes]
     joint = config.joint
     return read_trace(options.log, nodes, joint=joint.parameters.name, structure=joint.structure)

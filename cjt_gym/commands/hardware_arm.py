@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from cjt_gym.canbus.emulator import emulated_joint
 from cjt_gym.canbus.virtual import VirtualLink
 from cjt_gym.commands.hardware_jobs import NONE, Job, tracking
 from cjt_gym.commands.hardware_law import law_for
+from cjt_gym.commands.simulate import GAINS
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.training.gains import choose
 
@@ -50,8 +51,8 @@ def run_arm(
     with CanArm(configs, _link(configs, options, frames), path, runs=facts) as arm:
         arm.connect()
         laws = [
-            None if job.controller == NONE else law_for(job.controller, c.joint, c.dt, late)
-            for job, c, late in zip(jobs, configs, arm.measured_delay(), strict=True)
+            _law(job, config, late)
+            for job, config, late in zip(jobs, configs, arm.measured_delay(), strict=True)
         ]
         arm.arm()
         errors = _follow(arm, jobs, laws)
@@ -68,6 +69,16 @@ def run_arm(
         "timing_us": timing.summary(),
         "delays_s": timing.delay(arm.dt),
     }
+
+
+def _law(job: Job, config: HardwareConfig, late: Mapping[str, float]) -> Controller | None:
+    """Return the controller of a joint, and note its gains; None where the motor is commanded."""
+    if job.controller == NONE:
+        return None
+    law = law_for(job.controller, config.joint, config.dt, late)
+    job.facts["designed_for_s"] = late
+    job.facts.update({name: getattr(law, name) for name in GAINS if hasattr(law, name)})
+    return law
 
 
 def look_at(configs: Sequence[HardwareConfig]) -> dict[str, dict[str, float]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +20,12 @@ from cjt_gym.canbus.protocols.contract import Mode
 from cjt_gym.canbus.safety import HardwareFault, State
 from cjt_gym.canbus.shared import SharedLink
 from cjt_gym.canbus.virtual import VirtualLink
+from cjt_gym.cli import main
 from cjt_gym.errors import ConfigurationError, HardwareError
-from cjt_gym.records import read_record
-from tests.canbus.test_bus_load import joints
+from cjt_gym.records import joints_of, read_record
+from tests.canbus.soak import emulator, free_port
+from tests.canbus.test_bus_load import joints, listed
+from tests.canbus.test_buses import PATIENT
 
 MIXED = ("moteus", "cia402", "odrive", "cia402")
 
@@ -66,8 +70,8 @@ def test_fault_of_one_takes_the_torque_of_all_away(culprit: int, tmp_path: Path)
     path = tmp_path / "run.csv"
     arm, emulated, _ = armed(record=path)
     zero = [float("nan")] * 4
-    for k, emulator in enumerate(emulated.emulators):
-        emulator.torque_changed = lambda t, torque, k=k: zero.__setitem__(k, t)  # type: ignore[misc]
+    for k, one in enumerate(emulated.emulators):
+        one.torque_changed = lambda t, torque, k=k: zero.__setitem__(k, t)  # type: ignore[misc]
 
     def run() -> None:
         with arm:
@@ -196,3 +200,43 @@ def test_joint_that_is_there_twice_or_has_no_plain_name_is_refused() -> None:
     tables["joints"][1]["name"] = "a/b"
     with pytest.raises(ConfigurationError, match="must be letters, digits"):
         parse_joints(tables, "arm.toml", Path())
+
+
+def test_command_runs_all_joints_and_each_can_be_diagnosed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, out, own = tmp_path / "arm.toml", tmp_path / "run.csv", tmp_path / "own.csv"
+    path.write_text(listed(joints("cia402", "moteus")))
+    words = ["hardware", str(path), "--emulated", "--reference", "step", "--duration", "0.5"]
+    assert main([*words, "--out", str(out), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert set(told["joints"]) == {"joint_0", "joint_1"}
+    assert max(told["joints"].values()) < 12.0
+    record = read_record(out)
+    assert joints_of(record) == ("joint_0", "joint_1")
+    assert np.abs(record["joint_0/tau_ref"] - record["joint_1/tau_ref"]).max() > 1.0
+    assert main(["convert", str(out), "--joint", "joint_1", "--out", str(own)]) == 0
+    part = read_record(own)
+    np.testing.assert_allclose(part["q_m"], record["joint_1/q_m"])
+    assert (part.joint, part.provenance["protocol"]) == ("orange_80_6000", "moteus")
+    assert part.provenance["kp"] > 0.0
+    assert part.provenance["delays_s"]["measurement_delay.delay"] > 0.0
+    assert main(["convert", str(out), "--joint", "joint_2", "--out", str(tmp_path / "x.csv")]) == 2
+    assert main(["convert", str(own), "--joint", "joint_1", "--out", str(tmp_path / "x.csv")]) == 2
+    assert main([*words, "--experiment", "chirp", "--out", str(tmp_path / "series")]) == 2
+    assert "Name it: --joint NAME" in capsys.readouterr().err
+    assert main([*words[:2], "--dry-run", "--duration", "0.02"]) == 0
+
+
+@pytest.mark.slow  # in real time
+def test_two_terminals_with_two_joints(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, out = tmp_path / "arm.toml", tmp_path / "run.csv"
+    bus = {"interface": "socketcand", "channel": "can0", "port": free_port()}
+    tables = joints("cia402", "moteus", bus=bus, control=PATIENT | {"rate_hz": 500})
+    path.write_text(listed(tables))
+    with emulator(path):
+        assert main(["hardware", str(path)]) == 0
+        assert "joint_1: dq_m" in capsys.readouterr().out
+        words = ["hardware", str(path), "--arm", "--controller", "none", "--reference", "smooth"]
+        assert main([*words, "--duration", "0.3", "--out", str(out)]) == 0
+    assert len(read_record(out)) == 200

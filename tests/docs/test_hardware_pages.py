@@ -65,11 +65,12 @@ class Terminals:
         """Run a command of a page: in its own time, so that no machine is too slow for it."""
         words = shlex.split(line)[1:]
         if words[0] == "emulate":
+            self.emulating.close()
             self.emulating.enter_context(emulator(Path(words[1]), *words[2:]))
             return 0
         if words[0] == "hardware" and "--arm" in words:
             words[words.index("--arm")] = "--emulated"
-            seconds = "3" if "--benchmark" in words else "0.5"
+            seconds = "3" if "--benchmark" in words else "0.3"
             words = ["steps" if word == "all" else word for word in words]
             words += [] if "--experiment" in words else ["--duration", seconds]
         if words[0] == "train":
@@ -81,9 +82,10 @@ class Terminals:
 def terminals(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Terminals]:
     port = free_port()
     (tmp_path / "examples" / "hardware").mkdir(parents=True)
-    text = (ROOT / "examples" / "hardware" / "joint.toml").read_text().replace("29536", str(port))
-    for place in (tmp_path / "examples" / "hardware", tmp_path):
-        (place / "joint.toml").write_text(text)
+    for name in ("joint.toml", "arm.toml"):
+        text = (ROOT / "examples" / "hardware" / name).read_text().replace("29536", str(port))
+        for place in (tmp_path / "examples" / "hardware", tmp_path):
+            (place / name).write_text(text)
     found = tmp_path / "runs" / "found"
     found.mkdir(parents=True)
     t = np.arange(500) * 1e-3
@@ -124,7 +126,7 @@ def commands() -> list[str]:
     return [line.split("  #")[0] for block in blocks for line in block.splitlines()]
 
 
-LONG = re.compile(r"cjt-gym (train|diagnose)|--policy|--benchmark")
+LONG = re.compile(r"cjt-gym (train|diagnose)|--policy|--benchmark|--experiment")
 
 
 def test_commands_run_one_after_the_other(
