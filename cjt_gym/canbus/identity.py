@@ -18,8 +18,6 @@ def bus_identity(settings: BusSettings) -> str:
     if interface == "socketcand":
         host = machine_of(str(options.get("host", settings.host)))
         return f"{interface}-{host}-{options.get('port', settings.port)}-{settings.channel}"
-    if interface == "virtual":  # which does not leave its process
-        return f"{interface}-{os.getpid()}-{settings.channel}"
     return f"{interface}-{_device(settings.channel)}"
 
 

@@ -380,7 +380,8 @@ class CanPlant:
         """End a run at once because of an exception from elsewhere, as often as after a fault."""
         interrupted = isinstance(error, KeyboardInterrupt | SystemExit)
         kind = "interrupt" if interrupted else "exception"
-        self.trip(Fault(kind, f"{type(error).__name__}: {error}.", self._now()))
+        text = f"{type(error).__name__}: {error}".rstrip(".")
+        self.trip(Fault(kind, f"{text}.", self._now()))
         self._talk.repeat_off()
 
     def __enter__(self) -> Self:

@@ -15,6 +15,10 @@ from cjt_gym.canbus.sense import Sense
 from cjt_gym.canbus.timing import Timing
 
 
+STAMPS = "reception"
+"""Whose clock tells when a frame arrived: the machine's, as it is received."""
+
+
 @cache
 def versions() -> dict[str, str]:
     """Return the versions of what makes a record; the first call takes long."""
@@ -113,6 +117,7 @@ class RunRecord:
                 "node": drive.settings.node,
                 "bus": config.bus.identity,
                 "torque": sense.torque,
+                "stamps": STAMPS,
                 **facts,
             },
         }

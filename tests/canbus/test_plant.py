@@ -111,6 +111,7 @@ def test_record_is_on_disk_at_every_step(tmp_path: Path) -> None:
     assert len(record) == 30
     assert record.provenance["fault"]["kind"] == "command"
     assert record.joint == "orange_80_6000"
+    assert record.provenance["stamps"] == "reception"
     assert record["tau_ref"][-1] == 3.0
     assert "tau" not in record  # no sensor measured it
     with pytest.raises(HardwareFault):
