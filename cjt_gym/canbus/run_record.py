@@ -14,7 +14,6 @@ from cjt_gym.canbus.journal import Journal
 from cjt_gym.canbus.sense import Sense
 from cjt_gym.canbus.timing import Timing
 
-
 STAMPS = "reception"
 """Whose clock tells when a frame arrived: the machine's, as it is received."""
 
