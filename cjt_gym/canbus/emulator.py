@@ -29,11 +29,10 @@ TICK = 2.5e-4
 SUBSTEPS = 2
 WAKE = 1e-3
 """Time after which an emulator that nobody calls looks at its nodes by itself [s]."""
-SLOWEST = 1.5e-3
+SLOWEST = 0.02
 """Time that an emulator may fall behind [s]; beyond, its time stands still instead.
 
-A drive never sends in one go what it did not send for a long time, and its watchdog does not expire
-because the emulator was held up while commands came in time.
+A drive never sends in one go what it did not send for a long time.
 """
 AMBIENT = 25.0
 
@@ -239,22 +238,18 @@ def serve(
         stopped: Says whether to stop.
     """
     begin = time.perf_counter() - emulator.now / speed
-
-    def catch_up() -> None:
-        nonlocal begin
-        behind = (time.perf_counter() - begin) * speed - emulator.now
-        too_much = max(0.0, behind - SLOWEST * speed)
-        begin += too_much / speed
-        emulator.advance(emulator.now + behind - too_much)
-
     while not stopped():
-        catch_up()
+        now = (time.perf_counter() - begin) * speed
+        if now - emulator.now > SLOWEST * speed:
+            begin += (now - emulator.now) / speed
+            now = emulator.now
+        emulator.advance(now)
         _hand_out(emulator, ports)
         wait = (emulator.next() - emulator.now) / speed
         for k, port in enumerate(ports):
             messages = port.receive(wait if k == 0 else 0.0)
             if messages:
-                catch_up()
+                emulator.advance((time.perf_counter() - begin) * speed)
                 emulator.send(messages)
                 _hand_out(emulator, ports)
 
