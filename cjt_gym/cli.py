@@ -31,8 +31,10 @@ COMMANDS: dict[str, str] = {
     "export": "write a joint for MuJoCo or Isaac Lab, a policy or a controller for a control loop",
     "hardware": "run a controller, policy or experiment on a joint on a CAN bus",
     "emulate": "serve an emulated drive with a simulated joint on a CAN bus",
+    "bus": "say which rate a CAN bus can carry for its joints, before anything is armed",
     "check": "say what a record can and cannot tell, before any fit",
     "convert": "turn a log, a trace of a CAN bus or a record into a record; a joint (.m) into TOML",
+    "plot": "draw records as a picture or a page",
     "diagnose": "find where a recorded joint and its simulation differ, why, and how far",
 }
 EXTRAS = {

@@ -12,7 +12,7 @@ from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import to_toml
 from cjt_gym.joint.files import TOOLBOX_SUFFIX
 from cjt_gym.joint.toolbox_files import read_toolbox
-from cjt_gym.records import FORMATS, Record, Repair, read_log, write_record
+from cjt_gym.records import FORMATS, Record, Repair, one_joint, read_log, write_record
 from cjt_gym.records.files import table_path
 
 
@@ -28,6 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--bus", metavar="CONFIG.toml", help=text)
     text = "joint from which comes what JOINT.m leaves open; generic has the toolbox's defaults"
     add("--defaults", metavar="JOINT", help=text)
+    add("--joint", metavar="NAME", help="the joint of which LOG, or the configuration, has several")
     endings = ", ".join(ending for ending, form in FORMATS.items() if form.write is not None)
     text = f"file to write ({endings}; .toml for a joint)"
     add("--out", type=Path, required=True, metavar="FILE", help=text)
@@ -74,12 +75,15 @@ def _write_joint(options: argparse.Namespace) -> None:
 
 def _read(options: argparse.Namespace) -> tuple[tuple[Record, ...], tuple[Repair, ...]]:
     if options.bus is None:
-        return read_log(options.log, options.mapping)
+        records, repairs = read_log(options.log, options.mapping)
+        if options.joint is not None:
+            records = tuple(one_joint(record, options.joint) for record in records)
+        return records, repairs
     from cjt_gym.canbus.config import load_hardware
     from cjt_gym.canbus.protocols import protocol_of
     from cjt_gym.canbus.traces import read_trace
 
-    config = load_hardware(options.bus)
+    config = load_hardware(options.bus, options.joint)
     nodes = [(protocol_of(node.protocol), node.settings) for node in config.nodes]
     joint = config.joint
     return read_trace(options.log, nodes, joint=joint.parameters.name, structure=joint.structure)

@@ -22,7 +22,7 @@ def test_limits_are_those_of_the_joint_file_unless_tightened() -> None:
     assert config().limits.temperature == 155.0
     tight = config(limits={"tau": newton_metres(40.0)}).limits
     assert tight.tau == 40.0
-    assert tight.tau_rate == pytest.approx(4000.0)
+    assert tight.tau_rate == config().limits.tau_rate  # tightened by itself, or not at all
     assert tight.dq_m == 7.7284
 
 
