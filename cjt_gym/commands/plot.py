@@ -59,7 +59,7 @@ def _part(record: Record, between: list[float] | None, word: str) -> Record:
         return record
     begin, end = between
     first, last = np.searchsorted(record.t, begin), np.searchsorted(record.t, end, side="right")
-    if not (first < last and begin <= end):  # also where one is no number
+    if begin > end or first >= last:
         raise ConfigurationError(
             f"--between must hold samples of {word}, which lasts from {record.t[0]:g} to "
             f"{record.t[-1]:g} s, got {begin:g} to {end:g}."

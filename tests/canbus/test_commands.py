@@ -94,7 +94,7 @@ def test_dry_run_shows_frames_and_touches_no_bus(
     [
         (["--arm"], "--out must name the record"),
         (["--dry-run", "--emulated"], "not both"),
-        (["--emulated", "--out", "x.csv", "--controller", "pid"], "Unknown controller"),
+        (["--emulated", "--out", "x.csv", "--controller", "pdi"], "Unknown controller"),
         (["--emulated", "--out", "x.csv", "--reference", "nothing"], "Unknown signal"),
         (["--emulated", "--out", "x.csv", "--duration", "0"], "--duration"),
         (["--emulated", "--out", "x", "--experiment", "dance"], "Unknown experiment"),

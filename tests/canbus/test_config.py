@@ -83,7 +83,7 @@ def test_missing_tables_and_files_are_named(tmp_path: Path) -> None:
     with pytest.raises(MissingFileError, match="does not exist"):
         load_hardware(tmp_path / "none.toml")
     (tmp_path / "bad.toml").write_bytes(b"\xff\xfe = 1")
-    with pytest.raises(ConfigurationError, match="must be a TOML file"):
+    with pytest.raises(ConfigurationError, match="must be a text in UTF-8"):
         load_hardware(tmp_path / "bad.toml")
 
 

@@ -3,6 +3,7 @@
 import contextlib
 import errno
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import can
@@ -19,7 +20,7 @@ from cjt_gym.canbus.timing import Timing
 from cjt_gym.canbus.virtual import VirtualLink
 from cjt_gym.errors import ConfigurationError, HardwareError
 from cjt_gym.plant import SimulatedPlant
-from cjt_gym.records import read_record
+from cjt_gym.records import FORMATS, read_record
 from tests.canbus.bench import DRIVES, config, virtual_plant
 
 
@@ -251,7 +252,7 @@ def test_full_disk_takes_the_torque_away_and_leaves_a_record(
         return write(file, data[:taken])
 
     monkeypatch.setattr("cjt_gym.canbus.journal.os.write", limited)
-    monkeypatch.setattr("cjt_gym.canbus.journal.write_record", _no_room)
+    monkeypatch.setitem(FORMATS, ".npz", replace(FORMATS[".npz"], write=_no_room))
     plant.reset()
     for _ in range(30):
         plant.step(np.array([5.0]))
@@ -276,7 +277,7 @@ def test_full_disk_takes_the_torque_away_and_leaves_a_record(
     assert sorted(path.name for path in tmp_path.iterdir()) == ["run.csv", "run.toml"]
 
 
-def _no_room(record: object, path: Path) -> Path:
+def _no_room(columns: object, path: Path) -> None:
     path.write_bytes(b"PK")
     raise OSError(errno.ENOSPC, "No space left on device")
 
@@ -284,7 +285,7 @@ def _no_room(record: object, path: Path) -> Path:
 def test_disk_that_is_full_at_the_end_is_told_and_leaves_the_rows(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("cjt_gym.canbus.journal.write_record", _no_room)
+    monkeypatch.setitem(FORMATS, ".npz", replace(FORMATS[".npz"], write=_no_room))
     plant, emulator = virtual_plant(config(), tmp_path / "run.npz")
     plant.reset()
     plant.step(np.ones(1))

@@ -54,7 +54,7 @@ def test_bad_input_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str
     for words, text in (
         (["emps", "--out", "x.gif"], "--out must end in .html"),
         (["emps", "--out", "x.png", "--columns", "q_n"], "Did you mean 'q_m'"),
-        (["emps", "--out", "x.png", "--between", "5", "nan"], "--between must hold samples"),
+        (["emps", "--out", "x.png", "--between", "5", "4"], "--between must hold samples"),
         (["nothing.csv", "--out", "x.png"], "no file nothing.csv"),
     ):
         assert main(["plot", *words]) == 2
