@@ -1,7 +1,7 @@
 # Everything runs in .venv, which is made on demand; only Python >= 3.11 and make are needed.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help install demo test test-all soak hardware-soak loop results lint format bench clean docs
+.PHONY: help install demo test test-all soak fuzz hardware-soak loop results lint format bench clean docs
 
 PYTHON ?= $(shell for name in python3.11 python3.12 python3.13 python3 python; do \
 	if $$name -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1; then \
@@ -15,6 +15,7 @@ SEED ?= 0
 SOAK_SECONDS ?= 3600
 RATE ?= 1000
 SOAK_ARGS ?=
+FUZZ_ARGS ?=
 LOOP_ARGS ?=
 RESULTS_ARGS ?=
 
@@ -23,6 +24,7 @@ help:
 	@echo "make test    run the tests (WORKERS=$(WORKERS), PYTEST_ARGS=...)"
 	@echo "make test-all  and the slow ones"
 	@echo "make soak    run random joints with random effects (SUBSTEPS=$(SUBSTEPS), SEED=$(SEED))"
+	@echo "make fuzz    read files that are almost right, with every reader (FUZZ_ARGS='--inputs 1e6')"
 	@echo "make hardware-soak  run a control loop against an emulated joint (SOAK_SECONDS=$(SOAK_SECONDS), RATE=$(RATE))"
 	@echo "make loop    policies on joints that hide effects, before and after a diagnosis (LOOP_ARGS=...)"
 	@echo "make results  learned against classical controllers (RESULTS_ARGS=...)"
@@ -52,6 +54,9 @@ test-all: $(STAMP)
 soak: $(STAMP)
 	$(BIN)/python -m tests.physics.soak --substeps $(SUBSTEPS) --seed $(SEED)
 
+fuzz: $(STAMP)
+	$(BIN)/python -m tests.fuzz $(FUZZ_ARGS)
+
 hardware-soak: $(STAMP)
 	$(BIN)/python -m tests.canbus.soak --seconds $(SOAK_SECONDS) --rate $(RATE) $(SOAK_ARGS)
 
@@ -80,5 +85,5 @@ bench: $(STAMP)
 	$(BIN)/python -m benchmarks
 
 clean:
-	rm -rf .links .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache build dist demo loop results runs *.egg-info
+	rm -rf .links .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache build dist demo fuzz loop results runs *.egg-info
 	find . -name __pycache__ -not -path './.venv/*' -prune -exec rm -rf {} +

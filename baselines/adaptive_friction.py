@@ -21,7 +21,7 @@ from cjt_gym.baselines.compensation import CompensatedPd
 from cjt_gym.baselines.controller import Controller, Floats, Mask, check
 from cjt_gym.baselines.entry import SPRUNG, ControllerEntry, Gain, Gains
 from cjt_gym.baselines.feedforward import ReferenceVelocity, pd_defaults
-from cjt_gym.baselines.pid import KD, KP
+from cjt_gym.baselines.pid import KD, KP, LATE
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.joint import Joint
 from cjt_gym.plant import Measurement, limits_of
@@ -39,6 +39,7 @@ class AdaptiveFriction(CompensatedPd):
         model: The joint.
         kp: Proportional gain, >= 0 [-].
         kd: Derivative gain, >= 0 [s].
+        lead: With at least 0.5 the derivative is that of the error.
         rate_hz: Bandwidth of the learning, rate / (2 pi J), > 0 [Hz].
         threshold: Velocity above which it learns, > 0 [rad/s].
         share: Of the friction that is compensated, >= 0 [-].
@@ -52,6 +53,7 @@ class AdaptiveFriction(CompensatedPd):
     model: SampledJoint
     kp: float
     kd: float
+    lead: float
     rate_hz: float
     threshold: float
     share: float
@@ -64,7 +66,7 @@ class AdaptiveFriction(CompensatedPd):
         check(self, "rate_hz", "Hz", above=0.0)
         check(self, "threshold", "rad/s", above=0.0)
         check(self, "share", "", low=0.0)
-        self._velocity = ReferenceVelocity(self.model.joint, self.dt)
+        self.velocity = ReferenceVelocity(self.model.joint, self.dt)
         self.level, self._speed = np.zeros(0), np.zeros(0)
         self._sent = np.zeros((0, 0))
 
@@ -72,7 +74,7 @@ class AdaptiveFriction(CompensatedPd):
         self, measurement: Measurement, reference: Floats, applied: Floats, fresh: Mask
     ) -> Floats:
         self._learn(measurement, applied, fresh)
-        w = self._velocity.step(measurement, reference, fresh)
+        w = self.velocity.step(measurement, reference, fresh)
         return np.asarray(self.share * self.level * np.tanh(w / SMOOTHING))
 
     def _learn(self, measurement: Measurement, applied: Floats, fresh: Mask) -> None:
@@ -111,6 +113,7 @@ ROW = ControllerEntry(
     tunable=(
         KP,
         KD,
+        LATE,
         Gain("rate_hz", "Hz", 0.01, 20.0, log=True),
         Gain("threshold", "rad/s", 1e-3, 1.0, log=True),
         Gain("share", "-", 0.0, 1.5),

@@ -1,6 +1,6 @@
 """Feed-forward and PD with a compensation that is no linear law: what several laws share.
 
-    u = r + kp e - kd F tau + c,   e = r - tau
+    u = r + kp e + kd F e_d + c,   e = r - tau,   e_d = -tau or, with lead, e
 
 Each law says what c is. What learns from the command learns from the one that was applied.
 """
@@ -24,10 +24,12 @@ class CompensatedPd(Controller):
     Attributes:
         kp: Proportional gain, >= 0 [-].
         kd: Derivative gain, >= 0 [s].
+        lead: With at least 0.5 the derivative is that of the error.
     """
 
     kp: float
     kd: float
+    lead: float
 
     def _prepare(self) -> None:
         """Check the numbers that all share, and make the linear law.
@@ -38,7 +40,7 @@ class CompensatedPd(Controller):
         check_sampling(self)
         check(self, "kp", "", low=0.0)
         check(self, "kd", "s", low=0.0)
-        self.linear = pd_law(self.kp, self.kd, self.dt)
+        self.linear = pd_law(self.kp, self.kd, self.dt, lead=self.lead >= 0.5)
         self._memory = LawMemory(self.linear)
         self._applied = np.zeros(0)
 

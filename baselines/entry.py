@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 from cjt_gym.baselines.controller import Controller
@@ -30,6 +30,7 @@ class Gain:
         log: Whether it is to be searched on a logarithmic scale; then low > 0.
         asked: Whether it says what is wanted rather than how well it is done, such as a stiffness
             to render. A search leaves it as it is.
+        usual: Its value where neither a design nor a gain file says one; None where they must.
     """
 
     name: str
@@ -38,6 +39,7 @@ class Gain:
     high: float
     log: bool = False
     asked: bool = False
+    usual: float | None = None
 
 
 @dataclass(frozen=True)
@@ -74,6 +76,12 @@ class ControllerEntry:
         """The gains that a search may change."""
         return tuple(gain for gain in self.tunable if not gain.asked)
 
+    def complete(self, gains: Gains) -> dict[str, float]:
+        """Return gains in the order of the row, with the usual ones where some are missing."""
+        usual = {gain.name: gain.usual for gain in self.tunable if gain.usual is not None}
+        known = usual | dict(gains)
+        return {gain.name: known[gain.name] for gain in self.tunable if gain.name in known}
+
     def check_structure(self, joint: Joint) -> None:
         """Raise ConfigurationError with the reason if the law does not hold for the structure."""
         if joint.structure in self.structures:
@@ -91,16 +99,21 @@ class ControllerEntry:
             UnknownNameError: The law has no gain of that name.
             ConfigurationError: A gain is out of its range.
         """
-        known = {gain.name: gain for gain in self.tunable}
-        for name, value in gains.items():
-            if name not in known:
-                raise unknown_name(f"gain of controller {self.name}", name, known)
-            gain = known[name]
-            if not (math.isfinite(value) and gain.low <= value <= gain.high):
-                raise ConfigurationError(
-                    f"Gain {name} of controller {self.name} must be in [{gain.low:g}, "
-                    f"{gain.high:g}] {gain.unit}, got {value}."
-                )
+        check_gains(f"controller {self.name}", self.tunable, gains)
+
+
+def check_gains(owner: str, tunable: Iterable[Gain], gains: Gains) -> None:
+    """Check the names and ranges of gains; see `ControllerEntry.check_gains`."""
+    known = {gain.name: gain for gain in tunable}
+    for name, value in gains.items():
+        if name not in known:
+            raise unknown_name(f"gain of {owner}", name, known)
+        gain = known[name]
+        if not (math.isfinite(value) and gain.low <= value <= gain.high):
+            raise ConfigurationError(
+                f"Gain {name} of {owner} must be in [{gain.low:g}, {gain.high:g}] {gain.unit}, "
+                f"got {value}."
+            )
 
 
 NO_SPRING = "without a torsion bar there is no joint torque to measure"

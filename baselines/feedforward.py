@@ -27,27 +27,27 @@ class ReferenceVelocity:
 
     Attributes:
         stiffness: Of gearbox and torsion bar in series [N m/rad].
+        rate: Derivative of the reference.
+        share: How much of a new dq_l the low pass takes over in a sample.
     """
 
     def __init__(self, joint: Joint, dt: float) -> None:
-        groups, p = joint.structure_row.groups, joint.parameters
-        gear = 1.0 / p.k_g if groups[0] != groups[1] else 0.0
-        self.stiffness = 1.0 / (1.0 / p.k_b + gear)
-        self._rate = FilteredDerivative(min(CUTOFF_HZ, 0.4 / dt), dt)
-        self._share = -math.expm1(-2.0 * math.pi * LOAD_HZ * dt)
+        self.stiffness = SampledJoint(joint, dt).stiffness
+        self.rate = FilteredDerivative(min(CUTOFF_HZ, 0.4 / dt), dt)
+        self.share = -math.expm1(-2.0 * math.pi * LOAD_HZ * dt)
         self._load = np.zeros(0)
 
     def step(self, measurement: Measurement, reference: Floats, fresh: Mask) -> Floats:
         """Return the velocity [rad/s], shape (n,)."""
         seen = measurement.dq_l
         before = np.where(fresh, seen, self._load) if len(self._load) == len(fresh) else seen
-        self._load = before + self._share * (seen - before)
-        return np.asarray(self._rate.step(reference, fresh) / self.stiffness + self._load)
+        self._load = before + self.share * (seen - before)
+        return np.asarray(self.rate.step(reference, fresh) / self.stiffness + self._load)
 
 
-def pd_law(kp: float, kd: float, dt: float, *more: Block) -> LinearLaw:
-    """Return feed-forward and PD whose derivative is that of the torque, and more blocks."""
-    return assemble(dt, static(reference=1.0), pid(kp, 0.0, kd, dt, lead=False), *more)
+def pd_law(kp: float, kd: float, dt: float, *more: Block, lead: bool = False) -> LinearLaw:
+    """Return feed-forward and PD, without lead with the torque's derivative, and more blocks."""
+    return assemble(dt, static(reference=1.0), pid(kp, 0.0, kd, dt, lead), *more)
 
 
 def dob_candidates(model: SampledJoint) -> list[dict[str, float]]:

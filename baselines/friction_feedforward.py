@@ -1,6 +1,7 @@
 """Feed-forward of reference and friction, with PD.
 
-    u = r + kp e - kd F tau + share (d_c tanh(w / w_0) + d_v w),   w = dr/dt / k + dq_l
+    u = r + kp e + kd F e_d + share (d_c tanh(w / w_0) + d_v w),   w = dr/dt / k + dq_l,
+    e_d = -tau or, with lead, e
 
 w is the velocity at which the motor has to move for the spring k (and the gearbox in series with
 it) to follow the reference, so that neither noise nor delay of a measured velocity enters, and the
@@ -21,12 +22,37 @@ from cjt_gym.baselines.compensation import CompensatedPd
 from cjt_gym.baselines.controller import Controller, Floats, Mask, check
 from cjt_gym.baselines.entry import SPRUNG, ControllerEntry, Gain, Gains
 from cjt_gym.baselines.feedforward import ReferenceVelocity, pd_defaults
-from cjt_gym.baselines.pid import KD, KP
+from cjt_gym.baselines.pid import KD, KP, LATE
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.joint import Joint
 from cjt_gym.plant import Measurement, limits_of
 
 SHARE, SMOOTHING = 0.8, 0.02
+
+
+class KnownFriction:
+    """The friction that a joint file names, at the velocity that the reference asks for.
+
+    Attributes:
+        share: Of the friction that is given.
+        smoothing: w_0 [rad/s].
+        coulomb: Of motor and gear [N m].
+        viscous: Of motor and gear [N m s/rad].
+        velocity: The velocity.
+    """
+
+    def __init__(self, joint: Joint, dt: float, share: float, smoothing: float) -> None:
+        p = joint.parameters
+        self.share, self.smoothing = share, smoothing
+        self.coulomb = p.get("d_cm", 0.0) + p.get("d_cg", 0.0)
+        self.viscous = p.get("d_m", 0.0) + p.get("d_g", 0.0)
+        self.velocity = ReferenceVelocity(joint, dt)
+
+    def step(self, measurement: Measurement, reference: Floats, fresh: Mask) -> Floats:
+        """Return the friction [N m], shape (n,)."""
+        w = self.velocity.step(measurement, reference, fresh)
+        friction = self.coulomb * np.tanh(w / self.smoothing) + self.viscous * w
+        return np.asarray(self.share * friction)
 
 
 @final
@@ -39,6 +65,7 @@ class FrictionFeedForward(CompensatedPd):
         dt: Sample time [s].
         kp: Proportional gain, >= 0 [-].
         kd: Derivative gain, >= 0 [s].
+        lead: With at least 0.5 the derivative is that of the error.
         share: Of the friction that is compensated, >= 0 [-].
         smoothing: w_0, the velocity over which the sign is smoothed, > 0 [rad/s].
         torque_limit: Largest motor torque that is commanded [N m].
@@ -51,6 +78,7 @@ class FrictionFeedForward(CompensatedPd):
     dt: float
     kp: float
     kd: float
+    lead: float
     share: float = SHARE
     smoothing: float = SMOOTHING
     torque_limit: float = math.inf
@@ -59,17 +87,12 @@ class FrictionFeedForward(CompensatedPd):
         self._prepare()
         check(self, "share", "", low=0.0)
         check(self, "smoothing", "rad/s", above=0.0)
-        p = self.joint.parameters
-        self.coulomb = p.get("d_cm", 0.0) + p.get("d_cg", 0.0)
-        self.viscous = p.get("d_m", 0.0) + p.get("d_g", 0.0)
-        self._velocity = ReferenceVelocity(self.joint, self.dt)
+        self.friction = KnownFriction(self.joint, self.dt, self.share, self.smoothing)
 
     def _compensation(
         self, measurement: Measurement, reference: Floats, applied: Floats, fresh: Mask
     ) -> Floats:
-        w = self._velocity.step(measurement, reference, fresh)
-        friction = self.coulomb * np.tanh(w / self.smoothing) + self.viscous * w
-        return np.asarray(self.share * friction)
+        return self.friction.step(measurement, reference, fresh)
 
 
 def _defaults(joint: Joint, dt: float) -> Gains:
@@ -88,6 +111,7 @@ ROW = ControllerEntry(
     tunable=(
         KP,
         KD,
+        LATE,
         Gain("share", "-", 0.0, 1.5),
         Gain("smoothing", "rad/s", 1e-4, 1.0, log=True),
     ),

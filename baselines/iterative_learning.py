@@ -39,7 +39,7 @@ from cjt_gym.baselines.controller import Controller, Floats, Mask, check
 from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST, ControllerEntry, Gain, Gains
 from cjt_gym.baselines.feedforward import pd_defaults, pd_law
 from cjt_gym.baselines.linear_law import LinearLaw
-from cjt_gym.baselines.pid import KD, KP
+from cjt_gym.baselines.pid import KD, KP, LATE
 from cjt_gym.baselines.plant_model import LoopModel, SampledJoint
 from cjt_gym.baselines.robust import make_bench
 from cjt_gym.errors import ConfigurationError
@@ -65,6 +65,7 @@ class IterativeLearning(CompensatedPd):
         model: The joint.
         kp: Proportional gain, >= 0 [-].
         kd: Derivative gain, >= 0 [s].
+        lead: With at least 0.5 the derivative is that of the error.
         rate: Of the learning, > 0 and < 2 [-].
         cutoff_hz: Up to where it learns, > 0 [Hz].
         trial_s: Duration of a trial, rounded to samples, at least two of them [s].
@@ -77,6 +78,7 @@ class IterativeLearning(CompensatedPd):
     model: SampledJoint
     kp: float
     kd: float
+    lead: float
     rate: float
     cutoff_hz: float
     trial_s: float
@@ -196,6 +198,7 @@ ROW = ControllerEntry(
     tunable=(
         KP,
         KD,
+        LATE,
         Gain("rate", "-", 0.01, 1.9),
         Gain("cutoff_hz", "Hz", 0.5, 200.0, log=True),
         Gain("trial_s", "s", 0.01, 60.0, log=True, asked=True),

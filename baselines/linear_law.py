@@ -214,10 +214,20 @@ class LawMemory:
         self._x = begin(self._rest, self._x, self._w, fresh)
         return np.asarray(self.law.c @ self._x + self.law.d @ self._w)
 
-    def commit(self, command: Floats) -> None:
-        """Go on to the next sample with the command that was applied [N m], shape (n,)."""
+    def commit(
+        self, command: Floats, back: Floats | None = None, added: Floats | float = 0.0
+    ) -> None:
+        """Go on to the next sample with the command that was applied [N m], shape (n,).
+
+        Args:
+            command: The command.
+            back: The g of the law as a block, where something was added to what it proposed.
+            added: What was added, which no limit has to answer for [N m], shape (n,).
+        """
         self._w[COMMAND] = command
         self._x = self.law.a @ self._x + self.law.b @ self._w
+        if back is not None:
+            self._x -= np.outer(back, added)
 
 
 @final

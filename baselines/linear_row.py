@@ -41,7 +41,9 @@ def linear_row(
 
     def defaults(joint: Joint, dt: float) -> Gains:
         model = SampledJoint(joint, dt)
-        return best_gains(model, lambda gains: law(model, gains), candidates(model))
+        usual = {gain.name: gain.usual for gain in tunable if gain.usual is not None}
+        rows = [usual | dict(row) for row in candidates(model)]
+        return best_gains(model, lambda gains: law(model, gains), rows)
 
     def build(joint: Joint, dt: float, gains: Gains) -> Controller:
         return LinearController(law(SampledJoint(joint, dt), gains), limits_of(joint).tau)

@@ -1,6 +1,7 @@
 """Feed-forward and PD with a disturbance observer around the motor's rotating mass.
 
-    u = r + kp e + kd F e_d + f,   f = Q (z^-delay u - tau) - Q (J s + d) dq_m
+    u = r + kp e + kd F e_d + f,   e_d = -tau or, with lead, e
+       f = Q (z^-delay u - tau) - Q (J s + d) dq_m
 
 The motor (with gear) is taken as a mass J with viscous damping d that the command and the
 measured joint torque move, P = 1 / (J s + d); f is the torque that opposes it beside these two:
@@ -18,7 +19,7 @@ from cjt_gym.baselines.entry import SPRUNG, Gains
 from cjt_gym.baselines.feedforward import dob_candidates, pd_law
 from cjt_gym.baselines.linear_law import Block, LinearLaw, through, total
 from cjt_gym.baselines.linear_row import linear_row
-from cjt_gym.baselines.pid import DOB_HZ, KD, KP
+from cjt_gym.baselines.pid import DOB_HZ, KD, KP, LATE, leads
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.baselines.rational import (
     Rational,
@@ -54,7 +55,9 @@ def mass_observer(model: SampledJoint, cutoff_hz: float) -> Block:
     )
 
 
-def mass_dob_law(model: SampledJoint, kp: float, kd: float, dob_hz: float) -> LinearLaw:
+def mass_dob_law(
+    model: SampledJoint, kp: float, kd: float, dob_hz: float, lead: bool = False
+) -> LinearLaw:
     """Return the law; see the module.
 
     Args:
@@ -62,12 +65,13 @@ def mass_dob_law(model: SampledJoint, kp: float, kd: float, dob_hz: float) -> Li
         kp: Proportional gain [-].
         kd: Derivative gain [s].
         dob_hz: Cut-off of Q [Hz].
+        lead: Whether the derivative is that of the error.
     """
-    return pd_law(kp, kd, model.dt, mass_observer(model, dob_hz))
+    return pd_law(kp, kd, model.dt, mass_observer(model, dob_hz), lead=lead)
 
 
 def _law(model: SampledJoint, gains: Gains) -> LinearLaw:
-    return mass_dob_law(model, gains["kp"], gains["kd"], gains["dob_hz"])
+    return mass_dob_law(model, gains["kp"], gains["kd"], gains["dob_hz"], leads(gains))
 
 
 ROW = linear_row(
@@ -79,6 +83,7 @@ ROW = linear_row(
         KP,
         KD,
         DOB_HZ,
+        LATE,
     ),
     law=_law,
     candidates=dob_candidates,

@@ -1,6 +1,6 @@
 """PD control of the joint torque, without feed-forward.
 
-    u = kp e + kd F e,   e = r - tau
+    u = kp e + kd F e_d,   e = r - tau,   e_d = e or, without lead, -tau
 
 F is the filtered derivative of `FilteredDerivative`, cut off at 200 Hz. Without feed-forward or
 integral it leaves an error of 1 / (1 + kp): it shows what feed-forward is worth.
@@ -11,23 +11,24 @@ from __future__ import annotations
 from cjt_gym.baselines.entry import SPRUNG, Gains
 from cjt_gym.baselines.linear_law import LinearLaw, assemble
 from cjt_gym.baselines.linear_row import grid, linear_row
-from cjt_gym.baselines.pid import KD, KP, damping_gains, pid
+from cjt_gym.baselines.pid import KD, KP, LEAD, damping_gains, leads, pid
 from cjt_gym.baselines.plant_model import SampledJoint
 
 
-def pd_law(kp: float, kd: float, dt: float) -> LinearLaw:
+def pd_law(kp: float, kd: float, dt: float, lead: bool = True) -> LinearLaw:
     """Return the law; see the module.
 
     Args:
         kp: Proportional gain [-].
         kd: Derivative gain [s].
         dt: Sample time [s].
+        lead: Whether the derivative is that of the error.
     """
-    return assemble(dt, pid(kp, 0.0, kd, dt))
+    return assemble(dt, pid(kp, 0.0, kd, dt, lead))
 
 
 def _law(model: SampledJoint, gains: Gains) -> LinearLaw:
-    return pd_law(gains["kp"], gains["kd"], model.dt)
+    return pd_law(gains["kp"], gains["kd"], model.dt, leads(gains))
 
 
 def _candidates(model: SampledJoint) -> list[dict[str, float]]:
@@ -39,7 +40,7 @@ ROW = linear_row(
     name="pd",
     summary="PD on the torque error without feed-forward, derivative filtered at 200 Hz.",
     source="Readman (1994), Flexible Joint Robots, CRC Press",
-    tunable=(KP, KD),
+    tunable=(KP, KD, LEAD),
     law=_law,
     candidates=_candidates,
     structures=SPRUNG,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +18,11 @@ Floats = NDArray[np.float64]
 CUTOFF_HZ = 200.0
 KP, KD = Gain("kp", "-", 0.0, 10.0), Gain("kd", "s", 0.0, 0.1)
 KI = Gain("ki", "1/s", 0.01, 300.0, log=True)
+LEAD = Gain("lead", "-", 0.0, 1.0, asked=True, usual=1.0)
+LATE = Gain("lead", "-", 0.0, 1.0, asked=True, usual=0.0)
 DOB_HZ = Gain("dob_hz", "Hz", 0.1, 200.0, log=True)
-"""Gains that several laws share."""
+"""Gains that several laws share. With a lead of at least 0.5 the derivative is that of the error,
+below that of the measurement; LEAD and LATE differ in which is usual."""
 INTEGRALS = (0.5, 2.0, 5.0, 10.0, 20.0, 40.0, 60.0, 90.0)
 
 
@@ -67,6 +70,11 @@ def pid(
     if ki > 0.0:
         parts.append(integrator(ki, dt, forward + kp, **error))
     return total(parts)
+
+
+def leads(gains: Mapping[str, float]) -> bool:
+    """Return whether the reference is differentiated too, for gains with a `lead`."""
+    return gains["lead"] >= 0.5
 
 
 def damping_gains(model: SampledJoint, ratios: Sequence[float]) -> list[float]:

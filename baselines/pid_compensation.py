@@ -1,9 +1,10 @@
 """PID control of the joint torque with compensation of the torque.
 
-    u = tau + kp e + ki integral of e + kd F e_d,   e = r - tau,  e_d = -tau
+    u = tau + kp e + ki integral of e + kd F e_d,   e = r - tau,
+    e_d = -tau or, with lead, e
 
 The torque that the spring exerts on the motor is added back, so that the PID acts on the motor's
-bare mass and kp takes the part of the spring. The reference is not differentiated.
+bare mass and kp takes the part of the spring.
 """
 
 from __future__ import annotations
@@ -11,11 +12,13 @@ from __future__ import annotations
 from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST, Gains
 from cjt_gym.baselines.linear_law import LinearLaw, assemble, static
 from cjt_gym.baselines.linear_row import grid, linear_row
-from cjt_gym.baselines.pid import INTEGRALS, KD, KI, KP, damping_gains, pid
+from cjt_gym.baselines.pid import INTEGRALS, KD, KI, KP, LATE, damping_gains, leads, pid
 from cjt_gym.baselines.plant_model import SampledJoint
 
 
-def pid_compensation_law(kp: float, ki: float, kd: float, dt: float) -> LinearLaw:
+def pid_compensation_law(
+    kp: float, ki: float, kd: float, dt: float, lead: bool = False
+) -> LinearLaw:
     """Return the law; see the module.
 
     Args:
@@ -23,12 +26,13 @@ def pid_compensation_law(kp: float, ki: float, kd: float, dt: float) -> LinearLa
         ki: Integral gain [1/s].
         kd: Derivative gain [s].
         dt: Sample time [s].
+        lead: Whether the derivative is that of the error.
     """
-    return assemble(dt, static(tau=1.0), pid(kp, ki, kd, dt, lead=False))
+    return assemble(dt, static(tau=1.0), pid(kp, ki, kd, dt, lead))
 
 
 def _law(model: SampledJoint, gains: Gains) -> LinearLaw:
-    return pid_compensation_law(gains["kp"], gains["ki"], gains["kd"], model.dt)
+    return pid_compensation_law(gains["kp"], gains["ki"], gains["kd"], model.dt, leads(gains))
 
 
 def _candidates(model: SampledJoint) -> list[dict[str, float]]:
@@ -44,6 +48,7 @@ ROW = linear_row(
         KP,
         KI,
         KD,
+        LATE,
     ),
     law=_law,
     candidates=_candidates,

@@ -1,6 +1,6 @@
 """PID control of the joint torque with feed-forward.
 
-    u = r + kp e + ki integral of e + kd F e,   e = r - tau
+    u = r + kp e + ki integral of e + kd F e_d,   e = r - tau,   e_d = e or, without lead, -tau
 
 in parallel form, with the filtered derivative F of `FilteredDerivative` at 200 Hz.
 """
@@ -10,11 +10,11 @@ from __future__ import annotations
 from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST, Gains
 from cjt_gym.baselines.linear_law import LinearLaw, assemble
 from cjt_gym.baselines.linear_row import grid, linear_row
-from cjt_gym.baselines.pid import INTEGRALS, KD, KI, KP, damping_gains, pid
+from cjt_gym.baselines.pid import INTEGRALS, KD, KI, KP, LEAD, damping_gains, leads, pid
 from cjt_gym.baselines.plant_model import SampledJoint
 
 
-def pid_feedforward_law(kp: float, ki: float, kd: float, dt: float) -> LinearLaw:
+def pid_feedforward_law(kp: float, ki: float, kd: float, dt: float, lead: bool = True) -> LinearLaw:
     """Return the law; see the module.
 
     Args:
@@ -22,12 +22,13 @@ def pid_feedforward_law(kp: float, ki: float, kd: float, dt: float) -> LinearLaw
         ki: Integral gain [1/s].
         kd: Derivative gain [s].
         dt: Sample time [s].
+        lead: Whether the derivative is that of the error.
     """
-    return assemble(dt, pid(kp, ki, kd, dt, forward=1.0))
+    return assemble(dt, pid(kp, ki, kd, dt, lead, forward=1.0))
 
 
 def _law(model: SampledJoint, gains: Gains) -> LinearLaw:
-    return pid_feedforward_law(gains["kp"], gains["ki"], gains["kd"], model.dt)
+    return pid_feedforward_law(gains["kp"], gains["ki"], gains["kd"], model.dt, leads(gains))
 
 
 def _candidates(model: SampledJoint) -> list[dict[str, float]]:
@@ -44,6 +45,7 @@ ROW = linear_row(
         KP,
         KI,
         KD,
+        LEAD,
     ),
     law=_law,
     candidates=_candidates,

@@ -1,6 +1,7 @@
 """PID with feed-forward and an inner (open-loop) disturbance observer.
 
-    u = r + kp e + kd F e_d - d,   d = P^-1 Q tau - Q z^-delay u,   e = r - tau,  e_d = -tau
+    u = r + kp e + kd F e_d - d,   d = P^-1 Q tau - Q z^-delay u,   e = r - tau,
+    e_d = -tau or, with lead, e
 
 P is the linear joint from motor torque to joint torque, so that d is what friction and ripple do
 at the motor, and what P lacks; see `cjt_gym.baselines.observers.disturbance`. The observer
@@ -16,11 +17,13 @@ from cjt_gym.baselines.feedforward import dob_candidates, pd_law
 from cjt_gym.baselines.linear_law import Block, LinearLaw
 from cjt_gym.baselines.linear_row import linear_row
 from cjt_gym.baselines.observers.disturbance import disturbance_observer
-from cjt_gym.baselines.pid import DOB_HZ, KD, KP
+from cjt_gym.baselines.pid import DOB_HZ, KD, KP, LATE, leads
 from cjt_gym.baselines.plant_model import SampledJoint
 
 
-def inner_dob_law(model: SampledJoint, kp: float, kd: float, dob_hz: float) -> LinearLaw:
+def inner_dob_law(
+    model: SampledJoint, kp: float, kd: float, dob_hz: float, lead: bool = False
+) -> LinearLaw:
     """Return the law; see the module.
 
     Args:
@@ -28,11 +31,12 @@ def inner_dob_law(model: SampledJoint, kp: float, kd: float, dob_hz: float) -> L
         kp: Proportional gain [-].
         kd: Derivative gain [s].
         dob_hz: Cut-off of Q [Hz].
+        lead: Whether the derivative is that of the error.
 
     Raises:
         ConfigurationError: The joint cannot be inverted.
     """
-    return pd_law(kp, kd, model.dt, _observer(model, dob_hz))
+    return pd_law(kp, kd, model.dt, _observer(model, dob_hz), lead=lead)
 
 
 @lru_cache(maxsize=64)
@@ -41,7 +45,7 @@ def _observer(model: SampledJoint, dob_hz: float) -> Block:
 
 
 def _law(model: SampledJoint, gains: Gains) -> LinearLaw:
-    return inner_dob_law(model, gains["kp"], gains["kd"], gains["dob_hz"])
+    return inner_dob_law(model, gains["kp"], gains["kd"], gains["dob_hz"], leads(gains))
 
 
 ROW = linear_row(
@@ -53,6 +57,7 @@ ROW = linear_row(
         KP,
         KD,
         DOB_HZ,
+        LATE,
     ),
     law=_law,
     candidates=dob_candidates,

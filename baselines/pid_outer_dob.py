@@ -1,6 +1,7 @@
 """PD with feed-forward, an outer (closed-loop) disturbance observer and a prefilter.
 
-    r'[k] = r0 - d,   d = Pc^-1 Q tau - Q z^-delay r',   u = r' + kp (r' - tau) + kd F (r' - tau)
+    r'[k] = r0 - d,   d = Pc^-1 Q tau - Q z^-delay r',   u = r' + kp (r' - tau) + kd F e_d,
+    e_d = r' - tau or, without lead, -tau
 
 Pc is the nominal closed loop from r' to tau, so that d, in the sense of a reference, is what that
 loop does otherwise than it should. With a prefilter r0 = Pc^-1 Qf r, else r0 = r. Where a limit
@@ -26,7 +27,7 @@ from cjt_gym.baselines.linear_law import (
     total,
 )
 from cjt_gym.baselines.linear_row import grid, linear_row
-from cjt_gym.baselines.pid import CUTOFF_HZ, DOB_HZ, KD, KP, damping_gains, pid
+from cjt_gym.baselines.pid import CUTOFF_HZ, DOB_HZ, KD, KP, LEAD, damping_gains, leads, pid
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.baselines.rational import (
     Rational,
@@ -40,7 +41,12 @@ from cjt_gym.baselines.rational import (
 
 
 def outer_dob_law(
-    model: SampledJoint, kp: float, kd: float, dob_hz: float, prefilter_hz: float
+    model: SampledJoint,
+    kp: float,
+    kd: float,
+    dob_hz: float,
+    prefilter_hz: float,
+    lead: bool = True,
 ) -> LinearLaw:
     """Return the law; see the module.
 
@@ -50,19 +56,20 @@ def outer_dob_law(
         kd: Derivative gain [s].
         dob_hz: Cut-off of Q [Hz].
         prefilter_hz: Cut-off of the prefilter's Qf, 0 for none [Hz].
+        lead: Whether the derivative is that of r' - tau.
 
     Raises:
         ConfigurationError: The closed loop cannot be inverted.
     """
     what, dt = f"the torque loop of {model.name}", model.dt
-    loop = closed_plant(model, kp, kd)
+    loop = closed_plant(model, kp, kd, lead)
     order, delay = loop.relative_order, model.loop.delay
     low = low_pass(order, dob_hz)
     inverse = tustin(inverse_times(loop, low, what), dt)
     known = _self_fed(
         delayed(held_low_pass(order, dob_hz, dt), delay), through(inverse, -1.0, tau=1.0)
     )
-    inner = total([static(reference=1.0), pid(kp, 0.0, kd, dt)])
+    inner = total([static(reference=1.0), pid(kp, 0.0, kd, dt, lead)])
     whole = cascade(known, inner)
     if prefilter_hz > 0.0:
         ahead = tustin(inverse_times(loop, low_pass(order, prefilter_hz), what), dt)
@@ -70,7 +77,7 @@ def outer_dob_law(
     return assemble(dt, replace(whole, g=whole.b[:, REFERENCE] / whole.d[REFERENCE]))
 
 
-def closed_plant(model: SampledJoint, kp: float, kd: float) -> Rational:
+def closed_plant(model: SampledJoint, kp: float, kd: float, lead: bool = True) -> Rational:
     """Return the continuous joint under feed-forward and PD, from reference to joint torque."""
     plant = model.mechanics
     (a, b), c = plant.continuous, plant.row("tau")
@@ -82,7 +89,7 @@ def closed_plant(model: SampledJoint, kp: float, kd: float) -> Rational:
     closed[:n, :n] -= gain * np.outer(b, c)
     closed[:n, n] = -kd * w**2 * b
     closed[n, :n] = -c
-    into = np.append((1.0 + gain) * b, 1.0)
+    into = np.append((1.0 + (gain if lead else kp)) * b, float(lead))
     return transfer_function(closed, into, np.append(c, 0.0))
 
 
@@ -100,8 +107,8 @@ def _self_fed(low: tuple[np.ndarray, np.ndarray, np.ndarray, float], measured: B
 
 
 def _law(model: SampledJoint, gains: Gains) -> LinearLaw:
-    names = ("kp", "kd", "dob_hz", "prefilter_hz")
-    return outer_dob_law(model, *(gains[name] for name in names))
+    kp, kd, dob_hz, prefilter_hz = (gains[n] for n in ("kp", "kd", "dob_hz", "prefilter_hz"))
+    return outer_dob_law(model, kp, kd, dob_hz, prefilter_hz, leads(gains))
 
 
 def _candidates(model: SampledJoint) -> list[dict[str, float]]:
@@ -120,6 +127,7 @@ ROW = linear_row(
         KD,
         DOB_HZ,
         Gain("prefilter_hz", "Hz", 0.0, 200.0),
+        LEAD,
     ),
     law=_law,
     candidates=_candidates,

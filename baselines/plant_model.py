@@ -9,11 +9,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.baselines.linear_law import COMMAND, MEASURED, LinearLaw
+from cjt_gym.baselines.linear_law import COMMAND, LinearLaw
+from cjt_gym.baselines.mechanics import Mechanics, mechanics, placed
 from cjt_gym.baselines.rational import Rational, transfer_function
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import Joint
-from cjt_gym.joint.linear import state_matrices, zero_order_hold
 
 Floats = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -33,10 +33,19 @@ class SampledJoint:
     Attributes:
         joint: The joint.
         dt: Sample time [s].
+
+    Raises:
+        ConfigurationError: The sample time is not > 0.
     """
 
     joint: Joint
     dt: float
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.dt) and self.dt > 0.0):
+            raise ConfigurationError(
+                f"The sample time of a controller or an observer must be > 0 s, got {self.dt}."
+            )
 
     @cached_property
     def mechanics(self) -> Mechanics:
@@ -53,6 +62,11 @@ class SampledJoint:
         """The continuous transfer function from motor torque to joint torque."""
         return transfer_function(*self.mechanics.continuous, self.mechanics.row("tau"))
 
+    @cached_property
+    def placed(self) -> Mechanics:
+        """The sampled mechanics with the position of the last body as the last state."""
+        return placed(self.mechanics)
+
     @property
     def name(self) -> str:
         """Name and structure of the joint."""
@@ -66,61 +80,16 @@ class SampledJoint:
         return min(pairs or poles, key=abs)
 
     @property
+    def stiffness(self) -> float:
+        """Stiffness of gearbox and torsion bar in series [N m/rad]."""
+        groups, p = self.joint.structure_row.groups, self.joint.parameters
+        gear = 1.0 / p.k_g if groups[0] != groups[1] else 0.0
+        return 1.0 / (1.0 / p.k_b + gear)
+
+    @property
     def inertia(self) -> float:
         """Inertia of motor and gear together [kg m^2]."""
         return self.joint.parameters.I_m + self.joint.parameters.get("I_g", 0.0)
-
-
-@dataclass(frozen=True)
-class Mechanics:
-    """The joint without its absolute position: deflections, then velocities.
-
-        x[k+1] = a x[k] + b u[k],  tau = c_tau x,  dq = c_dq x,  deflections = c_q x
-
-    With a free load the deflections are (q_m - q_g, q_g - q_l) or (q_m - q_l), with a fixed output
-    they count from q_l, which stands still.
-
-    Attributes:
-        a: Shape (order, order).
-        b: Motor torque, shape (order,).
-        c: Rows of `MEASURED` with angles from q_l, shape (7, order).
-        continuous: The same (a, b) before sampling.
-        dt: Sample time [s].
-    """
-
-    a: Floats
-    b: Floats
-    c: Floats
-    continuous: tuple[Floats, Floats]
-    dt: float
-
-    def row(self, name: str) -> Floats:
-        """Return the output row of a measured signal, shape (order,)."""
-        return np.asarray(self.c[MEASURED.index(name)])
-
-
-def mechanics(joint: Joint, dt: float) -> Mechanics:
-    """Return the sampled mechanics of a joint with a torsion bar."""
-    a, b, rows, _ = state_matrices(joint.parameters, joint.structure_row)
-    size = joint.structure_row.size
-    order = a.shape[0]
-    position, velocity = np.arange(size), np.arange(order - size, order)
-    if joint.structure_row.output_fixed:
-        relative = np.eye(size)
-    else:
-        relative = np.eye(size - 1, size) - np.eye(size - 1, size, 1)
-    back = np.linalg.pinv(relative)
-    if not joint.structure_row.output_fixed:
-        back -= back[-1]  # angles from the load
-    bends = len(relative)
-    continuous = np.zeros((bends + size, bends + size))
-    continuous[:bends, bends:] = relative
-    continuous[bends:, :bends] = a[np.ix_(velocity, position)] @ back
-    continuous[bends:, bends:] = a[np.ix_(velocity, velocity)]
-    drive = np.concatenate([np.zeros(bends), b[velocity, 0]])
-    c = np.concatenate([rows[:, position] @ back, rows[:, velocity]], axis=1)
-    a_d, b_d = zero_order_hold(continuous, drive[:, None], dt)
-    return Mechanics(a_d, b_d[:, 0], np.roll(c, 1, axis=0), (continuous, drive), dt)
 
 
 @dataclass(frozen=True)

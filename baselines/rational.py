@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.linalg import eigvals, matrix_balance
 from scipy.signal import bilinear_zpk, butter, cont2discrete, zpk2sos, zpk2ss
 
+from cjt_gym.baselines.pbh import root_text
 from cjt_gym.errors import ConfigurationError
 
 Floats = NDArray[np.float64]
@@ -88,19 +90,27 @@ def inverse_times(plant: Rational, low: Rational, what: str) -> Rational:
             f"The low pass before the inverse of {what} must have at least order "
             f"{plant.relative_order}, got {low.relative_order}."
         )
-    scale = np.max(np.abs(plant.poles))
-    bad = [z for z in plant.zeros if z.real > -NOTHING * scale]
+    bad = [zero for zero in plant.zeros if is_not_left(zero, plant)]
     if bad:
-        listing = ", ".join(f"{z:.4g} 1/s" for z in bad)
         raise ConfigurationError(
-            f"{what} cannot be inverted: it has zeros that are not in the left half plane, "
-            f"{listing}. Choose another measured signal or structure."
+            f"{what} cannot be inverted: it has {zeros_text(bad)} that are not in the left half "
+            "plane. Choose another measured signal or structure."
         )
     return Rational(
         np.concatenate([low.zeros, plant.poles]),
         np.concatenate([low.poles, plant.zeros]),
         low.gain / plant.gain,
     )
+
+
+def is_not_left(zero: complex, plant: Rational) -> bool:
+    """Return whether a zero of a plant is not in the left half plane."""
+    return bool(zero.real > -NOTHING * np.max(np.abs(plant.poles)))
+
+
+def zeros_text(zeros: Sequence[complex]) -> str:
+    """Return zeros in words."""
+    return f"zeros, {', '.join(root_text(zero) for zero in zeros if zero.imag >= 0.0)},"
 
 
 def tustin(system: Rational, dt: float) -> StateSpace:

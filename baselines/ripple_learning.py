@@ -27,7 +27,7 @@ from cjt_gym.baselines.controller import Controller, Floats, Mask, check
 from cjt_gym.baselines.entry import SPRUNG, ControllerEntry, Gain, Gains
 from cjt_gym.baselines.feedforward import pd_defaults
 from cjt_gym.baselines.observers.momentum import momentum_observer
-from cjt_gym.baselines.pid import KD, KP
+from cjt_gym.baselines.pid import KD, KP, LATE
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.joint import Joint
 from cjt_gym.plant import Measurement, limits_of
@@ -45,6 +45,7 @@ class RippleLearning(CompensatedPd):
         model: The joint.
         kp: Proportional gain, >= 0 [-].
         kd: Derivative gain, >= 0 [s].
+        lead: With at least 0.5 the derivative is that of the error.
         rate: Of the learning, > 0 [1/s].
         observer_hz: Bandwidth of the momentum observer [Hz].
         torque_limit: Largest motor torque that is commanded; a ripple above a tenth of it is not
@@ -57,6 +58,7 @@ class RippleLearning(CompensatedPd):
     model: SampledJoint
     kp: float
     kd: float
+    lead: float
     rate: float
     observer_hz: float
     torque_limit: float
@@ -129,6 +131,7 @@ ROW = ControllerEntry(
     tunable=(
         KP,
         KD,
+        LATE,
         Gain("rate", "1/s", 0.01, 100.0, log=True),
         Gain("observer_hz", "Hz", 1.0, 200.0, log=True),
     ),

@@ -133,7 +133,7 @@ def best_gains(
         candidates: Gains.
 
     Raises:
-        ConfigurationError: None is robust.
+        ConfigurationError: None is robust, or the law can be made with none.
     """
     with threadpool_limits(1):  # small matrices gain nothing from threads
         return _best(model, law, candidates)
@@ -146,14 +146,21 @@ def _best(
 ) -> dict[str, float]:
     bench = make_bench(model)
     scored: list[tuple[float, int, Mapping[str, float], LinearLaw]] = []
+    refused: ConfigurationError | None = None
     for gains in candidates:
-        made = law(gains)
+        try:
+            made = law(gains)
+        except ConfigurationError as error:  # as where poles cannot be placed
+            refused = error
+            continue
         cost = bench.cost(made)
         if math.isfinite(cost):
             scored.append((cost, len(scored), gains, made))
     for _, _, gains, made in sorted(scored, key=lambda entry: entry[:2]):
         if bench.is_stable(made) and noise_gain(bench.nominal, made) <= NOISE:
             return dict(gains)
+    if refused is not None and not scored:
+        raise refused
     raise ConfigurationError(
         f"No default gains keep the loop of {model.name} robust at dt = {model.dt:g} s with "
         f"{bench.nominal.delay} samples of delay. Give gains, sample faster, or take a controller "

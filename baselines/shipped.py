@@ -35,15 +35,16 @@ def shipped_gains(entry: ControllerEntry, joint: Joint, dt: float) -> dict[str, 
         joint: The joint; delays among its effects are taken into account.
         dt: Sample time [s].
     """
-    path = FOLDER / joint.parameters.name / joint.structure / f"{entry.name}.toml"
-    if not path.is_file():
+    file = f"{entry.name}.toml"
+    path = FOLDER / joint.parameters.name / joint.structure / file
+    if path.name != file or not path.is_file():  # the name of code of one's own has folders
         return None
     known = _read(path)
     if abs(known["tuned"]["dt"] - dt) > 1e-9 * dt:
         return None
     gains = {name: float(number["value"]) for name, number in known["gains"].items()}
     try:
-        law = entry.build(joint, dt, gains).linear
+        law = entry.build(joint, dt, entry.complete(gains)).linear
     except ConfigurationError:  # the law does not take them on this joint
         return None
     if law is not None and not is_robust(SampledJoint(joint, dt), law):
@@ -57,10 +58,10 @@ def designed_gains(entry: ControllerEntry, joint: Joint, dt: float) -> dict[str,
     Raises:
         ConfigurationError: The law does not fit the joint or the sample time.
     """
-    row = f"{entry.name} {joint.file.hash_hex()} {joint.structure} {joint.drive}"
+    row = f"{entry.name} {entry.tunable} {joint.file.hash_hex()} {joint.structure} {joint.drive}"
     key = f"{row} {joint.effects} {dt}"
     if key not in _DESIGNED:
-        _DESIGNED[key] = dict(entry.defaults(joint, dt))
+        _DESIGNED[key] = entry.complete(entry.defaults(joint, dt))
     return dict(_DESIGNED[key])
 
 
@@ -72,4 +73,4 @@ def gains_of(entry: ControllerEntry, joint: Joint, dt: float) -> dict[str, float
     """
     entry.check_structure(joint)
     found = shipped_gains(entry, joint, dt)
-    return designed_gains(entry, joint, dt) if found is None else found
+    return designed_gains(entry, joint, dt) if found is None else entry.complete(found)

@@ -28,8 +28,11 @@ from cjt_gym.baselines import (
     pid_outer_dob,
     ripple_learning,
 )
+from cjt_gym.baselines.compose import composed, is_composed
 from cjt_gym.baselines.controller import Controller
 from cjt_gym.baselines.entry import ControllerEntry, Gains
+from cjt_gym.baselines.own import is_own, own_entry
+from cjt_gym.baselines.parts import PARTS
 from cjt_gym.baselines.shipped import gains_of
 from cjt_gym.errors import unknown_name
 from cjt_gym.joint import Joint
@@ -68,12 +71,22 @@ CONTROLLERS: dict[str, ControllerEntry] = {
 def get_entry(name: str) -> ControllerEntry:
     """Return the row of that name.
 
+    Args:
+        name: A row of `CONTROLLERS`, parts that make one (`cjt_gym.baselines.compose`), or
+            PATH.py:NAME, code that is imported for it (`cjt_gym.baselines.own`).
+
     Raises:
         UnknownNameError: There is none; the message suggests the nearest.
+        MissingFileError: There is no such file.
+        ConfigurationError: The parts do not go together, or the code is not a controller.
     """
-    if name not in CONTROLLERS:
-        raise unknown_name("controller", name, CONTROLLERS)
-    return CONTROLLERS[name]
+    if name in CONTROLLERS:
+        return CONTROLLERS[name]
+    if is_own(name):
+        return own_entry(name)
+    if is_composed(name):
+        return composed(name)
+    raise unknown_name("controller", name, {*CONTROLLERS, *PARTS})
 
 
 def default_gains(name: str, joint: Joint, dt: float) -> dict[str, float]:
@@ -83,7 +96,7 @@ def default_gains(name: str, joint: Joint, dt: float) -> dict[str, float]:
     are designed on the linear model.
 
     Args:
-        name: A row of `CONTROLLERS`.
+        name: See `get_entry`.
         joint: The joint that it is for; delays among its effects are taken into account.
         dt: Sample time [s].
 
@@ -98,7 +111,7 @@ def make_controller(name: str, joint: Joint, dt: float, gains: Gains | None = No
     """Return the controller of that name.
 
     Args:
-        name: A row of `CONTROLLERS`.
+        name: See `get_entry`.
         joint: The joint that it is for.
         dt: Sample time [s].
         gains: Gains that replace its defaults, by name; see `ControllerEntry.tunable`.
@@ -111,7 +124,7 @@ def make_controller(name: str, joint: Joint, dt: float, gains: Gains | None = No
     entry = get_entry(name)
     entry.check_structure(joint)
     entry.check_gains(gains or {})
-    given = dict(gains or {})
-    complete = all(gain.name in given for gain in entry.tunable)
-    usual = {} if complete else gains_of(entry, joint, dt)
-    return entry.build(joint, dt, usual | given)
+    given = entry.complete(gains or {})
+    if len(given) < len(entry.tunable):
+        given = gains_of(entry, joint, dt) | dict(gains or {})
+    return entry.build(joint, dt, given)

@@ -7,6 +7,7 @@ standard output, as text or with `--json` as JSON; progress goes to standard err
 from __future__ import annotations
 
 import argparse
+import math
 import os
 import sys
 import warnings
@@ -27,11 +28,13 @@ COMMANDS: dict[str, str] = {
     "analyse": "draw linear responses, poles, zeros and steps of joints",
     "build": "make many joints from a table of parameter sets, structures and effects",
     "datasheet": "write what a joint can do on a few pages, as PDF or HTML; compare several",
-    "export": "write a joint for MuJoCo or Isaac Lab, or a policy as ONNX, NumPy or C",
+    "export": "write a joint for MuJoCo or Isaac Lab, a policy or a controller for a control loop",
     "hardware": "run a controller, policy or experiment on a joint on a CAN bus",
     "emulate": "serve an emulated drive with a simulated joint on a CAN bus",
+    "bus": "say which rate a CAN bus can carry for its joints, before anything is armed",
     "check": "say what a record can and cannot tell, before any fit",
     "convert": "turn a log, a trace of a CAN bus or a record into a record; a joint (.m) into TOML",
+    "plot": "draw records as a picture or a page",
     "diagnose": "find where a recorded joint and its simulation differ, why, and how far",
 }
 EXTRAS = {
@@ -51,8 +54,20 @@ EXTRAS = {
 }
 
 
+def _finite(text: str) -> float:
+    value = float(text)
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"must be a finite number, got {text}.")
+    return value
+
+
 class Parser(argparse.ArgumentParser):
     """A parser that answers bad input with one line."""
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        """Take numbers that are finite only."""
+        super().__init__(*arguments, **options)
+        self.register("type", float, _finite)
 
     def error(self, message: str) -> NoReturn:
         """Print the line and exit with status 2."""
@@ -122,6 +137,8 @@ def _run_command(command: str, words: Sequence[str]) -> int:
         if extra is None:
             raise
         return _fail(f'This needs {error.name}: pip install "cjt-gym[{extra}]".', 2)
+    except MemoryError:
+        return _fail("There is not enough memory for this. Ask for fewer or shorter runs.", 1)
     except KeyboardInterrupt:
         return _fail("Stopped.", 1)
     return 0

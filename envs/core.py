@@ -27,7 +27,7 @@ from cjt_gym.plant import Measurement, SimulatedPlant
 from cjt_gym.signals import Signal
 
 Floats = NDArray[np.float64]
-ControllerOrFactory = BaseController | Callable[[Joint, float], BaseController]
+ControllerOrFactory = str | BaseController | Callable[[Joint, float], BaseController]
 
 
 class Episodes:
@@ -51,7 +51,7 @@ class Episodes:
         s = self.settings
         self.num = num
         self.plant = SimulatedPlant(s.joint, num, s.dt, s.dt_physics, s.randomization)
-        self.controller = _controller(base_controller, s)
+        self.controller = make_base(base_controller, s.joint, s.dt)
         self.task = _make_task(s, num, self.plant)
         size = self.task.observation.shape[1]
         self.observation_space = spaces.Box(-CLIP, CLIP, (size,), np.float32)
@@ -214,14 +214,34 @@ class Episodes:
         return self.plant.changed
 
 
-def _controller(given: ControllerOrFactory | None, s: Settings) -> BaseController | None:
-    if given is None or isinstance(given, BaseController):
-        return given
-    if callable(given):
-        return given(s.joint, s.dt)
+def make_base(given: ControllerOrFactory | None, joint: Joint, dt: float) -> BaseController | None:
+    """Return the controller that actions are added to, None for none.
+
+    Args:
+        given: A controller, its name, a function (joint, dt) -> controller, or None.
+        joint: The joint.
+        dt: Control step [s].
+
+    Raises:
+        UnknownNameError: There is no controller of that name.
+        ConfigurationError: It is none of these.
+    """
+    if given is None:
+        return None
+    if isinstance(given, str):
+        from cjt_gym.baselines import make_controller  # laws take long to import
+
+        return make_controller(given, joint, dt)
+    made, what = given, "base_controller"
+    if callable(given) and not isinstance(given, (type, BaseController)):
+        made, what = given(joint, dt), "The function that is the base_controller"
+    if isinstance(made, BaseController) and not isinstance(made, type):
+        return made
+    text = f"the class {made.__name__} itself" if isinstance(made, type) else repr(made)
     raise ConfigurationError(
-        "base_controller must be a controller, a function (joint, dt) -> controller, or None, "
-        f"got {given!r}."
+        f"{what} must {'be' if made is given else 'return'} a controller, got {text}. Give an "
+        "instance, the name of a controller such as 'pd_feedforward', or a function (joint, dt) -> "
+        "controller."
     )
 
 

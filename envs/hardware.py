@@ -17,6 +17,7 @@ from cjt_gym.envs.core import Episodes
 from cjt_gym.envs.foreign import advance_on, begin_on, conclude_on
 from cjt_gym.envs.torque_tracking import Action, Observation, complete
 from cjt_gym.errors import ConfigurationError
+from cjt_gym.plant import Measurement
 
 SIMULATED = ("joint", "structure", "drive", "effects", "parameters", "randomization")
 NEEDED = ("q_m", "dq_m", "dq_l", "tau")
@@ -105,7 +106,7 @@ class HardwareEnv(gym.Env[Observation, Action]):
             assert config is not None
             plant = _connected(config, arm, record, emulated)
         self.plant = plant
-        self.episodes = Episodes(1, **_complete(arguments, plant.config))
+        self.episodes = Episodes(1, **complete_for(arguments, plant.config))
         self.observation_space = self.episodes.observation_space
         self.action_space = self.episodes.action_space
         self._rehearse()
@@ -132,12 +133,7 @@ class HardwareEnv(gym.Env[Observation, Action]):
         episodes = self.episodes
         episodes.seed(seed, self.np_random if first else None)
         measured = self.plant.reset()
-        missing = [name for name in NEEDED if not np.isfinite(getattr(measured, name)[0])]
-        if missing:
-            raise ConfigurationError(
-                f"The observation needs {', '.join(missing)}, which no node of "
-                f"{self.plant.config.origin} reports. Add a sensor."
-            )
+        check_measured(measured, self.plant.config)
         begin_on(episodes, measured)
         return episodes.task.observation[0].copy(), {"parameters": {}}
 
@@ -190,8 +186,22 @@ def _connected(
     return plant
 
 
-def _complete(arguments: dict[str, Any], config: HardwareConfig) -> dict[str, Any]:
-    """Return the arguments of the task on this joint."""
+def check_measured(measured: Measurement, config: HardwareConfig) -> None:
+    """Check that a joint measures what an observation needs.
+
+    Raises:
+        ConfigurationError: It does not.
+    """
+    missing = [name for name in NEEDED if not np.isfinite(getattr(measured, name)[0])]
+    if missing:
+        raise ConfigurationError(
+            f"The observation needs {', '.join(missing)}, which no node of {config.origin} "
+            "reports. Add a sensor."
+        )
+
+
+def complete_for(arguments: dict[str, Any], config: HardwareConfig) -> dict[str, Any]:
+    """Return the arguments of the task on a joint."""
     given = {k: v for k, v in arguments.items() if k not in SIMULATED}
     given |= {"joint": config.joint, "structure": config.joint.structure}
     given |= {"dt_control": config.dt, "dt_physics": config.dt, "disturbance": None}

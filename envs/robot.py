@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import gymnasium as gym
@@ -10,6 +11,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from cjt_gym.envs.core import make_base
 from cjt_gym.envs.settings import BaseController
 from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.joint import Joint, load_joint
@@ -79,7 +81,7 @@ class RobotEnv(gym.Env[Observation, NDArray[np.float32]]):
     | `joint` | "orange_80_6000" | name, path or `Joint` with a fixed output, for all actuators |
     | `effects` | None | as in `TorqueTrackingEnv` |
     | `randomization` | None | likewise |
-    | `base_controller` | None | function (joint, dt) -> torque controller, one per actuator |
+    | `base_controller` | None | name of a controller, or function (joint, dt) -> controller |
     | `action_scale` | 60 | torque of an action of 1 [N m] |
     | `decimation` | 5 | time steps of 1 ms per action |
     | `episode_steps` | 600 | actions until truncation |
@@ -102,7 +104,7 @@ class RobotEnv(gym.Env[Observation, NDArray[np.float32]]):
         joint: str | Joint = "orange_80_6000",
         effects: Any = None,
         randomization: Randomization = None,
-        base_controller: Any = None,
+        base_controller: str | Callable[[Joint, float], BaseController] | None = None,
         action_scale: float = 60.0,
         decimation: int = 5,
         episode_steps: int = 600,
@@ -123,9 +125,14 @@ class RobotEnv(gym.Env[Observation, NDArray[np.float32]]):
         self.coupled = CoupledRobot(
             load_model(robot), dict.fromkeys(names, joint), randomization=randomization
         )
-        self.controllers: list[BaseController] = [
-            base_controller(joint, self.coupled.dt) for _ in names if base_controller is not None
-        ]
+        if len(names) > 1 and isinstance(base_controller, BaseController):
+            raise ConfigurationError(
+                f"base_controller of a robot with {len(names)} actuators must be the name of a "
+                "controller or a function (joint, dt) -> controller, which makes one for each, got "
+                f"{base_controller!r}."
+            )
+        made = [make_base(base_controller, joint, self.coupled.dt) for _ in names]
+        self.controllers = [controller for controller in made if controller is not None]
         self.action_scale, self.decimation = action_scale, decimation
         self.episode_steps, self.render_mode = episode_steps, render_mode
         self.action_space = spaces.Box(-1.0, 1.0, (len(names),), np.float32)

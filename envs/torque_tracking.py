@@ -108,7 +108,7 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
     | `effects` | None | names or {name: values}; None for those that the joint file lists |
     | `parameters` | None | parameters that replace those of the joint file |
     | `randomization` | None | "mild", "wide", "identified" or {name: variation}, see below |
-    | `base_controller` | None | controller, or function (joint, dt) -> controller |
+    | `base_controller` | None | name of a controller, controller, or function (joint, dt) -> one |
     | `reference` | "mixed" | "step", "chirp", "multisine", "smooth", "mixed", file, `Signal` |
     | `disturbance` | None | the same for load torque [N m] or, output fixed, velocity [rad/s] |
     | `torque_amplitude` | from the joint | amplitude of named references [N m] |

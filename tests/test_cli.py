@@ -207,7 +207,7 @@ def test_effects_in_force_are_stated_and_typical_values_are_offered(
         ([*SHORT, "--effect", "command_delay.delay=soon", "--out", "x.csv"], "number"),
         ([*SHORT, "--effect", "cogging", "--out", "x.csv"], "cogging.f"),
         ([*SHORT, "--reference", "chrip", "--out", "x.csv"], "'chirp'"),
-        ([*SHORT, "--controller", "pid", "--out", "x.csv"], "pd_feedforward"),
+        ([*SHORT, "--controller", "pd_feedforwrd", "--out", "x.csv"], "'pd_feedforward'"),
         ([*SHORT, "--duration", "-1", "--out", "x.csv"], "duration"),
         ([*SHORT, "--dt-physics", "3e-4", "--out", "x.csv"], "whole multiple"),
         ([*SHORT, "--out", "x.xyz"], "xyz"),

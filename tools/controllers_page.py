@@ -1,4 +1,4 @@
-"""Writes the table of controllers into docs/controllers.md: `python -m tools.controllers_page`.
+"""Writes the tables of docs/controllers.md: `python -m tools.controllers_page`.
 
 With `--check` it writes nothing and fails where the page is not what the table says.
 """
@@ -10,21 +10,36 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cjt_gym.baselines import CONTROLLERS, ControllerEntry
-from cjt_gym.baselines.entry import EVERY, FIXED, SPRUNG
+from cjt_gym.baselines.entry import EVERY, FIXED, SPRUNG, Gain
+from cjt_gym.baselines.parts import PARTS
 
 PAGE = Path(__file__).parents[1] / "docs" / "controllers.md"
 BEGIN = "<!-- table of controllers: python -m tools.controllers_page -->\n"
 END = "<!-- end -->"
+PARTS_BEGIN = "<!-- table of parts: python -m tools.controllers_page -->\n"
+PARTS_END = "<!-- end of parts -->"
 HOLDS = {EVERY: "all five", SPRUNG: "free, fixed", FIXED: "fixed"}
 
 
 def row(entry: ControllerEntry) -> str:
     """Return the line of one controller."""
-    gains = ", ".join(
-        f"`{gain.name}`" + (f" [{gain.unit}]" if gain.unit != "-" else "") for gain in entry.tunable
-    )
-    holds = HOLDS[entry.structures]
+    holds, gains = HOLDS[entry.structures], named(entry.tunable)
     return f"| `{entry.name}` | {entry.summary} | {gains} | {holds} | {entry.source} |"
+
+
+def named(gains: Sequence[Gain]) -> str:
+    """Return gains with their units."""
+    return ", ".join(f"`{g.name}`" + (f" [{g.unit}]" if g.unit != "-" else "") for g in gains)
+
+
+def parts() -> str:
+    """Return the table of parts."""
+    head = "| part | kind | what it adds | gains | holds for |\n|---|---|---|---|---|\n"
+    rows = (
+        f"| `{p.name}` | {p.kind} | {p.summary} | {named(p.tunable)} | {HOLDS[p.structures]} |\n"
+        for p in PARTS.values()
+    )
+    return head + "".join(rows)
 
 
 def page(text: str) -> str:
@@ -32,7 +47,10 @@ def page(text: str) -> str:
     before, rest = text.split(BEGIN)
     after = rest.split(END)[1]
     head = "| name | law | gains | holds for | source |\n|---|---|---|---|---|\n"
-    return before + BEGIN + head + "\n".join(map(row, CONTROLLERS.values())) + "\n" + END + after
+    table = head + "\n".join(map(row, CONTROLLERS.values())) + "\n"
+    middle, rest = after.split(PARTS_BEGIN)
+    after = middle + PARTS_BEGIN + parts() + PARTS_END + rest.split(PARTS_END)[1]
+    return before + BEGIN + table + END + after
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -15,8 +15,11 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
+from cjt_gym.disk import parsing, whole
+from cjt_gym.disk.arrays import read_arrays
 from cjt_gym.envs.sb3 import JointsVecEnv, TorqueTrackingVecEnv
 from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.joint.border import checked_array
 from cjt_gym.training.config import TrainConfig
 from cjt_gym.training.datasheets import arguments_of
 from cjt_gym.training.quiet import QuietPolicy, sensor_noise
@@ -119,6 +122,16 @@ def _schedule(name: str, ends: Mapping[str, Any]) -> Callable[[float], float]:
     return lambda remaining: end + (start - end) * remaining
 
 
+def load_weights(model: BaseAlgorithm, path: Path) -> None:
+    """Read the weights of networks and optimiser, and nothing but numbers, into a model.
+
+    Raises:
+        ConfigurationError: The file is damaged, or of another network.
+    """
+    with parsing(f"{path} must hold the weights of this network", ConfigurationError):
+        model.set_parameters(str(path), device=model.device)
+
+
 def save_normalization(env: VecEnv, path: Path) -> None:
     """Write the running statistics of an environment, if it has any, as NPZ."""
     if isinstance(env, VecNormalize):
@@ -128,17 +141,29 @@ def save_normalization(env: VecEnv, path: Path) -> None:
             statistics: Any = env.obs_rms
             arrays |= {"observation_mean": statistics.mean, "observation_var": statistics.var}
             arrays |= {"observation_count": np.array(statistics.count)}
-        np.savez(path, **arrays)  # type: ignore[arg-type]
+        with whole(path) as part:
+            np.savez(part, **arrays)  # type: ignore[arg-type]
 
 
 def load_normalization(env: VecEnv, path: Path) -> None:
-    """Read what `save_normalization` wrote into an environment."""
-    if isinstance(env, VecNormalize):
-        with np.load(path, allow_pickle=False) as arrays:
-            env.ret_rms.mean, env.ret_rms.var = arrays["return_mean"], arrays["return_var"]
-            env.ret_rms.count = float(arrays["return_count"])
-            if env.norm_obs:
-                statistics: Any = env.obs_rms
-                statistics.mean = arrays["observation_mean"]
-                statistics.var = arrays["observation_var"]
-                statistics.count = float(arrays["observation_count"])
+    """Read what `save_normalization` wrote into an environment.
+
+    Raises:
+        ConfigurationError: It is damaged, or of another environment.
+    """
+    if not isinstance(env, VecNormalize):
+        return
+    arrays = read_arrays(path, ConfigurationError)
+    kinds: list[tuple[str, Any]] = [("return", env.ret_rms)]
+    kinds += [("observation", env.obs_rms)] if env.norm_obs else []
+    with parsing(f"{path} must hold statistics of this environment", ConfigurationError):
+        for kind, statistics in kinds:
+            shape = np.shape(statistics.mean)
+            mean, var = (
+                checked_array(f"{kind}_{name} of {path}", arrays[f"{kind}_{name}"], shape)
+                for name in ("mean", "var")
+            )
+            if (var < 0.0).any():
+                raise ValueError(f"{kind}_var is negative")
+            statistics.mean, statistics.var = mean, var
+            statistics.count = float(arrays[f"{kind}_count"])

@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
+from cjt_gym.disk import write_text
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.training.conditions import TASKS, Conditions
 from cjt_gym.training.evaluate import Evaluation, Row, evaluate
@@ -79,8 +80,8 @@ def write_rows(rows: Sequence[Mapping[str, object]], out: Path) -> Path:
     """Write rows, as plain data, as `benchmark.json` and `benchmark.txt`; return the first."""
     out.mkdir(parents=True, exist_ok=True)
     path = out / "benchmark.json"
-    path.write_text(json.dumps(rows, indent=2) + "\n", encoding="utf-8")
-    (out / "benchmark.txt").write_text(table(rows) + "\n", encoding="utf-8")
+    write_text(path, json.dumps(rows, indent=2) + "\n")
+    write_text(out / "benchmark.txt", table(rows) + "\n")
     return path
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import matplotlib
 import numpy as np
 
+from cjt_gym.datasheet.notation import drawn
 from cjt_gym.training.figures import INK, STYLE, new_figure, to_svg
 
 Result = Mapping[str, Any]
@@ -154,4 +155,4 @@ def heat_figure(
 
 
 def _label(result: Result) -> str:
-    return str(result["agent"]).replace("_", " ")
+    return drawn(str(result["agent"]).replace("_", " "))

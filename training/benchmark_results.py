@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from cjt_gym.disk import write_text
 from cjt_gym.training.benchmark import align, table, write_rows
 from cjt_gym.training.benchmark_report import ranking_cells, write_benchmark_report
 from cjt_gym.training.metrics import bootstrap_rms
@@ -94,7 +95,7 @@ def write_benchmark(results: Sequence[Result], out: Path, facts: Sequence[str]) 
         for (joint, structure), ranked in places.items()
     ]
     text = json.dumps(plain, indent=1) + "\n"
-    (out / "ranking.json").write_text(text, encoding="utf-8")
+    write_text(out / "ranking.json", text)
     others = [r for r in results if r["status"] != "done"]
     groups = {key: _group(key, ranked, results, rows) for key, ranked in places.items()}
     write_benchmark_report(out / "report.html", groups, _without_seeds(others), facts)

@@ -18,8 +18,11 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv
 from tqdm import tqdm
 
+from cjt_gym.disk import parsing, read_json, whole, write_text
+from cjt_gym.disk.arrays import read_arrays
 from cjt_gym.envs.core import Episodes
-from cjt_gym.training.algorithms import load_normalization, save_normalization
+from cjt_gym.errors import ConfigurationError
+from cjt_gym.training.algorithms import load_normalization, load_weights, save_normalization
 from cjt_gym.training.config import VALIDATION_SEEDS, TrainConfig, environment_arguments
 from cjt_gym.training.datasheets import datasheets
 from cjt_gym.training.metrics import rmse
@@ -132,7 +135,7 @@ class Companion(BaseCallback):
         save_model(self.model, self.training_env, part)
         save_replay(self.model, part / "replay.npz")
         state = {"steps": self.num_timesteps, "seconds": self.seconds}
-        (part / "state.json").write_text(json.dumps(state) + "\n", encoding="utf-8")
+        write_text(part / "state.json", json.dumps(state) + "\n")
         place = folder / f"step_{self.num_timesteps:012d}"
         shutil.rmtree(place, ignore_errors=True)
         part.rename(place)
@@ -183,10 +186,9 @@ def check_finite(model: BaseAlgorithm, steps: int) -> None:
 
 
 def save_model(model: BaseAlgorithm, env: VecEnv, folder: Path) -> None:
-    """Write model and statistics into a folder, each in one go."""
-    part = folder / "model.part.zip"
-    model.save(part)
-    part.replace(folder / "model.zip")
+    """Write model and statistics into a folder, each whole or not at all."""
+    with whole(folder / "model.zip") as part:
+        model.save(part)
     save_normalization(env, folder / "normalization.npz")
 
 
@@ -196,31 +198,41 @@ def save_replay(model: BaseAlgorithm, path: Path) -> None:
     if isinstance(buffer, ReplayBuffer):
         rows = buffer.buffer_size if buffer.full else buffer.pos
         arrays = {name: getattr(buffer, name)[:rows] for name in BUFFER_ARRAYS}
-        np.savez(path, pos=buffer.pos, full=buffer.full, **arrays)
+        with whole(path) as part:
+            np.savez(part, pos=buffer.pos, full=buffer.full, **arrays)
 
 
 def load_replay(model: BaseAlgorithm, path: Path) -> None:
     """Read what `save_replay` wrote."""
     buffer = getattr(model, "replay_buffer", None)
     if isinstance(buffer, ReplayBuffer) and path.is_file():
-        with np.load(path, allow_pickle=False) as arrays:
-            rows = len(arrays["actions"])
-            for name in BUFFER_ARRAYS:
-                getattr(buffer, name)[:rows] = arrays[name]
-            buffer.pos, buffer.full = int(arrays["pos"]), bool(arrays["full"])
+        arrays = read_arrays(path, ConfigurationError)
+        rows, most = len(arrays["actions"]), buffer.buffer_size
+        wrong = [n for n in BUFFER_ARRAYS if arrays[n].shape[1:] != getattr(buffer, n).shape[1:]]
+        pos, full = int(arrays["pos"]), bool(arrays["full"])
+        if wrong or rows > most or not 0 <= pos <= rows or full != (rows == most and full):
+            raise ConfigurationError(f"{path} is the replay buffer of another training.")
+        for name in BUFFER_ARRAYS:
+            getattr(buffer, name)[:rows] = arrays[name]
+        buffer.pos, buffer.full = pos, full
 
 
 def restore(model: BaseAlgorithm, env: VecEnv, checkpoint: Path) -> dict[str, Any]:
     """Put a checkpoint's weights, optimiser, statistics and replay buffer back; return its state.
 
     Nothing but numbers is read from its files.
+
+    Raises:
+        ConfigurationError: A file of it is damaged, such as by a full disk.
     """
-    state: dict[str, Any] = json.loads((checkpoint / "state.json").read_text(encoding="utf-8"))
-    model.set_parameters(str(checkpoint / "model.zip"), device=model.device)
-    if (checkpoint / "normalization.npz").is_file():
-        load_normalization(env, checkpoint / "normalization.npz")
-    load_replay(model, checkpoint / "replay.npz")
-    model.num_timesteps = int(state["steps"])
+    with parsing(f"The checkpoint {checkpoint} must be whole", ConfigurationError):
+        state: dict[str, Any] = read_json(checkpoint / "state.json", ConfigurationError)
+        steps = int(state["steps"])
+        load_weights(model, checkpoint / "model.zip")
+        if (checkpoint / "normalization.npz").is_file():
+            load_normalization(env, checkpoint / "normalization.npz")
+        load_replay(model, checkpoint / "replay.npz")
+    model.num_timesteps = steps
     return state
 
 

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
+from cjt_gym.disk import read_toml
 from cjt_gym.envs.torque_tracking import complete
 from cjt_gym.errors import ConfigurationError, MissingFileError, unknown_name
-from cjt_gym.training.gains import choose
+from cjt_gym.training.gains import choose_listed
 
 ALGORITHMS = ("PPO", "SAC", "TQC", "RecurrentPPO")
 ACTIVATIONS = ("tanh", "relu", "elu")
@@ -229,10 +229,7 @@ def load_config(path: str | Path) -> TrainConfig:
         ConfigurationError: It is not valid.
     """
     file = _find(path)
-    try:
-        data = tomllib.loads(file.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigurationError(f"{path} must be a TOML file: {error}.") from None
+    data = read_toml(file, ConfigurationError)
     env = data["env"] if isinstance(data.get("env"), dict) else {}
     for key in ("joint", "base_controller"):
         name = env.get(key)
@@ -265,7 +262,7 @@ def environment_arguments(env: Mapping[str, Any]) -> dict[str, Any]:
             f"{gains!r}."
         )
     if name is not None:
-        arguments["base_controller"] = choose(str(name)).with_gains(gains or {}).make
+        arguments["base_controller"] = choose_listed(str(name)).with_gains(gains or {}).make
     return arguments
 
 

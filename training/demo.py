@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from cjt_gym.disk import write_text
 from cjt_gym.errors import CjtGymError
 from cjt_gym.training import figures, report
 from cjt_gym.training.benchmark import align, benchmark, cells_of, make_agents
@@ -143,7 +144,7 @@ def write_report(outcome: Outcome, config: TrainConfig, out: Path) -> Path:
         "validation": outcome.levels,
         "seconds": outcome.seconds,
     }
-    (out / "metrics.json").write_text(json.dumps(metrics, indent=2) + "\n", encoding="utf-8")
+    write_text(out / "metrics.json", json.dumps(metrics, indent=2) + "\n")
     parts = [*_replay_part(outcome.replay), *_training_part(outcome, config)]
     parts += _comparison_part(outcome, cells_of(rows))
     return report.write_page(out / "report.html", "Compliant joints: a demonstration", parts)

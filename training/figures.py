@@ -13,6 +13,7 @@ matplotlib.use("Agg")
 import numpy as np
 from matplotlib.figure import Figure
 
+from cjt_gym.datasheet.notation import drawn
 from cjt_gym.training.conditions import BANDWIDTH_HIGH, BANDWIDTH_LOW
 from cjt_gym.training.emps import UNITS, Replay
 from cjt_gym.training.metrics import frequency_response
@@ -98,7 +99,7 @@ def learning_figure(
             values = [row[key] for row in progress]
             axis.plot(steps, values, shape, color=colour, markersize=3, label=label)
         for (name, level), colour in zip(levels.items(), COLOURS, strict=False):
-            axis.axhline(level, color=colour, linestyle="--", label=name.replace("_", " "))
+            axis.axhline(level, color=colour, linestyle="--", label=drawn(name.replace("_", " ")))
         axis.set_ylim(bottom=0.0)
         axis.set_xlim(left=0.0)
         axis.set_xlabel("training steps [thousands]")
@@ -120,7 +121,9 @@ def traces_figure(tasks: Mapping[str, Mapping[str, Traces]], episode: int = 0) -
         for column, (task, agents) in enumerate(tasks.items()):
             upper, lower = axes[:, column]
             for (name, run), colour in zip(agents.items(), COLOURS, strict=False):
-                upper.plot(run.t, run.tau[episode], color=colour, label=name.replace("_", " "))
+                upper.plot(
+                    run.t, run.tau[episode], color=colour, label=drawn(name.replace("_", " "))
+                )
                 lower.plot(run.t, run.error[episode], color=colour, linewidth=0.8)
             upper.plot(run.t, run.reference[episode], color=INK, linewidth=0.8, label="reference")
             upper.set_title(task, fontsize=9)
@@ -138,7 +141,7 @@ def response_figure(sweeps: Mapping[str, Traces]) -> str:
         upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1.5, 1.0))
         for (name, run), colour in zip(sweeps.items(), COLOURS, strict=False):
             f, response = frequency_response(run, BANDWIDTH_LOW, BANDWIDTH_HIGH)
-            label = name.replace("_", " ")
+            label = drawn(name.replace("_", " "))
             upper.semilogx(f, 20.0 * np.log10(np.abs(response)), color=colour, label=label)
             phase = np.rad2deg(np.unwrap(np.angle(response)))
             lower.semilogx(f, phase, color=colour)

@@ -1,24 +1,34 @@
 """Gain files: a controller with its gains, as `cjt-gym tune` writes them.
 
 Wherever a controller is named, such a file may stand instead: in `simulate`, `benchmark`,
-`diagnose`, `hardware`, and as `base_controller` of a training.
+`diagnose`, `hardware`, and as `base_controller` of a training. Code of one's own (PATH.py:NAME, see
+`cjt_gym.baselines.own`) is imported only where its path is given: no gain file and no configuration
+brings it in, and the gains of such a controller are named after it, PATH.py:NAME@FILE.toml.
 """
 
 from __future__ import annotations
 
-import tomllib
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from cjt_gym.baselines import CONTROLLERS, Controller, make_controller
-from cjt_gym.errors import CjtGymWarning, ConfigurationError, MissingFileError, unknown_name
+from cjt_gym.baselines import Controller, ControllerEntry, get_entry, make_controller
+from cjt_gym.baselines.own import is_own, path_of
+from cjt_gym.disk import read_toml, write_text
+from cjt_gym.errors import (
+    CjtGymError,
+    CjtGymWarning,
+    ConfigurationError,
+    MissingFileError,
+    unknown_name,
+)
 from cjt_gym.joint import Joint
 from cjt_gym.training.toml_text import to_toml
 
 KEYS = ("controller", "gains", "tuned")
+ENDING, WITH = ".toml", "@"
 
 
 @dataclass(frozen=True)
@@ -27,7 +37,7 @@ class Choice:
 
     Attributes:
         name: Name in tables.
-        controller: A row of `CONTROLLERS`.
+        controller: What `get_entry` takes.
         gains: Gains that replace its defaults.
         facts: What is known about them.
     """
@@ -36,6 +46,11 @@ class Choice:
     controller: str
     gains: Mapping[str, float] = field(default_factory=dict)
     facts: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def entry(self) -> ControllerEntry:
+        """Its row."""
+        return get_entry(self.controller)
 
     def with_gains(self, gains: Mapping[str, float]) -> Choice:
         """Return a copy in which some gains are replaced.
@@ -49,7 +64,7 @@ class Choice:
                 raise ConfigurationError(
                     f"Gain {name} of controller {self.controller} must be a number, got {value!r}."
                 )
-        CONTROLLERS[self.controller].check_gains(gains)
+        self.entry.check_gains(gains)
         return replace(self, gains={**self.gains, **gains})
 
     def make(self, joint: Joint, dt: float) -> Controller:
@@ -76,16 +91,49 @@ class Choice:
 def choose(word: str | Path) -> Choice:
     """Return the controller of that name, or the one in a gain file (*.toml).
 
+    Args:
+        word: What `get_entry` takes, a gain file, or PATH.py:NAME@FILE.toml, a controller of one's
+            own with the gains of a file.
+
     Raises:
         UnknownNameError: There is no such controller or gain.
         MissingFileError: There is no such file.
         ConfigurationError: The file is not valid.
     """
-    if str(word).endswith(".toml"):
+    name, _, file = str(word).partition(WITH)
+    if is_own(name):
+        get_entry(name)
+        plain = Choice(name.rpartition(":")[2], name)
+        if not file:
+            return plain
+        known = _read(file, name)
+        return replace(known, name=f"{plain.name}{WITH}{known.name}", controller=name)
+    if str(word).endswith(ENDING):
         return read_gains(word)
-    if word not in CONTROLLERS:
-        raise unknown_name("controller", str(word), CONTROLLERS)
+    get_entry(str(word))
     return Choice(str(word), str(word))
+
+
+def choose_listed(word: str | Path) -> Choice:
+    """Return the same for a word that stands in a file: code of one's own is refused.
+
+    Raises:
+        ConfigurationError: The word names code.
+    """
+    if is_own(str(word)):
+        raise ConfigurationError(
+            f"A file cannot name code to be imported, got {word}. Give a controller of the table, "
+            "or name the code on the command line or in Python."
+        )
+    return choose(word)
+
+
+def files_of(word: str | Path) -> list[Path]:
+    """Return the files that a word for `choose` names: code, gains, or none."""
+    name, _, file = str(word).partition(WITH)
+    if is_own(name):
+        return [path_of(name), *([Path(file)] if file else [])]
+    return [Path(word)] if str(word).endswith(ENDING) else []
 
 
 def write_gains(
@@ -95,15 +143,15 @@ def write_gains(
 
     Args:
         path: A TOML file.
-        controller: A row of `CONTROLLERS`.
+        controller: What `get_entry` takes.
         gains: Its gains, by name, in the units of the row.
         facts: How they were found.
     """
-    units = {gain.name: gain.unit for gain in CONTROLLERS[controller].tunable}
+    units = {gain.name: gain.unit for gain in get_entry(controller).tunable}
     values = {name: {"value": value, "unit": units[name]} for name, value in gains.items()}
     path.parent.mkdir(parents=True, exist_ok=True)
     data = {"controller": controller, "gains": values, "tuned": facts}
-    path.write_text(to_toml(data), encoding="utf-8")
+    write_text(path, to_toml(data))
     return path
 
 
@@ -115,20 +163,38 @@ def read_gains(path: str | Path) -> Choice:
         ConfigurationError: It is not valid.
         UnknownNameError: There is no such controller or gain.
     """
+    return _read(path, None)
+
+
+def _row(path: str | Path, controller: str, own: str | None) -> ControllerEntry:
+    """Return the row whose gains a file holds."""
+    if own is not None:
+        if controller.rpartition(":")[2] != own.rpartition(":")[2]:
+            raise ConfigurationError(f"{path} holds gains of {controller}, not of {own}.")
+        return get_entry(own)
+    if is_own(controller):
+        raise ConfigurationError(
+            f"{path} holds gains of {controller}, code that is imported only where its path is "
+            f"given: name it as  {controller}{WITH}{path}"
+        )
+    try:
+        return get_entry(controller)
+    except CjtGymError as error:
+        raise type(error)(f"{error} (controller of {path})") from None
+
+
+def _read(path: str | Path, own: str | None) -> Choice:
+    """Read a gain file, that of code of one's own where such is given."""
     file = Path(path)
     try:
-        data = tomllib.loads(file.read_text(encoding="utf-8"))
+        data = read_toml(file, ConfigurationError)
     except FileNotFoundError:
         raise MissingFileError(f"The gain file {path} does not exist. Make it with tune.") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigurationError(f"{path} must be a TOML file: {error}.") from None
     for key in data:
         if key not in KEYS:
             raise ConfigurationError(f"{unknown_name('key', key, KEYS)} (in {path})")
-    controller = data.get("controller")
-    if controller not in CONTROLLERS:
-        raise unknown_name(f"controller of {path}", str(controller), CONTROLLERS)
-    row, table = CONTROLLERS[controller], data.get("gains", {})
+    controller = str(data.get("controller"))
+    row, table = _row(path, controller, own), data.get("gains", {})
     units = {gain.name: gain.unit for gain in row.tunable}
     gains = {}
     for name, entry in table.items() if isinstance(table, dict) else ():

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.analysis import Loop, figures_of, probe_law, probe_plant, stiffest_rendered
+from cjt_gym.disk import write_text
 from cjt_gym.errors import ConfigurationError, SimulationError, unknown_name
 from cjt_gym.joint import get_structure, load_joint_file
 from cjt_gym.joint.effect_words import parse_effects
@@ -34,6 +35,7 @@ from cjt_gym.training.conditions import (
     realistic_conditions,
 )
 from cjt_gym.training.evaluate import Evaluation, check_episodes, evaluate
+from cjt_gym.training.gains import files_of
 from cjt_gym.training.metrics import (
     command_above,
     command_change,
@@ -60,7 +62,7 @@ class Cell:
     """One agent on one joint, structure and seed.
 
     Attributes:
-        agent: Name of a controller, path of a gain file, or run folder of a policy.
+        agent: What `choose` takes, or run folder of a policy.
         is_policy: Whether it is a run folder or an exported policy.
         joint: Name of the joint, or path of its file.
         structure: Its structure.
@@ -105,9 +107,9 @@ class Cell:
         with the gains that ship (`code_hash`).
         """
         content = ""
-        if self.agent.endswith(".toml"):
-            content = Path(self.agent).read_text(encoding="utf-8")
-        elif self.is_policy:
+        if not self.is_policy:
+            content = " ".join(path.read_text(encoding="utf-8") for path in files_of(self.agent))
+        else:
             here = Path(self.agent)
             files = sorted(p for p in (here, *here.rglob("*")) if p.is_file())
             content = " ".join(f"{p.name} {p.stat().st_size} {p.stat().st_mtime_ns}" for p in files)
@@ -248,10 +250,7 @@ def kept(cell: Cell, folder: Path) -> dict[str, Any] | None:
 
 def _run_and_keep(cell: Cell, folder: Path) -> dict[str, Any]:
     text = json.dumps(run_cell(cell))
-    path = folder / f"{cell.key()}.json"
-    beside = path.with_suffix(f".{os.getpid()}.tmp")
-    beside.write_text(text, encoding="utf-8")
-    beside.replace(path)
+    write_text(folder / f"{cell.key()}.json", text)
     result: dict[str, Any] = json.loads(text)
     return result
 

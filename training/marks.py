@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from cjt_gym.disk import write_text
 from cjt_gym.errors import ConfigurationError, MissingFileError
 
 
@@ -48,5 +49,5 @@ def fill(path: Path, label: str, parts: Mapping[str, str]) -> Path:
         if end not in rest:
             raise ConfigurationError(f"{path}: {begin} lacks its {end}.")
         text = f"{before}{begin}\n\n{parts[name]}\n\n{end}{rest.split(end, 1)[1]}"
-    path.write_text(text, encoding="utf-8")
+    write_text(path, text)
     return path

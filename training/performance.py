@@ -20,7 +20,7 @@ from cjt_gym.joint import Joint
 from cjt_gym.records import Record
 from cjt_gym.signals import Signal
 from cjt_gym.training.conditions import EVALUATION_SEEDS, Conditions
-from cjt_gym.training.rollout import Agent, Traces, run_episodes
+from cjt_gym.training.rollout import Agent, ControllerAgent, Traces, run_episodes
 
 Floats = NDArray[np.float64]
 EPISODES = 8
@@ -162,12 +162,19 @@ def _arguments(
     }
 
 
+def _code(agent: Agent) -> str | None:
+    """Return PATH.py:NAME of code of one's own as it is, which records name so."""
+    if isinstance(agent, ControllerAgent) and not agent.choice.gains:
+        return agent.choice.controller
+    return None
+
+
 def _recorded(
     record: Record, nominal: Joint, agent: Agent, amplitude: float
 ) -> tuple[Performance | None, str]:
     """Return the performance in the record and what to know about it."""
     made_by = record.provenance.get("controller") or record.provenance.get("policy")
-    if made_by is not None and made_by != agent.name:
+    if made_by is not None and made_by not in (agent.name, _code(agent)):
         return None, f"The record was made with {made_by}: it does not show {agent.name}."
     command = _command(record, nominal)
     if "tau" not in record or command is None or not np.isfinite(record["tau"]).all():

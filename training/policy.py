@@ -13,7 +13,12 @@ from stable_baselines3.common.vec_env import VecNormalize
 
 from cjt_gym.envs.core import Episodes
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.training.algorithms import load_normalization, make_environment, make_model
+from cjt_gym.training.algorithms import (
+    load_normalization,
+    load_weights,
+    make_environment,
+    make_model,
+)
 from cjt_gym.training.conditions import Conditions
 from cjt_gym.training.config import DatasheetsConfig, TrainConfig, environment_arguments
 from cjt_gym.training.deploy.layout import Layout, layout_of
@@ -111,7 +116,7 @@ def load_policy(run: str | Path, checkpoint: Path | None = None) -> PolicyAgent:
     config = replace(folder.config, device="cpu")
     env = make_environment(replace(config, datasheets=DatasheetsConfig()))
     model = make_model(config, env)
-    model.set_parameters(str(files / "model.zip"), device="cpu")
+    load_weights(model, files / "model.zip")
     if isinstance(env, VecNormalize):
         load_normalization(env, files / "normalization.npz")
         env.training = False

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 
+from cjt_gym.disk import write_text
+
 STYLE = """
 body { font: 16px/1.5 Georgia, 'Times New Roman', serif; color: #202020; max-width: 56rem;
   margin: 3rem auto; padding: 0 1rem; }
@@ -74,5 +76,5 @@ def write_page(path: Path, title: str, parts: Sequence[str]) -> Path:
         "<meta name=viewport content='width=device-width'>"
         f"<style>{STYLE}</style></head><body><h1>{escape(title)}</h1>{''.join(parts)}</body></html>"
     )
-    path.write_text(text, encoding="utf-8")
+    write_text(path, text)
     return path

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.baselines import CONTROLLERS, Controller
+from cjt_gym.baselines import Controller
 from cjt_gym.envs.core import Episodes
 from cjt_gym.envs.torque_tracking import complete
 from cjt_gym.joint import Joint
@@ -96,7 +96,7 @@ class ControllerAgent:
     """A controller of the table with its default gains, or one from a gain file.
 
     Attributes:
-        word: A row of `CONTROLLERS`, the path of a gain file, or a `Choice`.
+        word: What `choose` takes, or a `Choice`.
 
     Raises:
         UnknownNameError: There is no such row.
@@ -125,12 +125,12 @@ class ControllerAgent:
     @property
     def kind(self) -> str:
         """What the table says."""
-        return CONTROLLERS[self.choice.controller].kind
+        return self.choice.entry.kind
 
     @property
     def renders(self) -> bool:
         """What the table says."""
-        return CONTROLLERS[self.choice.controller].renders
+        return self.choice.entry.renders
 
     @property
     def trained_on(self) -> None:

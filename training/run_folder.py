@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import csv
 import json
+import math
 import platform
 import shutil
 import subprocess
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from cjt_gym.disk import lock, parsing, read_json, write_text
 from cjt_gym.errors import CjtGymError, ConfigurationError, MissingFileError
 from cjt_gym.joint import Joint, load_joint_file
 from cjt_gym.joint.effect_words import plain_effects
@@ -27,10 +30,26 @@ from cjt_gym.training.config import (
 from cjt_gym.training.toml_text import to_toml
 
 SCHEMA = 1
+LOCK = ".lock"
 MARKER = "run.json"
 KIND = "cjt_gym training run"
 PACKAGES = ("cjt-gym", "numpy", "numba", "gymnasium", "stable-baselines3", "torch")
 CHECKPOINTS_KEPT = 2
+FACTS: dict[str, Any] = {
+    "status": str,
+    "joint": str,
+    "structure": str,
+    "steps": int,
+    "seed": int,
+    "seconds": (int, float),
+    "best_validation_rmse": (int, float),
+    "best_steps": int,
+    "reason": str,
+    "begun_times": int,
+}
+"""Types of those facts that are read again."""
+OPTIONAL = ("seconds", "best_validation_rmse", "best_steps", "reason", "begun_times")
+WORDS: dict[Any, str] = {str: "a text", int: "a whole number", (int, float): "a number"}
 PROGRESS = ("steps", "seconds", "rmse", "return", "validation_rmse")
 
 
@@ -61,13 +80,47 @@ class RunFolder:
 
     @property
     def facts(self) -> dict[str, Any]:
-        """What `run.json` says."""
-        facts: dict[str, Any] = json.loads((self.path / MARKER).read_text(encoding="utf-8"))
+        """What `run.json` says.
+
+        Raises:
+            ConfigurationError: It is not as it was written.
+        """
+        path = self.path / MARKER
+        facts = read_json(path, ConfigurationError)
+        if not isinstance(facts, dict):
+            raise ConfigurationError(f"{path} must hold a table of facts, got {facts!r:.100}.")
+        for name, kind in FACTS.items():
+            value = facts.get(name)
+            missing = value is None and name in OPTIONAL
+            if not missing and (isinstance(value, bool) or not isinstance(value, kind)):
+                raise ConfigurationError(
+                    f"{name} of {path} must be {WORDS[kind]}, got {value!r:.100}."
+                )
         return facts
 
     def note(self, **facts: Any) -> None:
         """Add facts to `run.json`."""
-        _write_text(self.path / MARKER, json.dumps({**self.facts, **facts}, indent=2) + "\n")
+        write_text(self.path / MARKER, json.dumps({**self.facts, **facts}, indent=2) + "\n")
+
+    @contextmanager
+    def held(self) -> Iterator[None]:
+        """Keep other processes from training in this folder.
+
+        The lock is that of the operating system, which takes it back from a process that ends,
+        however it ends.
+
+        Raises:
+            ConfigurationError: Another process is training in it.
+        """
+        with (self.path / LOCK).open("a", encoding="utf-8") as file:
+            try:
+                lock(file.fileno())
+            except OSError:
+                raise ConfigurationError(
+                    f"Another process is training in {self.path}. Wait for it, or choose another "
+                    "folder."
+                ) from None
+            yield
 
     def checkpoints(self) -> list[Path]:
         """Return the complete checkpoints, oldest first."""
@@ -79,12 +132,19 @@ class RunFolder:
             shutil.rmtree(old)
 
     def progress(self) -> list[dict[str, float]]:
-        """Return the rows of `progress.csv`; what a row lacks is NaN."""
+        """Return the rows of `progress.csv`; what a row lacks is NaN.
+
+        A row without a readable number of steps, such as one that a full disk cut off, is left out.
+        """
         path = self.path / "progress.csv"
         if not path.is_file():
             return []
-        with path.open(encoding="utf-8", newline="") as file:
-            return [{k: float(v or "nan") for k, v in row.items()} for row in csv.DictReader(file)]
+        with (
+            parsing(f"{path} must be a table of numbers", ConfigurationError),
+            path.open(encoding="utf-8", newline="", errors="replace") as file,
+        ):
+            rows = [{k: _number(row.get(k)) for k in PROGRESS} for row in csv.DictReader(file)]
+        return [row for row in rows if math.isfinite(row["steps"])]
 
     def add_progress(self, row: Mapping[str, float]) -> None:
         """Append a row to `progress.csv`."""
@@ -148,9 +208,9 @@ def begin_run(path: str | Path, config: TrainConfig, joint: Joint) -> RunFolder:
     if str(name).endswith(".toml"):
         shutil.copyfile(str(name), folder / "joint.toml")
         config = replace(config, env={**config.env, "joint": "joint.toml"})
-    _write_text(folder / "config.toml", to_toml(config.to_dict()))
-    _write_text(folder / "randomization.toml", to_toml(resolved_randomization(config, joint)))
-    _write_text(folder / MARKER, json.dumps(_facts(config, joint), indent=2) + "\n")
+    write_text(folder / "config.toml", to_toml(config.to_dict()))
+    write_text(folder / "randomization.toml", to_toml(resolved_randomization(config, joint)))
+    write_text(folder / MARKER, json.dumps(_facts(config, joint), indent=2) + "\n")
     return RunFolder(folder)
 
 
@@ -209,10 +269,17 @@ def _git(folder: Path, *arguments: str) -> str:
     return subprocess.run(command, capture_output=True, text=True, check=True, timeout=10).stdout
 
 
+def _number(text: object) -> float:
+    try:
+        return float(str(text or "nan"))
+    except ValueError:
+        return math.nan
+
+
 def _is_ours(folder: Path) -> bool:
     try:
-        facts = json.loads((folder / MARKER).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        facts = read_json(folder / MARKER, ConfigurationError)
+    except (OSError, ConfigurationError):
         return False
     return isinstance(facts, dict) and facts.get("kind") == KIND
 
@@ -232,10 +299,3 @@ def _comparable(config: TrainConfig) -> dict[str, Any]:
     if str(data["env"].get("joint", "")).endswith(".toml"):
         data["env"]["joint"] = load_joint_file(Path(data["env"]["joint"])).hash_hex()
     return data
-
-
-def _write_text(path: Path, text: str) -> None:
-    """Write a file in one go, so that a kill leaves the old one or the new one."""
-    part = path.with_name(path.name + ".part")
-    part.write_text(text, encoding="utf-8")
-    part.replace(path)

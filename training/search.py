@@ -22,6 +22,7 @@ from typing import Any, Final
 import optuna
 from optuna.trial import FrozenTrial
 
+from cjt_gym.disk import write_text
 from cjt_gym.errors import CjtGymError, ConfigurationError
 from cjt_gym.training.conditions import TASKS, realistic_conditions
 from cjt_gym.training.config import BASE_GAINS, TrainConfig, from_dict, load_config
@@ -157,7 +158,7 @@ def search(plan: Plan) -> optuna.Study:
     best = best_of(study)
     if best is not None:
         made = changed(_prepared(plan, shortened=False), best.params)
-        (plan.out / "best.toml").write_text(to_toml(made.to_dict()), encoding="utf-8")
+        write_text(plan.out / "best.toml", to_toml(made.to_dict()))
     return study
 
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from typing import Any
+
+from cjt_gym.disk import toml_text
 
 
 def to_toml(data: Mapping[str, Any]) -> str:
@@ -43,14 +44,14 @@ def _table(data: Mapping[str, Any], path: tuple[str, ...]) -> list[str]:
 
 def _key(key: str) -> str:
     bare = key.isascii() and key.replace("_", "").replace("-", "").isalnum()
-    return key if bare else json.dumps(key)
+    return key if bare else toml_text(key)
 
 
 def _value(value: Any) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):
-        return json.dumps(value)
+        return toml_text(value)
     if isinstance(value, int):
         return str(value)
     if isinstance(value, float):

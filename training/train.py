@@ -13,7 +13,12 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from cjt_gym.envs.core import Episodes
 from cjt_gym.errors import CjtGymError, ConfigurationError
-from cjt_gym.training.algorithms import load_normalization, make_environment, make_model
+from cjt_gym.training.algorithms import (
+    load_normalization,
+    load_weights,
+    make_environment,
+    make_model,
+)
 from cjt_gym.training.callbacks import Companion, restore
 from cjt_gym.training.config import TrainConfig, environment_arguments
 from cjt_gym.training.run_folder import RunFolder, TrainingError, begin_run, open_run
@@ -31,7 +36,8 @@ def train(config: TrainConfig, out: str | Path, quiet: bool = False) -> RunFolde
         The run folder. A run that was finished before is left as it is.
 
     Raises:
-        ConfigurationError: The configuration is not valid, or the folder holds something else.
+        ConfigurationError: The configuration is not valid, the folder holds something else, or
+            another process is training in it.
         TrainingError: The training diverged; `run.json` has the reason.
     """
     joint = Episodes(1, **environment_arguments(config.env)).settings.joint
@@ -40,6 +46,14 @@ def train(config: TrainConfig, out: str | Path, quiet: bool = False) -> RunFolde
     if config.start_from is not None:
         start_from(config.start_from, config, model, env)
     run = begin_run(out, config, joint)
+    with run.held():
+        return _trained(run, model, env, config, quiet)
+
+
+def _trained(
+    run: RunFolder, model: BaseAlgorithm, env: VecEnv, config: TrainConfig, quiet: bool
+) -> RunFolder:
+    """Train in a run folder that no other process uses."""
     if run.facts["status"] == "finished":
         _say(f"{run.path} is finished ({run.facts['steps']} steps). Nothing to do.", quiet)
         return run
@@ -88,7 +102,7 @@ def start_from(run: str, config: TrainConfig, model: BaseAlgorithm, env: VecEnv)
                 f"start_from: {what} of {run} must be that of this training, {other}, got {one}. "
                 "Change one of them; history and preview of [env] make the observation."
             )
-    model.set_parameters(str(before.path / "model.zip"), device=model.device)
+    load_weights(model, before.path / "model.zip")
     if (before.path / "normalization.npz").is_file():
         load_normalization(env, before.path / "normalization.npz")
 
@@ -104,12 +118,28 @@ def _continue(
     """Restore the last checkpoint, if there is one, and seed the environments."""
     done = 0
     if run.checkpoints():
-        done = int(restore(model, env, run.checkpoints()[-1])["steps"])
+        done = _restored(run, model, env, quiet)
         run.forget_progress_after(done)
         _say(f"going on with {run.path} from step {done}", quiet)
     begun = int(run.facts["begun_times"]) + 1
     run.note(status="running", reason=None, begun_times=begun)
     env.seed(config.seed + config.num_envs * (begun - 1))
+
+
+def _restored(run: RunFolder, model: BaseAlgorithm, env: VecEnv, quiet: bool) -> int:
+    """Restore the newest checkpoint that can be read; return its step.
+
+    Raises:
+        ConfigurationError: None can be.
+    """
+    for checkpoint in reversed(run.checkpoints()):
+        try:
+            return int(restore(model, env, checkpoint)["steps"])
+        except ConfigurationError as error:
+            _say(f"{error} The one before is tried.", quiet)
+    raise ConfigurationError(
+        f"No checkpoint of {run.path} can be read. Delete the folder, and train anew."
+    )
 
 
 def _learn(model: BaseAlgorithm, config: TrainConfig, companion: Companion) -> None:

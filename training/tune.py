@@ -26,10 +26,10 @@ from numpy.typing import NDArray
 
 from cjt_gym.analysis import LinearPlant, probe_plant
 from cjt_gym.baselines.shipped import designed_gains
-from cjt_gym.baselines.table import CONTROLLERS
+from cjt_gym.baselines.table import CONTROLLERS, get_entry
 from cjt_gym.envs.core import Episodes
 from cjt_gym.envs.torque_tracking import complete
-from cjt_gym.errors import ConfigurationError, SimulationError, unknown_name
+from cjt_gym.errors import ConfigurationError, SimulationError
 from cjt_gym.joint import Joint
 from cjt_gym.joint.effect_words import parse_effects
 from cjt_gym.training.conditions import TASKS, Conditions, realistic_conditions
@@ -59,7 +59,7 @@ class Search:
     """What is to be tuned, and how long.
 
     Attributes:
-        controller: A row of `CONTROLLERS`.
+        controller: What `get_entry` takes.
         joint: Name of the joint, or path of its file.
         structure: Its structure.
         budget: Candidates that are tried.
@@ -103,9 +103,7 @@ class Search:
         )
 
     def __post_init__(self) -> None:
-        if self.controller not in CONTROLLERS:
-            raise unknown_name("controller", self.controller, CONTROLLERS)
-        if not CONTROLLERS[self.controller].searched:
+        if not get_entry(self.controller).searched:
             raise ConfigurationError(
                 f"Controller {self.controller} has no gains to tune. Choose another: "
                 f"{', '.join(name for name, row in CONTROLLERS.items() if row.searched)}."
@@ -227,7 +225,7 @@ class Problem:
         self.plant: LinearPlant = probe_plant(self.joint, search.dt)
         self.first = TUNING_SEEDS + SEED_BLOCK * search.seed
         self.open_loop = self.errors(ControllerAgent("open_loop"), self.first, search.episodes)
-        row = CONTROLLERS[search.controller]
+        row = get_entry(search.controller)
         row.check_structure(self.joint)
         self.start = designed_gains(row, self.joint, search.dt)
 
@@ -297,7 +295,7 @@ def to_gains(controller: str, x: Sequence[float]) -> dict[str, float]:
     where their range begins at zero, so that small values are searched finely, and linearly else.
     """
     gains = {}
-    for gain, at in zip(CONTROLLERS[controller].searched, x, strict=False):
+    for gain, at in zip(get_entry(controller).searched, x, strict=False):
         if gain.log:
             value = gain.low * (gain.high / gain.low) ** at
         else:
@@ -310,7 +308,7 @@ def to_gains(controller: str, x: Sequence[float]) -> dict[str, float]:
 def to_point(controller: str, gains: dict[str, float]) -> list[float]:
     """Return the point of the unit cube of gains."""
     x = []
-    for gain in CONTROLLERS[controller].searched:
+    for gain in get_entry(controller).searched:
         value = min(max(gains[gain.name], gain.low), gain.high)
         if gain.log:
             at = math.log(value / gain.low) / math.log(gain.high / gain.low)

@@ -10,13 +10,16 @@ from cjt_gym.baselines.observers.kalman import TimeVaryingKalman, kalman_filter
 from cjt_gym.baselines.observers.linear_observer import LinearObserver
 from cjt_gym.baselines.observers.luenberger import luenberger_observer
 from cjt_gym.baselines.observers.momentum import momentum_observer
+from cjt_gym.baselines.observers.table import OBSERVERS, make_observer
 
 __all__ = [
+    "OBSERVERS",
     "LinearObserver",
     "TimeVaryingKalman",
     "disturbance_observer",
     "extended_state_observer",
     "kalman_filter",
     "luenberger_observer",
+    "make_observer",
     "momentum_observer",
 ]

@@ -5,7 +5,7 @@
 
 (a, b) is the joint sampled with a zero-order hold. Process noise is a white motor torque, held
 over a sample, and, where a disturbance is estimated, its random walk; q follows from them. r has
-the variances of the sensors, by unit: an angle's in rad^2, a torque's in (N m)^2.
+the variances of the outputs, each in its own unit.
 
 References:
     Kalman (1960), A new approach to linear filtering and prediction problems, Journal of Basic
@@ -23,7 +23,7 @@ from cjt_gym.baselines.controller import Floats, Mask
 from cjt_gym.baselines.linear_law import stack
 from cjt_gym.baselines.observers.linear_observer import LinearObserver
 from cjt_gym.baselines.observers.model import DesignModel, current_observer, design_model
-from cjt_gym.baselines.plant_model import SampledJoint, scatter
+from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.plant import Measurement
 
@@ -43,7 +43,7 @@ def kalman_filter(
         torque_noise: Standard deviation of the motor torque's noise, per sample, >= 0 [N m].
         drift: Standard deviation of the disturbance's step per sample, >= 0; 0 estimates no
             disturbance [N m].
-        outputs: Measured signals among "tau", "q_m", "q_g"; see `design_model`.
+        outputs: Measured signals; see `design_model`, and for their noise `output_noise`.
 
     Raises:
         ConfigurationError: The outputs do not show all states, or the noise is negative or all
@@ -66,16 +66,7 @@ def noise_model(
     q = torque_noise**2 * np.outer(model.b, model.b)
     if drift > 0.0:
         q[-1, -1] += drift**2
-    known = dict(zip(("tau", "q_m", "q_g", "q_l"), scatter(sampled.joint), strict=True))
-    variance = []
-    for name in outputs:
-        if name.startswith("dq_"):
-            raise ConfigurationError(
-                f"A Kalman filter takes angles and torque, whose noise is known, got {name}."
-            )
-        load = known["q_l"] if name.startswith("q_") else 0.0  # angles count from the load
-        variance.append(known[name] ** 2 + load**2)
-    return model, q, np.diag(variance)
+    return model, q, np.diag(model.noise**2)
 
 
 def steady_gain(model: DesignModel, q: Floats, r: Floats) -> Floats:

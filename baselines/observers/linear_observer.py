@@ -36,14 +36,21 @@ class LinearObserver:
     dt: float
 
     def __post_init__(self) -> None:
-        rest = np.linalg.solve(np.eye(len(self.a)) - self.a, self.b)
-        self._rest = np.asarray(rest, np.float64)
+        self._rest = self.at_rest()
         self._x = np.zeros((len(self.a), 0))
         self._w = np.zeros((len(SIGNALS), 0))
+
+    def at_rest(self) -> Floats:
+        """Return the map from signals that stand still to the state, shape (order, 9)."""
+        return np.asarray(np.linalg.solve(np.eye(len(self.a)) - self.a, self.b), np.float64)
 
     def poles(self) -> Floats:
         """Return the poles of the estimation error, in the z plane."""
         return np.asarray(np.linalg.eigvals(self.a))
+
+    def terms(self) -> Floats:
+        """Return the sum of the magnitudes that make up each estimate, shape (estimates, n)."""
+        return np.asarray(np.abs(self.c) @ np.abs(self._x) + np.abs(self.d) @ np.abs(self._w))
 
     def block(self, **weights: float) -> Block:
         """Return the weighted estimates as a block of a law.

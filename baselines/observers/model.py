@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from cjt_gym.baselines.linear_law import COMMAND, SIGNALS, signals
+from cjt_gym.baselines.linear_law import COMMAND, MEASURED, SIGNALS, signals
+from cjt_gym.baselines.mechanics import Mechanics
 from cjt_gym.baselines.observers.linear_observer import LinearObserver
 from cjt_gym.baselines.pbh import check_observable
-from cjt_gym.baselines.plant_model import SampledJoint
+from cjt_gym.baselines.plant_model import SampledJoint, scatter, setting
 from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.joint import Joint
 
@@ -20,10 +22,11 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class DesignModel:
-    """A sampled joint x[k+1] = a x[k] + b u[k - delay], y = c x, all relative to the load.
+    """A sampled joint x[k+1] = a x[k] + b u[k - delay], y = c x.
 
-    With a fixed output, angles and velocities count from those of the load. With a disturbance,
-    the last state is a constant torque that acts on the motor as u does.
+    With a fixed output, angles and velocities count from those of the load, so that the load's own
+    are zero. With a free load, the position of the last body is a state where an angle is measured.
+    With a disturbance, the last state is a constant torque that acts on the motor as u does.
 
     Attributes:
         a: Shape (order, order).
@@ -31,6 +34,7 @@ class DesignModel:
         c: Measured outputs, shape (outputs, order).
         tau: Joint torque, shape (order,).
         rows: How `SIGNALS` give the outputs, shape (outputs, 9).
+        noise: Standard deviations of the outputs' noise, shape (outputs,); see `output_noise`.
         outputs: Their names.
         states: Names of the states.
         delay: Between command and measurement [samples].
@@ -42,6 +46,7 @@ class DesignModel:
     c: Floats
     tau: Floats
     rows: Floats
+    noise: Floats
     outputs: tuple[str, ...]
     states: tuple[str, ...]
     delay: int
@@ -51,24 +56,21 @@ class DesignModel:
 def design_model(
     model: SampledJoint, outputs: tuple[str, ...] = ("tau",), disturbance: bool = True
 ) -> DesignModel:
-    """Return the model of a joint with a torsion bar.
+    """Return the model of a joint.
 
     Args:
         model: The joint; its delays are rounded up to samples.
-        outputs: Measured signals: "tau", "q_m", "q_g", "dq_m", "dq_g"; with a free load "dq_l".
+        outputs: Measured signals, any of `MEASURED`.
         disturbance: Whether a constant motor torque is among the states.
 
     Raises:
         UnknownNameError: An output is not one of these.
-        ConfigurationError: The outputs do not show all states; see `check_observable`.
+        ConfigurationError: An output is named twice or none is; or the outputs do not show all
+            states, see `check_observable`.
     """
-    plant, joint = model.mechanics, model.joint
-    fixed = joint.structure_row.output_fixed
-    known = ("tau", "q_m", "q_g", "dq_m", "dq_g") + (() if fixed else ("dq_l",))
-    for name in outputs:
-        if name not in known:
-            raise unknown_name("output of an observer", name, known)
-    states = _state_names(joint)
+    _check_outputs(outputs)
+    plant, joint = mechanics_for(model, outputs), model.joint
+    fixed, states = plant.fixed, _state_names(joint, len(plant.b))
     c, tau = np.array([plant.row(name) for name in outputs]), plant.row("tau")
     a, b = plant.a, plant.b
     a_c, b_c = plant.continuous
@@ -79,9 +81,27 @@ def design_model(
         c = np.concatenate([c, np.zeros((len(c), 1))], axis=1)
         states += ("disturbance",)
     what = model.name + (" with a disturbance" if disturbance else "")
-    check_observable(a_c, c, outputs, what)
-    rows = np.array([_row(name, fixed) for name in outputs])
-    return DesignModel(a, b, c, tau, rows, outputs, states, model.loop.delay, model.dt)
+    check_observable(a_c, c, outputs, what, states)
+    rows = np.array([output_row(name, fixed) for name in outputs])
+    noise = np.array([output_noise(model, name) for name in outputs])
+    return DesignModel(a, b, c, tau, rows, noise, outputs, states, model.loop.delay, model.dt)
+
+
+def mechanics_for(model: SampledJoint, outputs: tuple[str, ...]) -> Mechanics:
+    """Return the mechanics with all states that the outputs may show."""
+    free = not model.mechanics.fixed
+    return model.placed if free and any(n.startswith("q_") for n in outputs) else model.mechanics
+
+
+def _check_outputs(outputs: tuple[str, ...]) -> None:
+    for name in outputs:
+        if name not in MEASURED:
+            raise unknown_name("output of an observer", name, MEASURED)
+    if not outputs or len(set(outputs)) < len(outputs):
+        raise ConfigurationError(
+            f"outputs of an observer must be different ones of {', '.join(MEASURED)}, got "
+            f"{outputs}."
+        )
 
 
 def _with_disturbance(a: Floats, b: Floats, pole: float) -> Floats:
@@ -90,24 +110,38 @@ def _with_disturbance(a: Floats, b: Floats, pole: float) -> Floats:
     return wide
 
 
-def _state_names(joint: Joint) -> tuple[str, ...]:
-    groups = joint.structure_row.groups
-    first = {g: body for body, g in reversed(list(zip("mgl", groups, strict=True))) if g >= 0}
-    bodies = [first[g] for g in range(joint.structure_row.size)]
-    ends = [*bodies[1:], "l"] if joint.structure_row.output_fixed else bodies[1:]
-    bends = [
-        f"q_{one}l" if joint.structure_row.output_fixed else f"q_{one}{two}"
-        for one, two in zip(bodies, ends, strict=False)
-    ]
-    return (*bends, *(f"dq_{body}" for body in bodies))
+def _state_names(joint: Joint, order: int) -> tuple[str, ...]:
+    row = joint.structure_row
+    bodies = ["mgl"[row.groups.index(g)] for g in range(row.size)]
+    ends = ["l"] * row.size if row.output_fixed else bodies[1:]
+    bends = [f"q_{one}{two}" for one, two in zip(bodies, ends, strict=False)]
+    names = (*bends, *(f"dq_{body}" for body in bodies))
+    return names if len(names) == order else (*names, f"q_{bodies[-1]}")
 
 
-def _row(name: str, fixed: bool) -> Floats:
-    if name == "tau":
-        return signals(tau=1.0)
-    if name.startswith("q_"):
-        return signals(**{name: 1.0, "q_l": -1.0})
-    return signals(**{name: 1.0, "dq_l": -1.0}) if fixed else signals(**{name: 1.0})
+def output_row(name: str, fixed: bool) -> Floats:
+    """Return how `SIGNALS` give an output, shape (9,)."""
+    kind, _, _ = name.rpartition("_")
+    row = signals(**{name: 1.0})
+    return row - signals(**{f"{kind}_l": 1.0}) if fixed and kind else row
+
+
+def output_noise(model: SampledJoint, name: str) -> float:
+    """Return the standard deviation of an output's noise, in the unit of the output.
+
+    That of a velocity is what `velocity_differentiation` makes of its angle's, or a difference
+    over a sample where that effect is off. With a fixed output, the load's noise adds to it.
+    """
+    kind, _, body = name.rpartition("_")
+    known = dict(zip(("tau", "q_m", "q_g", "q_l"), scatter(model.joint), strict=True))
+    if not kind:
+        return float(known[name])
+    angle = math.hypot(known[f"q_{body}"], known["q_l"] if model.mechanics.fixed else 0.0)
+    if kind == "q":
+        return angle
+    cutoff = setting(model.joint, "velocity_differentiation", "cutoff")
+    keep = math.exp(-2.0 * math.pi * cutoff * model.dt) if cutoff > 0.0 else 0.0
+    return angle * (1.0 - keep) / model.dt * math.sqrt(2.0 / (1.0 + keep))
 
 
 def current_observer(model: DesignModel, gain: Floats) -> LinearObserver:
@@ -138,9 +172,3 @@ def current_observer(model: DesignModel, gain: Floats) -> LinearObserver:
     wide[:, :n] = np.concatenate(c)
     names = (*model.states, "tau", *(f"innovation_{name}" for name in model.outputs))
     return LinearObserver(a, b, wide, np.concatenate(d), names, model.dt)
-
-
-def check_strictly_stable(observer: LinearObserver, what: str) -> None:
-    """Raise ConfigurationError unless the estimation error dies out."""
-    if np.max(np.abs(observer.poles())) >= 1.0:
-        raise ConfigurationError(f"{what} is not stable: poles {observer.poles()}.")

@@ -23,9 +23,9 @@ tau = { value = 40.0, unit = "N m" }
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -34,21 +34,25 @@ from cjt_gym.canbus.protocols.contract import Limits as DriveLimits
 from cjt_gym.canbus.protocols.contract import Settings
 from cjt_gym.canbus.safety import SafetyLimits
 from cjt_gym.canbus.tables import Table, check_keys, flag, number, quantity, text, whole
-from cjt_gym.errors import ConfigurationError, MissingFileError
+from cjt_gym.disk import read_toml
+from cjt_gym.errors import ConfigurationError, MissingFileError, unknown_name
 from cjt_gym.joint import Joint, load_joint, load_joint_file
 from cjt_gym.joint.configure import EffectSpec
 from cjt_gym.plant import limits_of
 
 TABLES = ("bus", "drive", "sensors", "joint", "control", "limits", "emulator")
+SHARED = ("bus", "control", "emulator", "joints")
+OWN = ("name", "drive", "sensors", "joint", "limits")
+"""What the joints of a list share, and what each has of its own."""
 BUS = ("interface", "channel", "host", "port", "bitrate", "fd", "options")
 JOINT = ("file", "structure", "effects")
 CONTROL = ("rate_hz", "priority", "missed", "overrun", "watchdog", "soft", "torque")
 LIMITS = ("tau", "tau_rate", "dq_m", "q_m", "tau_joint", "deflection", "temperature", "current")
-EMULATOR = ("latency", "jitter", "loss", "load", "speed", "seed")
+EMULATOR = ("latency", "jitter", "loss", "load", "speed", "seed", "watchdog")
 HEADROOM = 1.5
 """Measured values may pass the nominal peak current by this factor before that is a fault."""
 RAMP = 0.01
-"""Time from zero to the largest torque, where no rate is given [s]."""
+"""Time from zero to the joint's peak torque, where no rate is given [s]."""
 WATCHDOG = 1.75
 """Control steps without a command after which a drive stops by itself, where none is given."""
 TORQUES = ("auto", "sensor", "spring")
@@ -111,6 +115,8 @@ class EmulatorSettings:
         load: Share of the bus that others take, who let a frame wait.
         speed: Time of the joint over that of the clock on the wall.
         seed: Of the sensors' noise and of latency and loss.
+        watchdog: Time without a command after which the drive stops, as set in it beforehand [s];
+            0: as it leaves the factory.
     """
 
     latency: float = 0.0
@@ -119,6 +125,7 @@ class EmulatorSettings:
     load: float = 0.0
     speed: float = 1.0
     seed: int = 0
+    watchdog: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -140,6 +147,7 @@ class HardwareConfig:
         limits: What keeps the joint safe.
         emulator: How an emulated bus behaves.
         origin: The file.
+        name: The joint's name where the file lists several.
     """
 
     bus: BusSettings
@@ -156,6 +164,7 @@ class HardwareConfig:
     limits: SafetyLimits
     emulator: EmulatorSettings
     origin: str
+    name: str = ""
 
     @property
     def drive(self) -> NodeSettings:
@@ -163,22 +172,82 @@ class HardwareConfig:
         return self.nodes[0]
 
 
-def load_hardware(path: str | Path) -> HardwareConfig:
+def load_hardware(path: str | Path, joint: str | None = None) -> HardwareConfig:
     """Read and check the file of a joint on a bus.
+
+    Args:
+        path: The file.
+        joint: Which of the joints that it lists; needed where it lists more than one.
 
     Raises:
         MissingFileError: There is no such file.
         ConfigurationError: It breaks the format, or a limit is looser than the joint file's.
+        UnknownNameError: It does not list that joint.
         CjtGymError: Joint, structure, effect or protocol are not known or not valid.
     """
+    found = load_joints(path, joint)
+    if len(found) > 1:
+        raise ConfigurationError(
+            f"{path} lists the joints {', '.join(config.name for config in found)}, and one is "
+            "meant. Name it: --joint NAME."
+        )
+    return found[0]
+
+
+def load_joints(path: str | Path, joint: str | None = None) -> tuple[HardwareConfig, ...]:
+    """Read and check the file of one joint on a bus, or of several; one configuration for each.
+
+    Args:
+        path: The file.
+        joint: The only one of the joints that it lists which is wanted.
+
+    Raises:
+        UnknownNameError: It does not list that joint.
+        CjtGymError: See `load_hardware`.
+    """
+    found = {config.name: config for config in _listed(path)}
+    if joint is not None and joint not in found:
+        raise unknown_name(f"joint of {path}", joint, found)
+    return tuple(found.values()) if joint is None else (found[joint],)
+
+
+def _listed(path: str | Path) -> tuple[HardwareConfig, ...]:
     file = Path(path)
     try:
-        document = tomllib.loads(file.read_text(encoding="utf-8"))
+        document = read_toml(file, ConfigurationError)
     except FileNotFoundError:
         raise MissingFileError(f"The hardware configuration {path} does not exist.") from None
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except OSError as error:
         raise ConfigurationError(f"{path} must be a TOML file in UTF-8: {error}.") from error
-    return parse_hardware(document, str(path), file.parent)
+    if "joints" not in document:
+        return (parse_hardware(document, str(path), file.parent),)
+    return parse_joints(document, str(path), file.parent)
+
+
+def parse_joints(document: Table, origin: str, folder: Path) -> tuple[HardwareConfig, ...]:
+    """Return the configurations of a parsed file that lists joints; see `parse_hardware`."""
+    shared = {k: v for k, v in check_keys(document, SHARED, origin).items() if k != "joints"}
+    listed = document["joints"]
+    if not isinstance(listed, list) or not listed:
+        raise ConfigurationError(f"joints of {origin} must be tables [[joints]], got {listed!r}.")
+    found: list[HardwareConfig] = []
+    for k, table in enumerate(listed, 1):
+        own = dict(check_keys(table, OWN, f"joint {k} of {origin}"))
+        name = text(own, "name", f"joint {k} of {origin}")
+        if not name.isidentifier():
+            raise ConfigurationError(
+                f"The name of joint {k} of {origin} must be letters, digits and _, got {name!r}."
+            )
+        del own["name"]
+        config = parse_hardware(shared | own, f"joint {name} of {origin}", folder)
+        for other in found:
+            if name == other.name or config.drive.settings.node == other.drive.settings.node:
+                raise ConfigurationError(
+                    f"Joints of {origin} must differ in name and node, but {other.name} and {name} "
+                    f"have the nodes {other.drive.settings.node} and {config.drive.settings.node}."
+                )
+        found.append(replace(config, name=name))
+    return tuple(found)
 
 
 def parse_hardware(document: Table, origin: str, folder: Path) -> HardwareConfig:
@@ -211,11 +280,14 @@ def parse_hardware(document: Table, origin: str, folder: Path) -> HardwareConfig
     if torque not in TORQUES:
         raise ConfigurationError(f"torque of {owner} must be one of {TORQUES}, got {torque!r}.")
     limits = _limits(document.get("limits", {}), f"[limits] of {origin}", joint)
-    nodes = [_node("drive", document["drive"], f"[drive] of {origin}", folder, joint, dt, watchdog)]
+    emulator = _emulator(document.get("emulator", {}), f"[emulator] of {origin}")
+    node = partial(
+        _node, folder=folder, joint=joint, dt=dt, watchdog=watchdog, stored=emulator.watchdog
+    )
+    nodes = [node("drive", document["drive"], f"[drive] of {origin}")]
     sensors = document.get("sensors", {})
     for name, table in check_keys(sensors, list(sensors), f"[sensors] of {origin}").items():
-        place = f"[sensors.{name}] of {origin}"
-        nodes.append(_node(name, table, place, folder, joint, dt, watchdog))
+        nodes.append(node(name, table, f"[sensors.{name}] of {origin}"))
     return HardwareConfig(
         bus=_bus(document["bus"], f"[bus] of {origin}"),
         nodes=tuple(nodes),
@@ -229,7 +301,7 @@ def parse_hardware(document: Table, origin: str, folder: Path) -> HardwareConfig
         soft=quantity(control, "soft", owner, "s", low=0.0, high=10.0, default=0.1),
         torque=torque,
         limits=limits,
-        emulator=_emulator(document.get("emulator", {}), f"[emulator] of {origin}"),
+        emulator=emulator,
         origin=origin,
     )
 
@@ -265,7 +337,15 @@ def _joint(table: object, owner: str, folder: Path) -> tuple[Joint, str, EffectS
 
 
 def _node(
-    name: str, table: object, owner: str, folder: Path, joint: Joint, dt: float, watchdog: float
+    name: str,
+    table: object,
+    owner: str,
+    *,
+    folder: Path,
+    joint: Joint,
+    dt: float,
+    watchdog: float,
+    stored: float,
 ) -> NodeSettings:
     given = dict(check_keys(table, list(table) if isinstance(table, Mapping) else (), owner))
     protocol = text(given, "protocol", owner)
@@ -279,7 +359,10 @@ def _node(
         period=dt,
         watchdog=watchdog,
         limits=DriveLimits(
-            tau_m=limits.tau, dq_m=HEADROOM * limits.dq_m, temperature=p.get("Tmp_WMax", math.inf)
+            tau_m=limits.tau,
+            dq_m=HEADROOM * limits.dq_m,
+            temperature=p.get("Tmp_WMax", math.inf),
+            watchdog=stored,
         ),
         owner=owner,
     )
@@ -305,7 +388,7 @@ def _limits(table: object, owner: str, joint: Joint) -> SafetyLimits:
     low, high = _span(given, owner)
     return SafetyLimits(
         tau=tau,
-        tau_rate=quantity(given, "tau_rate", owner, "N m/s", low=0.0, default=tau / RAMP),
+        tau_rate=quantity(given, "tau_rate", owner, "N m/s", low=0.0, default=most.tau / RAMP),
         dq_m=tightened("dq_m", "rad/s", most.dq_m),
         q_low=low,
         q_high=high,
@@ -336,7 +419,7 @@ def _emulator(table: object, owner: str) -> EmulatorSettings:
     }
     times = {
         key: quantity(given, key, owner, "s", low=0.0, high=1.0, default=0.0)
-        for key in ("latency", "jitter")
+        for key in ("latency", "jitter", "watchdog")
     }
     return EmulatorSettings(
         **share,

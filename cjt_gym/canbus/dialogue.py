@@ -3,18 +3,27 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import final
 
 from cjt_gym.canbus.link import Arrival, Link
 from cjt_gym.canbus.nodes import Node, Nodes
-from cjt_gym.canbus.protocols.contract import Step
+from cjt_gym.canbus.protocols.contract import Mode, Step
 from cjt_gym.errors import HardwareError, ProtocolError
 
 PATIENCE = 0.5
 """Time for which a first report of every channel is awaited [s]."""
+GRACE = 0.005
+"""Time by which bus and computers may make a drive's stop seem later than it was [s]."""
+PROOFS = 3
+"""Times that a drive is asked to show that it stops by itself: a machine may stand still once."""
 AFTERWARDS = 2
 """Control steps for which switching off is repeated after a fault."""
+STOPPED = {Mode.FAULT, Mode.DISABLED}
+UNWATCHED = (
+    "To arm it as it is, write  unwatched = true  in [drive]; nothing else will stop it then."
+)
+"""What remains where a drive cannot show that it stops by itself."""
 LOOKS = 4
 """Looks per control step at what has arrived, and at whether a loop still runs."""
 
@@ -31,14 +40,14 @@ class Dialogue:
         self.link = link
         self._nodes = nodes
 
-    def perform(self, node: Node, steps: Sequence[Step]) -> None:
+    def perform(self, node: Node, steps: Iterable[Step]) -> None:
         """Take steps one by one, each confirmed by the node; each is tried twice.
 
         Raises:
             HardwareError: The node does not confirm one, or the bus does not take it.
         """
         for step in steps:
-            if not (self._try(step) or self._try(step)):
+            if not (self._try(step) or step.optional or self._try(step)):
                 raise HardwareError(
                     f"{node.name} (node {node.address}) did not confirm: {step.text}. Check that "
                     "it is powered, and its protocol, number and bit rate."
@@ -65,6 +74,68 @@ class Dialogue:
                 f"Nothing fresh was heard of {', '.join(missing)} within {PATIENCE:g} s. Check "
                 "that the nodes are powered, and what they are set to report."
             )
+
+    def prove_watchdog(self, watchdog: float) -> None:
+        """Have the drive show that it stops by itself where no command comes.
+
+        It is switched on with zero torque and left alone for that time; then it must be off.
+
+        Args:
+            watchdog: Time without a command after which it has to be off [s].
+
+        Raises:
+            HardwareError: It is still on, or its reports do not show what it is.
+        """
+        node = self._nodes.drive
+        if not node.master.shows_stop:
+            raise HardwareError(
+                f"The protocol of {node.name} (node {node.address}) does not show whether the "
+                "drive stops by itself where no command comes; its torque might outlive this "
+                f"program. {UNWATCHED}"
+            )
+        if not any(self._stops(node, watchdog, k == PROOFS - 1) for k in range(PROOFS)):
+            raise HardwareError(
+                f"{node.name} (node {node.address}) must stop by itself within {watchdog:.4g} s "
+                "without a command, and did not: its torque would outlive this program. Switch its "
+                f"watchdog on (docs/protocols.md says how), with at most that time. {UNWATCHED}"
+            )
+
+    def _stops(self, node: Node, watchdog: float, is_last: bool) -> bool:
+        """Switch the drive on, be silent, and look whether it has stopped; leave it off."""
+        link, nodes = self.link, self._nodes
+        try:
+            try:
+                self.perform(node, [*node.master.clear(), *node.master.enable()])
+            except HardwareError:
+                if is_last:
+                    raise
+                return False  # its watchdog may have expired while the machine stood still
+            link.send(node.master.command(0.0))
+            link.wait_until(link.now() + watchdog + GRACE)
+            stopped = self._modes(node) & STOPPED
+            end = link.now() + PATIENCE
+            while not stopped and link.now() < end:
+                link.send(node.master.command(0.0))  # what is on stays on, what stopped stays off
+                link.wait_until(link.now() + nodes.dt)
+                seen = self._modes(node)
+                if Mode.ENABLED in seen:
+                    break
+                stopped = seen & STOPPED
+            return bool(stopped)
+        finally:
+            self.switch_off()
+            self.repeat_off()
+
+    def _modes(self, node: Node) -> set[Mode]:
+        """Return the modes that the frames show that have arrived."""
+        found: set[Mode] = set()
+        for arrival in self.link.receive():
+            with contextlib.suppress(ProtocolError):
+                update = node.master.decode(arrival.message)
+                if update is not None:
+                    found |= {update.mode} if update.mode else set()
+                    found |= {Mode.FAULT} if update.error else set()
+        return found
 
     def switch_off(self) -> None:
         """Take the drive's torque away and switch it off, as far as the bus lets it."""

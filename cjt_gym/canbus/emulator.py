@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, final
+from typing import Any, Protocol, final
 
 import can
 import numpy as np
@@ -18,7 +18,7 @@ from cjt_gym.canbus.config import HardwareConfig
 from cjt_gym.canbus.ports.port import Port
 from cjt_gym.canbus.protocols import protocol_of
 from cjt_gym.canbus.protocols.contract import Firmware
-from cjt_gym.canbus.wire import Due, Wire
+from cjt_gym.canbus.wire import Due, Medium, Wire
 from cjt_gym.joint import Joint
 from cjt_gym.joint.arrays import CHANNELS, WINDING
 from cjt_gym.joint.configure import resolve_effects
@@ -57,6 +57,14 @@ def emulated_joint(config: HardwareConfig, effects: Any = None) -> Joint:
     return joint
 
 
+def medium_of(config: HardwareConfig) -> Medium | None:
+    """Return what the frames of a bus share, None where no bit rate is given."""
+    bus = config.bus
+    if bus.bitrate is None:
+        return None
+    return Medium(bus.bitrate, float(bus.options.get("data_bitrate", 0) or bus.bitrate))
+
+
 @dataclass
 class Node:
     """An emulated node.
@@ -85,6 +93,7 @@ class Emulator:
         torque_changed: Called with the time and the torque whenever it changes, or None.
         tamper: Function of a frame from a node, its name and the time, that returns what the bus
             makes of it; None for an honest bus.
+        medium: What its frames share, where the bus has a bit rate.
     """
 
     def __init__(self, config: HardwareConfig, joint: Joint | None = None) -> None:
@@ -106,7 +115,9 @@ class Emulator:
         self.torque = 0.0
         self.torque_changed: Callable[[float, float], None] | None = None
         self.tamper: Callable[[can.Message, str, float], Sequence[can.Message]] | None = None
-        self._in, self._out = Wire(settings, settings.seed + 1), Wire(settings, settings.seed + 2)
+        self.medium = medium_of(config)
+        self._in = Wire(settings, settings.seed + 1, self.medium)
+        self._out = Wire(settings, settings.seed + 2, self.medium)
         self._ticks = 0
         p = self.joint.parameters
         self._per_ampere = p.k_t * p.n
@@ -197,8 +208,20 @@ class Emulator:
         }
 
 
+class Emulated(Protocol):
+    """What can be served: an emulator, or several on one bus."""
+
+    @property
+    def now(self) -> float: ...
+
+    def send(self, messages: Sequence[can.Message]) -> None: ...
+    def receive(self) -> list[Due]: ...
+    def next(self) -> float: ...
+    def advance(self, t: float) -> None: ...
+
+
 def serve(
-    emulator: Emulator,
+    emulator: Emulated,
     ports: Sequence[Port],
     speed: float,
     stopped: Callable[[], bool],
@@ -228,7 +251,7 @@ def serve(
                 _hand_out(emulator, ports)
 
 
-def _hand_out(emulator: Emulator, ports: Sequence[Port]) -> None:
+def _hand_out(emulator: Emulated, ports: Sequence[Port]) -> None:
     for due in emulator.receive():
         due.message.timestamp = time.time()
         for port in ports:

@@ -141,11 +141,24 @@ def experiment_torque(name: str, joint: Joint, limits: SafetyLimits, dt: float) 
     t = np.arange(round(row.seconds / dt), dtype=np.float64) * dt
     ends = np.clip(np.minimum(t, row.seconds - t) / 0.1, 0.0, 1.0)
     torque: Floats = np.asarray(row.share * limits.tau * row.shape(t) * ends, np.float64)
+    return fitting_share(joint, torque, limits, dt) * torque
+
+
+def fitting_share(joint: Joint, torque: Floats, limits: SafetyLimits, dt: float) -> float:
+    """Return the share of a motor torque [N m] with which the nominal joint keeps its limits.
+
+    Args:
+        joint: The nominal joint.
+        torque: At every control step [N m], shape (samples,).
+        limits: What keeps the joint safe; of its motion `HEADROOM` is used.
+        dt: Control step [s].
+    """
+    share = 1.0
     for _ in range(TRIALS):
-        if _is_within(joint, torque, limits, dt):
+        if _is_within(joint, share * torque, limits, dt):
             break
-        torque = BACK_OFF * torque
-    return torque
+        share *= BACK_OFF
+    return share
 
 
 def _is_within(joint: Joint, torque: Floats, limits: SafetyLimits, dt: float) -> bool:

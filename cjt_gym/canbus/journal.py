@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import errno
 import os
+import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, final
@@ -12,6 +15,8 @@ from cjt_gym.records import Record, default_units, read_record, write_record
 from cjt_gym.records.metadata import write_metadata
 
 SUFFIX = ".csv"
+RESERVE = 1 << 16
+"""Bytes of disk that are kept until the end, so that a full disk still takes how a run ended."""
 
 
 @final
@@ -19,8 +24,9 @@ class Journal:
     """A record on its way: a CSV file to which every sample is handed as soon as it is known.
 
     Each row goes to the operating system in one call, so that it outlives this process; the facts
-    beside it are written at the beginning, and again at the end. A record of another format is made
-    from it by `close`.
+    beside it are written at the beginning, and again at the end, for which some of the disk is kept
+    free. A row that does not fit on the disk is left out as a whole. A record of another format is
+    made from it by `close`.
 
     Attributes:
         path: The CSV file.
@@ -52,21 +58,46 @@ class Journal:
                     f"The record {there} is there already, and is not written over. Give another "
                     "name, or move it away."
                 )
+        self._file, self._size = -1, 0
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_EXCL
             self._file = os.open(self.path, flags, 0o644)
+            self._append(",".join(columns) + "\n")
+            self._reserve = _reserved(self.path.parent)
+            self._describe({})
         except OSError as error:
+            self._give_up()
             raise ConfigurationError(
                 f"The record {self.path} cannot be written: {error}."
             ) from error
-        os.write(self._file, (",".join(columns) + "\n").encode())
-        self._describe({})
 
     def write(self, row: Sequence[float]) -> None:
-        """Append a sample, its values in the order of the columns."""
-        os.write(self._file, (self._format % tuple(row)).encode())
+        """Append a sample, its values in the order of the columns.
+
+        Raises:
+            OSError: It cannot be written; the file ends with the row before.
+        """
+        self._append(self._format % tuple(row))
         self.rows += 1
+
+    def _append(self, line: str) -> None:
+        data = line.encode()
+        try:
+            if os.write(self._file, data) < len(data):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        except OSError:
+            with contextlib.suppress(OSError):
+                os.ftruncate(self._file, self._size)
+            raise
+        self._size += len(data)
+
+    def _give_up(self) -> None:
+        """Leave nothing behind of a record that could not be begun."""
+        if self._file >= 0:
+            os.close(self._file)
+            self._file = -1
+            self.path.unlink(missing_ok=True)
 
     def close(self, **known: Any) -> Path | None:
         """End the record.
@@ -76,12 +107,19 @@ class Journal:
 
         Returns:
             The record's file, None where nothing was recorded; a second call does nothing more.
+
+        Raises:
+            OSError: What is known at the end, or the other format, does not fit on the disk; the
+                CSV file and what was known at the beginning are left.
         """
         if self._file < 0:
             return self.path if self.rows else None
-        os.fsync(self._file)
-        os.close(self._file)
-        self._file = -1
+        file, self._file = self._file, -1
+        os.close(self._reserve)
+        try:
+            os.fsync(file)
+        finally:
+            os.close(file)
         if not self.rows:
             self.path.unlink()
             self.path.with_suffix(".toml").unlink()
@@ -95,10 +133,21 @@ class Journal:
         return written
 
     def _describe(self, known: Mapping[str, Any]) -> None:
-        """Write the facts beside the table."""
+        """Write the facts beside the table, whole or not at all."""
         columns = {name: [0.0] for name in self._columns}
         provenance = {**self._facts.get("provenance", {}), **known}
         units = default_units(self._columns)
         facts = {**self._facts, "provenance": provenance}
         record = Record(columns, units, dt=self._dt, allow_nan=True, **facts)
         write_metadata(record, self.path.with_suffix(".toml"))
+
+
+def _reserved(folder: Path) -> int:
+    """Return an open file without a name that takes `RESERVE` bytes of a disk until it is closed.
+
+    It is gone with the process, however that ends.
+    """
+    with tempfile.TemporaryFile(dir=folder, buffering=0) as file:
+        if file.write(bytes(RESERVE)) < RESERVE:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return os.dup(file.fileno())

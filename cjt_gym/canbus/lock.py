@@ -1,22 +1,34 @@
-"""One process commands a node: a lock that the operating system gives back when a process dies."""
+"""One process commands a node: a lock that the operating system gives back when a process dies.
+
+It goes by the bus, however that is written, and lies in a folder that is the same for every process
+of the machine. A file that is there and is no lock is left as it is.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
-import tempfile
+import stat
 from pathlib import Path
-from typing import final
+from typing import Final, final
 
 from cjt_gym.errors import HardwareError
+
+FOLDER: Final = Path(os.environ.get("PROGRAMDATA", "C:\\") if os.name == "nt" else "/tmp")
+WIDTH: Final = 16
+"""Bytes of a lock: the number of the process that took it last, and spaces."""
 
 
 @final
 class NodeLock:
     """A lock on one node of one bus, held from its making to `release`.
 
+    Attributes:
+        path: Its file, which stays where it is.
+
     Raises:
-        HardwareError: Another process holds it.
+        HardwareError: Another process holds it, or something else has its name.
     """
 
     def __init__(self, bus: str, node: int) -> None:
@@ -27,19 +39,20 @@ class NodeLock:
             node: Number of the node.
         """
         name = re.sub(r"[^A-Za-z0-9]+", "-", f"{bus}-{node}")
-        self.path = Path(tempfile.gettempdir()) / f"cjt-gym-{name}.lock"
-        self._file = os.open(self.path, os.O_RDWR | os.O_CREAT, 0o666)
+        self.path = FOLDER / f"cjt-gym-{name}.lock"
+        self._file = _opened(self.path)
         try:
             _lock(self._file)
         except OSError:
-            holder = os.read(self._file, 32).decode("ascii", "replace").strip() or "unknown"
+            holder = _content(self._file).decode("ascii", "replace").strip() or "unknown"
             os.close(self._file)
             raise HardwareError(
                 f"Node {node} of {bus} is commanded by another process (number {holder}, lock "
                 f"{self.path}). Stop that one first."
             ) from None
-        os.ftruncate(self._file, 0)
-        os.write(self._file, str(os.getpid()).encode())
+        with contextlib.suppress(OSError):  # a lock of another user is only read
+            os.lseek(self._file, 0, os.SEEK_SET)
+            os.write(self._file, str(os.getpid()).encode().ljust(WIDTH))
 
     def release(self) -> None:
         """Give the lock back; a second call does nothing."""
@@ -48,10 +61,46 @@ class NodeLock:
             self._file = -1
 
 
+def _opened(path: Path) -> int:
+    """Return the open file of a lock, made where there is none.
+
+    Raises:
+        HardwareError: Something else is there.
+    """
+    safe = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
+    for flags in (os.O_RDWR, os.O_RDWR | os.O_CREAT | os.O_EXCL, os.O_RDONLY):
+        try:
+            file = os.open(path, flags | safe, 0o666)
+        except OSError as error:
+            reason = str(error)
+            continue
+        if not path.is_symlink() and _is_lock(file):
+            return file
+        os.close(file)
+        reason = "it is none of ours"
+        break
+    raise HardwareError(
+        f"{path} must be the lock of a node, but cannot be used: {reason}. Move it away."
+    )
+
+
+def _is_lock(file: int) -> bool:
+    """Whether an open file is a lock, or empty, and has no other name."""
+    known = os.fstat(file)
+    is_own = stat.S_ISREG(known.st_mode) and known.st_nlink == 1 and known.st_size <= WIDTH
+    return is_own and re.fullmatch(rb"\d* *", _content(file)) is not None
+
+
+def _content(file: int) -> bytes:
+    os.lseek(file, 0, os.SEEK_SET)
+    return os.read(file, WIDTH)
+
+
 def _lock(file: int) -> None:
     if os.name == "nt":
         import msvcrt
 
+        os.lseek(file, WIDTH, os.SEEK_SET)  # beyond what others may want to read
         msvcrt.locking(file, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]
     else:
         import fcntl

@@ -12,7 +12,7 @@ import can
 from cjt_gym.canbus.config import HardwareConfig, NodeSettings
 from cjt_gym.canbus.link import Arrival
 from cjt_gym.canbus.protocols import protocol_of
-from cjt_gym.canbus.protocols.contract import Master, Mode
+from cjt_gym.canbus.protocols.contract import SLOW, Master, Mode
 from cjt_gym.canbus.safety import Fault
 from cjt_gym.errors import ProtocolError
 
@@ -36,12 +36,14 @@ class Latest:
         value: In the channel's unit.
         t: When its frame arrived [s].
         period: Time between two reports [s].
+        oldest: Age from which it is missing [s].
         node: Name of the node that reports it.
     """
 
     value: float = math.nan
     t: float = -math.inf
     period: float = math.inf
+    oldest: float = math.inf
     node: str = ""
 
 
@@ -57,11 +59,13 @@ class Node:
         error: The error it showed last.
         text: That error in words.
         is_asked: Whether it reports only when asked.
+        is_unwatched: Whether it is accepted that it does not stop by itself.
     """
 
     def __init__(self, settings: NodeSettings) -> None:
         self.name, self.address = settings.name, settings.settings.node
         self.master: Master = protocol_of(settings.protocol).master(settings.settings)
+        self.is_unwatched = settings.settings.unwatched
         self.mode: Mode | None = None
         self.error, self.text = 0, ""
         # what a DBC file describes comes in its own cycles, though its drive is polled to be off
@@ -132,8 +136,16 @@ class Nodes:
         for node in nodes.all:
             for name in sorted(node.master.channels):
                 period = max(node.master.periods.get(name, config.dt), 1e-6)
-                nodes.latest.setdefault(name, Latest(period=period, node=node.name))
+                oldest = max(nodes.oldest(period), SLOW.get(name, 0.0))
+                nodes.latest.setdefault(name, Latest(period=period, oldest=oldest, node=node.name))
         return nodes
+
+    def claims(self, message: can.Message) -> bool:
+        """Whether a frame is from one of these nodes, right or wrong."""
+        try:
+            return any(node.master.decode(message) is not None for node in self.all)
+        except ProtocolError:
+            return True
 
     @property
     def drive(self) -> Node:
@@ -186,7 +198,7 @@ class Nodes:
     def ages(self, now: float) -> dict[str, tuple[float, float]]:
         """Return the age of every channel and that from which it is missing [s]."""
         return {
-            f"{name} of {latest.node}": (now - latest.t, self.oldest(latest.period))
+            f"{name} of {latest.node}": (now - latest.t, latest.oldest)
             for name, latest in self.latest.items()
         }
 

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, final
+from typing import Any, Protocol, final
 
 from cjt_gym.canbus.config import HardwareConfig
 from cjt_gym.canbus.journal import Journal
 from cjt_gym.canbus.sense import Sense
 from cjt_gym.canbus.timing import Timing
+
+STAMPS = "reception"
+"""Whose clock tells when a frame arrived: the machine's, as it is received."""
 
 
 @cache
@@ -21,9 +24,41 @@ def versions() -> dict[str, str]:
     return {name: version(name) for name in ("cjt-gym", "numpy", "python-can")}
 
 
+class Recorder(Protocol):
+    """What takes the rows of a run; see `RunRecord`."""
+
+    path: Path
+    rows_path: Path
+
+    def note(
+        self,
+        k: int,
+        measured: Mapping[str, float],
+        torque: float,
+        tau_ref: float,
+        age: float,
+        lateness: float,
+    ) -> None:
+        """Append a row."""
+        ...
+
+    def close(self, timing: Timing, **known: Any) -> None:
+        """Complete it."""
+        ...
+
+
+BeginRecord = Callable[[HardwareConfig, Sense, float, bool, Mapping[str, Any]], Recorder]
+"""Begins a record, from the last five arguments of `RunRecord`."""
+
+
 @final
 class RunRecord:
-    """A record that is on disk up to the latest control step."""
+    """A record that is on disk up to the latest control step.
+
+    Attributes:
+        path: Its file.
+        rows_path: The file that has its rows until it is complete.
+    """
 
     def __init__(
         self,
@@ -47,15 +82,28 @@ class RunRecord:
         Raises:
             ConfigurationError: The file cannot be written, or the record is there already.
         """
-        joint, drive = config.joint, config.drive
-        names = sense.measured
-        self._columns = ["t", "i_cmd", "tau_cmd", *names, "age", "lateness"]
-        if math.isfinite(tau_ref):
-            self._columns.append("tau_ref")
-        if shows_temperature:
-            self._columns.append("temperature")
+        joint = config.joint
+        self._columns, known = self.describe(config, sense, tau_ref, shows_temperature, facts)
         self._per_ampere = joint.parameters.k_t * joint.parameters.n
         self._dt = config.dt
+        self._journal = Journal(path, self._columns, config.dt, known)
+        self.path, self.rows_path = self._journal.wanted, self._journal.path
+
+    @staticmethod
+    def describe(
+        config: HardwareConfig,
+        sense: Sense,
+        tau_ref: float,
+        shows_temperature: bool,
+        facts: Mapping[str, Any],
+    ) -> tuple[list[str], dict[str, Any]]:
+        """Return the columns of a record and what is known at its beginning; see `RunRecord`."""
+        joint, drive, names = config.joint, config.drive, sense.measured
+        columns = ["t", "i_cmd", "tau_cmd", *names, "age", "lateness"]
+        if math.isfinite(tau_ref):
+            columns.append("tau_ref")
+        if shows_temperature:
+            columns.append("temperature")
         known = {
             "joint": joint.parameters.name,
             "structure": joint.structure,
@@ -68,10 +116,11 @@ class RunRecord:
                 "node": drive.settings.node,
                 "bus": config.bus.identity,
                 "torque": sense.torque,
+                "stamps": STAMPS,
                 **facts,
             },
         }
-        self._journal = Journal(path, self._columns, config.dt, known)
+        return columns, known
 
     def note(
         self,

@@ -23,6 +23,8 @@ FAULTS: Mapping[str, str] = {
     "drive": "the drive reported an error, or left its mode",
     "overrun": "the control loop did not come back in time",
     "command": "a command or an action that is no number or out of its space",
+    "record": "the record could not be written: the disk is full, or gone",
+    "neighbour": "another joint on the bus ended with a fault",
     "exception": "the controller, policy or program raised an exception",
     "interrupt": "the run was interrupted from the keyboard or by a signal",
 }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from array import array
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -25,6 +26,16 @@ class Timing:
     lateness: array[float] = field(default_factory=lambda: array("d"))
     ages: array[float] = field(default_factory=lambda: array("d"))
     answers: array[float] = field(default_factory=lambda: array("d"))
+
+    def answered(self, sent: float, arrivals: Sequence[float]) -> None:
+        """Note how long the first frame after a command took, if there is one.
+
+        Args:
+            sent: When the command was sent [s].
+            arrivals: When the first frame that was heard since then arrived [s], or nothing.
+        """
+        if arrivals and arrivals[0] >= sent:
+            self.answers.append(arrivals[0] - sent)
 
     def summary(self) -> dict[str, Any]:
         """Return percentiles of each in microseconds, as plain data; empty without samples."""

@@ -7,6 +7,7 @@ from typing import final
 
 import can
 
+from cjt_gym.canbus.emulated_arm import EmulatedArm
 from cjt_gym.canbus.emulator import Emulator
 from cjt_gym.canbus.link import Arrival
 from cjt_gym.errors import HardwareError
@@ -22,7 +23,7 @@ class VirtualLink:
         sent: Called with every frame that is sent and the time, or None.
     """
 
-    def __init__(self, emulator: Emulator) -> None:
+    def __init__(self, emulator: Emulator | EmulatedArm) -> None:
         self.emulator = emulator
         self.is_off = False
         self.sent: Callable[[float, can.Message], None] | None = None

@@ -9,6 +9,7 @@ import can
 import numpy as np
 
 from cjt_gym.canbus.config import EmulatorSettings
+from cjt_gym.canbus.frame_bits import wire_time
 
 OVERHEAD_BITS = 67
 """Bits of a frame with extended identifier besides its data, without stuff bits (ISO 11898-1)."""
@@ -31,11 +32,41 @@ class Due(NamedTuple):
 
 
 @final
+class Medium:
+    """What all frames of a bus share: one at a time goes through, each as long as its bits take.
+
+    Attributes:
+        bitrate: Nominal bit rate [bit/s].
+        data_bitrate: Of CAN FD's data phase [bit/s].
+        free: From when on the next frame may be sent [s].
+    """
+
+    def __init__(self, bitrate: float, data_bitrate: float) -> None:
+        self.bitrate, self.data_bitrate = bitrate, data_bitrate
+        self.free = 0.0
+
+    def carry(self, t: float, message: can.Message) -> float:
+        """Return when a frame is through that is ready to be sent at a time [s]."""
+        time = wire_time(message, self.bitrate, self.data_bitrate)
+        self.free = max(self.free, t) + time
+        return self.free
+
+
+@final
 class Wire:
     """One direction of a bus; frames keep their order."""
 
-    def __init__(self, settings: EmulatorSettings, seed: int) -> None:
+    def __init__(self, settings: EmulatorSettings, seed: int, medium: Medium | None = None) -> None:
+        """Make an empty one.
+
+        Args:
+            settings: How it behaves.
+            seed: Of what is random about it.
+            medium: What its frames share with those of other directions; None for a bus on which
+                no frame takes time by itself.
+        """
         self.settings = settings
+        self._medium = medium
         self._random = np.random.default_rng(seed)
         self._on_way: list[Due] = []
         self._order = 0
@@ -51,6 +82,8 @@ class Wire:
             delay += self._random.exponential(s.jitter)
         if s.load:
             delay += self._waiting(message)
+        if self._medium is not None:
+            t = self._medium.carry(t, message)
         self._latest = max(self._latest, t + delay)
         self._order += 1
         heapq.heappush(self._on_way, Due(self._latest, self._order, message))

@@ -20,6 +20,7 @@ from cjt_gym.commands.joint_options import (
     structures_of,
     tell_effects,
 )
+from cjt_gym.commands.numbers import check_seed
 from cjt_gym.datasheet import FORMATS, check_format, write_sheet
 from cjt_gym.datasheet.linear import Case, analyse_case, linear_sheet
 from cjt_gym.errors import ConfigurationError
@@ -52,6 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> None:
     """Analyse, write the sheet, and print the figures where they are asked for."""
     check_joint(options.joints)
+    check_seed(options.seed)
     if options.out is None and not options.json:
         raise ConfigurationError(
             f"--out FILE is needed ({', '.join(FORMATS)}), or --json for the figures alone."

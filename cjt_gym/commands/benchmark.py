@@ -10,6 +10,7 @@ from typing import Any
 
 from cjt_gym import __version__
 from cjt_gym.baselines import CONTROLLERS
+from cjt_gym.commands.controllers import CONTROLLER_HELP
 from cjt_gym.commands.joint_options import (
     add_conditions,
     check_randomize,
@@ -33,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--joint", nargs="+", required=True, metavar="J", help="joints, or paths of joint files")
     text = "friction, sensors and what the joint file lists, ripple, delays (docs/benchmark.md)"
     add_conditions(parser, several=True, effects=text)
-    text = f"{', '.join(CONTROLLERS)}, gain files of `cjt-gym tune`, or {ALL}"
+    text = f"{CONTROLLER_HELP}; gain files of `cjt-gym tune`; or {ALL} of the table"
     add("--controller", nargs="+", default=[], metavar="C", help=text)
     add(
         "--policy",

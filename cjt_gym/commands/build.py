@@ -5,10 +5,12 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
+from cjt_gym.disk import check_file_name, write_text
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.joint import to_toml
+from cjt_gym.joint import Joint, to_toml
 from cjt_gym.joint.build import build_joints, file_of
 
 
@@ -23,18 +25,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> None:
     """List the joints of the table, and write them."""
     rows, lines = [], []
-    for name, joint in build_joints(options.table).items():
-        path = None
-        if options.out is not None:
-            options.out.mkdir(parents=True, exist_ok=True)
-            path = options.out / f"{name}.toml"
-            text = to_toml(file_of(joint))
-            if path.exists() and path.read_text(encoding="utf-8") != text:
-                raise ConfigurationError(
-                    f"{path} exists and differs from what the table says. Give another --out, or "
-                    "move that file away."
-                )
-            path.write_text(text, encoding="utf-8")
+    joints = build_joints(options.table)
+    paths = {} if options.out is None else _written(joints, options.out, options.table)
+    for name, joint in joints.items():
         lines.append(f"{name}  {', '.join(joint.effects) or 'no effects'}\n")
         rows.append(
             {
@@ -42,10 +35,32 @@ def run(options: argparse.Namespace) -> None:
                 "structure": joint.structure,
                 "drive": joint.drive,
                 "effects": list(joint.effects),
-                "file": None if path is None else str(path),
+                "file": str(paths[name]) if paths else None,
             }
         )
     if options.json:
         sys.stdout.write(json.dumps({"joints": rows}, indent=1) + "\n")
         return
     sys.stdout.write("".join(lines))
+
+
+def _written(joints: Mapping[str, Joint], folder: Path, table: str) -> dict[str, Path]:
+    """Write a file per joint, none before all may be written; return their paths.
+
+    Raises:
+        ConfigurationError: A name cannot be that of a file, or a file is there that differs.
+    """
+    for name in joints:
+        check_file_name(name, f"The name of a joint of {table}")
+    paths = {name: folder / f"{name}.toml" for name in joints}
+    texts = {name: to_toml(file_of(joint)) for name, joint in joints.items()}
+    for name, path in paths.items():
+        if path.exists() and path.read_bytes() != texts[name].encode("utf-8"):
+            raise ConfigurationError(
+                f"{path} exists and differs from what the table says. Give another --out, or "
+                "move that file away."
+            )
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, path in paths.items():
+        write_text(path, texts[name])
+    return paths

@@ -7,11 +7,13 @@ import json
 import sys
 from pathlib import Path
 
+from cjt_gym.disk import refuse_inputs, write_text
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import to_toml
 from cjt_gym.joint.files import TOOLBOX_SUFFIX
 from cjt_gym.joint.toolbox_files import read_toolbox
-from cjt_gym.records import FORMATS, Record, Repair, read_log, write_record
+from cjt_gym.records import FORMATS, Record, Repair, one_joint, read_log, write_record
+from cjt_gym.records.files import table_path
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -26,6 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--bus", metavar="CONFIG.toml", help=text)
     text = "joint from which comes what JOINT.m leaves open; generic has the toolbox's defaults"
     add("--defaults", metavar="JOINT", help=text)
+    add("--joint", metavar="NAME", help="the joint of which LOG, or the configuration, has several")
     endings = ", ".join(ending for ending, form in FORMATS.items() if form.write is not None)
     text = f"file to write ({endings}; .toml for a joint)"
     add("--out", type=Path, required=True, metavar="FILE", help=text)
@@ -39,10 +42,10 @@ def run(options: argparse.Namespace) -> None:
     if options.defaults is not None:
         raise ConfigurationError(f"--defaults is for a joint (.m), got the log {options.log}.")
     records, repairs = _read(options)
-    paths = [
-        write_record(record, _numbered(options.out, k, len(records)))
-        for k, record in enumerate(records)
-    ]
+    paths = [_numbered(options.out, k, len(records)) for k in range(len(records))]
+    refuse_inputs(paths, [table_path(options.log), options.log, options.mapping, options.bus])
+    for record, path in zip(records, paths, strict=True):
+        write_record(record, path)
     if options.json:
         written = [
             {"record": str(path), "samples": len(record), "columns": list(record.columns)}
@@ -61,7 +64,8 @@ def _write_joint(options: argparse.Namespace) -> None:
     if options.out.suffix != ".toml":
         raise ConfigurationError(f"--out of a joint must end in .toml, got {options.out}.")
     file = read_toolbox(options.log, options.defaults)
-    options.out.write_text(to_toml(file), encoding="utf-8")
+    refuse_inputs([options.out], [options.log, options.defaults])
+    write_text(options.out, to_toml(file))
     count = len(file.parameters.quantities)
     if options.json:
         sys.stdout.write(json.dumps({"joint": str(options.out), "parameters": count}) + "\n")
@@ -71,12 +75,15 @@ def _write_joint(options: argparse.Namespace) -> None:
 
 def _read(options: argparse.Namespace) -> tuple[tuple[Record, ...], tuple[Repair, ...]]:
     if options.bus is None:
-        return read_log(options.log, options.mapping)
+        records, repairs = read_log(options.log, options.mapping)
+        if options.joint is not None:
+            records = tuple(one_joint(record, options.joint) for record in records)
+        return records, repairs
     from cjt_gym.canbus.config import load_hardware
     from cjt_gym.canbus.protocols import protocol_of
     from cjt_gym.canbus.traces import read_trace
 
-    config = load_hardware(options.bus)
+    config = load_hardware(options.bus, options.joint)
     nodes = [(protocol_of(node.protocol), node.settings) for node in config.nodes]
     joint = config.joint
     return read_trace(options.log, nodes, joint=joint.parameters.name, structure=joint.structure)

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from cjt_gym.commands.in_the_loop import InTheLoop, agents_for, in_the_loop
 from cjt_gym.commands.joint_options import asked_effects
+from cjt_gym.disk import refuse_inputs, write_text
 from cjt_gym.errors import ConfigurationError, RecordError
 from cjt_gym.gap import Diagnosis, diagnose
 from cjt_gym.gap.orient import orient
@@ -88,6 +89,8 @@ def run(options: argparse.Namespace) -> None:
     held, also = _oriented(held, file, structure)
     folder = options.out or Path("diagnosis") / Path(options.records[0]).stem
     agents = agents_for(options.controller, options.policy, [*held, *fitted])
+    nominal = joint if str(joint).endswith(".toml") else None
+    refuse_inputs([folder / name for name in FILES], [nominal, *options.records, *options.validate])
     _make(folder)
     found = diagnose(fitted, file, structure, held, progress=tell)
     tell("replaying in a closed loop")
@@ -137,8 +140,8 @@ def write_files(
     """
     next_record = diagnosis.suggestion.written(folder / "next.npz")
     diagnosis = replace(diagnosis, suggestion=next_record)
-    (folder / "diagnosis.json").write_text(_json(diagnosis, loop, repairs), encoding="utf-8")
-    (folder / "joint.toml").write_text(joint_text(diagnosis, name), encoding="utf-8")
+    write_text(folder / "diagnosis.json", _json(diagnosis, loop, repairs))
+    write_text(folder / "joint.toml", joint_text(diagnosis, name))
     notes = [*(repair.text for repair in repairs), *loop.notes]
     title, tables = f"Diagnosis of {name}", loop.tables()
     write_report(diagnosis, folder / "report.html", title=title, notes=notes, tables=tables)

@@ -7,20 +7,24 @@ import json
 import signal
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from cjt_gym.canbus.config import HardwareConfig, load_hardware
+from cjt_gym.canbus.config import HardwareConfig, load_joints
+from cjt_gym.canbus.emulated_arm import EmulatedArm
 from cjt_gym.canbus.emulator import Emulator, emulated_joint, serve
 from cjt_gym.canbus.hidden import draw_hidden
 from cjt_gym.canbus.link import quiet_machine
 from cjt_gym.canbus.ports import open_port
 from cjt_gym.canbus.ports.port import Port
+from cjt_gym.commands.endings import ending_signals
 from cjt_gym.commands.joint_options import asked_effects
+from cjt_gym.commands.numbers import check_seed, check_time
+from cjt_gym.disk import write_text
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.joint import EFFECTS
+from cjt_gym.joint import EFFECTS, Joint
 
 WARM_UP = 0.1
 """Time of the joint that passes before it is served, so that all code is compiled [s]."""
@@ -30,6 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add which joint, what it hides, and how bus and clock behave."""
     add = parser.add_argument
     add("config", type=Path, metavar="CONFIG.toml", help="the joint on its bus, as for hardware")
+    add("--joint", metavar="NAME", help="which of the joints that it lists")
     text = "draw the joint's effects by this number and do not show them, for a blind diagnosis"
     add("--hidden-seed", type=int, metavar="N", help=text)
     text = "write what the joint really has to this JSON file, to look at afterwards"
@@ -48,21 +53,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Serve until it is stopped."""
-    config = with_options(load_hardware(options.config), options)
+    check_seed(options.seed)
+    check_time("seconds", options.seconds)
+    configs = [with_options(c, options) for c in load_joints(options.config, options.joint)]
+    config = configs[0]
     if options.hidden_seed is not None and options.hidden_seed < 0:
         raise ConfigurationError(f"--hidden-seed must be >= 0, got {options.hidden_seed}.")
     if options.hidden_seed is not None and options.effect is not None:
         raise ConfigurationError("Give --hidden-seed or --effect, not both.")
-    effects: Any = asked_effects(options)
-    if options.hidden_seed is not None:
-        effects = draw_hidden(config.joint, options.hidden_seed)
-    joint = emulated_joint(config, effects)
+    joints = [_emulated(each, options, k) for k, each in enumerate(configs)]
     if options.truth is not None:
-        options.truth.write_text(json.dumps(joint.effects, indent=1) + "\n", encoding="utf-8")
+        truth: Any = {c.name: joint.effects for c, joint in zip(configs, joints, strict=True)}
+        truth = truth if len(configs) > 1 else joints[0].effects
+        write_text(options.truth, json.dumps(truth, indent=1) + "\n")
     port = open_port(config.bus)
     try:
-        _announce(options, config, port, list(joint.effects))
-        emulator, stopped = Emulator(config, joint), _until(options.seconds)
+        facts = [
+            _facts(options, each, port, list(joint.effects))
+            for each, joint in zip(configs, joints, strict=True)
+        ]
+        _announce(options, facts)
+        is_alone = len(configs) == 1
+        emulator = Emulator(config, joints[0]) if is_alone else EmulatedArm(configs, joints)
+        stopped = _until(options.seconds)
         emulator.advance(WARM_UP)
         with quiet_machine(config.priority):
             serve(emulator, [port], config.emulator.speed, stopped)
@@ -89,26 +102,41 @@ def with_options(config: HardwareConfig, options: argparse.Namespace) -> Hardwar
     return replace(config, emulator=replace(config.emulator, **given))
 
 
-def _announce(
+def _emulated(config: HardwareConfig, options: argparse.Namespace, k: int) -> Joint:
+    """Return the joint that is emulated, the k-th of all."""
+    effects: Any = asked_effects(options)
+    if options.hidden_seed is not None:
+        effects = draw_hidden(config.joint, options.hidden_seed + k)
+    return emulated_joint(config, effects)
+
+
+def _facts(
     options: argparse.Namespace, config: HardwareConfig, port: Port, effects: list[str]
-) -> None:
-    """Say where the drive is, and, unless that is hidden, what the joint has."""
-    hidden = options.hidden_seed is not None
-    facts = {
+) -> dict[str, Any]:
+    """Return where a drive is, and, unless that is hidden, what its joint has."""
+    known: dict[str, Any] = {"name": config.name} if config.name else {}
+    return known | {
         "address": port.address,
         "protocol": config.drive.protocol,
         "node": config.drive.settings.node,
         "joint": config.joint.parameters.name,
-        "effects": None if hidden else effects,
+        "effects": None if options.hidden_seed is not None else effects,
     }
+
+
+def _announce(options: argparse.Namespace, joints: Sequence[dict[str, Any]]) -> None:
+    """Say where the drives are, and what their joints have."""
     if options.json:
+        facts: Any = joints[0] if len(joints) == 1 else {"joints": joints}
         sys.stdout.write(json.dumps(facts) + "\n")
     else:
-        what = "hidden" if hidden else ", ".join(effects) or "none"
-        sys.stdout.write(
-            f"{facts['joint']} behind {facts['protocol']} node {facts['node']} on "
-            f"{facts['address']}; effects: {what}. Ctrl-C ends it.\n"
-        )
+        for facts in joints:
+            known = facts["effects"]
+            what = "hidden" if known is None else ", ".join(known) or "none"
+            sys.stdout.write(
+                f"{facts['joint']} behind {facts['protocol']} node {facts['node']} on "
+                f"{facts['address']}; effects: {what}. Ctrl-C ends it.\n"
+            )
     sys.stdout.flush()
 
 
@@ -120,7 +148,7 @@ def _until(seconds: float | None) -> Callable[[], bool]:
         nonlocal stopped
         stopped = True
 
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in ending_signals():
         signal.signal(number, stop)
     end = float("inf") if seconds is None else time.monotonic() + seconds
     return lambda: stopped or time.monotonic() >= end

@@ -1,4 +1,4 @@
-"""`cjt-gym export`: a joint as another simulator takes it, or a policy as a control loop does."""
+"""`cjt-gym export`: joints for other simulators; policies and control laws for control loops."""
 
 from __future__ import annotations
 
@@ -7,30 +7,39 @@ import json
 import sys
 from pathlib import Path
 
+from cjt_gym.baselines.observers import OBSERVERS
+from cjt_gym.commands import export_c
 from cjt_gym.commands.joint_options import add_conditions, chosen_joint, tell_effects
+from cjt_gym.disk import refuse_inputs, write_text
 from cjt_gym.export import TARGETS, Export, to_isaaclab, to_mujoco
 
 FORMS = ("onnx", "numpy", "c")
-"""Forms of an exported policy."""
+"""Forms of an exported policy; controllers and observers are written in C."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add what to export, for what, and where to write it."""
     add = parser.add_argument
-    text = "name of a joint or path of a joint file; for a policy, its run folder"
-    add("source", metavar="JOINT|RUN", help=text)
+    text = "name of a joint or path of a joint file; for a policy, its run folder; with --to c a "
+    text += f"controller (table, parts, gain file) or an observer: {', '.join(OBSERVERS)}"
+    add("source", metavar="JOINT|RUN|CONTROLLER|OBSERVER", help=text)
     text = f"simulator for a joint: {', '.join(TARGETS)}; form of a policy: {', '.join(FORMS)}"
     add("--to", required=True, choices=[*TARGETS, *FORMS], help=text)
     add_conditions(parser, draws=False)
     add("--timestep", type=float, help="of the simulation that will use it [s]")
     text = "mujoco: leave out the dcmotor, which versions before 4 lack"
     add("--without-dcmotor", action="store_true", help=text)
+    export_c.add_arguments(parser)
     add("--out", type=Path, required=True, metavar="FILE", help="file to write")
 
 
 def run(options: argparse.Namespace) -> None:
     """Write the file; say what it holds and what it cannot."""
+    refuse_inputs([options.out], [options.source])
     options.out.parent.mkdir(parents=True, exist_ok=True)
+    if options.to == "c" and export_c.is_classical(options.source):
+        export_c.run(options)
+        return
     if options.to in FORMS:
         from cjt_gym.training.deploy.export import export_policy
 
@@ -44,7 +53,7 @@ def run(options: argparse.Namespace) -> None:
         found = to_mujoco(joint, dcmotor=not options.without_dcmotor, **step)
     else:
         found = to_isaaclab(joint, **step)
-    options.out.write_text(found.text, encoding="utf-8")
+    write_text(options.out, found.text)
     tell_effects(joint)
     if options.json:
         sys.stdout.write(json.dumps({"file": str(options.out), **found.to_dict()}) + "\n")

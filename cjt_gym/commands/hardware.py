@@ -5,27 +5,31 @@ from __future__ import annotations
 import argparse
 import json
 import logging
-import signal
 import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.baselines import CONTROLLERS
-from cjt_gym.canbus.config import HardwareConfig, load_hardware
+from cjt_gym.baselines import Controller
+from cjt_gym.canbus.config import HardwareConfig, load_joints
 from cjt_gym.canbus.dry_run import Frames
 from cjt_gym.canbus.emulator import Emulator, emulated_joint
 from cjt_gym.canbus.experiments import EXPERIMENTS
 from cjt_gym.canbus.link import Link
 from cjt_gym.canbus.plant import CanPlant
+from cjt_gym.canbus.protocols.contract import CHANNELS
 from cjt_gym.canbus.safety import HardwareFault
 from cjt_gym.canbus.virtual import VirtualLink
+from cjt_gym.commands.controllers import CONTROLLER_HELP
+from cjt_gym.commands.endings import in_order
+from cjt_gym.commands.hardware_arm import look_at, run_arm
 from cjt_gym.commands.hardware_jobs import NONE, TRACKING, Job, jobs_of
+from cjt_gym.commands.hardware_law import law_for
 from cjt_gym.commands.simulate import GAINS
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.records import default_units
 from cjt_gym.signals import sampled_signal
 from cjt_gym.training.gains import choose
 
@@ -36,8 +40,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the joint, who moves it and how, and what keeps it still."""
     add = parser.add_argument
     add("config", type=Path, metavar="CONFIG.toml", help="the joint on its bus, as for emulate")
+    add("--joint", metavar="NAME", help="which of the joints that it lists")
     who = parser.add_mutually_exclusive_group()
-    text = f"{', '.join(CONTROLLERS)}, a gain file, or {NONE}: the reference is the motor torque"
+    text = f"{CONTROLLER_HELP}; a gain file; or {NONE}: the reference is the motor torque"
     who.add_argument("--controller", metavar="C", help=text)
     who.add_argument(
         "--policy", metavar="RUN", help="run folder, or a policy of  cjt-gym export --to numpy"
@@ -69,18 +74,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> None:
     """Run, write the record and say what came out."""
     logging.getLogger("can").setLevel(logging.ERROR)  # which warns of frames that come in pieces
-    config = load_hardware(options.config)
+    configs = load_joints(options.config, options.joint)
     if options.dry_run and options.emulated:
         raise ConfigurationError("Give --dry-run or --emulated, not both.")
     moves = options.arm or options.dry_run or options.emulated
     if not moves:
-        _tell(options, _look(config))
+        _tell(options, _look(configs))
         return
     if options.out is None and not options.dry_run:
         raise ConfigurationError("--out must name the record to write, such as run.csv.")
-    signal.signal(signal.SIGTERM, _terminate)
     frames = Frames() if options.dry_run else None
-    results = [_run_one(config, options, job, frames) for job in jobs_of(config, options)]
+    config = configs[0]
+    with in_order():
+        if len(configs) > 1:
+            results = [run_arm(configs, options, frames)]
+        else:
+            results = [_run_one(config, options, job, frames) for job in jobs_of(config, options)]
     if frames is not None:
         text = ", ".join(f"{n} of {identifier:#x}" for identifier, n in frames.by_id.items())
         _tell(options, {"frames": frames.count, "by_id": text})
@@ -89,10 +98,6 @@ def run(options: argparse.Namespace) -> None:
         _tell(options, {"records": results, "rows": _compare(config, options)})
         return
     _tell(options, results[0] if options.experiment is None else {"records": results})
-
-
-def _terminate(number: int, frame: object) -> NoReturn:
-    raise SystemExit(f"Stopped by signal {number}.")
 
 
 def _compare(config: HardwareConfig, options: argparse.Namespace) -> list[dict[str, Any]]:
@@ -122,15 +127,15 @@ def _run_one(
     config: HardwareConfig, options: argparse.Namespace, job: Job, frames: Frames | None
 ) -> dict[str, Any]:
     """Run one job and return what came out."""
-    law = None
     if job.policy is None and job.controller != NONE:
-        law = choose(job.controller).make(config.joint, config.dt)
-        facts = {name: getattr(law, name) for name in GAINS if hasattr(law, name)}
-        job.facts.update(facts)
+        choose(job.controller)  # a wrong name is told before the bus is touched
     path = None if frames is not None else job.path
     plant = CanPlant(config, _link(config, options, frames), path, **job.facts)
     with plant:
         plant.connect()
+        law = None
+        if job.policy is None and job.controller != NONE:
+            law = _law(plant, job)
         plant.arm()
         error = _follow(plant, job, law) if job.policy is None else _follow_policy(plant, job)
         plant.stop()
@@ -142,6 +147,15 @@ def _run_one(
         "timing_us": timing.summary(),
         "delays_s": timing.delay(plant.dt),
     }
+
+
+def _law(plant: CanPlant, job: Job) -> Controller:
+    """Return the controller of a job, its gains for the delay that is measured now."""
+    delays = plant.measured_delay()
+    law = law_for(job.controller, plant.config.joint, plant.dt, delays)
+    gains = {name: getattr(law, name) for name in GAINS if hasattr(law, name)}
+    plant.note(designed_for_s=delays, **gains)
+    return law
 
 
 def _follow(plant: CanPlant, job: Job, law: Any) -> list[float]:
@@ -195,9 +209,11 @@ def _without_torch(agent: Any) -> Any:
     return fast_policy(agent)
 
 
-def _look(config: HardwareConfig) -> dict[str, Any]:
-    """Return what the joint shows, without moving it."""
-    with CanPlant(config) as plant:
+def _look(configs: Sequence[HardwareConfig]) -> dict[str, Any]:
+    """Return what the joint shows, or the joints, without moving anything."""
+    if len(configs) > 1:
+        return {"armed": False, "joints": look_at(configs)}
+    with CanPlant(configs[0]) as plant:
         plant.connect()
         values = plant.nodes.values()
     return {"armed": False, "values": values}
@@ -206,11 +222,13 @@ def _look(config: HardwareConfig) -> dict[str, Any]:
 def _tell(options: argparse.Namespace, result: dict[str, Any]) -> None:
     if options.json:
         sys.stdout.write(json.dumps(result) + "\n")
-    elif "values" in result:
-        values = dict(sorted(result["values"].items()))
-        units = default_units(tuple(values))
-        text = ", ".join(f"{name} {value:.6g} {units[name]}" for name, value in values.items())
-        sys.stdout.write(f"Not armed, nothing was moved (--arm moves it). {text}\n")
+    elif "armed" in result:
+        sys.stdout.write("Not armed, nothing was moved (--arm moves it). ")
+        if "values" in result:
+            sys.stdout.write(_shown(result["values"]) + "\n")
+        else:
+            lines = [f"{name}: {_shown(values)}" for name, values in result["joints"].items()]
+            sys.stdout.write("\n" + "\n".join(lines) + "\n")
     elif "frames" in result:
         sys.stdout.write(f"{result['frames']} frames would be sent: {result['by_id']}\n")
     else:
@@ -220,6 +238,11 @@ def _tell(options: argparse.Namespace, result: dict[str, Any]) -> None:
             from cjt_gym.training.benchmark import table
 
             sys.stdout.write(table(result["rows"]) + "\n")
+
+
+def _shown(values: Mapping[str, float]) -> str:
+    named = sorted(values.items())
+    return ", ".join(f"{name} {value:.6g} {CHANNELS[name][0]}" for name, value in named)
 
 
 def _line(result: dict[str, Any]) -> str:

@@ -6,6 +6,7 @@ import argparse
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.canbus.config import HardwareConfig
-from cjt_gym.canbus.experiments import EXPERIMENTS, experiment_torque
+from cjt_gym.canbus.experiments import (
+    EXPERIMENTS,
+    HEADROOM,
+    experiment_torque,
+    fitting_share,
+)
+from cjt_gym.commands.numbers import check_seed
 from cjt_gym.envs.settings import default_amplitude
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.records import Record, read_record, record_names
@@ -47,10 +54,11 @@ class Job:
 
 def jobs_of(config: HardwareConfig, options: argparse.Namespace) -> Sequence[Job]:
     """Return the runs that are asked for; of a series those that are not recorded yet."""
+    check_seed(options.seed)
     if options.benchmark is not None:
         return _missing(_tasks(config, options))
     if options.experiment is None:
-        return [_tracking(config, options)]
+        return [tracking(config, options)]
     names = list(EXPERIMENTS) if options.experiment == ["all"] else options.experiment
     jobs = []
     for name in names:
@@ -81,12 +89,13 @@ def _tasks(config: HardwareConfig, options: argparse.Namespace) -> Sequence[Job]
 
     if options.experiment is not None or options.controller == NONE:
         raise ConfigurationError("--benchmark needs a --controller or a --policy.")
-    amplitude, seed = _amplitude(config, options), options.seed
+    seed = options.seed
     seconds = SECONDS if options.duration is None else options.duration
     controller = options.controller or TRACKING
     jobs = []
     for name in runs_of(options.benchmark):
-        reference = reference_of(name, amplitude, config.dt, seconds, seed)
+        make = partial(reference_of, name, dt=config.dt, duration=seconds, seed=seed)
+        amplitude, reference = _with_amplitude(config, options, make)
         path = None if options.out is None else options.out / f"{name}.csv"
         facts: dict[str, Any] = {"task": name, "amplitude": amplitude, "seed": seed}
         facts |= {"policy": options.policy} if options.policy else {"controller": controller}
@@ -94,16 +103,27 @@ def _tasks(config: HardwareConfig, options: argparse.Namespace) -> Sequence[Job]
     return jobs
 
 
-def _amplitude(config: HardwareConfig, options: argparse.Namespace) -> float:
-    """Return the amplitude of the reference [N m], within the limits where none is given."""
+def _with_amplitude(
+    config: HardwareConfig, options: argparse.Namespace, make: Callable[[float], Floats]
+) -> tuple[float, Floats]:
+    """Return amplitude and reference [N m]; without a given one the nominal joint keeps its limits.
+
+    Args:
+        config: The joint on its bus.
+        options: Of the command.
+        make: Makes the reference of an amplitude, which it is proportional to.
+    """
     if options.amplitude is not None:
         if not 0.0 < options.amplitude <= config.limits.tau:
             raise ConfigurationError(
                 f"--amplitude must be > 0 and <= {config.limits.tau:g} N m, the limit on the "
                 f"joint torque of {config.joint_name}, got {options.amplitude:g}."
             )
-        return float(options.amplitude)
-    return min(default_amplitude(config.joint.parameters), config.limits.tau)
+        return float(options.amplitude), make(options.amplitude)
+    usual = min(default_amplitude(config.joint.parameters), HEADROOM * config.limits.tau)
+    reference = make(usual)
+    share = fitting_share(config.joint, reference, config.limits, config.dt)
+    return share * usual, share * reference
 
 
 def _is_complete(path: Path, job: Job) -> bool:
@@ -124,8 +144,12 @@ def _is_complete(path: Path, job: Job) -> bool:
     return True
 
 
-def _tracking(config: HardwareConfig, options: argparse.Namespace) -> Job:
-    """Return the run of a controller or policy along a reference."""
+def tracking(config: HardwareConfig, options: argparse.Namespace) -> Job:
+    """Return the run of a controller or policy along a reference.
+
+    Raises:
+        ConfigurationError: An option is out of its range.
+    """
     word = options.reference
     record = read_record(word) if Path(word).suffix or word in record_names() else None
     tracked = record is None or "tau_ref" in record
@@ -137,15 +161,19 @@ def _tracking(config: HardwareConfig, options: argparse.Namespace) -> Job:
     samples = round(duration / config.dt)
     if samples < 1:
         raise ConfigurationError(f"--duration must be >= one control step, got {duration} s.")
-    if record is not None and controller == NONE:
-        reference = _commanded(record, config)(np.arange(samples) * config.dt)
-    else:
-        amplitude = _amplitude(config, options)
-        spec = word if record is None else signal_from_file(word)
-        (signal_,) = make_signals(spec, amplitude)[:1]
-        drawn = signal_.reset(np.random.default_rng(options.seed))
-        reference = drawn.torque(np.arange(samples) * config.dt)
+    t = np.arange(samples) * config.dt
     facts: dict[str, Any] = {"reference": word, "seed": options.seed}
+
+    def drawn(spec: object, amplitude: float) -> Floats:
+        (signal_,) = make_signals(spec, amplitude)[:1]
+        return signal_.reset(np.random.default_rng(options.seed)).torque(t)
+
+    if record is None:
+        facts["amplitude"], reference = _with_amplitude(config, options, partial(drawn, word))
+    elif controller == NONE:
+        reference = _commanded(record, config)(t)
+    else:
+        reference = drawn(signal_from_file(word), 1.0)
     if options.policy is None:
         facts |= {"controller": controller} | ({"mode": "open loop"} if controller == NONE else {})
     else:

@@ -189,12 +189,13 @@ def _replay(
 def _law(record: Record, nominal: Joint, agents: Sequence[Agent]) -> tuple[str, Law] | None:
     """Return the controller that a record names, else the first classical one that was given."""
     from cjt_gym.baselines import CONTROLLERS, PdFeedForward, make_controller
+    from cjt_gym.baselines.compose import is_composed
     from cjt_gym.plant import limits_of
 
     made = record.provenance
     given = next((agent.name for agent in agents if agent.kind == "classical"), None)
     name = made.get("controller", None if "policy" in made else given)
-    if not isinstance(name, str) or name not in CONTROLLERS:
+    if not isinstance(name, str) or not (name in CONTROLLERS or is_composed(name)):
         return None
     if name == "pd_feedforward" and {"kp", "kd"} <= set(made):
         limit = limits_of(nominal).tau

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.baselines import CONTROLLERS
+from cjt_gym.commands.controllers import CONTROLLER_HELP
 from cjt_gym.commands.joint_options import (
     USUAL,
     add_conditions,
@@ -24,6 +25,8 @@ from cjt_gym.commands.joint_options import (
     structure_of,
     tell_effects,
 )
+from cjt_gym.commands.numbers import check_seed, check_time
+from cjt_gym.disk import refuse_inputs
 from cjt_gym.envs.settings import default_amplitude, default_load
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import Joint, load_joint
@@ -33,13 +36,15 @@ from cjt_gym.plant import SimulatedPlant
 from cjt_gym.plant.randomization import Randomization
 from cjt_gym.records import FORMATS, Record, read_record, record_names, write_record
 from cjt_gym.signals import Signal, make_signals, sampled_signal, signal_from_file
-from cjt_gym.training.gains import choose
+from cjt_gym.training.gains import choose, files_of
 
 Floats = NDArray[np.float64]
 TRACKING, NONE = "pd_feedforward", "none"
 """Controller where nothing else is said; the name for no controller at all."""
 COMMANDS = ("i_cmd", "tau_cmd")
 DT_PHYSICS = 1e-4
+MOST_SAMPLES = 20_000_000
+"""Samples of a record, of which each takes some 300 bytes."""
 GAINS = ("kp", "kd", "derivative")
 """What a controller is known by, where it has it."""
 
@@ -53,8 +58,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = "step, chirp, multisine, smooth, or a record: tau_ref is tracked, a command replayed"
     add("--reference", default="chirp", help=text)
     add("--amplitude", type=float, help="of the reference [N m]; default: from the joint")
-    text = f"{', '.join(CONTROLLERS)}, a gain file of `cjt-gym tune`, or {NONE}: replay the "
-    text += f"record's command; default: {TRACKING}"
+    text = f"{CONTROLLER_HELP}; a gain file of `cjt-gym tune`; or {NONE}: replay the record's "
+    text += f"command; default: {TRACKING}"
     add("--controller", help=f"{text} where there is a tau_ref")
     add("--duration", type=float, help="[s]; default: that of the record, or 10")
     add("--dt", type=float, help="control step [s]; default: that of the record, or 0.001")
@@ -68,7 +73,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> None:
     """Simulate, write the record and say what came out."""
     check_joint(options.joint)
+    check_seed(options.seed)
+    check_time("dt", options.dt)
+    check_time("dt-physics", options.dt_physics)
     randomize = check_randomize(options)
+    used = [] if options.controller is None else files_of(options.controller)
+    refuse_inputs([options.out], [options.reference, options.joint, *used])
     task = _task(options)
     loaded = default_load(options.joint, task.structure, {})
     effects = asked_effects(options)
@@ -79,7 +89,7 @@ def run(options: argparse.Namespace) -> None:
         task.controller,
         task.duration,
         task.dt,
-        options.dt_physics or task.dt / ceil(task.dt / DT_PHYSICS - 1e-9),
+        options.dt_physics or task.dt / max(1, ceil(task.dt / DT_PHYSICS - 1e-9)),
         options.seed,
         randomize,
     )
@@ -198,6 +208,10 @@ def simulate(
     """
     if not (np.isfinite(duration) and duration >= dt):
         raise ConfigurationError(f"--duration must be >= one control step, got {duration} s.")
+    if duration / dt > MOST_SAMPLES:
+        raise ConfigurationError(
+            f"--duration over --dt must be at most {MOST_SAMPLES} samples, got {duration / dt:.3g}."
+        )
     plant = SimulatedPlant(joint, 1, dt, dt_physics, randomize)
     choice = choose("open_loop" if controller == NONE else controller)
     law = choice.make(joint, dt)

@@ -13,7 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from cjt_gym import __version__
-from cjt_gym.baselines import CONTROLLERS
+from cjt_gym.baselines import get_entry
+from cjt_gym.baselines.own import is_own
+from cjt_gym.commands.controllers import CONTROLLER_HELP
 from cjt_gym.commands.joint_options import (
     add_conditions,
     check_randomize,
@@ -23,7 +25,7 @@ from cjt_gym.commands.joint_options import (
     tell_effects,
 )
 from cjt_gym.errors import ConfigurationError, unknown_name
-from cjt_gym.training.gains import read_gains, write_gains
+from cjt_gym.training.gains import WITH, choose, read_gains, write_gains
 from cjt_gym.training.grid import BACKENDS, cluster
 from cjt_gym.training.rollout import joint_of
 from cjt_gym.training.tune import Outcome, Search, tune
@@ -43,7 +45,7 @@ LIMITS = {
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add what to tune, within which limits, how long, and where to write it."""
     add = parser.add_argument
-    add("controller", metavar="CONTROLLER", help=", ".join(CONTROLLERS))
+    add("controller", metavar="CONTROLLER", help=CONTROLLER_HELP)
     add("--joint", required=True, help="name of a joint, or path of a joint file")
     text = "friction, sensors and what the joint file lists, ripple, delays (docs/benchmark.md)"
     add_conditions(parser, effects=text)
@@ -113,7 +115,8 @@ def check_out(options: argparse.Namespace) -> None:
         raise ConfigurationError(f"--out must end in .toml, as every gain file, got {out}.")
     if not out.exists():
         return
-    known = read_gains(out)
+    own = is_own(options.controller)
+    known = choose(f"{options.controller}{WITH}{out}") if own else read_gains(out)
     wanted = (options.controller, options.joint, options.structure)
     if (known.controller, known.facts.get("joint"), known.facts.get("structure")) != wanted:
         raise ConfigurationError(
@@ -162,7 +165,7 @@ def command(options: argparse.Namespace) -> str:
 
 def words(outcome: Outcome) -> str:
     """Say in words what came out."""
-    units = {gain.name: gain.unit for gain in CONTROLLERS[outcome.search.controller].tunable}
+    units = {gain.name: gain.unit for gain in get_entry(outcome.search.controller).tunable}
     gains = ", ".join(
         f"{name} {value:g}" + (f" {units[name]}" if units[name] != "-" else "")
         for name, value in outcome.best.gains.items()

@@ -13,6 +13,7 @@ from typing import Any
 
 from cjt_gym.characteristics import CHARACTERISTICS, acting, changing, characteristics
 from cjt_gym.datasheet.blocks import Sheet
+from cjt_gym.disk import write_bytes, write_text
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import JointFile
 
@@ -75,17 +76,17 @@ def write_sheet(sheet: Sheet, path: str | Path) -> tuple[Path, ...]:
     if ending == ".html":
         from cjt_gym.datasheet.html import to_html
 
-        path.write_text(to_html(sheet), encoding="utf-8")
+        write_text(path, to_html(sheet))
         return (path,)
     from cjt_gym.datasheet.pdf import to_pdf
 
     pages = to_pdf(sheet, image=ending == ".png")
     if ending == ".pdf":
-        path.write_bytes(pages[0])
+        write_bytes(path, pages[0])
         return (path,)
     paths = tuple(path.with_stem(f"{path.stem}_{k + 1}") for k in range(len(pages)))
     for page, image in zip(paths, pages, strict=True):
-        page.write_bytes(image)
+        write_bytes(page, image)
     return paths
 
 

@@ -20,7 +20,7 @@ from cjt_gym.datasheet.blocks import (
     Sheet,
     Table,
 )
-from cjt_gym.datasheet.notation import number, unit, with_tolerance
+from cjt_gym.datasheet.notation import named, number, plain, unit, with_tolerance
 from cjt_gym.datasheet.resistance import friction_and_ripple
 from cjt_gym.errors import ParameterError
 from cjt_gym.joint import EFFECTS, JointFile, JointParameters, Quantity
@@ -35,9 +35,9 @@ def make_sheet(files: Sequence[JointFile]) -> Sheet:
     """Return the sheet of one joint, or of several side by side."""
     joints = [acting(file) for file in files]
     if len(joints) == 1:
-        title, subtitle = joints[0].name.replace("_", " "), joints[0].source
+        title, subtitle = named(joints[0].name), plain(joints[0].source)
     else:
-        title = " · ".join(p.name.replace("_", " ") for p in joints)
+        title = " · ".join(named(p.name) for p in joints)
         subtitle = f"Comparison of {len(joints)} joints"
     blocks = [
         *_facts(joints),
@@ -144,7 +144,7 @@ def _notes(joints: Sequence[JointParameters]) -> Iterator[Block]:
         if rated is None or peak is None or coulomb is None:
             continue
         lost = characteristic(p, "t_NL")
-        name = p.name.replace("_", " ")
+        name = named(p.name)
         if rated < lost:
             yield Paragraph(
                 f"{name}: friction at the no-load speed ({number(lost, 3)} {p.unit('d_cm')}) is "
@@ -186,7 +186,7 @@ def _characteristics(joints: Sequence[JointParameters]) -> Iterator[Block]:
         yield Table(("", "Value", "Unit", "What it is", "Formula"), rows, "lrlll", wide=(3,))
         yield from notes
         return
-    names = [p.name.replace("_", " ") for p in joints]
+    names = [named(p.name) for p in joints]
     head = ("", *names, "Unit", "What it is")
     yield Table(head, rows, "l" + "r" * len(joints) + "ll", wide=(len(head) - 1,))
     yield from notes
@@ -202,7 +202,7 @@ def _parameters(joints: Sequence[JointParameters]) -> Iterator[Block]:
             continue
         marks = []
         for q in quantities:
-            source = "" if q is None else q.source or "this file"
+            source = "" if q is None else plain(q.source or "this file")
             marks.append(str(sources.setdefault(source, len(sources) + 1)) if source else "")
         cells = [_value(q) for q in quantities]
         where = ", ".join(dict.fromkeys(mark for mark in marks if mark))
@@ -210,7 +210,7 @@ def _parameters(joints: Sequence[JointParameters]) -> Iterator[Block]:
         name = f"${SYMBOLS.get(symbol, symbol)}$"
         rows.append((name, *cells, unit(joints[0].unit(symbol)), what, where))
     yield Heading("Parameters")
-    head = ("", *(["Value"] if len(joints) == 1 else [p.name.replace("_", " ") for p in joints]),
+    head = ("", *(["Value"] if len(joints) == 1 else [named(p.name) for p in joints]),
             "Unit", "What it is", "Source")  # fmt: skip
     align = "l" + "r" * len(joints) + "lll"
     columns = 2 if len(joints) == 1 else 1
@@ -250,7 +250,7 @@ def _effects(files: Sequence[JointFile]) -> Iterator[Block]:
     """Yield the effects that joint files list: their numbers, and friction and ripple drawn."""
     rows: list[tuple[str, ...]] = []
     for file in files:
-        name = file.name.replace("_", " ")
+        name = named(file.name)
         for effect, entries in file.effects.items():
             row = EFFECTS[effect]
             title = f"{effect.replace('_', ' ')}: {row.summary}"

@@ -25,7 +25,7 @@ from cjt_gym.characteristics import (
 )
 from cjt_gym.datasheet.drawing import BLUE, COLOURS, GREEN, GREY, HALF, INK, ORANGE, RED, canvas
 from cjt_gym.datasheet.drawing import legend as place_legend
-from cjt_gym.datasheet.notation import number
+from cjt_gym.datasheet.notation import drawn, number
 from cjt_gym.joint import JointParameters
 
 Joints = Sequence[JointParameters]
@@ -48,7 +48,7 @@ def torque_speed(joints: Joints) -> str:
             line = np.minimum(speed_at_torque(p, tau), p.get("dq_p", math.inf))
             edge = [*tau, tau[-1]], [*line, 0.0]
             if len(joints) > 1:
-                axes.plot(*edge, color=colour, label=p.name)
+                axes.plot(*edge, color=colour, label=drawn(p.name))
                 rated = characteristic(p, "t_r"), characteristic(p, "dq_r")
                 axes.plot(*rated, color=colour, **POINT)
                 continue
@@ -112,7 +112,7 @@ def efficiency_map(joints: Joints) -> str:
             axes.plot(*best, color=RED, label=label, **POINT)
             axes.plot(characteristic(p, "t_r"), characteristic(p, "dq_r"), color=INK, **POINT)
             axes.set_xlabel(_label(p, "d_cm", "motor torque at the link"))
-            axes.set_title(p.name.replace("_", " ") if len(joints) > 1 else "")
+            axes.set_title(drawn(p.name.replace("_", " ")) if len(joints) > 1 else "")
             axes.set_xlim(0.0, 1.03 * characteristic(p, "t_p"))
             axes.set_ylim(0.0, 1.05 * characteristic(p, "dq_0"))
             place_legend(axes, loc="lower right", handletextpad=0.2)
@@ -139,7 +139,7 @@ def heat(joints: Joints) -> str:
             for winding, style, text in starts:
                 held = np.array([time_to_critical(p, float(x), winding) for x in tau])
                 held[held > LONGEST] = np.nan
-                label = text if len(joints) == 1 else p.name
+                label = text if len(joints) == 1 else drawn(p.name)
                 upper.semilogy(tau, held, color=colour, ls=style, label=label)
             fine = np.linspace(0.0, peak, 400)
             ends = steady_temperature(p, fine)
@@ -167,7 +167,7 @@ def torque_bandwidth(joints: Joints) -> str:
         for p, colour in zip(joints, COLOURS, strict=False):
             limits = torque_limits(p, f)
             if len(joints) > 1:
-                axes.loglog(f, limits.peak, color=colour, label=p.name)
+                axes.loglog(f, limits.peak, color=colour, label=drawn(p.name))
                 axes.loglog(f, limits.lasting, color=colour, ls="--", lw=0.8)
                 continue
             axes.fill_between(f, limits.peak, 1e-9, color=BLUE, alpha=0.12, lw=0.0)
@@ -234,7 +234,7 @@ def impedance(joints: Joints, motion: float) -> str:
                 axes.loglog(f, np.abs(width.own), color=INK, label="motor without current")
                 axes.loglog(f, np.abs(width.held), color=ORANGE, ls="--", label="motor held")
             else:
-                axes.loglog(f, width.high, color=colour, label=p.name)
+                axes.loglog(f, width.high, color=colour, label=drawn(p.name))
                 axes.loglog(f, np.where(width.low > 0.0, width.low, np.nan), color=colour, ls="--",
                             lw=0.8)  # fmt: skip
             axes.set_ylim(bottom=0.1 * float(np.abs(width.own).min()))

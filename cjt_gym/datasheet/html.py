@@ -8,7 +8,7 @@ from html import escape
 from importlib import resources
 
 from cjt_gym.datasheet.blocks import Block, Facts, Figure, Heading, Paragraph, Sheet, Table
-from cjt_gym.datasheet.notation import render
+from cjt_gym.datasheet.notation import render, without_formulas
 
 
 def to_html(sheet: Sheet) -> str:
@@ -18,7 +18,7 @@ def to_html(sheet: Sheet) -> str:
     return (
         f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         f'<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{escape(sheet.title)}</title>\n<style>\n{style}</style>\n</head>\n<body>\n<main>\n"
+        f"<title>{escape(without_formulas(sheet.title))}</title>\n<style>\n{style}</style>\n</head>\n<body>\n<main>\n"
         f"<header><h1>{_text(sheet.title)}</h1>\n<p>{_text(sheet.subtitle)}</p></header>\n"
         f"{body}\n<footer>{_text(sheet.footer)}</footer>\n</main>\n</body>\n</html>\n"
     )

@@ -14,7 +14,7 @@ from cjt_gym.analysis.open_loop import Mode, Step, frequency_response, poles, st
 from cjt_gym.analysis.system import Floats
 from cjt_gym.datasheet.blocks import Block, Figure, Heading, Paragraph, Sheet, Table
 from cjt_gym.datasheet.drawing import COLOURS, HALF, canvas
-from cjt_gym.datasheet.notation import number
+from cjt_gym.datasheet.notation import drawn, named, number
 from cjt_gym.joint import Joint
 
 UNITS = {"tau_m": "N m", "i": "A", "v": "V", "tau": "N m", "q": "rad", "dq": "rad/s"}
@@ -97,7 +97,7 @@ def linear_sheet(
     found = {case.label: analyse_case(case, input, output) for case in cases}
     name = {"load": "load"}.get(input, f"${input.replace('tau', 'τ')}$")
     title = f"Linear analysis, {name} to ${output.replace('tau', 'τ').replace('dq', 'ω')}$"
-    subtitle = " · ".join(case.label.replace("_", " ") for case in cases)
+    subtitle = " · ".join(named(case.label) for case in cases)
     footer = f"Computed by cjt-gym {__version__}; link side, SI units."
     blocks = [
         Figure(_draw(cases, found, input, output, dt), _caption(cases, dt), whole=True),
@@ -145,7 +145,7 @@ def _draw(
             one = found[case.label]
             response = frequency_response(case.joint, f, input, output, dt)
             gain = np.maximum(np.abs(response), 1e-300)
-            axes["gain"].semilogx(f, 20.0 * np.log10(gain), color=colour, label=case.label)
+            axes["gain"].semilogx(f, 20.0 * np.log10(gain), color=colour, label=drawn(case.label))
             phase = np.degrees(np.unwrap(np.angle(response)))
             axes["phase"].semilogx(f, phase, color=colour)
             axes["nyquist"].plot(response.real, response.imag, color=colour, lw=0.9)
@@ -197,7 +197,7 @@ def _tables(found: Mapping[str, Analysis]) -> Iterator[Block]:
     yield Heading("Poles, zeros and step")
     rows: list[tuple[str, ...]] = []
     for label, one in found.items():
-        rows.append((label.replace("_", " "),))
+        rows.append((named(label),))
         for kind, modes in (("pole", one.poles), ("zero", one.zeros)):
             for mode in modes:
                 pair = "pair of " if mode.value.imag > 0.0 else ""
@@ -212,7 +212,7 @@ def _tables(found: Mapping[str, Analysis]) -> Iterator[Block]:
     for label, one in found.items():
         s = one.step
         values = (number(s.final), number(1e3 * s.rise_s), number(100.0 * s.overshoot, 3))
-        steps.append((label.replace("_", " "), *values, number(1e3 * s.settling_s)))
+        steps.append((named(label), *values, number(1e3 * s.settling_s)))
     head = ("Step", "Final value", "Rise [ms]", "Overshoot [%]", "Settling [ms]")
     yield Table(head, steps, "lrrrr", wide=(0,))
 
@@ -222,7 +222,7 @@ def _distortion(cases: Sequence[Case]) -> Iterator[Block]:
         if case.identified is not None:
             seen = case.identified
             yield Paragraph(
-                f"{case.label.replace('_', ' ')}: best linear approximation at "
+                f"{named(case.label)}: best linear approximation at "
                 f"{number(seen.amplitude, 3)} N m rms; nonlinear distortion "
                 f"{number(100.0 * seen.distortion, 3)} % of the output.",
                 small=True,

@@ -10,6 +10,8 @@ import math
 import re
 from collections.abc import Callable
 
+DOLLAR = "\ue024"
+"""A dollar sign that begins no formula, within the text of a sheet."""
 UNITS = {"degC": "°C", "Ohm": "Ω", "W^0.5": "√W", "m^2": "m²", "s^2": "s²"}
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 TOKEN = re.compile(r"([^\W\d_²]+)_((?:[^\W²]|[½∞])+(?:,[\w½]+)*)|([^\W\d_²]+)")
@@ -57,6 +59,27 @@ def with_tolerance(value: float | None, sigma: float | None) -> str:
     return f"{value:.{places}f} ± {sigma:.{places}f}"
 
 
+def plain(text: str) -> str:
+    """Return a text of somebody else as text of a sheet: no sign in it begins a formula."""
+    return "".join(c if c.isprintable() else "?" for c in text).replace("$", DOLLAR)
+
+
+def named(name: str) -> str:
+    """Return the name of a joint as text of a sheet."""
+    return plain(name.replace("_", " "))
+
+
+def drawn(name: str) -> str:
+    """Return a name as Matplotlib shows it in a legend: no sign in it begins a formula."""
+    text = "".join(c if c.isprintable() else "?" for c in name).replace("$", "\\$")
+    return " " + text[1:] if text.startswith("_") else text  # one that begins so is left out
+
+
+def without_formulas(text: str) -> str:
+    """Return a text of a sheet where formulas cannot be set, such as the title of a window."""
+    return text.replace("$", "").replace(DOLLAR, "$")
+
+
 def render(
     text: str,
     plain: Callable[[str], str],
@@ -67,13 +90,17 @@ def render(
 
     Args:
         text: Text with formulas between dollar signs.
-        plain: Escapes what is printed as it is.
+        plain: Escapes what is printed as it is; what `plain` has hidden is there again.
         italic: Marks a variable, which is escaped already.
         index: Marks an index.
     """
+
+    def escaped(text: str) -> str:
+        return plain(text.replace(DOLLAR, "$"))
+
     parts = text.split("$")
     return "".join(
-        plain(part) if k % 2 == 0 else _formula(part, plain, italic, index)
+        escaped(part) if k % 2 == 0 else _formula(part, escaped, italic, index)
         for k, part in enumerate(parts)
     )
 

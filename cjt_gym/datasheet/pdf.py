@@ -17,7 +17,7 @@ from cjt_gym.datasheet.blocks import (
     Sheet,
     Table,
 )
-from cjt_gym.datasheet.notation import render
+from cjt_gym.datasheet.notation import render, without_formulas
 
 ACCENT = "#1f5fa8"
 PREAMBLE = """
@@ -25,7 +25,7 @@ PREAMBLE = """
   #set text(7.5pt, fill: luma(40%))
   FOOTER #h(1fr) #counter(page).display("1 / 1", both: true)
 ])
-#set document(title: "TITLE")
+#set document(title: TITLE)
 #set text(font: "Libertinus Serif", size: 9pt, lang: "en", number-type: "lining",
   number-width: "tabular", fallback: true)
 #set par(justify: false, leading: 0.5em, spacing: 0.7em)
@@ -67,8 +67,8 @@ def to_pdf(sheet: Sheet, *, image: bool = False, ppi: float = 100.0) -> list[byt
 
 def to_typst(sheet: Sheet) -> str:
     """Return a sheet as the source that Typst sets; figures are files figure<k>.svg beside it."""
-    preamble = PREAMBLE.replace("FOOTER", _text(sheet.footer)).replace("ACCENT", ACCENT)
-    preamble = preamble.replace("TITLE", sheet.title.replace('"', "'"))
+    given = {"FOOTER": _text(sheet.footer), "ACCENT": ACCENT, "TITLE": _string(sheet.title)}
+    preamble = re.sub("FOOTER|ACCENT|TITLE", lambda found: given[found[0]], PREAMBLE)
     title = (
         f'#text(20pt, weight: "semibold")[{_text(sheet.title)}] \\\n'
         f"#small[{_text(sheet.subtitle)}]\n#v(-0.4em)#line(length: 100%, stroke: 1.2pt + accent)\n"
@@ -78,6 +78,12 @@ def to_typst(sheet: Sheet) -> str:
 
 def _escape(text: str) -> str:
     return re.sub(r"([\\#*_`$<>@~\[\]=+/-])", r"\\\1", text)
+
+
+def _string(text: str) -> str:
+    """Return a text as a string of Typst."""
+    escaped = without_formulas(text).replace("\\", "\\\\").replace('"', '\\"')
+    return f'"{escaped}"'
 
 
 def _text(text: str) -> str:

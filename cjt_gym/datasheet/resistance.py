@@ -11,6 +11,7 @@ from cjt_gym.characteristics import coulomb, viscous, with_effects
 from cjt_gym.characteristics.motor import Floats
 from cjt_gym.datasheet.drawing import COLOURS, HALF, INK, canvas
 from cjt_gym.datasheet.drawing import legend as place_legend
+from cjt_gym.datasheet.notation import drawn
 from cjt_gym.joint import Joint, JointFile
 from cjt_gym.joint.ripple import RIPPLES
 
@@ -52,7 +53,7 @@ def friction_and_ripple(files: Sequence[JointFile]) -> str | None:
             top = p.get("dq_p", max(1.0, 4.0 * smooth))
             speed = np.concatenate([-np.geomspace(top, 1e-4 * top, 300),
                                     np.geomspace(1e-4 * top, top, 300)])  # fmt: skip
-            left.plot(speed, friction_over_speed(joint, speed), color=colour, label=p.name)
+            left.plot(speed, friction_over_speed(joint, speed), color=colour, label=drawn(p.name))
             if len(joints) == 1:
                 nominal = coulomb(p) * np.sign(speed) + viscous(p) * speed
                 left.plot(speed, nominal, color=INK, lw=0.8, ls="--")

@@ -10,6 +10,7 @@ References:
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping
 
@@ -87,7 +88,8 @@ def to_isaaclab(joint: Joint, timestep: float = TIMESTEP) -> Export:
         )
     exact, nearly, missing = sorted_out(joint, SUPPORT)
     lines = [
-        f"# {joint.file.name} as {joint.structure}; fields of isaaclab.actuators, version 2.3.",
+        f"# {json.dumps(joint.file.name)} as {joint.structure}; fields of isaaclab.actuators, "
+        "version 2.3.",
         f"# Delays count physics steps of {number(timestep)} s. Isaac Sim 5.0 and later take"
         " friction as an effort,",
         "# earlier ones as a coefficient, for which these numbers are no substitute.",

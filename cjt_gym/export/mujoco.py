@@ -12,9 +12,10 @@ References:
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from xml.sax.saxutils import quoteattr
+from xml.etree.ElementTree import Comment, Element, SubElement, indent, tostring
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +36,8 @@ from cjt_gym.joint.ripple import COGGING
 
 Ripple = NDArray[np.float64]
 TIMESTEP = 2.5e-4
+ILLEGAL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+"""Characters that no XML file can hold, however they are written."""
 SPEED_OF_BRISTLES = 0.1
 """Frequency of a bristle against its body, as a share of what the time step allows."""
 DAMPING_OF_BRISTLES = 0.5
@@ -131,41 +134,29 @@ def to_mujoco(joint: Joint, timestep: float = TIMESTEP, dcmotor: bool = True) ->
     support = dict(SUPPORT) | ({} if dcmotor else dict(WITHOUT_DCMOTOR))
     exact, nearly, missing = sorted_out(joint, support)
     friction = _frictions(bodies, values)
+    model = Element("mujoco", model=ILLEGAL.sub("?", joint.file.name))
+    model.append(Comment(_comment(joint, nearly, missing)))
+    SubElement(model, "option", timestep=number(timestep), integrator="Euler", gravity="0 0 0")
+    _add_hinges(SubElement(model, "worldbody"), bodies, values, friction, timestep, dcmotor)
+    _add_tendons(model, bodies, values)
+    actuator = SubElement(model, "actuator")
+    _add_drive(actuator, joint, values, timestep, dcmotor)
+    _add_passive(actuator, bodies, values, ripple, friction, timestep, dcmotor)
+    _add_sensors(SubElement(model, "sensor"), bodies)
+    indent(model)
+    return Export(tostring(model, encoding="unicode") + "\n", exact, nearly, missing)
+
+
+def _comment(joint: Joint, nearly: Mapping[str, str], missing: Mapping[str, str]) -> str:
+    """Return what the model is; nothing in it comes from a file, so that it cannot end early."""
     lines = [
-        "<!--",
-        *_comment(joint, nearly, missing),
-        "-->",
-        f"<mujoco model={quoteattr(joint.file.name)}>",
-        f'  <option timestep="{number(timestep)}" integrator="Euler" gravity="0 0 0"/>',
-        "  <worldbody>",
-        *_hinges(bodies, values, friction, timestep, dcmotor),
-        "  </worldbody>",
-        *_section("tendon", _tendons(bodies, values)),
-        "  <actuator>",
-        *_drive(joint, values, timestep, dcmotor),
-        *_passive(bodies, values, ripple, friction, timestep, dcmotor),
-        "  </actuator>",
-        "  <sensor>",
-        *_sensors(bodies),
-        "  </sensor>",
-        "</mujoco>",
-    ]
-    return Export("\n".join(lines) + "\n", exact, nearly, missing)
-
-
-def _comment(joint: Joint, nearly: Mapping[str, str], missing: Mapping[str, str]) -> list[str]:
-    return [
-        f"  {joint.file.name} as {joint.structure}, drive {joint.drive}. "
-        "Angles and torques are those of the link side;",
-        "  the control is the motor torque in N m. Joint torque = stiffness (and damping) of tendon"
+        f"{joint.structure}, drive {joint.drive}. Angles and torques are those of the link side;",
+        "the control is the motor torque in N m. Joint torque = stiffness (and damping) of tendon"
         " 'bar'.",
-        *(f"  {line}" for line in listed("Approximated:", nearly)),
-        *(f"  {line}" for line in listed("Not in this model:", missing)),
+        *listed("Approximated:", nearly),
+        *listed("Not in this model:", missing),
     ]
-
-
-def _section(name: str, lines: list[str]) -> list[str]:
-    return [f"  <{name}>", *lines, f"  </{name}>"] if lines else []
+    return "\n" + "".join(f"    {line}\n" for line in lines) + "  "
 
 
 # ---- mechanics
@@ -178,33 +169,33 @@ def _frictions(bodies: Bodies, values: Mapping[str, float]) -> list[Friction]:
     ]
 
 
-def _hinges(
+def _add_hinges(
+    world: Element,
     bodies: Bodies,
     values: Mapping[str, float],
     friction: list[Friction],
     timestep: float,
     dcmotor: bool,
-) -> list[str]:
-    lines = []
+) -> None:
     inertia, damping = bodies.total(values, "I_"), bodies.total(values, "d_")
     for k, name in enumerate(bodies.names):
+        body = SubElement(world, "body", name=name)
+        SubElement(body, "inertial", pos="0 0 0", mass="1e-6", diaginertia="1e-9 1e-9 1e-9")
+        given = {"armature": number(inertia[k]), "damping": number(damping[k])}
         loss = 0.0 if dcmotor and friction[k].has_bristles else friction[k].loss
-        # With MuJoCo's usual 20 ms the constraint of friction lets a joint creep that should stick.
-        hard = f'solreffriction="{number(2.0 * timestep)} 1"'
-        more = f' frictionloss="{number(loss)}" {hard}' if loss > 0.0 else ""
-        lines += [
-            f'    <body name="{name}">',
-            '      <inertial pos="0 0 0" mass="1e-6" diaginertia="1e-9 1e-9 1e-9"/>',
-            f'      <joint name="{name}" axis="0 0 1" armature="{number(inertia[k])}" '
-            f'damping="{number(damping[k])}"{more}/>',
-            "    </body>",
-        ]
-    return lines
+        if loss > 0.0:
+            # With MuJoCo's usual 20 ms the constraint of friction lets a joint creep that should
+            # stick.
+            given |= {
+                "frictionloss": number(loss),
+                "solreffriction": f"{number(2.0 * timestep)} 1",
+            }
+        SubElement(body, "joint", {"name": name, "axis": "0 0 1", **given})
 
 
-def _tendons(bodies: Bodies, values: Mapping[str, float]) -> list[str]:
-    lines = []
+def _add_tendons(model: Element, bodies: Bodies, values: Mapping[str, float]) -> None:
     springs = bodies.springs()
+    tendons = SubElement(model, "tendon") if springs else model
     for name, one, other in springs:
         k, d = ("k_g", "d_mg") if name == "gear" else ("k_b", "d_gl")
         stiffness = number(values[k])
@@ -214,78 +205,76 @@ def _tendons(bodies: Bodies, values: Mapping[str, float]) -> list[str]:
         if values["play_gap"] > 0.0 and name == springs[0][0]:
             half, middle = 0.5 * values["play_gap"], values["play_offset"]
             rest = f"{number(middle - half)} {number(middle + half)}"
-        lines.append(
-            f'    <fixed name="{name}" stiffness="{stiffness}" damping="{number(values[d])}" '
-            f'springlength="{rest}">'
-        )
-        lines.append(f'      <joint joint="{bodies.names[one]}" coef="1"/>')
+        given = {"stiffness": stiffness, "damping": number(values[d]), "springlength": rest}
+        spring = SubElement(tendons, "fixed", {"name": name, **given})
+        SubElement(spring, "joint", joint=bodies.names[one], coef="1")
         if other >= 0:
-            lines.append(f'      <joint joint="{bodies.names[other]}" coef="-1"/>')
-        lines.append("    </fixed>")
-    return lines
+            SubElement(spring, "joint", joint=bodies.names[other], coef="-1")
 
 
 # ---- drive
-def _drive(joint: Joint, values: Mapping[str, float], timestep: float, dcmotor: bool) -> list[str]:
+def _add_drive(
+    actuator: Element, joint: Joint, values: Mapping[str, float], timestep: float, dcmotor: bool
+) -> None:
     limit = joint.parameters.k_t * values["n"] * values["i_p"]
-    common = 'name="drive" joint="motor"'
+    given = {"name": "drive", "joint": "motor"}
     if math.isfinite(limit) and limit > 0.0:
-        common += f' ctrlrange="{number(-limit)} {number(limit)}"'
+        given["ctrlrange"] = f"{number(-limit)} {number(limit)}"
     delay = values["command_delay"]
     if delay > 0.0:
         samples = math.ceil(delay / timestep) + 1
-        common += f' delay="{number(delay)}" nsample="{samples}"'
+        given |= {"delay": number(delay), "nsample": str(samples)}
     if joint.drive != CURRENT_FREE and dcmotor:
-        return [f"    <dcmotor {common} {_winding(joint, values)}/>"]
+        SubElement(actuator, "dcmotor", given | _winding(joint, values))
+        return
     lag = values["current_bandwidth"]
     if lag > 0.0:
-        common += f' dyntype="filterexact" dynprm="{number(1.0 / (2.0 * math.pi * lag))}"'
-    return [f'    <general {common} gainprm="{number(gain_of(joint, values))}"/>']
+        given |= {"dyntype": "filterexact", "dynprm": number(1.0 / (2.0 * math.pi * lag))}
+    SubElement(actuator, "general", {**given, "gainprm": number(gain_of(joint, values))})
 
 
-def _winding(joint: Joint, values: Mapping[str, float]) -> str:
+def _winding(joint: Joint, values: Mapping[str, float]) -> dict[str, str]:
     constant = number(values["k_t"] * values["n"])
     inductance = values["l_a"] if joint.drive in ("rl", "dq") else 0.0
-    return (
-        f'input="ff" motorconst="{constant} {constant}" resistance="{number(values["r"])}" '
-        f'inductance="{number(inductance)} 0" controller="0 0 0 0 0 {number(values["v_0"])}"'
-    )
+    return {
+        "input": "ff",
+        "motorconst": f"{constant} {constant}",
+        "resistance": number(values["r"]),
+        "inductance": f"{number(inductance)} 0",
+        "controller": f"0 0 0 0 0 {number(values['v_0'])}",
+    }
 
 
 # ---- what acts without a command
-def _passive(
+def _add_passive(
+    actuator: Element,
     bodies: Bodies,
     values: Mapping[str, float],
     ripple: Ripple,
     friction: list[Friction],
     timestep: float,
     dcmotor: bool,
-) -> list[str]:
-    lines = []
+) -> None:
     if values["torque_offset"] != 0.0:
-        lines.append(
-            '    <general name="offset" joint="motor" gainprm="0" biastype="affine" '
-            f'biasprm="{number(values["torque_offset"])} 0 0"/>'
-        )
+        bias = f"{number(values['torque_offset'])} 0 0"
+        given = {"name": "offset", "joint": "motor", "gainprm": "0", "biastype": "affine"}
+        SubElement(actuator, "general", {**given, "biasprm": bias})
     if not dcmotor:
-        return lines
+        return
     inertia = bodies.total(values, "I_")
     for k, name in enumerate(bodies.names):
         if friction[k].has_bristles:
             law = _bristles(friction[k], values, inertia[k], timestep)
-            lines.append(_silent(f"friction_{name}", name, f'lugre="{law}"'))
+            _add_silent(actuator, f"friction_{name}", name, lugre=law)
     for k, (f, amplitude, phase) in enumerate(harmonics(values, ripple)):
         law = f"{number(amplitude)} {number(f)} {number(phase)}"
-        lines.append(_silent(f"cogging_{k + 1}", "motor", f'cogging="{law}"'))
-    return lines
+        _add_silent(actuator, f"cogging_{k + 1}", "motor", cogging=law)
 
 
-def _silent(name: str, joint: str, law: str) -> str:
-    """Return a dcmotor without input and without current."""
-    return (
-        f'    <dcmotor name="{name}" joint="{joint}" input="none" motorconst="0 0" '
-        f'resistance="1" {law}/>'
-    )
+def _add_silent(actuator: Element, name: str, joint: str, **law: str) -> None:
+    """Add a dcmotor without input and without current."""
+    given = {"input": "none", "motorconst": "0 0", "resistance": "1"}
+    SubElement(actuator, "dcmotor", {"name": name, "joint": joint, **given, **law})
 
 
 def _bristles(law: Friction, values: Mapping[str, float], inertia: float, timestep: float) -> str:
@@ -312,15 +301,10 @@ def harmonics(values: Mapping[str, float], ripple: Ripple) -> list[tuple[float, 
     return found
 
 
-def _sensors(bodies: Bodies) -> list[str]:
-    lines = [
-        f'    <joint{kind} name="{prefix}_{name[0]}" joint="{name}"/>'
-        for name in bodies.names
-        for kind, prefix in (("pos", "q"), ("vel", "dq"))
-    ]
+def _add_sensors(sensor: Element, bodies: Bodies) -> None:
+    for name in bodies.names:
+        for kind, prefix in (("jointpos", "q"), ("jointvel", "dq")):
+            SubElement(sensor, kind, name=f"{prefix}_{name[0]}", joint=name)
     if any(name == "bar" for name, _, _ in bodies.springs()):
-        lines += [
-            '    <tendonpos name="deflection" tendon="bar"/>',
-            '    <tendonvel name="deflection_rate" tendon="bar"/>',
-        ]
-    return lines
+        SubElement(sensor, "tendonpos", name="deflection", tendon="bar")
+        SubElement(sensor, "tendonvel", name="deflection_rate", tendon="bar")

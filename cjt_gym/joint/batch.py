@@ -29,6 +29,9 @@ INERTIAS = ("I_m", "I_g", "I_l")
 CHANNEL_DELAYS = ("late_i", "late_q_m", "late_q_g", "late_q_l", "late_tau")
 DELAYS = ("command_delay", "measurement_delay", *CHANNEL_DELAYS)
 
+LONGEST_DELAY = 100_000
+"""Control steps that are kept for each joint, which take 80 bytes each."""
+
 
 def substeps_of(dt: float, dt_physics: float) -> int:
     """Return how many substeps make a control step.
@@ -125,6 +128,11 @@ class JointBatch:
                 f"{dt / substeps:g} s."
             )
         delay = max(longest_delay, float(sum(record[name][0] for name in DELAYS)))
+        if delay > LONGEST_DELAY * dt:
+            raise ConfigurationError(
+                f"The delays of {joint.file.parameters.name} together must be <= "
+                f"{LONGEST_DELAY * dt:g} s, {LONGEST_DELAY} control steps, got {delay:g} s."
+            )
         depth = math.ceil(delay / dt - 1e-9) + 2
         order, size = structure.order, structure.size
         self.setup = Setup(

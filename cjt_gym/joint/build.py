@@ -19,13 +19,13 @@ the name where there are several.
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from typing import Any
 
+from cjt_gym.disk import read_toml
 from cjt_gym.errors import ConfigurationError, MissingFileError, did_you_mean
 from cjt_gym.joint.effect_entries import unit_on
 from cjt_gym.joint.effects import EFFECTS
@@ -66,21 +66,33 @@ def build_joints(table: str | Path | Mapping[str, Any]) -> dict[str, Joint]:
             raise ConfigurationError(f"{owner} must have '{key}', got none. Add at least one.")
     drives = table.get("drives", ["current"])
     effects: Mapping[str, Any] = table.get("effects") or {"": None}
+    for key, names in (("structures", table["structures"]), ("drives", drives)):
+        if not isinstance(names, list | tuple) or not all(isinstance(n, str) for n in names):
+            raise ConfigurationError(f"{key} of {owner} must be a list of names, got {names!r}.")
+    for key, rows in (("joints", table["joints"]), ("effects", effects)):
+        if not isinstance(rows, Mapping):
+            raise ConfigurationError(f"{key} of {owner} must be a table, got {rows!r}.")
     found: dict[str, Joint] = {}
     sets = table["joints"].items()
     for (name, row), structure, drive, kind in product(sets, table["structures"], drives, effects):
         _check_keys(row, JOINT_KEYS, f"joint {name} of {owner}")
+        file, parameters = row.get("file", name), row.get("parameters", {})
+        if not isinstance(file, str) or not isinstance(parameters, Mapping):
+            raise ConfigurationError(
+                f"file of joint {name} of {owner} must be a name or a path, and parameters a table "
+                f"such as {{ k_b = 3e3 }}, got {file!r} and {parameters!r}."
+            )
         parts = [name, structure, drive if len(drives) > 1 else "", kind]
         label = "-".join(part for part in parts if part)
         joint = load_joint(
-            _located(row.get("file", name), folder),
+            _located(file, folder),
             structure,
             drive,
             effects[kind],
-            row.get("parameters"),
+            parameters,
         )
-        parameters = replace(joint.parameters, name=label)
-        found[label] = replace(joint, file=replace(joint.file, parameters=parameters))
+        named = replace(joint.parameters, name=label)
+        found[label] = replace(joint, file=replace(joint.file, parameters=named))
     return found
 
 
@@ -107,11 +119,9 @@ def file_of(joint: Joint) -> JointFile:
 
 def _read(path: Path) -> Mapping[str, Any]:
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return read_toml(path, ConfigurationError)
     except FileNotFoundError:
         raise MissingFileError(f"The table of joints {path} does not exist.") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigurationError(f"{path} must be a TOML file: {error}.") from None
 
 
 def _check_keys(row: object, known: tuple[str, ...], owner: str) -> None:

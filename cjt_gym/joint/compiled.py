@@ -15,13 +15,17 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import re
+import warnings
 from collections.abc import Callable
+from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, TypeVar
 
 from numba import njit
 from numba.extending import register_jitable
+
+from cjt_gym.errors import CjtGymWarning
 
 PACKAGES = (
     "cjt_gym.joint",
@@ -32,11 +36,19 @@ PACKAGES = (
     "cjt_gym.training.deploy",
 )
 STAMP = "compiled.stamp"
-BORROWED: Any = {"cache": True, "_nrt": False}
+UNKEPT = (
+    "Compiled code cannot be kept, as neither the installation nor the cache of this user can be "
+    "written to: it is compiled anew in every process, which takes a minute. Set the environment "
+    "variable NUMBA_CACHE_DIR to a folder of your own."
+)
+BORROWED: Any = {"_nrt": False}
 INNER: Any = {"_nrt": False, "no_cfunc_wrapper": True}
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-compiled = njit(cache=True)
+
+def compiled(function: Function) -> Function:
+    """Compile a function that may allocate."""
+    return _kept(function)
 
 
 def lean(function: Function) -> Function:
@@ -47,8 +59,7 @@ def lean(function: Function) -> Function:
 
 def threaded(function: Function) -> Function:
     """Compile a lean function that threads may run side by side."""
-    fast: Function = njit(function, nogil=True, **BORROWED)
-    return fast
+    return _kept(function, nogil=True, **BORROWED)
 
 
 def inlined(function: Function) -> Function:
@@ -65,6 +76,22 @@ def reordered(function: Function) -> Function:
     loose: Any = {"fastmath": {"reassoc", "contract"}, "error_model": "numpy"}
     inner: Function = register_jitable(forceinline=True, **loose, **INNER)(function)
     return inner
+
+
+def _kept(function: Function, **options: Any) -> Function:
+    """Compile a function, and keep what comes of it on the disk, where there is a place for it."""
+    try:
+        kept: Function = njit(function, cache=True, **options)
+    except RuntimeError:  # an installation that is read-only, and no home
+        _warn()
+        kept = njit(function, **options)
+    return kept
+
+
+@cache
+def _warn() -> None:
+    """Tell once that nothing is kept."""
+    warnings.warn(UNKEPT, CjtGymWarning, stacklevel=2)
 
 
 def _folders() -> list[Path]:

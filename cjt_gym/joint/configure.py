@@ -116,7 +116,15 @@ def _requested(spec: EffectSpec, file: JointFile) -> tuple[dict[str, Mapping[str
         spec = file.effects
     elif isinstance(spec, str):
         spec = [spec]
-    rows = spec if isinstance(spec, Mapping) else dict.fromkeys(spec)
+    rows: Any = spec  # a table in a file may hold anything
+    if not isinstance(rows, Mapping):
+        names = list(rows) if isinstance(rows, Iterable) else [rows]
+        if wrong := [name for name in names if not isinstance(name, str)]:
+            raise ParameterError(
+                f"Effects of {file.parameters.origin} must be names, or a mapping of names to "
+                f"values, got {wrong[0]!r}."
+            )
+        rows = dict.fromkeys(names)
     for name, values in rows.items():
         if values != TYPICAL and not isinstance(values or {}, Mapping):
             raise ParameterError(

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
 
+from cjt_gym.disk.text import read_text
 from cjt_gym.errors import MissingFileError, ParameterError, unknown_name
 from cjt_gym.joint.drives import DRIVES
 from cjt_gym.joint.effect_entries import usual_effects
@@ -112,7 +113,7 @@ def load_joint_file(name_or_path: str | Path) -> JointFile:
             from cjt_gym.joint.toolbox_files import read_toolbox
 
             return read_toolbox(name_or_path)
-        return _parsed(read_text(path), str(name_or_path))
+        return _parsed(read_joint_text(path), str(name_or_path))
     name = str(name_or_path)
     if name not in joint_names():
         raise unknown_name("joint", name, joint_names())
@@ -153,7 +154,7 @@ def is_path(name_or_path: str | Path) -> bool:
     )
 
 
-def read_text(path: Path) -> str:
+def read_joint_text(path: Path) -> str:
     """Return the text of a joint file.
 
     Raises:
@@ -161,13 +162,13 @@ def read_text(path: Path) -> str:
         ParameterError: It is not a text.
     """
     try:
-        return path.read_text(encoding="utf-8")
+        return read_text(path, ParameterError)
     except FileNotFoundError as error:
         raise MissingFileError(
             f"The joint file {path} does not exist. Give the path of a TOML file or one of: "
             f"{', '.join(joint_names())}."
         ) from error
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, ParameterError) as error:
         raise ParameterError(
             f"The joint file {path} cannot be read: {error}. It must be a UTF-8 text file."
         ) from error

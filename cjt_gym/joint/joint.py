@@ -15,6 +15,7 @@ from cjt_gym.errors import ConfigurationError, ParameterError, SimulationError
 from cjt_gym.joint import linear
 from cjt_gym.joint.arrays import CHANNELS, WORK_ROWS, WORK_WIDTH
 from cjt_gym.joint.batch import JointBatch
+from cjt_gym.joint.border import checked_array
 from cjt_gym.joint.configure import EffectSpec, EffectValues, pack, resolve_effects
 from cjt_gym.joint.drives import DRIVES, get_drive
 from cjt_gym.joint.files import JointFile, load_joint_file
@@ -172,11 +173,11 @@ class Joint:
         """
         commands = self._commands(tau_m, voltage)
         samples = commands.shape[0]
-        loads = np.zeros(samples) if load is None else _series("load", load, samples)
+        loads = np.zeros(samples) if load is None else checked_array("load", load, (samples,))
         batch = JointBatch(self, 1, dt, dt_physics, voltage=voltage is not None)
         batch.seed(0, seed)
         if x0 is not None:
-            batch.arrays.state[0] = _series("x0", x0, 6)
+            batch.arrays.state[0] = checked_array("x0", x0, (6,))
         batch.restart(np.ones(1, dtype=np.bool_), loads[:1])
         measured, true = np.zeros((samples, 8)), np.zeros((samples, 8))
         done = simulate(batch.arrays, batch.setup, commands, loads, measured, true)
@@ -196,15 +197,10 @@ class Joint:
                 "voltage needs a voltage drive, got drive 'current'. Load the joint with "
                 "drive='static', 'rl' or 'dq', or give tau_m."
             )
-        values = np.asarray(tau_m if voltage is None else voltage, dtype=np.float64)
-        wide = voltage is not None and self.drive == "dq" and values.ndim == 2
-        if values.shape[1:] != ((2,) if wide else ()) or values.ndim == 0 or len(values) == 0:
-            raise ConfigurationError(
-                f"The input must have shape (samples,), or (samples, 2) for the voltages of drive "
-                f"dq, got {values.shape}."
-            )
-        if not np.all(np.isfinite(values)):
-            raise ConfigurationError("The input must be finite, got NaN or infinity in it.")
+        given = np.asarray(tau_m if voltage is None else voltage)
+        wide = voltage is not None and self.drive == "dq" and given.ndim == 2
+        name = "tau_m" if voltage is None else "voltage"
+        values = checked_array(name, given, (None, 2) if wide else (None,))
         commands = np.zeros((len(values), 2))
         if wide:
             commands[:] = values
@@ -270,16 +266,6 @@ class Joint:
             sensors={n: v for n, v in self.file.sensors.items() if n in kept},
             provenance={"kind": "simulation", "drive": self.drive, "effects": effects, **known},
         )
-
-
-def _series(name: str, values: ArrayLike, length: int) -> Floats:
-    array = np.asarray(values, dtype=np.float64)
-    if array.shape != (length,) or not np.all(np.isfinite(array)):
-        raise ConfigurationError(
-            f"{name} must hold {length} finite numbers, got shape {array.shape}"
-            f"{'' if np.all(np.isfinite(array)) else ' with NaN or infinity'}."
-        )
-    return array
 
 
 def load_joint(

@@ -130,7 +130,7 @@ class JointParameters:
         """Whether the joint has no current: its gain k_t is torque per volt of an amplifier."""
         return self.unit("k_t").endswith("/V")
 
-    def replace(self, **values: float | Quantity) -> JointParameters:
+    def replace(self, /, **values: float | Quantity) -> JointParameters:
         """Return a copy with other values; a bare number keeps the unit that the parameter has.
 
         A negative-direction value (..._n) that is not given changes by the factor by which its
@@ -181,7 +181,11 @@ def _in_usual_unit(symbol: str, value: float, axis: str, source: str) -> Quantit
             f"There is no parameter '{symbol}'.{did_you_mean(symbol, PARAMETERS)} "
             f"Known: {', '.join(PARAMETERS)}."
         )
-    return Quantity(float(value) + 0.0, PARAMETERS[symbol].units[axis][0], source)
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise ParameterError(f"{symbol} must be a number, got {value!r}.") from None
+    return Quantity(number + 0.0, PARAMETERS[symbol].units[axis][0], source)
 
 
 def check_quantities(

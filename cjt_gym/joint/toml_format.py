@@ -6,12 +6,12 @@ What a value means is checked elsewhere: in `cjt_gym.joint.parameters` and by th
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from typing import TypeVar
 
+from cjt_gym.disk import parse_toml
 from cjt_gym.errors import ParameterError, did_you_mean
 from cjt_gym.joint.mistakes import Mistakes
 from cjt_gym.joint.parameter_table import AXES, SAMPLING_UNITS, SENSOR_KEYS, sensor_units
@@ -102,8 +102,8 @@ def parse_document(text: str, origin: str, mistakes: Mistakes | None = None) -> 
 
 def _parse_toml(text: str, origin: str) -> dict[str, object]:
     try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+        return parse_toml(text, origin, ParameterError)
+    except ParameterError as error:
         raise ParameterError(_toml_message(str(error), origin)) from error
 
 
@@ -111,12 +111,11 @@ def _toml_message(message: str, origin: str) -> str:
     channel = re.search(r"Cannot declare \('sensors', '(\w+)'\) twice", message)
     if channel:
         return (
-            f"The sensor channel {channel[1]} stands twice in {origin}: {message}. "
-            "Keep one of the two tables."
+            f"The sensor channel {channel[1]} stands twice in {origin}. Keep one of the two "
+            f"tables. {message}"
         )
     return (
-        f"{origin} is not valid TOML: {message}. "
-        "A key or table may stand only once, a text needs quotes."
+        f"{message} It is not valid TOML: a key or table may stand only once, a text needs quotes."
     )
 
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Mapping
 
+from cjt_gym.disk import toml_text
 from cjt_gym.joint.parameter_table import AXES
 from cjt_gym.joint.quantity import Plain, Quantity, Setting
 from cjt_gym.joint.toml_format import Document
@@ -15,12 +15,12 @@ _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 
 def write_document(document: Document) -> str:
     """Return the text of a joint file; `parse_document` reads it back to an equal document."""
-    lines = [f"name = {_text(document.name)}", f"source = {_text(document.source)}"]
+    lines = [f"name = {toml_text(document.name)}", f"source = {toml_text(document.source)}"]
     if document.axis != AXES[0]:
-        lines.append(f"axis = {_text(document.axis)}")
+        lines.append(f"axis = {toml_text(document.axis)}")
     for key in ("structure", "drive"):
         if (value := getattr(document, key)) is not None:
-            lines.append(f"{key} = {_text(value)}")
+            lines.append(f"{key} = {toml_text(value)}")
     lines += _section("parameters", document.parameters)
     for effect, settings in document.effects.items():
         lines += _section(f"effects.{_key(effect)}", settings)
@@ -49,7 +49,7 @@ def _plain(value: Plain) -> str:
         return f"[{', '.join(map(_plain, value))}]"
     if isinstance(value, Mapping):
         return f"{{ {', '.join(f'{_key(k)} = {_plain(v)}' for k, v in value.items())} }}"
-    return _text(value) if isinstance(value, str) else repr(value)
+    return toml_text(value) if isinstance(value, str) else repr(value)
 
 
 def _section(title: str, settings: Mapping[str, Setting]) -> list[str]:
@@ -66,14 +66,14 @@ def _setting(value: Setting) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, tuple):
-        return f"[{', '.join(_text(item) for item in value)}]"
-    return _text(value)
+        return f"[{', '.join(toml_text(item) for item in value)}]"
+    return toml_text(value)
 
 
 def _quantity(quantity: Quantity) -> str:
-    parts = [f"value = {_number(quantity.value)}", f"unit = {_text(quantity.unit)}"]
+    parts = [f"value = {_number(quantity.value)}", f"unit = {toml_text(quantity.unit)}"]
     if quantity.source:
-        parts.append(f"source = {_text(quantity.source)}")
+        parts.append(f"source = {toml_text(quantity.source)}")
     if quantity.tolerance is not None:
         parts.append(f"tolerance = {quantity.tolerance!r}")
     elif quantity.guess:
@@ -89,11 +89,5 @@ def _number(value: float | tuple[float, ...]) -> str:
     return f"[{', '.join(map(repr, value))}]" if isinstance(value, tuple) else repr(value)
 
 
-def _text(text: str) -> str:
-    return json.dumps(text, ensure_ascii=False).replace(
-        "\x7f", "\\u007f"
-    )  # JSON's escapes are TOML's, but for DEL
-
-
 def _key(key: str) -> str:
-    return key if _BARE_KEY.fullmatch(key) else _text(key)
+    return key if _BARE_KEY.fullmatch(key) else toml_text(key)

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from cjt_gym.errors import did_you_mean
 from cjt_gym.joint.effects import EFFECTS
-from cjt_gym.joint.files import JointFile, load_joint_file, read_text
+from cjt_gym.joint.files import JointFile, load_joint_file, read_joint_text
 from cjt_gym.joint.mistakes import Mistakes
 from cjt_gym.joint.parameter_table import PARAMETERS
 from cjt_gym.joint.parameters import JointParameters, check_quantities
@@ -56,7 +56,7 @@ def read_toolbox(path: str | Path, defaults: str | Path | None = None) -> JointF
     """
     file, origin = Path(path).expanduser(), str(path)
     mistakes = Mistakes(origin)
-    assigned = _assignments(read_text(file), file.name, origin, mistakes)
+    assigned = _assignments(read_joint_text(file), file.name, origin, mistakes)
     quantities = _parameters(assigned, origin, mistakes)
     with mistakes.collected():
         check_quantities(quantities, "rotary", origin)

@@ -12,6 +12,7 @@ from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import Joint
 from cjt_gym.joint.arrays import CHANNELS, WORK_ROWS, WORK_WIDTH, Batch, Setup
 from cjt_gym.joint.batch import DELAYS, JointBatch
+from cjt_gym.joint.border import checked_array
 from cjt_gym.joint.compiled import compiled
 from cjt_gym.joint.configure import FIELDS
 from cjt_gym.joint.discretize import SCRATCH, discretize
@@ -271,13 +272,29 @@ class SimulatedPlant:
             mask: Which joints, shape (num,); all if absent.
             start: Initial [q_m q_g q_l dq_m dq_g dq_l], shape (num, 6); zero if absent.
             load: Load input at the start, shape (num,); zero if absent.
+
+        Raises:
+            ConfigurationError: An array has the wrong shape, or `start` is not finite.
         """
         if seed is not None:
             self.seed(seed)
-        mask = np.ones(self.num, dtype=np.bool_) if mask is None else mask
-        start = np.zeros((self.num, 6)) if start is None else start
-        self.restart(mask, start, self._no_load if load is None else load)
+        if start is None:
+            start = np.zeros((self.num, 6))
+        else:
+            start = checked_array("start", start, (self.num, 6))
+        self.restart(self._mask(mask), start, self._load(load))
         return self.measurement()
+
+    def _mask(self, mask: NDArray[np.bool_] | None) -> NDArray[np.bool_]:
+        if mask is None:
+            return np.ones(self.num, dtype=np.bool_)
+        return checked_array("mask", mask, (self.num,), np.bool_)
+
+    def _load(self, load: Floats | None) -> Floats:
+        """Return a load; one that is not finite ends in a SimulationError, like any such state."""
+        if load is None:
+            return self._no_load
+        return checked_array("load", load, (self.num,), finite=False)
 
     def restart(self, mask: NDArray[np.bool_], start: Floats, load: Floats) -> None:
         """Do what `reset` does, without building a measurement."""
@@ -290,8 +307,11 @@ class SimulatedPlant:
 
         Args:
             mask: Which joints, shape (num,); all if absent.
+
+        Raises:
+            ConfigurationError: The mask has the wrong shape.
         """
-        mask = np.ones(self.num, dtype=np.bool_) if mask is None else mask
+        mask = self._mask(mask)
         if self._plan.program.rows.shape[0] > 0:
             batch, program = self.batch, self._plan.program
             redraw_some(batch.arrays, batch.setup, program, self._draws, mask)
@@ -305,10 +325,12 @@ class SimulatedPlant:
             load: Load torque [N m] or load velocity [rad/s], shape (num,); zero if absent.
 
         Raises:
+            ConfigurationError: An array has the wrong shape.
             SimulationError: A state ceased to be finite.
         """
         limit = self._limits.tau
-        self.advance(np.clip(command, -limit, limit), self._no_load if load is None else load)
+        command = checked_array("command", command, (self.num,), finite=False)
+        self.advance(np.clip(command, -limit, limit), self._load(load))
         return self.measurement()
 
     def advance(self, command: Floats, load: Floats) -> None:

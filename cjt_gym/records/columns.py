@@ -3,6 +3,8 @@
 A record holds SI values on the link side. A rotary joint has its angles in rad and its torques in
 N m; a prismatic axis has positions in m and forces in N, under the same column names. A column with
 the prefix ``true_`` is the same quantity without sensor effects; only a simulation can write it.
+In a record of several joints the name of the joint stands before that of the column, as in
+``elbow/q_m``.
 """
 
 from __future__ import annotations
@@ -13,6 +15,8 @@ from typing import Final
 from cjt_gym.errors import RecordError, unknown_name
 
 TRUE_PREFIX: Final = "true_"
+JOINT_MARK: Final = "/"
+"""Between the name of a joint and its column, in a record of several joints."""
 ROTARY: Final = frozenset({"rad", "rad/s", "N m"})
 PRISMATIC: Final = frozenset({"m", "m/s", "N"})
 
@@ -79,8 +83,9 @@ def column_of(name: str) -> Column:
     Raises:
         RecordError: The name is not one a record may hold.
     """
-    row = COLUMNS.get(name.removeprefix(TRUE_PREFIX))
-    if row is None or name == TRUE_PREFIX + "t":
+    joint, _, plain = name.rpartition(JOINT_MARK)
+    row = COLUMNS.get(plain.removeprefix(TRUE_PREFIX))
+    if row is None or plain == TRUE_PREFIX + "t" or (joint and plain == "t"):
         raise RecordError(
             str(unknown_name("column", name, COLUMNS))
             + f" Noise-free states: the same with the prefix {TRUE_PREFIX}."

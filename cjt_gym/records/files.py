@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cjt_gym.disk import whole
 from cjt_gym.errors import RecordError, unknown_name
 from cjt_gym.records.formats import FORMATS, Table, format_of
 from cjt_gym.records.mapping import SUFFIX, ColumnMapping, load_mapping
-from cjt_gym.records.metadata import read_metadata, write_metadata
+from cjt_gym.records.metadata import metadata_text, read_metadata
 from cjt_gym.records.record import Record
 from cjt_gym.records.sources import clock, mapped
 
@@ -98,6 +99,8 @@ def facts_of(path: Path, mapping: ColumnMapping) -> dict[str, Any]:
 def write_record(record: Record, path: str | Path) -> Path:
     """Write a record as a table, its format given by the suffix, and the ``.toml`` beside it.
 
+    Both appear whole or not at all.
+
     Returns:
         Path of the table.
 
@@ -110,8 +113,9 @@ def write_record(record: Record, path: str | Path) -> Path:
         able = ", ".join(suffix for suffix, form in FORMATS.items() if form.write is not None)
         raise RecordError(f"Records are written as {able}, got {path}.")
     path.parent.mkdir(parents=True, exist_ok=True)
-    write({name: record[name] for name in record.columns}, path)
-    write_metadata(record, path.with_suffix(".toml"))
+    with whole(path.with_suffix(".toml")) as beside, whole(path) as table:
+        write({name: record[name] for name in record.columns}, table)
+        beside.write_text(metadata_text(record), encoding="utf-8")
     return path
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from cjt_gym.disk import COLUMNS, NUMBERS, parsed_each, parsing
 from cjt_gym.errors import RecordError
 from cjt_gym.records.checks import FloatArray
 from cjt_gym.records.tables import (
@@ -27,31 +28,70 @@ class Format:
     """How the table of a record is read and written.
 
     Attributes:
-        read: Returns the columns of a file; an error where a value cannot be read.
-        stream: Yields them in pieces of that many rows, whatever they are called; values that
+        what: What a file of this format is, for messages.
+        reader: Returns the columns of a file; an error where a value cannot be read.
+        streamer: Yields them in pieces of that many rows, whatever they are called; values that
             cannot be read are NaN.
         write: Writes columns, each of shape (n,), to a file; None where that is not offered.
     """
 
-    read: Callable[[Path], Table]
-    stream: Callable[[Path, int], Iterator[Table]]
+    what: str
+    reader: Callable[[Path], Table]
+    streamer: Callable[[Path, int], Iterator[Table]]
     write: Callable[[Mapping[str, FloatArray], Path], None] | None
 
+    def read(self, path: Path) -> Table:
+        """Return the columns of a file.
 
-_CSV: Final = Format(csv_table.read, csv_table.stream, csv_table.write)
-_CAN: Final = Format(can_table.read, can_table.stream, None)
-_HDF5: Final = Format(hdf5_table.read, hdf5_table.stream, None)
+        Raises:
+            RecordError: It is not of this format, a value in it cannot be read, or it holds more
+                than it may.
+        """
+        with parsing(f"{path} must be {self.what}", RecordError):
+            return _checked(path, self.reader(path))
+
+    def stream(self, path: Path, rows: int) -> Iterator[Table]:
+        """Yield the columns of a file in pieces of so many rows.
+
+        Raises:
+            RecordError: It is not of this format, or holds more than it may.
+        """
+
+        def pieces() -> Iterator[Table]:
+            for piece in self.streamer(path, rows):
+                yield _checked(path, piece)
+
+        return parsed_each(pieces(), f"{path} must be {self.what}", RecordError)
+
+
+def _checked(path: Path, table: Table) -> Table:
+    COLUMNS.check(len(table), path, RecordError)
+    NUMBERS.check(sum(map(len, table.values())), path, RecordError)
+    return table
+
+
+_CSV: Final = Format(
+    "a table of numbers as text in UTF-8", csv_table.read, csv_table.stream, csv_table.write
+)
+_CAN: Final = Format("a trace of a CAN bus", can_table.read, can_table.stream, None)
+_HDF5: Final = Format("an HDF5 file", hdf5_table.read, hdf5_table.stream, None)
 
 FORMATS: Final[dict[str, Format]] = {
     ".csv": _CSV,
     ".tsv": _CSV,
     ".txt": _CSV,
-    ".parquet": Format(parquet_table.read, parquet_table.stream, parquet_table.write),
-    ".npz": Format(npz_table.read, npz_table.stream, npz_table.write),
-    ".mat": Format(mat_table.read, mat_table.stream, mat_table.write),
+    ".parquet": Format(
+        "a Parquet file", parquet_table.read, parquet_table.stream, parquet_table.write
+    ),
+    ".npz": Format(
+        "an NPZ archive of plain numeric arrays", npz_table.read, npz_table.stream, npz_table.write
+    ),
+    ".mat": Format(
+        "a MATLAB file of version 4 to 7.3", mat_table.read, mat_table.stream, mat_table.write
+    ),
     ".h5": _HDF5,
     ".hdf5": _HDF5,
-    ".mcap": Format(mcap_table.read, mcap_table.stream, mcap_table.write),
+    ".mcap": Format("an MCAP file", mcap_table.read, mcap_table.stream, mcap_table.write),
     ".log": _CAN,
     ".asc": _CAN,
     ".blf": _CAN,

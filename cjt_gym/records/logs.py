@@ -26,7 +26,7 @@ from cjt_gym.records.metadata import read_metadata
 from cjt_gym.records.record import Record
 from cjt_gym.records.repair import make_records
 from cjt_gym.records.repairs import Repair
-from cjt_gym.records.sources import Clock, clock, mapped
+from cjt_gym.records.sources import Clock, clock, mapped, numbers_of
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class Log:
         if self.mapping is not None and self.clock is not None:
             return mapped(self.mapping, table, self.clock, str(self.path))
         used = [name for name in table if name in self.facts["units"]]
-        return {name: np.asarray(table[name], dtype=np.float64) for name in used}
+        return {name: numbers_of(np.asarray(table[name]), name, str(self.path)) for name in used}
 
 
 def open_log(path_or_name: str | Path, mapping: MappingLike | None = None) -> Log:

@@ -23,13 +23,13 @@ by the same mapping, and not read here.
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
 from typing import Any, Final
 
+from cjt_gym.disk import read_toml
 from cjt_gym.errors import RecordError, unknown_name
 from cjt_gym.records.columns import check_one_axis, column_of
 from cjt_gym.records.metadata import checked_facts
@@ -101,11 +101,9 @@ def load_mapping(mapping: str | Path | Mapping[str, Any]) -> ColumnMapping:
         return _mapping("the mapping", dict(mapping))
     path = Path(mapping)
     try:
-        return _mapping(str(path), tomllib.loads(path.read_text(encoding="utf-8")))
+        return _mapping(str(path), read_toml(path, RecordError))
     except OSError as error:
         raise RecordError(f"There is no mapping {path}: {error.strerror}.") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise RecordError(f"{path} must be a TOML file in UTF-8: {error}.") from error
 
 
 def _mapping(owner: str, document: dict[str, Any]) -> ColumnMapping:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import datetime
 import difflib
-import json
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from cjt_gym.disk import read_toml, toml_text, write_text
 from cjt_gym.errors import RecordError, unknown_name
 from cjt_gym.records.columns import default_units
 from cjt_gym.records.record import Record
@@ -80,7 +79,12 @@ def checked_facts(owner: str, facts: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def write_metadata(record: Record, path: Path) -> None:
-    """Write what is known of a record, in the layout that :func:`read_metadata` reads."""
+    """Write what is known of a record, whole or not at all."""
+    write_text(path, metadata_text(record))
+
+
+def metadata_text(record: Record) -> str:
+    """Return what is known of a record, in the layout that :func:`read_metadata` reads."""
     plain = {
         key: record.provenance[key]
         for key in PLAIN_PROVENANCE
@@ -97,19 +101,17 @@ def write_metadata(record: Record, path: Path) -> None:
     lines = [_entry(key, value) for key, value in head.items() if value is not None]
     for name, table in tables.items():
         lines += _table(name, table) if table else []
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return "\n".join(lines) + "\n"
 
 
 def _parse(path: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return read_toml(path, RecordError)
     except FileNotFoundError:
         raise RecordError(
             f"The record needs a file {path} beside its table, with the sample time dt = ... [s] "
             'and the table [units] that gives every column its unit, such as  q_m = "rad".'
         ) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise RecordError(f"{path} must be a TOML file in UTF-8: {error}.") from error
 
 
 def _refuse_misspelt(
@@ -175,7 +177,7 @@ def _entry(key: str, value: object) -> str:
 
 def _key(key: str) -> str:
     bare = key.isascii() and key.replace("_", "").replace("-", "").isalnum()
-    return key if bare else _string(key)
+    return key if bare else toml_text(key)
 
 
 def _value(value: object) -> str:
@@ -197,8 +199,4 @@ def _value(value: object) -> str:
         return repr(value)
     if isinstance(value, datetime.date | datetime.time):
         return value.isoformat()
-    return _string(str(value))
-
-
-def _string(text: str) -> str:
-    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+    return toml_text(str(value))

@@ -13,6 +13,7 @@ from cjt_gym.errors import RecordError, unknown_name
 from cjt_gym.records.checks import FloatArray
 from cjt_gym.records.columns import TRUE_PREFIX
 from cjt_gym.records.mapping import ColumnMapping, ColumnSource
+from cjt_gym.records.tables.flat import NUMBERS
 from cjt_gym.records.tables.mcap_table import LOG_TIME, clock_of
 from cjt_gym.records.units import UNITS
 
@@ -24,6 +25,8 @@ EPOCH = 1e6
 """Time [s] above which the first sample's is taken for a date and counts as zero."""
 
 Table = Mapping[str, NDArray[Any]]
+LARGEST = 2.0**62
+"""Whole stamps up to which a difference of two is one, too."""
 
 
 @dataclass(frozen=True)
@@ -75,14 +78,16 @@ def mapped(mapping: ColumnMapping, table: Table, base: Clock, owner: str) -> dic
         RecordError: A column that the mapping names is not there, or the lengths do not fit.
     """
     columns: dict[str, FloatArray] = {}
-    t = None if base.name is None else _seconds(table[base.name], base.unit, base.origin)
+    t = None
+    if base.name is not None:
+        t = _seconds(_source(mapping, "t", base.name, table, owner), base.unit, base.origin)
     if t is not None:
         columns["t"] = t
     for name, column in mapping.columns.items():
         if name == "t":
             continue
         raw = _source(mapping, name, column.source, table, owner)
-        values = column.gain * (np.asarray(raw, dtype=np.float64) - column.offset)
+        values = column.gain * (numbers_of(raw, name, owner) - column.offset)
         own = _own_clock(column, base, table)
         if own is not None and t is not None:
             stamps = _source(mapping, name, own, table, owner)
@@ -90,6 +95,20 @@ def mapped(mapping: ColumnMapping, table: Table, base: Clock, owner: str) -> dic
             values = _on_clock(name, _seconds(stamps, unit, base.origin), values, t)
         columns[name] = values
     return columns
+
+
+def numbers_of(values: NDArray[Any], name: str, owner: str) -> FloatArray:
+    """Return the values of a column of a log.
+
+    Raises:
+        RecordError: They are not one real number per row.
+    """
+    if values.dtype.kind not in NUMBERS or values.ndim != 1:
+        raise RecordError(
+            f"Column {name!r} of {owner} must hold real numbers, one per row, got the type "
+            f"{values.dtype} and the shape {values.shape}."
+        )
+    return np.asarray(values, dtype=np.float64)
 
 
 def _source(
@@ -118,7 +137,7 @@ def _own_clock(column: ColumnSource, base: Clock, table: Table) -> str | None:
 def _seconds(stamps: NDArray[Any], unit: str, origin: float) -> FloatArray:
     """Return times [s] from an origin; whole numbers lose nothing where they are large."""
     factor = UNITS[unit].factor
-    if stamps.dtype.kind in "iu":
+    if stamps.dtype.kind in "iu" and abs(origin / factor) < LARGEST:
         start = round(origin / factor)
         whole = np.asarray(stamps.astype(np.int64) - start, dtype=np.float64)
         return np.asarray(whole * factor, dtype=np.float64)

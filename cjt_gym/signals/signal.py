@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.joint.border import checked_array
 from cjt_gym.records import read_record
 from cjt_gym.signals import evaluate as ev
 
@@ -73,6 +74,10 @@ class Signal:
             tones = np.zeros((self.count, 2))
             tones[:, 0] = np.geomspace(self.low, self.high, self.count)
             object.__setattr__(self, "table", tones)
+        table = checked_array(f"table of the {self.kind} signal", self.table, (None, 2))
+        object.__setattr__(self, "table", table)
+        if self.kind == "file" and (np.diff(table[:, 0]) < 0.0).any():
+            raise ConfigurationError("The times in the table of a file signal must not decrease.")
 
     def reset(self, rng: np.random.Generator) -> Signal:
         """Return the signal with its random parts drawn anew from `rng`."""

@@ -210,11 +210,13 @@ def test_the_momentum_observer_sees_coulomb_friction(structure: str) -> None:
 @pytest.mark.parametrize("structure", FREE)
 def test_a_free_load_hides_a_constant_disturbance_from_the_joint_torque(structure: str) -> None:
     model = sampled("orange_80_6000", structure)
-    with pytest.raises(ConfigurationError, match="not observable from tau: the modes"):
+    with pytest.raises(
+        ConfigurationError, match=r"from tau: the mode 0 1/s \(of .*disturbance\) does"
+    ):
         luenberger_observer(model, [-100.0] * 6)
     with pytest.raises(ConfigurationError, match="not observable from tau"):
         extended_state_observer(model, 30.0)
-    with pytest.raises(ConfigurationError, match=r"cannot be inverted: it has zeros"):
+    with pytest.raises(ConfigurationError, match=r"cannot be inverted: .* Choose .*: .*dq_l\."):
         disturbance_observer(model, 30.0)
     design_model(model, ("tau", "dq_m", "dq_l"))  # velocities show it
 
@@ -228,11 +230,11 @@ def test_bad_requests_are_refused() -> None:
     with pytest.raises(ConfigurationError, match="conjugate pairs"):
         luenberger_observer(model, [-1.0, -2.0, -3.0, -4.0, -5.0 + 1j])
     with pytest.raises(UnknownNameError, match="output of an observer"):
-        luenberger_observer(model, [-1.0] * 5, outputs=("dq_l",))
+        luenberger_observer(model, [-1.0] * 5, outputs=("i",))
+    with pytest.raises(ConfigurationError, match="must be different ones of tau, q_m"):
+        luenberger_observer(model, [-1.0] * 5, outputs=("tau", "tau"))
     with pytest.raises(ConfigurationError, match="must be >= 0 N m and one of them > 0"):
         kalman_filter(model, 0.0, 0.0)
-    with pytest.raises(ConfigurationError, match="takes angles and torque"):
-        kalman_filter(model, 0.1, 0.1, ("tau", "dq_m"))
     with pytest.raises(ConfigurationError, match=r"must be in \(0, 500\) Hz"):
         momentum_observer(model, 500.0)
     with pytest.raises(ConfigurationError, match="start must have the shape"):

@@ -6,13 +6,13 @@ import copy
 from pathlib import Path
 from typing import Any
 
-from cjt_gym.canbus.config import HardwareConfig, parse_hardware
+from cjt_gym.canbus.config import WATCHDOG, HardwareConfig, parse_hardware
 from cjt_gym.canbus.emulator import Emulator
 from cjt_gym.canbus.plant import CanPlant
 from cjt_gym.canbus.virtual import VirtualLink
 
 DRIVES: dict[str, dict[str, Any]] = {
-    "mit": {"protocol": "mit", "node": 1, "model": "AK80-64"},
+    "mit": {"protocol": "mit", "node": 1, "model": "AK80-64", "unwatched": True},
     "odrive": {"protocol": "odrive", "node": 3, "reports": "cyclic", "cycle_ms": 1},
     "moteus": {"protocol": "moteus", "node": 3},
     "cia402": {
@@ -25,6 +25,8 @@ DRIVES: dict[str, dict[str, Any]] = {
     "dbc": {"protocol": "dbc", "file": "example_drive"},
 }
 """A drive of each protocol."""
+SET_BEFORE = ("mit", "dbc")
+"""Protocols that cannot set a drive's watchdog: what is emulated here had it set before."""
 
 BASE: dict[str, Any] = {
     "bus": {"interface": "virtual", "channel": "bench"},
@@ -39,6 +41,9 @@ def document(**changes: dict[str, Any]) -> dict[str, Any]:
     tables = copy.deepcopy(BASE)
     for name, table in changes.items():
         tables[name] = table if name == "drive" else tables.get(name, {}) | table
+    if tables["drive"]["protocol"] in SET_BEFORE:
+        time = tables["control"].get("watchdog", {"value": WATCHDOG / 500, "unit": "s"})
+        tables["emulator"] = {"watchdog": time} | tables.get("emulator", {})
     return tables
 
 

@@ -3,29 +3,24 @@
 from __future__ import annotations
 
 import json
-import os
 import re
-import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from cjt_gym.canbus.config import load_hardware
 from cjt_gym.canbus.experiments import EXPERIMENTS, experiment_torque
 from cjt_gym.canbus.hidden import draw_hidden
 from cjt_gym.canbus.lock import NodeLock
-from cjt_gym.canbus.ports import SocketcandPort
 from cjt_gym.cli import main
 from cjt_gym.joint import load_joint
 from cjt_gym.records import Record, read_record
 from cjt_gym.training.gains import write_gains
 from tests.canbus.bench import config, document, toml
-from tests.canbus.soak import MAIN, emulator, free_port
-from tests.canbus.test_buses import PATIENT, served
+from tests.canbus.soak import emulator, free_port
+from tests.canbus.test_buses import PATIENT
 
 SENSORS = {"torque": {"protocol": "dbc", "file": "torque_sensor"}}
 
@@ -99,7 +94,7 @@ def test_dry_run_shows_frames_and_touches_no_bus(
     [
         (["--arm"], "--out must name the record"),
         (["--dry-run", "--emulated"], "not both"),
-        (["--emulated", "--out", "x.csv", "--controller", "pid"], "Unknown controller"),
+        (["--emulated", "--out", "x.csv", "--controller", "pdi"], "Unknown controller"),
         (["--emulated", "--out", "x.csv", "--reference", "nothing"], "Unknown signal"),
         (["--emulated", "--out", "x.csv", "--duration", "0"], "--duration"),
         (["--emulated", "--out", "x", "--experiment", "dance"], "Unknown experiment"),
@@ -180,32 +175,6 @@ def test_lock_is_given_back_when_a_process_dies() -> None:
         holder.wait()
         holder.stdout.close() if holder.stdout else None
     NodeLock("bus", 9).release()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
-def test_process_that_is_ended_leaves_no_torque_and_a_whole_record(
-    number: signal.Signals, path: Path
-) -> None:
-    given, out = load_hardware(path), path.with_name("run.csv")
-    port = SocketcandPort(port=given.bus.port)
-    words = ["hardware", str(path), "--arm", "--controller", "none", "--reference", "smooth"]
-    with served(given, port) as joint:
-        run = subprocess.Popen([sys.executable, "-c", MAIN, *words, "--out", str(out)])
-        for _ in range(600):
-            if out.exists() and len(out.read_bytes()) > 20_000:
-                break
-            time.sleep(0.05)
-        assert joint.torque != 0.0
-        os.kill(run.pid, number)
-        run.wait(10.0)
-        time.sleep(1.2)  # the watchdog's time, and some more
-        assert joint.torque == 0.0
-    record = read_record(out)
-    assert len(record) > 100
-    if number is not signal.SIGKILL:
-        assert record.provenance["fault"]["kind"] == "interrupt"
-        assert run.returncode == 1
 
 
 def test_figures_of_the_joint_beside_those_of_the_simulation(

@@ -15,6 +15,7 @@ from cjt_gym.envs.hardware import HardwareEnv
 from cjt_gym.errors import ConfigurationError, HardwareError
 from cjt_gym.records import read_record
 from tests.canbus.bench import config, document, toml
+from tests.canbus.test_bus_load import joints, listed
 
 assert cjt_gym.__version__
 SENSORS = {"torque": {"protocol": "dbc", "file": "torque_sensor"}}
@@ -118,3 +119,32 @@ def test_unarmed_and_wrong_arguments() -> None:
         env.reset()
     env.close()
     assert issubclass(HardwareFault, HardwareError)
+
+
+def test_joints_of_a_list_are_one_environment_with_an_action_each(tmp_path: Path) -> None:
+    path, out = tmp_path / "arm.toml", tmp_path / "run.csv"
+    path.write_text(listed(joints("cia402", "moteus", "cia402")))
+    make = {"config": path, "arm": True, "emulated": True, "record": out, "reference": "smooth"}
+
+    def base(joint: object, dt: float) -> object:
+        return make_controller("open_loop", joint, dt)  # type: ignore[arg-type]
+
+    with gymnasium.make("CJT/Hardware-v0", base_controller=base, **make) as env:
+        assert env.action_space.shape == (3,)
+        observation, _ = env.reset(seed=4)
+        assert env.observation_space.contains(observation)
+        for _ in range(100):
+            observation, reward, terminated, _, info = env.step(np.zeros(3, np.float32))
+            assert env.observation_space.contains(observation)
+            assert not terminated
+        assert np.isfinite(reward)
+        assert info["tau_reference"].shape == (3,)
+        assert len(set(info["tau_reference"].tolist())) == 3
+        _, _, terminated, truncated, info = env.step(np.array([0.0, 1.5, 0.0]))
+        assert terminated
+        assert not truncated
+        assert info["fault"]["kind"] == "command"
+        assert info["tau_command"].tolist() == [0.0] * 3
+    record = read_record(out)
+    assert len(record) > 100
+    assert record.provenance["fault"]["kind"] == "command"

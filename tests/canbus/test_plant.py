@@ -1,19 +1,26 @@
 """A run in virtual time: the plant's contract, states, limits, record."""
 
+import contextlib
+import errno
+import os
+from dataclasses import replace
 from pathlib import Path
 
 import can
 import numpy as np
 import pytest
 
+from cjt_gym.canbus.dialogue import AFTERWARDS
 from cjt_gym.canbus.link import Arrival
 from cjt_gym.canbus.nodes import SPARE, Nodes
 from cjt_gym.canbus.plant import CanPlant
+from cjt_gym.canbus.protocols.contract import Mode
 from cjt_gym.canbus.safety import FAULTS, MOVES, Guard, HardwareFault, State
 from cjt_gym.canbus.timing import Timing
+from cjt_gym.canbus.virtual import VirtualLink
 from cjt_gym.errors import ConfigurationError, HardwareError
 from cjt_gym.plant import SimulatedPlant
-from cjt_gym.records import read_record
+from cjt_gym.records import FORMATS, read_record
 from tests.canbus.bench import DRIVES, config, virtual_plant
 
 
@@ -105,6 +112,7 @@ def test_record_is_on_disk_at_every_step(tmp_path: Path) -> None:
     assert len(record) == 30
     assert record.provenance["fault"]["kind"] == "command"
     assert record.joint == "orange_80_6000"
+    assert record.provenance["stamps"] == "reception"
     assert record["tau_ref"][-1] == 3.0
     assert "tau" not in record  # no sensor measured it
     with pytest.raises(HardwareFault):
@@ -180,3 +188,126 @@ def test_a_loop_that_catches_up_is_answered_as_often_as_it_asked() -> None:
     assert not any(node.is_excess(answer, 1e-3, 1.0) for _ in range(behind))
     more = [node.is_excess(answer, 1e-3, 1.0) for _ in range(round(SPARE) + 1)]
     assert more[-1]
+
+
+@pytest.mark.parametrize("within", [True, False])
+def test_ctrl_c_while_enabling_leaves_the_drive_disabled(within: bool) -> None:
+    plant, emulator = virtual_plant(config())
+    plant.reset()
+    assert isinstance(plant.link, VirtualLink)
+    link = plant.link
+
+    def interrupt(now: float) -> None:
+        if emulator.drive.mode is Mode.ENABLED and plant.state is State.RUNNING:
+            raise KeyboardInterrupt
+
+    link.watch(interrupt, 1e-3)
+    with pytest.raises(KeyboardInterrupt), plant if within else contextlib.nullcontext():
+        plant.step(np.ones(1))
+    assert emulator.drive.mode is Mode.DISABLED
+    assert plant.guard.fault is not None
+    assert plant.guard.fault.kind == "interrupt"
+    plant.close()
+
+
+def test_ctrl_c_while_it_fades_switches_off_at_once() -> None:
+    plant, emulator = virtual_plant(config())
+    commands: list[float] = []
+
+    def run() -> None:
+        with plant:
+            plant.reset()
+            for _ in range(60):
+                plant.step(np.array([20.0]))
+            assert isinstance(plant.link, VirtualLink)
+            plant.link.sent = lambda t, message: commands.append(emulator.torque)
+            plant.link.watch(interrupt, 1e-3)
+
+    def interrupt(now: float) -> None:
+        if len(commands) == 10:
+            commands.append(0.0)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run()
+    assert emulator.torque == 0.0
+    assert emulator.drive.mode is Mode.DISABLED
+
+
+@pytest.mark.parametrize("name", ["run.csv", "run.npz"])
+@pytest.mark.parametrize("room", [0, 7, 100])
+def test_full_disk_takes_the_torque_away_and_leaves_a_record(
+    name: str, room: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plant, emulator = virtual_plant(config(), tmp_path / name)
+    idle: list[float] = []
+    write, left = os.write, [1 << 20]
+
+    def limited(file: int, data: bytes) -> int:
+        """Take as many bytes as there is room for."""
+        taken = min(len(data), left[0])
+        left[0] -= taken
+        if not taken:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return write(file, data[:taken])
+
+    monkeypatch.setattr("cjt_gym.canbus.journal.os.write", limited)
+    monkeypatch.setitem(FORMATS, ".npz", replace(FORMATS[".npz"], write=_no_room))
+    plant.reset()
+    for _ in range(30):
+        plant.step(np.array([5.0]))
+    assert isinstance(plant.link, VirtualLink)
+    off = [bytes(frame.data) for frame in plant.nodes.drive.master.disable()][-1]
+    plant.link.sent = lambda t, frame: idle.append(t) if bytes(frame.data) == off else None
+    left[0] = room
+
+    def go_on() -> None:
+        for _ in range(5):
+            plant.step(np.array([5.0]))
+
+    with pytest.raises(HardwareFault, match="No space left on device") as caught:
+        go_on()
+    assert caught.value.fault.kind == "record"
+    assert emulator.torque == 0.0
+    assert len(idle) == 1 + AFTERWARDS  # as after any fault
+    plant.close()
+    record = read_record(tmp_path / "run.csv")
+    assert len(record) == 30 if room < 100 else len(record) >= 30
+    assert record.provenance["fault"]["kind"] == "record"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["run.csv", "run.toml"]
+
+
+def _no_room(columns: object, path: Path) -> None:
+    path.write_bytes(b"PK")
+    raise OSError(errno.ENOSPC, "No space left on device")
+
+
+def test_disk_that_is_full_at_the_end_is_told_and_leaves_the_rows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(FORMATS, ".npz", replace(FORMATS[".npz"], write=_no_room))
+    plant, emulator = virtual_plant(config(), tmp_path / "run.npz")
+    plant.reset()
+    plant.step(np.ones(1))
+    with pytest.raises(HardwareError, match="could not be completed") as caught:
+        plant.stop()
+    assert "run.csv" in str(caught.value)
+    assert emulator.drive.mode is Mode.DISABLED
+    assert len(read_record(tmp_path / "run.csv")) > 1
+    assert not (tmp_path / "run.npz").exists()
+
+
+def test_disk_that_is_full_before_is_one_clear_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(file: int, data: bytes) -> int:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("cjt_gym.canbus.journal.os.write", full)
+    plant, emulator = virtual_plant(config(), tmp_path / "run.csv")
+    plant.reset()
+    with pytest.raises(ConfigurationError, match="cannot be written: .*No space left"):
+        plant.step(np.ones(1))
+    assert emulator.drive.mode is Mode.DISABLED
+    assert list(tmp_path.iterdir()) == []
+    plant.close()

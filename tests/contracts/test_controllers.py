@@ -32,6 +32,8 @@ from cjt_gym.plant import Measurement, SimulatedPlant, limits_of
 
 Floats = NDArray[np.float64]
 NAMES = sorted(CONTROLLERS)
+LAWS = [*NAMES, "pid", "pid+reference+friction+momentum_dob", "pi+torque+position_pd"]
+"""The table, and some that are put together."""
 DT = 1e-3
 
 
@@ -69,7 +71,7 @@ def test_the_row_and_the_controller_say_what_they_are(name: str, joint: Joint) -
     assert law.torque_limit == limits_of(joint).tau
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", LAWS)
 def test_a_reset_repeats_and_one_instance_serves_any_number(name: str, joint: Joint) -> None:
     law = made(name, joint)
     for num in (3, 1, 5):
@@ -83,7 +85,7 @@ def test_a_reset_repeats_and_one_instance_serves_any_number(name: str, joint: Jo
         assert runs[0][0].shape == (num,)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", LAWS)
 def test_a_batch_does_what_its_members_do_alone(name: str, joint: Joint) -> None:
     batch, single = (made(name, joint) for _ in range(2))
     series = measurements(4, 30)
@@ -96,7 +98,7 @@ def test_a_batch_does_what_its_members_do_alone(name: str, joint: Joint) -> None
         np.testing.assert_allclose(together[:, i], alone[:, 0], rtol=1e-9, atol=1e-9)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", LAWS)
 def test_a_partial_reset_forgets_some_and_keeps_the_others(name: str, joint: Joint) -> None:
     law, fresh, kept = (made(name, joint) for _ in range(3))
     series, wanted = measurements(2, 20), np.zeros(2)
@@ -110,7 +112,7 @@ def test_a_partial_reset_forgets_some_and_keeps_the_others(name: str, joint: Joi
         assert command[1] == pytest.approx(kept.act(m, wanted)[1], rel=1e-9, abs=1e-9)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", LAWS)
 def test_commands_stay_within_the_limit_and_leave_their_inputs_alone(
     name: str, joint: Joint
 ) -> None:
@@ -133,7 +135,7 @@ def at_rest(joint: Joint, tau: float, shift: float = 0.0) -> Measurement:
     return Measurement(**{name: np.array([value]) for name, value in values.items()})
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", LAWS)
 def test_the_first_command_after_a_reset_has_no_kick(name: str, joint: Joint) -> None:
     """At rest at the reference the command is the torque that holds the joint there, and stays."""
     law, m = made(name, joint), at_rest(joint, 12.0)
@@ -145,7 +147,7 @@ def test_the_first_command_after_a_reset_has_no_kick(name: str, joint: Joint) ->
         law.reset(np.array([True]))
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", LAWS)
 def test_commands_do_not_hang_on_where_the_load_stands(name: str, joint: Joint) -> None:
     here, there = (made(name, joint) for _ in range(2))
     for tau in (3.0, 4.0, 6.0, 5.0):
@@ -154,7 +156,7 @@ def test_commands_do_not_hang_on_where_the_load_stands(name: str, joint: Joint) 
         np.testing.assert_allclose(one, other, rtol=1e-6, atol=1e-6)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", LAWS)
 def test_nothing_winds_up_at_the_limit(name: str, joint: Joint) -> None:
     """While a limit holds the command, no state of the law grows."""
     law = made(name, joint)
@@ -162,7 +164,7 @@ def test_nothing_winds_up_at_the_limit(name: str, joint: Joint) -> None:
         assert np.max(np.abs(np.linalg.eigvals(law.linear.a))) < 1.0 - 1e-6
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", LAWS)
 def test_another_number_of_joints_needs_a_reset(name: str, joint: Joint) -> None:
     law = made(name, joint)
     law.act(measurements(2, 1)[0], np.zeros(2))

@@ -3,23 +3,34 @@
 from __future__ import annotations
 
 import re
+import shlex
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
 
+import can
+import numpy as np
 import pytest
 
-from cjt_gym.canbus.config import BUS, CONTROL, EMULATOR, LIMITS, TABLES
+from cjt_gym.canbus.config import BUS, CONTROL, EMULATOR, LIMITS, TABLES, load_hardware
+from cjt_gym.canbus.emulator import Emulator
 from cjt_gym.canbus.experiments import EXPERIMENTS
+from cjt_gym.canbus.plant import CanPlant
 from cjt_gym.canbus.safety import FAULTS
+from cjt_gym.canbus.virtual import VirtualLink
 from cjt_gym.cli import main
-from cjt_gym.records import read_record
+from cjt_gym.records import Record, read_record
+from tests.canbus.soak import emulator, free_port
 
 ROOT = Path(__file__).parents[2]
 HARDWARE = (ROOT / "docs" / "hardware.md").read_text(encoding="utf-8")
+TUTORIAL = (ROOT / "docs" / "tutorials" / "hardware.md").read_text(encoding="utf-8")
 EMULATOR_PAGE = (ROOT / "docs" / "emulator.md").read_text(encoding="utf-8")
 NEEDS_MORE = re.compile(r"bus\.recv|real\.csv")
-"""Of code that needs a bus, or the record that was made before."""
+"""Of code that needs a bus, or a record: these have tests of their own."""
 CODE = re.findall(r"```python\n(.*?)```", HARDWARE + EMULATOR_PAGE, flags=re.S)
 
 
@@ -38,15 +49,127 @@ def test_every_key_experiment_and_fault_is_on_the_page() -> None:
         assert f"| `{row.name}` | {row.seconds:g} | {row.summary} |" in HARDWARE
 
 
-def test_walk_through_runs_in_one_terminal(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+@dataclass
+class Terminals:
+    """A folder in which the commands of the pages run, in order, and the joint on a free port.
+
+    Attributes:
+        port: Of the emulated joint.
+        emulating: The emulator in the other terminal, which runs until the end.
+    """
+
+    port: int
+    emulating: ExitStack
+
+    def run(self, line: str) -> int:
+        """Run a command of a page: in its own time, so that no machine is too slow for it."""
+        words = shlex.split(line)[1:]
+        if words[0] == "emulate":
+            self.emulating.close()
+            self.emulating.enter_context(emulator(Path(words[1]), *words[2:]))
+            return 0
+        if words[0] == "hardware" and "--arm" in words:
+            words[words.index("--arm")] = "--emulated"
+            seconds = "3" if "--benchmark" in words else "0.3"
+            words = ["steps" if word == "all" else word for word in words]
+            words += [] if "--experiment" in words else ["--duration", seconds]
+        if words[0] == "train":
+            words += ["--steps", "2048", "--quiet"]
+        return main(words)
+
+
+@pytest.fixture
+def terminals(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Terminals]:
+    port = free_port()
+    (tmp_path / "examples" / "hardware").mkdir(parents=True)
+    for name in ("joint.toml", "arm.toml"):
+        text = (ROOT / "examples" / "hardware" / name).read_text().replace("29536", str(port))
+        for place in (tmp_path / "examples" / "hardware", tmp_path):
+            (place / name).write_text(text)
+    found = tmp_path / "runs" / "found"
+    found.mkdir(parents=True)
+    t = np.arange(500) * 1e-3
+    asked = Record({"t": t, "i_cmd": 0.5 * np.sin(20.0 * t)}, {"t": "s", "i_cmd": "A"})
+    asked.to_npz(found / "next.npz")
+    trace(tmp_path / "joint.toml", tmp_path / "candump.log")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("cjt_gym.canbus.dialogue.PATIENCE", 30.0)
+    with ExitStack() as emulating:
+        yield Terminals(port, emulating)
+
+
+def trace(config: Path, log: Path) -> None:
+    """Write what goes over the bus in a short run."""
+    given = load_hardware(config)
+    link = VirtualLink(Emulator(given))
+    with can.Logger(log) as logger, CanPlant(given, link) as plant:
+
+        def keep(t: float, message: can.Message) -> None:
+            message.timestamp, message.channel = 1.7e9 + t, "can0"
+            logger.on_message_received(message)
+
+        def pass_on(message: can.Message, node: str, t: float) -> list[can.Message]:
+            keep(t, message)
+            return [message]
+
+        link.sent, link.emulator.tamper = keep, pass_on
+        plant.connect()
+        plant.arm()
+        plant.reset()
+        for _ in range(100):
+            plant.step(np.ones(1))
+
+
+def commands() -> list[str]:
+    """Return every command of the pages, in order."""
+    blocks = re.findall(r"```sh\n(.*?)```", TUTORIAL + HARDWARE + EMULATOR_PAGE, flags=re.S)
+    return [line.split("  #")[0] for block in blocks for line in block.splitlines()]
+
+
+LONG = re.compile(r"cjt-gym (train|diagnose)|--policy|--benchmark|--experiment")
+
+
+def test_commands_run_one_after_the_other(
+    terminals: Terminals, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.chdir(ROOT)
-    out = tmp_path / "real.csv"
-    lines = [line for line in HARDWARE.splitlines() if line.startswith("cjt-gym hardware examples")]
-    assert len(lines) == 3
-    assert main(lines[1].split()[1:]) == 0
-    assert "frames would be sent" in capsys.readouterr().out
-    words = lines[2].replace("--arm", "--emulated").replace("runs/real.csv", str(out)).split()[1:]
-    assert main([*words, "--duration", "1"]) == 0
-    assert "tau" in read_record(out)
+    lines = [line for line in commands() if not LONG.search(line)]
+    assert len(lines) > 8
+    for line in lines:
+        assert line.startswith("cjt-gym ")
+        assert terminals.run(line) == 0, (line, capsys.readouterr().err)
+    shown = capsys.readouterr().out
+    assert "Not armed, nothing was moved" in shown
+    assert re.search(r"v_bus 48 V\b", shown)
+    assert "frames would be sent" in shown
+    assert "tau" in read_record("runs/real.csv")
+
+
+@pytest.mark.slow
+def test_all_commands_run_one_after_the_other(
+    terminals: Terminals, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for line in commands():
+        if "ppo_residual" in line:
+            assert main(["train", "demo", "--steps", "2048", "--quiet", "--out", "early"]) == 0
+            Path("early").rename("runs/ppo_residual")
+        assert terminals.run(line) == 0, (line, capsys.readouterr().err)
+    assert Path("bench/benchmark.txt").exists()
+
+
+def test_code_for_other_clients_hears_the_emulator(terminals: Terminals) -> None:
+    (text,) = [code for code in CODE if "bus.recv" in code]
+    terminals.run("cjt-gym emulate joint.toml")
+    patient = text.replace("29536", str(terminals.port)).replace("recv(1.0)", "recv(30.0)")
+    run = subprocess.run(
+        [sys.executable, "-c", patient], capture_output=True, text=True, check=False
+    )
+    assert run.returncode == 0, run.stderr
+    assert "ID:" in run.stdout
+
+
+def test_code_with_a_record_runs(terminals: Terminals) -> None:
+    (text,) = [code for code in CODE if "real.csv" in code]
+    words = "cjt-gym hardware joint.toml --arm --controller open_loop --out real.csv"
+    assert terminals.run(words) == 0
+    run = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr

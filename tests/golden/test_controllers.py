@@ -18,12 +18,14 @@ from cjt_gym import load_joint
 from cjt_gym.baselines import PdFeedForward
 from cjt_gym.baselines.integral_feedforward import integral_law
 from cjt_gym.baselines.linear_law import LinearController, LinearLaw, assemble, static
+from cjt_gym.baselines.momentum_dob import momentum_dob_law
 from cjt_gym.baselines.observers import momentum_observer
 from cjt_gym.baselines.passivity import passivity_law
 from cjt_gym.baselines.pid import pid
 from cjt_gym.baselines.pid_outer_dob import closed_plant
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.baselines.rational import inverse_times, low_pass, tustin
+from cjt_gym.baselines.robust import is_stable
 from cjt_gym.plant import Measurement
 
 Floats = NDArray[np.float64]
@@ -95,6 +97,15 @@ def test_the_momentum_observer_agrees_with_the_toolbox() -> None:
         found.append(observer.step(measurement(k), sent, nobody)["disturbance"][0])
         sent = VECTORS["gm_u"][k : k + 1]
     same(np.array(found), VECTORS["gm"])
+
+
+def test_two_of_the_toolboxs_examples_are_unstable_without_dry_friction() -> None:
+    """Example 3 integrates with 10 1/s, Example 10 observes with 25 Hz; less is stable."""
+    joint = load_joint("orange_80_6000", "output_fixed_rigid_gearbox", effects={})
+    model = SampledJoint(joint, DT)
+    found = [is_stable(model.loop, integral_law(ki, DT)) for ki in (10.0, 5.0)]
+    found += [is_stable(model.loop, momentum_dob_law(model, hz)) for hz in (25.0, 5.0)]
+    assert found == [False, True, False, True]
 
 
 def test_the_inverse_of_the_joint_agrees_with_the_toolbox() -> None:

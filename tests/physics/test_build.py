@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from cjt_gym.cli import main
-from cjt_gym.errors import ConfigurationError, MissingFileError
+from cjt_gym.errors import CjtGymError, ConfigurationError, MissingFileError
 from cjt_gym.joint import load_joint
 from cjt_gym.joint.build import build_joints
 
@@ -72,3 +73,29 @@ def test_mistakes_are_errors(tmp_path: Path) -> None:
         build_joints({"joints": {"a": {"fil": "x"}}, "structures": ["rigid"]})
     with pytest.raises(MissingFileError, match="does not exist"):
         build_joints(tmp_path / "none.toml")
+
+
+FILE: dict[str, Any] = {"file": "orange_80_6000"}
+GOOD: dict[str, Any] = {"joints": {"a": FILE}, "structures": ["rigid"]}
+WRONG: list[dict[str, Any]] = [
+    {"joints": [1]},
+    {"joints": {"a": {"file": 3}}},
+    *(
+        {"joints": {"a": FILE | {"parameters": given}}}
+        for given in (3, {"k_b": ""}, {"k_b": [1.0]})
+    ),
+    {"joints": {"a": FILE | {"parameters": {"self": 1.0}}}},
+    {"structures": "rigid"},
+    {"structures": [1]},
+    {"drives": 3},
+    {"effects": ["coulomb"]},
+    {"effects": {"x": 3}},
+    {"effects": {"x": [3]}},
+    {"effects": {"x": {"coulomb": 1}}},
+]
+
+
+@pytest.mark.parametrize("wrong", WRONG)
+def test_tables_of_wrong_types_are_errors_of_ours(wrong: dict[str, Any]) -> None:
+    with pytest.raises(CjtGymError):
+        build_joints(GOOD | wrong)

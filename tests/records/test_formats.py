@@ -112,7 +112,7 @@ def test_matlab_7_3_and_hdf5(tmp_path: Path) -> None:
 
 MISSING = [
     ("log.mat", b"MATLAB 7.3 MAT-file", "h5py", "needs h5py.*pip install"),
-    ("log.mcap", b"", "mcap.reader", "needs mcap, which is not installed: pip install"),
+    ("log.mcap", b"", "mcap.records", "needs mcap, which is not installed: pip install"),
 ]
 
 

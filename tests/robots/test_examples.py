@@ -31,7 +31,7 @@ def test_the_leg_squats_and_its_energy_adds_up() -> None:
     late = found["t"] > 0.5
     assert np.abs(found["wanted"] - found["q"])[late].max() < 0.05
     error = np.sqrt(np.mean((found["asked"] - found["tau"])[late] ** 2, axis=0))
-    assert (error < 1.0).all()
+    assert (error < 1.5).all()
     assert np.abs(found["given"] - found["taken"]).max() < 2e-3
     down = int(np.argmin(found["energy"]))
     assert found["energy"][down] < -10.0

@@ -98,9 +98,8 @@ def test_signals_beyond_the_box_are_limited(form: str, tiny: TrainConfig, tmp_pa
 
 def test_layout_of_another_network_is_refused(tiny: TrainConfig) -> None:
     policy = exported(agent_for(tiny, "PPO", "tanh"))
-    other = replace(policy, layout=replace(policy.layout, history=policy.layout.history + 1))
     with pytest.raises(CjtGymError, match="its layout makes"):
-        Stepper(other)
+        replace(policy, layout=replace(policy.layout, history=policy.layout.history + 1))
 
 
 def test_recurrent_policy_is_not_exported(tiny: TrainConfig) -> None:

@@ -10,6 +10,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from cjt_gym.export.c_text import comment, identifier
 from cjt_gym.training.config import BASE_GAINS
 from cjt_gym.training.deploy.exported import Exported
 from cjt_gym.training.deploy.layout import LIMIT, PER_SAMPLE
@@ -30,15 +31,15 @@ def c_header(policy: Exported, prefix: str = "policy") -> str:
         policy: What it computes.
         prefix: What its names begin with.
     """
-    name = re.sub(r"\W", "_", prefix)
+    name = identifier(prefix, "policy")
     layout, network = policy.layout, policy.on_its_joint
     values = {
         "NAME": name,
         "GUARD": f"{name.upper()}_H",
-        "TITLE": policy.name,
+        "TITLE": comment(policy.name),
         "VERSION": version("cjt-gym"),
-        "JOINT": ", ".join(policy.trained_on),
-        "BASE": _base(policy.config.env),
+        "JOINT": comment(", ".join(policy.trained_on)),
+        "BASE": comment(_base(policy.config.env)),
         "DT": f"{layout.dt:g}",
         "COUNT": str(layout.preview + 1),
         "SIZE": str(layout.size),
@@ -55,10 +56,7 @@ def c_header(policy: Exported, prefix: str = "policy") -> str:
         "ARRAYS": "\n".join(_arrays(policy, name)),
         "LAYERS": "\n".join(_layers(policy, name)),
     }
-    text = TEMPLATE
-    for key, value in values.items():
-        text = text.replace(f"@{key}@", value)
-    return text
+    return re.sub("@([A-Z]+)@", lambda found: values[found[1]], TEMPLATE)
 
 
 def _base(env: Mapping[str, Any]) -> str:

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import shutil
-import subprocess
-import tempfile
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +13,7 @@ from numpy.typing import NDArray
 
 from cjt_gym.envs.core import Episodes
 from cjt_gym.errors import ConfigurationError
+from cjt_gym.export.c_library import compiled
 from cjt_gym.training.config import VALIDATION_SEEDS, environment_arguments
 from cjt_gym.training.deploy.exported import Stepper, load_exported
 from cjt_gym.training.deploy.layout import Layout
@@ -77,19 +75,7 @@ class CStepper:
         Raises:
             ConfigurationError: There is no C compiler, or it does not take the header.
         """
-        compiler = next((name for name in ("cc", "gcc", "clang") if shutil.which(name)), None)
-        if compiler is None:
-            raise ConfigurationError("There is no C compiler (cc, gcc or clang) to try it with.")
-        with tempfile.TemporaryDirectory() as name:  # a library that is loaded needs no file
-            folder = Path(name)
-            (folder / "policy.h").write_text(header, encoding="utf-8")
-            (folder / "shim.c").write_text(SHIM, encoding="utf-8")
-            words = [compiler, "-std=c99", "-Wall", "-Wextra", "-Werror", "-O2", "-fPIC"]
-            words += ["-shared", "-o", str(folder / "policy.so"), str(folder / "shim.c"), "-lm"]
-            done = subprocess.run(words, capture_output=True, text=True, check=False)
-            if done.returncode:
-                raise ConfigurationError(f"{compiler} does not take the header: {done.stderr}")
-            self._library = ctypes.CDLL(str(folder / "policy.so"))
+        self._library = compiled(SHIM, {"policy.h": header})
         self._step = self._library.step
         number = ctypes.c_float
         self._step.restype = number

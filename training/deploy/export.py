@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from cjt_gym.disk import write_text
 from cjt_gym.errors import CjtGymError
+from cjt_gym.export.c_text import identifier
 from cjt_gym.training.deploy.c_header import c_header
 from cjt_gym.training.deploy.check import TOLERANCE, Checked, check
 from cjt_gym.training.deploy.exported import save_exported
@@ -75,9 +76,9 @@ def export_policy(run: str | Path, form: str, path: Path) -> Written:
         save_exported(policy, path)
     else:
         header = c_header(policy)
-        prefix = re.sub(r"\W", "_", path.stem)
+        prefix = identifier(path.stem, "policy")
         named = header if prefix == "policy" else c_header(policy, prefix)
-        path.write_text(named, encoding="utf-8")
+        write_text(path, named)
     checked = check(agent, path, form, header)
     if checked.steps and not checked.error <= TOLERANCE:
         raise ExportError(

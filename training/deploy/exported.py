@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
@@ -12,7 +12,9 @@ from typing import Any, Final, final
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.errors import ConfigurationError, MissingFileError
+from cjt_gym.disk import parse_json, parsing, whole
+from cjt_gym.disk.arrays import read_arrays
+from cjt_gym.errors import CjtGymError, ConfigurationError, MissingFileError
 from cjt_gym.joint.compiled import threaded
 from cjt_gym.training.conditions import Conditions
 from cjt_gym.training.config import TrainConfig, from_dict
@@ -35,12 +37,31 @@ class Exported:
         config: How it was trained.
         network: Its numbers.
         layout: What its observation is made of.
+
+    Raises:
+        ConfigurationError: The network does not take what the layout makes, or gives more than one
+            action.
     """
 
     name: str
     config: TrainConfig
     network: Network
     layout: Layout
+
+    def __post_init__(self) -> None:
+        layout, network = self.layout, self.network
+        made, taken = layout.size + len(layout.joint_numbers), len(network.mean)
+        if made != taken:
+            raise ConfigurationError(
+                f"The network of the policy {self.name} takes {taken} numbers, its layout makes "
+                f"{made}. Export it anew."
+            )
+        outputs = len(network.layers[-1].bias)
+        if outputs != 1:
+            raise ConfigurationError(
+                f"The network of the policy {self.name} must give one action, got {outputs}. "
+                "Export it anew."
+            )
 
     @cached_property
     def on_its_joint(self) -> Network:
@@ -109,17 +130,8 @@ class Stepper:
     """
 
     def __init__(self, policy: Exported) -> None:
-        """Begin an episode.
-
-        Raises:
-            ConfigurationError: Its network takes another observation than its layout makes.
-        """
+        """Begin an episode."""
         layout, network = policy.layout, policy.on_its_joint
-        if layout.history < 1 or network.mean.shape != (layout.size,):
-            raise ConfigurationError(
-                f"The network of the policy {policy.name} takes {len(network.mean)} numbers, its "
-                f"layout makes {layout.size}. Export it anew."
-            )
         self.policy = policy
         self._fixed = (*network.packed[:2], network.clip, network.packed[2])
         self._scales = np.array([layout.torque, layout.velocity, layout.n])
@@ -174,13 +186,13 @@ def facts_of(policy: Exported) -> dict[str, Any]:
 
 def save_exported(policy: Exported, path: str | Path) -> Path:
     """Write a policy as NPZ and return its path."""
-    path, network = Path(path), policy.network
+    network = policy.network
     arrays: dict[str, Any] = {"mean": network.mean, "scale": network.scale}
     for k, layer in enumerate(network.layers):
         arrays |= {f"weight_{k}": layer.weight, f"bias_{k}": layer.bias}
-    with path.open("wb") as file:
+    with whole(path) as part, part.open("wb") as file:
         np.savez(file, facts=np.array(json.dumps(facts_of(policy))), **arrays)
-    return path
+    return Path(path)
 
 
 def load_exported(path: str | Path) -> Exported:
@@ -197,9 +209,18 @@ def load_exported(path: str | Path) -> Exported:
             f"cjt-gym export RUN --to numpy --out {path}"
         )
     try:
-        with np.load(file, allow_pickle=False) as arrays:
-            given: Mapping[str, Any] = dict(arrays)
-        facts = json.loads(str(given["facts"]))
+        return _parsed(file)
+    except CjtGymError as error:
+        raise ConfigurationError(
+            f"{path} is not a policy that cjt-gym exported: {error} Make one:  "
+            "cjt-gym export RUN --to numpy --out policy.npz"
+        ) from error
+
+
+def _parsed(file: Path) -> Exported:
+    given = read_arrays(file, ConfigurationError)
+    with parsing("its facts must be those of a policy", ConfigurationError):
+        facts = parse_json(str(given["facts"]), "facts", ConfigurationError)
         if facts["kind"] != KIND:
             raise KeyError("kind")
         layers = tuple(
@@ -207,12 +228,5 @@ def load_exported(path: str | Path) -> Exported:
             for k, activation in enumerate(facts["activations"])
         )
         network = Network(layers, given["mean"], given["scale"], float(facts["clip"]))
-        layout = Layout(**facts["layout"])
-    except (KeyError, ValueError, OSError, TypeError) as error:
-        reason = f"it lacks {error}" if isinstance(error, KeyError) else str(error)
-        raise ConfigurationError(
-            f"{path} is not a policy that cjt-gym exported ({reason}). Make one:  "
-            "cjt-gym export RUN --to numpy --out policy.npz"
-        ) from None
-    config = from_dict(facts["config"], str(path))
-    return Exported(file.stem, config, network, layout)
+        config = from_dict(facts["config"], str(file))
+        return Exported(file.stem, config, network, Layout(**facts["layout"]))

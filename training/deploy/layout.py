@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.envs.observe import CLIP, SIGNALS_PER_SAMPLE
 from cjt_gym.envs.settings import Settings
+from cjt_gym.errors import ConfigurationError
+from cjt_gym.joint.border import checked_array
 from cjt_gym.joint.compiled import inlined
 
 Floats = NDArray[np.float32]
@@ -43,7 +45,19 @@ class Layout:
     joint_numbers: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "joint_numbers", tuple(self.joint_numbers))
+        for name, least in (("preview", 0), ("history", 1)):
+            number = getattr(self, name)
+            if isinstance(number, bool) or not isinstance(number, int) or number < least:
+                raise ConfigurationError(
+                    f"{name} of a policy must be a whole number >= {least}, got {number!r}."
+                )
+        for name in ("torque", "velocity", "action", "n", "dt"):
+            _check_positive(name, getattr(self, name))
+        numbers = self.joint_numbers
+        if len(numbers) > 0:
+            what = "joint_numbers of a policy"
+            numbers = tuple(checked_array(what, numbers, (None,)).tolist())
+        object.__setattr__(self, "joint_numbers", tuple(numbers))
 
     @property
     def size(self) -> int:
@@ -54,6 +68,12 @@ class Layout:
     def head(self) -> int:
         """Numbers of an observation before its history."""
         return self.preview + 4
+
+
+def _check_positive(name: str, number: Any) -> None:
+    real = isinstance(number, (int, float)) and not isinstance(number, bool)
+    if not (real and math.isfinite(number) and number > 0.0):
+        raise ConfigurationError(f"{name} of a policy must be a number > 0, got {number!r}.")
 
 
 def layout_of(settings: Settings) -> Layout:

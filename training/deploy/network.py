@@ -6,12 +6,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.errors import ConfigurationError
+from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.joint.border import checked_array
 from cjt_gym.joint.compiled import inlined, reordered, threaded
 
 Floats = NDArray[np.float32]
@@ -118,6 +120,14 @@ class Layer:
     bias: Floats
     activation: str
 
+    def __post_init__(self) -> None:
+        weight = checked_array("weights of a layer", self.weight, (None, None), np.float32)
+        bias = checked_array("biases of a layer", self.bias, weight.shape[:1], np.float32)
+        if self.activation not in ACTIVATIONS:
+            raise unknown_name("activation", str(self.activation), ACTIVATIONS)
+        object.__setattr__(self, "weight", weight)
+        object.__setattr__(self, "bias", bias)
+
 
 @dataclass(frozen=True)
 class Network:
@@ -134,6 +144,23 @@ class Network:
     mean: Floats
     scale: Floats
     clip: float
+
+    def __post_init__(self) -> None:
+        if not self.layers:
+            raise ConfigurationError("A policy must have at least one layer, got none.")
+        size = self.layers[0].weight.shape[1]
+        for name in ("mean", "scale"):
+            what = f"{name} of the observations of a policy"
+            array = checked_array(what, getattr(self, name), (size,), np.float32)
+            object.__setattr__(self, name, array)
+        if not (math.isfinite(self.clip) and self.clip > 0.0):
+            raise ConfigurationError(f"clip of a policy must be finite and > 0, got {self.clip}.")
+        for k, (one, other) in enumerate(pairwise(self.layers)):
+            if other.weight.shape[1] != len(one.bias):
+                raise ConfigurationError(
+                    f"Layer {k + 1} of a policy must take the {len(one.bias)} outputs of layer "
+                    f"{k}, got weights of shape {other.weight.shape}."
+                )
 
     def with_end(self, end: Sequence[float]) -> Network:
         """Return the network of the other inputs where the last ones stay at these values."""
@@ -160,11 +187,9 @@ class Network:
 
     def act(self, observation: Floats) -> Floats:
         """Return the action, shape (1,), for an observation, shape (size,)."""
-        if observation.shape != self.mean.shape:
-            raise ConfigurationError(
-                f"The policy takes an observation of shape {self.mean.shape}, got "
-                f"{observation.shape}. Give it what its environment or its `Stepper` observes."
-            )
+        if observation.shape != self.mean.shape or observation.dtype != np.float32:
+            what, shape = "The observation of a policy", self.mean.shape
+            observation = checked_array(what, observation, shape, np.float32, finite=False)
         plan, numbers, work = self.packed
         found = run_network(plan, numbers, observation, self.clip, work)
         return work[found, : plan[-1, OUTPUTS]].copy()

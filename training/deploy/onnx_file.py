@@ -17,6 +17,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from cjt_gym.disk import parse_json, parsing, write_bytes
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.training.deploy.exported import Exported, facts_of
 from cjt_gym.training.deploy.layout import LIMIT, PER_SAMPLE, Layout
@@ -67,7 +68,6 @@ def write_onnx(policy: Exported, path: str | Path) -> Path:
         ConfigurationError: The package onnx is not installed.
     """
     try:
-        import onnx
         from onnx import TensorProto, checker, helper
     except ImportError as error:
         raise ConfigurationError(
@@ -96,9 +96,7 @@ def write_onnx(policy: Exported, path: str | Path) -> Path:
     model.ir_version, model.producer_name = IR_VERSION, "cjt-gym"
     helper.set_model_props(model, {"cjt_gym": json.dumps(facts_of(policy))})
     checker.check_model(model)
-    path = Path(path)
-    onnx.save(model, str(path))
-    return path
+    return write_bytes(path, model.SerializeToString())
 
 
 def _observation(graph: Graph, layout: Layout) -> str:
@@ -141,17 +139,24 @@ class OnnxStepper:
             ) from error
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
-        try:
+        with parsing(f"{path} must be a policy that cjt-gym exported", ConfigurationError):
             providers = ["CPUExecutionProvider"]
             self._session = onnxruntime.InferenceSession(str(path), options, providers=providers)
-            facts = json.loads(self._session.get_modelmeta().custom_metadata_map["cjt_gym"])
-        except Exception as error:  # onnxruntime raises classes of its own, without a common one
-            raise ConfigurationError(
-                f"{path} is not a policy that cjt-gym exported ({error})."
-            ) from None
-        self.facts, self.layout = facts, Layout(**facts["layout"])
+            text = self._session.get_modelmeta().custom_metadata_map["cjt_gym"]
+            facts = parse_json(text, "its metadata", ConfigurationError)
+            self.facts, self.layout = facts, Layout(**facts["layout"])
+            self._check_shapes()
         self._history = np.zeros(PER_SAMPLE * self.layout.history, np.float32)
         self.reset()
+
+    def _check_shapes(self) -> None:
+        """Raise ValueError unless the graph takes and gives what its layout makes."""
+        width = PER_SAMPLE * self.layout.history
+        wanted = {"signals": [self.layout.preview + 7], "history": [width], "begin": [1]}
+        given = {put.name: put.shape for put in self._session.get_inputs()}
+        made = [put.shape for put in self._session.get_outputs()]
+        if given != wanted or made != [[1], [width]]:
+            raise ValueError(f"it takes {given} and gives {made}, which its layout does not make")
 
     def reset(self) -> None:
         """Forget the past."""

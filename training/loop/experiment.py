@@ -12,6 +12,7 @@ import numpy as np
 from joblib import Parallel, delayed
 
 from cjt_gym.blind.case import Log
+from cjt_gym.disk import write_text
 from cjt_gym.envs.core import Episodes
 from cjt_gym.envs.torque_tracking import complete
 from cjt_gym.errors import CjtGymError, ConfigurationError
@@ -157,7 +158,7 @@ def _claim(plan: Plan) -> None:
     there = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else None
     if there is None and not any(plan.out.glob("joint_*")):
         plan.out.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps(here, indent=1) + "\n", encoding="utf-8")
+        write_text(path, json.dumps(here, indent=1) + "\n")
     elif there != here:
         different = [name for name in here if here[name] != (there or {}).get(name)]
         raise ConfigurationError(
@@ -212,7 +213,7 @@ def _try(plan: Plan, joint: HiddenJoint) -> Outcome:
     outcome = Outcome(
         joint.name, joint.structure, joint.hidden, found, verdict, amplitude, tasks, noise
     )
-    place.write_text(json.dumps(asdict(outcome), indent=1) + "\n", encoding="utf-8")
+    write_text(place, json.dumps(asdict(outcome), indent=1) + "\n")
     return outcome
 
 
@@ -242,7 +243,7 @@ def _train(
 ) -> None:
     """Train on a joint; amplitude and scales are those of the datasheet for everyone."""
     path = folder.with_suffix(".toml")
-    path.write_text(to_toml(file), encoding="utf-8")
+    write_text(path, to_toml(file))
     base = load_config(RECIPE)
     sheet = str(plan.out / f"sheet_{joint.group}.toml")
     p = load_joint_file(sheet).parameters

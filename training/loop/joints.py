@@ -13,6 +13,7 @@ from cjt_gym.blind import KNOWN, Case, draw_case
 from cjt_gym.blind.files import nominal_text
 from cjt_gym.blind.plan import can_go_together
 from cjt_gym.blind.plant import CHANNELS, STRUCTURES
+from cjt_gym.disk import write_text
 from cjt_gym.joint import EFFECTS, JointFile, load_joint_file
 from cjt_gym.joint.quantity import Quantity
 
@@ -56,7 +57,7 @@ class HiddenJoint:
     def stated(self, folder: Path) -> JointFile:
         """Write the joint file of its datasheet into a folder, and return what it says."""
         path = folder / f"sheet_{self.group}.toml"
-        path.write_text(nominal_text(self.case, path.stem), encoding="utf-8")
+        write_text(path, nominal_text(self.case, path.stem))
         return load_joint_file(path)
 
     def true(self, stated: JointFile) -> JointFile:

@@ -12,6 +12,7 @@ import matplotlib
 import numpy as np
 from matplotlib.ticker import LogLocator, NullFormatter
 
+from cjt_gym.disk import write_text
 from cjt_gym.errors import MissingFileError
 from cjt_gym.training import report
 from cjt_gym.training.figures import COLOURS, INK, STYLE, new_figure, to_svg
@@ -155,7 +156,7 @@ def write_results(outcomes: Sequence[Outcome], plan: Plan, seconds: float) -> No
         "versions": versions(),
         "seconds": seconds,
     }
-    (plan.out / "loop.json").write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+    write_text(plan.out / "loop.json", json.dumps(data, indent=1) + "\n")
 
 
 def read_results(folder: Path) -> dict[str, Any]:
@@ -194,7 +195,7 @@ def write_document(path: Path, data: dict[str, Any]) -> Path:
     }
     fill(path, "loop", parts)
     (path.parent / "figures").mkdir(exist_ok=True)
-    (path.parent / "figures" / "loop.svg").write_text(figure_of(outcomes), encoding="utf-8")
+    write_text(path.parent / "figures" / "loop.svg", figure_of(outcomes))
     return path
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any
 
 from joblib import Parallel, delayed, parallel_config
 
+from cjt_gym.disk import write_text
 from cjt_gym.errors import ConfigurationError, SimulationError
 from cjt_gym.training.grid import Cell
 
@@ -64,8 +64,6 @@ def run_jobs(jobs: Sequence[Job], folder: Path, processes: int) -> list[dict[str
 def _kept(job: Job, folder: Path) -> dict[str, Any]:
     path = job.path(folder)
     if not path.is_file():
-        beside = path.with_suffix(f".{os.getpid()}.tmp")
-        beside.write_text(json.dumps(job.run()), encoding="utf-8")
-        beside.replace(path)
+        write_text(path, json.dumps(job.run()))
     result: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     return result

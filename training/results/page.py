@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
+from cjt_gym.disk import write_text
 from cjt_gym.errors import MissingFileError
 from cjt_gym.training import report
 from cjt_gym.training.marks import fill, markdown
@@ -39,7 +40,7 @@ def write_all(plan: Plan, found: Sequence[Found]) -> Path:
     """Write `results.json` and `report.html`; return the page."""
     data = {"plan": plan.to_dict(), "structures": found, "versions": versions()}
     plan.out.mkdir(parents=True, exist_ok=True)
-    (plan.out / "results.json").write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+    write_text(plan.out / "results.json", json.dumps(data, indent=1) + "\n")
     return write_page(plan.out, found)
 
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from itertools import count
-from math import tau
+from math import ceil, tau
 from typing import Final
 
 from canopen.sdo.exceptions import SdoAbortedError
@@ -74,6 +74,7 @@ class Cia402Master:
         self.periods = dict.fromkeys(self.channels, settings.period) | {"v_bus": 0.1}
         high = settings.scaling.gear_ratio * self._rated_torque * 32.767
         self.torque_range = (-high, high)
+        self.shows_stop = True
         self._layouts = {pdo.cob_id + settings.node: pdo.layout for pdo in TPDOS}
         self._rpdo = RPDO.layout
         self._beat_every = max(1, int(settings.watchdog / 3 / settings.period))
@@ -81,7 +82,8 @@ class Cia402Master:
 
     def configure(self) -> Sequence[Step]:
         """Return the steps that set up PDOs, heartbeats and torque mode, and start the node."""
-        watched = self.settings.options["master_node"] << 16 | round(self.settings.watchdog * 1e3)
+        time = max(1, ceil(self.settings.watchdog * 1e3 - 1e-6))  # in whole milliseconds, never off
+        watched = self.settings.options["master_node"] << 16 | time
         steps = [
             self._nmt("Pre-operational", PRE_OPERATIONAL),
             self._read("Look for a drive", (0x1000, 0), self._is_a_drive),

@@ -18,7 +18,7 @@ The order in which a master is used::
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from math import inf
@@ -31,6 +31,7 @@ from cjt_gym.errors import ConfigurationError
 __all__ = [
     "CHANNELS",
     "NO_CHANNELS",
+    "SLOW",
     "Fault",
     "Firmware",
     "Limits",
@@ -59,6 +60,8 @@ CHANNELS: Final = {
     "v_bus": ("V", "supply voltage"),
 }
 """What nodes may report: unit and meaning. All but the last two are on the link side."""
+SLOW: Final[Mapping[str, float]] = {"temperature": 5.0, "v_bus": 5.0}
+"""Channels that change slowly, and how old their values may be [s], however often they come."""
 NO_CHANNELS: Final[Mapping[str, float]] = {}
 
 
@@ -114,6 +117,7 @@ class Step:
         timeout: How long to wait for it [s].
         meanwhile: To send once in every period while waiting, so that the drive's watchdog is
             fed and its state is asked for.
+        optional: Whether the next step may follow though this one was not confirmed.
     """
 
     text: str
@@ -121,6 +125,7 @@ class Step:
     confirmed: Callable[[Message], bool] | None = None
     timeout: float = 0.5
     meanwhile: Sequence[Message] = ()
+    optional: bool = False
 
 
 @dataclass(frozen=True)
@@ -183,7 +188,7 @@ class Scaling:
 
 @dataclass(frozen=True)
 class Limits:
-    """Beyond these an emulated drive faults by itself, whatever it is told; link side.
+    """Beyond these an emulated drive stops by itself, whatever it is told; link side.
 
     Attributes:
         tau_m: Torque above which it clips what it is told [N m].
@@ -191,6 +196,8 @@ class Limits:
         temperature: Of motor or power stage [degC].
         v_low: Lowest supply voltage [V].
         v_high: Highest supply voltage [V].
+        watchdog: Time without a command, as set in the drive before, with its maker's tool [s]; 0:
+            as the drive leaves the factory, which for most is without a watchdog.
     """
 
     tau_m: float = inf
@@ -198,6 +205,7 @@ class Limits:
     temperature: float = inf
     v_low: float = -inf
     v_high: float = inf
+    watchdog: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -208,9 +216,10 @@ class Settings:
         node: Its address, in the protocol's range.
         scaling: From its shaft to the link side.
         period: Time between two commands [s].
-        watchdog: The drive stops by itself after this time without a command [s].
+        watchdog: Time without a command after which the drive has to stop by itself [s].
         options: What only this protocol knows, checked by its row in the table of protocols.
         limits: Of the emulated drive.
+        unwatched: Whether it is accepted that the drive does not show that it stops by itself.
     """
 
     node: int = 1
@@ -219,6 +228,7 @@ class Settings:
     watchdog: float = 0.05
     options: Mapping[str, Any] = field(default_factory=dict)
     limits: Limits = field(default_factory=Limits)
+    unwatched: bool = False
 
 
 class Master(Protocol):
@@ -228,6 +238,7 @@ class Master(Protocol):
         channels: The names of :data:`CHANNELS` that this drive reports.
         periods: For each of these the time between two reports while it is commanded [s].
         torque_range: Lowest and highest motor torque that a command can carry, link side [N m].
+        shows_stop: Whether its reports tell a drive that has stopped by itself from one that is on.
     """
 
     @property
@@ -239,7 +250,10 @@ class Master(Protocol):
     @property
     def torque_range(self) -> tuple[float, float]: ...  # noqa: D102
 
-    def configure(self) -> Sequence[Step]:
+    @property
+    def shows_stop(self) -> bool: ...  # noqa: D102
+
+    def configure(self) -> Iterable[Step]:
         """Return the steps that make the drive report, and stop by itself when not commanded."""
         ...
 

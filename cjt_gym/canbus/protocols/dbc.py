@@ -131,6 +131,7 @@ class DbcMaster:
             for name, (where, _) in mapping.channels.items()
         }
         self.torque_range = (0.0, 0.0)
+        self.shows_stop = mapping.state is not None or mapping.error is not None
         if mapping.command is not None:
             where, column = mapping.command
             ends = [

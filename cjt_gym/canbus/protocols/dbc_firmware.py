@@ -120,7 +120,8 @@ DBC: Final = DriveProtocol(
     side="motor",
     before=(
         "Find out which signals enable the drive, and whether it stops by itself where commands "
-        "fail to come. Where it does not, do not use it without a person at the switch."
+        "fail to come. It has to show that in `state` or `error`; where it cannot, it is only "
+        "armed with `unwatched = true`, and with a person at the switch."
     ),
     fd=False,
     nodes=(0, 0x1FFFFFFF),

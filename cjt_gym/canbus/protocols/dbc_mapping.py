@@ -22,7 +22,6 @@ The column `tau_cmd` names the signal of the commanded torque, or `i_cmd` that o
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib import resources
@@ -33,6 +32,7 @@ import cantools
 from cantools.database import Database
 
 from cjt_gym.canbus.protocols.contract import CHANNELS, Mode
+from cjt_gym.disk import read_toml
 from cjt_gym.errors import CjtGymError, ConfigurationError, unknown_name
 from cjt_gym.records.mapping import ColumnSource, load_mapping
 
@@ -95,8 +95,8 @@ def load_dbc_mapping(name: str, n: float) -> DbcMapping:
     """
     path = _path_of(name)
     try:
-        document = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        document = read_toml(path, ConfigurationError)
+    except OSError as error:
         raise ConfigurationError(f"{path} must be a TOML file: {error}.") from error
     given = document.pop("can", None)
     if not isinstance(given, dict) or "dbc" not in given:

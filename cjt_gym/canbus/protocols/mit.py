@@ -120,6 +120,7 @@ class MitMaster:
         self.periods = dict.fromkeys(self.channels, settings.period)
         high = ranges[2] * settings.scaling.gear_ratio
         self.torque_range = (-high, high)
+        self.shows_stop = False
 
     def configure(self) -> Sequence[Step]:
         """Return the one step that looks whether the drive answers."""

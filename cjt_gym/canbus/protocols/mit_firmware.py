@@ -47,7 +47,7 @@ class MitFirmware(StagedFirmware):
     """Answers as a drive does; see :class:`~cjt_gym.canbus.protocols.contract.Firmware`."""
 
     def __init__(self, settings: Settings) -> None:
-        stage = PowerStage(settings.limits, settings.watchdog, forgiving=True)
+        stage = PowerStage(settings.limits, settings.limits.watchdog, forgiving=True)
         super().__init__(settings, stage)
         ranges = ranges_of(settings)
         self._layout = command_layout(ranges)
@@ -149,7 +149,8 @@ MIT: Final = DriveProtocol(
     side="output",
     before=(
         "Calibrate the motor; set its CAN identifier, the MIT mode, and its CAN timeout, which is "
-        "the only watchdog there is. Without a timeout it keeps the last torque. Angle and "
+        "the only watchdog there is. Without a timeout it keeps the last torque, and no frame "
+        "shows whether it has one: it is only armed with `unwatched = true`. Angle and "
         "velocity at the ends of their ranges are taken for unknown, so set the zero such that "
         "the joint stays within."
     ),

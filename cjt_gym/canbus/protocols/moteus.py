@@ -63,6 +63,7 @@ class MoteusMaster:
         self.channels = frozenset({"q_m", "dq_m", "tau_m", "i", "temperature", "v_bus"})
         self.periods = dict.fromkeys(self.channels, settings.period)
         self.torque_range = (-inf, inf)
+        self.shows_stop = True
         source: int = settings.options["source"]
         self._to_drive = ANSWER | source << 8 | settings.node
         self._from_drive = settings.node << 8 | source

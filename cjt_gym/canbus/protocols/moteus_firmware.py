@@ -54,6 +54,8 @@ CODES: Final = {
     Fault.STOPPED: 44,
     Fault.OTHER: 37,
 }
+DEFAULT_TIMEOUT: Final = 0.1
+"""`servo.default_timeout_s` as a drive leaves the factory [s]."""
 KP, KD = 4.0, 0.05
 """Position gains of an emulated drive [N m/rev, N m/(rev/s)]: the firmware's `pid_position`."""
 
@@ -65,6 +67,7 @@ class MoteusFirmware(StagedFirmware):
         super().__init__(settings)
         self._told: dict[int, float] = {}
         self._held = 0.0
+        self._stored = settings.limits.watchdog or DEFAULT_TIMEOUT
 
     def boot(self, now: float) -> Sequence[Message]:
         """Start; it says nothing."""
@@ -108,7 +111,7 @@ class MoteusFirmware(StagedFirmware):
             self._told = written
             self._held = self._seen(0x001)
             time = written.get(0x027, 0.0)
-            self.stage.watchdog = 0.0 if isnan(time) else time or self.settings.watchdog
+            self.stage.watchdog = 0.0 if isnan(time) else time or self._stored
             self.stage.feed(now)
             self._act()
 

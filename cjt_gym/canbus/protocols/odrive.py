@@ -5,6 +5,9 @@ floats, in revolutions of the motor. What a drive sends it sends in its own cycl
 a remote frame; the heartbeat always comes. Commands are not answered, but feed the watchdog of the
 drive, which may expire while the axis is idle, too: clear the errors just before enabling.
 
+A drive leaves the factory with its watchdog off. It is switched on over CAN where the endpoints are
+known, else with the maker's tool; either way it has to prove itself before the joint is armed.
+
 Boards of the older firmware 0.5 differ in their errors and show no temperature: option `firmware`.
 
 References:
@@ -13,7 +16,7 @@ References:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from math import inf, tau
 
 from cjt_gym.canbus.protocols.contract import (
@@ -26,6 +29,7 @@ from cjt_gym.canbus.protocols.contract import (
     is_plain,
 )
 from cjt_gym.canbus.protocols.odrive_messages import (
+    ENDPOINTS,
     ERRORS,
     ERRORS_05,
     FAST,
@@ -35,6 +39,7 @@ from cjt_gym.canbus.protocols.odrive_messages import (
     SLOW,
     SLOW_PERIOD,
     TORQUE_CONTROL,
+    VERSION,
     WRITE,
     State,
     error_text,
@@ -56,6 +61,7 @@ class OdriveMaster:
         hot = {"temperature"} if "Get_Temperature" in self._slow else set()
         self.channels = frozenset({"q_m", "dq_m", "i", "v_bus"} | hot)
         self.torque_range = (-inf, inf)
+        self.shows_stop = True
         ask = settings.options["reports"] == "ask"
         fast = settings.period if ask else settings.options["cycle_ms"] * 1e-3
         slow = dict.fromkeys({"v_bus"} | hot, SLOW_PERIOD)
@@ -63,19 +69,24 @@ class OdriveMaster:
         self._ask = ask
         self._every = max(1, round(SLOW_PERIOD / settings.period))
         self._count = 0
+        options = settings.options
+        self._endpoints: tuple[int, int] = (
+            options["watchdog_timeout_endpoint"],
+            options["enable_watchdog_endpoint"],
+        )
 
-    def configure(self) -> Sequence[Step]:
-        """Return the steps that wait for a heartbeat and set the watchdog where they can."""
-        steps = [Step("Wait for a heartbeat", (), self._alive, timeout=2.0)]
-        options, watchdog = self.settings.options, self.settings.watchdog
-        time = MESSAGES["Set_Input_Torque"].layout.fields[0].to_bits(watchdog)
-        for what, endpoint, value in (
-            ("time", options["watchdog_timeout_endpoint"], time),
-            ("switch", options["enable_watchdog_endpoint"], 1),
+    def configure(self) -> Iterator[Step]:
+        """Yield the steps that wait for a heartbeat and set the watchdog where they can."""
+        yield Step("Wait for a heartbeat", (), self._alive, timeout=2.0)
+        if not any(self._endpoints) and self.settings.options["firmware"] != "0.5":
+            ask = [self._request("Get_Version")]
+            yield Step("Ask for its version", ask, self._find_endpoints, 0.1, optional=True)
+        time = MESSAGES["Set_Input_Torque"].layout.fields[0].to_bits(self.settings.watchdog)
+        for what, endpoint, value in zip(
+            ("time", "switch"), self._endpoints, (time, 1), strict=True
         ):
             if endpoint:
-                steps.append(self._sdo(f"Set the watchdog's {what}", endpoint, value))
-        return steps
+                yield self._sdo(f"Set the watchdog's {what}", endpoint, value)
 
     def clear(self) -> Sequence[Step]:
         """Return the one step."""
@@ -184,6 +195,14 @@ class OdriveMaster:
             return False
         values = MESSAGES["Heartbeat"].layout.decode(frame.data)
         return wanted(int(values["Axis_Error"]), int(values["Axis_State"]))
+
+    def _find_endpoints(self, frame: Message) -> bool:
+        """Take the endpoints of the watchdog from the version in a frame; whether it has one."""
+        if frame.arbitration_id != self._id("Get_Version") or frame.is_remote_frame:
+            return False
+        values = MESSAGES["Get_Version"].layout.decode(frame.data)
+        self._endpoints = ENDPOINTS.get(tuple(int(values[name]) for name in VERSION), (0, 0))
+        return True
 
     def _alive(self, frame: Message) -> bool:
         return self._beat(frame, lambda error, state: state != State.UNDEFINED)

@@ -15,12 +15,15 @@ from cjt_gym.canbus.protocols.contract import (
 )
 from cjt_gym.canbus.protocols.odrive import OdriveMaster
 from cjt_gym.canbus.protocols.odrive_messages import (
+    EMULATED,
+    ENDPOINTS,
     FAST,
     MESSAGES,
     PASSTHROUGH,
     SLOW,
     SLOW_PERIOD,
     TORQUE_CONTROL,
+    VERSION,
     WRITE,
     State,
     reports_of,
@@ -66,15 +69,15 @@ class OdriveFirmware(StagedFirmware):
         options = settings.options
         self._codes = CODES_05 if options["firmware"] == "0.5" else CODES
         self._known = reports_of(options["firmware"]) | COMMANDS
-        self._endpoints = {
-            options["watchdog_timeout_endpoint"]: "time",
-            options["enable_watchdog_endpoint"]: "switch",
-        }
+        given = (options["watchdog_timeout_endpoint"], options["enable_watchdog_endpoint"])
+        known = given if any(given) else ENDPOINTS[EMULATED]
+        self._endpoints = dict(zip(known, ("time", "switch"), strict=True))
+        self._time, self._is_watched = settings.limits.watchdog, settings.limits.watchdog > 0.0
         periods = {"Heartbeat": HEARTBEAT_PERIOD}
         if options["reports"] == "cyclic":
             periods |= dict.fromkeys(FAST, options["cycle_ms"] * 1e-3)
-            known = {row.name for row in self._known.values()}
-            periods |= {name: SLOW_PERIOD for name in SLOW if name in known}
+            names = {row.name for row in self._known.values()}
+            periods |= {name: SLOW_PERIOD for name in SLOW if name in names}
         self._cycles = Cycles(periods)
 
     def boot(self, now: float) -> Sequence[Message]:
@@ -142,9 +145,12 @@ class OdriveFirmware(StagedFirmware):
             return []
         if values["Opcode"] == WRITE:
             if what == "time":
-                self.stage.watchdog = number.from_bits(int(values["Value"]))
+                self._time = number.from_bits(int(values["Value"]))
+            else:
+                self._is_watched = bool(values["Value"])
+            self.stage.watchdog = self._time if self._is_watched else 0.0
             return []
-        value = number.to_bits(self.stage.watchdog) if what == "time" else 1
+        value = number.to_bits(self._time) if what == "time" else int(self._is_watched)
         return [self._frame("TxSdo", Endpoint_ID=endpoint, Value=value)]
 
     def _report(self, name: str) -> Message:
@@ -155,6 +161,8 @@ class OdriveFirmware(StagedFirmware):
                 on = self.mode is Mode.ENABLED
                 state = State.CLOSED_LOOP if on else State.IDLE
                 return self._frame(name, Axis_Error=code, Axis_State=state)
+            case "Get_Version":
+                return self._frame(name, **dict(zip(VERSION, EMULATED, strict=True)))
             case "Get_Error":
                 return self._frame(name, Active_Errors=code, Disarm_Reason=code)
             case "Get_Encoder_Estimates":
@@ -206,8 +214,9 @@ ODRIVE: Final = DriveProtocol(
     title="ODrive CANSimple",
     side="motor",
     before=(
-        "Calibrate the motor; set `can.node_id` and the baud rate; set `config.enable_watchdog` "
-        'and `config.watchdog_timeout`, or give their endpoints below. With `reports = "cyclic"` '
+        "Calibrate the motor; set `can.node_id` and the baud rate; set `config.enable_watchdog`, "
+        "which is off from the factory, and `config.watchdog_timeout`, or give their endpoints "
+        'below, by which both are set and read back. With `reports = "cyclic"` '
         "set the cycles of encoder and current to `cycle_ms`, and those of temperature and supply "
         "to 100 ms. Angles and torques are those of the motor's shaft; its torque constant is the "
         "drive's."

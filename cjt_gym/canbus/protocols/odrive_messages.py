@@ -13,10 +13,13 @@ from typing import Final
 from cjt_gym.canbus.protocols.layout import Field, Layout, nothing
 
 __all__ = [
+    "EMULATED",
+    "ENDPOINTS",
     "ERRORS",
     "ERRORS_05",
     "IN_05",
     "MESSAGES",
+    "VERSION",
     "OdriveMessage",
     "State",
     "error_text",
@@ -85,6 +88,19 @@ ERRORS_05: Final = {
     0x80000: "unknown position",
 }
 """Bits of the axis error in firmware 0.5."""
+VERSION: Final = (
+    "Protocol_Version",
+    *("Hw_Version_Major", "Hw_Version_Minor", "Hw_Version_Variant"),
+    *("Fw_Version_Major", "Fw_Version_Minor", "Fw_Version_Revision", "Fw_Version_Unreleased"),
+)
+EMULATED: Final = (2, 0, 0, 0, 0, 0, 0, 0)
+"""What an emulated drive says of itself; no drive that is sold has this hardware."""
+ENDPOINTS: Final[Mapping[tuple[int, ...], tuple[int, int]]] = {EMULATED: (190, 191)}
+"""Endpoints of the watchdog's time and switch, by the version that a drive says it has.
+
+They differ from firmware to firmware; writing to a wrong one changes something else. So they are
+only taken from here where hardware and firmware are the very ones.
+"""
 TORQUE_CONTROL: Final = 1
 PASSTHROUGH: Final = 1
 WRITE, READ = 1, 0
@@ -122,6 +138,13 @@ def _message(
 MESSAGES: Final = {
     row.name: row
     for row in (
+        _message(
+            0x00,
+            "Get_Version",
+            False,
+            *(Field(name, 8) for name in VERSION),
+            text="says which endpoints it has",
+        ),
         _message(
             0x01,
             "Heartbeat",

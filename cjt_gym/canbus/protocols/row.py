@@ -86,7 +86,9 @@ class DriveProtocol:
     command_enables: bool = False
 
 
-COMMON: Final = ("protocol", "node", "gear_ratio", "sign", "offset", "torque_constant")
+COMMON: Final = (
+    *("protocol", "node", "gear_ratio", "sign", "offset", "torque_constant", "unwatched"),
+)
 
 
 def settings_of(
@@ -104,10 +106,10 @@ def settings_of(
     Args:
         protocol: The protocol.
         drive: The table: `node`, `gear_ratio`, `sign`, `offset` [rad, drive's shaft],
-            `torque_constant` [N m/A, drive's shaft] and the options of the protocol.
+            `torque_constant` [N m/A, drive's shaft], `unwatched` and the options of the protocol.
         n: Gear ratio of the joint: that of the drive where its protocol counts at the motor.
         period: Time between two commands [s].
-        watchdog: The drive stops by itself after this time without a command [s].
+        watchdog: Time without a command after which the drive has to stop by itself [s].
         limits: Of the emulated drive.
         owner: What error messages call the table.
 
@@ -137,7 +139,10 @@ def settings_of(
             _number(owner, drive, "torque_constant", 0.0) if "torque_constant" in drive else None
         ),
     )
-    return Settings(node, scaling, period, watchdog, options, limits or Limits())
+    unwatched = drive.get("unwatched", False)
+    if not isinstance(unwatched, bool):
+        raise ConfigurationError(f"unwatched of {owner} must be true or false, got {unwatched!r}.")
+    return Settings(node, scaling, period, watchdog, options, limits or Limits(), unwatched)
 
 
 def _number(owner: str, table: Mapping[str, Any], name: str, default: float) -> float:

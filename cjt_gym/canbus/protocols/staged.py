@@ -20,7 +20,7 @@ class StagedFirmware:
 
     def __init__(self, settings: Settings, stage: PowerStage | None = None) -> None:
         self.settings = settings
-        self.stage = stage or PowerStage(settings.limits, settings.watchdog)
+        self.stage = stage or PowerStage(settings.limits, settings.limits.watchdog)
         self._channels: Mapping[str, float] = NO_CHANNELS
 
     @property

@@ -9,7 +9,6 @@ Traces are those that python-can reads: candump's ``.log``, Vector's ``.asc`` an
 from __future__ import annotations
 
 import importlib
-import struct
 from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,12 +17,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cjt_gym.disk import BYTES_OF_TEXT, COLUMNS, NUMBERS, parsed_each, parsing
 from cjt_gym.errors import RecordError
+from cjt_gym.records.tables import blf_size
 from cjt_gym.records.tables.flat import sliced
 from cjt_gym.records.tables.mcap_table import LOG_TIME
 
-BLF = b"LOGG"
-DAMAGED = (ValueError, KeyError, IndexError, EOFError, OSError, struct.error)
+LATEST = 2**63 / 1e9
+"""Time whose nanoseconds a whole number can hold [s]."""
 
 
 def read(path: Path) -> dict[str, NDArray[Any]]:
@@ -39,18 +40,22 @@ def read(path: Path) -> dict[str, NDArray[Any]]:
         (message.frame_id, message.is_extended_frame): message
         for message in _database(cantools, dbc).messages
     }
+    COLUMNS.check(sum(len(m.signals) + 1 for m in messages.values()), dbc, RecordError)
     stamps: dict[str, list[int]] = defaultdict(list)
     values: dict[str, list[dict[str, float]]] = defaultdict(list)
+    count = 0
     for frame in frames(path):
         message = messages.get((frame.arbitration_id, frame.is_extended_id))
         if message is None or frame.is_remote_frame or frame.is_error_frame:
             continue
         try:
             decoded = message.decode(bytes(frame.data), decode_choices=False)
-        except (cantools.Error, *DAMAGED):
+        except Exception:  # cantools has no common class for what a frame can be
             decoded = {}
         stamps[message.name].append(round(frame.timestamp * 1e9))
         values[message.name].append(decoded)
+        count += 1 + len(message.signals)
+        NUMBERS.check(count, path, RecordError)
     if not stamps:
         raise RecordError(f"No frame of {path} is in {dbc}. Give the DBC file of this bus.")
     table: dict[str, NDArray[Any]] = {}
@@ -73,17 +78,20 @@ def frames(path: Path) -> Iterator[Any]:
     Raises:
         RecordError: python-can is not installed, or the trace cannot be read.
     """
-    can = _import("can", path)
+    can, what = _import("can", path), f"{path} must be a trace of a CAN bus"
     if not path.is_file():
         raise RecordError(f"There is no trace {path}.")
-    with path.open("rb") as file:
-        if path.suffix.lower() == ".blf" and file.read(4) != BLF:
-            raise RecordError(f"{path} must be a trace of a CAN bus; it does not begin as BLF.")
-    try:
-        with can.LogReader(path) as reader:
-            yield from reader
-    except DAMAGED as error:
-        raise RecordError(f"{path} must be a trace of a CAN bus: {error!r}.") from error
+    if path.suffix.lower() == ".blf":
+        blf_size.check_size(path)
+    yield from parsed_each(_messages(can, path), what, RecordError)
+
+
+def _messages(can: Any, path: Path) -> Iterator[Any]:
+    with can.LogReader(path) as reader:
+        for message in reader:
+            if not abs(message.timestamp) < LATEST:
+                raise ValueError(f"a frame was logged at {message.timestamp} s")
+            yield message
 
 
 def _dbc_of(path: Path) -> Path:
@@ -98,10 +106,9 @@ def _dbc_of(path: Path) -> Path:
 
 
 def _database(cantools: Any, dbc: Path) -> Any:
-    try:
+    BYTES_OF_TEXT.check(dbc.stat().st_size, dbc, RecordError)
+    with parsing(f"{dbc} must be a DBC file", RecordError):
         return cantools.database.load_file(str(dbc), database_format="dbc")
-    except (cantools.Error, *DAMAGED) as error:
-        raise RecordError(f"{dbc} must be a DBC file: {error}.") from error
 
 
 def _import(name: str, path: Path) -> Any:

@@ -14,6 +14,7 @@ from typing import TextIO
 
 import numpy as np
 
+from cjt_gym.disk import COLUMNS, NUMBERS
 from cjt_gym.errors import RecordError
 from cjt_gym.records.checks import FloatArray
 
@@ -62,8 +63,10 @@ def _pieces(path: Path, rows: int, strict: bool) -> Iterator[dict[str, FloatArra
     with path.open(encoding="utf-8-sig", newline="", errors="strict" if strict else "replace") as f:
         number, separator, names = _header(path, f)
         _check_names(path, names)
-        first = True
+        first, count = True, 0
         while (lines := list(islice(f, rows))) or first:
+            count += len(lines) * len(names)
+            NUMBERS.check(count, path, RecordError)
             table = _numbers(path, number + 1, lines, separator, len(names), strict)
             yield dict(zip(names, table.T, strict=True))
             number += len(lines)
@@ -117,10 +120,14 @@ def _is_number(cell: str) -> bool:
 
 
 def _check_names(path: Path, names: list[str]) -> None:
-    if repeated := [name for name in names if names.count(name) > 1]:
-        raise RecordError(
-            f"Every column of {path} must have a name of its own, got {repeated[0]!r} twice."
-        )
+    COLUMNS.check(len(names), path, RecordError)
+    seen = set()
+    for name in names:
+        if name in seen:
+            raise RecordError(
+                f"Every column of {path} must have a name of its own, got {name!r} twice."
+            )
+        seen.add(name)
 
 
 def _numbers(

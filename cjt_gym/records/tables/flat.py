@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 NUMBERS = "fiub"
+LONGEST = 1000
+"""Characters of a name."""
 WIDEST = 64
 """Columns of a two-dimensional array up to which each of them is a channel."""
 
@@ -25,7 +27,7 @@ def flat_arrays(name: str, value: Any) -> Iterator[tuple[str, NDArray[Any]]]:
     """
     if isinstance(value, Mapping):
         for key, entry in value.items():
-            yield from flat_arrays(f"{name}.{key}" if name else str(key), entry)
+            yield from flat_arrays(_joined(name, key), entry)
         return
     array = np.asarray(value)
     if array.dtype.kind not in NUMBERS:
@@ -55,7 +57,7 @@ def flat_numbers(name: str, value: Any) -> Iterator[tuple[str, float]]:
     elif isinstance(value, Mapping):
         names = value.get("name")
         for key, entry in value.items():
-            path = f"{name}.{key}" if name else str(key)
+            path = _joined(name, key)
             if isinstance(entry, list | tuple) and isinstance(names, list | tuple):
                 if len(entry) == len(names) and key != "name":
                     for label, item in zip(names, entry, strict=True):
@@ -67,6 +69,14 @@ def flat_numbers(name: str, value: Any) -> Iterator[tuple[str, float]]:
             yield from flat_numbers(f"{name}[{k}]", item)
     elif isinstance(value, bool | int | float):
         yield name, float(value)
+
+
+def _joined(name: str, key: object) -> str:
+    """Return the name of a field in a value of that name."""
+    path = f"{name}.{key}" if name else str(key)
+    if len(path) > LONGEST:
+        raise ValueError(f"a name has more than {LONGEST} characters")
+    return path
 
 
 def sliced(columns: Mapping[str, NDArray[Any]], rows: int) -> Iterator[dict[str, NDArray[Any]]]:

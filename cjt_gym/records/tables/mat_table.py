@@ -12,6 +12,7 @@ from cjt_gym.errors import RecordError
 from cjt_gym.records.checks import FloatArray
 from cjt_gym.records.tables import hdf5_table
 from cjt_gym.records.tables.flat import flat_arrays, sliced
+from cjt_gym.records.tables.mat5 import HEADER, is_mat5, read_mat5
 
 HDF5_MARK = b"MATLAB 7.3"
 
@@ -25,15 +26,15 @@ def read(path: Path) -> dict[str, NDArray[Any]]:
         RecordError: This is no MATLAB file, or holds no vector, or h5py is needed and absent.
     """
     with path.open("rb") as file:
-        if file.read(len(HDF5_MARK)) == HDF5_MARK:
-            return hdf5_table.read(path)
-    from scipy.io import loadmat
-    from scipy.io.matlab import MatReadError
+        head = file.read(HEADER)
+    if head.startswith(HDF5_MARK):
+        return hdf5_table.read(path)
+    if is_mat5(head):
+        content = read_mat5(path)
+    else:
+        from scipy.io import loadmat
 
-    try:
-        content = loadmat(path, simplify_cells=True)
-    except (MatReadError, ValueError, TypeError, OSError, NotImplementedError, KeyError) as error:
-        raise RecordError(f"{path} must be a MATLAB file of version 4 to 7.3: {error}.") from error
+        content = loadmat(path)
     named = {name: value for name, value in content.items() if not name.startswith("__")}
     found = dict(flat_arrays("", named))
     longest = max(map(len, found.values()), default=0)

@@ -11,16 +11,17 @@ from __future__ import annotations
 import importlib
 import json
 import math
-import struct
+import re
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import IO, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cjt_gym.disk import COLUMNS, NUMBERS, parsing
 from cjt_gym.errors import RecordError
 from cjt_gym.records.checks import FloatArray
 from cjt_gym.records.tables.flat import flat_numbers, sliced
@@ -28,6 +29,7 @@ from cjt_gym.records.tables.flat import flat_numbers, sliced
 LOG_TIME: Final = "log_time"
 RECORD: Final = "/cjt_gym/record"
 """Topic of a record that was written here."""
+NOTHING: Final = re.compile(rb"\[\s*0+\s*\]")
 Decode = Callable[[bytes], Any]
 
 
@@ -50,6 +52,8 @@ def read(path: Path) -> dict[str, NDArray[Any]]:
         if decode is not None:
             topic = topics.setdefault(channel.topic, Topic([], defaultdict(list)))
             topic.add(message.log_time, _decoded(decode, message.data, channel.topic, path))
+            COLUMNS.check(sum(len(t.fields) + 1 for t in topics.values()), path, RecordError)
+            NUMBERS.check(sum(t.size for t in topics.values()), path, RecordError)
     if not topics:
         raise RecordError(
             f"{path} must have a topic with messages in JSON or of ROS 2 (cdr), "
@@ -113,6 +117,11 @@ class Topic:
     stamps: list[int]
     fields: dict[str, list[tuple[int, float]]]
 
+    @property
+    def size(self) -> int:
+        """Numbers in its columns."""
+        return len(self.stamps) * (len(self.fields) + 1)
+
     def add(self, stamp: int, content: Any) -> None:
         """Add a message."""
         for name, number in flat_numbers("", content):
@@ -131,24 +140,67 @@ class Topic:
 
 def _messages(path: Path) -> Iterator[tuple[Any, Any, Any]]:
     """Yield schema, channel and message, up to the end or to where the file is damaged."""
-    reader = _import("mcap.reader", path)
-    errors = _import("mcap.exceptions", path)
-    begun = False
-    try:
-        with path.open("rb") as file:
-            for found in reader.NonSeekingReader(file).iter_messages(log_time_order=False):
-                begun = True
-                yield found
-    except (errors.McapError, OSError, struct.error, EOFError) as error:
-        if not begun:
-            raise RecordError(f"{path} must be an MCAP file: {error!r}.") from error
+    mcap = _import("mcap.records", path)
+    schemas, channels, begun = {}, {}, False
+    with path.open("rb") as file:
+        try:
+            for record in _records(file, path):
+                if isinstance(record, mcap.Schema):
+                    schemas[record.id] = record
+                elif isinstance(record, mcap.Channel):
+                    channels[record.id] = record
+                elif isinstance(record, mcap.Message):
+                    channel, begun = channels[record.channel_id], True
+                    yield schemas.get(channel.schema_id), channel, record
+        except RecordError:
+            raise
+        except Exception:  # a decompressor raises classes of its own
+            if not begun:
+                raise
+
+
+def _records(file: IO[bytes], path: Path) -> Iterator[Any]:
+    """Yield the records of a file, out of its chunks, whose size is checked before it is made."""
+    stream, total = _import("mcap.stream_reader", path), 0
+    for record in stream.StreamReader(file, emit_chunks=True).records:
+        if not hasattr(record, "uncompressed_size"):
+            yield record
+            continue
+        total += record.uncompressed_size
+        NUMBERS.check(total // 8, path, RecordError)
+        yield from stream.breakup_chunk(replace(record, compression="", data=_unpacked(record)))
+
+
+def _unpacked(chunk: Any) -> bytes:
+    """Return the content of a chunk, and not a byte more than it says."""
+    size = chunk.uncompressed_size
+    if chunk.compression == "zstd":
+        unpack = importlib.import_module("zstandard").ZstdDecompressor()
+        data: bytes = unpack.stream_reader(chunk.data).read(size + 1)
+    elif chunk.compression == "lz4":
+        unpack = importlib.import_module("lz4.frame").LZ4FrameDecompressor()
+        data = unpack.decompress(chunk.data, max_length=size + 1)
+    elif chunk.compression:
+        raise ValueError(f"unknown compression {chunk.compression!r}")
+    else:
+        data = chunk.data
+    if len(data) != size:
+        raise ValueError(f"a chunk should hold {size} bytes")
+    return data
+
+
+class Bounded(bytes):
+    """The bytes of a message; to read beyond them is an error, where Python would give none."""
+
+    def __getitem__(self, key: Any) -> Any:
+        if isinstance(key, slice) and key.stop is not None and key.stop > len(self):
+            raise EOFError("it ends too early")
+        return super().__getitem__(key)
 
 
 def _decoded(decode: Decode, data: bytes, topic: str, path: Path) -> Any:
-    try:
+    with parsing(f"A message of {topic} in {path} must be as its schema says", RecordError):
         return decode(data)
-    except (ValueError, struct.error) as error:
-        raise RecordError(f"A message of {topic} in {path} cannot be read: {error}.") from error
 
 
 def _decoder(schema: Any, channel: Any, path: Path) -> Decode | None:
@@ -157,8 +209,10 @@ def _decoder(schema: Any, channel: Any, path: Path) -> Decode | None:
         return json.loads
     if channel.message_encoding == "cdr" and schema is not None:
         factory = _import("mcap_ros2.decoder", path).DecoderFactory()
+        if NOTHING.search(schema.data):
+            return None  # any number of items that take no bytes
         decode = factory.decoder_for(channel.message_encoding, schema)
-        return None if decode is None else lambda data: _plain(decode(data))
+        return None if decode is None else lambda data: _plain(decode(Bounded(data)))
     return None
 
 

@@ -9,6 +9,8 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from cjt_gym.disk import COLUMNS
+from cjt_gym.disk import NUMBERS as MOST
 from cjt_gym.errors import RecordError
 from cjt_gym.records.checks import FloatArray
 from cjt_gym.records.tables.flat import NUMBERS
@@ -18,13 +20,13 @@ def read(path: Path) -> dict[str, NDArray[Any]]:
     """Return all columns.
 
     Raises:
-        RecordError: pyarrow is not installed, or this is no Parquet file.
+        RecordError: pyarrow is not installed, or the file holds more than it may.
     """
-    arrow, parquet = _pyarrow()
-    try:
-        table = parquet.read_table(path)
-    except (arrow.ArrowException, OSError) as error:
-        raise _no_parquet(path, error) from error
+    _, parquet = _pyarrow()
+    with parquet.ParquetFile(path) as file:
+        _check_size(path, file.metadata)
+        table = file.read()
+    _refuse_repeated(path, table.column_names)
     return {name: table.column(name).to_numpy() for name in table.column_names}
 
 
@@ -32,17 +34,16 @@ def stream(path: Path, rows: int) -> Iterator[dict[str, NDArray[Any]]]:
     """Yield the columns of numbers in pieces of so many rows, without holding the others.
 
     Raises:
-        RecordError: pyarrow is not installed, or this is no Parquet file.
+        RecordError: pyarrow is not installed, or the file holds more than it may.
     """
     arrow, parquet = _pyarrow()
-    try:
-        with parquet.ParquetFile(path) as file:
-            for batch in file.iter_batches(batch_size=rows):
-                columns = zip(batch.schema.names, batch.columns, strict=True)
-                arrays = {name: _array(arrow, values) for name, values in columns}
-                yield {n: values for n, values in arrays.items() if values.dtype.kind in NUMBERS}
-    except (arrow.ArrowException, OSError) as error:
-        raise _no_parquet(path, error) from error
+    with parquet.ParquetFile(path) as file:
+        _check_size(path, file.metadata)
+        for batch in file.iter_batches(batch_size=rows):
+            _refuse_repeated(path, batch.schema.names)
+            columns = zip(batch.schema.names, batch.columns, strict=True)
+            arrays = {name: _array(arrow, values) for name, values in columns}
+            yield {n: values for n, values in arrays.items() if values.dtype.kind in NUMBERS}
 
 
 def write(columns: Mapping[str, FloatArray], path: Path) -> None:
@@ -63,8 +64,14 @@ def _array(arrow: Any, values: Any) -> NDArray[Any]:
     return array
 
 
-def _no_parquet(path: Path, error: BaseException) -> RecordError:
-    return RecordError(f"{path} must be a Parquet file: {error}.")
+def _check_size(path: Path, metadata: Any) -> None:
+    COLUMNS.check(metadata.num_columns, path, RecordError)
+    MOST.check(metadata.num_columns * metadata.num_rows, path, RecordError)
+
+
+def _refuse_repeated(path: Path, names: list[str]) -> None:
+    if len(set(names)) != len(names):
+        raise RecordError(f"Every column of {path} must have a name of its own.")
 
 
 def _pyarrow() -> tuple[Any, Any]:

@@ -1,0 +1,190 @@
+"""Parts that any torque controller can be put together from; see `cjt_gym.baselines.compose`.
+
+Feedback of the torque error e = r - tau or of the motor's motion, feed-forward, and observers of
+what disturbs the motor. Each adds its output to the command.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+from cjt_gym.baselines.entry import FIXED, SPRUNG, ZERO_AT_REST, Gain, Gains
+from cjt_gym.baselines.friction_feedforward import SHARE, SMOOTHING, KnownFriction
+from cjt_gym.baselines.linear_law import Block, static
+from cjt_gym.baselines.mass_dob import mass_observer
+from cjt_gym.baselines.observers.disturbance import disturbance_observer
+from cjt_gym.baselines.observers.extended_state import extended_state_observer
+from cjt_gym.baselines.observers.momentum import momentum_observer
+from cjt_gym.baselines.passivity import damper
+from cjt_gym.baselines.pid import DOB_HZ, KD, KI, KP, LEAD, damping_gains, leads, pid
+from cjt_gym.baselines.plant_model import SampledJoint
+
+FEEDBACK, FORWARD, OBSERVER = "feedback", "feed-forward", "disturbance observer"
+Tries = Mapping[str, Sequence[float]]
+
+
+@dataclass(frozen=True)
+class Part:
+    """What a controller can be put together from.
+
+    Attributes:
+        name: Its name.
+        kind: One of `FEEDBACK`, `FORWARD`, `OBSERVER`; a controller has one observer at most.
+        summary: What it adds to the command.
+        tunable: Its gains. A gain `ki` is that of an integral of e, which the controller adds.
+        block: Makes it for a sampled joint and gains.
+        tries: Values of its gains from which defaults are chosen; others have usual values.
+        structures: The structures that it holds for.
+        friction: Whether it adds known friction too.
+    """
+
+    name: str
+    kind: str
+    summary: str
+    tunable: tuple[Gain, ...]
+    block: Callable[[SampledJoint, Gains], Block]
+    tries: Callable[[SampledJoint], Tries] = lambda model: {}
+    structures: tuple[str, ...] = SPRUNG
+    friction: bool = False
+
+    @property
+    def refusal(self) -> str:
+        """Why it does not hold for other structures with a torsion bar."""
+        return "" if self.structures == SPRUNG else ZERO_AT_REST
+
+
+def _pid(model: SampledJoint, gains: Gains) -> Block:
+    kd, lead = gains.get("kd", 0.0), "lead" in gains and leads(gains)
+    return pid(gains.get("kp", 0.0), 0.0, kd, model.dt, lead)
+
+
+def _pid_tries(*names: str) -> Callable[[SampledJoint], Tries]:
+    def tries(model: SampledJoint) -> Tries:
+        every = {
+            "kp": (0.03, 0.1, 0.3, 0.6, 1.0, 1.5),
+            "ki": (0.5, 2.0, 5.0, 10.0, 20.0, 40.0, 80.0),
+            "kd": damping_gains(model, (0.0, 0.1, 0.2, 0.4)),
+        }
+        return {name: every[name] for name in names}
+
+    return tries
+
+
+def position_block(model: SampledJoint, gains: Gains) -> Block:
+    """Return k_q (q_l + r / k - q_m) + d_q (dq_l - dq_m), k being the joint's own stiffness."""
+    k, d = gains["position_kp"], gains["position_kd"]
+    return static(reference=k / model.stiffness, q_m=-k, q_l=k, dq_m=-d, dq_l=d)
+
+
+def _position_tries(model: SampledJoint) -> Tries:
+    stiffness = [share * model.stiffness for share in (0.03, 0.1, 0.3, 0.6)]
+    return {"position_kp": stiffness, "position_kd": damper(model, (0.0, 0.1, 0.2, 0.4))}
+
+
+def _damping_block(model: SampledJoint, gains: Gains) -> Block:
+    return static(dq_m=-gains["damping"], dq_l=gains["damping"])
+
+
+@lru_cache(maxsize=64)
+def _inner(model: SampledJoint, hz: float) -> Block:
+    return disturbance_observer(model, hz).block(disturbance=-1.0)
+
+
+@lru_cache(maxsize=64)
+def _extended(model: SampledJoint, hz: float) -> Block:
+    return extended_state_observer(model, hz).block(disturbance=-1.0)
+
+
+def _observer_tries(name: str) -> Callable[[SampledJoint], Tries]:
+    return lambda model: {name: (0.2, 2.0, 5.0, 10.0, 20.0, 40.0)}
+
+
+ROWS = (
+    Part("p", FEEDBACK, "kp e", (KP,), _pid, _pid_tries("kp")),
+    Part("i", FEEDBACK, "ki integral of e", (KI,), _pid, _pid_tries("ki"), FIXED),
+    Part("pi", FEEDBACK, "p and i", (KP, KI), _pid, _pid_tries("kp", "ki"), FIXED),
+    Part("pd", FEEDBACK, "p and kd F e or -kd F tau", (KP, KD, LEAD), _pid, _pid_tries("kp", "kd")),
+    Part(
+        "pid",
+        FEEDBACK,
+        "pd and i",
+        (KP, KI, KD, LEAD),
+        _pid,
+        _pid_tries("kp", "ki", "kd"),
+        FIXED,
+    ),
+    Part(
+        "position_pd",
+        FEEDBACK,
+        "PD of the motor about the angle at which the spring has the torque",
+        (
+            Gain("position_kp", "N m/rad", 0.0, 1e5),
+            Gain("position_kd", "N m s/rad", 0.0, 1000.0),
+        ),
+        position_block,
+        _position_tries,
+    ),
+    Part(
+        "damping",
+        FEEDBACK,
+        "a damper beside the spring, - damping (dq_m - dq_l)",
+        (Gain("damping", "N m s/rad", 0.0, 1000.0),),
+        _damping_block,
+        lambda model: {"damping": damper(model, (0.0, 0.1, 0.2, 0.4))},
+    ),
+    Part("reference", FORWARD, "r", (), lambda model, gains: static(reference=1.0)),
+    Part("torque", FORWARD, "tau, which compensates the spring", (), lambda m, g: static(tau=1.0)),
+    Part(
+        "friction",
+        FORWARD,
+        "known friction along the reference",
+        (
+            Gain("share", "-", 0.0, 1.5, usual=SHARE),
+            Gain("smoothing", "rad/s", 1e-4, 1.0, log=True, usual=SMOOTHING),
+        ),
+        lambda model, gains: static(),
+        friction=True,
+    ),
+    Part(
+        "inner_dob",
+        OBSERVER,
+        "from the inverse of the joint and the torque",
+        (DOB_HZ,),
+        lambda m, g: _inner(m, g["dob_hz"]),
+        _observer_tries("dob_hz"),
+        FIXED,
+    ),
+    Part(
+        "mass_dob",
+        OBSERVER,
+        "from the inverse of the motor's mass and its velocity",
+        (DOB_HZ,),
+        lambda m, g: mass_observer(m, g["dob_hz"]),
+        _observer_tries("dob_hz"),
+    ),
+    Part(
+        "momentum_dob",
+        OBSERVER,
+        "from the motor's momentum",
+        (Gain("bandwidth_hz", "Hz", 0.001, 200.0, log=True),),
+        lambda m, g: momentum_observer(m, g["bandwidth_hz"]).block(disturbance=1.0),
+        _observer_tries("bandwidth_hz"),
+    ),
+    Part(
+        "extended_dob",
+        OBSERVER,
+        "from an extended-state observer of the torque",
+        (Gain("observer_hz", "Hz", 0.1, 250.0, log=True),),
+        lambda m, g: _extended(m, g["observer_hz"]),
+        _observer_tries("observer_hz"),
+        FIXED,
+    ),
+)
+PARTS = {part.name: part for part in ROWS}
+
+
+def friction_of(model: SampledJoint, gains: Gains) -> KnownFriction:
+    """Return the friction that a part adds."""
+    return KnownFriction(model.joint, model.dt, gains["share"], gains["smoothing"])

@@ -1,0 +1,289 @@
+"""Several joints on one bus, run in step by one loop."""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import sys
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any, Self, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cjt_gym.canbus.arm_record import ArmRecord
+from cjt_gym.canbus.config import HardwareConfig
+from cjt_gym.canbus.dialogue import AFTERWARDS
+from cjt_gym.canbus.identity import bus_identity
+from cjt_gym.canbus.link import BusLink, Link, open_bus, quiet_machine
+from cjt_gym.canbus.lock import NodeLock
+from cjt_gym.canbus.plant import CanPlant
+from cjt_gym.canbus.safety import Fault, HardwareFault, State
+from cjt_gym.canbus.shared import SharedLink
+from cjt_gym.errors import HardwareError
+from cjt_gym.plant import Measurement
+
+Floats = NDArray[np.float64]
+
+
+@final
+class CanArm:
+    """Joints on one CAN bus.
+
+    Every joint is a `CanPlant` with its own limits, states and watchdog. In each control step the
+    commands of all go out together, then the loop waits once for the deadline and takes what has
+    arrived; it never waits for one joint. A fault of one takes the torque of all away.
+
+    Attributes:
+        joints: The joints, in the order of the configuration.
+        fault: Name of the joint that ended a run with a fault, and the fault; or None.
+    """
+
+    def __init__(
+        self,
+        configs: Sequence[HardwareConfig],
+        link: Link | None = None,
+        record: str | Path | None = None,
+        **facts: Any,
+    ) -> None:
+        """Prepare, without touching the bus.
+
+        Args:
+            configs: One for each joint, as `load_joints` returns them.
+            link: The way to the bus; by default python-can's bus as configured.
+            record: Where the record of all joints is written; None for none.
+            **facts: What else belongs to its provenance.
+        """
+        self.configs = tuple(configs)
+        self.dt = configs[0].dt
+        self.fault: tuple[str, Fault] | None = None
+        self._given, self._path, self._facts = link, record, facts
+        self._lock = threading.RLock()
+        self._held: list[NodeLock] = []
+        self._shared: SharedLink | None = None
+        self._quiet: contextlib.ExitStack | None = None
+        self.joints: tuple[CanPlant, ...] = ()
+
+    @property
+    def shared(self) -> SharedLink:
+        """The bus.
+
+        Raises:
+            HardwareError: It is not connected.
+        """
+        if self._shared is None:
+            raise HardwareError("The joints are not connected. Call connect() first.")
+        return self._shared
+
+    # ---- before a run
+    def connect(self) -> None:
+        """Open the bus, set all nodes up, and wait until every channel was heard.
+
+        Raises:
+            HardwareError: Another process commands a drive, or a node does not answer.
+            ConfigurationError: The bus cannot be opened.
+        """
+        bus = self.configs[0].bus
+        try:
+            if self._given is None:
+                for config in self.configs:
+                    node = config.drive.settings.node
+                    self._held.append(NodeLock(bus_identity(bus), node))
+            link = self._given or BusLink(open_bus(bus))
+            self._shared = SharedLink(link, len(self.configs), self.dt)
+            self._make_joints()
+            for joint in self.joints:
+                joint.connect()
+        except BaseException:
+            self._release()
+            raise
+
+    def _make_joints(self) -> None:
+        begin = None
+        if self._path is not None:
+            record = ArmRecord(self._path, len(self.configs), self.dt, self._facts)
+            begin = record.begin
+        self.joints = tuple(
+            CanPlant(config, tap, begin, self._lock)
+            for config, tap in zip(self.configs, self.shared.taps, strict=True)
+        )
+        for joint, tap in zip(self.joints, self.shared.taps, strict=True):
+            tap.claims = joint.nodes.claims
+            joint.on_fault = partial(self._spread, joint.config.name)
+
+    def measured_delay(self) -> list[dict[str, float]]:
+        """Return the delays of bus and loop for each joint; see `CanPlant.measured_delay`."""
+        return [joint.measured_delay() for joint in self.joints]
+
+    def arm(self) -> None:
+        """Allow the joints to be moved, each after its drive has shown that it stops by itself.
+
+        Raises:
+            HardwareError: See `CanPlant.arm`.
+        """
+        if isinstance(self.shared.link, BusLink):
+            gc.collect()
+        for joint in self.joints:
+            joint.arm()
+
+    def reset(self, seed: int | None = None) -> list[Measurement]:
+        """End a run that is on, softly, and return the measurements with which another begins.
+
+        Args:
+            seed: Not used: real joints draw nothing.
+
+        Raises:
+            HardwareError: A joint is not armed, or ended with a fault.
+        """
+        self.stop()
+        return [joint.reset() for joint in self.joints]
+
+    # ---- a run
+    def step(self, commands: Floats, tau_ref: Floats | None = None) -> list[Measurement]:
+        """Command motor torques for one control step and return the next measurements.
+
+        The first step after `reset` switches the drives on.
+
+        Args:
+            commands: Motor torque of each joint [N m], shape (joints,).
+            tau_ref: Joint torque that was wanted of each [N m], for the record.
+
+        Raises:
+            HardwareFault: Something went wrong with one; the torque of all is off.
+            HardwareError: The joints are not armed.
+        """
+        wanted = np.full(len(self.joints), np.nan) if tau_ref is None else np.asarray(tau_ref)
+        torques = np.asarray(commands, dtype=np.float64).reshape(len(self.joints)).tolist()
+        with self._all_off_on_fault():
+            if all(joint.state is State.ARMED for joint in self.joints):
+                self._start(wanted)
+            self._send(lambda joint, k: joint.send(torques[k], float(wanted[k])))
+            return self._hear()
+
+    def stop(self) -> None:
+        """End a run softly: fade all torques out, then switch the drives off; they stay armed.
+
+        Raises:
+            HardwareFault: Something went wrong on the way.
+        """
+        if not any(joint.state is State.RUNNING for joint in self.joints):
+            return
+        with self._all_off_on_fault():
+            for torques in zip(*(joint.guard.fading() for joint in self.joints), strict=True):
+                self._send(lambda joint, k, torques=torques: joint.fade(torques[k]))  # type: ignore[misc]
+                self._hear()
+            for joint in self.joints:
+                joint.end()
+        self._end_quiet()
+
+    def fail(self, kind: str, text: str) -> None:
+        """End the run with a fault that was found elsewhere.
+
+        Raises:
+            HardwareFault: Always, where a run was on.
+        """
+        with self._all_off_on_fault():
+            self.joints[0].fail(kind, text)
+
+    def close(self) -> None:
+        """End a run, complete the record and release the bus.
+
+        The run ends softly; while an exception is on its way it ends at once, as with any fault.
+        """
+        try:
+            if sys.exc_info()[1] is None and self.fault is None:
+                self.stop()
+        finally:
+            self._end_quiet()
+            with contextlib.ExitStack() as closing:
+                closing.callback(self._release)
+                for joint in self.joints:
+                    closing.callback(joint.close)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *raised: object) -> None:
+        self.close()
+
+    # ---- within a run
+    def _start(self, wanted: Floats) -> None:
+        """Switch the drives on one by one, keeping alive those that are on already."""
+        self._quiet = contextlib.ExitStack()
+        if isinstance(self.shared.link, BusLink):
+            self._quiet.enter_context(quiet_machine(self.configs[0].priority))
+        try:
+            for joint, tau_ref in zip(self.joints, wanted.tolist(), strict=True):
+                joint.start(tau_ref)
+                self.shared.keep_alive(partial(joint.nodes.command, 0.0))
+            begin = self.shared.link.now()
+            for joint in self.joints:
+                joint.begin(begin)
+        except BaseException as error:
+            if not isinstance(error, HardwareFault):
+                self._abandon(error)
+            raise
+        finally:
+            self.shared.let_go()
+
+    def _send(self, each: Callable[[CanPlant, int], None]) -> None:
+        """Let every joint send, all frames together."""
+        with self._lock:  # nobody else may send between them
+            self.shared.gather()
+            try:
+                for k, joint in enumerate(self.joints):
+                    each(joint, k)
+            finally:
+                try:
+                    self.shared.flush()
+                except HardwareError as error:
+                    self.joints[0].fail("bus_off", str(error))
+
+    @contextlib.contextmanager
+    def _all_off_on_fault(self) -> Iterator[None]:
+        """Repeat after a fault that all drives are to be off, and raise the fault that began it."""
+        try:
+            yield
+        except HardwareFault:
+            for _ in range(AFTERWARDS):
+                for joint in self.joints:
+                    joint.switch_off()
+                self.shared.wait_until(self.shared.link.now() + self.dt)
+            if self.fault is None:
+                raise
+            name, fault = self.fault
+            raise HardwareFault(replace(fault, text=f"{name}: {fault.text}")) from None
+
+    def _hear(self) -> list[Measurement]:
+        self.shared.wait_until(self.joints[0].due)
+        return [joint.hear() for joint in self.joints]
+
+    def _spread(self, name: str, fault: Fault) -> None:
+        """Take the torque of all joints away because of a fault of one."""
+        if self.fault is not None:
+            return
+        self.fault = name, fault
+        self.shared.let_go()  # for many a drive a command of zero torque switches it on
+        for joint in self.joints:
+            joint.trip(Fault("neighbour", f"{name}: {fault.text}", fault.t))
+
+    def _abandon(self, error: BaseException) -> None:
+        """End a run at once because of an exception from elsewhere."""
+        for joint in self.joints:
+            joint.abandon(error)
+
+    def _end_quiet(self) -> None:
+        if self._quiet is not None:
+            quiet, self._quiet = self._quiet, None
+            quiet.close()
+
+    def _release(self) -> None:
+        if self._shared is not None and self._given is None:
+            self._shared.link.close()
+        self._shared = None
+        while self._held:
+            self._held.pop().release()

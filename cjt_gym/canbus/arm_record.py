@@ -1,0 +1,160 @@
+"""One record of several joints: their columns side by side, after the name of the joint."""
+
+from __future__ import annotations
+
+import contextlib
+from collections import deque
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, final
+
+from cjt_gym.canbus.config import HardwareConfig
+from cjt_gym.canbus.journal import Journal
+from cjt_gym.canbus.run_record import RunRecord, versions
+from cjt_gym.canbus.sense import Sense
+from cjt_gym.canbus.timing import Timing
+from cjt_gym.records.columns import JOINT_MARK
+
+SHARED = ("t",)
+COMMANDS = ("i_cmd", "tau_cmd")
+
+
+@final
+class ArmRecord:
+    """A record that begins when all joints have begun theirs, and ends when all have ended.
+
+    Attributes:
+        path: Its file.
+        rows_path: The file that has its rows until it is complete.
+        dt: Control step [s].
+    """
+
+    def __init__(self, path: str | Path, joints: int, dt: float, facts: Mapping[str, Any]) -> None:
+        """Prepare it; the file is made with the last joint.
+
+        Args:
+            path: Where it is to be, in any format that records are written in.
+            joints: How many there are.
+            dt: Control step [s].
+            facts: What else belongs to its provenance.
+        """
+        self.path = self.rows_path = Path(path)
+        self._joints, self.dt, self._facts = joints, dt, dict(facts)
+        self._parts: list[JointRows] = []
+        self._journal: Journal | None = None
+        self._rows = 0
+        self._closed: dict[str, Any] = {}
+
+    def begin(self, config: HardwareConfig, *known: Any) -> JointRows:
+        """Begin the part of a joint; the other arguments are those of `RunRecord`."""
+        part = JointRows(self, config, *known)
+        self._parts.append(part)
+        if len(self._parts) == self._joints:
+            self._open()
+        return part
+
+    def _open(self) -> None:
+        columns = [*SHARED, *(name for part in self._parts for name in part.columns)]
+        sensors = {k: v for part in self._parts for k, v in part.sensors.items()}
+        joints = {part.name: part.facts for part in self._parts}
+        facts = {
+            "versions": versions(),
+            "sensors": sensors,
+            "provenance": {"kind": "hardware", "joints": joints, **self._facts},
+        }
+        self._journal = Journal(self.path, columns, self.dt, facts)
+        self.path, self.rows_path = self._journal.wanted, self._journal.path
+
+    def fill(self, is_last: bool = False) -> None:
+        """Write the rows that all joints have, at the end also what only some have."""
+        if self._journal is None:
+            return
+        enough = any if is_last else all
+        while enough(part.rows for part in self._parts):
+            values = [value for part in self._parts for value in part.take()]
+            self._journal.write([self._rows * self.dt, *values])
+            self._rows += 1
+
+    def end(self, name: str, facts: Mapping[str, Any]) -> None:
+        """Note that a joint has ended; with the last one the record is complete.
+
+        Raises:
+            OSError: It does not fit on the disk.
+        """
+        self._closed.setdefault(name, facts)
+        if len(self._closed) < self._joints or self._journal is None:
+            return
+        faults = [(n, f["fault"]) for n, f in self._closed.items() if "fault" in f]
+        known: dict[str, Any] = {
+            "timing_us": next(iter(self._closed.values()))["timing_us"],
+            "delays_s": {n: f["delays_s"] for n, f in self._closed.items()},
+        }
+        own = [(n, f) for n, f in faults if f["kind"] != "neighbour"] or faults
+        if own:
+            known["fault"] = {"joint": own[0][0], **own[0][1]}
+        with contextlib.suppress(OSError):  # the disk is full: what is there is completed
+            self.fill(is_last=True)
+        self._journal.close(**known)
+
+
+@final
+class JointRows:
+    """The part of one joint in the record of all; it takes rows as `RunRecord` does."""
+
+    def __init__(
+        self,
+        whole: ArmRecord,
+        config: HardwareConfig,
+        sense: Sense,
+        tau_ref: float,
+        shows_temperature: bool,
+        facts: Mapping[str, Any],
+    ) -> None:
+        self._whole, self.name = whole, config.name
+        self.path, self.rows_path = whole.path, whole.rows_path
+        plain, known = RunRecord.describe(config, sense, tau_ref, shows_temperature, facts)
+        self._plain = [name for name in plain if name not in SHARED]
+        self.columns = [f"{config.name}{JOINT_MARK}{name}" for name in self._plain]
+        sensors = known["sensors"]
+        self.sensors = {f"{config.name}{JOINT_MARK}{name}": v for name, v in sensors.items()}
+        self.facts = {k: known[k] for k in ("joint", "structure", "parameter_hash")}
+        self.facts |= known["provenance"]
+        self.rows: deque[list[float]] = deque()
+        self._last = [0.0] * len(self._plain)
+        self._per_ampere = config.joint.parameters.k_t * config.joint.parameters.n
+
+    def note(
+        self,
+        k: int,
+        measured: Mapping[str, float],
+        torque: float,
+        tau_ref: float,
+        age: float,
+        lateness: float,
+    ) -> None:
+        """Take a row; it is written once all joints have theirs."""
+        known = {
+            **measured,
+            "tau_cmd": torque,
+            "i_cmd": torque / self._per_ampere,
+            "tau_ref": tau_ref,
+            "age": age,
+            "lateness": lateness,
+        }
+        self.rows.append([known[name] for name in self._plain])
+        self._whole.fill()
+
+    def take(self) -> list[float]:
+        """Return the next row; behind the end the last one, without torque."""
+        if self.rows:
+            self._last = self.rows.popleft()
+            return self._last
+        return [
+            0.0 if name in COMMANDS else value
+            for name, value in zip(self._plain, self._last, strict=True)
+        ]
+
+    def close(self, timing: Timing, **known: Any) -> None:
+        """End this joint's part."""
+        facts = {"timing_us": timing.summary(), "delays_s": timing.delay(self._whole.dt)}
+        self._whole.end(self.name, {**facts, **known})

@@ -1,0 +1,165 @@
+"""Which rate a bus can carry, before anything is armed: from frames that emulated drives exchange.
+
+Every joint is run for a while with its emulated drive, at its own rate and at half of it, and the
+time that its frames take on the wire is added up. What does not depend on the rate, such as
+heartbeats, and what does, such as commands, then follow from the two.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import can
+import numpy as np
+
+from cjt_gym.canbus.config import HardwareConfig
+from cjt_gym.canbus.dialogue import Dialogue
+from cjt_gym.canbus.emulator import Emulator
+from cjt_gym.canbus.frame_bits import bits_of, wire_time
+from cjt_gym.canbus.nodes import Nodes
+from cjt_gym.canbus.virtual import VirtualLink
+
+BITRATE, DATA_BITRATE = 1e6, 5e6
+"""Bit rates that are taken where the configuration gives none [bit/s]."""
+TORQUE, FREQUENCY = 0.05, 3.0
+"""Share of the largest torque that is commanded meanwhile, and how often it swings [Hz]."""
+SECONDS: Final = 0.4
+"""For how long the frames are counted [s of the joint]."""
+
+
+@dataclass(frozen=True)
+class JointLoad:
+    """What one joint asks of the bus.
+
+    Attributes:
+        name: Its name, or that of its drive where it is the only one.
+        protocol: What its drive speaks.
+        node: Number of its drive.
+        frames: At the configured rate [1/s].
+        bits: The same, with stuffing [bit/s].
+        share: Of the bus's time, at the configured rate.
+        fixed: Of the bus's time, whatever the rate.
+    """
+
+    name: str
+    protocol: str
+    node: int
+    frames: float
+    bits: float
+    share: float
+    fixed: float
+
+
+@dataclass(frozen=True)
+class BusLoad:
+    """What all joints ask of the bus.
+
+    Attributes:
+        joints: One by one.
+        rate_hz: The configured rate.
+        bitrate: Nominal bit rate [bit/s].
+        data_bitrate: Of the data phase of CAN FD [bit/s].
+    """
+
+    joints: tuple[JointLoad, ...]
+    rate_hz: float
+    bitrate: float
+    data_bitrate: float
+
+    @property
+    def share(self) -> float:
+        """Share of the bus's time at the configured rate."""
+        return sum(joint.share for joint in self.joints)
+
+    @property
+    def most_hz(self) -> float:
+        """The rate at which the bus is busy all the time; 0 where it is without any command."""
+        fixed = sum(joint.fixed for joint in self.joints)
+        per_hz = (self.share - fixed) / self.rate_hz
+        return max(0.0, 1.0 - fixed) / per_hz
+
+    @property
+    def saturating(self) -> tuple[str, ...]:
+        """Names of the joints that find no room, in the order in which they are listed."""
+        filled = np.cumsum([joint.share for joint in self.joints])
+        return tuple(j.name for j, at in zip(self.joints, filled, strict=True) if at > 1.0)
+
+
+def bus_load(
+    configs: Sequence[HardwareConfig],
+    bitrate: float | None = None,
+    data_bitrate: float | None = None,
+) -> BusLoad:
+    """Return what the joints of a configuration ask of their bus.
+
+    Args:
+        configs: One for each joint; they share bus and rate.
+        bitrate: Instead of the configuration's [bit/s].
+        data_bitrate: The same for the data phase of CAN FD [bit/s].
+    """
+    bus = configs[0].bus
+    nominal = float(bitrate or bus.bitrate or BITRATE)
+    fast = float(data_bitrate or bus.options.get("data_bitrate", 0) or max(DATA_BITRATE, nominal))
+    joints = []
+    for config in configs:
+        frames, bits, whole = _exchanged(config, nominal, fast)
+        *_, half = _exchanged(_slower(config), nominal, fast)
+        name = config.name or config.drive.name
+        node = config.drive.settings.node
+        fixed = max(0.0, 2.0 * half - whole)
+        joints.append(JointLoad(name, config.drive.protocol, node, frames, bits, whole, fixed))
+    return BusLoad(tuple(joints), 1.0 / configs[0].dt, nominal, fast)
+
+
+def _slower(config: HardwareConfig) -> HardwareConfig:
+    """Return the same at half the rate."""
+    nodes = tuple(
+        replace(
+            node,
+            settings=replace(
+                node.settings,
+                period=2.0 * node.settings.period,
+                watchdog=2.0 * node.settings.watchdog,
+                limits=replace(node.settings.limits, watchdog=2.0 * node.settings.limits.watchdog),
+            ),
+        )
+        for node in config.nodes
+    )
+    return replace(config, nodes=nodes, dt=2.0 * config.dt)
+
+
+def _exchanged(
+    config: HardwareConfig, bitrate: float, data_bitrate: float
+) -> tuple[float, float, float]:
+    """Return frames and bits per second and the share of the bus's time that they take."""
+    bus = replace(config.bus, bitrate=None)
+    emulator = Emulator(replace(config, bus=bus))
+    link = VirtualLink(emulator)
+    counts = np.zeros(3)
+
+    def count(message: can.Message) -> None:
+        time = wire_time(message, bitrate, data_bitrate)
+        counts[:] += 1.0, sum(bits_of(message)), time
+
+    def pass_on(message: can.Message, node: str, t: float) -> list[can.Message]:
+        count(message)
+        return [message]
+
+    nodes = Nodes.of(config)
+    talk, drive = Dialogue(link, nodes), nodes.drive
+    for node in nodes.all:
+        talk.perform(node, node.master.configure())
+    talk.perform(drive, [*drive.master.clear(), *drive.master.enable()])
+    link.sent, emulator.tamper = lambda t, message: count(message), pass_on
+    steps = max(1, round(SECONDS / config.dt))
+    begin = link.now()
+    top = min(config.limits.tau, drive.master.torque_range[1])
+    for k in range(steps):
+        torque = TORQUE * top * float(np.sin(2.0 * np.pi * FREQUENCY * k * config.dt))
+        link.send(nodes.command(torque))
+        link.wait_until(begin + (k + 1) * config.dt)
+        nodes.hear(link.receive())
+    frames, bits, time = counts / (steps * config.dt)
+    return float(frames), float(bits), float(time)

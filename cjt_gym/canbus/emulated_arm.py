@@ -1,0 +1,95 @@
+"""Several emulated joints on one emulated bus."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import final
+
+import can
+
+from cjt_gym.canbus.config import EmulatorSettings, HardwareConfig
+from cjt_gym.canbus.emulator import Emulator, medium_of
+from cjt_gym.canbus.wire import Due, Wire
+from cjt_gym.joint import Joint
+
+
+@final
+class EmulatedArm:
+    """Emulators that share time and bus; it is served and linked as one of them is.
+
+    Attributes:
+        emulators: One for each joint.
+        medium: What all frames share, where the bus has a bit rate.
+        now: Time that they have been advanced to [s].
+    """
+
+    def __init__(
+        self, configs: Sequence[HardwareConfig], joints: Sequence[Joint] | None = None
+    ) -> None:
+        """Boot all nodes at time zero.
+
+        Args:
+            configs: One for each joint.
+            joints: What is emulated; by default `emulated_joint` of each.
+        """
+        self.emulators = [
+            Emulator(
+                replace(
+                    config,
+                    bus=replace(config.bus, bitrate=None),
+                    emulator=replace(config.emulator, seed=config.emulator.seed + 100 * k),
+                ),
+                None if joints is None else joints[k],
+            )
+            for k, config in enumerate(configs)
+        ]
+        self.medium = medium_of(configs[0])
+        self._in = Wire(EmulatorSettings(), 0, self.medium)
+        self._out = Wire(EmulatorSettings(), 0, self.medium)
+        self.now = 0.0
+        self._collect()
+
+    @property
+    def torques(self) -> list[float]:
+        """Motor torque that acts at each joint [N m]."""
+        return [emulator.torque for emulator in self.emulators]
+
+    def send(self, messages: Sequence[can.Message]) -> None:
+        """Put frames of a master on the bus now; every node hears them."""
+        for message in messages:
+            self._in.put(self.now, message)
+        self._deliver(self.now)
+
+    def receive(self) -> list[Due]:
+        """Return the frames for the master that have arrived by now."""
+        return self._out.take(self.now)
+
+    def next(self) -> float:
+        """Return until when nothing happens by itself that a master could notice [s]."""
+        return min(self._in.next(), self._out.next(), *(e.next() for e in self.emulators))
+
+    def advance(self, t: float) -> None:
+        """Let time pass until `t` [s]."""
+        while (next_ := self._in.next()) <= t:
+            self._advance_all(next_)
+            self._deliver(next_)
+        self._advance_all(t)
+
+    def _advance_all(self, t: float) -> None:
+        for emulator in self.emulators:
+            emulator.advance(t)
+        self.now = max(self.now, t)
+        self._collect()
+
+    def _deliver(self, t: float) -> None:
+        for due in self._in.take(t):
+            for emulator in self.emulators:
+                emulator.send([due.message])
+        self._collect()
+
+    def _collect(self) -> None:
+        """Put what the nodes have sent on the bus."""
+        found = [due for emulator in self.emulators for due in emulator.receive()]
+        for due in sorted(found, key=lambda due: due.t):
+            self._out.put(due.t, due.message)

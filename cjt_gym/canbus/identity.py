@@ -1,0 +1,54 @@
+"""Which bus a configuration means, however it is written."""
+
+from __future__ import annotations
+
+import ipaddress
+import os
+import re
+import socket
+
+from cjt_gym.canbus.config import BusSettings
+
+HERE = "this-machine"
+
+
+def bus_identity(settings: BusSettings) -> str:
+    """Return what tells a bus from others on this machine; two spellings of one give the same."""
+    interface, options = settings.interface.lower(), settings.options
+    if interface == "socketcand":
+        host = machine_of(str(options.get("host", settings.host)))
+        return f"{interface}-{host}-{options.get('port', settings.port)}-{settings.channel}"
+    return f"{interface}-{_device(settings.channel)}"
+
+
+def machine_of(host: str) -> str:
+    """Return one name for all addresses and names of a machine.
+
+    What cannot be found out now is taken as it is written: connecting will fail, too.
+    """
+    try:
+        found = socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)
+    except (OSError, UnicodeError):
+        return host.lower()
+    addresses = sorted({str(entry[4][0]) for entry in found})
+    return HERE if any(map(_is_here, addresses)) else addresses[0]
+
+
+def _is_here(address: str) -> bool:
+    """Whether an address is one of this machine: only those can be bound."""
+    plain = ipaddress.ip_address(address.split("%")[0])
+    if plain.is_loopback or plain.is_unspecified:
+        return True
+    family = socket.AF_INET6 if plain.version == 6 else socket.AF_INET
+    try:
+        with socket.socket(family, socket.SOCK_DGRAM) as probe:
+            probe.bind((address, 0))
+    except OSError:
+        return False
+    return True
+
+
+def _device(channel: str) -> str:
+    """Return the device behind a path, such as those below /dev/serial, else the channel."""
+    path = re.sub(r"@\d+$", "", channel)  # slcan: the baud rate of the serial line
+    return os.path.realpath(path) if os.path.isabs(path) else channel

@@ -1,0 +1,162 @@
+"""One bus for several joints: each has a link of its own, all frames go through one."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import final
+
+import can
+
+from cjt_gym.canbus.link import KEPT, Arrival, Link
+
+Frames = Sequence[can.Message]
+
+
+@final
+class SharedLink:
+    """The bus of several joints.
+
+    Attributes:
+        link: The way to it.
+        taps: A link for each joint.
+    """
+
+    def __init__(self, link: Link, joints: int, dt: float) -> None:
+        """Share a link.
+
+        Args:
+            link: The way to the bus.
+            joints: How many share it.
+            dt: Control step [s].
+        """
+        self.link = link
+        self.taps = tuple(Tap(self) for _ in range(joints))
+        self._dt = dt
+        self._owners: dict[tuple[int, bool, bytes], tuple[Tap, ...]] = {}
+        self._watching: list[Callable[[float], None]] = []
+        self._kept: list[Callable[[], Frames]] = []
+        self._fed = -float("inf")
+        self._waiting: list[can.Message] | None = None
+
+    def keep_alive(self, frames: Callable[[], Frames]) -> None:
+        """Send these frames once in every control step while somebody waits, until `let_go`."""
+        self._kept.append(frames)
+
+    def let_go(self) -> None:
+        """Send nothing by itself any more."""
+        self._kept.clear()
+
+    def gather(self) -> None:
+        """Keep all frames that are sent from now on, until `flush`."""
+        self._waiting = []
+
+    def flush(self) -> None:
+        """Send what was gathered; frames for all nodes, such as SYNC, once and last.
+
+        Raises:
+            HardwareError: The bus does not take them.
+        """
+        waiting, self._waiting = self._waiting or [], None
+        last = {_key(message): k for k, message in enumerate(waiting)}
+        self.link.send([waiting[k] for k in sorted(last.values())])
+
+    def send(self, messages: Frames) -> None:
+        """Send frames, or gather them."""
+        if self._waiting is None:
+            self.link.send(messages)
+        else:
+            self._waiting += messages
+
+    def wait_until(self, t: float) -> None:
+        """Wait for a time [s], and keep alive meanwhile."""
+        while self._kept and (due := max(self._fed + self._dt, self.link.now())) <= t:
+            self.link.wait_until(due)
+            self.link.send([frame for frames in self._kept for frame in frames()])
+            self._fed = due
+        self.link.wait_until(t)
+
+    def deliver(self) -> None:
+        """Hand what has arrived to the joints that it is from, to all where that is not known."""
+        for arrival in self.link.receive():
+            for tap in self._takers(arrival.message):
+                tap.inbox.append(arrival)
+
+    def _takers(self, message: can.Message) -> tuple[Tap, ...]:
+        """Return whose frames these are; some protocols tell drives by the first byte alone."""
+        if message.is_error_frame:
+            return self.taps
+        key = (message.arbitration_id, message.is_extended_id, bytes(message.data[:1]))
+        known = self._owners.get(key)
+        if known is None:
+            known = tuple(tap for tap in self.taps if tap.claims(message))
+            if not known:
+                return self.taps
+            self._owners[key] = known
+        return known
+
+    def watch(self, supervise: Callable[[float], None], every: float) -> None:
+        """Have another `supervise(now)` called at least `every` so often [s]."""
+        self._watching.append(supervise)
+        self.link.watch(self._supervise, every)
+
+    def _supervise(self, now: float) -> None:
+        for supervise in self._watching:
+            supervise(now)
+
+
+@final
+class Tap:
+    """The link of one joint of several.
+
+    Attributes:
+        inbox: What this joint has not fetched yet.
+        claims: Says whether a frame is from a node of this joint.
+    """
+
+    def __init__(self, shared: SharedLink) -> None:
+        self._shared = shared
+        self.inbox: deque[Arrival] = deque(maxlen=KEPT)
+        self.claims: Callable[[can.Message], bool] = lambda message: True
+
+    def now(self) -> float:
+        """Return the time [s]."""
+        return self._shared.link.now()
+
+    def wait_until(self, t: float) -> None:
+        """Wait for a time [s]; joints that are on already are kept on meanwhile."""
+        self._shared.wait_until(t)
+
+    def send(self, messages: Frames) -> None:
+        """Send frames, or keep them for the others'.
+
+        Raises:
+            HardwareError: The bus does not take them.
+        """
+        self._shared.send(messages)
+
+    def receive(self) -> list[Arrival]:
+        """Return all frames since the last call of this joint.
+
+        Raises:
+            HardwareError: The bus is lost.
+        """
+        self._shared.deliver()
+        return [self.inbox.popleft() for _ in range(len(self.inbox))]
+
+    def watch(self, supervise: Callable[[float], None], every: float) -> None:
+        """Have `supervise(now)` called at least `every` so often [s]."""
+        self._shared.watch(supervise, every)
+
+    def close(self) -> None:
+        """Leave the bus to the others."""
+
+
+def _key(message: can.Message) -> tuple[object, ...]:
+    """Return what makes two frames the same one: only those for all nodes are."""
+    return (
+        message.arbitration_id,
+        message.is_extended_id,
+        message.is_remote_frame,
+        bytes(message.data),
+    )

@@ -1,0 +1,67 @@
+"""`cjt-gym plot`: records as a picture or a page."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from cjt_gym.disk import refuse_inputs
+from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.records import Record, read_record
+
+SUFFIXES = (".html", ".png", ".svg", ".pdf")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the records, what of them, and where to."""
+    add = parser.add_argument
+    text = "records, by file or by the name of one that ships; drawn over each other"
+    add("records", nargs="+", metavar="RECORD", help=text)
+    add("--out", type=Path, required=True, metavar="FILE", help=f"{', '.join(SUFFIXES)}")
+    add("--columns", nargs="+", metavar="C", help="what to draw; default: every column")
+    text = "part to draw, in the time of the records [s]; default: all"
+    add("--between", nargs=2, type=float, metavar=("BEGIN", "END"), help=text)
+
+
+def run(options: argparse.Namespace) -> None:
+    """Draw, write and say where."""
+    if options.out.suffix.lower() not in SUFFIXES:
+        raise ConfigurationError(
+            f"--out must end in {', '.join(SUFFIXES)}, got {options.out}. The ending says what is "
+            "written."
+        )
+    from cjt_gym.commands.plot_figure import Trace, write_plot  # loads matplotlib
+
+    refuse_inputs([options.out], options.records)
+    traces = [
+        Trace(Path(word).stem, _part(read_record(word), options.between, word))
+        for word in options.records
+    ]
+    known = {name for trace in traces for name in trace.record.columns if name != "t"}
+    for name in options.columns or ():
+        if name not in known:
+            raise unknown_name(f"column of {', '.join(options.records)}", name, sorted(known))
+    columns = write_plot(traces, options.columns, options.out)
+    result = {"plot": str(options.out), "records": options.records, "columns": columns}
+    if options.json:
+        sys.stdout.write(json.dumps(result) + "\n")
+    else:
+        sys.stdout.write(f"{options.out}: {', '.join(columns)}\n")
+
+
+def _part(record: Record, between: list[float] | None, word: str) -> Record:
+    """Return a record between two times [s]."""
+    if between is None:
+        return record
+    begin, end = between
+    first, last = np.searchsorted(record.t, begin), np.searchsorted(record.t, end, side="right")
+    if begin > end or first >= last:
+        raise ConfigurationError(
+            f"--between must hold samples of {word}, which lasts from {record.t[0]:g} to "
+            f"{record.t[-1]:g} s, got {begin:g} to {end:g}."
+        )
+    return record.slice(int(first), int(last))

@@ -1,0 +1,165 @@
+"""The picture of records: a panel for every unit, all over the same time."""
+
+from __future__ import annotations
+
+import html
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from cjt_gym.datasheet.drawing import COLOURS, RED, canvas, legend
+from cjt_gym.disk import write_bytes
+from cjt_gym.records import Record
+from cjt_gym.records.columns import TRUE_PREFIX
+
+Floats = NDArray[np.float64]
+WIDTH, PANEL, MARGIN = 9.0, 1.7, 0.6
+"""Width, height of a panel and of what is around them [inch]."""
+BINS = 2000
+"""Pieces of a curve, of each of which least and largest value are drawn."""
+LINES = ("-", "--", ":", "-.")
+STYLE = """body { font: 15px/1.5 system-ui, sans-serif; max-width: 72rem; margin: 1.5rem auto;
+  padding: 0 1rem; color: #222 } svg { width: 100%; height: auto } th { text-align: left;
+  padding-right: 1.5rem; font-weight: 600; vertical-align: top }"""
+FACTS = ("kind", "controller", "policy", "reference", "protocol", "bus", "source")
+"""What of a record's provenance stands on a page."""
+
+
+@dataclass(frozen=True)
+class Trace:
+    """A record and what its curves are called.
+
+    Attributes:
+        name: Its name.
+        record: The record.
+    """
+
+    name: str
+    record: Record
+
+
+def write_plot(traces: Sequence[Trace], columns: Sequence[str] | None, out: Path) -> list[str]:
+    """Draw records and write the picture whole; return the columns that are drawn.
+
+    Args:
+        traces: The records.
+        columns: What to draw, or None for all.
+        out: Where to; the ending says in which format.
+    """
+    panels = _panels(traces, columns)
+    kind = out.suffix.lower().removeprefix(".")
+    with canvas(WIDTH, MARGIN + PANEL * max(len(panels), 1)) as (figure, svg):
+        _draw(figure, traces, panels)
+        if kind == "html":
+            written = _page(traces, svg()).encode()
+        else:
+            buffer = io.BytesIO()
+            figure.savefig(buffer, format=kind, dpi=150)
+            written = buffer.getvalue()
+    out.parent.mkdir(parents=True, exist_ok=True)
+    write_bytes(out, written)
+    return [name for names in panels.values() for name in names]
+
+
+def _panels(traces: Sequence[Trace], columns: Sequence[str] | None) -> dict[str, list[str]]:
+    """Return the columns to draw by their units, in the order of the first record that has them."""
+    panels: dict[str, list[str]] = {}
+    for trace in traces:
+        for name in trace.record.columns:
+            if name == "t" or (columns is not None and name not in columns):
+                continue
+            panel = panels.setdefault(trace.record.units[name], [])
+            if name not in panel:
+                panel.append(name)
+    return panels
+
+
+def _draw(figure: Figure, traces: Sequence[Trace], panels: dict[str, list[str]]) -> None:
+    axes: Any = figure.subplots(max(len(panels), 1), 1, sharex=True, squeeze=False)[:, 0]
+    for panel, (unit, names) in zip(axes, panels.items(), strict=False):
+        for k, trace in enumerate(traces):
+            _curves(panel, trace, names, unit, LINES[k % len(LINES)], len(traces) > 1)
+        _plain_text(panel.set_ylabel(unit))
+        legend(panel, loc="upper right", ncols=4)
+        for text in panel.get_legend().get_texts() if panel.get_legend() else ():
+            _plain_text(text)
+    axes[-1].set_xlabel("t [s]")
+    _plain_text(axes[0].set_title(", ".join(trace.name for trace in traces)))
+
+
+def _curves(
+    axes: Axes, trace: Trace, names: Sequence[str], unit: str, line: str, named: bool
+) -> None:
+    record = trace.record
+    for k, name in enumerate(names):
+        if name not in record or record.units[name] != unit:
+            continue
+        t, value = _envelope(record.t, record[name])
+        label = f"{name} ({trace.name})" if named else name
+        width = 0.7 if name.startswith(TRUE_PREFIX) else 1.1
+        colour = COLOURS[k % len(COLOURS)]
+        # a label that begins with an underscore would be left out of the legend
+        axes.plot(t, value, line, color=colour, linewidth=width, label=label.lstrip("_"))
+    if "fault" in record.provenance:
+        axes.axvline(float(record.t[-1]), color=RED, linewidth=0.8)
+
+
+def _envelope(t: Floats, value: Floats) -> tuple[Floats, Floats]:
+    """Return a curve with least and largest value of each piece, where it has many samples."""
+    if len(t) <= 2 * BINS:
+        return t, value
+    pieces = np.array_split(np.arange(len(t)), BINS)
+    kept = []
+    for piece in pieces:
+        part = value[piece]
+        seen = np.isfinite(part)
+        if seen.all():
+            kept += sorted((piece[np.argmin(part)], piece[np.argmax(part)]))
+        else:
+            kept += [piece[0], piece[-1]]
+    return t[kept], value[kept]
+
+
+def _plain_text(text: Any) -> None:
+    """Let a text be what it is: names may contain a dollar sign."""
+    text.set_parse_math(False)
+
+
+def _page(traces: Sequence[Trace], svg: str) -> str:
+    """Return a page that needs no other file."""
+    title = html.escape(", ".join(trace.name for trace in traces))
+    tables = "\n".join(_facts(trace) for trace in traces)
+    return f"""<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><title>{title}</title><style>{STYLE}</style></head>
+<body><h1>{title}</h1>
+{svg}
+{tables}
+</body></html>
+"""
+
+
+def _facts(trace: Trace) -> str:
+    record = trace.record
+    known: dict[str, Any] = {
+        "joint": record.joint,
+        "structure": record.structure,
+        "samples": len(record),
+        "dt [s]": f"{record.dt:g}",
+    }
+    known |= {name: record.provenance.get(name) for name in FACTS}
+    fault = record.provenance.get("fault")
+    if isinstance(fault, dict):
+        known["ended by"] = f"{fault.get('kind')}: {fault.get('text')}"
+    rows = "".join(
+        f"<tr><th>{html.escape(name)}</th><td>{html.escape(str(value))}</td></tr>"
+        for name, value in known.items()
+        if value is not None
+    )
+    return f"<h2>{html.escape(trace.name)}</h2>\n<table>{rows}</table>"

@@ -1,0 +1,150 @@
+"""A whole torque controller as a C header: feed-forward, feedback and observer, in one state."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+from cjt_gym.baselines.linear_law import SIGNALS
+from cjt_gym.export.c_additions import NOTHING
+from cjt_gym.export.c_law import CLaw
+from cjt_gym.export.c_text import array, comment, filled, identifier, number
+
+COUNT = len(SIGNALS)
+
+
+def controller_header(
+    law: CLaw, prefix: str, title: str, joint: str, gains: Mapping[str, float]
+) -> str:
+    """Return the text of the header.
+
+    Args:
+        law: What the controller does.
+        prefix: What its names begin with.
+        title: Its name.
+        joint: The joint that it is for.
+        gains: Its gains, which are told in a comment.
+    """
+    name, order = identifier(prefix), len(law.linear.c)
+    kind = f"{name.upper()}_REAL"
+    adds = law.addition is not NOTHING
+    tables = {
+        "a": law.linear.a,
+        "b": law.linear.b,
+        "c": law.linear.c,
+        "d": law.linear.d,
+        "rest": law.linear.at_rest(),
+    } | ({} if law.back is None else {"back": law.back})
+    values = {
+        "TITLE": comment(title),
+        "JOINT": comment(joint),
+        "GAINS": ", ".join(f"{key} = {value:.6g}" for key, value in gains.items()) or "none",
+        "DT": number(law.linear.dt),
+        "LIMIT": number(law.limit),
+        "ARRAYS": "\n".join(array(kind, f"{name}_{key}", table) for key, table in tables.items()),
+        "STATES": str(max(order, 1)),
+        "ORDER": str(order),
+        "COUNT": str(COUNT),
+        "START": "reference" if law.follows else "tau",
+        "RENDER": _render(law),
+        "ADDITION_STATE": law.addition.state,
+        "ADDITION": law.addition.code,
+        "AFTER": law.addition.after,
+        "LOCAL": law.addition.local,
+        "ADDED": "added" if adds else "0.0",
+        "BACK": "" if law.back is None else " - @NAME@_back[i] * added",
+        "REST_STATE": "  @REAL@ rest; /* load angle at the start */\n" if _renders(law) else "",
+        "NAME": name,
+        "GUARD": f"{name.upper()}_H",
+        "REAL": kind,
+    }
+    return filled(TEMPLATE, values)
+
+
+def _renders(law: CLaw) -> bool:
+    return law.stiffness > 0.0 or law.damping > 0.0
+
+
+def _render(law: CLaw) -> str:
+    if not _renders(law):
+        return ""
+    return filled(RENDER, {"STIFFNESS": number(law.stiffness), "DAMPING": number(law.damping)})
+
+
+RENDER: Final = """\
+  /* A spring and a damper at the load, about where it stood at the start. */
+  if (!state->begun) state->rest = q_l;
+  reference += @STIFFNESS@ * (state->rest - q_l) - @DAMPING@ * dq_l;
+"""
+TEMPLATE: Final = """\
+/* Torque controller @TITLE@, written by cjt-gym @VERSION@.
+ *
+ * For: @JOINT@.
+ * Gains: @GAINS@.
+ * Call @NAME@_step once in every control step of @DT@ s. It returns the motor torque to command
+ * [N m], within @NAME@_LIMIT, and goes on from what the limit left. Angles, velocities and torques
+ * are those at the output side of the gear. One state per joint; no memory is allocated, nothing is
+ * shared. Numbers are double unless @REAL@ is defined as another type before this is included.
+ *
+ *   @NAME@_state state;
+ *   @NAME@_reset(&state);
+ *   torque = @NAME@_step(&state, reference, tau, q_m, q_g, q_l, dq_m, dq_g, dq_l);
+ */
+#ifndef @GUARD@
+#define @GUARD@
+
+#include <math.h>
+
+#ifndef @REAL@
+#define @REAL@ double
+#endif
+#define @NAME@_DT @DT@       /* control step [s] */
+#define @NAME@_LIMIT @LIMIT@ /* largest motor torque [N m] */
+
+@ARRAYS@
+
+typedef struct {
+  @REAL@ x[@STATES@];
+@ADDITION_STATE@@REST_STATE@  int begun;
+} @NAME@_state;
+
+/* Forget the past: the first step takes the joint to have been at rest under its torque. */
+static inline void @NAME@_reset(@NAME@_state *state) { state->begun = 0; }
+
+/* The motor torque to command until the next step [N m].
+ *
+ * reference:        wanted joint torque [N m]
+ * tau:              measured joint torque [N m]
+ * q_m, q_g, q_l:    measured angles of motor (rotor angle / n), gear and load [rad]
+ * dq_m, dq_g, dq_l: their velocities [rad/s]
+ */
+static inline @REAL@ @NAME@_step(@NAME@_state *state, @REAL@ reference, @REAL@ tau,
+                                 @REAL@ q_m, @REAL@ q_g, @REAL@ q_l,
+                                 @REAL@ dq_m, @REAL@ dq_g, @REAL@ dq_l) {
+  const @REAL@ limit = @NAME@_LIMIT;
+  @REAL@ next[@STATES@], command@LOCAL@;
+  int i, j;
+@ADDITION@@RENDER@  @REAL@ w[@COUNT@] = {reference, tau, q_m, q_g, q_l, dq_m, dq_g, dq_l, 0.0};
+  if (!state->begun) {
+    const @REAL@ still[@COUNT@] = {@START@, tau, q_m, q_g, q_l, dq_m, dq_g, dq_l, tau};
+    for (i = 0; i < @ORDER@; i++)
+      for (state->x[i] = 0.0, j = 0; j < @COUNT@; j++)
+        state->x[i] += @NAME@_rest[i * @COUNT@ + j] * still[j];
+    state->begun = 1;
+  }
+  command = @ADDED@;
+  for (i = 0; i < @ORDER@; i++) command += @NAME@_c[i] * state->x[i];
+  for (j = 0; j < @COUNT@; j++) command += @NAME@_d[j] * w[j];
+  command = command > limit ? limit : command < -limit ? -limit : command;
+  w[@COUNT@ - 1] = command;
+@AFTER@  for (i = 0; i < @ORDER@; i++) {
+    for (next[i] = 0.0, j = 0; j < @ORDER@; j++)
+      next[i] += @NAME@_a[i * @ORDER@ + j] * state->x[j];
+    for (j = 0; j < @COUNT@; j++) next[i] += @NAME@_b[i * @COUNT@ + j] * w[j];
+  }
+  for (i = 0; i < @ORDER@; i++) state->x[i] = next[i]@BACK@;
+  return command;
+}
+
+#endif
+"""

@@ -1,0 +1,88 @@
+"""What a controller does, in the form that is written in C."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cjt_gym.baselines import Controller, OpenLoop, PdFeedForward
+from cjt_gym.baselines.adaptive_friction import AdaptiveFriction
+from cjt_gym.baselines.compose import WithFriction
+from cjt_gym.baselines.friction_feedforward import FrictionFeedForward
+from cjt_gym.baselines.impedance import Impedance
+from cjt_gym.baselines.linear_law import LinearController, LinearLaw, assemble, static
+from cjt_gym.errors import ConfigurationError
+from cjt_gym.export.c_additions import NOTHING, Addition, known_friction, learnt_friction
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class CLaw:
+    """A linear law within a limit, with what may be added to it.
+
+    Attributes:
+        linear: The law.
+        limit: Largest motor torque [N m].
+        follows: Whether its memory begins as if the reference had long stood where it is, else as
+            if it had been the torque that is there.
+        addition: What is added to its command.
+        back: What the law's states take back of that, shape (order,).
+        stiffness: Of a spring that is rendered at the load by way of the reference [N m/rad].
+        damping: Of a damper beside that [N m s/rad].
+    """
+
+    linear: LinearLaw
+    limit: float
+    follows: bool = False
+    addition: Addition = NOTHING
+    back: Floats | None = None
+    stiffness: float = 0.0
+    damping: float = 0.0
+
+
+def law_of(controller: Controller, name: str) -> CLaw:
+    """Return what a controller does.
+
+    Args:
+        controller: The controller.
+        name: Its name, for errors.
+
+    Raises:
+        ConfigurationError: It learns series, solves programs, or is code of one's own.
+    """
+    limit = controller.torque_limit
+    match controller:
+        case OpenLoop():
+            return CLaw(assemble(controller.dt, static(reference=1.0)), limit)
+        case LinearController():
+            return CLaw(controller.law, limit)
+        case PdFeedForward():
+            assert controller.linear is not None
+            return CLaw(controller.linear, limit, follows=True)
+        case Impedance():
+            return CLaw(
+                controller.inner,
+                limit,
+                stiffness=controller.stiffness,
+                damping=controller.damping,
+            )
+        case WithFriction():
+            assert controller.linear is not None
+            back = controller.block.g
+            return CLaw(
+                controller.linear, limit, addition=known_friction(controller.friction), back=back
+            )
+        case FrictionFeedForward():
+            assert controller.linear is not None
+            return CLaw(controller.linear, limit, addition=known_friction(controller.friction))
+        case AdaptiveFriction():
+            assert controller.linear is not None
+            return CLaw(controller.linear, limit, addition=learnt_friction(controller))
+    raise ConfigurationError(
+        f"The controller {name} cannot be written in C: it learns series, solves programs while it "
+        "runs, or is code of your own. Take a linear law, such as lqg, or one put together from "
+        "parts, such as pid+reference+friction."
+    )

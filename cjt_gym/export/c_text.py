@@ -1,0 +1,54 @@
+"""Pieces of C: numbers, arrays, templates."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+PER_LINE = 4
+
+
+def identifier(text: str, kind: str = "law") -> str:
+    """Return any text as the beginning of names in C; one that cannot begin them follows its kind.
+
+    Example:
+        >>> identifier("pid+friction"), identifier("80")
+        ('pid_friction', 'law_80')
+    """
+    name = re.sub(r"\W", "_", text, flags=re.ASCII)
+    return name if name[:1].isalpha() else f"{kind}_{name}"
+
+
+def comment(text: str) -> str:
+    """Return a text of somebody else that ends no comment and begins none."""
+    plain = "".join(c if c.isprintable() else "?" for c in text)
+    return plain.replace("*/", "* /").replace("/*", "/ *")
+
+
+def number(value: float) -> str:
+    """Return a number with all its digits."""
+    if math.isinf(value):
+        return "HUGE_VAL" if value > 0.0 else "-HUGE_VAL"
+    return repr(float(value) + 0.0)  # no -0.0
+
+
+def array(kind: str, name: str, values: NDArray[Any]) -> str:
+    """Return the definition of a constant array; one without values has a single zero."""
+    texts = [number(value) for value in np.ravel(values)] or ["0.0"]
+    lines = [", ".join(texts[k : k + PER_LINE]) for k in range(0, len(texts), PER_LINE)]
+    body = ",\n  ".join(lines)
+    return f"static const {kind} {name}[{len(texts)}] = {{\n  {body}}};"
+
+
+def filled(template: str, values: Mapping[str, str]) -> str:
+    """Return a template with @KEY@ replaced; @VERSION@ is that of the package."""
+    text = template
+    for key, value in {"VERSION": version("cjt-gym"), **values}.items():
+        text = text.replace(f"@{key}@", value)
+    return text

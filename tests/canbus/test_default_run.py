@@ -1,0 +1,135 @@
+"""A run with nothing but defaults ends without a fault, whatever the bus adds in delay."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cjt_gym.baselines.robust import SPARE_DELAY
+from cjt_gym.canbus.emulator import Emulator
+from cjt_gym.canbus.nodes import Nodes
+from cjt_gym.canbus.plant import CanPlant
+from cjt_gym.canbus.protocols.contract import SLOW
+from cjt_gym.canbus.virtual import VirtualLink
+from cjt_gym.cli import main
+from cjt_gym.commands.hardware_law import law_for
+from cjt_gym.errors import ConfigurationError
+from cjt_gym.records import read_record
+from cjt_gym.training.gains import write_gains
+from tests.canbus.bench import config, document, toml
+
+CONTROLLERS = ("pd", "pd_feedforward", "pid_feedforward", "lqg", "open_loop")
+ASKED = {"protocol": "odrive", "node": 1}
+LIMITS = {"tau": {"value": 40.0, "unit": "N m"}, "dq_m": {"value": 7.0, "unit": "rad/s"}}
+
+
+def written(tmp_path: Path, rate: int, emulator: dict[str, Any]) -> Path:
+    path = tmp_path / "joint.toml"
+    tables = document(
+        drive=ASKED,
+        joint={"effects": ["coulomb_asym"]},
+        control={"rate_hz": rate},
+        limits=LIMITS,
+        emulator=emulator,
+    )
+    path.write_text(toml(tables))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("controller", "rate"), [*((name, 500) for name in CONTROLLERS), ("pd_feedforward", 1000)]
+)
+def test_default_run_has_no_fault(
+    controller: str, rate: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    late = {"latency": {"value": 2e-4, "unit": "s"}, "jitter": {"value": 5e-5, "unit": "s"}}
+    path, out = written(tmp_path, rate, late), tmp_path / "run.csv"
+    words = ["hardware", str(path), "--emulated", "--reference", "step", "--json"]
+    words += ["--controller", controller, "--duration", "1", "--out", str(out)]
+    assert main(words) == 0, capsys.readouterr().err
+    record = read_record(out)
+    assert "fault" not in record.provenance
+    assert record.provenance["amplitude"] > 5.0
+    assert json.loads(capsys.readouterr().out)["rmse"] < record.provenance["amplitude"]
+
+
+@pytest.mark.parametrize("drive", [ASKED, {**ASKED, "reports": "cyclic", "cycle_ms": 1}])
+def test_delay_is_measured_as_it_is_in_a_run(drive: dict[str, Any]) -> None:
+    late = {"latency": {"value": 3e-4, "unit": "s"}}
+    given = config(drive=drive, emulator=late)
+    plant = CanPlant(given, VirtualLink(Emulator(given)))
+    plant.connect()
+    before = sum(plant.measured_delay().values())
+    plant.arm()
+    plant.reset()
+    for _ in range(100):
+        plant.step(np.zeros(1))
+    during = sum(plant.timing.delay(plant.dt).values())
+    plant.close()
+    assert before == pytest.approx(during, abs=3e-4)
+    if "cycle_ms" not in drive:
+        assert before == pytest.approx(plant.dt, abs=1e-5)  # asked for with the command before
+
+
+def test_gains_are_designed_for_the_delay_and_weaker_the_longer_it_is() -> None:
+    given = config()
+    gains = [
+        law_for("pd_feedforward", given.joint, given.dt, {"measurement_delay.delay": late}).kp  # type: ignore[attr-defined]
+        for late in (0.0, given.dt, given.dt + 0.4 * SPARE_DELAY, 2.0 * given.dt)
+    ]
+    assert gains[0] > gains[1] == gains[2] > gains[3] > 0.0
+
+
+def test_given_gains_without_margin_are_refused_with_the_margin(tmp_path: Path) -> None:
+    given, path = config(), tmp_path / "stiff.toml"
+    write_gains(path, "pd_feedforward", {"kp": 1.5, "kd": 0.0071}, {})
+    late = {"command_delay.delay": 3e-4, "measurement_delay.delay": 1.9e-3}
+    law_for(str(path), given.joint, given.dt, {})  # without a delay they will do
+    with pytest.raises(
+        ConfigurationError, match=r"measured delay of 2\.2 ms .* 2 control steps; they bear 1"
+    ):
+        law_for(str(path), given.joint, given.dt, late)
+
+
+def test_delay_that_no_gains_are_designed_for_is_refused() -> None:
+    given = config()
+    with pytest.raises(ConfigurationError, match="must be <= 100 control steps"):
+        law_for("pd", given.joint, given.dt, {"measurement_delay.delay": 0.5})
+
+
+def test_default_reference_fits_the_limits(tmp_path: Path) -> None:
+    tight = {"tau": {"value": 6.0, "unit": "N m"}, "dq_m": {"value": 0.3, "unit": "rad/s"}}
+    path, out = tmp_path / "joint.toml", tmp_path / "run.csv"
+    path.write_text(toml(document(drive=ASKED, limits=tight)))
+    words = ["hardware", str(path), "--emulated", "--reference", "step", "--duration", "2"]
+    assert main([*words, "--out", str(out)]) == 0
+    record = read_record(out)
+    assert 0.3 < record.provenance["amplitude"] <= 3.6
+    assert np.abs(record["tau_ref"]).max() <= record.provenance["amplitude"]
+
+
+def test_what_changes_slowly_may_be_seconds_old_and_what_moves_may_not() -> None:
+    nodes = Nodes.of(config(drive=ASKED))
+    for name, latest in nodes.latest.items():
+        if name in SLOW:
+            assert 1.0 <= latest.oldest <= 10.0
+        else:
+            assert latest.oldest == nodes.oldest(latest.period) <= 2.5 * nodes.dt
+
+
+def test_a_temperature_that_is_lost_now_and_then_ends_no_run() -> None:
+    given = config(drive=ASKED)
+    emulator = Emulator(given)
+    plant = CanPlant(given, VirtualLink(emulator))
+    plant.connect()
+    plant.arm()
+    plant.reset()
+    temperature = 1 << 5 | 0x15
+    emulator.tamper = lambda m, node, t: [] if m.arbitration_id == temperature else [m]
+    for _ in range(500):  # a second without one
+        plant.step(np.zeros(1))
+    plant.close()

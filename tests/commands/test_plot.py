@@ -1,0 +1,76 @@
+"""`cjt-gym plot` draws any record, whatever its columns and its name."""
+
+from __future__ import annotations
+
+import json
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cjt_gym.cli import main
+from cjt_gym.commands.plot_figure import BINS, _envelope
+from cjt_gym.records import Record
+
+
+def record(samples: int = 300, **provenance: object) -> Record:
+    t = 1e-3 * np.arange(samples)
+    columns = {"t": t, "tau": np.sin(t), "true_tau": np.sin(t), "q_m": t, "dq_m": t, "age": t}
+    units = {"t": "s", "tau": "N m", "true_tau": "N m", "q_m": "rad", "dq_m": "rad/s", "age": "s"}
+    return Record(columns, units, provenance=provenance)
+
+
+@pytest.mark.parametrize("ending", ["html", "png", "svg", "pdf"])
+def test_every_format_is_written_whole(ending: str, tmp_path: Path) -> None:
+    out = tmp_path / "new" / f"plot.{ending}"
+    assert main(["plot", "emps", "--between", "1", "2", "--out", str(out)]) == 0
+    begins = {"html": b"<!doctype html", "png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}
+    assert out.read_bytes().startswith(begins[ending])
+    assert [path.name for path in out.parent.iterdir()] == [out.name]
+
+
+def test_page_of_two_records_names_what_is_drawn_and_how_one_ended(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fault = {"kind": "overrun", "text": "too late <b>"}
+    paths = [
+        record(**provenance).to_npz(tmp_path / f"{name}.npz")  # type: ignore[arg-type]
+        for name, provenance in (("one $", {}), ("a & b $^{", {"fault": fault}))
+    ]
+    out = tmp_path / "plot.html"
+    assert main(["plot", *map(str, paths), "--out", str(out), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["columns"] == ["tau", "true_tau", "q_m", "dq_m", "age"]
+    page = out.read_text(encoding="utf-8")
+    assert "a &amp; b $^{" in page
+    assert "overrun: too late &lt;b&gt;" in page
+    assert "http" not in page.split("</svg>")[1]
+    svg = page[page.index("<svg") : page.index("</svg>") + 6]
+    ET.fromstring(svg)
+
+
+def test_bad_input_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for words, text in (
+        (["emps", "--out", "x.gif"], "--out must end in .html"),
+        (["emps", "--out", "x.png", "--columns", "q_n"], "Did you mean 'q_m'"),
+        (["emps", "--out", "x.png", "--between", "5", "4"], "--between must hold samples"),
+        (["nothing.csv", "--out", "x.png"], "no file nothing.csv"),
+    ):
+        assert main(["plot", *words]) == 2
+        error = capsys.readouterr().err
+        assert text in error
+        assert error.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_many_samples_keep_their_peaks_and_gaps() -> None:
+    t = np.arange(200_000) * 1e-3
+    value = np.sin(t)
+    value[123_457] = 9.0
+    value[50_000:51_000] = np.nan
+    seen, drawn = _envelope(t, value)
+    assert len(seen) == 2 * BINS
+    assert np.all(np.diff(seen) >= 0.0)
+    assert np.nanmax(drawn) == 9.0
+    assert np.isnan(drawn).any()
