@@ -145,14 +145,14 @@ def _case(
         effect.name: settled(_hide(world, plan, scales, seeds_of_effects, leave_out=k)[0])
         for k, (effect, _) in enumerate(plan.effects)
     }
-    names = [effect.name for effect, _ in plan.effects]
+    hidden = [f"{effect.name}:{place}" for effect, place in plan.effects]
     label = _label(plan, parameters) | {
         "signature": signatures(true, without, told, runs[0]),
         "true": {symbol: getattr(true.plant, symbol) for symbol in sheet.values},
         "stated": told.values,
         "gap": true_gap(models, runs[1]) | {"floor": noise_floor(runs[1])},
         "defects": flaws.to_dict(),
-        "not_counted": not_counted(plan.structure, told, true, names),
+        "not_counted": not_counted(plan.structure, told, world, hidden),
     }
     return Case(told, plan.structure.name, logs[0], logs[1], label, true)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
@@ -11,7 +10,6 @@ import numpy as np
 
 from cjt_gym.blind.joints import Datasheet
 from cjt_gym.blind.plant import CHANNELS, Floats, Structure, World
-from cjt_gym.blind.signature import COARSER
 from cjt_gym.errors import unknown_name
 
 DEFECTS: Final = ("noise", "jitter", "gaps", "missing", "guess", "command_only")
@@ -19,6 +17,8 @@ DEFECTS: Final = ("noise", "jitter", "gaps", "missing", "guess", "command_only")
 was not recorded, inertias that are guessed, nothing recorded but command and motor angle."""
 NOISE: Final = (0.5, 3.0)
 """Stated noise over the true one."""
+NOISIER: Final = 1.2
+"""True noise over the stated one from which a channel is rightly called noisy."""
 JITTER: Final = (0.02, 0.14)
 """Standard deviation of the sampling instants, as a share of the time between samples."""
 GAPS: Final = (1, 5)
@@ -155,29 +155,25 @@ def _guesses(structure: Structure, rng: np.random.Generator) -> dict[str, float]
 
 
 def not_counted(
-    structure: Structure, sheet: Datasheet, true: World, hidden: Collection[str]
+    structure: Structure, sheet: Datasheet, world: World, hidden: Collection[str]
 ) -> list[str]:
     """Return names that are neither wrong nor missing, for they say what is known anyhow.
 
-    A guessed inertia is expected to be another; a channel with clearly more noise than is stated
-    is noisy, even where no such effect is hidden.
+    A guessed inertia is expected to be another; a channel with more noise than is stated is noisy,
+    even where no such effect is hidden: "noise:q_m".
 
     Args:
         structure: Structure of the joint.
         sheet: What the diagnosis is told.
-        true: The joint as it is.
-        hidden: Names of the hidden effects.
+        world: The joint without its effects.
+        hidden: Effects with their places, such as "noise:tau", that are hidden.
     """
     names = {"load_inertia" if symbol == "I_l" else "inertia" for symbol in sheet.guesses}
     if structure.name == "rigid" and names:
         names = {"inertia", "load_inertia"}
-    if "noise" not in hidden and any(_noisier(true, sheet, name) for name in sheet.channels):
-        names.add("noise")
-    return sorted(names)
-
-
-def _noisier(true: World, sheet: Datasheet, channel: str) -> bool:
-    j = CHANNELS.index(channel)
-    rounding = sheet.resolution[j] / math.sqrt(12.0)
-    stated = math.hypot(sheet.noise[j], rounding)
-    return math.hypot(true.noise[j], rounding) > COARSER * stated
+    noisy = {
+        f"noise:{name}"
+        for name, std, stated in zip(CHANNELS, world.noise, sheet.noise, strict=True)
+        if name in sheet.channels and std > NOISIER * stated
+    }
+    return sorted(names | (noisy - set(hidden)))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -47,6 +47,12 @@ def _twins(structure: str) -> tuple[tuple[str, str], ...]:
     return ()
 
 
+def is_beside(effect: Mapping[str, Any], not_counted: Collection[str]) -> bool:
+    """Return whether an effect of a diagnosis is not counted, by its name or with its channel."""
+    name = effect["name"]
+    return name in not_counted or f"{name}:{effect.get('channel')}" in not_counted
+
+
 def agrees(true: str, first: str) -> bool:
     """Return whether an entry of the confusion matrix is as it should be."""
     return true == first or (true, first) == (OUTSIDE, NONE)
@@ -65,7 +71,7 @@ def score_case(name: str, label: Label, result: Mapping[str, Any]) -> Row:
     truth = [effect for effect in label["effects"] if effect not in beside]
     strangers = list(label.get("outside_the_table", []))
     named = result.get("effects", [])
-    effects = [effect for effect in named if effect["name"] not in beside]
+    effects = [effect for effect in named if not is_beside(effect, beside)]
     found = [effect["name"] for effect in effects]
     hits = {right[other] for other in found if other in right}
     wrong = {other for other in found if other not in right}
@@ -84,7 +90,7 @@ def score_case(name: str, label: Label, result: Mapping[str, Any]) -> Row:
         "invisible": hidden,
         "signature": dict(seen),
         "defects": defects_of(label, truth, strangers),
-        "not_counted": [effect["name"] for effect in named if effect["name"] in beside],
+        "not_counted": [effect["name"] for effect in named if is_beside(effect, beside)],
         "named": found,
         "status": [effect["status"] for effect in effects],
         "verdict": result.get("verdict", "failed"),

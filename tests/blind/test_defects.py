@@ -115,10 +115,12 @@ def test_guessed_inertias_are_not_counted(structure: str, names: set[tuple[str, 
 def test_noise_above_what_is_stated_is_not_counted() -> None:
     """Where the joint file promises too little, `noise` is no wrong name; hidden, it counts."""
     form = STRUCTURES[LOCKED]
-    for share, names in ((0.5, ["noise"]), (0.9, []), (3.0, [])):
+    for share, names in ((0.5, ["noise:i", "noise:tau"]), (0.9, []), (3.0, [])):
         told = Defects(("noise",), noise={"tau": share, "i": share}).stated(SHEET)
         assert not_counted(form, told, WORLD, []) == names
-        assert not_counted(form, told, WORLD, ["noise"]) == []
+        assert not_counted(form, told, WORLD, ["noise:tau"]) == names[:1]
+        unseen = replace(told, channels=("q_m",))
+        assert not_counted(form, unseen, WORLD, []) == []
 
 
 @pytest.mark.parametrize("kinds", [TOGETHER, ("command_only",)])

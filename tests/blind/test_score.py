@@ -217,6 +217,14 @@ def test_guessed_inertia_is_neither_wrong_nor_missing() -> None:
     assert not score(label("inertia", **guessed), named("damping"))["exact"]
 
 
+def test_noise_above_what_is_stated_is_right_in_its_channel_only() -> None:
+    key = label(defects={"noise": {}}, not_counted=["noise:tau"])
+    noise = named("noise")
+    for channel, wrong in (("tau", []), ("q_m", ["noise"])):
+        noise["effects"][0]["channel"] = channel
+        assert score(key, noise)["wrong_confirmed"] == wrong
+
+
 def test_score_by_defect() -> None:
     gaps, noise = {"defects": {"gaps": {}}}, {"defects": {"gaps": {}, "noise": {}}}
     rows = [
