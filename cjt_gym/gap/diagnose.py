@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from cjt_gym.errors import CjtGymError, ConfigurationError, RecordError
+from cjt_gym.errors import CjtGymError, ConfigurationError
 from cjt_gym.gap.diagnosis import (
     NOTHING_LEFT,
     Diagnosis,
@@ -19,10 +19,11 @@ from cjt_gym.gap.diagnosis import (
     StageGap,
     Unexplained,
 )
-from cjt_gym.gap.evidence import gather, source_of
+from cjt_gym.gap.evidence import gather, nothing_said, source_of
 from cjt_gym.gap.explain import Explanation, explain
 from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.fit import Fit, Model
+from cjt_gym.gap.horizons.answer import judged
 from cjt_gym.gap.intervals import (
     Covariance,
     covariance,
@@ -88,31 +89,42 @@ def diagnose(
     cuts = [int((1.0 - TAIL) * len(record)) for record in given]
     fitted = given if held else [r.slice(0, cut) for r, cut in zip(given, cuts, strict=True)]
     tested = held or [r.slice(cut, None) for r, cut in zip(given, cuts, strict=True)]
-    try:
-        with threadpool_limits(1, "blas"):  # small matrices lose more by threads than they gain
-            explanation, replayed = _explained(fitted, _long(tested), file, shape, progress)
-            if _seen_elsewhere(explanation) and len(given) == len(_long(held)) == 1:
-                progress("explaining the other record, which alone shows a gap")
-                turned, others = _explained(held, _long(fitted), file, shape, progress)
-                if turned.fit.model.effects:
-                    explanation, replayed = turned, others
-                    fitted, tested = held, fitted
-            progress("replaying what was kept from the fit")
-            known = explanation.problem.stages.setting
-            replayed = [as_noisy(one, known) for one in replayed]
-            source = source_of(file, shape, fitted, _long(tested))
-            title = _title(fitted[0])
-            found = _report(
-                explanation, replayed or [known], bool(replayed), started, source, title
-            )
-            return _with_structure_said(found, first, shape)
-    except (np.linalg.LinAlgError, FloatingPointError, ValueError) as error:
-        if isinstance(error, CjtGymError):
-            raise
-        raise RecordError(
-            f"{first.owner} could not be diagnosed with {file.name} as {shape.name}: {error}. "
-            "Check that its units are SI on the link side and that the structure is right."
-        ) from error
+    with threadpool_limits(1, "blas"):  # small matrices lose more by threads than they gain
+        try:
+            found = _by_stages(fitted, tested, given, held, file, shape, started, progress)
+        except (np.linalg.LinAlgError, FloatingPointError, ValueError) as error:
+            if isinstance(error, CjtGymError):
+                raise
+            found = nothing_said(file, shape, fitted, _long(tested), str(error))
+        found = judged(found, given, held, file, shape, progress)
+    found = replace(found, seconds=time.perf_counter() - started)
+    return _with_structure_said(found, first, shape)
+
+
+def _by_stages(
+    fitted: Sequence[Record],
+    tested: Sequence[Record],
+    given: Sequence[Record],
+    held: Sequence[Record],
+    file: JointFile,
+    shape: Structure,
+    started: float,
+    progress: Progress,
+) -> Diagnosis:
+    """Return what the one-step predictors of the stages find."""
+    explanation, replayed = _explained(fitted, _long(tested), file, shape, progress)
+    if _seen_elsewhere(explanation) and len(given) == len(_long(held)) == 1:
+        progress("explaining the other record, which alone shows a gap")
+        turned, others = _explained(held, _long(fitted), file, shape, progress)
+        if turned.fit.model.effects:
+            explanation, replayed = turned, others
+            fitted, tested = held, fitted
+    progress("replaying what was kept from the fit")
+    known = explanation.problem.stages.setting
+    replayed = [as_noisy(one, known) for one in replayed]
+    source = source_of(file, shape, fitted, _long(tested))
+    title = _title(fitted[0])
+    return _report(explanation, replayed or [known], bool(replayed), started, source, title)
 
 
 def _explained(

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from cjt_gym.gap.check.examination import Examination
 from cjt_gym.joint import JointFile
 from cjt_gym.records import Record, write_record
 
@@ -111,11 +112,38 @@ class Unexplained:
         share: Largest share of a stage's gap that is left.
         stage: That stage, or None.
         text: In words.
+        predictable: Share of the motion that a regression predicts and no named effect explains.
     """
 
     share: float
     stage: str | None
     text: str
+    predictable: float = 0.0
+
+
+@dataclass(frozen=True)
+class Horizon:
+    """How well a channel is predicted so far ahead, on held-out data.
+
+    Errors are relative to what the channel did within the window beyond "the speed at the start
+    stays" (angles), or to its deviation from the mean (torque).
+
+    Attributes:
+        seconds: How far ahead [s].
+        channel: What is predicted.
+        datasheet: Error of the nominal joint.
+        least_squares: Error of a regression on inertia, damping, Coulomb friction and offset; None
+            where the record does not allow it.
+        found: Error of the joint of this diagnosis.
+        floor: Error that no model could avoid; None where that cannot be told.
+    """
+
+    seconds: float
+    channel: str
+    datasheet: float
+    least_squares: float | None
+    found: float
+    floor: float | None
 
 
 @dataclass(frozen=True)
@@ -308,6 +336,8 @@ class Diagnosis:
         seconds: Time that the diagnosis took [s].
         evidence: Arrays for a report.
         joint: The nominal joint with the effects added; `cjt_gym.joint.to_toml` writes it.
+        horizons: How well the joint is predicted at several horizons.
+        examination: What the record can and cannot tell.
     """
 
     verdict: str
@@ -320,6 +350,8 @@ class Diagnosis:
     seconds: float
     evidence: Evidence
     joint: JointFile
+    horizons: tuple[Horizon, ...] = ()
+    examination: Examination | None = None
 
     def to_dict(self) -> dict[str, object]:
         """Return the content of diagnosis.json: plain types, finite numbers."""
@@ -335,6 +367,8 @@ class Diagnosis:
             "unexplained": vars(self.unexplained),
             "suggestion": {"text": self.suggestion.text, "record": self.suggestion.record},
             "seconds": self.seconds,
+            "horizons": [vars(horizon) for horizon in self.horizons],
+            "record": None if self.examination is None else self.examination.to_dict(),
             "joint": self.evidence.source.joint,
             "structure": self.evidence.source.structure,
             "fitted": list(self.evidence.source.fitted),

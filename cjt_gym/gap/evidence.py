@@ -8,7 +8,16 @@ from pathlib import PurePath
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.gap.diagnosis import Evidence, NamedEffect, Source
+from cjt_gym.gap.diagnosis import (
+    Diagnosis,
+    Evidence,
+    GapSize,
+    NamedEffect,
+    Source,
+    StageGap,
+    Suggestion,
+    Unexplained,
+)
 from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.fit import Fit, Problem
 from cjt_gym.gap.ladder import ladder, models, order_of, replays
@@ -68,6 +77,40 @@ def source_of(
     """Return what a diagnosis was computed from."""
     units = ("m", "N") if file.parameters.axis == "prismatic" else ("rad", "N m")
     return Source(file.name, shape.name, _described(fitted), _described(held_out), *units)
+
+
+def nothing_said(
+    file: JointFile,
+    shape: Structure,
+    fitted: Sequence[Record],
+    held_out: Sequence[Record],
+    why: str,
+) -> Diagnosis:
+    """Return the diagnosis of stages that could not be judged.
+
+    Args:
+        file: The nominal joint.
+        shape: How its bodies are joined.
+        fitted: Records that were to be explained.
+        held_out: Records kept from it.
+        why: Why there is none.
+    """
+    names = ("drive", "motor", "transmission", "sensing", "load")
+    text = f"The stages could not be judged one by one on this record ({why})."
+    advice = "Record at a higher rate, with the channels that `cjt-gym check` misses."
+    nothing: Floats = np.zeros(0)
+    return Diagnosis(
+        verdict="unexplained",
+        stages={name: StageGap(0.0, 0.0, significant=False) for name in names},
+        regimes=(),
+        effects=(),
+        gap=GapSize(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, held_out=False, by_channel={}),
+        unexplained=Unexplained(1.0, None, text),
+        suggestion=Suggestion(advice),
+        seconds=0.0,
+        evidence=Evidence(nothing, {}, {}, source=source_of(file, shape, fitted, held_out)),
+        joint=file,
+    )
 
 
 def _described(records: Sequence[Record]) -> tuple[str, ...]:

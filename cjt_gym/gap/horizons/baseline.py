@@ -8,6 +8,8 @@ from cjt_gym.gap.horizons.log import Log
 from cjt_gym.gap.horizons.model import Draft, body_group, drafted
 from cjt_gym.joint import Joint
 
+NOTHING = 1e-6
+"""Share of the inertia that is left to a load which the regression counts with the motor."""
 SHARP = 0.02
 """Velocity over which the sign is smoothed in the regression, as a share of its spread."""
 
@@ -35,7 +37,7 @@ def least_squares(joint: Joint, log: Log) -> Joint | None:
     if "g" in own:
         draft.effects["inertia"]["I_g"] = 0.0
     if "l" in own and p.get("I_l", 0.0) > 0.0:
-        draft.row("load_inertia")["I_l"] = 0.0
+        draft.row("load_inertia")["I_l"] = NOTHING * max(float(inertia), 1e-9)
     row = draft.row("damping")
     for body in own:
         row[f"d_{body}"] = 0.0

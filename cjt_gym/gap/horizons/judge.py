@@ -17,7 +17,7 @@ from cjt_gym.gap.horizons.predictable import Predictable
 from cjt_gym.gap.horizons.predictable import left as left_by
 from cjt_gym.gap.horizons.rows import base_terms, candidates, scales_of
 from cjt_gym.gap.horizons.search import Found, Worth, search, worth
-from cjt_gym.gap.horizons.windows import Windows, cut, make_windows, relative, split
+from cjt_gym.gap.horizons.windows import HORIZONS, Windows, cut, make_windows, relative, split
 from cjt_gym.joint import Joint, JointFile, Structure
 from cjt_gym.joint.configure import resolve_effects
 from cjt_gym.records import Record
@@ -31,6 +31,10 @@ WORSE = 1.02
 """Relative error, over that of datasheet or least squares, up to which a joint is no worse."""
 EQUAL = 1.1
 """Relative error, over that of the best joint, up to which another one does as well."""
+SAME = 1.0
+"""Difference of the cost up to which the first of several joints is the answer."""
+NEAR = 0.2
+"""Relative error from which a search looks for a better joint than that of the stages."""
 LEFT_SHARE, LEFT_CLEAR = 0.3, 3.0
 """Share of an error that a regression predicts, and its deviations, from which it is left."""
 KEPT = 0.1
@@ -168,7 +172,8 @@ def judge(case: Case, stages: Joint | None, progress: Progress) -> Judgement:
         known = left_by(case.all, stages)
         errors = relative(case.all, case.all.errors(stages))
         open_ = any(_left(errors[key], one) for key, one in known.items())
-        if not open_ and _no_worse(case, joints, "stages"):
+        near = all(e < NEAR for key, e in errors.items() if key[1] != min(HORIZONS))
+        if near and not open_ and _no_worse(case, joints, "stages"):
             return _settled(case, joints, "stages")
     problem = Problem(case.fit)
     scales = scales_of(case.joint, case.logs)
@@ -180,6 +185,13 @@ def judge(case: Case, stages: Joint | None, progress: Progress) -> Judgement:
     joints["found"] = found.fit.model.at(found.fit.z)
     joints["base"] = found.base.model.at(found.base.z)
     best = _best(case, test, joints)
+    if max(relative(case.test, case.test.errors(joints[best])).values()) > 1.0:
+        free = replace(problem)
+        free.force = 0.0
+        fit = free.fit(found.fit.model, found.fit.z)
+        joints["found"] = fit.model.at(fit.z)
+        found = replace(found, fit=fit)
+        best = _best(case, test, joints)
     judged = _settled(case, joints, best)
     return replace(judged, found=found, tests=tests, problem=problem)
 
@@ -208,12 +220,13 @@ def _tested(problem: Problem, test: Problem, found: Found) -> tuple[Found, tuple
 
 def _no_worse(case: Case, joints: dict[str, Joint], name: str) -> bool:
     """Return whether a joint predicts no worse than datasheet and least squares, at any horizon."""
-    own = relative(case.test, case.test.errors(joints[name]))
-    for other in ("datasheet", "least squares"):
-        if other in joints:
-            errors = relative(case.test, case.test.errors(joints[other]))
-            if any(own[key] > max(WORSE * errors[key], TRIVIAL) for key in own):
-                return False
+    for windows in {id(w): w for w in (case.test, case.all)}.values():
+        own = relative(windows, windows.errors(joints[name]))
+        for other in ("datasheet", "least squares"):
+            if other in joints:
+                errors = relative(windows, windows.errors(joints[other]))
+                if any(own[key] > max(WORSE * errors[key], TRIVIAL) for key in own):
+                    return False
     return True
 
 
@@ -256,9 +269,9 @@ def _best(case: Case, test: Problem, joints: dict[str, Joint]) -> str:
     errors = {name: case.test.errors(joint) for name, joint in joints.items()}
     costs = {name: test.cost(blank, np.zeros(0), e) for name, e in errors.items()}
     sound = [n for n in joints if _no_worse(case, joints, n)]
-    for name in ("found", "base", "stages"):
+    for name in ("stages", "found", "base"):
         others = [costs[n] for n in sound if n != name]
-        if name in sound and costs[name] <= min(others, default=np.inf) + 1.0:
+        if name in sound and costs[name] <= min(others, default=np.inf) + SAME:
             return name
     return min(sound or ("datasheet", "least squares") & joints.keys(), key=lambda n: costs[n])
 

@@ -273,3 +273,20 @@ def relative(windows: Windows, errors: Sequence[Floats]) -> dict[tuple[str, floa
     return {
         key: float(np.sqrt(np.mean(e**2))) for key, e in zip(windows.keys, errors, strict=True)
     }
+
+
+def bootstrapped(
+    windows: Windows, before: Sequence[Floats], after: Sequence[Floats], key: tuple[str, float]
+) -> tuple[float, float]:
+    """Return the 95 % interval of the share by which an error falls, over pieces of the record."""
+    k = windows.keys.index(key)
+    pieces = windows.pieces(key)
+    order = np.unique(pieces)
+    one, two = (
+        np.bincount(np.searchsorted(order, pieces), np.mean(e[k] ** 2, axis=1)) * 1.0
+        for e in (before, after)
+    )
+    drawn = np.random.default_rng(0).integers(0, len(order), (400, len(order)))
+    ratio = np.sqrt(two[drawn].sum(axis=1) / np.maximum(one[drawn].sum(axis=1), 1e-300))
+    low, high = np.quantile(1.0 - ratio, [0.025, 0.975])
+    return float(low), float(high)

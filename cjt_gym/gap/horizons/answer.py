@@ -1,0 +1,67 @@
+"""The diagnosis of the stages, judged by what its joint predicts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from cjt_gym.errors import CjtGymError
+from cjt_gym.gap.check import Examination, examine
+from cjt_gym.gap.diagnosis import Diagnosis, Unexplained
+from cjt_gym.gap.horizons.judge import Judgement, Progress, as_joint, judge, make_case
+from cjt_gym.gap.horizons.tell import horizons_of, retold
+from cjt_gym.joint import JointFile, Structure
+from cjt_gym.records import Record
+
+
+def judged(
+    first: Diagnosis,
+    records: Sequence[Record],
+    held: Sequence[Record],
+    file: JointFile,
+    shape: Structure,
+    progress: Progress,
+) -> Diagnosis:
+    """Return a diagnosis whose joint predicts well at all horizons, or the better of the others.
+
+    Args:
+        first: What the stages' predictors have found.
+        records: The records that are explained, whole.
+        held: Those on which the explanation is tested.
+        file: The nominal joint.
+        shape: How its bodies are joined.
+        progress: Is told in words what is being done.
+    """
+    exam = examine(list(records), file, shape)
+    first = replace(first, examination=exam)
+    excluded = {row.name: row.why for row in exam.cannot_tell}
+    try:
+        case = make_case(records, held, file, shape)
+        found = judge(case, as_joint(first.joint, case.joint), progress)
+    except (CjtGymError, np.linalg.LinAlgError) as error:
+        said = f"Predictions over several horizons were not possible: {error}"
+        left = replace(first.unexplained, text=f"{first.unexplained.text} {said}")
+        return _allowed(replace(first, unexplained=left), excluded)
+    if found.answer == "stages":
+        return _allowed(replace(first, horizons=horizons_of(found)), excluded)
+    return retold(first, found, excluded, _title(records[0]))
+
+
+def _allowed(first: Diagnosis, excluded: dict[str, str]) -> Diagnosis:
+    """Return a diagnosis that confirms nothing which the record cannot tell."""
+    effects = tuple(
+        replace(e, status="tentative", confidence=min(e.confidence, 0.5))
+        if e.name in excluded and e.status == "confirmed"
+        else e
+        for e in first.effects
+    )
+    return replace(first, effects=effects)
+
+
+def _title(record: Record) -> str:
+    return record.owner if record.origin is None else record.origin.stem
+
+
+__all__ = ["Examination", "Judgement", "Unexplained", "judged"]

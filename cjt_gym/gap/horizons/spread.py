@@ -1,0 +1,86 @@
+"""How sure the numbers of a fit are, from how its gradient scatters between pieces of the record."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import t as student
+
+from cjt_gym.gap.diagnosis import Interval
+from cjt_gym.gap.horizons.fit import LEAST, Fit, Problem, bounded
+from cjt_gym.gap.horizons.model import Model
+
+Floats = NDArray[np.float64]
+INTERVAL = 0.95
+
+
+@dataclass(frozen=True, eq=False)
+class Spread:
+    """Covariance of the coordinates of a fit.
+
+    Attributes:
+        fit: The fit.
+        matrix: Covariance, shape (n, n).
+        factor: Half width of an interval, in deviations.
+    """
+
+    fit: Fit
+    matrix: Floats
+    factor: float
+
+    @property
+    def model(self) -> Model:
+        """The model that was fitted."""
+        return self.fit.model
+
+    def intervals(self, index: int) -> dict[str, Interval]:
+        """Return the numbers of a term with their 95 % intervals."""
+        term, span = self.model.terms[index], self.model.span(index)
+        found = {}
+        for number, at in zip(term.numbers, range(span.start, span.stop), strict=True):
+            half = self.factor * float(np.sqrt(max(self.matrix[at, at], 0.0)))
+            z = float(self.fit.z[at])
+            scale = self._scale(term.name, number.symbol)
+            ends = sorted(scale * number.value(z + s * half) for s in (-1.0, 1.0))
+            value = scale * number.value(z)
+            unit = "kg m^2" if term.name == "inertia" else number.unit
+            found[number.symbol] = Interval(value, ends[0], ends[1], unit)
+        return found
+
+    def _scale(self, name: str, symbol: str) -> float:
+        """Return what a factor multiplies: the inertia of the bodies that move with the motor."""
+        if name != "inertia":
+            return 1.0
+        p = self.model.joint.parameters
+        groups = self.model.joint.structure_row.groups
+        own = [b for b, g in zip("mgl", groups, strict=True) if g == groups[0]]
+        return sum(p.get(f"I_{b}", 0.0) for b in own)
+
+
+def spread_of(problem: Problem, fit: Fit) -> Spread:
+    """Return how sure a fit is: curvature, corrected by the scatter of its gradient ("sandwich").
+
+    Each piece of the record counts as one observation, so that errors that go together within a
+    piece do not make the numbers look surer than they are.
+    """
+    jacobian = problem.jacobian(fit.model, fit.z, fit.errors)
+    hessian, _ = problem.normal(fit.model, fit.z, fit.errors, jacobian)
+    size = max(int(problem.windows.pieces(k).max()) for k in problem.windows.keys) + 1
+    scores, there = np.zeros((size, len(fit.z))), np.zeros(size, dtype=bool)
+    for key, e, j in zip(problem.windows.keys, fit.errors, jacobian, strict=True):
+        counted, share = bounded(e)
+        factor = 2.0 * problem.strength * problem.weight(key)
+        factor /= (float(np.mean(counted)) + LEAST**2) * e.size
+        each = factor * np.einsum("wp,wpn->wn", e * share[:, None], j)
+        pieces = problem.windows.pieces(key)
+        np.add.at(scores, pieces, each)
+        there[pieces] = True
+    scores = scores[there]
+    count = len(scores)
+    known = np.diag([float(n.prior) for n in fit.model.numbers])
+    middle = scores.T @ scores * count / max(count - 1, 1) + known
+    inverse = np.linalg.pinv(hessian)
+    factor = float(student.ppf(0.5 + 0.5 * INTERVAL, max(count - 1, 1)))
+    return Spread(fit, inverse @ middle @ inverse, factor)

@@ -1,0 +1,281 @@
+"""From a judgement to what a diagnosis says: effects, joint, verdict, gap."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cjt_gym.gap.diagnosis import (
+    NOTHING_LEFT,
+    Diagnosis,
+    GapSize,
+    Horizon,
+    Interval,
+    NamedEffect,
+    StageGap,
+    Unexplained,
+)
+from cjt_gym.gap.horizons.fit import Fit, Problem
+from cjt_gym.gap.horizons.judge import Judgement, Row
+from cjt_gym.gap.horizons.model import Term
+from cjt_gym.gap.horizons.spread import Spread, spread_of
+from cjt_gym.gap.horizons.windows import WHOLE, bootstrapped
+from cjt_gym.gap.horizons.write import joint_of
+from cjt_gym.joint import JointFile
+
+Floats = NDArray[np.float64]
+SURE, FIRM = 1.4, 2.0
+"""By how much, as a multiple of what is needed, an effect is clear and worth to be confirmed."""
+OUTSIDE = 3.0
+"""Deviations of a datasheet value from which it is told apart from its tolerance."""
+MIMICS = frozenset({"gravity", "thermal_derating", "viscous_asym", "load_friction"})
+"""Effects that position, time or a wrong input may mimic: confirmed only where much depends on
+them."""
+MUCH = 0.5
+"""Share of the squared error that such an effect has to take away."""
+LOUD = 0.6
+"""Relative error over the longest horizon from which nothing counts as explained."""
+EITHER = {"coulomb_asym": ("coulomb", "torque_offset"), "torque_offset": ("coulomb_asym",)}
+"""Explanations that are the same where a joint moves."""
+SKEW = frozenset({"coulomb_asym", "viscous_asym", "torque_offset"})
+"""Effects that differ between the directions, of which several together are one another's rest."""
+STAGES = {"q_m": "motor", "q_l": "load", "tau": "transmission"}
+
+
+def horizons_of(judged: Judgement) -> tuple[Horizon, ...]:
+    """Return the table of horizons as a diagnosis states it."""
+    return tuple(
+        Horizon(
+            row.seconds if row.seconds != WHOLE else _length(judged),
+            row.channel, row.datasheet, row.least_squares, row.found, row.floor,
+        )
+        for row in judged.rows
+    )  # fmt: skip
+
+
+def _length(judged: Judgement) -> float:
+    groups = [g for g in judged.case.test.groups if g.horizons == (WHOLE,)]
+    return float(max(g.length * judged.case.test.logs[g.log].dt for g in groups))
+
+
+def retold(
+    first: Diagnosis, judged: Judgement, excluded: Mapping[str, str], record: str
+) -> Diagnosis:
+    """Return a diagnosis whose answer is that of a judgement.
+
+    Args:
+        first: The diagnosis of the stages.
+        judged: The judgement, whose answer is not that of the stages.
+        excluded: Effects that the record cannot tell, with the reason.
+        record: Name of the record, for the joint's sources.
+    """
+    effects = _effects(judged, excluded)
+    rows = judged.rows
+    stages = _stages(first, judged, effects)
+    left = judged.unexplained
+    verdict = _verdict(judged, effects)
+    return replace(
+        first,
+        verdict=verdict,
+        stages=stages,
+        effects=effects,
+        gap=_gap(judged),
+        unexplained=_unexplained(first, judged, verdict, left),
+        joint=joint_of(judged, effects, record),
+        evidence=replace(first.evidence, ladder=()),
+        horizons=horizons_of(judged),
+        regimes=first.regimes if rows else (),
+    )
+
+
+# ---- effects
+def _effects(judged: Judgement, excluded: Mapping[str, str]) -> tuple[NamedEffect, ...]:
+    """Return the effects that deserve a name, by the share of the error that they take away."""
+    if judged.found is None or judged.problem is None or judged.answer == "datasheet":
+        return _of_drive(judged)
+    found, problem = judged.found, judged.problem
+    spread = spread_of(problem, found.fit)
+    named = []
+    for k, term in enumerate(found.fit.model.terms):
+        there = judged.answer == "found" or term.name in judged.joint.effects
+        if not there or not _deserves(judged, k, term) or term.name in excluded:
+            continue
+        named.append(_named(judged, problem, spread, k, term))
+    named += [e for e in _of_drive(judged) if e.name not in {n.name for n in named}]
+    return tuple(sorted(named, key=lambda e: (e.status != "confirmed", -e.gap_removed)))
+
+
+def _deserves(judged: Judgement, index: int, term: Term) -> bool:
+    """Return whether a term differs from the datasheet by more than that allows."""
+    assert judged.found is not None
+    found = judged.found
+    worth = found.worths[index]
+    if not worth.enough:
+        return False
+    values = found.fit.model.values(found.fit.z)[index]
+    number = term.numbers[0]
+    if number.prior:
+        known = judged.case.joint.file.parameters.quantities
+        stated = known[number.symbol].tolerance if number.symbol in known else None
+        if stated is None and number.scale >= 0.5:
+            return False  # a guess is corrected, not diagnosed
+        off = abs(np.log(values[0] / term.nominal[0]))
+        return bool(off > OUTSIDE * (stated or number.scale))
+    return True
+
+
+def _named(
+    judged: Judgement, problem: Problem, spread: Spread, index: int, term: Term
+) -> NamedEffect:
+    assert judged.found is not None
+    found = judged.found
+    worth, test = found.worths[index], judged.tests[index] if judged.tests else None
+    rivals = found.rivals[index] if index < len(found.rivals) else ()
+    genuine = tuple(r for r in rivals if r not in NESTED.get(term.name, ()))
+    same = tuple(n for n in EITHER.get(term.name, ()) if n not in genuine)
+    names = {t.name for t in found.fit.model.terms}
+    if term.name == "coulomb" and "torque_offset" in names:
+        same = ("coulomb_asym",)
+    if term.name in SKEW and len(SKEW & names) > 1:
+        same = tuple(sorted(SKEW - {term.name}))
+    removed = _removed(found.less[index], found.fit)
+    firm = worth.clear > SURE * worth.needed and worth.fall > FIRM * worth.price
+    firm = firm and not genuine and not same
+    firm = firm and (test is None or test.fall > 0.0)
+    firm = firm and (term.name not in MIMICS or removed > MUCH)
+    firm = firm and not judged.unexplained
+    confidence = float(np.clip(1.0 - 0.5 ** (worth.clear / worth.needed), 0.05, 0.99))
+    return NamedEffect(
+        term.name, term.stage, term.body, term.channel, spread.intervals(index),
+        "confirmed" if firm else "tentative", confidence if firm else min(confidence, 0.5),
+        removed, tuple(dict.fromkeys((*genuine, *same))), worth.fall,
+    )  # fmt: skip
+
+
+NESTED: Mapping[str, tuple[str, ...]] = {
+    "coulomb": ("coulomb_asym", "stribeck", "presliding"),
+    "damping": ("viscous_asym",),
+    "torque_offset": ("gravity",),
+}
+"""Rivals of which a term is a special case."""
+
+
+def _removed(less: Fit, more: Fit) -> float:
+    """Return the share of the squared error that a term takes away, where it takes most."""
+    one, two = less.relative() ** 2, more.relative() ** 2
+    return float(np.clip(np.max((one - two) / np.maximum(one, 1e-12)), 0.0, 1.0))
+
+
+def _of_drive(judged: Judgement) -> tuple[NamedEffect, ...]:
+    """Return what the drive does between its command and the measured current."""
+    drive = judged.case.drive
+    if drive is None:
+        return ()
+    removed = 1.0 - (drive.after / max(drive.before, 1e-12)) ** 2
+    found = []
+    if drive.late:
+        low, high = drive.delay - drive.step, drive.delay + drive.step
+        delay = Interval(drive.delay, max(low, 0.0), high, "s")
+        found.append(("command_delay", {"delay": delay}))
+    if drive.lagging:
+        bandwidth = 1.0 / (2.0 * np.pi * drive.lag)
+        value = Interval(bandwidth, 0.7 * bandwidth, 1.4 * bandwidth, "Hz")
+        found.append(("current_lag", {"bandwidth": value}))
+    other = {"command_delay": ("current_lag",), "current_lag": ("command_delay",)}
+    return tuple(
+        NamedEffect(name, "drive", None, None, numbers, "tentative", 0.5, removed, other[name])
+        for name, numbers in found
+    )
+
+
+# ---- stages, gap, verdict
+def _stages(
+    first: Diagnosis, judged: Judgement, effects: Sequence[NamedEffect]
+) -> dict[str, StageGap]:
+    """Return the stages in units of what no model could predict, where a channel shows them."""
+    out = dict(first.stages)
+    for channel, stage in STAGES.items():
+        rows = [r for r in judged.rows if r.channel == channel and r.floor]
+        if rows:
+            worst = max(rows, key=lambda r: r.datasheet / max(r.floor or 1.0, 1e-9))
+            floor = max(worst.floor or 1.0, 1e-9)
+            named = any(e.stage == stage for e in effects) or any(r.unexplained for r in rows)
+            out[stage] = StageGap(worst.datasheet / floor, worst.found / floor, named)
+    return out
+
+
+def _main(judged: Judgement) -> Row:
+    """Return the row whose error is the gap: the torque as a whole, or the longest horizon."""
+    channel = "tau" if any(r.channel == "tau" for r in judged.rows) else "q_m"
+    whole = judged.case.joint.structure_row.output_fixed
+    rows = [r for r in judged.rows if r.channel == channel]
+    return next((r for r in rows if whole and r.seconds == WHOLE), rows[-1])
+
+
+def _gap(judged: Judgement) -> GapSize:
+    row = _main(judged)
+    before, after = row.datasheet, row.found
+    removed = 1.0 - after / before if before > 0.0 else 0.0
+    key = (row.channel, row.seconds)
+    low, high = bootstrapped(
+        judged.case.test, judged.errors["datasheet"], judged.errors[judged.answer], key
+    )
+    by = {
+        r.channel: {"before": r.datasheet, "after": r.found}
+        for r in judged.rows
+        if r.seconds == row.seconds
+    }
+    floor = row.floor if row.floor is not None else 0.0
+    return GapSize(before, after, floor, removed, low, high, True, by)
+
+
+def _verdict(judged: Judgement, effects: Sequence[NamedEffect]) -> str:
+    row = _main(judged)
+    open_ = bool(judged.unexplained) or row.found > LOUD
+    if not effects:
+        better = any(r.found < 0.85 * r.datasheet for r in judged.rows)
+        return "unexplained" if open_ and (better or row.found > LOUD) else "no_gap"
+    return "partly_explained" if open_ else "explained"
+
+
+def _unexplained(
+    first: Diagnosis, judged: Judgement, verdict: str, left: Sequence[Row]
+) -> Unexplained:
+    row = max(left, key=lambda r: r.found**2 * (r.left.share if r.left else 0.0), default=None)
+    said = _said(judged)
+    if row is None or row.left is None:
+        main = _main(judged)
+        if verdict in ("explained", "no_gap"):
+            return Unexplained(0.0, None, " ".join([said, NOTHING_LEFT]).strip(), 0.0)
+        share = min(main.found, 1.0) ** 2
+        text = (
+            f"Of what {main.channel} does within {_ahead(main)}, {main.found:.0%} is not "
+            "predicted, and no regression predicts it either."
+        )
+        return Unexplained(share, STAGES[main.channel], f"{said} {text}".strip(), 0.0)
+    predictable = min(row.found, 1.0) ** 2 * row.left.share
+    share = row.left.share
+    text = (
+        f"{share:.0%} of the error of {row.channel} {_ahead(row)} ahead could be predicted from "
+        "speed, angle, input and the past, but no effect of the table explains it."
+    )
+    return Unexplained(share, STAGES[row.channel], f"{said} {text}".strip(), predictable)
+
+
+def _ahead(row: Row) -> str:
+    return "the whole record" if row.seconds == WHOLE else f"{row.seconds:g} s"
+
+
+def _said(judged: Judgement) -> str:
+    """Return which joint is the answer, where it is not one with named effects."""
+    return {
+        "least squares": "Nothing predicts better than least squares on inertia, damping, Coulomb "
+        "friction and offset: that is the joint given.",
+        "datasheet": "Nothing was found that predicts better than the datasheet.",
+    }.get(judged.answer, "")
+
+
+__all__ = ["JointFile", "horizons_of", "retold"]

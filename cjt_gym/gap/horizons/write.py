@@ -1,0 +1,133 @@
+"""The joint of a judgement as a joint file: rows with their intervals, and where it was found."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cjt_gym.gap.diagnosis import Interval, NamedEffect
+from cjt_gym.gap.horizons.judge import Judgement
+from cjt_gym.gap.horizons.spread import spread_of
+from cjt_gym.joint import EFFECTS, Joint, JointFile
+from cjt_gym.joint.effect_entries import unit_on
+from cjt_gym.joint.quantity import Quantity
+from cjt_gym.joint.quantity import Setting as Entry
+
+Floats = NDArray[np.float64]
+DIGITS = 8
+
+
+def joint_of(judged: Judgement, effects: Sequence[NamedEffect], record: str) -> JointFile:
+    """Return the joint file of a judgement's answer.
+
+    Args:
+        judged: The judgement.
+        effects: What is named, with its intervals.
+        record: Name of the record, for the sources of the entries.
+    """
+    answer, nominal = judged.joint, judged.case.joint.file
+    source = f"identified from {record}"
+    if judged.answer == "datasheet":
+        return nominal
+    intervals = {
+        (e.name, symbol): interval for e in effects for symbol, interval in e.parameters.items()
+    }
+    table: dict[str, dict[str, Entry]] = {n: dict(v) for n, v in nominal.effects.items()}
+    for name in table.keys() - answer.effects.keys():
+        if EFFECTS[name].excludes and set(EFFECTS[name].excludes) & answer.effects.keys():
+            del table[name]
+    for name, values in answer.effects.items():
+        entries = {k: v for k, v in table.get(name, {}).items() if isinstance(v, str)}
+        for symbol, value in values.items():
+            entries[symbol] = _entry(judged.case.joint, name, symbol, value, source, intervals)
+        table[name] = entries
+    p = nominal.parameters
+    parameters = replace(p, name=f"{p.name}_identified", source=f"{p.source}; effects {source}")
+    return replace(
+        nominal, parameters=parameters, effects=table, structure=answer.structure,
+        drive=answer.drive, found=found_at(judged),
+    )  # fmt: skip
+
+
+def _entry(
+    joint: Joint,
+    effect: str,
+    symbol: str,
+    value: object,
+    source: str,
+    intervals: dict[tuple[str, str], Interval],
+) -> Quantity:
+    parameter = EFFECTS[effect].parameter(symbol)
+    assert parameter is not None
+    unit = unit_on(parameter, joint.parameters)
+    if isinstance(value, tuple):
+        return Quantity(tuple(_short(x) for x in value), unit, source)
+    number = _short(float(value))  # type: ignore[arg-type]
+    known = intervals.get((effect, symbol))
+    if known is None or effect in ("inertia", "load_inertia", "gravity"):
+        return Quantity(number, unit, source)
+    low, strict, high = EFFECTS[effect].domain(parameter)
+    least = low + 1e-12 if strict else low
+    ends = sorted((min(max(known.low, least), number), min(max(known.high, number), high)))
+    if ends[0] == ends[1]:
+        return Quantity(number, unit, source)
+    return Quantity(number, unit, source, low=_short(ends[0]), high=_short(ends[1]))
+
+
+def found_at(judged: Judgement) -> dict[str, object]:
+    """Return the ranges in which the joint was found, and the covariance of its numbers."""
+    logs = judged.case.logs
+    speed = np.concatenate([log.speed[log.whole] for log in logs])
+    p = judged.case.joint.parameters
+    gain = p.k_t * p.n / (p.r if logs[0].voltage else 1.0)
+    torque = np.concatenate([gain * log.command[log.whole] for log in logs])
+    top = max(_frequency(log.command, log.dt) for log in logs)
+    found: dict[str, object] = {
+        "speed": {"low": _short(speed.min()), "high": _short(speed.max()), "unit": "rad/s"},
+        "torque": {"low": _short(torque.min()), "high": _short(torque.max()), "unit": "N m"},
+        "frequency": {"low": 0.0, "high": _short(top), "unit": "Hz"},
+    }
+    if p.axis == "prismatic":
+        found["speed"] |= {"unit": "m/s"}  # type: ignore[operator]
+        found["torque"] |= {"unit": "N"}  # type: ignore[operator]
+    if judged.found is not None and judged.problem is not None and judged.answer == "found":
+        found["covariance"] = _covariance(judged)
+    return found
+
+
+def _frequency(x: Floats, dt: float) -> float:
+    """Return the frequency below which 95 % of a signal's power lies [Hz]."""
+    power = np.abs(np.fft.rfft(x - np.mean(x))) ** 2
+    total = np.cumsum(power)
+    if total[-1] == 0.0:
+        return 0.0
+    return float(np.fft.rfftfreq(len(x), dt)[np.searchsorted(total, 0.95 * total[-1])])
+
+
+def _covariance(judged: Judgement) -> dict[str, object]:
+    """Return names, values and the covariance matrix of the numbers that were found."""
+    assert judged.found is not None and judged.problem is not None
+    fit = judged.found.fit
+    spread = spread_of(judged.problem, fit)
+    names, slopes = [], []
+    for term in fit.model.terms:
+        for number in term.numbers:
+            names.append(f"{term.name}.{number.symbol}")
+    for number, z in zip(fit.model.numbers, fit.z, strict=True):
+        ends = [number.value(float(z) + s) for s in (-0.01, 0.01)]
+        slopes.append((ends[1] - ends[0]) / 0.02)
+    matrix = spread.matrix * np.outer(slopes, slopes)
+    values = [n.value(float(z)) for n, z in zip(fit.model.numbers, fit.z, strict=True)]
+    return {
+        "names": names,
+        "values": [_short(v) for v in values],
+        "matrix": [[_short(x) for x in row] for row in matrix],
+    }
+
+
+def _short(x: float) -> float:
+    return float(f"{float(x):.{DIGITS}g}") if math.isfinite(x) else 0.0
