@@ -27,6 +27,7 @@ KEY = {
     "structure": "rigid_gearbox",
     "true": {"I_g": 0.1},
     "stated": {"I_g": 0.1},
+    "defects": {"gaps": {"empty": True}},
 }
 FOUND: dict[str, Any] = {"effects": [], "verdict": "no_gap", "seconds": 1.0}
 
@@ -140,9 +141,12 @@ def test_goes_on_where_it_stopped(
         {"hits": 0, "total": 3, "share": 0.0, "low": 0.0, "high": 0.5615}, abs=1e-4
     )
     with (tmp_path / "cases.csv").open() as file:
-        assert [row["truth"] for row in csv.DictReader(file)] == ["coulomb"] * 3
+        table = list(csv.DictReader(file))
+    assert [(row["truth"], row["defects"]) for row in table] == [("coulomb", "gaps")] * 3
+    assert set(printed["summary"]["defects"]) == {"gaps", "all"}
     page = (tmp_path / "report.html").read_text()
     assert page.count("<svg") == 3
+    assert "<td>gaps</td><td>3</td><td>0 of 3, 0 %</td>" in page
     assert not any(loads in page for loads in ("<link", "<script", 'src="http', "url(http"))
 
 
