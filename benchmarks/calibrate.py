@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from cjt_gym.blind.rates import reliability
-from cjt_gym.blind.score import accepted, score_case
+from cjt_gym.blind.score import accepted, is_beside, score_case
 from cjt_gym.gap import confidence as in_use
 
 Floats = NDArray[np.float64]
@@ -39,9 +39,10 @@ def cases(folders: Sequence[Path]) -> Iterator[tuple[str, dict[str, Any], dict[s
 def names(label: dict[str, Any], result: dict[str, Any]) -> Iterator[tuple[list[float], bool]]:
     """Yield the features of every fitted name, in the order of NAMES, and whether it is right."""
     right = accepted(label)
+    left_out = {"noise", "quantization", *label.get("not_counted", [])}
     for effect in result.get("effects", []):
-        if effect["name"] in ("noise", "quantization"):
-            continue  # read off the channel, not fitted
+        if is_beside(effect, left_out):
+            continue  # read off the channel, not fitted, or neither right nor wrong
         worth = effect["worth"]
         off = 0.0 if worth is None else min(abs(worth - 1.0), in_use.OFF_MOST)
         lead = float(np.log1p(max(effect["lead"], 0.0)))

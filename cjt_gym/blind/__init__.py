@@ -12,6 +12,7 @@ Example:
 
 from cjt_gym.blind.bench import Bench, make_bench
 from cjt_gym.blind.case import Case, Log, draw_case
+from cjt_gym.blind.defects import DEFECTS
 from cjt_gym.blind.files import write_case, write_labels
 from cjt_gym.blind.known import KNOWN
 from cjt_gym.blind.outside import OUTSIDE
@@ -19,6 +20,7 @@ from cjt_gym.blind.plan import SMALL
 from cjt_gym.blind.variants import VARIANTS
 
 __all__ = [
+    "DEFECTS",
     "KNOWN",
     "OUTSIDE",
     "SMALL",

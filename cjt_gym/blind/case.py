@@ -10,6 +10,7 @@ import numpy as np
 
 from cjt_gym.blind import variants
 from cjt_gym.blind.control import Gains
+from cjt_gym.blind.defects import Defects, check_defects, draw_defects, not_counted
 from cjt_gym.blind.excitation import REST, excitation
 from cjt_gym.blind.hidden import Draw
 from cjt_gym.blind.joints import Datasheet, as_stated, draw_joint
@@ -50,7 +51,7 @@ class Case:
     """A joint whose effects are hidden.
 
     Attributes:
-        sheet: What is stated of the joint.
+        sheet: What is stated of the joint and of its records.
         structure: Name of its structure.
         diagnose: Record to diagnose.
         validate: Record to check a diagnosis on.
@@ -78,6 +79,7 @@ def draw_case(
     variant: str | None = None,
     duration: float = DURATION,
     joint: int | None = None,
+    defects: Iterable[str] = (),
 ) -> Case:
     """Return a random case; the same one for the same arguments.
 
@@ -93,16 +95,19 @@ def draw_case(
         duration: Of each record [s]; tripled in the variant "long".
         joint: Seed of the joint and its datasheet alone, so that several cases can have the same;
             None takes it from `seed`.
+        defects: What is wrong with the records and the datasheet, of DEFECTS.
 
     Raises:
-        UnknownNameError: An effect, place, structure, excitation or variant has no such name.
+        UnknownNameError: An effect, place, structure, excitation, variant or defect has no such
+            name.
         ConfigurationError: The structure cannot have an effect, or a number is out of range.
     """
-    streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(5)]
+    streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(6)]
     wishes = (effects, structure, excitation, closed_loop, strength, variant, duration)
     plan = draw_plan(*wishes, streams[0], streams[1])
+    plan = replace(plan, defects=check_defects(defects))
     of_joint = streams[2] if joint is None else np.random.default_rng(joint)
-    return _case(plan, of_joint, streams[3], streams[4])
+    return _case(plan, of_joint, *streams[3:])
 
 
 def _case(
@@ -110,8 +115,11 @@ def _case(
     of_joint: np.random.Generator,
     of_effects: np.random.Generator,
     of_records: np.random.Generator,
+    of_defects: np.random.Generator,
 ) -> Case:
     world, sheet = draw_joint(plan.structure, of_joint, plan.dt)
+    flaws = draw_defects(plan.defects, plan.structure, sheet, of_defects)
+    world, told = flaws.applied(world), flaws.stated(sheet)
     if plan.variant == "moving_start":
         start = {"twist": of_joint.uniform(-1.0, 1.0) * 3.0 / sheet.values["k_b"], "v": 0.1}
         world = replace(world, start=start)
@@ -127,9 +135,9 @@ def _case(
         _record(true, sheet, plan.closed[turn], signals[turn], seeds[1 + turn]) for turn in range(2)
     ]
     order = int(seeds[3].integers(2**32))
-    logs = [_log(plan, sheet, result, turn, order) for turn, result in enumerate(runs)]
+    logs = [_log(plan, told, flaws, result, turn, order) for turn, result in enumerate(runs)]
     models = {
-        "stated": as_stated(world, sheet),
+        "stated": as_stated(world, told),
         "no_effects": replace(world, resolution=(0.0,) * 5),
         "true": true,
     }
@@ -137,13 +145,16 @@ def _case(
         effect.name: settled(_hide(world, plan, scales, seeds_of_effects, leave_out=k)[0])
         for k, (effect, _) in enumerate(plan.effects)
     }
+    hidden = [f"{effect.name}:{place}" for effect, place in plan.effects]
     label = _label(plan, parameters) | {
-        "signature": signatures(true, without, sheet, runs[0]),
+        "signature": signatures(true, without, told, runs[0]),
         "true": {symbol: getattr(true.plant, symbol) for symbol in sheet.values},
-        "stated": sheet.values,
+        "stated": told.values,
         "gap": true_gap(models, runs[1]) | {"floor": noise_floor(runs[1])},
+        "defects": flaws.to_dict(),
+        "not_counted": not_counted(plan.structure, told, world, hidden),
     }
-    return Case(sheet, plan.structure.name, logs[0], logs[1], label, true)
+    return Case(told, plan.structure.name, logs[0], logs[1], label, true)
 
 
 def _signal(
@@ -203,12 +214,13 @@ def _record(
     return run(world, signal, Gains(limit=sheet.i_p), chances, fine_step=fine_step)
 
 
-def _log(plan: Plan, sheet: Datasheet, result: Run, turn: int, order: int) -> Log:
+def _log(plan: Plan, sheet: Datasheet, flaws: Defects, result: Run, turn: int, order: int) -> Log:
     """Return what is recorded of a run.
 
     Rows are lost at random in each record, but both lack the same channels: `order` seeds that.
     """
-    columns = {"t": instants(sheet.dt, len(result.command)), "i_cmd": result.command}
+    t = result.times if flaws.stamped else instants(sheet.dt, len(result.command))
+    columns = {"t": t, "i_cmd": result.command}
     columns |= {name: result.measured[:, CHANNELS.index(name)] for name in sheet.channels}
     if plan.variant == "dropped_rows":
         columns = variants.drop_rows(columns, np.random.default_rng((order, turn)))
@@ -216,6 +228,7 @@ def _log(plan: Plan, sheet: Datasheet, result: Run, turn: int, order: int) -> Lo
         columns = variants.repeat_rows(columns, np.random.default_rng((order, turn)))
     elif plan.variant == "missing_channels":
         columns = variants.without_channels(columns, np.random.default_rng(order))
+    columns = flaws.lost(columns, sheet.dt, np.random.default_rng((order, turn, 1)))
     mode = "closed loop" if plan.closed[turn] else "open loop"
     return Log(columns, mode, plan.excitations[turn])
 

@@ -59,9 +59,9 @@ def datasheet_text(sheet: Datasheet, name: str) -> str:
         "[parameters]",
     ]
     for symbol in ORDER:
-        tolerance = sheet.tolerances.get(symbol)
+        known = _known(sheet, symbol)
         unit = {"n": "-", "k_t": "N m/A"}.get(symbol) or UNITS[symbol[0]]
-        lines.append(_entry(symbol, sheet.values[symbol], unit, tolerance))
+        lines.append(_entry(symbol, sheet.values[symbol], unit, known))
     lines.append(_entry("i_p", sheet.i_p, "A"))
     lines += ["", "[effects.current_lag]", _entry("bandwidth", sheet.bandwidth, "Hz"), ""]
     units = default_units(SENSORS)
@@ -76,10 +76,17 @@ def datasheet_text(sheet: Datasheet, name: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _entry(key: str, value: float, unit: str, tolerance: float | None = None) -> str:
-    more = "" if tolerance is None else f", tolerance = {tolerance}"
+def _known(sheet: Datasheet, symbol: str) -> str:
+    """Return how well a value is known, as it stands in its entry."""
+    if symbol in sheet.guesses:
+        return ", guess = true"
+    tolerance = sheet.tolerances.get(symbol)
+    return "" if tolerance is None else f", tolerance = {tolerance}"
+
+
+def _entry(key: str, value: float, unit: str, known: str = "") -> str:
     number = float(f"{value:.6g}")
-    return f'{key} = {{ value = {number!r}, unit = "{unit}"{more} }}'
+    return f'{key} = {{ value = {number!r}, unit = "{unit}"{known} }}'
 
 
 def log_text(case: Case, log: Log) -> str:

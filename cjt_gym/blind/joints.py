@@ -40,6 +40,7 @@ class Datasheet:
         channels: Those that are measured.
         dt: Time between samples [s].
         jitter: Standard deviation of the sampling instants [s].
+        guesses: Parameters that are marked as guesses, instead of their tolerance.
     """
 
     values: dict[str, float]
@@ -51,6 +52,7 @@ class Datasheet:
     channels: tuple[str, ...]
     dt: float
     jitter: float
+    guesses: tuple[str, ...] = ()
 
 
 def _log(rng: np.random.Generator, low: float, high: float) -> float:

@@ -2,6 +2,7 @@
 
 Cases come in blocks of forty with fixed shares, in random order; single effects and effects outside
 the table go through all rows before one comes again. So case 17 is the same however many there are.
+In a test with rough logs every case has a defect whose turn it is, and others by chance.
 """
 
 from __future__ import annotations
@@ -13,14 +14,22 @@ from typing import Final
 
 import numpy as np
 
+from cjt_gym.blind.defects import DEFECTS
 from cjt_gym.blind.hidden import Effect
 from cjt_gym.blind.known import KNOWN
 from cjt_gym.blind.outside import OUTSIDE
 from cjt_gym.blind.plan import STRUCTURE_SHARES, can_go_together
 from cjt_gym.blind.plant import STRUCTURES
 
-BLOCK: Final = {"single": 22, "pair": 8, "none": 5, "outside": 3, "outside_and_known": 2}
-"""Kinds of cases, and how many of forty there are."""
+BLOCKS: Final = {
+    "clean": {"single": 22, "pair": 8, "none": 5, "outside": 3, "outside_and_known": 2},
+    "rough": {"single": 16, "pair": 6, "none": 8, "outside": 3, "outside_and_known": 7},
+}
+"""Kinds of cases, and how many of forty there are, by the kind of logs."""
+SIZE: Final = 40
+"""Cases of a block."""
+FURTHER: Final = 0.25
+"""Chance of each defect beside the one whose turn it is."""
 
 
 @dataclass(frozen=True)
@@ -28,34 +37,37 @@ class Recipe:
     """What one case is made of.
 
     Attributes:
-        kind: One of BLOCK.
+        kind: One of those in BLOCKS.
         seed: Seed of the case.
         effects: Names of its effects.
         structure: Name of its structure.
+        defects: Defects of its records, of DEFECTS.
     """
 
     kind: str
     seed: int
     effects: tuple[str, ...]
     structure: str
+    defects: tuple[str, ...] = ()
 
 
-def recipe(seed: int, index: int, structure: str | None = None) -> Recipe:
+def recipe(seed: int, index: int, structure: str | None = None, logs: str = "clean") -> Recipe:
     """Return what a case of a test is made of.
 
     Args:
         seed: Seed of the test.
         index: Number of the case.
         structure: Structure of all cases; None draws it.
+        logs: "clean", or "rough" for such as real ones are.
     """
     rng = np.random.default_rng((seed, index))
-    kind = _order(seed, index // _size())[index % _size()]
+    kind = _order(seed, index // SIZE, logs)[index % SIZE]
     shapes = list(STRUCTURE_SHARES) if structure is None else [structure]
     effects: tuple[str, ...] = ()
     if kind == "single":
-        effects = (_turn(seed, index, ("single",), KNOWN, shapes),)
+        effects = (_turn(seed, index, logs, ("single",), KNOWN, shapes),)
     elif kind.startswith("outside"):
-        effects = (_turn(seed, index, ("outside", "outside_and_known"), OUTSIDE, shapes),)
+        effects = (_turn(seed, index, logs, ("outside", "outside_and_known"), OUTSIDE, shapes),)
     shapes = [shape for shape in shapes if all(_fits(name, shape) for name in effects)]
     weights = np.array([STRUCTURE_SHARES[shape] for shape in shapes])
     shape = str(rng.choice(shapes, p=weights / weights.sum()))
@@ -65,28 +77,41 @@ def recipe(seed: int, index: int, structure: str | None = None) -> Recipe:
         drawn = [str(name) for name in rng.choice(names, missing, replace=False)]
         if can_go_together((*drawn, *effects)):
             effects, missing = (*drawn, *effects), 0
-    return Recipe(kind, int(rng.integers(2**53)), effects, shape)
+    defects = _defects(seed, index) if logs == "rough" else ()
+    return Recipe(kind, int(rng.integers(2**53)), effects, shape, defects)
 
 
-def _size() -> int:
-    return sum(BLOCK.values())
+def _defects(seed: int, index: int) -> tuple[str, ...]:
+    """Return the defects of the records of a case."""
+    again, turn = divmod(index, len(DEFECTS))
+    first = np.random.default_rng((seed, again, 3)).permutation(DEFECTS)[turn]
+    more = np.random.default_rng((seed, index, 4)).random(len(DEFECTS)) < FURTHER
+    chosen = {str(first)} | {name for name, there in zip(DEFECTS, more, strict=True) if there}
+    if "command_only" in chosen:
+        chosen.discard("missing")
+    return tuple(name for name in DEFECTS if name in chosen)
 
 
 @cache
-def _order(seed: int, block: int) -> tuple[str, ...]:
+def _order(seed: int, block: int, logs: str) -> tuple[str, ...]:
     """Return the kinds of the cases of a block."""
-    kinds = [kind for kind, count in BLOCK.items() for _ in range(count)]
+    kinds = [kind for kind, count in BLOCKS[logs].items() for _ in range(count)]
     return tuple(str(kind) for kind in np.random.default_rng((seed, block, 1)).permutation(kinds))
 
 
 def _turn(
-    seed: int, index: int, kinds: Sequence[str], table: dict[str, Effect], shapes: Sequence[str]
+    seed: int,
+    index: int,
+    logs: str,
+    kinds: Sequence[str],
+    table: dict[str, Effect],
+    shapes: Sequence[str],
 ) -> str:
     """Return the row of a table whose turn it is at a case of one of these kinds."""
     names = sorted(name for name in table if any(_fits(name, shape) for shape in shapes))
-    block, place = divmod(index, _size())
-    before = block * sum(BLOCK[kind] for kind in kinds)
-    turn = before + sum(kind in kinds for kind in _order(seed, block)[:place])
+    block, place = divmod(index, SIZE)
+    before = block * sum(BLOCKS[logs][kind] for kind in kinds)
+    turn = before + sum(kind in kinds for kind in _order(seed, block, logs)[:place])
     again, which = divmod(turn, len(names))
     salt = len(kinds)
     return str(np.random.default_rng((seed, again, 2, salt)).permutation(names)[which])

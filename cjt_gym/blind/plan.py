@@ -51,6 +51,7 @@ class Plan:
         closed: Whether the loop is closed in the two records.
         variant: One of VARIANTS, or None for orderly records.
         duration: Of each record [s].
+        defects: Kinds of defects of the records, of DEFECTS.
     """
 
     structure: Structure
@@ -60,6 +61,7 @@ class Plan:
     closed: tuple[bool, bool]
     variant: str | None
     duration: float
+    defects: tuple[str, ...] = ()
 
     @property
     def dt(self) -> float:

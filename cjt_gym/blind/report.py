@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from cjt_gym.blind.score import agrees
-from cjt_gym.blind.table import lines
+from cjt_gym.blind.table import defect_rows, lines
 
 BLUE, ORANGE, GREY = "#0072b2", "#d55e00", "#8a8a8a"
 STYLE: Final = """
@@ -35,6 +35,8 @@ COLUMNS: Final = (
     "truth",
     "outside",
     "invisible",
+    "defects",
+    "not_counted",
     "named",
     "status",
     "verdict",
@@ -88,8 +90,9 @@ simulator of its own and diagnosed by a process that had its records and its dat
 brackets: 95 % intervals. An effect whose trace in the record is below five standard deviations of
 what noise, tolerances and calibration errors do is invisible, and counts apart.</p>
 <table>{scores}</table>
-<h2>True effect and first name</h2><p>Counts of cases; blue is right, orange wrong. A case
-with two effects counts for the one that was named first.</p>
+{_defects(summary)}<h2>True effect and first name</h2>
+<p>Counts of cases; blue is right, orange wrong. A case with two effects counts for the one that was
+named first.</p>
 {_svg(confusion_figure(summary["confusion"]))}
 <h2>Confidence</h2><p>Names that were right, by how sure the diagnosis was of them; with 95 %
 intervals and counts. On the line it keeps its word.</p>
@@ -106,6 +109,21 @@ cases where the names were right.</p>
     return path
 
 
+def _defects(summary: Mapping[str, Any]) -> str:
+    """Return the section with the score by kind of defect; empty without defects."""
+    cells = defect_rows(summary)
+    if not cells:
+        return ""
+    rows = "".join(
+        "<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in cells
+    )
+    return f"""<h2>Defects of the logs</h2><p>A case counts for every defect it has, and one that
+could not be diagnosed counts against all. A guessed inertia may be named or not; so may noise that
+is clearly more than stated.</p>
+<div class="wide"><table>{rows}</table></div>
+"""
+
+
 def _case(row: Mapping[str, Any]) -> str:
     good = row["exact"] and row["recognised"] == bool(row["outside"])
     true = [
@@ -116,12 +134,13 @@ def _case(row: Mapping[str, Any]) -> str:
         f"{name}{'' if status == 'confirmed' else ' (tentative)'}"
         for name, status in zip(row["named"], row["status"], strict=True)
     ]
+    others = [f"{name} (not counted)" for name in row["not_counted"]]
     loop = "closed" if row["closed_loop"] else "open"
     cells = (
         row["case"],
-        f"{row['structure']}, {row['excitation']}, {loop} loop",
+        ", ".join([f"{row['structure']}, {row['excitation']}, {loop} loop", *row["defects"]]),
         ", ".join(true) or "none",
-        ", ".join(named) or "none",
+        ", ".join(named + others) or "none",
         row["error"] or row["verdict"],
         f"{row['seconds'] or 0.0:.1f}",
     )

@@ -64,12 +64,14 @@ class Run:
         measured: Measurements of CHANNELS, shape (n, 5).
         clean: The same without noise, rounding and calibration errors, shape (n, 5).
         states: States, shape (n, SIZE).
+        times: Instants at which the samples were taken [s], shape (n,).
     """
 
     command: Floats
     measured: Floats
     clean: Floats
     states: Floats
+    times: Floats
 
 
 def frame_of(world: World) -> Frame:
@@ -147,7 +149,7 @@ def run(
         x,
         (command, measured, clean, states),
     )
-    return Run(command, measured, clean, states)
+    return Run(command, measured, clean, states, chances.times)
 
 
 @jit

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
 
 from cjt_gym.blind.compare import compare
 from cjt_gym.blind.rates import mean, rate, reliability
+from cjt_gym.blind.robustness import by_defect, defects_of
 from cjt_gym.blind.signature import VISIBLE
 
 NONE, OUTSIDE, FAILED = "(none)", "(outside the table)", "(failed)"
@@ -46,6 +47,12 @@ def _twins(structure: str) -> tuple[tuple[str, str], ...]:
     return ()
 
 
+def is_beside(effect: Mapping[str, Any], not_counted: Collection[str]) -> bool:
+    """Return whether an effect of a diagnosis is not counted, by its name or with its channel."""
+    name = effect["name"]
+    return name in not_counted or f"{name}:{effect.get('channel')}" in not_counted
+
+
 def agrees(true: str, first: str) -> bool:
     """Return whether an entry of the confusion matrix is as it should be."""
     return true == first or (true, first) == (OUTSIDE, NONE)
@@ -57,12 +64,14 @@ def score_case(name: str, label: Label, result: Mapping[str, Any]) -> Row:
     Args:
         name: Name of the case.
         label: Its key, as `draw_case` gives it. `effects` is enough; what else is missing is not
-            scored.
+            scored. Effects in its `not_counted` are neither wrong nor missing.
         result: Content of its diagnosis.json, or {"error": text} where there is none.
     """
-    right = accepted(label)
-    truth, strangers = list(label["effects"]), list(label.get("outside_the_table", []))
-    effects = result.get("effects", [])
+    right, beside = accepted(label), set(label.get("not_counted", []))
+    truth = [effect for effect in label["effects"] if effect not in beside]
+    strangers = list(label.get("outside_the_table", []))
+    named = result.get("effects", [])
+    effects = [effect for effect in named if not is_beside(effect, beside)]
     found = [effect["name"] for effect in effects]
     hits = {right[other] for other in found if other in right}
     wrong = {other for other in found if other not in right}
@@ -80,6 +89,8 @@ def score_case(name: str, label: Label, result: Mapping[str, Any]) -> Row:
         "outside": strangers,
         "invisible": hidden,
         "signature": dict(seen),
+        "defects": defects_of(label, truth, strangers),
+        "not_counted": [effect["name"] for effect in named if is_beside(effect, beside)],
         "named": found,
         "status": [effect["status"] for effect in effects],
         "verdict": result.get("verdict", "failed"),
@@ -91,7 +102,7 @@ def score_case(name: str, label: Label, result: Mapping[str, Any]) -> Row:
         "true_and_first": _true_and_first(truth, strangers, found, right, result),
         "recognised": result.get("verdict") in LEFT,
         "confidences": [[effect["confidence"], effect["name"] in right] for effect in effects],
-        "numbers": _numbers(label, effects),
+        "numbers": _numbers(label, named),
         "shrink": _shrink(label, result) if exact and not strangers else None,
         "seconds": result.get("seconds"),
         "cpu_seconds": result.get("cpu_seconds"),
@@ -197,6 +208,7 @@ def summarise(rows: Sequence[Row]) -> dict[str, Any]:
         "confidence": reliability([c for c, _ in pairs], [right for _, right in pairs]),
         "invisible": _invisible(rows),
         "confusion": _confusion(rows),
+        "defects": by_defect(rows),
         "structures": {
             name: rate(row["first_right"] for row in known if row["structure"] == name).to_dict()
             for name in sorted({str(row["structure"]) for row in known})

@@ -28,6 +28,8 @@ COARSER: Final = 1.5
 """Ratio of scatters from which a channel is worse than its datasheet says."""
 WINDOW: Final = 0.02
 """Length of a window [s]."""
+GUESSED: Final = 1.0
+"""One sigma of a value that is a guess, relative."""
 STEP: Final = 1e-4
 """Step of the integrator [s]; all predictions share its error."""
 CALIBRATION: Final = {"i": 0.004, "tau": 0.03}
@@ -62,7 +64,7 @@ def signatures(
         difference = ((_at_ends(other, record)[:, used] - here) / scatter).ravel()
         target = np.concatenate([difference, np.zeros(len(tolerated))])
         left = target - basis @ (basis.T @ target)
-        spread = _scattered(true, other, len(record.command))
+        spread = _scattered(true, other, sheet, len(record.command))
         out[name] = math.hypot(float(np.linalg.norm(left)), spread)
     return out
 
@@ -102,7 +104,8 @@ def _tolerated(true: World, sheet: Datasheet, record: Run, here: Floats, used: l
     for symbol in active(true.structure):
         value = getattr(true.plant, symbol) * (1.0 + sheet.tolerances[symbol])
         other = replace(true, plant=true.plant._replace(**{symbol: value}))
-        changes.append(_at_ends(other, record)[:, used] - here)
+        times = GUESSED / sheet.tolerances[symbol] if symbol in sheet.guesses else 1.0
+        changes.append(times * (_at_ends(other, record)[:, used] - here))
     push = true.plant.torque_offset + true.plant.k_t * true.plant.n * CALIBRATION["i"]
     offset = replace(true, plant=true.plant._replace(torque_offset=push))
     changes.append(_at_ends(offset, record)[:, used] - here)
@@ -137,12 +140,16 @@ def active(structure: Structure) -> tuple[str, ...]:
     return ("k_t", "I_m", "I_g", "d_m", "d_g", *gear, *bar, *load)
 
 
-def _scattered(true: World, other: World, samples: int) -> float:
-    """Return the signature of what a prediction cannot show: more scatter, lost counts."""
+def _scattered(true: World, other: World, sheet: Datasheet, samples: int) -> float:
+    """Return the signature of what a prediction cannot show: more scatter, lost counts.
+
+    Noise that is stated is no effect, even where there is less of it.
+    """
     total = 0.0
-    for j in range(len(CHANNELS)):
+    for j in (CHANNELS.index(name) for name in sheet.channels):
         more = math.hypot(true.noise[j], true.resolution[j] / math.sqrt(12.0))
-        less = math.hypot(other.noise[j], other.resolution[j] / math.sqrt(12.0))
+        usual = max(other.noise[j], sheet.noise[j])
+        less = math.hypot(usual, other.resolution[j] / math.sqrt(12.0))
         if more > COARSER * less:
             total += math.sqrt(0.5 * samples) * math.log(more / max(less, 1e-12))
     if true.lost > other.lost:

@@ -62,12 +62,42 @@ def lines(s: Mapping[str, Any]) -> list[tuple[str, str]]:
     return out
 
 
+COUNTED = {
+    "first_right": "first name",
+    "exact": "all names",
+    "no_wrong_confirmed": "no wrong confirmed name",
+    "no_false_alarm": "no false alarm",
+}
+"""What is counted for each kind of defect, with its heading."""
+
+
+def defect_rows(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
+    """Return the score by kind of defect as cells, its heading first; empty without defects."""
+    if not summary["defects"]:
+        return []
+    head = ("defect", "cases", *COUNTED.values())
+    return [head] + [
+        (name, str(of["cases"]), *(_share(of[key]) for key in COUNTED))
+        for name, of in summary["defects"].items()
+    ]
+
+
+def _share(rate: Mapping[str, Any]) -> str:
+    if not rate["total"]:
+        return "-"
+    return f"{rate['hits']} of {rate['total']}, {100 * rate['share']:.0f} %"
+
+
 def table(summary: Mapping[str, Any]) -> str:
     """Return the table: rates with counts and 95 % intervals, and the confusion matrix."""
     rows = lines(summary)
     width = max(len(name) for name, _ in rows)
     text = [f"{summary['cases']} cases; in brackets 95 % intervals", ""]
     text += [f"{name:{width}s}  {value}" for name, value in rows]
+    cells = defect_rows(summary)
+    if cells:
+        widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+        text += [""] + ["  ".join(map(str.ljust, row, widths)).rstrip() for row in cells]
     bins = summary["confidence"]["bins"]
     if bins:
         text += ["", "confidence       names right"]

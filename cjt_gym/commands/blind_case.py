@@ -30,7 +30,9 @@ def diagnose_files(folder: Path) -> dict[str, Any]:
     from cjt_gym.records import read_record
 
     try:
-        record, check = read_record(folder / "diagnose.npz"), read_record(folder / "validate.npz")
+        record, check = (
+            read_record(folder / f"{name}.npz", allow_nan=True) for name in ("diagnose", "validate")
+        )
         started = time.process_time()
         result = diagnose(record, validate=check).to_dict()
         return result | {"cpu_seconds": time.process_time() - started}

@@ -18,14 +18,15 @@ from pathlib import Path
 from typing import Any
 
 from cjt_gym.blind import draw_case, write_case
-from cjt_gym.blind.mix import Recipe, recipe
+from cjt_gym.blind.mix import BLOCKS, Recipe, recipe
 from cjt_gym.blind.plant import STRUCTURES
 from cjt_gym.blind.score import score_case, summarise
 from cjt_gym.blind.table import table
 from cjt_gym.commands.blind_case import diagnose_case, warm_up
 from cjt_gym.errors import ConfigurationError, unknown_name
 
-Progress = Callable[[str], None]
+SETTINGS = ("seed", "structure", "strength", "duration", "logs")
+"""Options that a test keeps when it goes on."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -37,6 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--structure", help=f"of all joints; default: mixed. One of {', '.join(STRUCTURES)}")
     add("--strength", type=float, default=1.0, help="factor on all effects, such as 0.1; default 1")
     add("--duration", type=float, default=10.0, help="of each record [s], default 10")
+    add("--logs", default="clean", help="clean, or rough as real ones are; default clean")
     add("--workers", type=int, default=2, help="processes, default 2")
 
 
@@ -47,7 +49,7 @@ def run(options: argparse.Namespace) -> None:
     _check(options)
     out: Path = options.out
     out.mkdir(parents=True, exist_ok=True)
-    settings = {key: getattr(options, key) for key in ("seed", "structure", "strength", "duration")}
+    settings = {key: getattr(options, key) for key in SETTINGS}
     _settle(settings, out / "settings.json")
     names = {f"case_{k:03d}": k for k in range(options.cases)}
     _draw(names, settings, out, options.workers)
@@ -74,11 +76,13 @@ def _check(options: argparse.Namespace) -> None:
         raise ConfigurationError(f"--strength must be within 0 and 3, got {options.strength:g}.")
     if options.structure is not None and options.structure not in STRUCTURES:
         raise unknown_name("structure", options.structure, STRUCTURES)
+    if options.logs not in BLOCKS:
+        raise unknown_name("kind of logs", options.logs, BLOCKS)
 
 
 def _settle(settings: dict[str, Any], path: Path) -> None:
     """Keep the settings of a test beside it; a test that goes on must have the same."""
-    if path.is_file() and (other := _read(path)) != settings:
+    if path.is_file() and (other := {"logs": "clean"} | _read(path)) != settings:
         raise ConfigurationError(
             f"{path.parent} holds a blind test with other settings, {other}, not {settings}. "
             "Give another --out."
@@ -96,9 +100,9 @@ def _diagnosis(out: Path, name: str) -> Path:
 
 def _draw(names: dict[str, int], settings: dict[str, Any], out: Path, workers: int) -> None:
     """Draw the cases that are not there yet."""
-    made = settings["seed"], settings["structure"]
+    made = settings["structure"], settings["logs"]
     jobs = {
-        name: (recipe(made[0], k, made[1]), settings["strength"], settings["duration"], out)
+        name: (recipe(settings["seed"], k, *made), settings["strength"], settings["duration"], out)
         for name, k in names.items()
         if not _label(out, name).is_file()
     }
@@ -114,6 +118,7 @@ def draw_one(name: str, made: Recipe, strength: float, duration: float, out: Pat
         structure=made.structure,
         strength=strength,
         duration=duration,
+        defects=made.defects,
     )
     write_case(case, out / "cases" / name)
     _write(_label(out, name), case.label)

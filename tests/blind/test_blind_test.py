@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from cjt_gym import cli
-from cjt_gym.blind import KNOWN, OUTSIDE
-from cjt_gym.blind.mix import BLOCK, recipe
+from cjt_gym.blind import DEFECTS, KNOWN, OUTSIDE
+from cjt_gym.blind.mix import BLOCKS, recipe
 from cjt_gym.blind.plan import can_go_together
 from cjt_gym.blind.plant import STRUCTURES
 from cjt_gym.commands import blind_case, blind_test
@@ -27,15 +27,17 @@ KEY = {
     "structure": "rigid_gearbox",
     "true": {"I_g": 0.1},
     "stated": {"I_g": 0.1},
+    "defects": {"gaps": {"empty": True}},
 }
 FOUND: dict[str, Any] = {"effects": [], "verdict": "no_gap", "seconds": 1.0}
 
 
-def test_shares_of_a_block() -> None:
-    recipes = [recipe(3, k) for k in range(80)]
-    assert Counter(r.kind for r in recipes) == {kind: 2 * n for kind, n in BLOCK.items()}
+@pytest.mark.parametrize("logs", BLOCKS)
+def test_shares_of_a_block(logs: str) -> None:
+    recipes = [recipe(3, k, logs=logs) for k in range(80)]
+    assert Counter(r.kind for r in recipes) == {kind: 2 * n for kind, n in BLOCKS[logs].items()}
     singles = Counter(r.effects[0] for r in recipes if r.kind == "single")
-    assert set(singles) == set(KNOWN)
+    assert logs == "rough" or set(singles) == set(KNOWN)
     assert max(singles.values()) == 2
     for r in recipes:
         assert can_go_together(r.effects)
@@ -43,8 +45,19 @@ def test_shares_of_a_block() -> None:
         outside = sum(name in OUTSIDE for name in r.effects)
         expected = {"single": (1, 0), "pair": (2, 0), "none": (0, 0), "outside": (0, 1)}
         assert (known, outside) == expected.get(r.kind, (1, 1))
-    assert recipes[17] == recipe(3, 17)
-    assert recipes[17] != recipe(4, 17)
+    assert recipes[17] == recipe(3, 17, logs=logs)
+    assert recipes[17] != recipe(4, 17, logs=logs)
+
+
+def test_every_defect_has_its_turn() -> None:
+    assert all(recipe(3, k).defects == () for k in range(40))
+    recipes = [recipe(3, k, logs="rough") for k in range(48)]
+    count = Counter(name for r in recipes for name in r.defects)
+    assert set(count) == set(DEFECTS)
+    assert all(r.defects for r in recipes)
+    assert all(not {"missing", "command_only"} <= set(r.defects) for r in recipes)
+    fewest = dict.fromkeys(DEFECTS, 8) | {"missing": 1}
+    assert all(count[name] >= fewest[name] for name in DEFECTS)
 
 
 @pytest.mark.parametrize("structure", STRUCTURES)
@@ -128,9 +141,12 @@ def test_goes_on_where_it_stopped(
         {"hits": 0, "total": 3, "share": 0.0, "low": 0.0, "high": 0.5615}, abs=1e-4
     )
     with (tmp_path / "cases.csv").open() as file:
-        assert [row["truth"] for row in csv.DictReader(file)] == ["coulomb"] * 3
+        table = list(csv.DictReader(file))
+    assert [(row["truth"], row["defects"]) for row in table] == [("coulomb", "gaps")] * 3
+    assert set(printed["summary"]["defects"]) == {"gaps", "all"}
     page = (tmp_path / "report.html").read_text()
     assert page.count("<svg") == 3
+    assert "<td>gaps</td><td>3</td><td>0 of 3, 0 %</td>" in page
     assert not any(loads in page for loads in ("<link", "<script", 'src="http', "url(http"))
 
 
@@ -140,7 +156,9 @@ def test_goes_on_where_it_stopped(
         (["--cases", "0"], "--cases must be >= 1"),
         (["--cases", "2", "--strength", "9"], "strength"),
         (["--cases", "2", "--structure", "rigit"], "Did you mean 'rigid'"),
+        (["--cases", "2", "--logs", "rouhg"], "Did you mean 'rough'"),
         (["--cases", "2", "--seed", "5"], "other settings"),
+        (["--cases", "2", "--logs", "rough"], "other settings"),
     ],
 )
 def test_mistakes_are_named(

@@ -9,6 +9,7 @@ import pytest
 from cjt_gym.blind.compare import compare
 from cjt_gym.blind.rates import Rate, mean, rate, reliability
 from cjt_gym.blind.score import FAILED, NONE, OUTSIDE, agrees, score_case, summarise
+from cjt_gym.blind.table import COUNTED, table
 
 
 def label(*effects: str, outside: tuple[str, ...] = (), **more: Any) -> dict[str, Any]:
@@ -201,3 +202,57 @@ def test_damping_per_direction_is_what_is_added() -> None:
     given = effect("viscous_asym", "motor", d_m=(0.5, 0.7), d_m_n=(1.5, 1.7))
     rows = {row["parameter"]: row["true"] for row in compare(key, given)}
     assert rows == pytest.approx({"d_m": 0.6, "d_m_n": 1.6})
+
+
+def test_guessed_inertia_is_neither_wrong_nor_missing() -> None:
+    guessed: dict[str, Any] = {"defects": {"guess": {}}, "not_counted": ["inertia"]}
+    row = score(label("coulomb", **guessed), named("inertia", "coulomb"))
+    assert (row["first_right"], row["exact"], row["wrong_confirmed"]) == (True, True, [])
+    assert (row["named"], row["not_counted"]) == (["coulomb"], ["inertia"])
+    assert row["confidences"] == [[0.9, True]]
+    row = score(label("inertia", "coulomb", **guessed), named("coulomb"))
+    assert (row["exact"], row["kind"]) == (True, "single")
+    row = score(label("inertia", **guessed), named("inertia"))
+    assert (row["kind"], row["f1"], row["true_and_first"]) == ("none", 1.0, [NONE, NONE])
+    assert not score(label("inertia", **guessed), named("damping"))["exact"]
+
+
+def test_noise_above_what_is_stated_is_right_in_its_channel_only() -> None:
+    key = label(defects={"noise": {}}, not_counted=["noise:tau"])
+    noise = named("noise")
+    for channel, wrong in (("tau", []), ("q_m", ["noise"])):
+        noise["effects"][0]["channel"] = channel
+        assert score(key, noise)["wrong_confirmed"] == wrong
+
+
+def test_score_by_defect() -> None:
+    gaps, noise = {"defects": {"gaps": {}}}, {"defects": {"gaps": {}, "noise": {}}}
+    rows = [
+        score(label("coulomb", **gaps), named("coulomb")),
+        score(label("coulomb", **noise), named("stribeck")),
+        score(label(**gaps), named(verdict="no_gap")),
+        score(label(**noise), named("noise?")),
+        score(label("cogging", outside=("creep",), **gaps), named("cogging", "stiffness?")),
+        score(label(**gaps), {"error": "RecordError: broken"}),
+    ]
+    found = summarise(rows)["defects"]
+    counts = {
+        kind: [of["cases"], *((of[k]["hits"], of[k]["total"]) for k in COUNTED)]
+        for kind, of in found.items()
+    }
+    assert counts == {
+        "noise": [2, (0, 1), (0, 1), (1, 2), (0, 1)],
+        "gaps": [6, (2, 3), (1, 3), (4, 6), (1, 3)],
+        "known_and_unknown": [1, (1, 1), (0, 1), (1, 1), (0, 0)],
+        "all": [6, (2, 3), (1, 3), (4, 6), (1, 3)],
+    }
+    lines = table(summarise(rows)).splitlines()
+    (line,) = [line for line in lines if line.startswith("gaps ")]
+    shares = "2 of 3, 67 %  1 of 3, 33 %  4 of 6, 67 %  1 of 3, 33 %"
+    assert " ".join(line.split()) == " ".join(f"gaps 6 {shares}".split())
+
+
+def test_clean_records_have_no_score_by_defect() -> None:
+    mixed = score(label("cogging", outside=("creep",)), named("cogging"))
+    assert summarise([mixed])["defects"] == {}
+    assert "no false alarm" not in table(summarise([mixed]))
