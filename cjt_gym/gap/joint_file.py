@@ -67,7 +67,13 @@ def identified_joint(
         source=f"{p.source}; effects {source}" if named else p.source,
         quantities={**p.quantities, **_refined(p.quantities, known, source)},
     )
-    return replace(joint, parameters=parameters, effects=table, sensors=sensors)
+    return replace(
+        joint,
+        parameters=parameters,
+        effects=table,
+        sensors=sensors,
+        structure=setting.structure.name,
+    )
 
 
 def _both_ways(entries: Mapping[str, Entry]) -> dict[str, Entry]:

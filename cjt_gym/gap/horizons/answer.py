@@ -39,7 +39,8 @@ def judged(
     excluded = {row.name: row.why for row in exam.cannot_tell}
     try:
         case = make_case(records, held, file, shape)
-        found = judge(case, as_joint(first.joint, case) if first.evidence.t.size else None, progress)
+        stages = as_joint(first.joint, case) if first.evidence.t.size else None
+        found = judge(case, stages, progress, [effect.name for effect in first.effects])
     except (CjtGymError, np.linalg.LinAlgError) as error:
         said = f"Predictions over several horizons were not possible: {error}"
         left = replace(first.unexplained, text=f"{first.unexplained.text} {said}")

@@ -111,7 +111,7 @@ def _lagged(c: Floats, lag: float) -> Floats:
 
 def _late(c: Floats, delay: float) -> Floats:
     at = np.arange(len(c)) - delay
-    return np.interp(at, np.arange(len(c)), c)
+    return np.asarray(np.interp(at, np.arange(len(c)), c))
 
 
 def _left(i: Floats, model: Floats, use: NDArray[np.bool_]) -> tuple[Floats, float, float]:

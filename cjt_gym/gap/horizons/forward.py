@@ -89,9 +89,7 @@ def run_windows(
                     out[w, j, c] = np.nan
 
 
-def predict(
-    joint: Joint, log: Log, starts: Integers, lengths: Integers, leads: Integers
-) -> Floats:
+def predict(joint: Joint, log: Log, starts: Integers, lengths: Integers, leads: Integers) -> Floats:
     """Return what a joint predicts in windows, shape (W, longest, 3); columns as in `CHANNELS`.
 
     Args:

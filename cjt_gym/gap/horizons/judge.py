@@ -17,7 +17,15 @@ from cjt_gym.gap.horizons.predictable import Predictable
 from cjt_gym.gap.horizons.predictable import left as left_by
 from cjt_gym.gap.horizons.rows import base_terms, candidates, scales_of
 from cjt_gym.gap.horizons.search import Found, Worth, search, worth
-from cjt_gym.gap.horizons.windows import HORIZONS, WHOLE, Windows, cut, make_windows, relative, split
+from cjt_gym.gap.horizons.windows import (
+    HORIZONS,
+    WHOLE,
+    Windows,
+    cut,
+    make_windows,
+    relative,
+    split,
+)
 from cjt_gym.joint import Joint, JointFile, Structure
 from cjt_gym.joint.configure import resolve_effects
 from cjt_gym.records import Record
@@ -34,8 +42,8 @@ WORSE_AT_ONCE = 1.2
 SAME = 1.0
 """Difference of the cost up to which the first of several joints is the answer."""
 MISS = 1.25
-"""Relative error, over that of the datasheet, from which the stages of a cut joint are not the answer:
-they fit zeros and lateness of every record, which its joint does not hold."""
+"""Relative error, over that of the datasheet, from which the stages of a cut joint are not the
+answer: they fit zeros and lateness of every record, which its joint does not hold."""
 NEAR = 0.2
 """Relative error from which a search looks for a better joint than that of the stages."""
 LEFT_SHARE, LEFT_CLEAR = 0.3, 3.0
@@ -118,7 +126,9 @@ def make_case(
     fit = make_windows(logs, own, whole=whole)
     test = make_windows(other or logs, kept or own, TEST, whole=whole)
     every = test if other else make_windows(logs, pieces, TEST, whole=whole)
-    return Case(joint, tuple(logs), fit, test, every, fit_drive(first, [p for p in own if p.log == 0]))
+    return Case(
+        joint, tuple(logs), fit, test, every, fit_drive(first, [p for p in own if p.log == 0])
+    )
 
 
 def as_joint(file: JointFile, case: Case) -> Joint:
@@ -158,13 +168,16 @@ class Judgement:
         return tuple(row for row in self.rows if row.unexplained)
 
 
-def judge(case: Case, stages: Joint | None, progress: Progress) -> Judgement:
+def judge(
+    case: Case, stages: Joint | None, progress: Progress, suspects: Sequence[str] = ()
+) -> Judgement:
     """Return the judgement of a record.
 
     Args:
         case: The record.
         stages: What the stages' one-step predictors have found, to be judged beside the others.
         progress: Is told in words what is being done.
+        suspects: Names of the effects that the stages have found.
     """
     progress("predicting up to half a second ahead")
     test = Problem(case.test)
@@ -186,7 +199,7 @@ def judge(case: Case, stages: Joint | None, progress: Progress) -> Judgement:
     scales = scales_of(case.joint, case.logs)
     base = Model(case.joint, base_terms(case.joint, scales))
     terms = candidates(case.joint, scales, case.logs)
-    found = search(problem, base, terms, progress=progress)
+    found = search(problem, base, terms, suspects, progress)
     found, tests = _tested(problem, test, found)
     found = _polished(case, problem, found, joints)
     joints["found"] = found.fit.model.at(found.fit.z)
@@ -213,9 +226,7 @@ def _cut(case: Case) -> bool:
 def _sound(case: Case, joints: dict[str, Joint]) -> str:
     """Return "stages" unless the datasheet predicts a joint that is cut clearly better."""
     kinds = [("tau", WHOLE), ("q_m", 0.1), ("q_m", 0.5)]
-    own, other = (
-        relative(case.test, case.test.errors(joints[n])) for n in ("stages", "datasheet")
-    )
+    own, other = (relative(case.test, case.test.errors(joints[n])) for n in ("stages", "datasheet"))
     worse = any(own[k] > MISS * max(other[k], TRIVIAL) for k in kinds if k in own)
     return "datasheet" if worse else "stages"
 

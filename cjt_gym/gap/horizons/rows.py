@@ -24,6 +24,9 @@ GUESSED = 1.0
 LIKELY, RARE, UNLIKELY = 0.5, 2.0, 4.0
 """Factors on the price of a term: dry friction, which every joint has; what few joints show, or
 other errors mimic; a delay or lag behind a current that was measured."""
+LOSS = 0.002
+"""Loss of torque constant per kelvin that a diagnosis writes; only its product with the heat per
+square ampere can be told [1/K]."""
 HEAVIEST = 3.0
 """Largest weight that a joint would be built to hold, in torques that are rarely exceeded."""
 SWING = 0.4
@@ -144,9 +147,7 @@ def _damping(joint: Joint, scales: Scales) -> Term:
     own = body_group(joint.structure_row, "m")
     start = sum(joint.parameters.get(f"d_{b}", 0.0) for b in own)
     step = max(0.05 * scales.torque / scales.speed, 0.1 * start)
-    stated = min(
-        (tolerance_of(joint.file, f"d_{b}", math.inf) for b in own), default=math.inf
-    )
+    stated = min((tolerance_of(joint.file, f"d_{b}", math.inf) for b in own), default=math.inf)
     known = start > 0.0 and math.isfinite(stated)
     number = (
         Number("d_m", "N m s/rad", start, stated, True, start / 100.0, start * 100.0, True)
@@ -287,9 +288,11 @@ def _derating(joint: Joint, scales: Scales, logs: Sequence[Log]) -> Term:
     time = Number("T_thw", "s", 0.3 * length, 0.7, True, 0.02 * length, 3.0 * length)
 
     def put(draft: Draft, values: Sequence[float]) -> None:
+        heat = max(values[0] / LOSS, 1e-9)
+        winding = {"derating": LOSS, "a_CU": 0.0, "r": 1.0, "r_th1": heat, "T_thw": values[1]}
+        housing = {"r_th2": 1e-3, "T_thm": 1e3 * values[1], "rise": 0.0}
         row = draft.row("thermal_derating")
-        row |= {"derating": 0.002, "a_CU": 0.0, "r": 1.0, "r_th1": max(values[0] / 0.002, 1e-9),
-                "r_th2": 1e-3, "T_thw": values[1], "T_thm": 1e3 * values[1], "rise": 0.0}  # fmt: skip
+        row |= {**winding, **housing}
 
     return Term(
         "thermal_derating", (loss, time), put, starts=((0.2 / current**2, 0.3 * length),),

@@ -80,9 +80,7 @@ class Found:
         fit = self.less[index]
         count = range(len(fit.model.terms))
         less = tuple(leave(problem, fit, k) for k in count)
-        worths = tuple(
-            worth(problem, less[k], fit, fit.model.terms[k]) for k in count
-        )
+        worths = tuple(worth(problem, less[k], fit, fit.model.terms[k]) for k in count)
         rivals = self.rivals[:index] + self.rivals[index + 1 :]
         return Found(fit, self.base, worths, rivals, less)
 
@@ -117,7 +115,7 @@ def worth(problem: Problem, less: Fit, more: Fit, term: Term) -> Worth:
 
 
 def _by_piece(errors: Floats, pieces: NDArray[np.int64], size: int) -> Floats:
-    return np.bincount(pieces, bounded(errors)[0], size)
+    return np.bincount(pieces, bounded(errors)[0], size).astype(np.float64)
 
 
 def _in_deviations(x: Floats) -> float:
@@ -196,7 +194,7 @@ def search(
     problem: Problem,
     base: Model,
     terms: Sequence[Term],
-    start: Fit | None = None,
+    suspects: Sequence[str] = (),
     progress: Callable[[str], None] = lambda _: None,
 ) -> Found:
     """Return the terms that a record calls for.
@@ -205,12 +203,12 @@ def search(
         problem: The windows.
         base: What is free in every fit.
         terms: What may be added.
-        start: A fit to begin with instead of that of the base.
+        suspects: Names of terms to begin with, in the order of their weight.
         progress: Is told in words what is being done.
     """
     first = best_start(problem, base)
-    begun = [first, *(f for t in terms if t.name == FIRST and (f := begin(problem, first, t)))]
-    begun += [start] if start is not None else []
+    begun = [first, *(begin(problem, first, term) for term in terms if term.name == FIRST)]
+    begun.append(seeded(problem, first, terms, suspects))
     fit = min(begun, key=lambda f: f.cost)
     for _ in range(MOST):
         progress(f"predicting up to half a second ahead with one of {len(terms)} effects more")
@@ -249,6 +247,16 @@ def _grid(number: Number) -> tuple[float, ...]:
     return tuple(number.value(k) for k in (0.0, 2.0, 6.0, 15.0))
 
 
+def seeded(problem: Problem, fit: Fit, terms: Sequence[Term], suspects: Sequence[str]) -> Fit:
+    """Return a fit with the terms that others suspect, as far as they may stand together."""
+    for name in suspects:
+        term = next((t for t in terms if t.name == name and allowed(fit, t)), None)
+        if term is not None and term.starts:
+            model, z = added(fit, term, term.starts[0])
+            fit = problem.fit(model, z)
+    return fit
+
+
 def begin(problem: Problem, fit: Fit, term: Term) -> Fit:
     """Return the best fit with one more term, from a grid of all numbers."""
     model, _ = added(fit, term, term.starts[0])
@@ -259,15 +267,11 @@ def _accepted(problem: Problem, less: Fit, more: Fit, term: Term) -> bool:
     return worth(problem, less, more, term).enough
 
 
-def pruned(
-    problem: Problem, base: Fit, fit: Fit, terms: Sequence[Term], fixed: int
-) -> Found:
+def pruned(problem: Problem, base: Fit, fit: Fit, terms: Sequence[Term], fixed: int) -> Found:
     """Return a search's end: terms that are not needed left out, the others weighed."""
     while True:
         less = [leave(problem, fit, k) for k in range(len(fit.model.terms))]
-        worths = [
-            worth(problem, one, fit, fit.model.terms[k]) for k, one in enumerate(less)
-        ]
+        worths = [worth(problem, one, fit, fit.model.terms[k]) for k, one in enumerate(less)]
         own = [k for k, t in enumerate(fit.model.terms) if t.key not in _keys(base)]
         weak = [k for k in own if not worths[k].enough]
         if not weak:
@@ -295,9 +299,7 @@ def _rivals(
 ) -> tuple[str, ...]:
     others = [t for t in terms if t.name != term.name]
     found = extend(problem, less, others, 2)
-    return tuple(
-        t.name for f, t in found if f.cost + price(t) < fit.cost + price(term) + ALIKE
-    )
+    return tuple(t.name for f, t in found if f.cost + price(t) < fit.cost + price(term) + ALIKE)
 
 
 __all__ = ["Found", "Worth", "_known", "search", "worth"]

@@ -1,4 +1,4 @@
-"""How sure the numbers of a fit are, from how its gradient scatters between pieces of the record."""
+"""How sure the numbers of a fit are: its gradient, as it scatters over pieces of the record."""
 
 from __future__ import annotations
 

@@ -38,8 +38,12 @@ MUCH = 0.5
 """Share of the squared error that such an effect has to take away."""
 LOUD = 0.6
 """Relative error over the longest horizon from which nothing counts as explained."""
-EITHER = {"coulomb_asym": ("coulomb", "torque_offset"), "torque_offset": ("coulomb_asym",)}
-"""Explanations that are the same where a joint moves."""
+EITHER = {
+    "coulomb_asym": ("coulomb", "torque_offset"),
+    "torque_offset": ("coulomb_asym",),
+    "viscous_asym": ("coulomb_asym", "torque_offset"),
+}
+"""Explanations that are the same, or nearly so, where a joint moves: none of them is confirmed."""
 SKEW = frozenset({"coulomb_asym", "viscous_asym", "torque_offset"})
 """Effects that differ between the directions, of which several together are one another's rest."""
 STAGES = {"q_m": "motor", "q_l": "load", "tau": "transmission"}

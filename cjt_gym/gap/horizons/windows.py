@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -161,7 +162,7 @@ def cut(logs: Sequence[Log]) -> list[Piece]:
         for start, stop in zip(edges[::2], edges[1::2], strict=True):
             count = max(int((stop - start) / length), 1)
             cuts = np.linspace(start, stop, count + 1).astype(int)
-            found += [Piece(number, a, b) for a, b in zip(cuts, cuts[1:], strict=False)]
+            found += [Piece(number, a, b) for a, b in pairwise(cuts.tolist())]
     return [p for p in found if p.stop - p.start >= 2 * SHORTEST]
 
 
@@ -268,14 +269,12 @@ def _stays(log: Log, key: tuple[str, float], group: Group, points: Integers) -> 
         return np.full((len(group.starts), 1), float(np.mean(log.measured[channel])))
     column = 0 if channel == "q_m" else 2
     q, v = log.states[group.starts, column], log.states[group.starts, column + 3]
-    return q[:, None] + v[:, None] * points * log.dt
+    return np.asarray(q[:, None] + v[:, None] * points * log.dt, dtype=np.float64)
 
 
 def relative(windows: Windows, errors: Sequence[Floats]) -> dict[tuple[str, float], float]:
     """Return the relative error of each kind: 1 is no better than going on as at the start."""
-    return {
-        key: float(np.sqrt(np.mean(e**2))) for key, e in zip(windows.keys, errors, strict=True)
-    }
+    return {key: float(np.sqrt(np.mean(e**2))) for key, e in zip(windows.keys, errors, strict=True)}
 
 
 def bootstrapped(

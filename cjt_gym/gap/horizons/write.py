@@ -14,7 +14,7 @@ from cjt_gym.gap.horizons.judge import Judgement
 from cjt_gym.gap.horizons.spread import spread_of
 from cjt_gym.joint import EFFECTS, Joint, JointFile
 from cjt_gym.joint.effect_entries import unit_on
-from cjt_gym.joint.quantity import Quantity
+from cjt_gym.joint.quantity import FrozenMapping, Plain, Quantity, freeze
 from cjt_gym.joint.quantity import Setting as Entry
 
 Floats = NDArray[np.float64]
@@ -41,7 +41,9 @@ def joint_of(judged: Judgement, effects: Sequence[NamedEffect], record: str) -> 
         if EFFECTS[name].excludes and set(EFFECTS[name].excludes) & answer.effects.keys():
             del table[name]
     for name, values in answer.effects.items():
-        entries = {k: v for k, v in table.get(name, {}).items() if isinstance(v, str)}
+        entries: dict[str, Entry] = {
+            k: v for k, v in table.get(name, {}).items() if isinstance(v, str)
+        }
         for symbol, value in values.items():
             entries[symbol] = _entry(judged.case.joint, name, symbol, value, source, intervals)
         table[name] = entries
@@ -78,7 +80,7 @@ def _entry(
     return Quantity(number, unit, source, low=_short(ends[0]), high=_short(ends[1]))
 
 
-def found_at(judged: Judgement) -> dict[str, object]:
+def found_at(judged: Judgement) -> FrozenMapping[Plain]:
     """Return the ranges in which the joint was found, and the covariance of its numbers."""
     logs = judged.case.logs
     speed = np.concatenate([log.speed[log.whole] for log in logs])
@@ -86,17 +88,15 @@ def found_at(judged: Judgement) -> dict[str, object]:
     gain = p.k_t * p.n / (p.r if logs[0].voltage else 1.0)
     torque = np.concatenate([gain * log.command[log.whole] for log in logs])
     top = max(_frequency(log.command, log.dt) for log in logs)
+    unit, force = ("m/s", "N") if p.axis == "prismatic" else ("rad/s", "N m")
     found: dict[str, object] = {
-        "speed": {"low": _short(speed.min()), "high": _short(speed.max()), "unit": "rad/s"},
-        "torque": {"low": _short(torque.min()), "high": _short(torque.max()), "unit": "N m"},
+        "speed": {"low": _short(speed.min()), "high": _short(speed.max()), "unit": unit},
+        "torque": {"low": _short(torque.min()), "high": _short(torque.max()), "unit": force},
         "frequency": {"low": 0.0, "high": _short(top), "unit": "Hz"},
     }
-    if p.axis == "prismatic":
-        found["speed"] |= {"unit": "m/s"}  # type: ignore[operator]
-        found["torque"] |= {"unit": "N"}  # type: ignore[operator]
     if judged.found is not None and judged.problem is not None and judged.answer == "found":
         found["covariance"] = _covariance(judged)
-    return found
+    return freeze(found)
 
 
 def _frequency(x: Floats, dt: float) -> float:
@@ -110,7 +110,8 @@ def _frequency(x: Floats, dt: float) -> float:
 
 def _covariance(judged: Judgement) -> dict[str, object]:
     """Return names, values and the covariance matrix of the numbers that were found."""
-    assert judged.found is not None and judged.problem is not None
+    assert judged.found is not None
+    assert judged.problem is not None
     fit = judged.found.fit
     spread = spread_of(judged.problem, fit)
     names, slopes = [], []
@@ -123,9 +124,9 @@ def _covariance(judged: Judgement) -> dict[str, object]:
     matrix = spread.matrix * np.outer(slopes, slopes)
     values = [n.value(float(z)) for n, z in zip(fit.model.numbers, fit.z, strict=True)]
     return {
-        "names": names,
-        "values": [_short(v) for v in values],
-        "matrix": [[_short(x) for x in row] for row in matrix],
+        "names": tuple(names),
+        "values": tuple(_short(v) for v in values),
+        "matrix": tuple(tuple(_short(x) for x in row) for row in matrix),
     }
 
 

@@ -19,6 +19,7 @@ from cjt_gym.gap.report.figures import (
     ripple_charts,
     spring_charts,
 )
+from cjt_gym.gap.report.horizons import TITLE, examined, horizon_table
 from cjt_gym.gap.report.table import Table
 from cjt_gym.gap.report.words import (
     CHANNELS,
@@ -73,7 +74,10 @@ def page(
     here = resources.files(__package__)
     style = (here / "style.css").read_text(encoding="utf-8")
     script = (here / "chart.js").read_text(encoding="utf-8")
+    ahead = horizon_table(diagnosis)
     sections = (
+        (TITLE, "horizons", "" if ahead is None else ahead.html()),
+        ("What the record can tell", "record", examined(diagnosis)),
         ("How far", "how-far", _how_far(diagnosis)),
         ("Where", "where", _where(diagnosis)),
         ("Which effect", "which", _which(diagnosis)),

@@ -6,6 +6,7 @@ import textwrap
 from html import escape
 
 from cjt_gym.gap.diagnosis import NOTHING_LEFT, Diagnosis, NamedEffect, StageGap
+from cjt_gym.gap.report.horizons import horizon_table
 from cjt_gym.gap.report.words import VERDICTS, interval, number, percent, verdict_sentence
 
 WIDTH = 96
@@ -13,7 +14,7 @@ MOST_EFFECTS = 5
 
 
 def summary(diagnosis: Diagnosis) -> str:
-    """Return a diagnosis as plain text of at most 30 lines.
+    """Return a diagnosis as plain text of at most 45 lines.
 
     Args:
         diagnosis: What is told.
@@ -34,6 +35,8 @@ def summary(diagnosis: Diagnosis) -> str:
     if explained:
         lines += [f"{'effect':<20}{'status':<11}{'confidence':>10}{'evidence':>9}  parameters"]
         lines += [_row(effect) for effect in diagnosis.effects[:MOST_EFFECTS]]
+    if (ahead := horizon_table(diagnosis)) is not None:
+        lines += ["", *ahead.text(WIDTH).splitlines(), ""]
     if diagnosis.unexplained.text != NOTHING_LEFT:
         lines += textwrap.wrap(f"left: {diagnosis.unexplained.text}", WIDTH, max_lines=3)
     lines += _sentences(f"next: {diagnosis.suggestion.text}", 5)

@@ -1,0 +1,73 @@
+"""How well diagnoses of real records predict: `python -m benchmarks.real FOLDER --cases FILE.py`.
+
+FOLDER holds records (NPZ, with their TOML) and joint files; FILE.py defines `CASES`, a mapping of
+names to (records to fit, records to validate on, what is known of the cause). Prints for each case
+the table of horizons beside datasheet and least squares, the named effects, and what is known.
+"""
+
+from __future__ import annotations
+
+import argparse
+import runpy
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from cjt_gym.errors import CjtGymError
+from cjt_gym.gap import Diagnosis, diagnose
+from cjt_gym.records import read_record
+
+COUNTED = (0.1, 0.5)
+"""Horizons over which the geometric means are taken [s]."""
+
+
+def one(folder: Path, fit: Sequence[str], validate: Sequence[str]) -> Diagnosis:
+    """Return the diagnosis of a case."""
+    fitted, held = ([read_record(folder / f"{n}.npz") for n in names] for names in (fit, validate))
+    return diagnose(fitted, validate=held)
+
+
+def told(name: str, found: Diagnosis, known: str, seconds: float) -> str:
+    """Return a case as text."""
+    lines = [f"{name}: {found.verdict}, {seconds:.1f} s"]
+    for row in found.horizons:
+        cells = (row.datasheet, row.least_squares, row.found, row.floor)
+        numbers = "".join(f"{'-' if x is None else format(x, '.3f'):>10}" for x in cells)
+        lines.append(f"  {row.channel:<4}{row.seconds:>6.2f} s{numbers}")
+    effects = ", ".join(f"{e.name} ({e.status})" for e in found.effects) or "none"
+    return "\n".join([*lines, f"  named: {effects}", f"  known: {known}"])
+
+
+def main(words: Sequence[str] | None = None) -> None:
+    """Diagnose every case of a folder and print what came out."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--cases", type=Path, required=True, metavar="FILE.py")
+    parser.add_argument("--only", nargs="+", default=[], metavar="NAME")
+    options = parser.parse_args(words)
+    cases = runpy.run_path(str(options.cases))["CASES"]
+    counted: dict[str, list[float]] = {"datasheet": [], "least_squares": [], "found": []}
+    print("relative error on held-out data: datasheet, least squares, found, floor")
+    for name, (fit, validate, known) in cases.items():
+        if options.only and name not in options.only:
+            continue
+        started = time.perf_counter()
+        try:
+            found = one(options.folder, fit, validate)
+        except CjtGymError as error:
+            print(f"{name}: {error}")
+            continue
+        print(told(name, found, known, time.perf_counter() - started), flush=True)
+        for row in found.horizons:
+            if row.seconds in COUNTED and row.least_squares is not None:
+                for column, values in counted.items():
+                    values.append(getattr(row, column))
+    means = {k: float(np.exp(np.mean(np.log(v)))) for k, v in counted.items() if v}
+    print("geometric means at 0.1 and 0.5 s:", {k: round(v, 3) for k, v in means.items()})
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,66 @@
+"""A rotating mass of its own for these tests: plain NumPy, fine steps, friction that holds.
+
+It shares no formula with the project.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cjt_gym.joint import JointFile
+from cjt_gym.joint.parameters import JointParameters
+from cjt_gym.joint.quantity import Quantity
+from cjt_gym.records import Record
+
+Floats = NDArray[np.float64]
+DT, FINE = 2e-3, 20
+INERTIA, DAMPING, DRY = 0.02, 0.05, 0.12
+
+
+def datasheet(inertia: float = 2.0) -> JointFile:
+    """Return the datasheet: inertia a guess that is off by a factor, no friction."""
+    values = {"I_m": INERTIA * inertia, "I_g": 0.0, "I_l": 0.0, "d_m": 0.0, "n": 1.0, "k_t": 1.0}
+    bare = JointParameters.from_values("rotor", values)
+    guess = Quantity(bare.I_m, "kg m^2", "guess", guess=True)
+    return JointFile(bare.replace(I_m=guess))
+
+
+def record(
+    seconds: float = 12.0,
+    dry: float = DRY,
+    noise: float = 0.0,
+    seed: int = 0,
+    gap: tuple[float, float] | None = None,
+) -> Record:
+    """Return a record of the mass under slow and fast torques.
+
+    Args:
+        seconds: Its length.
+        dry: Coulomb friction [N m].
+        noise: Deviation of the measured current [A], which nothing specifies.
+        seed: Of torque and noise.
+        gap: First and last instant of a stretch that is lost [s].
+    """
+    rng = np.random.default_rng(seed)
+    t = np.arange(int(seconds / DT)) * DT
+    u = 0.35 * np.sin(2.0 * np.pi * 0.7 * t) + 0.25 * np.sin(2.0 * np.pi * 2.3 * t + 1.0)
+    u += rng.uniform(-0.25, 0.25, 200)[(t / 0.3).astype(int) % 200]
+    q = v = 0.0
+    angle = np.zeros(len(t))
+    h = DT / FINE
+    for k, torque in enumerate(u):
+        angle[k] = q
+        for _ in range(FINE):
+            free = v + h * (torque - DAMPING * v) / INERTIA
+            stop = h * dry / INERTIA
+            v = free - min(max(free, -stop), stop)
+            q += h * v
+    step = 2.0 * np.pi / 65536
+    columns = {"t": t, "q_m": step * np.round(angle / step), "i": u}
+    columns["i"] = u + noise * rng.standard_normal(len(t))
+    keep = np.ones(len(t), dtype=bool)
+    if gap is not None:
+        keep = (t < gap[0]) | (t > gap[1])
+    units = {"t": "s", "q_m": "rad", "i": "A"}
+    return Record({n: x[keep] for n, x in columns.items()}, units, structure="rigid")

@@ -1,0 +1,149 @@
+"""Predictions at several horizons: the kernel's own, true on data of another integrator."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cjt_gym.gap import Diagnosis, diagnose
+from cjt_gym.gap.horizons.baseline import least_squares
+from cjt_gym.gap.horizons.fit import Problem
+from cjt_gym.gap.horizons.judge import Case, make_case
+from cjt_gym.gap.horizons.log import to_log
+from cjt_gym.gap.horizons.model import Model
+from cjt_gym.gap.horizons.predictable import predictable
+from cjt_gym.gap.horizons.rows import base_terms, candidates, scales_of
+from cjt_gym.gap.horizons.search import Found, search
+from cjt_gym.gap.horizons.windows import cut, make_windows, relative, split
+from cjt_gym.joint import get_structure
+from cjt_gym.joint.joint import Joint
+from tests.gap.horizons.rotor import DAMPING, DRY, DT, INERTIA, datasheet, record
+
+RIGID = get_structure("rigid")
+
+
+def case_of(**changes: float) -> Case:
+    return make_case([record(**changes)], [], datasheet(), RIGID)  # type: ignore[arg-type]
+
+
+def found_in(case: Case) -> Found:
+    scales = scales_of(case.joint, case.logs)
+    base = Model(case.joint, base_terms(case.joint, scales))
+    return search(Problem(case.fit), base, candidates(case.joint, scales, case.logs))
+
+
+@pytest.fixture(scope="module")
+def plain() -> tuple[Case, Found]:
+    case = case_of()
+    return case, found_in(case)
+
+
+def values_of(found: Found) -> dict[str, float]:
+    model = found.fit.model
+    pairs = zip(model.terms, model.values(found.fit.z), strict=True)
+    return {term.name: values[0] for term, values in pairs}
+
+
+def test_a_window_is_predicted_as_the_joint_simulates_it() -> None:
+    case = case_of()
+    log, group = case.fit.logs[0], case.fit.groups[0]
+    joint = Joint(case.joint.file, "rigid", "current", {})
+    start = int(group.starts[3])
+    stop = start + group.length
+    simulated = joint.simulate(log.command[start:stop], dt=log.dt, x0=log.states[start])
+    errors = case.fit.errors(joint)
+    row = case.fit.keys.index(("q_m", 0.5))
+    points = group.points(0.5, log.dt)
+    expected = simulated["true_q_m"][points] - log.measured["q_m"][start + points]
+    measured = errors[row][3] * np.sqrt(case.fit.scales[row])
+    assert measured == pytest.approx(expected, abs=1e-5 * np.ptp(log.measured["q_m"]))
+
+
+def test_inertia_damping_and_friction_come_out_of_a_guess(plain: tuple[Case, Found]) -> None:
+    numbers = values_of(plain[1])
+    assert set(numbers) == {"inertia", "damping", "torque_constant", "coulomb"}
+    assert 2.0 * numbers["inertia"] == pytest.approx(1.0, rel=0.1), "half of what was guessed"
+    assert numbers["coulomb"] == pytest.approx(DRY, rel=0.1)
+    assert numbers["damping"] == pytest.approx(DAMPING, rel=0.25)
+
+
+def test_what_was_found_beats_datasheet_and_least_squares(plain: tuple[Case, Found]) -> None:
+    case, found = plain
+    regression = least_squares(case.joint, case.logs[0])
+    assert regression is not None
+    mine = relative(case.test, case.test.errors(found.fit.model.at(found.fit.z)))
+    for other in (case.joint, regression):
+        theirs = relative(case.test, case.test.errors(other))
+        assert all(mine[key] <= 1.02 * theirs[key] for key in mine if key[1] > 0.02)
+    assert mine["q_m", 0.5] < 0.1
+
+
+def test_noise_of_the_current_that_nobody_specified_does_not_hide_friction() -> None:
+    numbers = values_of(found_in(case_of(noise=0.3)))
+    assert numbers["coulomb"] == pytest.approx(DRY, rel=0.25)
+    assert 0.6 < 2.0 * numbers["inertia"] < 1.6, "a deaf joint would be several times too heavy"
+
+
+def test_no_friction_is_found_where_there_is_none() -> None:
+    assert "coulomb" not in values_of(found_in(case_of(dry=0.0)))
+
+
+def test_no_window_spans_a_gap() -> None:
+    log = to_log(record(gap=(5.0, 5.12)), datasheet(), RIGID)
+    lost = np.flatnonzero(~log.whole)
+    assert lost.size >= 0.1 / DT
+    for group in make_windows([log], cut([log])).groups:
+        for start, lead in zip(group.starts, group.leads, strict=True):
+            inside = (lost >= start - lead) & (lost < start + group.length)
+            assert not inside.any()
+
+
+def test_what_is_held_out_lies_between_what_is_fitted() -> None:
+    log = to_log(record(), datasheet(), RIGID)
+    fitted, held = split([log], cut([log]))
+    assert len(held) >= 3
+    order = sorted((p.start, p in held) for p in [*fitted, *held])
+    kept = [k for k, (_, is_held) in enumerate(order) if is_held]
+    assert kept[0] > 0
+    assert min(np.diff(kept)) > 1, "no two neighbours are held out"
+
+
+def test_a_predictable_error_is_told_from_noise(plain: tuple[Case, Found]) -> None:
+    case, _ = plain
+    key = ("q_m", 0.1)
+    nominal = predictable(case.all, case.all.errors(case.joint), key)
+    assert nominal.share > 0.6, "friction that is not modelled can be predicted"
+    noise = np.random.default_rng(1).standard_normal(case.all.errors(case.joint)[1].shape)
+    assert predictable(case.all, [noise] * len(case.all.keys), key).share < 0.2
+
+
+# ---- the whole diagnosis
+@pytest.fixture(scope="module")
+def told() -> Diagnosis:
+    return diagnose(record(noise=0.1), datasheet(), "rigid")
+
+
+def test_a_diagnosis_states_its_horizons_and_what_the_record_tells(told: Diagnosis) -> None:
+    plain = told.to_dict()
+    rows = plain["horizons"]
+    assert [row["seconds"] for row in rows] == [0.02, 0.1, 0.5]  # type: ignore[index,union-attr]
+    for row in rows:  # type: ignore[union-attr]
+        assert {"channel", "datasheet", "least_squares", "found", "floor"} < set(row)  # type: ignore[arg-type]
+    assert "coulomb" in plain["record"]["can_tell"]  # type: ignore[index,call-overload]
+    assert "predictable" in plain["unexplained"]  # type: ignore[operator]
+
+
+def test_its_joint_predicts_no_worse_than_datasheet_and_regression(told: Diagnosis) -> None:
+    for row in told.horizons:
+        if row.seconds > 0.02:
+            assert row.found <= 1.02 * row.datasheet
+            assert row.least_squares is None or row.found <= 1.02 * row.least_squares
+
+
+def test_it_names_the_friction_and_not_the_guess(told: Diagnosis) -> None:
+    named = {effect.name for effect in told.effects}
+    assert named & {"coulomb", "coulomb_asym"}
+    assert "inertia" not in named
+    own = told.joint.effects.get("inertia", {}).get("I_m")
+    found = told.joint.parameters.I_m if own is None else own.number  # type: ignore[union-attr]
+    assert found == pytest.approx(INERTIA, rel=0.3)
