@@ -6,6 +6,7 @@ velocity.
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -17,6 +18,10 @@ from cjt_gym.joint.quantity import Quantity
 if TYPE_CHECKING:
     import pint
 
+LONGEST = 64
+"""Characters of a unit."""
+_POWER = re.compile(r"\*\*|\^|[⁰¹²³⁴⁵⁶⁷⁸⁹]")
+_POWER_OF_A_NAME = re.compile(r"(?<=[^\W\d_])(?:\s*(?:\*\*|\^)\s*\(?-?\d\)?|⁻?[⁰¹²³⁴⁵⁶⁷⁸⁹])")
 _DEFINITIONS = (
     "radian = [angle] = rad",
     "newton_meter = newton * meter = Nm",
@@ -82,9 +87,9 @@ def _registry() -> pint.UnitRegistry[float]:
 @cache
 def _parsed(unit: str) -> Any:
     """Return a unit as pint knows it; None if it does not."""
-    import pint
-
+    if len(unit) > LONGEST or _POWER.search(_POWER_OF_A_NAME.sub("", unit)):
+        return None  # pint calculates powers of numbers, which may take for ever
     try:
         return _registry().parse_units(unit.replace("·", "*").replace("⋅", "*"))
-    except (pint.PintError, AssertionError, AttributeError, KeyError, TypeError, ValueError):
+    except Exception:  # whatever pint, its tokenizer and its arithmetic raise
         return None

@@ -12,6 +12,8 @@ from cjt_gym.envs.torque_tracking import complete
 from cjt_gym.errors import CjtGymWarning, ParameterError
 from cjt_gym.joint import load_joint, load_joint_file, to_toml
 from cjt_gym.joint.build import build_joints, file_of
+from cjt_gym.joint.quantity import Quantity
+from cjt_gym.joint.units import in_usual_unit
 
 SHEET = """
 name = "mine"
@@ -167,3 +169,19 @@ def test_equal_halves_are_accepted_and_said() -> None:
 def test_an_effect_of_which_nothing_is_known_is_still_refused(sheet: Path) -> None:
     with pytest.raises(ParameterError, match="nothing is known of d_m_n"):
         load_joint(sheet, effects=["viscous_asym"])
+
+
+@pytest.mark.parametrize(
+    "unit", ["9**9**9**9", "9⁹⁹⁹", "(9^9)^9^9", "1/0", "N m (", "9" * 400, "m" * 1000]
+)
+def test_units_that_are_arithmetic_or_broken_are_refused(unit: str) -> None:
+    with pytest.raises(ParameterError, match="which does not exist"):
+        in_usual_unit(Quantity(1.0, unit), ("N m",), "tau")
+
+
+@pytest.mark.parametrize(
+    "unit", ["mN m", "kg m^2/s^2", "kg m**2 s**-2", "kg m²·s⁻²", "kg m^(2)/s²"]
+)
+def test_powers_of_units_are_read(unit: str) -> None:
+    scale = 1e-3 if unit == "mN m" else 1.0
+    assert in_usual_unit(Quantity(1.0, unit), ("N m",), "tau").value == pytest.approx(scale)

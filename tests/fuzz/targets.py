@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from cjt_gym.canbus.config import load_hardware
+from cjt_gym.canbus.config import load_joints
 from cjt_gym.errors import CjtGymError
 from cjt_gym.joint import load_joint
 from cjt_gym.joint.build import build_joints
@@ -58,6 +58,12 @@ drives = ["current"]
 a = { file = "orange_80_6000", parameters = { k_b = 1e4 } }
 [effects]
 x = { coulomb = { dq_0 = 0.002 } }
+"""
+TOOLBOX = b"""function params = mine
+params.('I_m') = 9.4e-02; % rotor
+params.d_cm = 2.64;
+d_g = 2.2
+end
 """
 DBC = b"""VERSION ""
 NS_ :
@@ -338,6 +344,7 @@ def targets(folder: Path) -> dict[str, Target]:
         "joint": text(
             "x.toml", _shipped("params/orange_80_6000.toml", "params/lime_50_21000.toml"), _joint
         ),
+        "toolbox": text("x.m", [TOOLBOX], load_joint_file),
         "build": text("x.toml", [BUILD], build_joints),
         "policy": Target(
             [tuple(kept.values())],
@@ -351,7 +358,11 @@ def targets(folder: Path) -> dict[str, Target]:
             lambda p: dict(zip(("run.json", "progress.csv", "config.toml"), p, strict=True)),
             _read_run,
         ),
-        "hardware": text("x.toml", _shipped("examples/hardware/joint.toml"), load_hardware),
+        "hardware": text(
+            "x.toml",
+            _shipped("examples/hardware/joint.toml", "examples/hardware/arm.toml"),
+            load_joints,
+        ),
     }
 
 

@@ -12,7 +12,8 @@ from tests.fuzz.targets import Target, targets
 INPUTS = 60
 NAMES = (
     *("csv", "parquet", "npz", "zip", "mat", "h5", "mcap", "log", "asc", "trc", "blf", "dbc"),
-    *("facts", "mapping", "joint", "build", "policy", "gains", "config", "run", "hardware"),
+    *("facts", "mapping", "joint", "toolbox", "build", "policy", "gains", "config", "run"),
+    "hardware",
 )
 
 
