@@ -11,7 +11,7 @@ import subprocess
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -204,11 +204,11 @@ def begin_run(path: str | Path, config: TrainConfig, joint: Joint) -> RunFolder:
         _check_same(run, config)
         return run
     (folder / "checkpoints").mkdir(parents=True, exist_ok=True)
-    name = config.env.get("joint", "")
+    name, written = config.env.get("joint", ""), config.to_dict()
     if str(name).endswith(".toml"):
         shutil.copyfile(str(name), folder / "joint.toml")
-        config = replace(config, env={**config.env, "joint": "joint.toml"})
-    write_text(folder / "config.toml", to_toml(config.to_dict()))
+        written = {**written, "env": {**written["env"], "joint": "joint.toml"}}
+    write_text(folder / "config.toml", to_toml(written))
     write_text(folder / "randomization.toml", to_toml(resolved_randomization(config, joint)))
     write_text(folder / MARKER, json.dumps(_facts(config, joint), indent=2) + "\n")
     return RunFolder(folder)

@@ -13,8 +13,9 @@ from cjt_gym.commands.endings import in_order
 @pytest.mark.parametrize("name", ["SIGHUP", "SIGTERM", "SIGQUIT", "SIGINT"])
 def test_first_signal_ends_in_order_and_further_ones_are_ignored(name: str) -> None:
     number = getattr(signal, name)
-    before = signal.getsignal(number)
-    cleaned = []
+    usual = signal.default_int_handler if name == "SIGINT" else signal.SIG_DFL
+    inherited = signal.signal(number, usual)  # in the background of a shell it may be ignored
+    before, cleaned = signal.getsignal(number), []
 
     def run() -> None:
         try:
@@ -29,6 +30,7 @@ def test_first_signal_ends_in_order_and_further_ones_are_ignored(name: str) -> N
     assert cleaned
     assert isinstance(caught.value, KeyboardInterrupt) == (name == "SIGINT")
     assert signal.getsignal(number) is before
+    signal.signal(number, inherited)
 
 
 def test_what_is_ignored_stays_ignored_as_under_nohup() -> None:

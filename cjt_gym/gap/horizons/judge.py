@@ -44,6 +44,8 @@ SAME = 1.0
 MISS = 1.25
 """Relative error, over that of the datasheet, from which the stages of a cut joint are not the
 answer: they fit zeros and lateness of every record, which its joint does not hold."""
+CLEARLY = 0.4
+"""Logarithm of the mean square by which a search has to beat the stages of a cut joint."""
 NEAR = 0.2
 """Relative error from which a search looks for a better joint than that of the stages."""
 LEFT_SHARE, LEFT_CLEAR = 0.3, 3.0
@@ -190,7 +192,7 @@ def judge(
         known = left_by(case.all, stages)
         errors = relative(case.all, case.all.errors(stages))
         open_ = any(_left(errors[key], one) for key, one in known.items())
-        if _cut(case):
+        if _cut(case) and not _fails(case, errors):
             return _settled(case, joints, _sound(case, joints))
         near = all(e < NEAR for key, e in errors.items() if key[1] != min(HORIZONS))
         if near and not open_ and _no_worse(case, joints, "stages"):
@@ -214,6 +216,12 @@ def judge(
         best = _best(case, test, joints)
     judged = _settled(case, joints, best)
     return replace(judged, found=found, tests=tests, problem=problem)
+
+
+def _fails(case: Case, errors: dict[Key, float]) -> bool:
+    """Return whether the stages leave much of the torque of a held output."""
+    held = case.joint.structure_row.output_fixed and case.joint.structure_row.size == 1
+    return held and errors.get(("tau", WHOLE), 0.0) > NEAR
 
 
 def _cut(case: Case) -> bool:
@@ -309,9 +317,11 @@ def _best(case: Case, test: Problem, joints: dict[str, Joint]) -> str:
     errors = {name: case.test.errors(joint) for name, joint in joints.items()}
     costs = {name: test.cost(blank, np.zeros(0), e) for name, e in errors.items()}
     sound = [n for n in joints if _no_worse(case, joints, n)]
-    for name in ("stages", "found", "base"):
+    for name in (n for n in ("stages", "found", "base") if n in joints):
         others = [costs[n] for n in sound if n != name]
-        if name in sound and costs[name] <= min(others, default=np.inf) + SAME:
+        cut = name == "stages" and _cut(case)
+        allowance = CLEARLY * test.strength if cut else SAME
+        if (name in sound or cut) and costs[name] <= min(others, default=np.inf) + allowance:
             return name
     return min(sound or ("datasheet", "least squares") & joints.keys(), key=lambda n: costs[n])
 

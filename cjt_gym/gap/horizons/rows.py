@@ -27,6 +27,8 @@ other errors mimic; a delay or lag behind a current that was measured."""
 LOSS = 0.002
 """Loss of torque constant per kelvin that a diagnosis writes; only its product with the heat per
 square ampere can be told [1/K]."""
+CREEP = 0.002
+"""Velocity over which the toolbox smooths dry friction, which then creeps [rad/s]."""
 HEAVIEST = 3.0
 """Largest weight that a joint would be built to hold, in torques that are rarely exceeded."""
 SWING = 0.4
@@ -203,6 +205,10 @@ def _friction(joint: Joint, scales: Scales, body: str) -> list[Term]:
         if asymmetric:
             row[f"d_c{body}_n"] = values[0]
 
+    def smooth(draft: Draft, values: Sequence[float]) -> None:
+        coulomb(draft, values)
+        draft.smooth(CREEP)
+
     def asymmetric(draft: Draft, values: Sequence[float]) -> None:
         if "coulomb" in draft.effects:
             old = draft.effects.pop("coulomb")
@@ -231,6 +237,8 @@ def _friction(joint: Joint, scales: Scales, body: str) -> list[Term]:
     mu = Number(f"mu_{body}", "-", 0.0, 0.05, low=0.0, high=2.0)
     return [
         Term("coulomb", (d_c,), coulomb, name, starts=((nominal + level,),), nominal=(nominal,),
+             family="dry", factor=LIKELY),
+        Term("coulomb", (d_c,), smooth, name, starts=((nominal + level,),), nominal=(nominal,),
              family="dry", factor=LIKELY),
         Term("coulomb_asym", (d_c, _level(f"d_c{body}_n", scales)), asymmetric, name,
              replaces=("coulomb",), starts=((level, 0.5 * level), (0.5 * level, level)),

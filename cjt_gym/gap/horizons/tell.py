@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from cjt_gym.gap.confusable import advice
 from cjt_gym.gap.diagnosis import (
     NOTHING_LEFT,
     Diagnosis,
@@ -16,6 +17,7 @@ from cjt_gym.gap.diagnosis import (
     Interval,
     NamedEffect,
     StageGap,
+    Suggestion,
     Unexplained,
 )
 from cjt_gym.gap.horizons.fit import Fit, Problem
@@ -44,6 +46,8 @@ EITHER = {
     "viscous_asym": ("coulomb_asym", "torque_offset"),
 }
 """Explanations that are the same, or nearly so, where a joint moves: none of them is confirmed."""
+MOST_ADVICE = 2
+"""Sentences of advice of each kind."""
 SKEW = frozenset({"coulomb_asym", "viscous_asym", "torque_offset"})
 """Effects that differ between the directions, of which several together are one another's rest."""
 STAGES = {"q_m": "motor", "q_l": "load", "tau": "transmission"}
@@ -89,10 +93,23 @@ def retold(
         gap=_gap(judged),
         unexplained=_unexplained(first, judged, verdict, left),
         joint=joint_of(judged, effects, record),
+        suggestion=_suggestion(judged, effects, first),
         evidence=replace(first.evidence, ladder=()),
         horizons=horizons_of(judged),
         regimes=first.regimes if rows else (),
     )
+
+
+def _suggestion(judged: Judgement, effects: Sequence[NamedEffect], first: Diagnosis) -> Suggestion:
+    """Return what to record next: what tells the named effects from their rivals."""
+    pairs = [(e.name, rival) for e in effects for rival in e.confusable_with]
+    told = dict.fromkeys(advice(name, rival) for name, rival in pairs)
+    exam = first.examination
+    faults = exam.advice if exam is not None else ()
+    parts = [*list(told)[:MOST_ADVICE], *list(faults)[:MOST_ADVICE]]
+    if not parts and judged.unexplained:
+        parts = ["Record slow and fast motion in both directions over the whole travel."]
+    return Suggestion(" ".join(parts) or "Nothing more is needed on this record's range.")
 
 
 # ---- effects
