@@ -165,6 +165,11 @@ class Judgement:
     errors: dict[str, list[Floats]] = field(default_factory=dict)
 
     @property
+    def cut(self) -> bool:
+        """Whether a measured torque cuts the joint into stages."""
+        return _cut(self.case)
+
+    @property
     def unexplained(self) -> tuple[Row, ...]:
         """Rows in which something is left that could be predicted."""
         return tuple(row for row in self.rows if row.unexplained)

@@ -81,10 +81,14 @@ def retold(
         record: Name of the record, for the joint's sources.
     """
     effects = _effects(judged, excluded)
+    if judged.cut and first.verdict == "unexplained":  # the cause is none of the table's
+        effects = tuple(replace(e, status="tentative", confidence=0.5) for e in effects)
     rows = judged.rows
     stages = _stages(first, judged, effects)
     left = judged.unexplained
     verdict = _verdict(judged, effects)
+    if judged.cut and first.verdict == "unexplained":
+        verdict = "partly_explained" if effects else "unexplained"
     return replace(
         first,
         verdict=verdict,
