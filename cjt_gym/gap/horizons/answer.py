@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from cjt_gym.errors import CjtGymError
-from cjt_gym.gap.check import Examination, examine
-from cjt_gym.gap.diagnosis import Diagnosis, Unexplained
-from cjt_gym.gap.horizons.judge import Judgement, Progress, as_joint, judge, make_case
+from cjt_gym.gap.check import examine
+from cjt_gym.gap.diagnosis import Diagnosis
+from cjt_gym.gap.horizons.judge import Progress, as_joint, judge, make_case
 from cjt_gym.gap.horizons.tell import horizons_of, retold
 from cjt_gym.joint import JointFile, Structure
 from cjt_gym.records import Record
@@ -63,6 +63,3 @@ def _allowed(first: Diagnosis, excluded: dict[str, str]) -> Diagnosis:
 
 def _title(record: Record) -> str:
     return record.owner if record.origin is None else record.origin.stem
-
-
-__all__ = ["Examination", "Judgement", "Unexplained", "judged"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -234,6 +234,3 @@ def body_group(structure: Structure, body: str) -> tuple[str, ...]:
     """Return the letters of the bodies that move together with one."""
     group = structure.groups["mgl".index(body)]
     return tuple(b for b, g in zip("mgl", structure.groups, strict=True) if g == group)
-
-
-__all__ = ["Draft", "Model", "Number", "Scales", "Term", "body_group", "drafted", "field", "quiet"]

@@ -12,7 +12,6 @@ from cjt_gym.gap.horizons.log import Log
 from cjt_gym.gap.horizons.model import Draft, Number, Put, Scales, Term, body_group
 from cjt_gym.joint import EFFECTS, Joint, JointFile
 from cjt_gym.joint.configure import EffectValue
-from cjt_gym.joint.quantity import Quantity
 
 Floats = NDArray[np.float64]
 K_T, INERTIA, STIFFNESS = 0.05, 0.1, 0.1
@@ -391,6 +390,3 @@ def _spring(joint: Joint, logs: Sequence[Log]) -> list[Term]:
                  nominal=(0.0, 0.1 * reach), starts=((size, 0.1 * reach), (size, 0.3 * reach)))
         )  # fmt: skip
     return found
-
-
-__all__ = ["Quantity", "base_terms", "candidates", "ripple", "scales_of", "tolerance_of"]

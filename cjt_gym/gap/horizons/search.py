@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.gap.horizons.fit import Fit, Problem, _known, _solve, _within, bounded
+from cjt_gym.gap.horizons.fit import Fit, Problem, _solve, _within, bounded
 from cjt_gym.gap.horizons.model import Model, Number, Term
 
 Floats = NDArray[np.float64]
@@ -300,6 +300,3 @@ def _rivals(
     others = [t for t in terms if t.name != term.name]
     found = extend(problem, less, others, 2)
     return tuple(t.name for f, t in found if f.cost + price(t) < fit.cost + price(term) + ALIKE)
-
-
-__all__ = ["Found", "Worth", "_known", "search", "worth"]

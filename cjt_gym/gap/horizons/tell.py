@@ -26,7 +26,6 @@ from cjt_gym.gap.horizons.model import Term
 from cjt_gym.gap.horizons.spread import Spread, spread_of
 from cjt_gym.gap.horizons.windows import WHOLE, bootstrapped
 from cjt_gym.gap.horizons.write import joint_of
-from cjt_gym.joint import JointFile
 
 Floats = NDArray[np.float64]
 SURE, FIRM = 1.4, 2.0
@@ -38,6 +37,8 @@ MIMICS = frozenset({"gravity", "thermal_derating", "viscous_asym", "load_frictio
 them."""
 MUCH = 0.5
 """Share of the squared error that such an effect has to take away."""
+NOTHING = 1e-3
+"""Share of the step of a search by which an effect must differ from none at all."""
 LOUD = 0.6
 """Relative error over the longest horizon from which nothing counts as explained."""
 EITHER = {
@@ -149,7 +150,8 @@ def _deserves(judged: Judgement, index: int, term: Term) -> bool:
             return False  # a guess is corrected, not diagnosed
         off = abs(np.log(values[0] / term.nominal[0]))
         return bool(off > OUTSIDE * (stated or number.scale))
-    return True
+    pairs = zip(values, term.nominal, term.numbers, strict=True)
+    return any(abs(value - off) > NOTHING * n.scale for value, off, n in pairs)
 
 
 def _named(
@@ -299,6 +301,3 @@ def _said(judged: Judgement) -> str:
         "friction and offset: that is the joint given.",
         "datasheet": "Nothing was found that predicts better than the datasheet.",
     }.get(judged.answer, "")
-
-
-__all__ = ["JointFile", "horizons_of", "retold"]
