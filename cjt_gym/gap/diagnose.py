@@ -35,6 +35,7 @@ from cjt_gym.gap.missing import not_judged
 from cjt_gym.gap.naming import doubted, name_effects
 from cjt_gym.gap.refine import settled
 from cjt_gym.gap.select import BEYOND, Progress, silent
+from cjt_gym.gap.series import unbroken
 from cjt_gym.gap.setting import Setting, as_noisy, make_setting
 from cjt_gym.gap.shrink import HARM, Gap, measure_gap
 from cjt_gym.gap.suggest import cautious, suggest
@@ -86,12 +87,13 @@ def diagnose(
     given, held = _as_list(records), _as_list(validate)
     first = given[0]
     file, shape = _joint(first, joint, structure)
-    cuts = [int((1.0 - TAIL) * len(record)) for record in given]
-    fitted = given if held else [r.slice(0, cut) for r, cut in zip(given, cuts, strict=True)]
-    tested = held or [r.slice(cut, None) for r, cut in zip(given, cuts, strict=True)]
+    whole, tested = [unbroken(record) for record in given], [unbroken(record) for record in held]
+    cuts = [int((1.0 - TAIL) * len(record)) for record in whole]
+    fitted = whole if held else [r.slice(0, cut) for r, cut in zip(whole, cuts, strict=True)]
+    tested = tested or [r.slice(cut, None) for r, cut in zip(whole, cuts, strict=True)]
     with threadpool_limits(1, "blas"):  # small matrices lose more by threads than they gain
         try:
-            found = _by_stages(fitted, tested, given, held, file, shape, started, progress)
+            found = _by_stages(fitted, tested, whole, held, file, shape, started, progress)
         except (np.linalg.LinAlgError, FloatingPointError, ValueError) as error:
             if isinstance(error, CjtGymError):
                 raise

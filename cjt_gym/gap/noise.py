@@ -2,7 +2,8 @@
 
 Three sources for the standard deviation of a sample: what the joint file specifies, half a step of
 the channel's resolution (a uniform error of one step has step / sqrt(12)), and what the data show
-at frequencies that no joint reaches (differences of high order). The largest counts.
+at frequencies that no joint reaches (differences of high order). What is specified counts, unless
+the data show white noise that is clearly less; where nothing is specified, the larger of the others.
 """
 
 from __future__ import annotations
@@ -20,6 +21,10 @@ Floats = NDArray[np.float64]
 ORDER, OTHER_ORDER = 8, 5
 SAME = 0.06
 """Relative difference up to which two estimates of the noise agree."""
+OVERSTATED = 1.3
+"""Specified deviation, over that of white noise in the data, from which the data are believed."""
+MOST_JITTER = 0.15
+"""Deviation of the sampling times that a channel may show whatever is stated, in samples."""
 WINDOW = 50
 QUIET = 0.25
 """Share of windows, the quietest ones, from which the noise of a channel is read."""
@@ -78,9 +83,12 @@ def channel_noise(series: Series, joint: JointFile, name: str, slope: float) -> 
     std = max(specified, floor)
     if noise == 0.0:
         std = max(std, observed)
+    elif white and 0.0 < OVERSTATED * observed < specified:
+        std = max(observed, floor)
     if specified == 0.0:
         std = max(std, FINEST * float(np.std(x)))
-    shown = observed_jitter(x, series.valid[name], series.speed(name), 2.0 * slope)
+    most = max(2.0 * slope, MOST_JITTER * series.dt)
+    shown = observed_jitter(x, series.valid[name], series.speed(name), most)
     std, stated = max(std, 1e-12), noise > 0.0
     return ChannelNoise(specified, stated, observed, white, lattice, resolution, std, shown)
 

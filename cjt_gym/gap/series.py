@@ -8,10 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
+from scipy.interpolate import CubicSpline
 
 from cjt_gym.errors import RecordError
 from cjt_gym.joint import JointFile, Structure
@@ -27,6 +29,13 @@ START = 0.01
 """Time over which the first velocity is read [s]."""
 UNEVEN = 0.2
 """Deviation of a sampling interval from the median, relative, above which times are re-sampled."""
+ANGLES = ("q_m", "q_g", "q_l", "tau")
+"""Channels that are smooth enough to show whether the stamps of a record are to be believed."""
+STAMPED, ROW = 0.02, 0.5
+"""Deviation of the stamps from even ones, in samples, from which and up to which it is asked."""
+TINY = 1e-300
+HOLE = 5.0
+"""Time between samples of a channel, in its median, from which the record is broken there."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,6 +105,25 @@ class Series:
         return float(k @ y / (k @ k) / self.dt)
 
 
+def unbroken(record: Record) -> Record:
+    """Return the longest stretch of a record in which no channel is lost for several samples.
+
+    A predictor that has to guess what happened in a gap takes long to forget it. What is too
+    short to be diagnosed stays as it is.
+    """
+    t = record.t
+    edges = {0, len(record)}
+    for name in USED:
+        if name in record:
+            there = np.flatnonzero(np.isfinite(record[name]))
+            if len(there) > SHORTEST // 2:
+                steps = np.diff(t[there])
+                for k in np.flatnonzero(steps > HOLE * np.median(steps)):
+                    edges |= {int(there[k]) + 1, int(there[k + 1])}
+    start, stop = max(pairwise(sorted(edges)), key=lambda edge: edge[1] - edge[0])
+    return record.slice(start, stop) if stop - start >= SHORTEST else record
+
+
 def to_series(
     record: Record,
     joint: JointFile,
@@ -119,6 +147,7 @@ def to_series(
     derived = _add_motor_angle(columns, record, joint, structure)
     _check(record, columns)
     t, dt = record.t, float(np.median(np.diff(record.t)))
+    t = _stamped(columns, t, dt)
     even = np.abs(np.diff(t) - dt).max() <= UNEVEN * dt
     grid = t if even else t[0] + dt * np.arange(round((t[-1] - t[0]) / dt) + 1)
     out, valid, zero = {}, {}, {}
@@ -130,6 +159,26 @@ def to_series(
             zero[name] = (zero_at or {}).get(name, float(out[name][0]))
             out[name] = out[name] - zero[name]
     return Series(dt, out, valid, zero, derived)
+
+
+def _stamped(columns: dict[str, Floats], t: Floats, dt: float) -> Floats:
+    """Move what was measured to even instants where the stamps tell when it was; return the times.
+
+    Stamps may tell when a sample was taken, or when it was written: they are taken at their word
+    where that makes the channels smoother. A current may jump: command and current keep their rows.
+    """
+    step = (t[-1] - t[0]) / (len(t) - 1)
+    grid = t[0] + step * np.arange(len(t))
+    late = np.abs(t - grid).max()
+    if abs(step - dt) > ROW * dt or not STAMPED * dt < late < ROW * dt:
+        return t
+    smooth = {n: x for n, x in columns.items() if n in ANGLES and np.isfinite(x).all()}
+    moved = {n: np.asarray(CubicSpline(t, x)(grid)) for n, x in smooth.items()}
+    rough = [np.median(np.diff(y, 8) ** 2) for x in (smooth, moved) for y in x.values()]
+    before, after = np.array(rough).reshape(2, -1) if smooth else (np.zeros(0), np.zeros(0))
+    if np.sum(np.log((after + TINY) / (before + TINY))) < 0.0:
+        columns |= moved
+    return grid
 
 
 def _near(grid: Floats, t: Floats, dt: float) -> NDArray[np.bool_]:

@@ -170,7 +170,7 @@ def _common_jitter(series: Series, noise: Mapping[str, ChannelNoise], stated: fl
 
     def clear(name: str) -> float:
         fast = float(np.quantile(np.abs(series.speed(name)), 0.9))
-        return stated * fast / noise[name].std
+        return max(stated, noise[name].jitter) * fast / noise[name].std
 
     smooth = [name for name in noise if name != "i"]  # a current may jump
     best = max(smooth, key=clear, default=None)

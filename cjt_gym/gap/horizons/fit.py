@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,8 @@ LONGEST = 3.0
 """Longest step of a fit, in units of a coordinate."""
 MOTION, LISTEN, FORCE = "q_m", 0.1, 0.2
 """Error that counts as a torque, too, with which weight beside one for all horizons together."""
+ROUGH = 3
+"""A quick look at a candidate takes every so-manyth window."""
 USUAL, BOUND = 0.8, 4.0
 """Windows count by the logarithm beyond so many times the mean square that most do not exceed."""
 SHARES = {0.02: 0.5, 0.1: 1.0, 0.5: 1.0}
@@ -75,11 +78,13 @@ class Problem:
 
     Attributes:
         windows: The windows.
+        work: Samples that were predicted so far.
+        force: Weight of an error as a torque.
         weights: Weight of each kind; they sum to one.
     """
 
     windows: Windows
-    runs: int = 0
+    work: int = 0
     force: float = 0.0
 
     def __post_init__(self) -> None:
@@ -94,6 +99,19 @@ class Problem:
         """Half the number of errors that count as independent."""
         return 0.5 * self.windows.count
 
+    @cached_property
+    def rough(self) -> Problem:
+        """The same with fewer windows, for a quick look."""
+        few = Problem(self.windows.every(ROUGH))
+        few.force = self.force
+        return few
+
+    def at(self, model: Model, z: Floats) -> Fit:
+        """Return a model at coordinates as a fit, with its derivatives."""
+        errors = self.errors(model, z)
+        jacobian = self.jacobian(model, z, errors)
+        return Fit(model, z, self.cost(model, z, errors), errors, jacobian)
+
     def weight(self, key: tuple[str, float]) -> float:
         """Return the weight of a kind of error."""
         extra = self.force if key == (MOTION, LISTEN) else 0.0
@@ -101,7 +119,7 @@ class Problem:
 
     def errors(self, model: Model, z: Floats) -> list[Floats]:
         """Return the errors of a model by kind."""
-        self.runs += 1
+        self.work += self.windows.samples
         try:
             return self.windows.errors(model.at(z))
         except (CjtGymError, np.linalg.LinAlgError, ValueError):

@@ -23,6 +23,8 @@ QUIET = 0.2
 """Share of the usual error below which that of a piece makes no difference."""
 FULL = 3
 """Candidates that are fitted fully after a quick look at all."""
+PATIENCE = 100_000_000
+"""Predicted samples, about a minute's work, after which no further term is looked for."""
 MOST = 6
 """Most terms beyond the base."""
 FIRST = "coulomb"
@@ -183,9 +185,11 @@ def extend(
     problem: Problem, fit: Fit, terms: Sequence[Term], most: int = FULL
 ) -> list[tuple[Fit, Term]]:
     """Return the fits with one more term, the best first."""
-    looked = [(quick(problem, fit, t), t) for t in terms if allowed(fit, t)]
-    rough = sorted(((f, t) for f, t in looked if f is not None), key=lambda x: x[0].cost)
-    chosen = rough[:most]
+    rough = problem.rough
+    here = rough.at(fit.model, fit.z)
+    looked = [(quick(rough, here, t), t) for t in terms if allowed(fit, t)]
+    best = sorted(((f, t) for f, t in looked if f is not None), key=lambda x: x[0].cost)
+    chosen = best[:most]
     full = [(problem.fit(f.model, f.z), t) for f, t in chosen]
     return sorted(full, key=lambda x: x[0].cost + price(x[1]))
 
@@ -211,6 +215,8 @@ def search(
     begun.append(seeded(problem, first, terms, suspects))
     fit = min(begun, key=lambda f: f.cost)
     for _ in range(MOST):
+        if problem.work + problem.rough.work > PATIENCE:
+            break
         progress(f"predicting up to half a second ahead with one of {len(terms)} effects more")
         step = next(
             (

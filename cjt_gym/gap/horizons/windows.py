@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -85,6 +85,21 @@ class Windows:
     def count(self) -> int:
         """Number of windows."""
         return sum(len(g.starts) for g in self.groups if g.horizons != (WHOLE,))
+
+    @property
+    def samples(self) -> int:
+        """Samples that one prediction takes."""
+        return sum(len(g.starts) * g.length for g in self.groups)
+
+    def every(self, step: int) -> Windows:
+        """Return every so-manyth window, of the pieces as a whole every so-manyth piece."""
+        long = [g for g in self.groups if g.horizons == (WHOLE,)]
+        groups = [g for g in self.groups if g.horizons != (WHOLE,)]
+        kept = [
+            replace(g, starts=g.starts[::step], pieces=g.pieces[::step], leads=g.leads[::step])
+            for g in groups
+        ]
+        return _scaled(self.logs, (*kept, *long[::step]))
 
     def errors(self, joint: Joint) -> list[Floats]:
         """Return predicted minus measured for each key, shape (windows, points) each.
