@@ -49,6 +49,7 @@ class Log:
         states: [q_m q_g q_l dq_m dq_g dq_l] as measured, smoothed, shape (N, 6).
         acceleration: Of the motor, smoothed [rad/s^2], shape (N,).
         whole: Where all channels were measured and no gap is near, shape (N,).
+        temperature: Lowest and highest that the drive reported [degC]; None where it did not.
     """
 
     name: str
@@ -62,6 +63,7 @@ class Log:
     states: Floats
     acceleration: Floats
     whole: Flags
+    temperature: tuple[float, float] | None = None
 
     def __len__(self) -> int:
         return len(self.t)
@@ -106,9 +108,12 @@ def to_log(record: Record, file: JointFile, structure: Structure) -> Log:
     if structure.output_fixed:
         load = states[:, 5]
     wanted = even.get("i_cmd") if drive == "i" else None
+    heat = even.get("temperature")
+    warm = None if heat is None else (float(heat.min()), float(heat.max()))
     return Log(
-        record.owner, dt, grid, drive, command, wanted, load, measured, states, acceleration, ~holes
-    )
+        record.owner, dt, grid, drive, command, wanted, load, measured, states, acceleration,
+        ~holes, warm,
+    )  # fmt: skip
 
 
 def _thinned(columns: dict[str, Floats], t: Floats, every: int) -> tuple[dict[str, Floats], Floats]:
