@@ -58,7 +58,7 @@ def tell_outside(file: JointFile, met: Met) -> None:
     ]
     p = file.parameters
     warnings.warn(
-        f"A simulation of {p.name} reaches {' and '.join(parts)}. How the joint behaves there was "
+        f"A simulation of {p.name} reaches {', '.join(parts)}. How the joint behaves there was "
         f"not recorded: [found] of {p.origin}. Diagnose a record that goes there, or stay within.",
         OutsideFoundWarning,
         stacklevel=3,
