@@ -14,6 +14,8 @@ A mapping has a table per column of the record. All of its keys are optional:
 `counts_per_rev`    counts of the encoder per revolution, for the units counts and counts/s
 `time`              the log's column with the time of these samples, where they have their own
 `time_unit`         its unit; left out, that of ``t``
+`samples_late`      by how many rows the log writes it late (negative: early), where a row holds
+                    values of different instants; need not be whole for what is measured
 ==================  ===========================================================================
 
 Beside the table `columns` stand the gear ratio `n` and whatever the TOML file of a record may hold:
@@ -31,7 +33,7 @@ from typing import Any, Final
 
 from cjt_gym.disk import read_toml
 from cjt_gym.errors import RecordError, unknown_name
-from cjt_gym.records.columns import check_one_axis, column_of
+from cjt_gym.records.columns import COMMANDS, check_one_axis, column_of
 from cjt_gym.records.metadata import checked_facts
 from cjt_gym.records.units import COUNTS, UNITS, unit_of, units_of
 
@@ -55,6 +57,7 @@ class ColumnSource:
         turn: One revolution of an encoder in the record's unit; 0 where it is no angle.
         time: Name of the log's column with its time; None for that of the record.
         time_unit: Unit of that time; None for that of the record's.
+        samples_late: Rows by which the log writes it late.
     """
 
     source: str
@@ -65,6 +68,7 @@ class ColumnSource:
     turn: float
     time: str | None
     time_unit: str | None
+    samples_late: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -85,6 +89,11 @@ class ColumnMapping:
     def units(self) -> dict[str, str]:
         """Unit of every column of the record."""
         return {name: column.unit for name, column in self.columns.items()}
+
+    @property
+    def late(self) -> dict[str, float]:
+        """Rows by which the log writes columns late, of those that it does."""
+        return {n: column.samples_late for n, column in self.columns.items() if column.samples_late}
 
 
 def load_mapping(mapping: str | Path | Mapping[str, Any]) -> ColumnMapping:
@@ -133,7 +142,10 @@ KEYS: Final = (
     "counts_per_rev",
     "time",
     "time_unit",
+    "samples_late",
 )
+LATEST: Final = 1000
+"""Rows by which a column may be late at most."""
 
 
 def _column(owner: str, name: str, given: object, n: float | None) -> ColumnSource:
@@ -174,6 +186,7 @@ def _column(owner: str, name: str, given: object, n: float | None) -> ColumnSour
         turn=turn * geared,
         time=given.get("time"),
         time_unit=given.get("time_unit"),
+        samples_late=_late(what, name, given.get("samples_late", 0.0)),
     )
 
 
@@ -183,6 +196,20 @@ def _number(what: str, value: object, zero: bool = False) -> float:
     if value == 0 and not zero:
         raise RecordError(f"{what} must not be 0.")
     return float(value)
+
+
+def _late(what: str, name: str, value: object) -> float:
+    late = _number(f"samples_late of {what}", value, zero=True)
+    if abs(late) > LATEST:
+        raise RecordError(
+            f"samples_late of {what} must be within {LATEST} rows either way, got {late:g}."
+        )
+    if name in COMMANDS and late != round(late):
+        raise RecordError(
+            f"samples_late of {what} must be a whole number, as a command holds its value between "
+            f"rows, got {late:g}."
+        )
+    return late
 
 
 def _sign(what: str, given: Mapping[str, Any]) -> float:
