@@ -8,6 +8,7 @@ import numpy as np
 
 from cjt_gym.gap.check.clock import clock
 from cjt_gym.gap.check.friction import TURN, one_way, two_ways
+from cjt_gym.gap.check.instants import current_and_command, motion_and_torque
 from cjt_gym.gap.check.resonances import gear_resonance, resonance
 from cjt_gym.gap.check.transmission import deflection
 from cjt_gym.gap.check.view import View
@@ -29,10 +30,6 @@ NOISY = 1.5
 """Factor between observed and specified noise that is told."""
 LOUD = 0.2
 """Share of the current that its noise may be where nothing is specified."""
-LATE = 0.7
-"""Samples by which the current follows its command that are told."""
-MOST_LATE = 40
-"""Samples by which it may follow."""
 TAIL = 0.2
 """Share of a record that is kept to test what was found."""
 AT_REST = 0.1
@@ -48,6 +45,11 @@ def faults(view: View) -> tuple[tuple[str, ...], tuple[str, ...]]:
         said |= dict.fromkeys(found)
         remedies |= dict.fromkeys([remedy] if found and remedy else [])
     return tuple(said), tuple(remedies)
+
+
+def notes(view: View) -> tuple[str, ...]:
+    """Return what is worth knowing of the records and no fault, a sentence each."""
+    return tuple(note for look in NOTES for note in look(view))
 
 
 def _repairs(view: View) -> list[str]:
@@ -181,42 +183,6 @@ def _noise(view: View) -> list[str]:
     return found
 
 
-def _lateness(view: View) -> list[str]:
-    """Return that command and current of one row belong to different instants."""
-    if "i" not in view or "i_cmd" not in view:
-        return []
-    if view.channels["i"].unit != view.channels["i_cmd"].unit:
-        return []
-    piece = view.stretches[0]
-    x, y = np.diff(piece["i_cmd"]), np.diff(piece["i"])
-    lags = range(-MOST_LATE, MOST_LATE + 1)
-    alike = np.array([_at(x, y, lag) for lag in lags])
-    if not np.isfinite(alike).all() or alike.max() < 0.3:
-        return []
-    best = int(np.argmax(alike))
-    lag = float(lags[best])
-    if 0 < best < len(alike) - 1:
-        low, top, high = alike[best - 1 : best + 2]
-        bend = low - 2.0 * top + high
-        lag += float(0.5 * (low - high) / bend) if bend else 0.0
-    if lag < -LATE:
-        return [
-            f"i goes {-lag:.2g} samples ahead of i_cmd: their rows belong to different instants."
-        ]
-    if lag > LATE:
-        return [
-            f"i follows i_cmd by {lag:.2g} samples ({1e3 * lag * view.dt:.2g} ms): a dead time of "
-            "the drive, or rows in which command and measurement belong to different instants."
-        ]
-    return []
-
-
-def _at(x: np.ndarray, y: np.ndarray, lag: int) -> float:
-    a, b = (x[: len(x) - lag], y[lag:]) if lag >= 0 else (x[-lag:], y[: len(y) + lag])
-    power = float((a @ a) * (b @ b))
-    return float(a @ b) / np.sqrt(power) if power > 0.0 else 0.0
-
-
 def _direction(view: View) -> list[str]:
     if view.motor is None or two_ways(view):
         return []
@@ -265,6 +231,7 @@ def _swing(view: View) -> Sequence[str]:
 
 
 UNITS = "Map each channel with its unit, sign and side: --mapping."
+ONE_INSTANT = "Log command and measurement of the same instant in one row, or map samples_late."
 FINER = "Record more motion, or a finer angle."
 SPECIFY = "State the noise that each sensor has: [sensors.i] noise in the joint file."
 LOOKS: tuple[tuple[Callable[[View], Sequence[str]], str], ...] = (
@@ -277,9 +244,15 @@ LOOKS: tuple[tuple[Callable[[View], Sequence[str]], str], ...] = (
     (_angles, UNITS),
     (_spring, UNITS),
     (_noise, SPECIFY),
-    (_lateness, "Log command and measurement of the same instant in one row."),
+    (lambda view: current_and_command(view)[0], ONE_INSTANT),
+    (lambda view: motion_and_torque(view)[0], ONE_INSTANT),
     (_direction, TURN),
     (_tail, "Record motion to the end, or a second record to test on."),
     (_swing, ""),
 )
 """Where faults are looked for, and what to do where one is found."""
+NOTES: tuple[Callable[[View], Sequence[str]], ...] = (
+    lambda view: current_and_command(view)[1],
+    lambda view: motion_and_torque(view)[1],
+)
+"""Where what is worth knowing is looked for."""

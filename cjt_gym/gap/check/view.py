@@ -158,7 +158,7 @@ class View:
             return None
         power = (self.torque_per_input * self._noise(self.drive)) ** 2
         power += self._noise("tau") ** 2 if self.cut else 0.0
-        return self._body(self.motor_angle, self._motor_torque, float(np.sqrt(power)))
+        return self._body(self.motor_angle, self.motor_torque, float(np.sqrt(power)))
 
     @cached_property
     def motor(self) -> Balance | None:
@@ -211,7 +211,8 @@ class View:
             return np.zeros(len(piece["t"]))
         return np.asarray(self.torque_per_input * piece[self.drive])
 
-    def _motor_torque(self, piece: Columns) -> Floats:
+    def motor_torque(self, piece: Columns) -> Floats:
+        """Return the torque that moves the motor side, of the channels of a stretch."""
         torque = self._driving(piece)
         return np.asarray(torque - piece["tau"] if self.cut else torque + piece.get("tau_l", 0.0))
 
