@@ -7,25 +7,20 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from cjt_gym.gap.check.clock import clock
+from cjt_gym.gap.check.contradictions import angles, currents, spring, velocities
 from cjt_gym.gap.check.friction import TURN, one_way, two_ways
 from cjt_gym.gap.check.instants import current_and_command, motion_and_torque
 from cjt_gym.gap.check.resonances import gear_resonance, resonance
-from cjt_gym.gap.check.transmission import deflection
 from cjt_gym.gap.check.view import View
 from cjt_gym.gap.orient import orient
 from cjt_gym.records import clean_pieces
 from cjt_gym.records.repair import NOTE
 
-FEW_COUNTS = 50.0
+FEW_COUNTS = 100.0
 """Steps of an angle below which its motion is told."""
-SLOPE = 0.15
-"""Relative difference between a velocity and the slope of its angle that is told."""
-SAME = 0.9
-"""Correlation from which two channels are the same motion."""
-SPRING = 1.6
-"""Factor between torque and stiffness times deflection that is told."""
-RATIO = 0.1
-"""Relative distance from the gear's ratio up to which two angles differ by it."""
+COUNTED = 50.0
+"""Range of an angle [rad] from which whole numbers are told."""
+AGAINST = "has the sign against"
 NOISY = 1.5
 """Factor between observed and specified noise that is told."""
 LOUD = 0.2
@@ -62,7 +57,8 @@ def _repairs(view: View) -> list[str]:
         kept = [repair.text for repair in repairs if repair.kind not in told]
         if view.joint is not None:
             _, turned = orient(record, view.joint, view.structure)
-            kept += [repair.text for repair in turned]
+            known = [text.split(":")[0] for text in kept if AGAINST in text]
+            kept += [repair.text for repair in turned if repair.channel not in known]
         found += [text for text in [*noted, *kept] if not _known_better(view, text)]
     return found
 
@@ -96,73 +92,13 @@ def _few_counts(view: View) -> list[str]:
 def _whole_numbers(view: View) -> list[str]:
     found = []
     for name, channel in view.channels.items():
-        if not name.startswith("q_") or channel.span < FEW_COUNTS:
+        if not name.startswith("q_") or channel.span < COUNTED:
             continue
         known = [record[name] for record in view.records if name in record]
         x = np.concatenate(known)
         if np.all(np.equal(x, np.round(x)) | np.isnan(x)):
             found.append(f"{name} has whole numbers only: these look like counts of an encoder.")
     return found
-
-
-def _velocities(view: View) -> list[str]:
-    found = []
-    for body in "mgl":
-        angle, velocity = f"q_{body}", f"dq_{body}"
-        if angle not in view or velocity not in view:
-            continue
-        x = np.concatenate([_lumps(np.gradient(p[angle], view.dt)) for p in view.stretches])
-        y = np.concatenate([_lumps(p[velocity]) for p in view.stretches])
-        slope = _factor(x, y)
-        if slope is not None and abs(slope - 1.0) > SLOPE:
-            found.append(f"{velocity} is {slope:.3g} times the slope of {angle}.")
-    return found
-
-
-def _angles(view: View) -> list[str]:
-    """Return that load and motor differ by the gear's ratio although both count at the link."""
-    if view.structure.output_fixed or "q_l" not in view or "q_m" not in view:
-        return []
-    x, y = (np.concatenate([p[name] for p in view.stretches]) for name in ("q_m", "q_l"))
-    factor = _factor(x, y)
-    if factor is None or abs(factor - 1.0) < 0.5:
-        return []
-    for ratio, text in ((view.ratio, "the ratio n"), (1.0 / view.ratio, "one over the ratio n")):
-        if ratio != 1.0 and abs(factor / ratio - 1.0) < RATIO:
-            return [f"q_l is {factor:.3g} times q_m, {text} of the gear: map q_m to the link side."]
-    return [f"q_l is {factor:.3g} times q_m, and both should count on the link side."]
-
-
-def _spring(view: View) -> list[str]:
-    """Return that torque and deflection contradict the spring's stiffness."""
-    k_b = view.value("k_b")
-    if not view.deflection_known or k_b <= 0.0:
-        return []
-    stiffness = 1.0 / (1.0 / k_b + (1.0 / view.value("k_g", np.inf) if view.has_gear else 0.0))
-    x = np.concatenate([deflection(view, piece) for piece in view.stretches])
-    y = np.concatenate([piece["tau"] for piece in view.stretches])
-    factor = _factor(x, y)
-    if factor is None:
-        return []
-    times = factor / stiffness
-    if 1.0 / SPRING < times < SPRING:
-        return []
-    return [f"tau is {times:.3g} times the nominal stiffness times the deflection of the spring."]
-
-
-def _factor(x: np.ndarray, y: np.ndarray) -> float | None:
-    """Return by which factor y is x, zeros apart; None where they are not the same motion."""
-    x, y = x - x.mean(), y - y.mean()
-    power = float((x @ x) * (y @ y))
-    if power <= 0.0 or abs(float(x @ y)) < SAME * np.sqrt(power):
-        return None
-    return float(x @ y / (x @ x))
-
-
-def _lumps(x: np.ndarray, size: int = 8) -> np.ndarray:
-    """Return means over so many samples, in which noise and lateness matter less."""
-    count = len(x) // size
-    return np.asarray(x[: count * size].reshape(count, size).mean(axis=1))
 
 
 def _noise(view: View) -> list[str]:
@@ -240,9 +176,10 @@ LOOKS: tuple[tuple[Callable[[View], Sequence[str]], str], ...] = (
     (_still, "Leave out channels that are not connected."),
     (_few_counts, FINER),
     (_whole_numbers, UNITS),
-    (_velocities, UNITS),
-    (_angles, UNITS),
-    (_spring, UNITS),
+    (velocities, UNITS),
+    (currents, UNITS),
+    (angles, UNITS),
+    (spring, UNITS),
     (_noise, SPECIFY),
     (lambda view: current_and_command(view)[0], ONE_INSTANT),
     (lambda view: motion_and_torque(view)[0], ONE_INSTANT),

@@ -59,15 +59,15 @@ def current_and_command(view: View) -> tuple[list[str], list[str]]:
             f"different instants. Map i_cmd with samples_late = {1 - rows}."
         ], []
     said = f"i follows i_cmd by {lag:.2g} samples ({1e3 * lag * view.dt:.2g} ms)"
+    if lag <= USUAL:
+        return [], [
+            f"{said}, as in a log that writes each command beside what was measured before it."
+        ]
     if lag * view.dt > LONGEST:
         return [
             f"{said}, longer than a drive takes: their rows belong to different instants. Map i "
             f"with samples_late = {round(lag) - 1}."
         ], []
-    if lag <= USUAL:
-        return [], [
-            f"{said}, as in a log that writes each command beside what was measured before it."
-        ]
     return [], [
         f"{said}: a dead time of the drive, or rows in which command and measurement belong to "
         f"different instants; {WHAT_TO_DO}."

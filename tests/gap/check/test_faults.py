@@ -39,6 +39,30 @@ def in_degrees(table: Table) -> Table:
     return table | {"q_m": np.rad2deg(table["q_m"])}
 
 
+def velocity_beside_degrees(table: Table) -> Table:
+    return in_degrees(table | {"dq_m": np.gradient(table["q_m"], 1e-3)})
+
+
+def against_its_command(table: Table) -> Table:
+    return table | {"i": -table["i"]}
+
+
+def double_current(table: Table) -> Table:
+    return table | {"i": 2.0 * table["i"]}
+
+
+def other_torque(table: Table) -> Table:
+    return table | {"tau_cmd": 0.3 * table["i_cmd"]}
+
+
+def in_rpm(table: Table) -> Table:
+    return table | {"dq_m": 30.0 / np.pi * np.gradient(table["q_m"], 1e-3)}
+
+
+def turned_velocity(table: Table) -> Table:
+    return table | {"dq_m": -np.gradient(table["q_m"], 1e-3)}
+
+
 def in_counts(table: Table) -> Table:
     return table | {"q_m": np.round(table["q_m"] / 1e-3)}
 
@@ -102,6 +126,10 @@ def stale(table: Table) -> Table:
     [
         (half_velocity, "dq_m is 0.5 times the slope of q_m."),
         (in_degrees, "near 180/pi"),
+        (velocity_beside_degrees, "q_m: its slope is 57.3 times dq_m, as if in deg."),
+        (against_its_command, "i: sign turned (i follows i_cmd"),
+        (double_current, "i is 2 times i_cmd."),
+        (other_torque, "tau_cmd is 3 times k_t n i_cmd."),
         (in_counts, "q_m has whole numbers only"),
         (few_counts, "steps of its resolution only"),
         (against, "sign turned"),
@@ -180,6 +208,22 @@ def test_the_mapping_that_a_fault_asks_for_mends_it(tmp_path: Path) -> None:
     again = read_record(tmp_path / "log.npz", mapping=mapping)
     found = examine(again, joint(), get_structure("rigid"))
     assert not any("i_cmd" in fault for fault in found.faults), found.faults
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [(in_rpm, "as if in rpm"), (turned_velocity, "has the sign against the slope of q_m")],
+)
+def test_a_contradiction_is_told_once(spoil: Callable[[Table], Table], said: str) -> None:
+    found = [fault for fault in faults(spoil(columns())) if fault.startswith("dq_m")]
+    assert len(found) == 1
+    assert said in found[0]
+
+
+def test_a_slow_log_has_no_late_current() -> None:
+    table = columns(QUICK, dt=0.05)
+    table["i_cmd"] = np.roll(table["i_cmd"], -1)
+    assert not any("instants" in fault for fault in faults(table))
 
 
 def test_angles_that_differ_by_the_gear_are_found() -> None:
