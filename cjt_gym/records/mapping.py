@@ -14,6 +14,8 @@ A mapping has a table per column of the record. All of its keys are optional:
 `counts_per_rev`    counts of the encoder per revolution, for the units counts and counts/s
 `time`              the log's column with the time of these samples, where they have their own
 `time_unit`         its unit; left out, that of ``t``
+`gain`              for torques that the log has in volts or amperes: what one of these makes, such
+                    as ``{ value = 0.3, unit = "N m/V" }``
 `samples_late`      by how many rows the log writes it late (negative: early), where a row holds
                     values of different instants; need not be whole for what is measured
 ==================  ===========================================================================
@@ -35,7 +37,7 @@ from cjt_gym.disk import read_toml
 from cjt_gym.errors import RecordError, unknown_name
 from cjt_gym.records.columns import COMMANDS, check_one_axis, column_of
 from cjt_gym.records.metadata import checked_facts
-from cjt_gym.records.units import COUNTS, UNITS, unit_of, units_of
+from cjt_gym.records.units import COUNTS, UNITS, Unit, unit_of, units_of
 
 SUFFIX: Final = ".map.toml"
 """Ending of the mapping that is found beside a log of that name."""
@@ -142,6 +144,7 @@ KEYS: Final = (
     "counts_per_rev",
     "time",
     "time_unit",
+    "gain",
     "samples_late",
 )
 LATEST: Final = 1000
@@ -168,8 +171,8 @@ def _column(owner: str, name: str, given: object, n: float | None) -> ColumnSour
     for key in ("source", "unit", "side", "time", "time_unit"):
         if not isinstance(given.get(key, ""), str):
             raise RecordError(f"{key} of {what} must be a string, got {given[key]!r}.")
-    unit_name = given.get("unit", units_of(name)[0])
-    unit = unit_of(name, unit_name, f"unit of {what}")
+    unit_name = str(given.get("unit", "V" if "gain" in given else units_of(name)[0]))
+    unit = _gained(what, name, given) or unit_of(name, unit_name, f"unit of {what}")
     gain = unit.factor * _sign(what, given) * _number(f"scale of {what}", given.get("scale", 1.0))
     turn = UNITS["rev"].factor if unit.si == "rad" else 0.0
     if unit_name in COUNTS:
@@ -188,6 +191,30 @@ def _column(owner: str, name: str, given: object, n: float | None) -> ColumnSour
         time_unit=given.get("time_unit"),
         samples_late=_late(what, name, given.get("samples_late", 0.0)),
     )
+
+
+def _gained(what: str, name: str, given: Mapping[str, Any]) -> Unit | None:
+    """Return the unit of a torque that the log has in volts or amperes; None without a gain."""
+    if "gain" not in given:
+        return None
+    gain = given["gain"]
+    if not isinstance(gain, Mapping) or set(gain) != {"value", "unit"}:
+        raise RecordError(
+            f'gain of {what} must look like {{ value = 0.3, unit = "N m/V" }}, got {gain!r}.'
+        )
+    torques = [unit for unit in column_of(name).units if unit in ("N m", "N")]
+    known = [f"{torque}/{source}" for torque in torques for source in ("V", "A")]
+    if gain["unit"] not in known:
+        allowed = f"must be one of {', '.join(known)}" if known else "is for torques only"
+        raise RecordError(f"The unit of gain of {what} {allowed}, got {gain['unit']!r}.")
+    torque, source = gain["unit"].split("/")
+    log = given.get("unit", source)
+    if log not in UNITS or UNITS[log].si != source:
+        raise RecordError(
+            f"unit of {what} must be {source} or m{source}, as its gain is in {gain['unit']}, "
+            f"got {log!r}."
+        )
+    return Unit(torque, UNITS[log].factor * _number(f"value of gain of {what}", gain["value"]))
 
 
 def _number(what: str, value: object, zero: bool = False) -> float:

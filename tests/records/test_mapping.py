@@ -196,6 +196,40 @@ def test_bad_mappings(mapping: dict[str, Any], message: str, tmp_path: Path) -> 
         read_log(log, mapping=mapping)
 
 
+def test_a_torque_may_be_logged_in_volts(tmp_path: Path) -> None:
+    path = write_log(tmp_path)
+    gain = {"value": 0.5, "unit": "N m/V"}
+    columns = {
+        "tau_cmd": {"source": "cur_mA", "unit": "mV", "gain": gain, "sign": -1},
+        "tau": {"source": "adc", "gain": gain, "side": "motor", "offset": 512},
+    }
+    record = read_record(path, mapping={"columns": columns, "n": 10, "dt": 1e-3})
+    assert dict(record.units) == {"tau_cmd": "N m", "tau": "N m"}
+    np.testing.assert_allclose(record["tau_cmd"], -0.5e-3 * (1e3 * DQ + 20.0), atol=1e-9)
+    np.testing.assert_allclose(record["tau"], 0.5 * 10.0 * 4000.0 * Q, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("column", "changes", "message"),
+    [
+        ("tau", {"gain": 0.5}, "gain of columns.tau of the mapping must look like"),
+        ("tau", {"gain": {"value": 0.5, "unit": "rad/V"}}, "must be one of N m/V, N m/A, N/V, N/A"),
+        ("q_m", {"gain": {"value": 0.5, "unit": "N m/V"}}, "gain of .* is for torques only"),
+        ("tau", {"gain": {"value": 0, "unit": "N m/V"}}, "value of gain of .* must not be 0"),
+        (
+            "tau",
+            {"gain": {"value": 1.0, "unit": "N m/V"}, "unit": "A"},
+            "unit of .* must be V or mV, as its gain is in N m/V, got 'A'",
+        ),
+    ],
+)
+def test_gains_that_make_no_sense_are_refused(
+    column: str, changes: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(RecordError, match=message):
+        load_mapping({"columns": {column: {"source": "x", **changes}}})
+
+
 @pytest.mark.parametrize("rows", [9, 1000])
 def test_columns_of_other_instants_are_put_into_the_rows_of_theirs(
     tmp_path: Path, rows: int

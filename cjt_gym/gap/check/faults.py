@@ -11,6 +11,7 @@ from cjt_gym.gap.check.contradictions import angles, currents, spring, velocitie
 from cjt_gym.gap.check.friction import TURN, one_way, two_ways
 from cjt_gym.gap.check.instants import current_and_command, motion_and_torque
 from cjt_gym.gap.check.resonances import gear_resonance, resonance
+from cjt_gym.gap.check.torque_sensor import at_rest, without_spring
 from cjt_gym.gap.check.view import View
 from cjt_gym.gap.orient import orient
 from cjt_gym.records import clean_pieces
@@ -191,5 +192,7 @@ LOOKS: tuple[tuple[Callable[[View], Sequence[str]], str], ...] = (
 NOTES: tuple[Callable[[View], Sequence[str]], ...] = (
     lambda view: current_and_command(view)[1],
     lambda view: motion_and_torque(view)[1],
+    without_spring,
+    at_rest,
 )
 """Where what is worth knowing is looked for."""

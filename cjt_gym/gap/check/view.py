@@ -203,17 +203,18 @@ class View:
             self.value("k_b", 1.0),
             torque,
             noise,
-            self._driving,
+            self.driving,
         )
 
-    def _driving(self, piece: Columns) -> Floats:
+    def driving(self, piece: Columns) -> Floats:
+        """Return the motor's torque, of the channels of a stretch."""
         if self.drive is None:
             return np.zeros(len(piece["t"]))
         return np.asarray(self.torque_per_input * piece[self.drive])
 
     def motor_torque(self, piece: Columns) -> Floats:
         """Return the torque that moves the motor side, of the channels of a stretch."""
-        torque = self._driving(piece)
+        torque = self.driving(piece)
         return np.asarray(torque - piece["tau"] if self.cut else torque + piece.get("tau_l", 0.0))
 
     def _load_torque(self, piece: Columns) -> Floats:

@@ -136,6 +136,8 @@ def _even(grid: Floats, t: Floats, x: Floats) -> Floats:
 def _driving(record: Record, even: dict[str, Floats], file: JointFile) -> tuple[Drive, Floats]:
     """Return which channel drives the joint, and the current or voltage that it stands for."""
     p = file.parameters
+    if p.takes_volts and "v" in even:
+        return "i_cmd", even["v"]
     if "i" in even:
         return "i", even["i"]
     if "i_cmd" in even:
@@ -147,7 +149,8 @@ def _driving(record: Record, even: dict[str, Floats], file: JointFile) -> tuple[
         return "v", even["v"]
     raise RecordError(
         f"{record.owner} must have one of i [A], i_cmd [A], tau_m [N m], tau_cmd [N m], or v [V] "
-        f"with the resistance r of the joint. Columns there: {', '.join(record.columns)}."
+        "with the resistance r of the joint or its k_t in N m/V. Columns there: "
+        f"{', '.join(record.columns)}."
     )
 
 

@@ -1,4 +1,4 @@
-"""How sure the numbers of a joint file are: from the coordinates of a fit to entries of the file."""
+"""How sure the numbers of a joint file are, from how sure the coordinates of a fit are."""
 
 from __future__ import annotations
 
