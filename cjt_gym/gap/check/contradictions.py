@@ -44,7 +44,11 @@ def velocities(view: View) -> list[str]:
 
 def _is_told(view: View, angle: str, velocity: str) -> bool:
     """Return whether reading a record has noticed that a velocity contradicts its angle."""
-    told = (repair for r in view.records for repair in doubts(dict(r.columns), r.dt))
+    told = (
+        repair
+        for r in view.records
+        for repair in doubts({name: r[name] for name in r.columns}, r.dt)
+    )
     return any(
         repair.channel == "t" or (repair.channel in (angle, velocity) and ("slope" in repair.text))
         for repair in told

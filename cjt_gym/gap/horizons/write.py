@@ -21,6 +21,8 @@ from cjt_gym.joint.quantity import Setting as Entry
 
 Floats = NDArray[np.float64]
 DIGITS = 8
+RARE = 1e-3
+"""Share of the samples that are faster one way, most of them glitches of a derivative."""
 
 
 def joint_of(judged: Judgement, effects: Sequence[NamedEffect], record: str) -> JointFile:
@@ -37,10 +39,10 @@ def joint_of(judged: Judgement, effects: Sequence[NamedEffect], record: str) -> 
         return nominal
     scatter = _scatter(judged)
     intervals = {
-        (e.name, symbol): interval for e in effects for symbol, interval in e.parameters.items()
+        f"{e.name}.{symbol}": interval for e in effects for symbol, interval in e.parameters.items()
     }
     if scatter is not None:
-        intervals = {tuple(name.split(".")): ends for name, ends in scatter.intervals().items()}
+        intervals = scatter.intervals()
     table: dict[str, dict[str, Entry]] = {n: dict(v) for n, v in nominal.effects.items()}
     for name in table.keys() - answer.effects.keys():
         if EFFECTS[name].excludes and set(EFFECTS[name].excludes) & answer.effects.keys():
@@ -66,7 +68,7 @@ def _entry(
     symbol: str,
     value: object,
     source: str,
-    intervals: dict[tuple[str, ...], Interval],
+    intervals: dict[str, Interval],
 ) -> Quantity:
     parameter = EFFECTS[effect].parameter(symbol)
     assert parameter is not None
@@ -74,7 +76,7 @@ def _entry(
     if isinstance(value, tuple):
         return Quantity(tuple(_short(x) for x in value), unit, source)
     number = _short(float(value))  # type: ignore[arg-type]
-    known = intervals.get((effect, symbol))
+    known = intervals.get(f"{effect}.{symbol}")
     if known is None:
         return Quantity(number, unit, source)
     low, strict, high = EFFECTS[effect].domain(parameter)
@@ -89,13 +91,14 @@ def found_at(judged: Judgement) -> FrozenMapping[Plain]:
     """Return the ranges in which the joint was found, and the covariance of its numbers."""
     logs = judged.case.logs
     speed = np.concatenate([log.speed[log.whole] for log in logs])
+    ends = np.quantile(speed, [RARE, 1.0 - RARE])
     p = judged.case.joint.parameters
     gain = p.k_t * p.n / (p.r if logs[0].voltage else 1.0)
     torque = np.concatenate([gain * log.command[log.whole] for log in logs])
     top = max(frequency_of(log.command, log.dt) for log in logs)
     unit, force = ("m/s", "N") if p.axis == "prismatic" else ("rad/s", "N m")
     found: dict[str, object] = {
-        "speed": {"low": _short(speed.min()), "high": _short(speed.max()), "unit": unit},
+        "speed": {"low": _short(ends[0]), "high": _short(ends[1]), "unit": unit},
         "torque": {"low": _short(torque.min()), "high": _short(torque.max()), "unit": force},
         "frequency": {"low": 0.0, "high": _short(top), "unit": "Hz"},
     }

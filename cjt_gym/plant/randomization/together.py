@@ -86,7 +86,7 @@ def _mixtures(correlation: NDArray[np.float64]) -> list[dict[str, float]]:
         return []
     size, ways = np.linalg.eigh(correlation)
     root = ways * np.sqrt(np.maximum(size, 0.0))
-    weights = np.linalg.qr(root.T, mode="r").T
+    weights = np.asarray(np.linalg.qr(root.T, mode="r")).T
     weights *= np.where(np.diag(weights) < 0.0, -1.0, 1.0)
     weights[np.abs(weights) < WEAK] = 0.0
     weights /= np.linalg.norm(weights, axis=1, keepdims=True)

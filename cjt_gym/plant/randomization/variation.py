@@ -148,7 +148,7 @@ class Variation:
             object.__setattr__(self, "group", tuple(self.group))
             object.__setattr__(self, "correlation", _series("correlation", self.correlation))
         names = [name for name, _ in self.weights_of_groups]
-        if len(set(names)) != len(names) or not all(isinstance(n, str) and n for n in names):
+        if len(set(names)) != len(names) or not all(names):
             raise ConfigurationError(
                 f"group must be a name, or several different ones, got {self.group!r}."
             )
