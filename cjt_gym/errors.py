@@ -18,6 +18,7 @@ __all__ = [
     "ConfigurationError",
     "HardwareError",
     "MissingFileError",
+    "OutsideFoundWarning",
     "ParameterError",
     "ProtocolError",
     "RecordError",
@@ -34,6 +35,10 @@ class CjtGymError(Exception):
 
 class CjtGymWarning(UserWarning):
     """Something that runs, and is hardly what was meant."""
+
+
+class OutsideFoundWarning(CjtGymWarning):
+    """A simulation leaves the ranges at which a diagnosis found the joint."""
 
 
 class ParameterError(CjtGymError, ValueError):

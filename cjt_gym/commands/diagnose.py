@@ -160,12 +160,14 @@ def _make(folder: Path) -> None:
 
 def joint_text(diagnosis: Diagnosis, name: str) -> str:
     """Return the text of joint.toml: the identified joint, with what its reader should know."""
+    joint = diagnosis.joint
     doubtful = [e.name for e in diagnosis.effects if e.status == "tentative"]
     lines = [
         f"The joint as a diagnosis of {name} found it: the nominal one with the named effects, "
         f"{len(diagnosis.effects) or 'none'} here.",
         f"Verdict: {diagnosis.verdict}.",
-        'low and high are 95 % intervals; randomization = "identified" draws within them.',
+        'low and high are 95 % intervals; randomization = "identified" draws '
+        + ("as found.covariance says." if "covariance" in joint.found else "within them."),
         "Values within their datasheet tolerance are refined where the record tells them better;",
         "their sources say from what.",
     ]
@@ -173,7 +175,7 @@ def joint_text(diagnosis: Diagnosis, name: str) -> str:
         lines.append(f"Tentative: {', '.join(doubtful)}.")
     if diagnosis.unexplained.stage is not None:
         lines.append(f"Not in here: {diagnosis.unexplained.text}")
-    return "".join(f"# {line}\n" for line in lines) + to_toml(diagnosis.joint)
+    return "".join(f"# {line}\n" for line in lines) + to_toml(joint)
 
 
 class Teller:

@@ -22,6 +22,7 @@ from cjt_gym.joint.files import JointFile, load_joint_file
 from cjt_gym.joint.friction import LOAD, note_friction, sliding_friction
 from cjt_gym.joint.kernel import simulate
 from cjt_gym.joint.load_forces import contact_torque
+from cjt_gym.joint.outside import frequency_of, is_told, tell_outside
 from cjt_gym.joint.parameters import JointParameters
 from cjt_gym.joint.ripple import ripple_torque
 from cjt_gym.joint.structures import Structure, get_structure
@@ -244,8 +245,14 @@ class Joint:
             dt: Sample time [s].
             seed: Seed of the sensors' noise.
             **known: What else belongs to its provenance.
+
+        Warns:
+            OutsideFoundWarning: The simulation leaves the ranges that the joint file states under
+                [found]; once per joint.
         """
         p = self.parameters
+        if not is_told(self.file):
+            tell_outside(self.file, self._met(columns, dt))
         kept = {n: v for n, v in columns.items() if not (p.takes_volts and n in ("i", "true_i"))}
         units = default_units(tuple(kept), prismatic=p.axis == "prismatic")
         if p.takes_volts and "i_cmd" in units:
@@ -266,6 +273,20 @@ class Joint:
             sensors={n: v for n, v in self.file.sensors.items() if n in kept},
             provenance={"kind": "simulation", "drive": self.drive, "effects": effects, **known},
         )
+
+    def _met(self, columns: Mapping[str, Floats], dt: float) -> dict[str, tuple[float, float]]:
+        """Return between which values a simulation was, by quantity."""
+        p, met = self.parameters, {}
+        if "v" in columns:
+            torque = columns["v"] * p.k_t * p.n / p.r
+        else:
+            torque = columns["i_cmd"] * p.k_t * p.n
+        for name, x in (("speed", columns.get("true_dq_m")), ("torque", torque)):
+            if x is not None and len(x):
+                met[name] = (float(x.min()), float(x.max()))
+        if len(torque):
+            met["frequency"] = (0.0, frequency_of(torque, dt))
+        return met
 
 
 def load_joint(

@@ -18,6 +18,7 @@ from cjt_gym.joint.configure import FIELDS
 from cjt_gym.joint.discretize import SCRATCH, discretize
 from cjt_gym.joint.heat import temper
 from cjt_gym.joint.kernel import restart
+from cjt_gym.joint.outside import is_told, tell_outside
 from cjt_gym.plant.measurement import Limits, Measurement
 from cjt_gym.plant.randomization import Randomization, resolve_randomization
 from cjt_gym.plant.randomization.draw import LINEAR, NOTHING, Draws, Program, refresh, write
@@ -298,9 +299,21 @@ class SimulatedPlant:
 
     def restart(self, mask: NDArray[np.bool_], start: Floats, load: Floats) -> None:
         """Do what `reset` does, without building a measurement."""
+        if not is_told(self.joint.file):
+            self._look(mask)
         self.redraw(mask)
         restart_some(self.batch.arrays, self.batch.setup, mask, start, load)
         self.batch.renew(mask)
+
+    def _look(self, mask: NDArray[np.bool_]) -> None:
+        """Say if joints end an episode where the joint was not found."""
+        arrays = self.batch.arrays
+        ended = mask & (arrays.samples > 0)
+        if ended.any():
+            speed, torque = arrays.state[ended, 3], arrays.commands[ended, :, 0]
+            torque = self._torque_per_ampere * torque
+            met = {name: (x.min(), x.max()) for name, x in (("speed", speed), ("torque", torque))}
+            tell_outside(self.joint.file, met)
 
     def redraw(self, mask: NDArray[np.bool_] | None = None) -> None:
         """Draw the parameters of joints anew, without restarting them.

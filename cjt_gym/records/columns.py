@@ -21,6 +21,10 @@ ROTARY: Final = frozenset({"rad", "rad/s", "N m"})
 PRISMATIC: Final = frozenset({"m", "m/s", "N"})
 
 
+COMMANDS: Final = ("i_cmd", "i_extra", "tau_cmd", "tau_ref", "q_ref")
+"""Columns whose value holds until the next one; the others are measured, and move in between."""
+
+
 @dataclass(frozen=True)
 class Column:
     """A channel that a record may hold.

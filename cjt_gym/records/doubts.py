@@ -51,7 +51,7 @@ def doubts(columns: Columns, dt: float) -> list[Repair]:
         text = f"t: a sample every {dt:.3g} s. If these are milliseconds, map t with unit = 'ms'."
         found.append(Repair("unit", "t", len(next(iter(columns.values()))), False, text))
     for angle, velocity in PAIRS:
-        if angle in columns and velocity in columns:
+        if angle in columns and velocity in columns and dt <= SLOW_LOG:
             found.append(_against_slope(angle, velocity, columns, dt))
     return [repair for repair in found if repair is not None]
 
@@ -121,6 +121,12 @@ def _against_slope(angle: str, velocity: str, columns: Columns, dt: float) -> Re
                 f"with unit = '{unit}'."
             )
             return Repair("unit", velocity, len(v), False, text)
+    if abs(ratio * 180.0 / pi - 1.0) < 0.1:
+        text = (
+            f"{angle}: its slope is {1.0 / ratio:.4g} times {velocity}, as if in deg. Map it with "
+            "unit = 'deg'."
+        )
+        return Repair("unit", angle, len(q), False, text)
     if abs(lag) > LATE:
         when = "late" if lag > 0 else "early"
         text = (

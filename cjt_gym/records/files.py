@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from cjt_gym.disk import whole
 from cjt_gym.errors import RecordError, unknown_name
+from cjt_gym.records.alignment import aligned
 from cjt_gym.records.formats import FORMATS, Table, format_of
 from cjt_gym.records.mapping import SUFFIX, ColumnMapping, load_mapping
 from cjt_gym.records.metadata import metadata_text, read_metadata
@@ -55,6 +56,7 @@ def read_record(
     else:
         content = joined(format_of(path).stream(path, ROWS))
         columns = mapped(chosen, content, clock(chosen, content, str(path)), str(path))
+        columns = joined(aligned([columns], chosen.late))
         facts = facts_of(path, chosen)
         facts["units"] = {name: facts["units"].get(name, "s") for name in columns}
     return Record(columns=columns, allow_nan=allow_nan, origin=path, **facts)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from cjt_gym.errors import RecordError
+from cjt_gym.records.alignment import aligned
 from cjt_gym.records.checks import FloatArray
 from cjt_gym.records.columns import COLUMNS, TRUE_PREFIX, default_units
 from cjt_gym.records.files import (
@@ -55,8 +56,8 @@ class Log:
 
     def columns(self, rows: int) -> Iterator[dict[str, FloatArray]]:
         """Yield the columns in SI units, in pieces of so many rows of the file."""
-        for table in format_of(self.path).stream(self.path, rows):
-            yield self._in_si(table)
+        pieces = map(self._in_si, format_of(self.path).stream(self.path, rows))
+        return aligned(pieces, {} if self.mapping is None else self.mapping.late)
 
     def records(
         self, columns: Mapping[str, FloatArray]

@@ -14,6 +14,10 @@ A mapping has a table per column of the record. All of its keys are optional:
 `counts_per_rev`    counts of the encoder per revolution, for the units counts and counts/s
 `time`              the log's column with the time of these samples, where they have their own
 `time_unit`         its unit; left out, that of ``t``
+`gain`              for torques that the log has in volts or amperes: what one of these makes, such
+                    as ``{ value = 0.3, unit = "N m/V" }``
+`samples_late`      by how many rows the log writes it late (negative: early), where a row holds
+                    values of different instants; need not be whole for what is measured
 ==================  ===========================================================================
 
 Beside the table `columns` stand the gear ratio `n` and whatever the TOML file of a record may hold:
@@ -31,9 +35,9 @@ from typing import Any, Final
 
 from cjt_gym.disk import read_toml
 from cjt_gym.errors import RecordError, unknown_name
-from cjt_gym.records.columns import check_one_axis, column_of
+from cjt_gym.records.columns import COMMANDS, check_one_axis, column_of
 from cjt_gym.records.metadata import checked_facts
-from cjt_gym.records.units import COUNTS, UNITS, unit_of, units_of
+from cjt_gym.records.units import COUNTS, UNITS, Unit, unit_of, units_of
 
 SUFFIX: Final = ".map.toml"
 """Ending of the mapping that is found beside a log of that name."""
@@ -55,6 +59,7 @@ class ColumnSource:
         turn: One revolution of an encoder in the record's unit; 0 where it is no angle.
         time: Name of the log's column with its time; None for that of the record.
         time_unit: Unit of that time; None for that of the record's.
+        samples_late: Rows by which the log writes it late.
     """
 
     source: str
@@ -65,6 +70,7 @@ class ColumnSource:
     turn: float
     time: str | None
     time_unit: str | None
+    samples_late: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -85,6 +91,11 @@ class ColumnMapping:
     def units(self) -> dict[str, str]:
         """Unit of every column of the record."""
         return {name: column.unit for name, column in self.columns.items()}
+
+    @property
+    def late(self) -> dict[str, float]:
+        """Rows by which the log writes columns late, of those that it does."""
+        return {n: column.samples_late for n, column in self.columns.items() if column.samples_late}
 
 
 def load_mapping(mapping: str | Path | Mapping[str, Any]) -> ColumnMapping:
@@ -133,7 +144,11 @@ KEYS: Final = (
     "counts_per_rev",
     "time",
     "time_unit",
+    "gain",
+    "samples_late",
 )
+LATEST: Final = 1000
+"""Rows by which a column may be late at most."""
 
 
 def _column(owner: str, name: str, given: object, n: float | None) -> ColumnSource:
@@ -156,8 +171,8 @@ def _column(owner: str, name: str, given: object, n: float | None) -> ColumnSour
     for key in ("source", "unit", "side", "time", "time_unit"):
         if not isinstance(given.get(key, ""), str):
             raise RecordError(f"{key} of {what} must be a string, got {given[key]!r}.")
-    unit_name = given.get("unit", units_of(name)[0])
-    unit = unit_of(name, unit_name, f"unit of {what}")
+    unit_name = str(given.get("unit", "V" if "gain" in given else units_of(name)[0]))
+    unit = _gained(what, name, given) or unit_of(name, unit_name, f"unit of {what}")
     gain = unit.factor * _sign(what, given) * _number(f"scale of {what}", given.get("scale", 1.0))
     turn = UNITS["rev"].factor if unit.si == "rad" else 0.0
     if unit_name in COUNTS:
@@ -174,7 +189,32 @@ def _column(owner: str, name: str, given: object, n: float | None) -> ColumnSour
         turn=turn * geared,
         time=given.get("time"),
         time_unit=given.get("time_unit"),
+        samples_late=_late(what, name, given.get("samples_late", 0.0)),
     )
+
+
+def _gained(what: str, name: str, given: Mapping[str, Any]) -> Unit | None:
+    """Return the unit of a torque that the log has in volts or amperes; None without a gain."""
+    if "gain" not in given:
+        return None
+    gain = given["gain"]
+    if not isinstance(gain, Mapping) or set(gain) != {"value", "unit"}:
+        raise RecordError(
+            f'gain of {what} must look like {{ value = 0.3, unit = "N m/V" }}, got {gain!r}.'
+        )
+    torques = [unit for unit in column_of(name).units if unit in ("N m", "N")]
+    known = [f"{torque}/{source}" for torque in torques for source in ("V", "A")]
+    if gain["unit"] not in known:
+        allowed = f"must be one of {', '.join(known)}" if known else "is for torques only"
+        raise RecordError(f"The unit of gain of {what} {allowed}, got {gain['unit']!r}.")
+    torque, source = gain["unit"].split("/")
+    log = given.get("unit", source)
+    if log not in UNITS or UNITS[log].si != source:
+        raise RecordError(
+            f"unit of {what} must be {source} or m{source}, as its gain is in {gain['unit']}, "
+            f"got {log!r}."
+        )
+    return Unit(torque, UNITS[log].factor * _number(f"value of gain of {what}", gain["value"]))
 
 
 def _number(what: str, value: object, zero: bool = False) -> float:
@@ -183,6 +223,20 @@ def _number(what: str, value: object, zero: bool = False) -> float:
     if value == 0 and not zero:
         raise RecordError(f"{what} must not be 0.")
     return float(value)
+
+
+def _late(what: str, name: str, value: object) -> float:
+    late = _number(f"samples_late of {what}", value, zero=True)
+    if abs(late) > LATEST:
+        raise RecordError(
+            f"samples_late of {what} must be within {LATEST} rows either way, got {late:g}."
+        )
+    if name in COMMANDS and late != round(late):
+        raise RecordError(
+            f"samples_late of {what} must be a whole number, as a command holds its value between "
+            f"rows, got {late:g}."
+        )
+    return late
 
 
 def _sign(what: str, given: Mapping[str, Any]) -> float:

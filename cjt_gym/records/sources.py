@@ -11,14 +11,12 @@ from numpy.typing import NDArray
 
 from cjt_gym.errors import RecordError, unknown_name
 from cjt_gym.records.checks import FloatArray
-from cjt_gym.records.columns import TRUE_PREFIX
+from cjt_gym.records.columns import COMMANDS, TRUE_PREFIX
 from cjt_gym.records.mapping import ColumnMapping, ColumnSource
 from cjt_gym.records.tables.flat import NUMBERS
 from cjt_gym.records.tables.mcap_table import LOG_TIME, clock_of
 from cjt_gym.records.units import UNITS
 
-COMMANDS = ("i_cmd", "i_extra", "tau_cmd", "tau_ref", "q_ref")
-"""Columns whose value holds until the next one; the others are measured, and move in between."""
 LONGEST_HOLE = 2.5
 """Distance of samples, in their median, over which a value in between is missing."""
 EPOCH = 1e6

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy import special, stats
 
 from cjt_gym import load_joint
-from cjt_gym.errors import CjtGymError, ConfigurationError, UnknownNameError
+from cjt_gym.errors import CjtGymError, ConfigurationError, ParameterError, UnknownNameError
 from cjt_gym.joint import STRUCTURES, Joint, joint_names, load_joint_file
 from cjt_gym.joint.arrays import K_M
 from cjt_gym.joint.batch import CHANNEL_DELAYS
@@ -436,6 +436,88 @@ def test_identified_without_tolerances_says_what_to_do() -> None:
         resolve_randomization(joint(), "identified")
     emps = load_joint("emps", "rigid")
     assert set(resolve_randomization(emps, "identified")) == {"I_m"}
+
+
+FOUND = """
+[effects.coulomb]
+d_cm = { value = 2.0, unit = "N m", low = 1.0, high = 3.0 }
+
+[effects.torque_bias]
+bias = { value = 0.5, unit = "N m", low = 0.1, high = 0.9 }
+
+[found.covariance]
+names = ["coulomb.d_cm", "damping.d_m", "torque_constant.k_t", "inertia.I_m"]
+values = [2.0, 3.0, 0.041, 0.5]
+matrix = [[0.04, 0.054, 0.0, 0.0], [0.054, 0.09, 0.0, -0.0045],
+          [0.0, 0.0, 4e-6, 0.0], [0.0, -0.0045, 0.0, 2.5e-3]]
+"""
+
+
+def found_joint(path: Path, text: str = FOUND, **arguments: Any) -> Joint:
+    """Return a joint with a stated covariance; its damping is the effect's own, 3 N m s/rad."""
+    file = to_toml(load_joint_file(NAME)).partition("\n[effects")[0]
+    more = '[effects.damping]\nd_m = { value = 3.0, unit = "N m s/rad" }\n'
+    more += '[effects.inertia]\nI_m = { value = 0.5, unit = "kg m^2" }\n'
+    path.write_text(f"{file}\n{more}{text}")
+    return load_joint(path, STRUCTURE, **arguments)
+
+
+def test_identified_draws_together_what_has_a_covariance(tmp_path: Path) -> None:
+    p = SimulatedPlant(found_joint(tmp_path / "j.toml"), 20000, randomization="identified")
+    p.reset(seed=1)
+    v = p.drawn()
+    names = ["coulomb.d_cm", "damping.d_m", "inertia.I_m"]
+    table = np.array([v[name] for name in names])
+    stated = np.array([[0.04, 0.054, 0.0], [0.054, 0.09, -0.0045], [0.0, -0.0045, 2.5e-3]])
+    size = np.sqrt(np.diag(stated))
+    np.testing.assert_allclose(table.mean(axis=1), [2.0, 3.0, 0.5], atol=0.02)
+    np.testing.assert_allclose(table.std(axis=1), size, rtol=0.03)
+    np.testing.assert_allclose(np.corrcoef(table), stated / np.outer(size, size), atol=0.03)
+    assert abs(np.corrcoef(v["torque_bias.bias"], v["coulomb.d_cm"])[0, 1]) < 0.03
+    assert 0.1 <= v["torque_bias.bias"].min() < v["torque_bias.bias"].max() <= 0.9
+    assert "torque_constant.k_t" not in v  # no effect of this joint
+
+
+def test_a_value_that_is_no_longer_the_found_one_is_not_drawn(tmp_path: Path) -> None:
+    other = found_joint(tmp_path / "j.toml", effects={"coulomb": {"d_cm": 1.0}, "damping": {}})
+    spec = resolve_randomization(other, "identified")
+    assert set(spec) == {"damping.d_m"}
+    again = Variation(**spec["damping.d_m"].to_dict())
+    assert again == spec["damping.d_m"]
+
+
+def test_joint_draws_stay_where_a_number_may_be(tmp_path: Path) -> None:
+    wide = FOUND.replace("[0.04, 0.054", "[4.0, 0.54").replace("[0.054, ", "[0.54, ")
+    p = SimulatedPlant(found_joint(tmp_path / "j.toml", wide), NUM, randomization="identified")
+    p.reset(seed=1)
+    v = p.drawn()
+    assert 0.0 <= v["coulomb.d_cm"].min() < 0.1
+    assert np.corrcoef(v["coulomb.d_cm"], v["damping.d_m"])[0, 1] > 0.8
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("0.09, 0.0, -0.0045]", "0.09, 0.0]", "matrix of .* must be 4 x 4 finite numbers"),
+        ("[0.054, 0.09", "[0.01, 0.09", "symmetric and without negative variances"),
+        ("0.054", "0.07", "symmetric and without negative variances"),
+        ("values = [2.0", "value = [2.0", "must have names, values and matrix"),
+    ],
+)
+def test_a_table_that_is_no_covariance_is_refused(
+    tmp_path: Path, old: str, new: str, words: str
+) -> None:
+    broken = found_joint(tmp_path / "j.toml", FOUND.replace(old, new))
+    with pytest.raises(ParameterError, match=words):
+        resolve_randomization(broken, "identified")
+
+
+def test_a_mixture_of_groups_has_the_stated_correlations() -> None:
+    spec = {"distribution": "normal", "mean": 1.0, "std": 0.01}
+    mixed = spec | {"group": ["a", "b"], "correlation": [0.6, -0.7]}
+    v = drawn({"k_b": spec | {"group": "a"}, "d_m": spec | {"group": "b"}, "I_m": mixed})
+    found = np.corrcoef([v["k_b"], v["d_m"], v["I_m"]])[2, :2]
+    np.testing.assert_allclose(found, [0.6, -0.7], atol=0.05)
 
 
 # ------------------------------------------------------------------------------- refusals

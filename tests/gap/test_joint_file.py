@@ -230,6 +230,7 @@ ROUGHER = {"spring_hysteresis": 0.1}
 """The same where the kernel has another shape of the law: its loops have exponent 1."""
 
 
+@pytest.mark.filterwarnings("ignore::cjt_gym.errors.OutsideFoundWarning")
 @pytest.mark.slow
 @pytest.mark.parametrize("hidden", HIDDEN)
 def test_the_kernel_follows_a_foreign_joint_as_well_as_the_replay(

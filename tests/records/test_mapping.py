@@ -11,7 +11,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cjt_gym.errors import RecordError
-from cjt_gym.records import UNITS, convert, load_mapping, read_log, read_record, units_of
+from cjt_gym.records import (
+    UNITS,
+    convert,
+    iter_record,
+    load_mapping,
+    read_log,
+    read_record,
+    units_of,
+)
 from cjt_gym.records.columns import COLUMNS
 
 T = np.arange(500) * 1e-3
@@ -186,6 +194,81 @@ def test_bad_mappings(mapping: dict[str, Any], message: str, tmp_path: Path) -> 
         read_record(log, mapping=mapping)
     with pytest.raises(RecordError, match=message):
         read_log(log, mapping=mapping)
+
+
+def test_a_torque_may_be_logged_in_volts(tmp_path: Path) -> None:
+    path = write_log(tmp_path)
+    gain = {"value": 0.5, "unit": "N m/V"}
+    columns = {
+        "tau_cmd": {"source": "cur_mA", "unit": "mV", "gain": gain, "sign": -1},
+        "tau": {"source": "adc", "gain": gain, "side": "motor", "offset": 512},
+    }
+    record = read_record(path, mapping={"columns": columns, "n": 10, "dt": 1e-3})
+    assert dict(record.units) == {"tau_cmd": "N m", "tau": "N m"}
+    np.testing.assert_allclose(record["tau_cmd"], -0.5e-3 * (1e3 * DQ + 20.0), atol=1e-9)
+    np.testing.assert_allclose(record["tau"], 0.5 * 10.0 * 4000.0 * Q, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("column", "changes", "message"),
+    [
+        ("tau", {"gain": 0.5}, "gain of columns.tau of the mapping must look like"),
+        ("tau", {"gain": {"value": 0.5, "unit": "rad/V"}}, "must be one of N m/V, N m/A, N/V, N/A"),
+        ("q_m", {"gain": {"value": 0.5, "unit": "N m/V"}}, "gain of .* is for torques only"),
+        ("tau", {"gain": {"value": 0, "unit": "N m/V"}}, "value of gain of .* must not be 0"),
+        (
+            "tau",
+            {"gain": {"value": 1.0, "unit": "N m/V"}, "unit": "A"},
+            "unit of .* must be V or mV, as its gain is in N m/V, got 'A'",
+        ),
+    ],
+)
+def test_gains_that_make_no_sense_are_refused(
+    column: str, changes: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(RecordError, match=message):
+        load_mapping({"columns": {column: {"source": "x", **changes}}})
+
+
+@pytest.mark.parametrize("rows", [9, 1000])
+def test_columns_of_other_instants_are_put_into_the_rows_of_theirs(
+    tmp_path: Path, rows: int
+) -> None:
+    path = write_log(tmp_path)
+    mapping: dict[str, Any] = {
+        "columns": {
+            "t": {"source": "time_ms", "unit": "ms"},
+            "q_m": {"source": "time_ms", "samples_late": 2},
+            "q_l": {"source": "time_ms", "samples_late": 0.25},
+            "i_cmd": {"source": "time_ms", "samples_late": -3},
+        }
+    }
+    whole = read_record(path, mapping=mapping)
+    log, _ = read_log(path, mapping)
+    pieces = list(iter_record(path, rows, mapping))
+    assert whole.t[0] == pytest.approx(T[3])
+    assert whole.t[-1] == pytest.approx(T[-3])
+    for name, late in (("q_m", 2.0), ("q_l", 0.25), ("i_cmd", -3.0)):
+        np.testing.assert_allclose(whole[name], 1e3 * whole.t + late, atol=1e-9)
+        np.testing.assert_array_equal(log[0][name], whole[name])
+        np.testing.assert_array_equal(np.concatenate([p[name] for p in pieces]), whole[name])
+
+
+@pytest.mark.parametrize(
+    ("column", "late", "message"),
+    [
+        ("q_m", "1", "samples_late of columns.q_m of the mapping must be a number"),
+        ("q_m", 1001, "must be within 1000 rows either way, got 1001"),
+        ("i_cmd", 0.5, "must be a whole number, as a command holds its value"),
+        ("q_m", 600, "samples_late moves columns by up to 600 rows, and the log has no more"),
+    ],
+)
+def test_shifts_that_make_no_sense_are_refused(
+    tmp_path: Path, column: str, late: Any, message: str
+) -> None:
+    mapping = {"columns": {column: {"source": "time_ms", "samples_late": late}}, "dt": 1e-3}
+    with pytest.raises(RecordError, match=message):
+        read_record(write_log(tmp_path), mapping=mapping)
 
 
 def test_files_of_mappings_that_cannot_be_read(tmp_path: Path) -> None:

@@ -47,6 +47,10 @@ class Body:
         long = (piece for piece in self.pieces if len(piece["t"]) > 2 * width)
         return [motion(piece, self.angle, self.stiffness, width) for piece in long]
 
+    def speed(self, piece: Columns, width: int) -> Floats:
+        """Return its smoothed speed over a stretch, shape (N,)."""
+        return motion(piece, self.angle, self.stiffness, width)["v"]
+
     def least_speed(self, width: int) -> float:
         """Return the speed from which it moves."""
         fastest = max((float(np.abs(m["v"]).max()) for m in self.motions(width)), default=0.0)

@@ -34,6 +34,7 @@ class Examination:
         smallest: For each effect that it would show, from which size on, and its unit.
         advice: What to record instead, a sentence each.
         channels: What each channel is by itself.
+        notes: What is worth knowing of the log and no fault, a sentence each.
     """
 
     can_tell: tuple[str, ...]
@@ -42,6 +43,7 @@ class Examination:
     smallest: Mapping[str, tuple[float, str]]
     advice: tuple[str, ...]
     channels: Mapping[str, Channel]
+    notes: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, object]:
         """Return what `diagnosis.json` says under ``record``."""
@@ -49,4 +51,5 @@ class Examination:
             "can_tell": list(self.can_tell),
             "cannot_tell": [{"name": row.name, "why": row.why} for row in self.cannot_tell],
             "faults": list(self.faults),
+            "notes": list(self.notes),
         }

@@ -10,7 +10,7 @@ from cjt_gym.errors import RecordError
 from cjt_gym.gap.check import drive, friction, load, sensing, torque, transmission
 from cjt_gym.gap.check.channels import measured
 from cjt_gym.gap.check.examination import CannotTell, Examination
-from cjt_gym.gap.check.faults import faults
+from cjt_gym.gap.check.faults import faults, notes
 from cjt_gym.gap.check.verdicts import Seen, Unseen, Verdict
 from cjt_gym.gap.check.view import View
 from cjt_gym.joint import JointFile, Structure
@@ -76,6 +76,7 @@ def examine(
     with threadpool_limits(1, "blas"):  # products of narrow matrices lose by threads
         verdicts = {name: row(view) for name, row in ROWS.items()}
         wrong, remedies = faults(view)
+        known = notes(view)
     seen = {name: verdict for name, verdict in verdicts.items() if isinstance(verdict, Seen)}
     unseen = tuple(
         CannotTell(name, sentence(verdict.why), verdict.instead)
@@ -89,6 +90,7 @@ def examine(
         smallest={name: (verdict.size, verdict.unit) for name, verdict in seen.items()},
         advice=tuple(dict.fromkeys([*remedies, *(row.instead for row in unseen if row.instead)])),
         channels=view.channels,
+        notes=known,
     )
 
 

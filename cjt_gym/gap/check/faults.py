@@ -7,32 +7,25 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from cjt_gym.gap.check.clock import clock
+from cjt_gym.gap.check.contradictions import angles, currents, spring, velocities
 from cjt_gym.gap.check.friction import TURN, one_way, two_ways
+from cjt_gym.gap.check.instants import current_and_command, motion_and_torque
 from cjt_gym.gap.check.resonances import gear_resonance, resonance
-from cjt_gym.gap.check.transmission import deflection
+from cjt_gym.gap.check.torque_sensor import at_rest, without_spring
 from cjt_gym.gap.check.view import View
 from cjt_gym.gap.orient import orient
 from cjt_gym.records import clean_pieces
 from cjt_gym.records.repair import NOTE
 
-FEW_COUNTS = 50.0
+FEW_COUNTS = 100.0
 """Steps of an angle below which its motion is told."""
-SLOPE = 0.15
-"""Relative difference between a velocity and the slope of its angle that is told."""
-SAME = 0.9
-"""Correlation from which two channels are the same motion."""
-SPRING = 1.6
-"""Factor between torque and stiffness times deflection that is told."""
-RATIO = 0.1
-"""Relative distance from the gear's ratio up to which two angles differ by it."""
+COUNTED = 50.0
+"""Range of an angle [rad] from which whole numbers are told."""
+AGAINST = "has the sign against"
 NOISY = 1.5
 """Factor between observed and specified noise that is told."""
 LOUD = 0.2
 """Share of the current that its noise may be where nothing is specified."""
-LATE = 0.7
-"""Samples by which the current follows its command that are told."""
-MOST_LATE = 40
-"""Samples by which it may follow."""
 TAIL = 0.2
 """Share of a record that is kept to test what was found."""
 AT_REST = 0.1
@@ -50,6 +43,11 @@ def faults(view: View) -> tuple[tuple[str, ...], tuple[str, ...]]:
     return tuple(said), tuple(remedies)
 
 
+def notes(view: View) -> tuple[str, ...]:
+    """Return what is worth knowing of the records and no fault, a sentence each."""
+    return tuple(note for look in NOTES for note in look(view))
+
+
 def _repairs(view: View) -> list[str]:
     """Return what reading the records has found, and what their signs and units say."""
     found: list[str] = []
@@ -60,7 +58,8 @@ def _repairs(view: View) -> list[str]:
         kept = [repair.text for repair in repairs if repair.kind not in told]
         if view.joint is not None:
             _, turned = orient(record, view.joint, view.structure)
-            kept += [repair.text for repair in turned]
+            known = [text.split(":")[0] for text in kept if AGAINST in text]
+            kept += [repair.text for repair in turned if repair.channel not in known]
         found += [text for text in [*noted, *kept] if not _known_better(view, text)]
     return found
 
@@ -94,73 +93,13 @@ def _few_counts(view: View) -> list[str]:
 def _whole_numbers(view: View) -> list[str]:
     found = []
     for name, channel in view.channels.items():
-        if not name.startswith("q_") or channel.span < FEW_COUNTS:
+        if not name.startswith("q_") or channel.span < COUNTED:
             continue
         known = [record[name] for record in view.records if name in record]
         x = np.concatenate(known)
         if np.all(np.equal(x, np.round(x)) | np.isnan(x)):
             found.append(f"{name} has whole numbers only: these look like counts of an encoder.")
     return found
-
-
-def _velocities(view: View) -> list[str]:
-    found = []
-    for body in "mgl":
-        angle, velocity = f"q_{body}", f"dq_{body}"
-        if angle not in view or velocity not in view:
-            continue
-        x = np.concatenate([_lumps(np.gradient(p[angle], view.dt)) for p in view.stretches])
-        y = np.concatenate([_lumps(p[velocity]) for p in view.stretches])
-        slope = _factor(x, y)
-        if slope is not None and abs(slope - 1.0) > SLOPE:
-            found.append(f"{velocity} is {slope:.3g} times the slope of {angle}.")
-    return found
-
-
-def _angles(view: View) -> list[str]:
-    """Return that load and motor differ by the gear's ratio although both count at the link."""
-    if view.structure.output_fixed or "q_l" not in view or "q_m" not in view:
-        return []
-    x, y = (np.concatenate([p[name] for p in view.stretches]) for name in ("q_m", "q_l"))
-    factor = _factor(x, y)
-    if factor is None or abs(factor - 1.0) < 0.5:
-        return []
-    for ratio, text in ((view.ratio, "the ratio n"), (1.0 / view.ratio, "one over the ratio n")):
-        if ratio != 1.0 and abs(factor / ratio - 1.0) < RATIO:
-            return [f"q_l is {factor:.3g} times q_m, {text} of the gear: map q_m to the link side."]
-    return [f"q_l is {factor:.3g} times q_m, and both should count on the link side."]
-
-
-def _spring(view: View) -> list[str]:
-    """Return that torque and deflection contradict the spring's stiffness."""
-    k_b = view.value("k_b")
-    if not view.deflection_known or k_b <= 0.0:
-        return []
-    stiffness = 1.0 / (1.0 / k_b + (1.0 / view.value("k_g", np.inf) if view.has_gear else 0.0))
-    x = np.concatenate([deflection(view, piece) for piece in view.stretches])
-    y = np.concatenate([piece["tau"] for piece in view.stretches])
-    factor = _factor(x, y)
-    if factor is None:
-        return []
-    times = factor / stiffness
-    if 1.0 / SPRING < times < SPRING:
-        return []
-    return [f"tau is {times:.3g} times the nominal stiffness times the deflection of the spring."]
-
-
-def _factor(x: np.ndarray, y: np.ndarray) -> float | None:
-    """Return by which factor y is x, zeros apart; None where they are not the same motion."""
-    x, y = x - x.mean(), y - y.mean()
-    power = float((x @ x) * (y @ y))
-    if power <= 0.0 or abs(float(x @ y)) < SAME * np.sqrt(power):
-        return None
-    return float(x @ y / (x @ x))
-
-
-def _lumps(x: np.ndarray, size: int = 8) -> np.ndarray:
-    """Return means over so many samples, in which noise and lateness matter less."""
-    count = len(x) // size
-    return np.asarray(x[: count * size].reshape(count, size).mean(axis=1))
 
 
 def _noise(view: View) -> list[str]:
@@ -179,42 +118,6 @@ def _noise(view: View) -> list[str]:
                 f"{channel.observed / channel.specified:.2g} times what the joint file specifies."
             )
     return found
-
-
-def _lateness(view: View) -> list[str]:
-    """Return that command and current of one row belong to different instants."""
-    if "i" not in view or "i_cmd" not in view:
-        return []
-    if view.channels["i"].unit != view.channels["i_cmd"].unit:
-        return []
-    piece = view.stretches[0]
-    x, y = np.diff(piece["i_cmd"]), np.diff(piece["i"])
-    lags = range(-MOST_LATE, MOST_LATE + 1)
-    alike = np.array([_at(x, y, lag) for lag in lags])
-    if not np.isfinite(alike).all() or alike.max() < 0.3:
-        return []
-    best = int(np.argmax(alike))
-    lag = float(lags[best])
-    if 0 < best < len(alike) - 1:
-        low, top, high = alike[best - 1 : best + 2]
-        bend = low - 2.0 * top + high
-        lag += float(0.5 * (low - high) / bend) if bend else 0.0
-    if lag < -LATE:
-        return [
-            f"i goes {-lag:.2g} samples ahead of i_cmd: their rows belong to different instants."
-        ]
-    if lag > LATE:
-        return [
-            f"i follows i_cmd by {lag:.2g} samples ({1e3 * lag * view.dt:.2g} ms): a dead time of "
-            "the drive, or rows in which command and measurement belong to different instants."
-        ]
-    return []
-
-
-def _at(x: np.ndarray, y: np.ndarray, lag: int) -> float:
-    a, b = (x[: len(x) - lag], y[lag:]) if lag >= 0 else (x[-lag:], y[: len(y) + lag])
-    power = float((a @ a) * (b @ b))
-    return float(a @ b) / np.sqrt(power) if power > 0.0 else 0.0
 
 
 def _direction(view: View) -> list[str]:
@@ -265,6 +168,7 @@ def _swing(view: View) -> Sequence[str]:
 
 
 UNITS = "Map each channel with its unit, sign and side: --mapping."
+ONE_INSTANT = "Log command and measurement of the same instant in one row, or map samples_late."
 FINER = "Record more motion, or a finer angle."
 SPECIFY = "State the noise that each sensor has: [sensors.i] noise in the joint file."
 LOOKS: tuple[tuple[Callable[[View], Sequence[str]], str], ...] = (
@@ -273,13 +177,22 @@ LOOKS: tuple[tuple[Callable[[View], Sequence[str]], str], ...] = (
     (_still, "Leave out channels that are not connected."),
     (_few_counts, FINER),
     (_whole_numbers, UNITS),
-    (_velocities, UNITS),
-    (_angles, UNITS),
-    (_spring, UNITS),
+    (velocities, UNITS),
+    (currents, UNITS),
+    (angles, UNITS),
+    (spring, UNITS),
     (_noise, SPECIFY),
-    (_lateness, "Log command and measurement of the same instant in one row."),
+    (lambda view: current_and_command(view)[0], ONE_INSTANT),
+    (lambda view: motion_and_torque(view)[0], ONE_INSTANT),
     (_direction, TURN),
     (_tail, "Record motion to the end, or a second record to test on."),
     (_swing, ""),
 )
 """Where faults are looked for, and what to do where one is found."""
+NOTES: tuple[Callable[[View], Sequence[str]], ...] = (
+    lambda view: current_and_command(view)[1],
+    lambda view: motion_and_torque(view)[1],
+    without_spring,
+    at_rest,
+)
+"""Where what is worth knowing is looked for."""

@@ -17,6 +17,8 @@ def text(found: Examination, width: int) -> str:
     channels = Table("Channels", "", [HEAD, *map(_row, found.channels.values())])
     sizes = [(name, _size(*size)) for name, size in found.smallest.items()]
     parts = [channels.text(width), _list("Faults of the log", found.faults, width, "none found")]
+    if found.notes:
+        parts.append(_list("Worth knowing", found.notes, width, ""))
     if sizes:
         parts.append(Table("Can be told", "", [("effect", "from"), *sizes]).text(width))
     else:

@@ -158,7 +158,7 @@ class View:
             return None
         power = (self.torque_per_input * self._noise(self.drive)) ** 2
         power += self._noise("tau") ** 2 if self.cut else 0.0
-        return self._body(self.motor_angle, self._motor_torque, float(np.sqrt(power)))
+        return self._body(self.motor_angle, self.motor_torque, float(np.sqrt(power)))
 
     @cached_property
     def motor(self) -> Balance | None:
@@ -203,16 +203,18 @@ class View:
             self.value("k_b", 1.0),
             torque,
             noise,
-            self._driving,
+            self.driving,
         )
 
-    def _driving(self, piece: Columns) -> Floats:
+    def driving(self, piece: Columns) -> Floats:
+        """Return the motor's torque, of the channels of a stretch."""
         if self.drive is None:
             return np.zeros(len(piece["t"]))
         return np.asarray(self.torque_per_input * piece[self.drive])
 
-    def _motor_torque(self, piece: Columns) -> Floats:
-        torque = self._driving(piece)
+    def motor_torque(self, piece: Columns) -> Floats:
+        """Return the torque that moves the motor side, of the channels of a stretch."""
+        torque = self.driving(piece)
         return np.asarray(torque - piece["tau"] if self.cut else torque + piece.get("tau_l", 0.0))
 
     def _load_torque(self, piece: Columns) -> Floats:

@@ -12,6 +12,7 @@ from cjt_gym.gap.check import examine
 from cjt_gym.gap.diagnosis import Diagnosis
 from cjt_gym.gap.horizons.judge import Progress, as_joint, judge, make_case
 from cjt_gym.gap.horizons.tell import horizons_of, retold
+from cjt_gym.gap.horizons.write import found_at
 from cjt_gym.joint import JointFile, Structure
 from cjt_gym.records import Record
 
@@ -46,6 +47,7 @@ def judged(
         left = replace(first.unexplained, text=f"{first.unexplained.text} {said}")
         return _allowed(replace(first, unexplained=left), excluded)
     if found.answer == "stages":
+        first = replace(first, joint=replace(first.joint, found=found_at(found)))
         return _allowed(replace(first, horizons=horizons_of(found)), excluded)
     return retold(first, found, excluded, _title(records[0]))
 

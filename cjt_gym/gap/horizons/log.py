@@ -49,6 +49,7 @@ class Log:
         states: [q_m q_g q_l dq_m dq_g dq_l] as measured, smoothed, shape (N, 6).
         acceleration: Of the motor, smoothed [rad/s^2], shape (N,).
         whole: Where all channels were measured and no gap is near, shape (N,).
+        temperature: Lowest and highest that the drive reported [degC]; None where it did not.
     """
 
     name: str
@@ -62,6 +63,7 @@ class Log:
     states: Floats
     acceleration: Floats
     whole: Flags
+    temperature: tuple[float, float] | None = None
 
     def __len__(self) -> int:
         return len(self.t)
@@ -106,9 +108,12 @@ def to_log(record: Record, file: JointFile, structure: Structure) -> Log:
     if structure.output_fixed:
         load = states[:, 5]
     wanted = even.get("i_cmd") if drive == "i" else None
+    heat = even.get("temperature")
+    warm = None if heat is None else (float(heat.min()), float(heat.max()))
     return Log(
-        record.owner, dt, grid, drive, command, wanted, load, measured, states, acceleration, ~holes
-    )
+        record.owner, dt, grid, drive, command, wanted, load, measured, states, acceleration,
+        ~holes, warm,
+    )  # fmt: skip
 
 
 def _thinned(columns: dict[str, Floats], t: Floats, every: int) -> tuple[dict[str, Floats], Floats]:
@@ -131,6 +136,8 @@ def _even(grid: Floats, t: Floats, x: Floats) -> Floats:
 def _driving(record: Record, even: dict[str, Floats], file: JointFile) -> tuple[Drive, Floats]:
     """Return which channel drives the joint, and the current or voltage that it stands for."""
     p = file.parameters
+    if p.takes_volts and "v" in even:
+        return "i_cmd", even["v"]
     if "i" in even:
         return "i", even["i"]
     if "i_cmd" in even:
@@ -142,7 +149,8 @@ def _driving(record: Record, even: dict[str, Floats], file: JointFile) -> tuple[
         return "v", even["v"]
     raise RecordError(
         f"{record.owner} must have one of i [A], i_cmd [A], tau_m [N m], tau_cmd [N m], or v [V] "
-        f"with the resistance r of the joint. Columns there: {', '.join(record.columns)}."
+        "with the resistance r of the joint or its k_t in N m/V. Columns there: "
+        f"{', '.join(record.columns)}."
     )
 
 

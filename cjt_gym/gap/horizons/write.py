@@ -11,14 +11,18 @@ from numpy.typing import NDArray
 
 from cjt_gym.gap.diagnosis import Interval, NamedEffect
 from cjt_gym.gap.horizons.judge import Judgement
+from cjt_gym.gap.horizons.scatter import Scatter
 from cjt_gym.gap.horizons.spread import spread_of
 from cjt_gym.joint import EFFECTS, Joint, JointFile
 from cjt_gym.joint.effect_entries import unit_on
+from cjt_gym.joint.outside import frequency_of
 from cjt_gym.joint.quantity import FrozenMapping, Plain, Quantity, freeze
 from cjt_gym.joint.quantity import Setting as Entry
 
 Floats = NDArray[np.float64]
 DIGITS = 8
+RARE = 1e-3
+"""Share of the samples that are faster one way, most of them glitches of a derivative."""
 
 
 def joint_of(judged: Judgement, effects: Sequence[NamedEffect], record: str) -> JointFile:
@@ -33,9 +37,12 @@ def joint_of(judged: Judgement, effects: Sequence[NamedEffect], record: str) -> 
     source = f"identified from {record}"
     if judged.answer == "datasheet":
         return nominal
+    scatter = _scatter(judged)
     intervals = {
-        (e.name, symbol): interval for e in effects for symbol, interval in e.parameters.items()
+        f"{e.name}.{symbol}": interval for e in effects for symbol, interval in e.parameters.items()
     }
+    if scatter is not None:
+        intervals = scatter.intervals()
     table: dict[str, dict[str, Entry]] = {n: dict(v) for n, v in nominal.effects.items()}
     for name in table.keys() - answer.effects.keys():
         if EFFECTS[name].excludes and set(EFFECTS[name].excludes) & answer.effects.keys():
@@ -61,7 +68,7 @@ def _entry(
     symbol: str,
     value: object,
     source: str,
-    intervals: dict[tuple[str, str], Interval],
+    intervals: dict[str, Interval],
 ) -> Quantity:
     parameter = EFFECTS[effect].parameter(symbol)
     assert parameter is not None
@@ -69,8 +76,8 @@ def _entry(
     if isinstance(value, tuple):
         return Quantity(tuple(_short(x) for x in value), unit, source)
     number = _short(float(value))  # type: ignore[arg-type]
-    known = intervals.get((effect, symbol))
-    if known is None or effect in ("inertia", "load_inertia", "gravity"):
+    known = intervals.get(f"{effect}.{symbol}")
+    if known is None:
         return Quantity(number, unit, source)
     low, strict, high = EFFECTS[effect].domain(parameter)
     least = low + 1e-12 if strict else low
@@ -84,50 +91,31 @@ def found_at(judged: Judgement) -> FrozenMapping[Plain]:
     """Return the ranges in which the joint was found, and the covariance of its numbers."""
     logs = judged.case.logs
     speed = np.concatenate([log.speed[log.whole] for log in logs])
+    ends = np.quantile(speed, [RARE, 1.0 - RARE])
     p = judged.case.joint.parameters
     gain = p.k_t * p.n / (p.r if logs[0].voltage else 1.0)
     torque = np.concatenate([gain * log.command[log.whole] for log in logs])
-    top = max(_frequency(log.command, log.dt) for log in logs)
+    top = max(frequency_of(log.command, log.dt) for log in logs)
     unit, force = ("m/s", "N") if p.axis == "prismatic" else ("rad/s", "N m")
     found: dict[str, object] = {
-        "speed": {"low": _short(speed.min()), "high": _short(speed.max()), "unit": unit},
+        "speed": {"low": _short(ends[0]), "high": _short(ends[1]), "unit": unit},
         "torque": {"low": _short(torque.min()), "high": _short(torque.max()), "unit": force},
         "frequency": {"low": 0.0, "high": _short(top), "unit": "Hz"},
     }
-    if judged.found is not None and judged.problem is not None and judged.answer == "found":
-        found["covariance"] = _covariance(judged)
+    heat = [log.temperature for log in logs if log.temperature is not None]
+    if heat:
+        low, high = (_short(x) for x in (min(t[0] for t in heat), max(t[1] for t in heat)))
+        found["temperature"] = {"low": low, "high": high, "unit": "degC"}
+    if (scatter := _scatter(judged)) is not None:
+        found["covariance"] = scatter.table()
     return freeze(found)
 
 
-def _frequency(x: Floats, dt: float) -> float:
-    """Return the frequency below which 95 % of a signal's power lies [Hz]."""
-    power = np.abs(np.fft.rfft(x - np.mean(x))) ** 2
-    total = np.cumsum(power)
-    if total[-1] == 0.0:
-        return 0.0
-    return float(np.fft.rfftfreq(len(x), dt)[np.searchsorted(total, 0.95 * total[-1])])
-
-
-def _covariance(judged: Judgement) -> dict[str, object]:
-    """Return names, values and the covariance matrix of the numbers that were found."""
-    assert judged.found is not None
-    assert judged.problem is not None
-    fit = judged.found.fit
-    spread = spread_of(judged.problem, fit)
-    names, slopes = [], []
-    for term in fit.model.terms:
-        for number in term.numbers:
-            names.append(f"{term.name}.{number.symbol}")
-    for number, z in zip(fit.model.numbers, fit.z, strict=True):
-        ends = [number.value(float(z) + s) for s in (-0.01, 0.01)]
-        slopes.append((ends[1] - ends[0]) / 0.02)
-    matrix = spread.matrix * np.outer(slopes, slopes)
-    values = [n.value(float(z)) for n, z in zip(fit.model.numbers, fit.z, strict=True)]
-    return {
-        "names": tuple(names),
-        "values": tuple(_short(v) for v in values),
-        "matrix": tuple(tuple(_short(x) for x in row) for row in matrix),
-    }
+def _scatter(judged: Judgement) -> Scatter | None:
+    """Return how sure the numbers of the answer are; None where they are not from the fit."""
+    if judged.answer != "found" or judged.found is None or judged.problem is None:
+        return None
+    return Scatter.of(spread_of(judged.problem, judged.found.fit))
 
 
 def _short(x: float) -> float:

@@ -43,7 +43,7 @@ def examined(diagnosis: Diagnosis) -> str:
     exam = diagnosis.examination
     if exam is None:
         return ""
-    faults = "".join(f"<li>{escape(fault)}</li>" for fault in exam.faults)
+    faults = "".join(f"<li>{escape(fault)}</li>" for fault in (*exam.faults, *exam.notes))
     cannot = "".join(
         f"<li><b>{escape(row.name)}</b>: {escape(row.why)}</li>" for row in exam.cannot_tell
     )

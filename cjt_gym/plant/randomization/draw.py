@@ -21,12 +21,12 @@ WHEN, EVERY, KEEP, IS_LINEAR = range(4)
 ONCE, RESET, INTERVAL, DRIFT = range(4)
 
 # Columns of a row, one number that varies.
-SOURCE, OWN, LOADING = 0, 1, 2  # common score (-1: none), own score, correlation with the common
-SHAPE, LOW, HIGH, MEAN, STD = 3, 4, 5, 6, 7
-FROM, TO = 8, 9  # normal: quantiles of low and high; choice: first and last entry of the table
-OPERATION, NOMINAL = 10, 11
-MODE, RELATIVE, FIRST, LAST = 12, 13, 14, 15  # how fields follow; which, in the list of fields
-COLUMNS = 16
+MIXED_FROM, MIXED_TO = 0, 1  # which of the mixtures make its score
+SHAPE, LOW, HIGH, MEAN, STD = 2, 3, 4, 5, 6
+FROM, TO = 7, 8  # normal: quantiles of low and high; choice: first and last entry of the table
+OPERATION, NOMINAL = 9, 10
+MODE, RELATIVE, FIRST, LAST = 11, 12, 13, 14  # how fields follow; which, in the list of fields
+COLUMNS = 15
 UNIFORM, LOG_UNIFORM, NORMAL, CHOICE = range(4)
 SET, SCALE, ADD = range(3)
 REPLACES, ADDS, COUNTS_FROM = range(3)
@@ -40,6 +40,8 @@ class Program(NamedTuple):
     Attributes:
         sources: Independent scores, shape (sources, 4).
         rows: Numbers that vary, shape (rows, COLUMNS).
+        mixtures: Of which scores, and with which weights, those of the rows are made, one row's
+            after the other's, shape (entries, 2).
         fields: Kernel parameters that they change, one row's after the other's.
         table: Values and cumulative probabilities of choices, shape (entries, 2).
         is_linear: Whether any of them enters the discretisation.
@@ -47,6 +49,7 @@ class Program(NamedTuple):
 
     sources: Floats
     rows: Floats
+    mixtures: Floats
     fields: NDArray[np.int64]
     table: Floats
     is_linear: bool
@@ -134,18 +137,20 @@ def refresh(program: Program, draws: Draws, rng: NDArray[np.uint64], i: int, ste
 
 @compiled
 def share_of(program: Program, scores: Floats, row: Floats) -> float:
-    """Return the uniform score of a row."""
-    k, own, loading = int(row[SOURCE]), int(row[OWN]), row[LOADING]
-    if k < 0:
+    """Return the uniform score of a row: that of a source, or of a mixture of normal scores."""
+    first, last = int(row[MIXED_FROM]), int(row[MIXED_TO])
+    if first == last:
         return 0.0
+    k = int(program.mixtures[first, 0])
     drifts = program.sources[k, WHEN] == DRIFT
-    if own < 0:
+    if last == first + 1:
         u = normal_share(scores[k]) if drifts else scores[k]
-        return u if loading > 0.0 else 1.0 - u
-    common, alone = scores[k], scores[own]
-    if not drifts:
-        common, alone = normal_quantile(common), normal_quantile(alone)
-    return normal_share(loading * common + math.sqrt(1.0 - loading * loading) * alone)
+        return u if program.mixtures[first, 1] > 0.0 else 1.0 - u
+    z = 0.0
+    for entry in range(first, last):
+        score = scores[int(program.mixtures[entry, 0])]
+        z += program.mixtures[entry, 1] * (score if drifts else normal_quantile(score))
+    return normal_share(z)
 
 
 @compiled

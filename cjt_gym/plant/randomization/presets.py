@@ -13,6 +13,7 @@ from cjt_gym.joint.batch import DELAYS
 from cjt_gym.joint.effects import Effect, EffectParameter
 from cjt_gym.joint.quantity import Quantity
 from cjt_gym.plant.randomization.target import Target, find_target
+from cjt_gym.plant.randomization.together import found_together
 from cjt_gym.plant.randomization.variation import TAILS, Variation
 
 Variations = dict[str, Variation]
@@ -98,12 +99,14 @@ def preset(joint: Joint, width: Width, dt: float) -> Variations:
 def identified(joint: Joint) -> Variations:
     """Return a normal variation of every number of which the joint file says how sure it is.
 
-    A 95 % interval (low, high) is where the draws stay; a tolerance is one sigma, relative. That of
-    the amplitudes of a ripple becomes one of its scale; frequencies of ripples count as exact. A
-    value that replaces that of the file has neither.
+    Numbers in [found.covariance] are drawn together. Of all others, a 95 % interval (low, high) is
+    where the draws stay; a tolerance is one sigma, relative. That of the amplitudes of a ripple
+    becomes one of its scale; frequencies of ripples count as exact. A value that replaces that of
+    the file has none of these.
 
     Raises:
-        ConfigurationError: The file gives neither to anything that acts.
+        ConfigurationError: The file gives none of them to anything that acts.
+        ParameterError: [found.covariance] is not one.
     """
     found = {}
     for name, quantity in joint.parameters.quantities.items():
@@ -120,6 +123,7 @@ def identified(joint: Joint) -> Variations:
             known = found.get(f"{name}.{symbol}")
             if variation and (known is None or (known.std or 0.0) < (variation.std or 0.0)):
                 found[f"{name}.{symbol}"] = variation
+    found |= found_together(joint)
     if not found:
         raise ConfigurationError(
             f'randomization = "identified" needs intervals or tolerances, and '

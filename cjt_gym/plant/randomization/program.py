@@ -76,7 +76,7 @@ def compile_plan(joint: Joint, variations: Mapping[str, Variation], dt: float) -
     """
     owner = joint.parameters.name
     pairs = [(find_target(joint, name), v) for name, v in variations.items()]
-    sources, scores = _sources(variations, dt)
+    sources, mixed = _sources(variations, dt)
     pairs = _with_dependents(joint, pairs)
     record, _ = joint.packed()
     spans: dict[str, Span] = {f: (float(record[f][0]), float(record[f][0])) for f in FIELDS}
@@ -87,18 +87,23 @@ def compile_plan(joint: Joint, variations: Mapping[str, Variation], dt: float) -
     _check_fields(joint, pairs, spans)
     fields: list[int] = []
     table: list[tuple[float, float]] = []
+    mixtures: list[tuple[float, float]] = []
     rows = np.zeros((len(pairs), columns.COLUMNS))
     for k, ((target, variation), mode) in enumerate(zip(pairs, modes, strict=True)):
-        _fill(rows[k], target, variation, scores.get(target.name, (-1, -1)), table)
+        _fill(rows[k], target, variation, table)
+        rows[k, columns.MIXED_FROM] = len(mixtures)
+        mixtures += mixed.get(target.name, ())
+        rows[k, columns.MIXED_TO] = len(mixtures)
         rows[k, columns.MODE], rows[k, columns.FIRST] = mode, len(fields)
         fields += [FIELDS.index(field) for field in target.fields]
         rows[k, columns.LAST] = len(fields)
-        for source in scores.get(target.name, ()):
-            if source >= 0 and set(target.fields) & set(DISCRETISED):
-                sources[source, columns.IS_LINEAR] = 1.0
+        if set(target.fields) & set(DISCRETISED):
+            for source, _ in mixed.get(target.name, ()):
+                sources[int(source), columns.IS_LINEAR] = 1.0
     program = Program(
         sources,
         rows,
+        np.array(mixtures, dtype=np.float64).reshape(-1, 2),
         np.array(fields, dtype=np.int64),
         np.array(table, dtype=np.float64).reshape(-1, 2),
         bool(set(touched) & set(DISCRETISED)),
@@ -137,33 +142,30 @@ def exact_plan(joint: Joint, values: Mapping[str, float], dt: float) -> Plan:
 
 def _sources(
     variations: Mapping[str, Variation], dt: float
-) -> tuple[Floats, dict[str, tuple[int, int]]]:
-    """Return the sources of randomness, and by name the common and the own one (-1 for none)."""
+) -> tuple[Floats, dict[str, list[tuple[float, float]]]]:
+    """Return the sources of randomness, and by name which of them act with which weights."""
     rows: list[tuple[float, float, float, float]] = []
     groups: dict[str, tuple[int, str]] = {}
-    scores = {}
+    mixed: dict[str, list[tuple[float, float]]] = {}
     for name, variation in variations.items():
         if variation.distribution == "choice" and len(variation.values) == 1:
             continue
         source = _source(name, variation, dt)
-        if variation.group is None:
-            scores[name] = (len(rows), -1)
+        parts = mixed[name] = []
+        for group, weight in variation.weights_of_groups:
+            common, first = groups.setdefault(group, (len(rows), name))
+            if first == name:
+                rows.append(source)
+            elif rows[common] != source:
+                raise ConfigurationError(
+                    f"randomization of {first} and {name} share the group {group!r} and so "
+                    "must agree in when, interval and time_constant."
+                )
+            parts.append((float(common), weight))
+        if variation.own_weight > 0.0:
+            parts.append((float(len(rows)), variation.own_weight))
             rows.append(source)
-            continue
-        common, first = groups.setdefault(variation.group, (len(rows), name))
-        if first == name:
-            rows.append(source)
-        elif rows[common] != source:
-            raise ConfigurationError(
-                f"randomization of {first} and {name} share the group {variation.group!r} and so "
-                "must agree in when, interval and time_constant."
-            )
-        own = -1
-        if abs(variation.correlation) < 1.0:
-            own = len(rows)
-            rows.append(source)
-        scores[name] = (common, own)
-    return np.array(rows, dtype=np.float64).reshape(-1, 4), scores
+    return np.array(rows, dtype=np.float64).reshape(-1, 4), mixed
 
 
 def _source(name: str, variation: Variation, dt: float) -> tuple[float, float, float, float]:
@@ -254,12 +256,9 @@ def _fill(
     row: Floats,
     target: Target,
     variation: Variation,
-    scores: tuple[int, int],
     table: list[tuple[float, float]],
 ) -> None:
-    """Write all of a row but what its fields are and how they follow."""
-    row[columns.SOURCE], row[columns.OWN] = scores
-    row[columns.LOADING] = variation.correlation
+    """Write all of a row but its score, what its fields are and how they follow."""
     row[columns.SHAPE] = DISTRIBUTIONS.index(variation.distribution)
     row[columns.OPERATION] = OPERATIONS.index(variation.operation)
     row[columns.NOMINAL] = target.nominal

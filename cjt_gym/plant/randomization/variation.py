@@ -12,6 +12,7 @@ from cjt_gym.errors import ConfigurationError, UnknownNameError, unknown_name
 DISTRIBUTIONS = ("uniform", "log_uniform", "normal", "choice")
 OPERATIONS = ("set", "scale", "add")
 TIMES = ("once", "reset", "interval", "drift")
+ROUNDING = 1e-12
 TAILS = 4.0  # standard deviations at which a normal draw is cut off unless told otherwise
 NEEDED = {
     "uniform": ("low", "high"),
@@ -49,8 +50,9 @@ class Variation:
             Ornstein-Uhlenbeck walk of its normal score).
         interval: Time between two draws [s], to the nearest control step.
         time_constant: Time over which the correlation of a drift falls to 37 % [s].
-        group: Names with the same group share one draw.
-        correlation: Correlation of the normal score with that of the group, in [-1, 1].
+        group: Names with the same group share one draw; of several groups, a mixture.
+        correlation: Correlation of the normal score with that of the group, in [-1, 1]; of several
+            groups, with that of each.
 
     Raises:
         UnknownNameError: A distribution, operation or time is not known.
@@ -72,8 +74,8 @@ class Variation:
     when: str = "reset"
     interval: float | None = None
     time_constant: float | None = None
-    group: str | None = None
-    correlation: float = 1.0
+    group: str | tuple[str, ...] | None = None
+    correlation: float | tuple[float, ...] = 1.0
 
     def __post_init__(self) -> None:
         for key, known in (
@@ -84,7 +86,7 @@ class Variation:
             if getattr(self, key) not in known:
                 raise unknown_name(key, str(getattr(self, key)), known)
         _check_keys(self)
-        for key in ("low", "high", "mean", "std", "interval", "time_constant", "correlation"):
+        for key in ("low", "high", "mean", "std", "interval", "time_constant"):
             if getattr(self, key) is not None:
                 object.__setattr__(self, key, _finite(key, getattr(self, key)))
         for key in ("values", "weights"):
@@ -94,6 +96,7 @@ class Variation:
         else:
             self._check_range()
         self._check_time()
+        self._check_group()
 
     def _check_choice(self) -> None:
         if self.weights and len(self.weights) != len(self.values):
@@ -137,13 +140,52 @@ class Variation:
                     f'{key} belongs to when = "{when}", got when = "{self.when}". Remove it or '
                     "change when."
                 )
-        if not -1.0 <= self.correlation <= 1.0:
-            raise ConfigurationError(f"correlation must be from -1 to 1, got {self.correlation:g}.")
+
+    def _check_group(self) -> None:
+        if not isinstance(self.group, list | tuple):
+            object.__setattr__(self, "correlation", _finite("correlation", self.correlation))
+        else:
+            object.__setattr__(self, "group", tuple(self.group))
+            object.__setattr__(self, "correlation", _series("correlation", self.correlation))
+        names = [name for name, _ in self.weights_of_groups]
+        if len(set(names)) != len(names) or not all(names):
+            raise ConfigurationError(
+                f"group must be a name, or several different ones, got {self.group!r}."
+            )
+        if isinstance(self.correlation, tuple) and len(self.correlation) != len(names):
+            raise ConfigurationError(
+                f"correlation must be as many numbers as there are groups, got "
+                f"{len(self.correlation)} for {len(names)}."
+            )
+        given = self.correlation if isinstance(self.correlation, tuple) else (self.correlation,)
+        if sum(x * x for x in given) > 1.0 + ROUNDING:
+            several = " (of several groups, the sum of their squares at most 1)"
+            raise ConfigurationError(
+                f"correlation must be from -1 to 1{several if len(given) > 1 else ''}, got "
+                f"{', '.join(f'{x:g}' for x in given)}."
+            )
         if self.correlation != 1.0 and self.group is None:
             raise ConfigurationError(
                 f"correlation = {self.correlation:g} needs a group to be correlated with. Give "
                 "group a name that others have too."
             )
+
+    @property
+    def weights_of_groups(self) -> tuple[tuple[str, float], ...]:
+        """The groups with the weights of their scores."""
+        if self.group is None:
+            return ()
+        if isinstance(self.group, tuple):
+            assert isinstance(self.correlation, tuple)
+            return tuple(zip(self.group, self.correlation, strict=False))
+        assert isinstance(self.correlation, float)
+        return ((self.group, self.correlation),)
+
+    @property
+    def own_weight(self) -> float:
+        """Weight of a score of its own; 0 where the groups say all."""
+        left = 1.0 - sum(weight * weight for _, weight in self.weights_of_groups)
+        return math.sqrt(left) if left > ROUNDING else 0.0
 
     @property
     def span(self) -> tuple[float, float]:

@@ -17,6 +17,7 @@ NOISE = {"q_m": 1e-5, "i": 0.02}
 BOTH = "both ways, at many speeds"
 ONE = "one way"
 CONSTANT = "both ways, at one speed"
+QUICK = "both ways, with quick swings"
 
 
 def joint(sensors: bool = True, **values: float) -> JointFile:
@@ -37,6 +38,8 @@ def speed(kind: str, seconds: float) -> Floats:
     if kind == CONSTANT:
         ramp = np.clip(np.sin(np.pi * t) * 20.0, -1.0, 1.0)
         return np.asarray(2.0 * ramp)
+    if kind == QUICK:
+        return np.asarray(np.sin(5.0 * t) + 0.8 * np.sin(47.0 * t + 1.0) + 0.5 * np.sin(101.0 * t))
     swing = np.sin(1.3 * t) + 0.8 * np.sin(4.1 * t + 1.0) + 0.4 * np.sin(11.0 * t)
     return np.asarray(swing if kind == BOTH else 3.0 + swing)
 

@@ -163,7 +163,7 @@ def test_without_a_joint_sizes_are_in_the_unit_of_the_current() -> None:
 
 def test_its_dictionary_is_what_the_contract_says() -> None:
     found = examine(record(columns()), joint(), None).to_dict()
-    assert set(found) == {"can_tell", "cannot_tell", "faults"}
+    assert set(found) == {"can_tell", "cannot_tell", "faults", "notes"}
     assert all(set(row) == {"name", "why"} for row in found["cannot_tell"])  # type: ignore[attr-defined]
     assert json.loads(json.dumps(found)) == found
 

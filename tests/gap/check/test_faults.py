@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from cjt_gym import load_joint
 from cjt_gym.gap.check import examine
 from cjt_gym.joint import get_structure
-from tests.gap.check.moved import Floats, columns, joint, record
+from cjt_gym.records import read_record
+from tests.gap.check.moved import QUICK, Floats, columns, joint, record
 from tests.gap.simulator import nominal, simulate
 
 Table = dict[str, Floats]
@@ -33,6 +37,30 @@ def half_velocity(table: Table) -> Table:
 
 def in_degrees(table: Table) -> Table:
     return table | {"q_m": np.rad2deg(table["q_m"])}
+
+
+def velocity_beside_degrees(table: Table) -> Table:
+    return in_degrees(table | {"dq_m": np.gradient(table["q_m"], 1e-3)})
+
+
+def against_its_command(table: Table) -> Table:
+    return table | {"i": -table["i"]}
+
+
+def double_current(table: Table) -> Table:
+    return table | {"i": 2.0 * table["i"]}
+
+
+def other_torque(table: Table) -> Table:
+    return table | {"tau_cmd": 0.3 * table["i_cmd"]}
+
+
+def in_rpm(table: Table) -> Table:
+    return table | {"dq_m": 30.0 / np.pi * np.gradient(table["q_m"], 1e-3)}
+
+
+def turned_velocity(table: Table) -> Table:
+    return table | {"dq_m": -np.gradient(table["q_m"], 1e-3)}
 
 
 def in_counts(table: Table) -> Table:
@@ -80,10 +108,6 @@ def early(table: Table) -> Table:
     return table | {"i": np.roll(table["i"], -3)}
 
 
-def late(table: Table) -> Table:
-    return table | {"i": np.roll(table["i"], 3)}
-
-
 def at_rest_at_last(table: Table) -> Table:
     last = int(0.78 * len(table["t"]))
     held = {name: np.where(np.arange(len(x)) < last, x, x[last]) for name, x in table.items()}
@@ -102,6 +126,10 @@ def stale(table: Table) -> Table:
     [
         (half_velocity, "dq_m is 0.5 times the slope of q_m."),
         (in_degrees, "near 180/pi"),
+        (velocity_beside_degrees, "q_m: its slope is 57.3 times dq_m, as if in deg."),
+        (against_its_command, "i: sign turned (i follows i_cmd"),
+        (double_current, "i is 2 times i_cmd."),
+        (other_torque, "tau_cmd is 3 times k_t n i_cmd."),
         (in_counts, "q_m has whole numbers only"),
         (few_counts, "steps of its resolution only"),
         (against, "sign turned"),
@@ -112,7 +140,6 @@ def stale(table: Table) -> Table:
         (still_command, "i_cmd never changes: 1 throughout."),
         (noisy, "times what the joint file specifies"),
         (early, "i goes 3 samples ahead of i_cmd"),
-        (late, "i follows i_cmd by 3 samples (3 ms)"),
         (at_rest_at_last, "The last fifth of the record, from 6.4 s on, is at rest"),
         (stale, "repeated samples"),
     ],
@@ -121,6 +148,82 @@ def stale(table: Table) -> Table:
 def test_a_fault_is_found(spoil: Callable[[Table], Table], said: str) -> None:
     found = faults(spoil(columns()))
     assert any(said in fault for fault in found), found
+
+
+@pytest.mark.parametrize(
+    ("samples", "said"),
+    [(1, "as in a log that writes each command beside what"), (3, "a dead time of the drive, or")],
+)
+def test_a_current_that_follows_its_command_is_no_fault(samples: int, said: str) -> None:
+    table = columns()
+    table["i_cmd"] = np.roll(table["i_cmd"], -samples)
+    found = examine(record(table), joint(), None)
+    assert found.faults == ()
+    assert any(f"i follows i_cmd by {samples} sample" in n and said in n for n in found.notes)
+
+
+def test_a_simulated_log_has_no_fault_in_its_instants() -> None:
+    arm = load_joint("orange_80_6000", "rigid", effects={"coulomb": {}, "noise": {}})
+    rng = np.random.default_rng(0)
+    steps = np.repeat(rng.uniform(-20.0, 20.0, 80), 50)
+    found = examine(arm.simulate(steps, dt_physics=1e-4), arm.file, None)
+    assert not any("instants" in fault for fault in found.faults), found.faults
+    assert any("i follows i_cmd by 1 samples (1 ms), as in a log" in note for note in found.notes)
+
+
+def test_a_current_two_rows_late_is_found_by_an_uneven_clock() -> None:
+    table = mixed(columns(QUICK, seconds=30.0))
+    for rows, faulty in ((1, False), (2, True)):
+        late = table | {"i_cmd": np.roll(table["i_cmd"], -rows)}
+        found = [fault for fault in faults(late) if "instants" in fault]
+        assert bool(found) == faulty, found
+    assert "by 2 rows whether these take long or not" in found[0]
+    assert "Map i_cmd with samples_late = -1" in found[0]
+
+
+@pytest.mark.parametrize(
+    ("rows", "said"),
+    [
+        (-4, "q_m moves 4.5 samples (4.5 ms) ahead of the torque of i: "),
+        (4, "q_m follows the torque of i by 3.5 samples (3.5 ms), although both are measured"),
+    ],
+)
+def test_a_motion_of_other_instants_than_its_current_is_found(rows: int, said: str) -> None:
+    """Angles are sums of speeds: half a sample ahead from the start."""
+    table = columns(kind=QUICK)
+    del table["i_cmd"]
+    assert not any("instants" in fault for fault in faults(table))
+    ends = slice(4, -4), slice(4 - rows, len(table["t"]) - 4 - rows)
+    found = faults({n: x[ends[n == "q_m"]] for n, x in table.items()})
+    assert any(said in fault for fault in found), found
+
+
+def test_the_mapping_that_a_fault_asks_for_mends_it(tmp_path: Path) -> None:
+    table = early(columns())
+    np.savez(tmp_path / "log.npz", **table)
+    late = re.search(r"Map i_cmd with samples_late = (\d+)", " ".join(faults(table)))
+    assert late is not None
+    mapping = {"columns": {"t": {}, "q_m": {}, "i": {}}}
+    mapping["columns"]["i_cmd"] = {"samples_late": int(late[1])}
+    again = read_record(tmp_path / "log.npz", mapping=mapping)
+    found = examine(again, joint(), get_structure("rigid"))
+    assert not any("i_cmd" in fault for fault in found.faults), found.faults
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [(in_rpm, "as if in rpm"), (turned_velocity, "has the sign against the slope of q_m")],
+)
+def test_a_contradiction_is_told_once(spoil: Callable[[Table], Table], said: str) -> None:
+    found = [fault for fault in faults(spoil(columns())) if fault.startswith("dq_m")]
+    assert len(found) == 1
+    assert said in found[0]
+
+
+def test_a_slow_log_has_no_late_current() -> None:
+    table = columns(QUICK, dt=0.05)
+    table["i_cmd"] = np.roll(table["i_cmd"], -1)
+    assert not any("instants" in fault for fault in faults(table))
 
 
 def test_angles_that_differ_by_the_gear_are_found() -> None:

@@ -1,0 +1,129 @@
+"""Channels of a record that contradict each other."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cjt_gym.gap.check.transmission import deflection
+from cjt_gym.gap.check.view import View
+from cjt_gym.records.doubts import doubts
+
+SLOPE = 0.15
+"""Relative difference between a velocity and the slope of its angle that is told."""
+GAIN = 0.25
+"""Relative difference between a current and its command that is told."""
+SLOW = 32
+"""Samples over which both are averaged, so that lags and noise matter little."""
+LINEAR = 0.98
+"""Correlation of these from which one is the other by a factor, and not cut off, say."""
+FEWEST = 20
+"""Averages of which a factor can be told."""
+SAME = 0.9
+"""Correlation from which two channels are the same motion."""
+SPRING = 1.6
+"""Factor between torque and stiffness times deflection that is told."""
+RATIO = 0.1
+"""Relative distance from the gear's ratio up to which two angles differ by it."""
+
+
+def velocities(view: View) -> list[str]:
+    """Return which velocities are not the slopes of their angles."""
+    found = []
+    for body in "mgl":
+        angle, velocity = f"q_{body}", f"dq_{body}"
+        if angle not in view or velocity not in view:
+            continue
+        x = np.concatenate([_lumps(np.gradient(p[angle], view.dt)) for p in view.stretches])
+        y = np.concatenate([_lumps(p[velocity]) for p in view.stretches])
+        slope = _factor(x, y)
+        if slope is None or abs(slope - 1.0) < SLOPE or _is_told(view, angle, velocity):
+            continue
+        found.append(f"{velocity} is {slope:.3g} times the slope of {angle}.")
+    return found
+
+
+def _is_told(view: View, angle: str, velocity: str) -> bool:
+    """Return whether reading a record has noticed that a velocity contradicts its angle."""
+    told = (
+        repair
+        for r in view.records
+        for repair in doubts({name: r[name] for name in r.columns}, r.dt)
+    )
+    return any(
+        repair.channel == "t" or (repair.channel in (angle, velocity) and ("slope" in repair.text))
+        for repair in told
+        if repair.kind in ("unit", "sign")
+    )
+
+
+def currents(view: View) -> list[str]:
+    """Return that currents, or torques that stand for them, contradict each other."""
+    gain = view.value("k_t") * view.ratio
+    pairs = [("i_cmd", "i", 1.0, "i_cmd")]
+    if gain > 0.0:
+        pairs += [(a, b, gain, f"k_t n {a}") for a, b in (("i_cmd", "tau_cmd"), ("i", "tau_m"))]
+    found = []
+    for one, other, times, words in pairs:
+        if one not in view or other not in view:
+            continue
+        factor = _follows(view, one, other)
+        off = None if factor is None else factor / times
+        same = view.channels[one].unit == view.channels[other].unit
+        if off is not None and (same or times != 1.0) and abs(off - 1.0) > GAIN:
+            found.append(f"{other} is {off:.3g} times {words}.")
+    return found
+
+
+def _follows(view: View, one: str, other: str) -> float | None:
+    """Return by which factor slow changes of a channel are another's; None if they are not."""
+    piece = view.stretches[0]
+    x, y = (_lumps(piece[name], SLOW) for name in (one, other))
+    if len(x) < FEWEST or _factor(x, y, LINEAR) is None:
+        return None
+    return float(np.std(y) / np.std(x))
+
+
+def angles(view: View) -> list[str]:
+    """Return that load and motor differ by the gear's ratio although both count at the link."""
+    if view.structure.output_fixed or "q_l" not in view or "q_m" not in view:
+        return []
+    x, y = (np.concatenate([p[name] for p in view.stretches]) for name in ("q_m", "q_l"))
+    factor = _factor(x, y)
+    if factor is None or abs(factor - 1.0) < 0.5:
+        return []
+    for ratio, text in ((view.ratio, "the ratio n"), (1.0 / view.ratio, "one over the ratio n")):
+        if ratio != 1.0 and abs(factor / ratio - 1.0) < RATIO:
+            return [f"q_l is {factor:.3g} times q_m, {text} of the gear: map q_m to the link side."]
+    return [f"q_l is {factor:.3g} times q_m, and both should count on the link side."]
+
+
+def spring(view: View) -> list[str]:
+    """Return that torque and deflection contradict the spring's stiffness."""
+    k_b = view.value("k_b")
+    if not view.deflection_known or k_b <= 0.0:
+        return []
+    stiffness = 1.0 / (1.0 / k_b + (1.0 / view.value("k_g", np.inf) if view.has_gear else 0.0))
+    x = np.concatenate([deflection(view, piece) for piece in view.stretches])
+    y = np.concatenate([piece["tau"] for piece in view.stretches])
+    factor = _factor(x, y)
+    if factor is None:
+        return []
+    times = factor / stiffness
+    if 1.0 / SPRING < times < SPRING:
+        return []
+    return [f"tau is {times:.3g} times the nominal stiffness times the deflection of the spring."]
+
+
+def _factor(x: np.ndarray, y: np.ndarray, alike: float = SAME) -> float | None:
+    """Return by which factor y is x, zeros apart; None where they are not the same motion."""
+    x, y = x - x.mean(), y - y.mean()
+    power = float((x @ x) * (y @ y))
+    if power <= 0.0 or abs(float(x @ y)) < alike * np.sqrt(power):
+        return None
+    return float(x @ y / (x @ x))
+
+
+def _lumps(x: np.ndarray, size: int = 8) -> np.ndarray:
+    """Return means over so many samples, in which noise and lateness matter less."""
+    count = len(x) // size
+    return np.asarray(x[: count * size].reshape(count, size).mean(axis=1))

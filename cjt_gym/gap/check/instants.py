@@ -1,0 +1,180 @@
+"""Whether the channels of one row belong to one instant.
+
+A row of most logs holds a command and what was measured before it acted, so that a current follows
+by a row even where the drive has no dead time. More than that may be the drive or the log; what
+cannot be the drive is a fault of the log.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cjt_gym.gap.check.balance import Floats, left_over
+from cjt_gym.gap.check.clock import even
+from cjt_gym.gap.check.pieces import smooth
+from cjt_gym.gap.check.view import View
+from cjt_gym.records import Record
+
+LATE = 0.7
+"""Samples that are told."""
+USUAL = 1.5
+"""Samples by which a current follows its command in logs of drives without dead time, at most."""
+MOST_LATE = 40
+"""Samples up to which a current may follow its command."""
+LONGEST = 0.03
+"""Dead time that no drive has [s]."""
+ALIKE = 0.3
+"""Correlation of changes from which a current follows its command."""
+ROWS = 0.7
+"""Mean square that counting in rows must leave, as a share of what counting in time does."""
+SHIFTS = np.arange(-12.0, 24.01, 0.5)
+"""Samples by which a motion is tried against what moves it."""
+EXPLAINED = 0.5
+"""Deviation that a motion's balance may leave, as a share, for its instants to be judged."""
+CLEARLY = 0.5
+"""Mean square that the best shift must leave, as a share of that without any."""
+APART = 1.5
+"""Samples of such a shift that are told."""
+WHAT_TO_DO = "samples_late in the mapping puts its values into the rows of their instants"
+
+
+def current_and_command(view: View) -> tuple[list[str], list[str]]:
+    """Return what is wrong, and what is worth knowing, of the instants of i and i_cmd."""
+    if "i" not in view or "i_cmd" not in view:
+        return [], []
+    if view.channels["i"].unit != view.channels["i_cmd"].unit:
+        return [], []
+    lag = _lag(view.stretches[0])
+    if lag is None or abs(lag) <= LATE:
+        return [], []
+    if lag < 0.0:
+        rows = max(round(-lag), 1)
+        return [
+            f"i goes {-lag:.2g} samples ahead of i_cmd: their rows belong to different instants. "
+            f"Map i_cmd with samples_late = {rows}, or i with samples_late = {-rows}."
+        ], []
+    if (rows := _rows(max(view.records, key=len))) > 1:
+        return [
+            f"i follows i_cmd by {rows} rows whether these take long or not: their rows belong to "
+            f"different instants. Map i_cmd with samples_late = {1 - rows}."
+        ], []
+    said = f"i follows i_cmd by {lag:.2g} samples ({1e3 * lag * view.dt:.2g} ms)"
+    if lag <= USUAL:
+        return [], [
+            f"{said}, as in a log that writes each command beside what was measured before it."
+        ]
+    if lag * view.dt > LONGEST:
+        return [
+            f"{said}, longer than a drive takes: their rows belong to different instants. Map i "
+            f"with samples_late = {round(lag) - 1}."
+        ], []
+    return [], [
+        f"{said}: a dead time of the drive, or rows in which command and measurement belong to "
+        f"different instants; {WHAT_TO_DO}."
+    ]
+
+
+def motion_and_torque(view: View) -> tuple[list[str], list[str]]:
+    """Return what is wrong, and what is worth knowing, of the instants of motion and torque."""
+    shift = _shift(view)
+    if shift is None or abs(shift) < APART or view.drive is None:
+        return [], []
+    assert view.motor_angle is not None
+    motion, torque = view.motor_angle, view.drive
+    time = f"{abs(shift):.2g} samples ({1e3 * abs(shift) * view.dt:.2g} ms)"
+    if shift < 0.0:
+        rows = round(-shift)
+        return [
+            f"{motion} moves {time} ahead of the torque of {torque}: their rows belong to "
+            f"different instants. Map {torque} with samples_late = {rows}."
+        ], []
+    said = f"{motion} follows the torque of {torque} by {time}"
+    if torque == view.command:
+        return [], [
+            f"{said}: a dead time of the drive, or of the measurement, or rows of different "
+            f"instants; {WHAT_TO_DO}."
+        ]
+    return [
+        f"{said}, although both are measured: their rows belong to different instants. Map "
+        f"{motion} with samples_late = {round(shift)}."
+    ], []
+
+
+def _lag(piece: dict[str, Floats]) -> float | None:
+    """Return by how many samples a current follows its command; None where it does not."""
+    x, y = np.diff(piece["i_cmd"]), np.diff(piece["i"])
+    most = min(MOST_LATE, len(x) // 4)
+    lags = np.arange(-most, most + 1)
+    alike = np.array([_alike(x, y, int(lag)) for lag in lags])
+    if not len(alike) or not np.isfinite(alike).all() or alike.max() < ALIKE:
+        return None
+    best = int(np.argmax(alike))
+    lag = float(lags[best])
+    if 0 < best < len(alike) - 1:
+        low, top, high = alike[best - 1 : best + 2]
+        bend = low - 2.0 * top + high
+        lag += float(0.5 * (low - high) / bend) if bend else 0.0
+    return lag
+
+
+def _alike(x: Floats, y: Floats, lag: int) -> float:
+    a, b = (x[: len(x) - lag], y[lag:]) if lag >= 0 else (x[-lag:], y[: len(y) + lag])
+    power = float((a @ a) * (b @ b))
+    return float(a @ b) / np.sqrt(power) if power > 0.0 else 0.0
+
+
+def _rows(record: Record) -> int:
+    """Return by how many rows a current follows, where it is rows and no time; else 0.
+
+    Only a log of uneven sampling tells: a dead time picks another row where rows take longer.
+    """
+    t, i, command = record.t, record["i"], record["i_cmd"]
+    if even(np.diff(t)):
+        return 0
+    good = np.isfinite(i) & np.isfinite(command)
+    t, i, command = t[good], i[good], command[good]
+    most = min(8, len(t) // 4)
+    by_rows = [left_over(i[most:], [command[most - k : len(i) - k]]) for k in range(most)]
+    dt = float(np.median(np.diff(t)))
+    by_time = []
+    for late in np.arange(0.0, most * dt, 0.1 * dt):
+        held = np.searchsorted(t, t - late, side="left") - 1
+        slow = np.interp(t - late, t, command)
+        for delayed in (command[np.maximum(held, 0)], slow):
+            by_time.append(left_over(i[most:], [delayed[most:]]))
+    rows = int(np.argmin(by_rows))
+    return rows if min(by_rows) ** 2 < ROWS * min(by_time) ** 2 else 0
+
+
+def _shift(view: View) -> float | None:
+    """Return by how many samples the motion follows its torque; None where that cannot be told."""
+    balance = view.motor
+    if balance is None or view.motor_angle == "tau":
+        return None
+    terms = [balance[name] for name in ("a", "v", "s", "one", "q")]
+    if not view.records[0].prismatic:
+        terms += [np.sin(balance["q"]), np.cos(balance["q"])]
+    width = balance.width
+    torques = {
+        k: smooth(view.motor_torque(piece), width)
+        for k, piece in enumerate(view.stretches)
+        if len(piece["t"]) > 2 * width
+    }
+    left = np.array([_left(view, torques, terms, shift) for shift in SHIFTS])
+    best = int(np.argmin(left))
+    now = left[int(np.flatnonzero(SHIFTS == 0.0)[0])]
+    if best in (0, len(SHIFTS) - 1) or left[best] > EXPLAINED:
+        return None
+    return float(SHIFTS[best]) if left[best] ** 2 < CLEARLY * now**2 else 0.0
+
+
+def _left(view: View, torques: dict[int, Floats], terms: list[Floats], shift: float) -> float:
+    """Return what the terms leave of an earlier torque, as a share of its deviation."""
+    balance = view.motor
+    assert balance is not None
+    y = np.zeros(len(balance))
+    for k, torque in torques.items():
+        own = balance["stretch"] == k
+        at = balance["time"][own] - shift * view.dt
+        y[own] = np.interp(at, view.stretches[k]["t"], torque)
+    return left_over(y, terms) / max(float(np.std(y)), 1e-300)

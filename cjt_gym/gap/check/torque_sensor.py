@@ -1,0 +1,104 @@
+"""A measured torque: what to do with it where there is no spring, and what it reads at rest."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cjt_gym.gap.check.balance import Floats, left_over
+from cjt_gym.gap.check.pieces import smooth
+from cjt_gym.gap.check.view import View
+
+HELPS = 0.8
+"""What the motion's balance must leave with the torque as a load's, as a share of that without."""
+NO_TORQUE = 0.02
+"""Share of the largest motor torque below which there is none."""
+SETTLED = 0.1
+"""Time after which a rest counts [s]."""
+SURE = 3.0
+"""Deviations of the mean of a rest."""
+
+
+def without_spring(view: View) -> list[str]:
+    """Return what to do with a torque that the structure has no spring for."""
+    if view.has_spring or "tau" not in view or "tau_l" in view.channels:
+        return []
+    said = (
+        f"tau is not used: the structure {view.structure.name} has no spring that would pass it on."
+    )
+    sign = _load_sign(view)
+    spring = "or give a structure with a spring, such as rigid_gearbox, and its stiffness k_b."
+    if sign is None:
+        return [
+            f"{said} Map it as tau_l, with sign = -1, if it is the torque that the load takes; "
+            f"{spring}"
+        ]
+    way, before, after = sign
+    return [
+        f"{said} As the load's torque it would explain the motion better, {100.0 * after:.2g} % of "
+        f"the torque left rather than {100.0 * before:.2g} %: map it as tau_l with sign = {way}, "
+        f"{spring}"
+    ]
+
+
+def _load_sign(view: View) -> tuple[int, float, float] | None:
+    """Return the sign with which a torque explains the motion, and what is left before and after.
+
+    None where it explains nothing.
+    """
+    balance = view.motor
+    if balance is None or "tau" not in balance:
+        return None
+    terms = [balance[name] for name in ("a", "v", "s", "one")]
+    size = max(float(np.std(balance.y)), 1e-300)
+    before = left_over(balance.y, terms) / size
+    after = {k: left_over(balance.y + k * balance["tau"], terms) / size for k in (-1, 1)}
+    best = min(after, key=after.__getitem__)
+    return (best, before, after[best]) if after[best] < HELPS * before else None
+
+
+def at_rest(view: View) -> list[str]:
+    """Return what the torque sensor reads where nothing moves and the motor has no torque."""
+    if not view.has_spring or "tau" not in view or view.drive is None:
+        return []
+    rests = _rests(view)
+    if not rests:
+        return [
+            "The joint is never at rest without motor torque, so that the zero of tau shows in "
+            "motion alone. Begin with half a second of rest with the spring relaxed."
+        ]
+    means, unit = np.array([x.mean() for x in rests]), view.channels["tau"].unit
+    middle, half = 0.5 * float(means.max() + means.min()), 0.5 * float(np.ptp(means))
+    noise = view.channels["tau"].noise
+    least = SURE * noise / np.sqrt(min(map(len, rests))) + half
+    count = f"{len(rests)} time{'s' if len(rests) > 1 else ''}"
+    said = f"At rest without motor torque ({count}) tau reads {middle:.3g} {unit}"
+    if half > noise:
+        said += f", give or take {half:.2g} {unit}"
+    if abs(middle) <= least:
+        return [f"{said}: its zero is right to {least:.2g} {unit}."]
+    return [
+        f"{said}: its zero is off if the spring is relaxed then. Friction or weight can keep it "
+        "wound; rests after motion in both directions tell."
+    ]
+
+
+def _rests(view: View) -> list[Floats]:
+    """Return the torque of each stretch of rest without motor torque."""
+    width, found = view.width, []
+    u = [np.abs(view.driving(piece)) for piece in view.stretches]
+    most = NO_TORQUE * max((float(x.max()) for x in u), default=0.0)
+    for piece, drive in zip(view.stretches, u, strict=True):
+        if len(piece["t"]) <= 2 * width:
+            continue
+        rate = np.abs(smooth(piece["tau"], width, 1, view.dt))
+        slow = rate < SURE * view.channels["tau"].noise / (width * view.dt) + 1e-300
+        if view.motor_body is not None and view.motor_angle != "tau":
+            speed = np.abs(view.motor_body.speed(piece, width))
+            slow = speed < view.motor_body.least_speed(width)
+        still = slow & (drive <= most) & (piece["valid"] > 0.5)
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], still, [0]])))
+        for start, stop in zip(edges[::2], edges[1::2], strict=True):
+            settled = start + round(SETTLED / view.dt)
+            if stop - settled > settled - start:
+                found.append(piece["tau"][settled:stop])
+    return found

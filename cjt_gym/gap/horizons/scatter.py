@@ -1,0 +1,94 @@
+"""How sure the numbers of a joint file are, from how sure the coordinates of a fit are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cjt_gym.gap.diagnosis import Interval
+from cjt_gym.gap.horizons.model import Model
+from cjt_gym.gap.horizons.spread import Spread
+from cjt_gym.joint import EFFECTS
+
+Floats = NDArray[np.float64]
+STEP = 0.01
+"""Change of a coordinate, in its scale, over which slopes are taken."""
+DIGITS = 8
+SCALE = "scale"
+
+
+@dataclass(frozen=True, eq=False)
+class Scatter:
+    """The numbers of effects that a fit has moved, and how they go with its coordinates.
+
+    A number of the file need not be one of the fit: the damping in the negative direction is fitted
+    as a difference, a weight as two components. The amplitudes of a ripple count as their scale.
+
+    Attributes:
+        spread: How sure the coordinates are.
+        names: "effect.symbol" of each number.
+        values: Their values, shape (n,).
+        slopes: Their derivatives by the coordinates, shape (n, coordinates).
+    """
+
+    spread: Spread
+    names: tuple[str, ...]
+    values: Floats
+    slopes: Floats
+
+    @classmethod
+    def of(cls, spread: Spread) -> Scatter:
+        """Return the numbers of a fit."""
+        z = spread.fit.z
+        middle = _numbers(spread.model, z, z)
+        slopes = np.zeros((len(middle), len(z)))
+        for k, ahead in enumerate(STEP * np.eye(len(z))):
+            up, down = (_numbers(spread.model, x, z) for x in (z + ahead, z - ahead))
+            slopes[:, k] = [(up[n] - down[n]) / (2.0 * STEP) for n in middle]
+        moved = np.flatnonzero(slopes.any(axis=1))
+        names, values = list(middle), np.array(list(middle.values()))
+        return cls(spread, tuple(names[k] for k in moved), values[moved], slopes[moved])
+
+    @property
+    def matrix(self) -> Floats:
+        """Covariance of the numbers, shape (n, n)."""
+        return np.asarray(self.slopes @ self.spread.matrix @ self.slopes.T)
+
+    def intervals(self) -> dict[str, Interval]:
+        """Return the 95 % intervals: as far as the coordinates go that move a number most."""
+        z, found = self.spread.fit.z, {}
+        for name, value, slope in zip(self.names, self.values, self.slopes, strict=True):
+            way = self.spread.matrix @ slope
+            way *= self.spread.factor / np.sqrt(max(float(slope @ way), 1e-300))
+            ends = sorted(_numbers(self.spread.model, z + s * way, z)[name] for s in (-1.0, 1.0))
+            found[name] = Interval(float(value), ends[0], ends[1], "")
+        return found
+
+    def table(self) -> dict[str, object]:
+        """Return what a joint file says of it."""
+        return {
+            "names": self.names,
+            "values": tuple(map(_short, self.values)),
+            "matrix": tuple(tuple(map(_short, row)) for row in self.matrix),
+        }
+
+
+def _numbers(model: Model, z: Floats, middle: Floats) -> dict[str, float]:
+    """Return the numbers of the effects at coordinates; of series, the scale against the middle."""
+    nominal = model.draft(middle).effects
+    found = {}
+    for name, values in model.draft(z).effects.items():
+        series = [p.symbol for p in EFFECTS[name].parameters if p.series and p.symbol != "f"]
+        for symbol, value in values.items():
+            if isinstance(value, int | float) and symbol != SCALE:
+                found[f"{name}.{symbol}"] = float(value)
+        if series:
+            x, y = (np.concatenate([v[s] for s in series]) for v in (values, nominal[name]))
+            found[f"{name}.{SCALE}"] = float(x @ y / max(float(y @ y), 1e-300))
+    return found
+
+
+def _short(x: float) -> float:
+    return float(f"{float(x):.{DIGITS}g}")

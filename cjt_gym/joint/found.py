@@ -1,0 +1,113 @@
+"""What the file of a diagnosed joint says of its numbers: how they vary together, where they hold.
+
+``[found.covariance]`` has `names` (such as "damping.d_m", as randomisations call them), `values`
+and `matrix`, in the units of the file. ``[found.speed]``, ``torque``, ``frequency`` and
+``temperature`` have `low`, `high` and `unit`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cjt_gym.errors import ParameterError
+from cjt_gym.joint.files import JointFile
+
+__all__ = ["QUANTITIES", "Covariance", "Range", "covariance_of", "ranges_of"]
+
+QUANTITIES = ("speed", "torque", "frequency", "temperature")
+"""What a range may be of."""
+ROUNDING = 1e-4
+"""Negative part of a covariance, relative to its largest, that is its digits'."""
+REMEDY = "Write the file with  cjt-gym diagnose  again, or remove the table."
+
+
+@dataclass(frozen=True, eq=False)
+class Covariance:
+    """How sure the numbers of a joint are, and how they vary together.
+
+    Attributes:
+        names: Numbers of the file, such as "damping.d_m".
+        values: Their values, shape (n,).
+        matrix: Their covariance, shape (n, n).
+    """
+
+    names: tuple[str, ...]
+    values: NDArray[np.float64]
+    matrix: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Range:
+    """A range of values at which a joint was found.
+
+    Attributes:
+        low: Lowest value.
+        high: Highest value.
+        unit: Unit of both.
+    """
+
+    low: float
+    high: float
+    unit: str
+
+
+def covariance_of(file: JointFile) -> Covariance | None:
+    """Return the covariance that a joint file states; None where it states none.
+
+    Raises:
+        ParameterError: It is not one.
+    """
+    table = file.found.get("covariance")
+    if table is None:
+        return None
+    owner = f"[found.covariance] of {file.parameters.origin}"
+    if not isinstance(table, Mapping) or not {"names", "values", "matrix"} <= table.keys():
+        raise ParameterError(f"{owner} must have names, values and matrix. {REMEDY}")
+    names = table["names"]
+    if not isinstance(names, tuple) or not all(isinstance(name, str) for name in names):
+        raise ParameterError(f"names of {owner} must be a list of texts, got {names!r}. {REMEDY}")
+    count = len(names)
+    values = _numbers(table["values"], (count,), f"values of {owner}")
+    matrix = _numbers(table["matrix"], (count, count), f"matrix of {owner}")
+    size = np.sqrt(np.maximum(np.diag(matrix), 0.0))
+    scaled = matrix / np.outer(*(2 * [np.where(size > 0.0, size, 1.0)]))
+    even = np.allclose(scaled, scaled.T, atol=ROUNDING)
+    if not even or np.linalg.eigvalsh(0.5 * (scaled + scaled.T)).min(initial=0.0) < -ROUNDING:
+        raise ParameterError(
+            f"matrix of {owner} must be symmetric and without negative variances. {REMEDY}"
+        )
+    return Covariance(tuple(map(str, names)), values, 0.5 * (matrix + matrix.T))
+
+
+def ranges_of(file: JointFile) -> dict[str, Range]:
+    """Return the ranges at which a joint file says that it was found, by quantity.
+
+    Raises:
+        ParameterError: One of them is not a range.
+    """
+    return {name: _range(file, name) for name in QUANTITIES if name in file.found}
+
+
+def _range(file: JointFile, name: str) -> Range:
+    table, owner = file.found[name], f"[found.{name}] of {file.parameters.origin}"
+    if not isinstance(table, Mapping) or not {"low", "high", "unit"} <= table.keys():
+        raise ParameterError(f"{owner} must have low, high and unit. {REMEDY}")
+    low, high = _numbers((table["low"], table["high"]), (2,), f"low and high of {owner}").tolist()
+    if low > high:
+        raise ParameterError(f"{owner} must have low <= high, got {low:g} and {high:g}. {REMEDY}")
+    return Range(low, high, str(table["unit"]))
+
+
+def _numbers(values: object, shape: tuple[int, ...], what: str) -> NDArray[np.float64]:
+    try:
+        found = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        found = np.full(1, np.nan)
+    if found.shape != shape or not np.isfinite(found).all():
+        text = " x ".join(map(str, shape))
+        raise ParameterError(f"{what} must be {text} finite numbers. {REMEDY}")
+    return found

@@ -1,0 +1,58 @@
+"""How sure the numbers of a joint file are, from how sure the coordinates of a fit are."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cjt_gym.gap.horizons.model import Model, Scales
+from cjt_gym.gap.horizons.rows import _friction, _gravity, base_terms, ripple
+from cjt_gym.gap.horizons.scatter import Scatter
+from cjt_gym.gap.horizons.spread import Spread
+from cjt_gym.joint.joint import Joint
+from tests.gap.horizons.rotor import datasheet
+
+SCALES = Scales(torque=1.0, speed=1.0, peak=2.0, travel=3.0)
+
+
+def scatter(terms: Any, z: list[float], matrix: Any) -> Scatter:
+    model = Model(Joint(datasheet(), "rigid", "current", {}), tuple(terms))
+    fit: Any = SimpleNamespace(model=model, z=np.array(z))
+    return Scatter.of(Spread(fit, np.asarray(matrix, dtype=float), 2.0))
+
+
+def test_a_number_that_is_fitted_as_a_difference_gets_the_interval_of_its_own() -> None:
+    joint = Joint(datasheet(), "rigid", "current", {})
+    damping = base_terms(joint, SCALES)[1]
+    skew = next(t for t in _friction(joint, SCALES, "m") if t.name == "viscous_asym")
+    steps = [t.numbers[0].scale for t in (damping, skew)]
+    found = scatter([damping, skew], [0.3 / steps[0], 0.2 / steps[1]], [[1.0, 0.5], [0.5, 4.0]])
+    assert found.names == ("damping.d_m", "viscous_asym.d_m_n")
+    assert found.values == pytest.approx([0.3, 0.5])
+    own, both = steps[0] ** 2, steps[0] ** 2 + steps[0] * steps[1] + 4.0 * steps[1] ** 2
+    cross = steps[0] ** 2 + 0.5 * steps[0] * steps[1]
+    assert found.matrix == pytest.approx(np.array([[own, cross], [cross, both]]), rel=1e-6)
+    ends = found.intervals()["viscous_asym.d_m_n"]
+    half = 2.0 * np.sqrt(both)
+    assert (ends.low, ends.high) == pytest.approx((max(0.5 - half, 0.0), 0.5 + half), rel=1e-6)
+
+
+def test_the_components_of_a_weight_become_its_size_and_angle() -> None:
+    joint = Joint(datasheet(), "rigid", "current", {})
+    term = _gravity(joint, SCALES)
+    size = term.numbers[0].scale
+    found = scatter([term], [0.0, 1.0 / size], np.diag([1e-4, 4e-4]) / size**2)
+    assert dict(zip(found.names, found.values, strict=True)) == pytest.approx(
+        {"gravity.torque": 1.0, "gravity.angle": 0.0}, abs=1e-12
+    )
+    assert found.matrix == pytest.approx(np.diag([4e-4, 1e-4]), rel=1e-3, abs=1e-9)
+
+
+def test_the_amplitudes_of_a_ripple_become_its_scale() -> None:
+    found = scatter([ripple("cogging", 7.0, 0.1)], [3.0, 4.0], np.diag([0.25, 0.25]))
+    assert found.names == ("cogging.scale",)
+    assert found.values == pytest.approx([1.0])
+    assert found.matrix == pytest.approx(np.array([[0.01]]), rel=1e-6)
