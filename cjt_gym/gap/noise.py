@@ -3,7 +3,8 @@
 Three sources for the standard deviation of a sample: what the joint file specifies, half a step of
 the channel's resolution (a uniform error of one step has step / sqrt(12)), and what the data show
 at frequencies that no joint reaches (differences of high order). What is specified counts, unless
-the data show white noise that is clearly less; where nothing is specified, the larger of the others.
+the data show white noise that is clearly less; where nothing is specified, the larger of the
+others.
 """
 
 from __future__ import annotations

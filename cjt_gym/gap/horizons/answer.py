@@ -9,8 +9,8 @@ import numpy as np
 
 from cjt_gym.errors import CjtGymError
 from cjt_gym.gap.check import examine
-from cjt_gym.gap.diagnosis import Diagnosis
-from cjt_gym.gap.horizons.judge import Progress, as_joint, judge, make_case
+from cjt_gym.gap.diagnosis import NOTHING_LEFT, Diagnosis, Unexplained
+from cjt_gym.gap.horizons.judge import Judgement, Progress, as_joint, judge, make_case
 from cjt_gym.gap.horizons.tell import horizons_of, retold
 from cjt_gym.gap.horizons.write import found_at
 from cjt_gym.joint import JointFile, Structure
@@ -48,8 +48,21 @@ def judged(
         return _allowed(replace(first, unexplained=left), excluded)
     if found.answer == "stages":
         first = replace(first, joint=replace(first.joint, found=found_at(found)))
-        return _allowed(replace(first, horizons=horizons_of(found)), excluded)
+        return _allowed(replace(_cleared(first, found), horizons=horizons_of(found)), excluded)
     return retold(first, found, excluded, _title(records[0]))
+
+
+def _cleared(first: Diagnosis, found: Judgement) -> Diagnosis:
+    """Return a diagnosis that sees no gap where nothing of what is left could be predicted.
+
+    Without a measured torque a motor's one-step predictor does not know what its spring does.
+    """
+    open_ = found.cut or found.unexplained or any(row.left is None for row in found.rows[-1:])
+    if first.verdict != "unexplained" or first.effects or open_:
+        return first
+    told = Unexplained(0.0, None, NOTHING_LEFT, 0.0)
+    stages = {name: replace(gap, significant=False) for name, gap in first.stages.items()}
+    return replace(first, verdict="no_gap", unexplained=told, stages=stages)
 
 
 def _allowed(first: Diagnosis, excluded: dict[str, str]) -> Diagnosis:

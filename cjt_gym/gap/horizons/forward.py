@@ -26,6 +26,7 @@ from cjt_gym.joint.kernel import control_step, restart
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+Flags = NDArray[np.bool_]
 CHANNELS = {"q_m": 0, "q_l": 1, "tau": 2}
 SUBSTEP = 2e-3
 """Longest substep [s]: linear motion is exact at any, friction and ripple to about its square."""
@@ -89,7 +90,64 @@ def run_windows(
                     out[w, j, c] = np.nan
 
 
-def predict(joint: Joint, log: Log, starts: Integers, lengths: Integers, leads: Integers) -> Floats:
+@compiled
+def follow(
+    batch: Batch,
+    setup: Setup,
+    commands: Floats,
+    loads: Floats,
+    states: Floats,
+    whole: Flags,
+    known: Flags,
+    out: Floats,
+) -> None:
+    """Estimate states that were not measured: they follow those that were, through the joint.
+
+    Where the record is broken, and where a state ceases to be finite, they start anew.
+
+    Args:
+        batch: A batch of one.
+        setup: Its setup.
+        commands: Currents [A] or voltages [V] of the record, shape (N,).
+        loads: Load torque [N m] or velocity [rad/s], shape (N,).
+        states: Measured states, shape (N, 6).
+        whole: Where the record is not broken, shape (N,).
+        known: Which of the states were measured, shape (6,).
+        out: Receives the states, shape (N, 6).
+    """
+    work = np.zeros((WORK_ROWS, WORK_WIDTH))
+    good = False
+    for k in range(states.shape[0]):
+        for j in range(6):
+            if known[j] or not good:
+                batch.state[0, j] = states[k, j]
+        if not good:
+            restart(batch, setup, 0, loads[k], work)
+        for j in range(6):
+            out[k, j] = batch.state[0, j]
+        good = whole[k] and control_step(batch, setup, 0, commands[k], 0.0, loads[k], work)
+
+
+def followed(joint: Joint, log: Log) -> Floats:
+    """Return the states of a record, shape (N, 6), with those that were not measured estimated."""
+    if log.known.all():
+        return log.states
+    batch = _batch(joint, log)
+    out = np.empty_like(log.states)
+    command = np.ascontiguousarray(log.command)
+    follow(batch.arrays, batch.setup, command, log.load, log.states, log.whole, log.known, out)
+    return out
+
+
+def _batch(joint: Joint, log: Log) -> JointBatch:
+    longest = min(SUBSTEP, 0.5 * longest_substep(joint))
+    substeps = max(math.ceil(log.dt / longest - 1e-9), 1)
+    return JointBatch(joint, 1, log.dt, log.dt / substeps, voltage=log.voltage)
+
+
+def predict(
+    joint: Joint, log: Log, starts: Integers, lengths: Integers, leads: Integers, states: Floats
+) -> Floats:
     """Return what a joint predicts in windows, shape (W, longest, 3); columns as in `CHANNELS`.
 
     Args:
@@ -98,13 +156,10 @@ def predict(joint: Joint, log: Log, starts: Integers, lengths: Integers, leads: 
         starts: First sample of each window, shape (W,).
         lengths: Samples of each, shape (W,).
         leads: Samples before each that are held to what was measured, shape (W,).
+        states: What `followed` returns, shape (N, 6).
     """
-    longest = min(SUBSTEP, 0.5 * longest_substep(joint))
-    substeps = max(math.ceil(log.dt / longest - 1e-9), 1)
-    batch = JointBatch(joint, 1, log.dt, log.dt / substeps, voltage=log.voltage)
+    batch = _batch(joint, log)
     out = np.zeros((len(starts), int(lengths.max(initial=1)), 3))
     command = np.ascontiguousarray(log.command)
-    run_windows(
-        batch.arrays, batch.setup, command, log.load, log.states, starts, lengths, leads, out
-    )
+    run_windows(batch.arrays, batch.setup, command, log.load, states, starts, lengths, leads, out)
     return out

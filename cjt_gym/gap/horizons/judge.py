@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cjt_gym.gap.horizons.baseline import least_squares
 from cjt_gym.gap.horizons.drive import DriveFit, fit_drive
 from cjt_gym.gap.horizons.fit import Fit, Problem
-from cjt_gym.gap.horizons.log import Log, to_log
+from cjt_gym.gap.horizons.log import Log, to_logs
 from cjt_gym.gap.horizons.model import Model, quiet
 from cjt_gym.gap.horizons.predictable import Predictable
 from cjt_gym.gap.horizons.predictable import left as left_by
@@ -116,12 +116,12 @@ def make_case(
     records: Sequence[Record], held: Sequence[Record], file: JointFile, shape: Structure
 ) -> Case:
     """Return records ready to be judged."""
-    first = to_log(records[0], file, shape)
+    both = to_logs([*records, *held], file, shape)
+    logs, other = both[: len(records)], both[len(records) :]
+    first = logs[0]
     drive = "static" if first.voltage else "current"
     effects = resolve_effects(None, file, shape, drive)
     joint = quiet(Joint(file, shape.name, drive, effects), driven=first.drive != "i")
-    logs = [first, *(to_log(record, file, shape) for record in records[1:])]
-    other = [to_log(record, file, shape) for record in held]
     pieces = cut(logs)
     own, kept = (pieces, cut(other)) if other else split(logs, pieces)
     whole = shape.output_fixed

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -47,6 +48,7 @@ class Log:
         load: Torque on the load [N m], or velocity of a prescribed load [rad/s]; shape (N,).
         measured: Channels to predict, of q_m, q_l and tau, each of shape (N,).
         states: [q_m q_g q_l dq_m dq_g dq_l] as measured, smoothed, shape (N, 6).
+        known: Which of the states were measured, or follow from what was, shape (6,).
         acceleration: Of the motor, smoothed [rad/s^2], shape (N,).
         whole: Where all channels were measured and no gap is near, shape (N,).
         temperature: Lowest and highest that the drive reported [degC]; None where it did not.
@@ -61,6 +63,7 @@ class Log:
     load: Floats
     measured: dict[str, Floats]
     states: Floats
+    known: Flags
     acceleration: Floats
     whole: Flags
     temperature: tuple[float, float] | None = None
@@ -79,8 +82,26 @@ class Log:
         return self.states[:, 3]
 
 
-def to_log(record: Record, file: JointFile, structure: Structure) -> Log:
+def to_logs(records: Sequence[Record], file: JointFile, structure: Structure) -> list[Log]:
+    """Return records on even grids, all of them driven by the same channel where they have it.
+
+    Raises:
+        RecordError: As for `to_log`.
+    """
+    logs = [to_log(record, file, structure) for record in records]
+    if len({log.drive for log in logs}) == 1:
+        return logs
+    return [to_log(record, file, structure, measured=True) for record in records]
+
+
+def to_log(record: Record, file: JointFile, structure: Structure, *, measured: bool = False) -> Log:
     """Return a record on an even grid.
+
+    Args:
+        record: The record.
+        file: The joint.
+        structure: How its bodies are joined.
+        measured: Whether a measured current drives the joint even where it follows its command.
 
     Raises:
         RecordError: Nothing drives the joint, or nothing that could be predicted was measured.
@@ -96,14 +117,15 @@ def to_log(record: Record, file: JointFile, structure: Structure) -> Log:
     even = {n: _even(grid, t, x) for n, x in columns.items()}
     drive, command = _driving(record, even, file)
     sprung = structure.groups[1] != structure.groups[2]
-    if sprung and drive == "i" and "i_cmd" in even and _followed(even["i"], even["i_cmd"]):
+    followed = not measured and drive == "i" and "i_cmd" in even
+    if sprung and followed and _followed(even["i"], even["i_cmd"]):
         drive, command = "i_cmd", even["i_cmd"]
-    measured = _measured(record, even, file, structure, grid)
-    _relaxed(measured, even.get("q_l"), structure)
-    used = [n for n in columns if n in (*measured, drive, "tau_cmd", "tau_l")]
+    shown = _measured(record, even, file, structure, grid)
+    _relaxed(shown, even.get("q_l"), command, structure)
+    used = [n for n in columns if n in (*shown, drive, "tau_cmd", "tau_l")]
     holes = _holes(grid, t, [columns[n] for n in used], dt)
     held = even.get("q_l") if structure.output_fixed else None
-    states, acceleration = _states(measured, held, even, structure, file, dt)
+    states, acceleration = _states(shown, held, even, structure, file, dt)
     load = even.get("tau_l", np.zeros(len(grid)))
     if structure.output_fixed:
         load = states[:, 5]
@@ -111,8 +133,8 @@ def to_log(record: Record, file: JointFile, structure: Structure) -> Log:
     heat = even.get("temperature")
     warm = None if heat is None else (float(heat.min()), float(heat.max()))
     return Log(
-        record.owner, dt, grid, drive, command, wanted, load, measured, states, acceleration,
-        ~holes, warm,
+        record.owner, dt, grid, drive, command, wanted, load, shown, states,
+        _known(shown, held, structure), acceleration, ~holes, warm,
     )  # fmt: skip
 
 
@@ -192,17 +214,20 @@ def _measured(
     return found
 
 
-def _relaxed(measured: dict[str, Floats], q_l: Floats | None, structure: Structure) -> None:
-    """Shift an angle so that the spring is relaxed where no torque is measured, in place.
+def _relaxed(
+    measured: dict[str, Floats], q_l: Floats | None, drive: Floats, structure: Structure
+) -> None:
+    """Shift an angle so that the spring is relaxed where it carries no torque, in place.
 
-    Encoders have arbitrary zeros: a regression of the deflection on the torque tells theirs.
+    Encoders have arbitrary zeros: a regression of the deflection on the torque tells theirs, on
+    what drives the joint where the torque was not measured.
     """
-    if structure.groups[1] == structure.groups[2] or not {"q_m", "tau"} <= measured.keys():
+    if structure.groups[1] == structure.groups[2] or "q_m" not in measured:
         return
     if q_l is None and not structure.output_fixed:
         return
     twist = measured["q_m"] - (q_l if q_l is not None else 0.0)
-    columns = np.stack([measured["tau"], np.ones(len(twist))], axis=1)
+    columns = np.stack([measured.get("tau", drive), np.ones(len(twist))], axis=1)
     zero = float(np.linalg.lstsq(columns, twist, rcond=None)[0][1])
     if "q_l" in measured:
         measured["q_l"] = measured["q_l"] + zero
@@ -219,6 +244,16 @@ def _holes(grid: Floats, t: Floats, columns: list[Floats], dt: float) -> Flags:
             bad |= (grid > known[k] + 0.5 * dt) & (grid < known[k + 1] - 0.5 * dt)
         bad |= (grid < known[0] - 0.5 * dt) | (grid > known[-1] + 0.5 * dt)
     return np.asarray(binary_dilation(bad, iterations=LEAST_SMOOTH // 2)) if bad.any() else bad
+
+
+def _known(measured: dict[str, Floats], held: Floats | None, structure: Structure) -> Flags:
+    """Return which states are told by what was measured, shape (6,)."""
+    motor, gear, load = structure.groups
+    tau = "tau" in measured
+    q_m = "q_m" in measured or tau
+    q_g = q_m if gear == motor else tau or (gear == load and "q_l" in measured)
+    q_l = load < 0 or load == motor or "q_l" in measured or held is not None or tau
+    return np.array([q_m, q_g, q_l] * 2)
 
 
 def smoothed(x: Floats, dt: float, order: int = 0) -> Floats:

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.gap.horizons.forward import CHANNELS, LEAD, predict
+from cjt_gym.gap.horizons.forward import CHANNELS, LEAD, followed, predict
 from cjt_gym.gap.horizons.log import Log
 from cjt_gym.joint import Joint
 
@@ -108,10 +108,12 @@ class Windows:
         are a hundred.
         """
         parts: dict[tuple[str, float], list[Floats]] = {key: [] for key in self.keys}
+        used = {group.log for group in self.groups}
+        states = {n: followed(joint, self.logs[n]) for n in used}
         for group in self.groups:
             log = self.logs[group.log]
             lengths = np.full(len(group.starts), group.length)
-            out = predict(joint, log, group.starts, lengths, group.leads)
+            out = predict(joint, log, group.starts, lengths, group.leads, states[group.log])
             for key, points in self._kinds(group):
                 at = group.starts[:, None] + points
                 error = out[:, points, CHANNELS[key[0]]] - log.measured[key[0]][at]
