@@ -10,11 +10,15 @@ import numpy as np
 from cjt_gym.errors import CjtGymError
 from cjt_gym.gap.check import examine
 from cjt_gym.gap.diagnosis import NOTHING_LEFT, Diagnosis, Unexplained
-from cjt_gym.gap.horizons.judge import Judgement, Progress, as_joint, judge, make_case
+from cjt_gym.gap.horizons.judge import TRIVIAL, Judgement, Progress, as_joint, judge, make_case
 from cjt_gym.gap.horizons.tell import horizons_of, retold
+from cjt_gym.gap.horizons.windows import HORIZONS, relative
 from cjt_gym.gap.horizons.write import found_at
 from cjt_gym.joint import JointFile, Structure
 from cjt_gym.records import Record
+
+FAR_OFF = 2.0
+"""Relative error, over that of the datasheet, from which what the stages suspect is not told."""
 
 
 def judged(
@@ -49,7 +53,32 @@ def judged(
     if found.answer == "stages":
         first = replace(first, joint=replace(first.joint, found=found_at(found)))
         return _allowed(replace(_cleared(first, found), horizons=horizons_of(found)), excluded)
-    return retold(first, found, excluded, _title(records[0]))
+    told = retold(first, found, excluded, _title(records[0]))
+    if found.answer == "datasheet" and found.cut and found.found is None and _near(found):
+        return _suspected(told, first)
+    return told
+
+
+def _near(found: Judgement) -> bool:
+    """Return whether the joint of the stages predicts less than twice as badly as the datasheet."""
+    windows = found.case.test
+    own, other = (relative(windows, found.errors[name]) for name in ("stages", "datasheet"))
+    return all(own[k] < FAR_OFF * max(other[k], TRIVIAL) for k in own if k[1] != min(HORIZONS))
+
+
+def _suspected(told: Diagnosis, first: Diagnosis) -> Diagnosis:
+    """Return a diagnosis with what the stages suspect, of which nothing is confirmed."""
+    if not first.effects:
+        return told
+    effects = tuple(
+        replace(e, status="tentative", confidence=min(e.confidence, 0.5)) for e in first.effects
+    )
+    said = (
+        "One sample ahead the named effects explain what was measured; over the whole record the "
+        "datasheet predicts better, so that its joint is the one given."
+    )
+    left = replace(told.unexplained, text=f"{said} {first.unexplained.text}")
+    return replace(told, verdict="partly_explained", effects=effects, unexplained=left)
 
 
 def _cleared(first: Diagnosis, found: Judgement) -> Diagnosis:
