@@ -128,6 +128,33 @@ class Episodes:
         self.control.action[:] = action[:, 0]
         self._step()
 
+    def step_or_begin(self, action: NDArray[np.floating[Any]], ended: NDArray[np.bool_]) -> None:
+        """Advance by one control step, but begin those anew that ended in the step before.
+
+        These take no action, and have no reward in this step.
+
+        Args:
+            action: See `step`.
+            ended: Which episodes ended, shape (num,).
+
+        Raises:
+            ConfigurationError: The action has the wrong shape or is not finite.
+            SimulationError: A state ceased to be finite.
+        """
+        if not ended.any():
+            self.step(action)
+            return
+        # The kernel steps all; what it draws for those that ended is given back.
+        arrays, task = self.plant.batch.arrays, self.task
+        streams = arrays.rng[ended].copy()
+        arrays.samples[ended] = 0
+        self.step(np.where(ended[:, None], 0.0, action))
+        arrays.rng[ended] = streams
+        self.begin(ended)
+        for values in (task.reward, task.terms, self.base, self.residual):
+            values[ended] = 0.0
+        task.terminated[ended] = task.truncated[ended] = False
+
     def step_one(self, action: float) -> None:
         """Do what `step` does for a single episode."""
         self.control.action[0] = action

@@ -1,4 +1,4 @@
-"""The torque-tracking environment, single and batched."""
+"""The torque-tracking environment."""
 
 from __future__ import annotations
 
@@ -7,8 +7,6 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from gymnasium.vector import AutoresetMode, VectorEnv
-from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from cjt_gym.envs.core import ControllerOrFactory, Episodes
@@ -234,75 +232,6 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
         """Close the strip chart."""
         if self._chart is not None:
             self._chart.close()
-
-
-class TorqueTrackingVectorEnv(VectorEnv[Observation, Action, NDArray[Any]]):
-    """A batch of `TorqueTrackingEnv` in one compiled kernel, with the same arguments.
-
-    Member i with seed s behaves exactly as a single environment with seed s + i. An episode that
-    ends is begun anew within the same step: the returned observation is the first of the new
-    episode, and `info["final_obs"]` holds the last of the old one.
-    """
-
-    metadata: dict[str, Any] = {  # noqa: RUF012
-        "render_modes": [],
-        "autoreset_mode": AutoresetMode.SAME_STEP,
-    }
-
-    def __init__(self, num_envs: int = 1, render_mode: str | None = None, **arguments: Any) -> None:
-        """Prepare the batch.
-
-        Args:
-            num_envs: How many.
-            render_mode: None; draw a single environment to see one.
-            **arguments: Those of `TorqueTrackingEnv`, checked as there.
-        """
-        if render_mode is not None:
-            raise ConfigurationError(
-                f"A batch is not drawn: render_mode must be None, got {render_mode!r}. Use "
-                "gymnasium.make for a single environment."
-            )
-        self.num_envs, self.render_mode = num_envs, None
-        self.episodes = Episodes(num_envs, **complete(arguments))
-        self.single_observation_space = self.episodes.observation_space
-        self.single_action_space = self.episodes.action_space
-        self.observation_space = batch_space(self.single_observation_space, num_envs)
-        self.action_space = batch_space(self.single_action_space, num_envs)
-
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Observation, dict[str, Any]]:
-        """Begin all episodes; member i gets seed + i."""
-        first = self._np_random is None
-        super().reset(seed=seed)
-        self.episodes.seed(seed, self.np_random if first else None)
-        self.episodes.reset(options)
-        return self.episodes.task.observation.copy(), {"parameters": self.episodes.parameters()}
-
-    def step(
-        self, actions: Action
-    ) -> tuple[Observation, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
-        """Advance all members by one control step."""
-        self.episodes.step(actions)
-        task = self.episodes.task
-        info: dict[str, Any] = self.episodes.info()
-        terminated, truncated = task.terminated.copy(), task.truncated.copy()
-        done = terminated | truncated
-        told = self.episodes.redrawn | done
-        if done.any():
-            final_obs = np.full(self.num_envs, None, dtype=object)
-            for i in np.flatnonzero(done):
-                final_obs[i] = task.observation[i].copy()
-            final_info = {key: np.where(done, values, 0.0) for key, values in info.items()}
-            info |= {"final_obs": final_obs, "_final_obs": done.copy()}
-            info |= {"final_info": final_info, "_final_info": done.copy()}
-            reward = task.reward.copy()
-            self.episodes.begin(done)
-        else:
-            reward = task.reward.copy()
-        if told.any() and self.episodes.settings.randomization:
-            info |= {"parameters": self.episodes.parameters(), "_parameters": told}
-        return task.observation.copy(), reward, terminated, truncated, info
 
 
 def complete(arguments: Mapping[str, Any]) -> dict[str, Any]:

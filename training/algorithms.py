@@ -42,9 +42,12 @@ SCHEDULES = ("learning_rate", "clip_range")
 def make_environment(config: TrainConfig) -> VecEnv:
     """Return the batch of environments of a configuration, normalised as it says.
 
+    Torch takes the number of threads that the configuration says.
+
     Raises:
         ConfigurationError: An option is not one of the algorithm's.
     """
+    torch.set_num_threads(config.threads)
     env: VecEnv = _batch(config)
     if config.normalize_observations or config.normalize_rewards:
         gamma = float(_options(config, CLASSES[config.algorithm]).get("gamma", 0.99))

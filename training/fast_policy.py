@@ -77,8 +77,8 @@ def network_of(agent: PolicyAgent) -> Network | None:
         one = np.ones(size, np.float32)
         return Network(layers, 0.0 * one, one, float(np.finfo(np.float32).max))
     mean, scale = observation_scaling(agent.normalizer)
-    single = (x.astype(np.float32) for x in (mean, scale))
-    return Network(layers, *single, float(agent.normalizer.clip_obs))
+    clip = float(agent.normalizer.clip_obs)
+    return Network(layers, mean.astype(np.float32), scale.astype(np.float32), clip)
 
 
 def _layers(model: Any) -> tuple[Layer, ...] | None:

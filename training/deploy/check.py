@@ -52,8 +52,8 @@ class AnyStepper(Protocol):
     def reset(self) -> None:
         """Forget the past."""
 
-    def step(self, reference: Any, /, *measured: float) -> float:
-        """Return the motor torque to command [N m], for `MEASURED` in that order."""
+    def step(self, *args: Any, **kwargs: Any) -> float:
+        """Return the motor torque to command [N m], for the reference and `MEASURED`."""
         ...
 
 
@@ -138,7 +138,9 @@ def check(
 def _stepper(path: Path, target: str, header: str, layout: Layout) -> AnyStepper:
     if target == "c":
         return CStepper(header, layout)
-    return Stepper(load_exported(path)) if target == "numpy" else OnnxStepper(path)
+    if target == "onnx":
+        return OnnxStepper(path)
+    return Stepper(load_exported(path))
 
 
 def recorded(agent: PolicyAgent) -> Run:
@@ -176,7 +178,7 @@ def replayed(agent: PolicyAgent, record: Record) -> Run:
     columns = _columns(record, exported(agent), layout)
     scales, wanted, inputs = np.array([layout.torque, layout.velocity, layout.n]), [], []
     observation, command = np.zeros((1, layout.size), np.float32), 0.0
-    numbers = np.clip(np.float32(layout.joint_numbers), -LIMIT, LIMIT)[None]
+    numbers = np.clip(np.array([layout.joint_numbers], np.float32), -LIMIT, LIMIT)
     agent.begin()
     if base is not None:
         base.reset()
@@ -185,8 +187,8 @@ def replayed(agent: PolicyAgent, record: Record) -> Run:
         rows = np.minimum(k + np.arange(layout.preview + 1), count - 1)
         reference = columns["tau_ref"][rows]
         seen = {name: columns[name][k : k + 1] for name in MEASURED}
-        now = [float(seen[name][0]) for name in ("tau", "q_m", "dq_m", "dq_l")]
-        observe(scales, reference, *now, command, k > 0, observation[0])
+        tau, q_m, dq_m, dq_l = (float(seen[name][0]) for name in ("tau", "q_m", "dq_m", "dq_l"))
+        observe(scales, reference, tau, q_m, dq_m, dq_l, command, k > 0, observation[0])
         action = agent.act(np.concatenate([observation, numbers], axis=1))
         torque = 0.0
         if base is not None:
