@@ -22,7 +22,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, TypeVar
 
-from numba import njit
+from numba import config, njit
+from numba.core import event
 from numba.extending import register_jitable
 
 from cjt_gym.errors import CjtGymWarning
@@ -86,6 +87,34 @@ def _kept(function: Function, **options: Any) -> Function:
         _warn()
         kept = njit(function, **options)
     return kept
+
+
+def kept_functions() -> bool:
+    """Return whether functions of joints were compiled before and kept."""
+    home = Path(config.CACHE_DIR) if config.CACHE_DIR else Path(__file__).parent / "__pycache__"
+    return any(home.rglob("*.nbi"))
+
+
+def while_compiling(tell: Callable[[bool], None]) -> None:
+    """Have it told when a function begins to be compiled (True), and when none is any more."""
+    event.register("numba:compile", _Compiler(tell))
+
+
+class _Compiler(event.Listener):  # type: ignore[misc]
+    """Counts what is being compiled."""
+
+    def __init__(self, tell: Callable[[bool], None]) -> None:
+        self._tell, self._depth = tell, 0
+
+    def on_start(self, event: Any) -> None:
+        self._depth += 1
+        if self._depth == 1:
+            self._tell(True)
+
+    def on_end(self, event: Any) -> None:
+        self._depth -= 1
+        if self._depth == 0:
+            self._tell(False)
 
 
 @cache
