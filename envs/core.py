@@ -23,10 +23,12 @@ from cjt_gym.envs.threads import side_by_side, threads_for
 from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.joint import Joint
 from cjt_gym.joint.arrays import TAU
+from cjt_gym.joint.border import checked_array
 from cjt_gym.plant import Measurement, SimulatedPlant
 from cjt_gym.signals import Signal
 
 Floats = NDArray[np.float64]
+Reward = Callable[[Mapping[str, NDArray[Any]]], NDArray[Any]]
 ControllerOrFactory = str | BaseController | Callable[[Joint, float], BaseController]
 
 
@@ -44,12 +46,20 @@ class Episodes:
     """
 
     def __init__(
-        self, num: int, base_controller: ControllerOrFactory | None = None, **arguments: Any
+        self,
+        num: int,
+        base_controller: ControllerOrFactory | None = None,
+        reward: Reward | None = None,
+        **arguments: Any,
     ) -> None:
         """Prepare the episodes; arguments are those of `TorqueTrackingEnv`."""
         self.settings = make_settings(residual=base_controller is not None, **arguments)
         s = self.settings
-        self.num = num
+        if reward is not None and not callable(reward):
+            raise ConfigurationError(
+                f"reward must be a function of what a step reports, got {reward!r}."
+            )
+        self.num, self.reward = num, reward
         self.plant = SimulatedPlant(s.joint, num, s.dt, s.dt_physics, s.randomization)
         self.controller = make_base(base_controller, s.joint, s.dt)
         self.task = _make_task(s, num, self.plant)
@@ -172,6 +182,18 @@ class Episodes:
             left = self.num if shares is None else side_by_side(step_blocks, shares)
         if left != 0:
             self._rest(left)
+        self.take_own_reward()
+
+    def take_own_reward(self) -> None:
+        """Put the reward of the function that was given, if any, where that of the task stands.
+
+        Raises:
+            ConfigurationError: It gives something else than a number per episode.
+        """
+        if self.reward is None:
+            return
+        given = self.reward({**self.info(), "terminated": self.task.terminated.copy()})
+        self.task.reward[:] = checked_array("what the reward gives", given, (self.num,))
 
     def _before(self) -> None:
         """Do what precedes a control step: base controller and parameters that drift."""

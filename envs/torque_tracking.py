@@ -9,7 +9,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.envs.core import ControllerOrFactory, Episodes
+from cjt_gym.envs.core import ControllerOrFactory, Episodes, Reward
 from cjt_gym.envs.settings import stated_by_joint
 from cjt_gym.envs.step import REPORT
 from cjt_gym.envs.strip_chart import StripChart
@@ -75,6 +75,10 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
     | `effort` | -u^2 | 0 |
     | `safety` | -1 if the episode terminates | 50 |
 
+    `reward` is a function of a mapping with the keys of a step's information and `terminated`, each
+    an array of shape (num,); it returns the rewards, shape (num,). A single environment is a batch
+    of one.
+
     `precision` is for tasks whose errors differ much: halving an error is worth about the same in
     each, down to 5 % of the amplitude.
 
@@ -107,7 +111,8 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
     | `parameters` | None | parameters that replace those of the joint file |
     | `randomization` | None | "mild", "wide", "identified" or {name: variation}, see below |
     | `base_controller` | None | name of a controller, controller, or function (joint, dt) -> one |
-    | `reference` | "mixed" | "step", "chirp", "multisine", "smooth", "mixed", file, `Signal` |
+    | `reference` | "mixed" | "step", "chirp", "multisine", "smooth", "mixed", file, `Signal`, |
+    | | | array of torques [N m], one per control step, or function of time [s] |
     | `disturbance` | None | the same for load torque [N m] or, output fixed, velocity [rad/s] |
     | `torque_amplitude` | from the joint | amplitude of named references [N m] |
     | `velocity_scale` | from the task | divides velocities [rad/s] |
@@ -119,6 +124,7 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
     | `dt_control` | 0.001 | control step [s] |
     | `dt_physics` | 0.0001 | substep [s], a whole fraction of it |
     | `reward_weights` | None | {term: weight} |
+    | `reward` | None | function that replaces the sum of the terms, see below |
     | `render_mode` | None | "human" or "rgb_array": a strip chart (needs matplotlib) |
 
     Without `torque_amplitude` it is a tenth of the peak torque k_t n i_p, or three times the
@@ -168,6 +174,7 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
         dt_control: float = 1e-3,
         dt_physics: float = 1e-4,
         reward_weights: Mapping[str, float] | None = None,
+        reward: Reward | None = None,
         render_mode: str | None = None,
     ) -> None:
         if render_mode is not None and render_mode not in RENDER_MODES:
