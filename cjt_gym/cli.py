@@ -24,6 +24,7 @@ COMMANDS: dict[str, str] = {
     "simulate": "simulate a joint under a reference and a controller, and write the record",
     "train": "train a policy with Stable-Baselines3, or go on with a run that was stopped",
     "runs": "list and compare training runs, and write the page of one",
+    "policies": "list the trained policies that ship, or show the card of one",
     "tune": "search the gains of a controller on a joint, within limits on its robustness",
     "benchmark": "compare controllers and policies on the same joints and references",
     "blind-test": "diagnose joints whose effects are hidden, and score what was found",
