@@ -253,8 +253,8 @@ def _sampled(reference: Any, steps: int, dt: float) -> Any:
         values = checked_array("values of the function that is the reference", found, (steps,))
     else:
         return reference
-    times = dt * np.arange(len(values))
-    return sampled_signal(times, values)
+    times: Floats = np.arange(len(values), dtype=np.float64) * dt
+    return sampled_signal(times, np.asarray(values, np.float64))
 
 
 def _positive(name: str, value: float, unit: str) -> None:

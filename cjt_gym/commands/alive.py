@@ -59,7 +59,7 @@ class Alive:
     def __enter__(self) -> Alive:
         self._streams = sys.stdout, sys.stderr
         self._terminal = sys.stderr.isatty()
-        sys.stdout, sys.stderr = (Watched(s, self) for s in self._streams)  # type: ignore[assignment]
+        sys.stdout, sys.stderr = (Watched(s, self) for s in self._streams)
         self._thread.start()
         return self
 

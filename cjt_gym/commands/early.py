@@ -66,7 +66,7 @@ def check_words(command: str, words: Sequence[str]) -> None:
         UnknownNameError: There is none of that name; the message suggests the nearest.
     """
     known: dict[str, Callable[[], list[str]]] = {
-        "--controller": lambda: controller_names() + part_names(),
+        "--controller": lambda: sorted({*controller_names(), *part_names()}),
         "--joint": joint_names,
     }
     for option, names in known.items():

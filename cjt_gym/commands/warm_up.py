@@ -107,8 +107,10 @@ def _policies() -> None:
 def _diagnosis() -> None:
     diagnose(read_record("emps").slice(0, DIAGNOSED))
     locked = load_joint(JOINT, STRUCTURE, effects=["noise"])
-    for hidden in ({"coulomb": {}}, {"spring_hysteresis": "typical"}):
-        diagnose([_record(DIAGNOSED, {"noise": {}, **hidden})], locked.file, STRUCTURE)
+    hidden: dict[str, Any] = {"coulomb": {}, "spring_hysteresis": "typical"}
+    for name, values in hidden.items():
+        record = _record(DIAGNOSED, {"noise": {}, name: values})
+        diagnose([record], locked.file, STRUCTURE)
 
 
 def _blind_tests() -> None:

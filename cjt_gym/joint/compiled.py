@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import os
 import re
 import warnings
 from collections.abc import Callable
@@ -22,7 +23,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, TypeVar
 
-from numba import config, njit
+from numba import njit
 from numba.core import event
 from numba.extending import register_jitable
 
@@ -91,16 +92,17 @@ def _kept(function: Function, **options: Any) -> Function:
 
 def kept_functions() -> bool:
     """Return whether functions of joints were compiled before and kept."""
-    home = Path(config.CACHE_DIR) if config.CACHE_DIR else Path(__file__).parent / "__pycache__"
+    given = os.environ.get("NUMBA_CACHE_DIR")
+    home = Path(given) if given else Path(__file__).parent / "__pycache__"
     return any(home.rglob("*.nbi"))
 
 
 def while_compiling(tell: Callable[[bool], None]) -> None:
     """Have it told when a function begins to be compiled (True), and when none is any more."""
-    event.register("numba:compile", _Compiler(tell))
+    event.register("numba:compile", _Compiler(tell))  # type: ignore[no-untyped-call]
 
 
-class _Compiler(event.Listener):  # type: ignore[misc]
+class _Compiler(event.Listener):
     """Counts what is being compiled."""
 
     def __init__(self, tell: Callable[[bool], None]) -> None:
