@@ -6,18 +6,20 @@ import io
 import subprocess
 import sys
 import time
-from types import ModuleType
-from typing import Any
+from pathlib import Path
 
+import gymnasium as gym
 import pytest
 from numba.core import event
-from numba.core.dispatcher import Dispatcher
 
 from cjt_gym.baselines import CONTROLLERS
 from cjt_gym.baselines.parts import PARTS
 from cjt_gym.cli import main
-from cjt_gym.commands import alive, early, warm_up
+from cjt_gym.commands import alive, early
+from cjt_gym.gap import diagnose
 from cjt_gym.joint import joint_names
+from cjt_gym.joint.compiled import while_compiling
+from cjt_gym.records import read_record
 
 
 def impatient(monkeypatch: pytest.MonkeyPatch) -> io.StringIO:
@@ -108,20 +110,20 @@ def test_train_checks_its_words_before_it_loads_torch() -> None:
     assert "ppo_residul" in run.stderr
 
 
-def functions_of(module: ModuleType) -> dict[str, Any]:
-    return {
-        f"{module.__name__}.{name}": value
-        for name, value in vars(module).items()
-        if isinstance(value, Dispatcher) and value.py_func.__module__ == module.__name__
-    }
-
-
 @pytest.mark.slow
-def test_after_a_warm_up_nothing_is_left_to_compile(capsys: pytest.CaptureFixture[str]) -> None:
+def test_after_a_warm_up_nothing_is_left_to_compile(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["warm-up"]) == 0
     assert "All is compiled" in capsys.readouterr().out
-    ours = [m for name, m in list(sys.modules.items()) if name.startswith("cjt_gym.")]
-    functions = {k: f for module in ours for k, f in functions_of(module).items()}
-    assert len(functions) > 25
-    assert [name for name, function in functions.items() if not function.signatures] == []
-    assert list(warm_up.PARTS)
+    compiled: list[bool] = []
+    while_compiling(compiled.append)
+    record = str(tmp_path / "r.csv")
+    words = ["simulate", "orange_80_6000", "--structure", "full_dynamics", "--duration", "0.3"]
+    words += ["--effect", "coulomb", "backlash=typical", "cogging=typical", "--randomize", "mild"]
+    assert main([*words, "--out", record]) == 0
+    envs = gym.make_vec("CJT/RigidGearbox-v0", num_envs=5, effects=["coulomb", "quantization"])
+    envs.reset(seed=0)
+    envs.step(envs.action_space.sample())
+    assert diagnose(read_record("emps").slice(0, 4000)).verdict
+    assert compiled == []
