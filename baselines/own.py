@@ -101,10 +101,20 @@ def own_entry(word: str) -> ControllerEntry:
     if found is None or not callable(found):
         known = [n for n, v in vars(module).items() if _is_own(v, module)]
         raise unknown_name(f"controller of {path}", name, known)
-    return _entry(word, name, found)
+    return entry_of(word, name, found)
 
 
-def _entry(word: str, name: str, make: Callable[..., Any]) -> ControllerEntry:
+def entry_of(word: str, name: str, make: Callable[..., Any]) -> ControllerEntry:
+    """Return the row of what makes a controller.
+
+    Args:
+        word: What it is called in tables.
+        name: What it is called where it has no docstring.
+        make: Class or function of (joint, dt) and its gains.
+
+    Raises:
+        ConfigurationError: A gain that it lists is none.
+    """
     tunable = tuple(getattr(make, "tunable", ()))
     if not all(isinstance(gain, Gain) and gain.usual is not None for gain in tunable):
         raise ConfigurationError(

@@ -31,11 +31,12 @@ from cjt_gym.baselines import (
 from cjt_gym.baselines.compose import composed, is_composed
 from cjt_gym.baselines.controller import Controller
 from cjt_gym.baselines.entry import ControllerEntry, Gains
-from cjt_gym.baselines.own import is_own, own_entry
+from cjt_gym.baselines.own import entry_of, is_own, own_entry
 from cjt_gym.baselines.parts import PARTS
 from cjt_gym.baselines.shipped import gains_of
 from cjt_gym.errors import unknown_name
 from cjt_gym.joint import Joint
+from cjt_gym.plugins import installed_rows
 
 CONTROLLERS: dict[str, ControllerEntry] = {
     module.ROW.name: module.ROW
@@ -66,6 +67,9 @@ CONTROLLERS: dict[str, ControllerEntry] = {
         impedance,
     )
 }
+for _name, _found in installed_rows("controllers", CONTROLLERS):
+    _row = _found if isinstance(_found, ControllerEntry) else entry_of(_name, _name, _found)
+    CONTROLLERS[_name] = _row
 
 
 def get_entry(name: str) -> ControllerEntry:

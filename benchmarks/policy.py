@@ -20,7 +20,8 @@ def table() -> Table | None:
     try:
         from cjt_gym.training.algorithms import make_environment, make_model
         from cjt_gym.training.config import load_config
-        from cjt_gym.training.deploy.exported import Stepper, load_exported, save_exported
+        from cjt_gym.training.deploy.exported import load_exported, save_exported
+        from cjt_gym.training.deploy.stepper import Stepper
         from cjt_gym.training.fast_policy import exported
         from cjt_gym.training.policy import agent_of
     except ImportError:
@@ -45,7 +46,7 @@ def table() -> Table | None:
     calls: dict[str, Callable[[int], object]] = {
         "network": lambda k: policy.network.act(observations[k % 64]),
         "network, its observation and its history": lambda k: stepper.step(
-            reference, 0.5, 0.01 * k, 0.1, 0.0, 0.4
+            reference, 0.5, 0.01 * k, 0.01 * k, 0.0, 0.1, 0.1, 0.0
         ),
         "torch": lambda k: agent.act(observations[k % 64 : k % 64 + 1]),
     }

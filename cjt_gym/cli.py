@@ -15,6 +15,8 @@ from collections.abc import Sequence
 from importlib import import_module
 from typing import Any, NoReturn
 
+from cjt_gym.commands.alive import WORKING, Alive
+from cjt_gym.commands.early import check_words
 from cjt_gym.errors import CjtGymError, unknown_name
 
 COMMANDS: dict[str, str] = {
@@ -22,6 +24,7 @@ COMMANDS: dict[str, str] = {
     "simulate": "simulate a joint under a reference and a controller, and write the record",
     "train": "train a policy with Stable-Baselines3, or go on with a run that was stopped",
     "runs": "list and compare training runs, and write the page of one",
+    "policies": "list the trained policies that ship, or show the card of one",
     "tune": "search the gains of a controller on a joint, within limits on its robustness",
     "benchmark": "compare controllers and policies on the same joints and references",
     "blind-test": "diagnose joints whose effects are hidden, and score what was found",
@@ -36,7 +39,10 @@ COMMANDS: dict[str, str] = {
     "convert": "turn a log, a trace of a CAN bus or a record into a record; a joint (.m) into TOML",
     "plot": "draw records as a picture or a page",
     "diagnose": "find where a recorded joint and its simulation differ, why, and how far",
+    "warm-up": "compile everything once, so that nothing has to later",
 }
+GOING_ON = ("emulate", "hardware")
+"""Commands that give no sign of life between their words, as they run in real time or wait."""
 EXTRAS = {
     "can": "can",
     "torch": "train",
@@ -102,13 +108,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
             parser.error(f"unknown option {rest[0]}.")
         parser.print_help()
         return 0
-    return _run(known.command, words[words.index(known.command) + 1 :])
+    return _run(known.command, words[words.index(known.command) + 1 :], arguments is None)
 
 
-def _run(command: str, words: Sequence[str]) -> int:
+def _run(command: str, words: Sequence[str], in_shell: bool) -> int:
     with warnings.catch_warnings():
         warnings.showwarning = _warn
-        return _run_command(command, words)
+        if not in_shell:
+            return _run_command(command, words)
+        with Alive(until_a_word=command in GOING_ON) as alive:
+            return _run_command(command, words, alive)
 
 
 def _warn(message: Warning | str, *rest: Any, **named: Any) -> None:
@@ -116,13 +125,18 @@ def _warn(message: Warning | str, *rest: Any, **named: Any) -> None:
     sys.stderr.write(f"cjt-gym: {' '.join(str(message).split())}\n")
 
 
-def _run_command(command: str, words: Sequence[str]) -> int:
+def _run_command(command: str, words: Sequence[str], alive: Alive | None = None) -> int:
     try:
+        check_words(command, words)
         module = import_module(f"cjt_gym.commands.{command.replace('-', '_')}")
         parser = Parser(prog=f"cjt-gym {command}", description=COMMANDS[command])
         module.add_arguments(parser)
         parser.add_argument("--json", action="store_true", help="print the result as JSON")
-        module.run(parser.parse_args(words))
+        options = parser.parse_args(words)
+        if alive is not None:
+            alive.doing = WORKING
+            alive.watch_compiler()
+        module.run(options)
         sys.stdout.flush()
     except BrokenPipeError:  # the reader of a pipe has had enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -7,6 +7,7 @@ from typing import Any
 import gymnasium
 
 MODULE = "cjt_gym.envs.torque_tracking"
+VECTOR_MODULE = "cjt_gym.envs.vector"
 ENVIRONMENTS: dict[str, dict[str, Any]] = {
     "CJT/TorqueTracking-v0": {},
     "CJT/FullDynamics-v0": {"structure": "full_dynamics"},
@@ -27,7 +28,7 @@ def register() -> None:
         gymnasium.register(
             id=name,
             entry_point=f"{MODULE}:TorqueTrackingEnv",
-            vector_entry_point=f"{MODULE}:TorqueTrackingVectorEnv",
+            vector_entry_point=f"{VECTOR_MODULE}:TorqueTrackingVectorEnv",
             kwargs=arguments,
         )
     gymnasium.register(id=HARDWARE, entry_point="cjt_gym.envs.hardware_arm:make_hardware")

@@ -6,6 +6,7 @@ Importing `cjt_gym` registers the environments; this package is only loaded when
 if __name__ != "cjt_gym.envs":
     raise ImportError("This folder is installed as cjt_gym.envs: import that instead of 'envs'.")
 
-from cjt_gym.envs.torque_tracking import TorqueTrackingEnv, TorqueTrackingVectorEnv
+from cjt_gym.envs.torque_tracking import TorqueTrackingEnv
+from cjt_gym.envs.vector import TorqueTrackingVectorEnv
 
 __all__ = ["TorqueTrackingEnv", "TorqueTrackingVectorEnv"]

@@ -23,10 +23,12 @@ from cjt_gym.envs.threads import side_by_side, threads_for
 from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.joint import Joint
 from cjt_gym.joint.arrays import TAU
+from cjt_gym.joint.border import checked_array
 from cjt_gym.plant import Measurement, SimulatedPlant
 from cjt_gym.signals import Signal
 
 Floats = NDArray[np.float64]
+Reward = Callable[[Mapping[str, NDArray[Any]]], NDArray[Any]]
 ControllerOrFactory = str | BaseController | Callable[[Joint, float], BaseController]
 
 
@@ -44,12 +46,20 @@ class Episodes:
     """
 
     def __init__(
-        self, num: int, base_controller: ControllerOrFactory | None = None, **arguments: Any
+        self,
+        num: int,
+        base_controller: ControllerOrFactory | None = None,
+        reward: Reward | None = None,
+        **arguments: Any,
     ) -> None:
         """Prepare the episodes; arguments are those of `TorqueTrackingEnv`."""
         self.settings = make_settings(residual=base_controller is not None, **arguments)
         s = self.settings
-        self.num = num
+        if reward is not None and not callable(reward):
+            raise ConfigurationError(
+                f"reward must be a function of what a step reports, got {reward!r}."
+            )
+        self.num, self.reward = num, reward
         self.plant = SimulatedPlant(s.joint, num, s.dt, s.dt_physics, s.randomization)
         self.controller = make_base(base_controller, s.joint, s.dt)
         self.task = _make_task(s, num, self.plant)
@@ -128,6 +138,33 @@ class Episodes:
         self.control.action[:] = action[:, 0]
         self._step()
 
+    def step_or_begin(self, action: NDArray[np.floating[Any]], ended: NDArray[np.bool_]) -> None:
+        """Advance by one control step, but begin those anew that ended in the step before.
+
+        These take no action, and have no reward in this step.
+
+        Args:
+            action: See `step`.
+            ended: Which episodes ended, shape (num,).
+
+        Raises:
+            ConfigurationError: The action has the wrong shape or is not finite.
+            SimulationError: A state ceased to be finite.
+        """
+        if not ended.any():
+            self.step(action)
+            return
+        # The kernel steps all; what it draws for those that ended is given back.
+        arrays, task = self.plant.batch.arrays, self.task
+        streams = arrays.rng[ended].copy()
+        arrays.samples[ended] = 0
+        self.step(np.where(ended[:, None], 0.0, action))
+        arrays.rng[ended] = streams
+        self.begin(ended)
+        for values in (task.reward, task.terms, self.base, self.residual):
+            values[ended] = 0.0
+        task.terminated[ended] = task.truncated[ended] = False
+
     def step_one(self, action: float) -> None:
         """Do what `step` does for a single episode."""
         self.control.action[0] = action
@@ -145,6 +182,18 @@ class Episodes:
             left = self.num if shares is None else side_by_side(step_blocks, shares)
         if left != 0:
             self._rest(left)
+        self.take_own_reward()
+
+    def take_own_reward(self) -> None:
+        """Put the reward of the function that was given, if any, where that of the task stands.
+
+        Raises:
+            ConfigurationError: It gives something else than a number per episode.
+        """
+        if self.reward is None:
+            return
+        given = self.reward({**self.info(), "terminated": self.task.terminated.copy()})
+        self.task.reward[:] = checked_array("what the reward gives", given, (self.num,))
 
     def _before(self) -> None:
         """Do what precedes a control step: base controller and parameters that drift."""

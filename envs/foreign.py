@@ -48,6 +48,7 @@ def conclude_on(episodes: Episodes, command: NDArray[np.float64]) -> None:
         command: Motor torque that was commanded, shape (1,) [N m].
     """
     conclude(episodes.plant.batch.arrays, episodes.task, command)
+    episodes.take_own_reward()
 
 
 def _show(episodes: Episodes, measured: Measurement) -> None:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Iterable, Sequence
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
+import torch
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
@@ -14,6 +17,31 @@ from cjt_gym.envs.core import Episodes
 from cjt_gym.envs.torque_tracking import complete
 
 Indices = int | Iterable[int] | None
+
+
+CHOSEN = ("OMP_NUM_THREADS", "MKL_NUM_THREADS")
+"""Environment variables by which somebody has chosen how many threads torch takes."""
+
+
+def use_one_thread() -> None:
+    """Let torch work on one thread, and say so, unless somebody has chosen another number.
+
+    The networks of torque policies are small: to hand a layer to several threads takes longer than
+    to compute it. It acts once per process; what is set after that, or by the environment
+    variables in `CHOSEN`, stays.
+    """
+    if torch.get_num_threads() <= 1 or any(os.environ.get(name) for name in CHOSEN) or _seen:
+        return
+    _seen.append(True)
+    torch.set_num_threads(1)
+    sys.stderr.write(
+        "cjt_gym: torch now uses one thread, which is faster for small networks. To choose another "
+        "number, call torch.set_num_threads after making the environment, or set "
+        "OMP_NUM_THREADS.\n"
+    )
+
+
+_seen: list[bool] = []
 
 
 class BareVecEnv(VecEnv):
@@ -38,7 +66,8 @@ class TorqueTrackingVecEnv(BareVecEnv):
 
     Episodes that end begin anew within the same step; their `info` holds `terminal_observation`,
     `TimeLimit.truncated`, the keys of a single environment's step, and `episode` with return `r`
-    and length `l`. The `info` of the others is empty.
+    and length `l`. The `info` of the others is empty. The first one lets torch work on one thread;
+    see `use_one_thread`.
     """
 
     def __init__(self, num_envs: int, **arguments: Any) -> None:
@@ -48,6 +77,7 @@ class TorqueTrackingVecEnv(BareVecEnv):
             num_envs: How many.
             **arguments: Those of `TorqueTrackingEnv`, checked as there.
         """
+        use_one_thread()
         self.episodes = Episodes(num_envs, **complete(arguments))
         self.render_mode = None
         self._returns = np.zeros(num_envs)

@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 from cjt_gym.envs.observe import TERMS
 from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.joint import Joint, get_structure, load_joint, load_joint_file
+from cjt_gym.joint.border import checked_array
 from cjt_gym.joint.parameters import JointParameters
 from cjt_gym.plant import Measurement, Variation
 from cjt_gym.plant.randomization import Randomization, resolve_randomization
 from cjt_gym.plant.randomization.program import compile_plan
-from cjt_gym.signals import Signal, make_signals
+from cjt_gym.signals import Signal, make_signals, sampled_signal
 
 Floats = NDArray[np.float64]
 REWARD_WEIGHTS = dict(zip(TERMS, (1.0, 0.0, 0.05, 0.0, 50.0), strict=True))
@@ -212,7 +213,9 @@ def make_settings(
         )
     return Settings(
         joint=joint,
-        references=make_signals(reference, torque_amplitude),
+        references=make_signals(
+            _sampled(reference, episode_steps + preview + 1, dt_control), torque_amplitude
+        ),
         disturbances=disturbances,
         torque_amplitude=float(torque_amplitude),
         velocity_scale=float(velocity_scale),
@@ -226,6 +229,32 @@ def make_settings(
         reward_weights=_weights(reward_weights),
         randomization=variations,
     )
+
+
+def _sampled(reference: Any, steps: int, dt: float) -> Any:
+    """Return a reference as a signal where it is an array or a function of time.
+
+    Args:
+        reference: Values [N m], one per control step, shape (n,), the last of which holds from
+            there on; a function of the time since the episode began [s]; whatever else
+            `make_signals` takes; or a list of these.
+        steps: Control steps for which a function is asked.
+        dt: Control step [s].
+
+    Raises:
+        ConfigurationError: The array has another shape, or a value is not a finite number.
+    """
+    if isinstance(reference, (list, tuple)):
+        return [_sampled(each, steps, dt) for each in reference]
+    if isinstance(reference, np.ndarray):
+        values = checked_array("reference", reference, (None,))
+    elif callable(reference) and not isinstance(reference, Signal):
+        found = [reference(k * dt) for k in range(steps)]
+        values = checked_array("values of the function that is the reference", found, (steps,))
+    else:
+        return reference
+    times: Floats = np.arange(len(values), dtype=np.float64) * dt
+    return sampled_signal(times, np.asarray(values, np.float64))
 
 
 def _positive(name: str, value: float, unit: str) -> None:

@@ -1,4 +1,4 @@
-"""The torque-tracking environment, single and batched."""
+"""The torque-tracking environment."""
 
 from __future__ import annotations
 
@@ -7,11 +7,9 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from gymnasium.vector import AutoresetMode, VectorEnv
-from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from cjt_gym.envs.core import ControllerOrFactory, Episodes
+from cjt_gym.envs.core import ControllerOrFactory, Episodes, Reward
 from cjt_gym.envs.settings import stated_by_joint
 from cjt_gym.envs.step import REPORT
 from cjt_gym.envs.strip_chart import StripChart
@@ -77,6 +75,10 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
     | `effort` | -u^2 | 0 |
     | `safety` | -1 if the episode terminates | 50 |
 
+    `reward` is a function of a mapping with the keys of a step's information and `terminated`, each
+    an array of shape (num,); it returns the rewards, shape (num,). A single environment is a batch
+    of one.
+
     `precision` is for tasks whose errors differ much: halving an error is worth about the same in
     each, down to 5 % of the amplitude.
 
@@ -109,7 +111,8 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
     | `parameters` | None | parameters that replace those of the joint file |
     | `randomization` | None | "mild", "wide", "identified" or {name: variation}, see below |
     | `base_controller` | None | name of a controller, controller, or function (joint, dt) -> one |
-    | `reference` | "mixed" | "step", "chirp", "multisine", "smooth", "mixed", file, `Signal` |
+    | `reference` | "mixed" | "step", "chirp", "multisine", "smooth", "mixed", file, `Signal`, |
+    | | | array of torques [N m], one per control step, or function of time [s] |
     | `disturbance` | None | the same for load torque [N m] or, output fixed, velocity [rad/s] |
     | `torque_amplitude` | from the joint | amplitude of named references [N m] |
     | `velocity_scale` | from the task | divides velocities [rad/s] |
@@ -121,6 +124,7 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
     | `dt_control` | 0.001 | control step [s] |
     | `dt_physics` | 0.0001 | substep [s], a whole fraction of it |
     | `reward_weights` | None | {term: weight} |
+    | `reward` | None | function that replaces the sum of the terms, see below |
     | `render_mode` | None | "human" or "rgb_array": a strip chart (needs matplotlib) |
 
     Without `torque_amplitude` it is a tenth of the peak torque k_t n i_p, or three times the
@@ -170,6 +174,7 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
         dt_control: float = 1e-3,
         dt_physics: float = 1e-4,
         reward_weights: Mapping[str, float] | None = None,
+        reward: Reward | None = None,
         render_mode: str | None = None,
     ) -> None:
         if render_mode is not None and render_mode not in RENDER_MODES:
@@ -234,75 +239,6 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
         """Close the strip chart."""
         if self._chart is not None:
             self._chart.close()
-
-
-class TorqueTrackingVectorEnv(VectorEnv[Observation, Action, NDArray[Any]]):
-    """A batch of `TorqueTrackingEnv` in one compiled kernel, with the same arguments.
-
-    Member i with seed s behaves exactly as a single environment with seed s + i. An episode that
-    ends is begun anew within the same step: the returned observation is the first of the new
-    episode, and `info["final_obs"]` holds the last of the old one.
-    """
-
-    metadata: dict[str, Any] = {  # noqa: RUF012
-        "render_modes": [],
-        "autoreset_mode": AutoresetMode.SAME_STEP,
-    }
-
-    def __init__(self, num_envs: int = 1, render_mode: str | None = None, **arguments: Any) -> None:
-        """Prepare the batch.
-
-        Args:
-            num_envs: How many.
-            render_mode: None; draw a single environment to see one.
-            **arguments: Those of `TorqueTrackingEnv`, checked as there.
-        """
-        if render_mode is not None:
-            raise ConfigurationError(
-                f"A batch is not drawn: render_mode must be None, got {render_mode!r}. Use "
-                "gymnasium.make for a single environment."
-            )
-        self.num_envs, self.render_mode = num_envs, None
-        self.episodes = Episodes(num_envs, **complete(arguments))
-        self.single_observation_space = self.episodes.observation_space
-        self.single_action_space = self.episodes.action_space
-        self.observation_space = batch_space(self.single_observation_space, num_envs)
-        self.action_space = batch_space(self.single_action_space, num_envs)
-
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Observation, dict[str, Any]]:
-        """Begin all episodes; member i gets seed + i."""
-        first = self._np_random is None
-        super().reset(seed=seed)
-        self.episodes.seed(seed, self.np_random if first else None)
-        self.episodes.reset(options)
-        return self.episodes.task.observation.copy(), {"parameters": self.episodes.parameters()}
-
-    def step(
-        self, actions: Action
-    ) -> tuple[Observation, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
-        """Advance all members by one control step."""
-        self.episodes.step(actions)
-        task = self.episodes.task
-        info: dict[str, Any] = self.episodes.info()
-        terminated, truncated = task.terminated.copy(), task.truncated.copy()
-        done = terminated | truncated
-        told = self.episodes.redrawn | done
-        if done.any():
-            final_obs = np.full(self.num_envs, None, dtype=object)
-            for i in np.flatnonzero(done):
-                final_obs[i] = task.observation[i].copy()
-            final_info = {key: np.where(done, values, 0.0) for key, values in info.items()}
-            info |= {"final_obs": final_obs, "_final_obs": done.copy()}
-            info |= {"final_info": final_info, "_final_info": done.copy()}
-            reward = task.reward.copy()
-            self.episodes.begin(done)
-        else:
-            reward = task.reward.copy()
-        if told.any() and self.episodes.settings.randomization:
-            info |= {"parameters": self.episodes.parameters(), "_parameters": told}
-        return task.observation.copy(), reward, terminated, truncated, info
 
 
 def complete(arguments: Mapping[str, Any]) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from sb3_contrib import TQC, RecurrentPPO
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.base_class import BaseAlgorithm
@@ -24,6 +25,7 @@ from cjt_gym.training.config import TrainConfig
 from cjt_gym.training.datasheets import arguments_of
 from cjt_gym.training.quiet import QuietPolicy, sensor_noise
 
+Floats = NDArray[np.float64]
 CLASSES: dict[str, type[BaseAlgorithm]] = {
     "PPO": PPO,
     "SAC": SAC,
@@ -32,15 +34,20 @@ CLASSES: dict[str, type[BaseAlgorithm]] = {
 }
 ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU, "elu": torch.nn.ELU}
 OURS = ("policy", "env", "seed", "device", "verbose", "tensorboard_log", "policy_kwargs")
+BEGINNING = 1e-4
+"""Weight of the statistics of a normalisation before its first sample [samples]."""
 SCHEDULES = ("learning_rate", "clip_range")
 
 
 def make_environment(config: TrainConfig) -> VecEnv:
     """Return the batch of environments of a configuration, normalised as it says.
 
+    Torch takes the number of threads that the configuration says.
+
     Raises:
         ConfigurationError: An option is not one of the algorithm's.
     """
+    torch.set_num_threads(config.threads)
     env: VecEnv = _batch(config)
     if config.normalize_observations or config.normalize_rewards:
         gamma = float(_options(config, CLASSES[config.algorithm]).get("gamma", 0.99))
@@ -143,6 +150,21 @@ def save_normalization(env: VecEnv, path: Path) -> None:
             arrays |= {"observation_count": np.array(statistics.count)}
         with whole(path) as part:
             np.savez(part, **arrays)  # type: ignore[arg-type]
+
+
+def observation_scaling(env: VecNormalize) -> tuple[Floats, Floats]:
+    """Return what observations are shifted by and then multiplied with, each of shape (size,).
+
+    An input that never varied in training is multiplied with zero. Its statistics hold no scale,
+    and what stands in their place would turn the smallest deviation into a large one.
+    """
+    statistics: Any = env.obs_rms
+    # Statistics begin with a variance of one and a mean of zero, as heavy as BEGINNING samples.
+    left = BEGINNING * (1.0 + statistics.mean**2)
+    untouched = statistics.count <= BEGINNING
+    varied = untouched | (statistics.var * statistics.count > 2.0 * left)
+    scale = np.where(varied, 1.0 / np.sqrt(statistics.var + env.epsilon), 0.0)
+    return np.asarray(statistics.mean), scale
 
 
 def load_normalization(env: VecEnv, path: Path) -> None:

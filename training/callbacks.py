@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import shutil
 import time
 from collections import deque
@@ -20,18 +19,14 @@ from tqdm import tqdm
 
 from cjt_gym.disk import parsing, read_json, whole, write_text
 from cjt_gym.disk.arrays import read_arrays
-from cjt_gym.envs.core import Episodes
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.training.algorithms import load_normalization, load_weights, save_normalization
-from cjt_gym.training.config import VALIDATION_SEEDS, TrainConfig, environment_arguments
-from cjt_gym.training.datasheets import datasheets
-from cjt_gym.training.metrics import rmse
+from cjt_gym.training.config import TrainConfig
 from cjt_gym.training.policy import agent_of
-from cjt_gym.training.rollout import run_episodes
 from cjt_gym.training.run_folder import RunFolder, TrainingError
+from cjt_gym.training.validation import validation_error
 
 RECENT = 100
-VALIDATION_JOINTS = 8
 BUFFER_ARRAYS = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
 
 
@@ -107,7 +102,8 @@ class Companion(BaseCallback):
 
     def validate(self) -> None:
         """Run the policy on the validation episodes and keep the model if it is the best."""
-        error = validation_error(self.config, self.model, self.training_env)
+        agent = agent_of("validation", self.config, self.model, self.training_env)
+        error = validation_error(self.config, agent)
         self.logger.record("validation/rmse_Nm", error)
         row = {"steps": self.num_timesteps, "seconds": self.seconds, "validation_rmse": error}
         if self._errors:
@@ -152,27 +148,6 @@ class Companion(BaseCallback):
     def close(self) -> None:
         """Take the progress bar away."""
         self._bar.close()
-
-
-def validation_error(config: TrainConfig, model: BaseAlgorithm, env: VecEnv) -> float:
-    """Return the error of the deterministic policy on seeds that training does not see [N m].
-
-    With [datasheets], on joints of other datasheets than those of the training; their errors over
-    their amplitudes, times that of the joint of [env].
-    """
-    agent = agent_of("validation", config, model, env)
-    own, episodes = environment_arguments(config.env), config.evaluation.episodes
-    if config.datasheets.count == 0:
-        return rmse(run_episodes(agent, own, episodes, VALIDATION_SEEDS))
-    joints = datasheets(config, VALIDATION_SEEDS, min(config.datasheets.count, VALIDATION_JOINTS))
-    each = math.ceil(episodes / len(joints))
-    squares = [
-        (rmse(run_episodes(agent, arguments, each, VALIDATION_SEEDS)) / amplitude) ** 2
-        for arguments in joints
-        for amplitude in [arguments["torque_amplitude"]]
-    ]
-    amplitude = Episodes(1, **own).settings.torque_amplitude
-    return float(amplitude * np.sqrt(np.mean(squares)))
 
 
 def check_finite(model: BaseAlgorithm, steps: int) -> None:

@@ -12,7 +12,7 @@ from typing import Any
 from cjt_gym.disk import read_toml
 from cjt_gym.envs.torque_tracking import complete
 from cjt_gym.errors import ConfigurationError, MissingFileError, unknown_name
-from cjt_gym.training.gains import choose_listed
+from cjt_gym.training.gains import Choice, choose_listed
 
 ALGORITHMS = ("PPO", "SAC", "TQC", "RecurrentPPO")
 ACTIVATIONS = ("tanh", "relu", "elu")
@@ -255,15 +255,26 @@ def environment_arguments(env: Mapping[str, Any]) -> dict[str, Any]:
         UnknownNameError: There is no such controller or gain.
     """
     arguments = complete({key: value for key, value in env.items() if key != BASE_GAINS})
-    name, gains = arguments["base_controller"], env.get(BASE_GAINS)
+    base = base_of(env)
+    if base is not None:
+        arguments["base_controller"] = base.make
+    return arguments
+
+
+def base_of(env: Mapping[str, Any]) -> Choice | None:
+    """Return the base controller of a section [env] with its gains, None where it has none.
+
+    Raises:
+        ConfigurationError: A gain is out of its range, or there are gains of no controller.
+        UnknownNameError: There is no such controller or gain.
+    """
+    name, gains = env.get("base_controller"), env.get(BASE_GAINS)
     if gains is not None and (name is None or not isinstance(gains, Mapping)):
         raise ConfigurationError(
             f"{BASE_GAINS} of [env] must be a table of gains of the base_controller {name}, got "
             f"{gains!r}."
         )
-    if name is not None:
-        arguments["base_controller"] = choose_listed(str(name)).with_gains(gains or {}).make
-    return arguments
+    return None if name is None else choose_listed(str(name)).with_gains(gains or {})
 
 
 def _shipped() -> Path:

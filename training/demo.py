@@ -20,18 +20,14 @@ from cjt_gym.errors import CjtGymError
 from cjt_gym.training import figures, report
 from cjt_gym.training.benchmark import align, benchmark, cells_of, make_agents
 from cjt_gym.training.conditions import Conditions
-from cjt_gym.training.config import (
-    VALIDATION_SEEDS,
-    TrainConfig,
-    environment_arguments,
-    load_config,
-)
+from cjt_gym.training.config import TrainConfig, environment_arguments, load_config
 from cjt_gym.training.emps import Replay, replay, summary
 from cjt_gym.training.evaluate import Evaluation
-from cjt_gym.training.metrics import bootstrap_ratio, rmse
-from cjt_gym.training.rollout import ControllerAgent, run_episodes
+from cjt_gym.training.metrics import bootstrap_ratio
+from cjt_gym.training.rollout import ControllerAgent
 from cjt_gym.training.run_folder import RunFolder
 from cjt_gym.training.train import train
+from cjt_gym.training.validation import validation_error
 
 EPISODES = 64
 RUN = "residual_policy"
@@ -87,18 +83,12 @@ def run_demo(config: TrainConfig, out: Path, episodes: int = EPISODES) -> Outcom
     base = str(config.env["base_controller"])
     agents = make_agents(["open_loop", base], [run.path])
     evaluations = benchmark(agents, conditions_of(config), episodes=episodes, report=_say)
-    levels = {name: _validation_error(name, config) for name in ("open_loop", base)}
+    shown = [ControllerAgent(name) for name in ("open_loop", base)]
+    levels = {agent.name: validation_error(config, agent, agent.base()) for agent in shown}
     clock["comparison"] = time.monotonic()
     marks = list(clock.items())
     seconds = {name: end - marks[k][1] for k, (name, end) in enumerate(marks[1:])}
     return Outcome(replayed, run, evaluations, levels, seconds)
-
-
-def _validation_error(name: str, config: TrainConfig) -> float:
-    agent = ControllerAgent(name)
-    arguments = environment_arguments(config.env) | agent.base()
-    episodes = config.evaluation.episodes
-    return rmse(run_episodes(agent, arguments, episodes, VALIDATION_SEEDS))
 
 
 def comparison(evaluations: Sequence[Evaluation]) -> list[list[str]]:

@@ -9,7 +9,12 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from cjt_gym.envs.core import Episodes
 from cjt_gym.errors import ConfigurationError
+from cjt_gym.plant import limits_of
+from cjt_gym.training.algorithms import observation_scaling
+from cjt_gym.training.config import environment_arguments
+from cjt_gym.training.deploy.base import base_law
 from cjt_gym.training.deploy.exported import Exported
 from cjt_gym.training.deploy.network import Layer, Network
 from cjt_gym.training.policy import PolicyAgent
@@ -53,7 +58,13 @@ def exported(agent: PolicyAgent) -> Exported:
             f"layers with {', '.join(NAMES.values())}, as that of {agent.config.algorithm} with "
             "these options. PPO, SAC and TQC with an MLP can be."
         )
-    return Exported(agent.name, agent.config, network, agent.layout)
+    settings = Episodes(1, **environment_arguments(agent.config.env)).settings
+    try:
+        base = base_law(agent.config, settings)
+    except ConfigurationError:  # no law that could be written; whoever needs it says so
+        base = None
+    limit = limits_of(settings.joint).tau
+    return Exported(agent.name, agent.config, network, agent.layout, base, limit)
 
 
 def network_of(agent: PolicyAgent) -> Network | None:
@@ -65,10 +76,9 @@ def network_of(agent: PolicyAgent) -> Network | None:
     if agent.normalizer is None:
         one = np.ones(size, np.float32)
         return Network(layers, 0.0 * one, one, float(np.finfo(np.float32).max))
-    statistics: Any = agent.normalizer.obs_rms
-    scale = 1.0 / np.sqrt(statistics.var + agent.normalizer.epsilon)
-    mean = statistics.mean.astype(np.float32)
-    return Network(layers, mean, scale.astype(np.float32), float(agent.normalizer.clip_obs))
+    mean, scale = observation_scaling(agent.normalizer)
+    clip = float(agent.normalizer.clip_obs)
+    return Network(layers, mean.astype(np.float32), scale.astype(np.float32), clip)
 
 
 def _layers(model: Any) -> tuple[Layer, ...] | None:

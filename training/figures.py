@@ -99,7 +99,12 @@ def learning_figure(
             values = [row[key] for row in progress]
             axis.plot(steps, values, shape, color=colour, markersize=3, label=label)
         for (name, level), colour in zip(levels.items(), COLOURS, strict=False):
-            axis.axhline(level, color=colour, linestyle="--", label=drawn(name.replace("_", " ")))
+            axis.axhline(
+                level,
+                color=colour,
+                linestyle="--",
+                label=f"{drawn(name.replace('_', ' '))}, validation",
+            )
         axis.set_ylim(bottom=0.0)
         axis.set_xlim(left=0.0)
         axis.set_xlabel("training steps [thousands]")

@@ -76,12 +76,13 @@ class Choice:
         Raises:
             ConfigurationError: The law does not fit the joint or the sample time.
         """
-        told = [str(self.facts.get(key, "")) for key in ("joint", "structure")]
-        here = [joint.file.name, joint.structure]
-        if "" not in told and [Path(told[0]).stem, told[1]] != here:
+        name, structure = (str(self.facts.get(key, "")) for key in ("joint", "structure"))
+        same_joint = Path(name).stem in (joint.file.name, Path(joint.parameters.origin).stem)
+        if name and structure and not (same_joint and structure == joint.structure):
             warnings.warn(
-                f"The gains of {self.name} were tuned for {told[0]}, {told[1]}, and are used on "
-                f"{here[0]}, {here[1]}, where they may be far off. Tune them for it: cjt-gym tune.",
+                f"The gains of {self.name} were tuned for {name}, {structure}, and are used on "
+                f"{joint.file.name}, {joint.structure}, where they may be far off. Tune them for "
+                "it: cjt-gym tune.",
                 CjtGymWarning,
                 stacklevel=2,
             )

@@ -44,6 +44,7 @@ from cjt_gym.training.metrics import (
     squared_errors,
 )
 from cjt_gym.training.rollout import Agent, ControllerAgent, Traces, joint_of
+from cjt_gym.training.shipped import policy_path
 from cjt_gym.training.tasks import get_task
 from cjt_gym.training.tune_limits import port_resistance
 
@@ -110,7 +111,7 @@ class Cell:
         if not self.is_policy:
             content = " ".join(path.read_text(encoding="utf-8") for path in files_of(self.agent))
         else:
-            here = Path(self.agent)
+            here = policy_path(self.agent)
             files = sorted(p for p in (here, *here.rglob("*")) if p.is_file())
             content = " ".join(f"{p.name} {p.stat().st_size} {p.stat().st_mtime_ns}" for p in files)
         joint = load_joint_file(self.joint).hash_hex()

@@ -18,6 +18,7 @@ from cjt_gym.training.algorithms import (
     load_weights,
     make_environment,
     make_model,
+    observation_scaling,
 )
 from cjt_gym.training.conditions import Conditions
 from cjt_gym.training.config import DatasheetsConfig, TrainConfig, environment_arguments
@@ -76,9 +77,9 @@ class PolicyAgent:
     def act(self, observation: NDArray[np.float32]) -> NDArray[Any]:
         """Return the deterministic actions, shape (episodes, 1)."""
         if self.normalizer is not None:
-            scaled = self.normalizer.normalize_obs(observation)
-            assert isinstance(scaled, np.ndarray)
-            observation = scaled.astype(np.float32)
+            mean, scale = observation_scaling(self.normalizer)
+            most = self.normalizer.clip_obs
+            observation = np.clip((observation - mean) * scale, -most, most).astype(np.float32)
         memory = self._memory
         first = None if memory else np.ones(len(observation), dtype=np.bool_)
         actions, state = self.model.predict(

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from cjt_gym.training import figures, report
 from cjt_gym.training.benchmark import cells_of
 from cjt_gym.training.conditions import TASKS, Conditions
-from cjt_gym.training.config import environment_arguments
-from cjt_gym.training.evaluate import Evaluation, evaluate
-from cjt_gym.training.metrics import rmse
+from cjt_gym.training.config import base_of, environment_arguments
+from cjt_gym.training.evaluate import evaluate
 from cjt_gym.training.policy import load_policy
 from cjt_gym.training.policy_arguments import CONDITIONS
 from cjt_gym.training.rollout import Agent, ControllerAgent
 from cjt_gym.training.run_folder import RunFolder
 from cjt_gym.training.toml_text import to_toml
+from cjt_gym.training.validation import validation_error
 
 EPISODES = 16
 SHOWN = ("step", "chirp")
@@ -33,19 +33,21 @@ def write_run_page(run: RunFolder, episodes: int = EPISODES) -> Path:
     """
     facts, config = run.facts, run.config
     agents: list[Agent] = [load_policy(run.path)]
-    base = config.env.get("base_controller")
-    if base is not None:
-        agents.append(ControllerAgent(str(base)))
+    base = base_of(config.env)
+    bases = [] if base is None else [ControllerAgent(base)]
+    levels = {agent.name: validation_error(config, agent) for agent in bases}
+    agents += bases
     arguments = environment_arguments(config.env)
     given = {name: arguments[name] for name in FACED}
     conditions = Conditions(**{**given, "randomization": given["randomization"] or {}})
     tried = [evaluate(agent, conditions, TASKS, episodes) for agent in agents]
     parts = [
-        report.paragraph(_summary(facts)),
+        report.paragraph(_summary(facts, levels)),
         report.figure(
-            figures.learning_figure(run.progress(), _levels(tried[1:])),
-            "Tracking error over the training, on episodes that it does not see and while it "
-            "explores. The model that was best there is kept.",
+            figures.learning_figure(run.progress(), levels),
+            "Tracking error over the training: while it explores, and in validation, on episodes "
+            "that it does not see. The base controller alone runs the same validation episodes. "
+            "The model that was best there is kept.",
         ),
         report.heading("What it does"),
         report.html_table(cells_of([row.to_json() for e in tried for row in e.rows])),
@@ -60,19 +62,15 @@ def write_run_page(run: RunFolder, episodes: int = EPISODES) -> Path:
     return report.write_page(run.path / "page.html", f"Training run {run.path.name}", parts)
 
 
-def _summary(facts: dict[str, Any]) -> str:
+def _summary(facts: dict[str, Any], levels: Mapping[str, float]) -> str:
     why = f" ({facts['reason']})" if facts.get("reason") else ""
     best = facts.get("best_validation_rmse")
-    found = "" if best is None else f" Best error in validation: {best:.3g} N m."
+    beside = "".join(f"; {name} alone has {error:.3g} N m there" for name, error in levels.items())
+    found = "" if best is None else f" Best error in validation: {best:.3g} N m{beside}."
     return (
         f"{facts['joint']}, {str(facts['structure']).replace('_', ' ')}. Status: {facts['status']}"
         f"{why} after {facts['steps']:,} steps and {facts.get('seconds', 0.0):.0f} s.{found}"
     )
-
-
-def _levels(controllers: Sequence[Evaluation]) -> dict[str, float]:
-    """Return the error of each controller over all tasks [N m]."""
-    return {e.agent: rmse(e.pooled()) for e in controllers}
 
 
 def _origin(facts: dict[str, Any]) -> list[list[str]]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from cjt_gym.errors import unknown_name
 from cjt_gym.joint import Joint, get_structure
+from cjt_gym.plugins import installed_rows
 from cjt_gym.signals import Signal
 from cjt_gym.training.conditions import STEP_HOLD, TASKS, Conditions, task_reference
 
@@ -187,6 +188,8 @@ BENCHMARK_TASKS: dict[str, Task] = {
         ),
     )
 }
+for _name, _row in installed_rows("tasks", BENCHMARK_TASKS):
+    BENCHMARK_TASKS[_name] = _row
 
 
 def get_task(name: str) -> Task:

@@ -6,7 +6,6 @@ import sys
 import warnings
 from pathlib import Path
 
-import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.logger import KVWriter, Logger, TensorBoardOutputFormat
 from stable_baselines3.common.vec_env import VecEnv
@@ -57,7 +56,6 @@ def _trained(
     if run.facts["status"] == "finished":
         _say(f"{run.path} is finished ({run.facts['steps']} steps). Nothing to do.", quiet)
         return run
-    torch.set_num_threads(config.threads)
     _continue(run, model, env, config, quiet)
     model.set_logger(Logger(None, _writers(run)))
     companion = Companion(run, config, quiet)

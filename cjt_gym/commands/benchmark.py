@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         default=[],
         metavar="RUN",
-        help="run folders, or exported policies (.npz)",
+        help="run folders, exported policies (.npz), or names of  cjt-gym policies",
     )
     text = f"{', '.join(BENCHMARK_TASKS)}; default: all that exist for the structure"
     add("--task", nargs="+", metavar="T", help=text)

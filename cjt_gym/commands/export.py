@@ -11,7 +11,9 @@ from cjt_gym.baselines.observers import OBSERVERS
 from cjt_gym.commands import export_c
 from cjt_gym.commands.joint_options import add_conditions, chosen_joint, tell_effects
 from cjt_gym.disk import refuse_inputs, write_text
+from cjt_gym.errors import ConfigurationError
 from cjt_gym.export import TARGETS, Export, to_isaaclab, to_mujoco
+from cjt_gym.records import read_record
 
 FORMS = ("onnx", "numpy", "c")
 """Forms of an exported policy; controllers and observers are written in C."""
@@ -30,20 +32,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = "mujoco: leave out the dcmotor, which versions before 4 lack"
     add("--without-dcmotor", action="store_true", help=text)
     export_c.add_arguments(parser)
+    text = "policy: compare the file with the run on the signals of these records, too"
+    add("--check", nargs="+", default=[], metavar="RECORD", help=text)
     add("--out", type=Path, required=True, metavar="FILE", help="file to write")
 
 
 def run(options: argparse.Namespace) -> None:
     """Write the file; say what it holds and what it cannot."""
-    refuse_inputs([options.out], [options.source])
+    refuse_inputs([options.out], [options.source, *options.check])
+    if options.check and (options.to not in FORMS or export_c.is_classical(options.source)):
+        raise ConfigurationError("--check is for policies; controllers are always tried.")
     options.out.parent.mkdir(parents=True, exist_ok=True)
     if options.to == "c" and export_c.is_classical(options.source):
         export_c.run(options)
         return
     if options.to in FORMS:
+        records = [read_record(path) for path in options.check]
         from cjt_gym.training.deploy.export import export_policy
 
-        result = export_policy(options.source, options.to, options.out)
+        result = export_policy(options.source, options.to, options.out, records)
         text = json.dumps(result.to_dict()) if options.json else result.summary()
         sys.stdout.write(text + "\n")
         return

@@ -45,7 +45,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = f"{CONTROLLER_HELP}; a gain file; or {NONE}: the reference is the motor torque"
     who.add_argument("--controller", metavar="C", help=text)
     who.add_argument(
-        "--policy", metavar="RUN", help="run folder, or a policy of  cjt-gym export --to numpy"
+        "--policy",
+        metavar="RUN",
+        help="run folder, policy of  cjt-gym export --to numpy, or name of  cjt-gym policies",
     )
     text = f"identification experiments, all or: {', '.join(EXPERIMENTS)}; --out is a folder then"
     who.add_argument("--experiment", nargs="+", metavar="E", help=text)

@@ -7,7 +7,7 @@ import json
 import sys
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from cjt_gym.commands.joint_options import (
     USUAL,
@@ -20,10 +20,9 @@ from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.joint import load_joint
 from cjt_gym.training.conditions import transferred
 from cjt_gym.training.config import config_names, load_config
-from cjt_gym.training.distributed import train_on_ray
-from cjt_gym.training.run_folder import RunFolder
-from cjt_gym.training.seeds import train_seeds
-from cjt_gym.training.train import train
+
+if TYPE_CHECKING:
+    from cjt_gym.training.run_folder import RunFolder
 
 BACKENDS = ("loky", "ray")
 
@@ -90,6 +89,10 @@ def run(options: argparse.Namespace) -> None:
         raise unknown_name("backend", options.backend, BACKENDS)
     if options.seeds is None and options.backend != "loky":
         raise ConfigurationError(f"--backend {options.backend} needs --seeds.")
+    from cjt_gym.training.distributed import train_on_ray  # torch takes seconds to import
+    from cjt_gym.training.seeds import train_seeds
+    from cjt_gym.training.train import train
+
     if options.seeds is None:
         _tell(train(config, options.out, quiet=options.quiet), options.json)
         return

@@ -26,6 +26,8 @@ from cjt_gym.errors import ParameterError
 from cjt_gym.joint import EFFECTS, JointFile, JointParameters, Quantity
 from cjt_gym.joint.parameters import PARAMETERS
 
+Drawing = tuple[str, Callable[[], str], str, bool]
+"""Name, what draws it, caption, and whether it takes the whole width."""
 FACTS = ("t_r", "t_p", "dq_NL", "p_pm", "eta_max", "f_p")
 ASIDE = re.compile(r";| \(|, (?=acts|whose|motor|limit|reflected)")
 SYMBOLS = {"Tmp_WMax": "T_max", "Tmp_ANom": "T_A", "diam": "D", "len": "L", "dq_p": "ω_p"}
@@ -72,14 +74,16 @@ def _facts(joints: Sequence[JointParameters]) -> Iterator[Block]:
 def _plots(joints: Sequence[JointParameters]) -> Iterator[Block]:
     """Yield the figures that the parameters of all joints allow."""
     one = len(joints) == 1
-    efficiency: tuple[Callable[[], str], str, bool] = (
+    efficiency: Drawing = (
+        "efficiency",
         lambda: figures.efficiency_map(joints),
         "Efficiency of driving, friction and copper loss included. Red: largest; black: rated "
         "point. White: friction takes all, or the supply is too low.",
         not one,
     )
-    drawings: list[tuple[Callable[[], str], str, bool]] = [
+    drawings: list[Drawing] = [
         (
+            "torque and speed",
             lambda: figures.torque_speed(joints),
             "Torque and speed. Dark: continuous (black point: rated). Light: for a short time. "
             "Friction comes off the motor's torque (red point: no load)."
@@ -88,12 +92,14 @@ def _plots(joints: Sequence[JointParameters]) -> Iterator[Block]:
             False,
         ),
         (
+            "heat",
             lambda: figures.heat(joints),
             "Above: how long the winding bears a constant torque. Below: where its temperature "
             f"ends; dashed: its limit. Dotted: rated torque{'' if one else 's'}.",
             False,
         ),
         (
+            "torque over frequency",
             lambda: figures.torque_bandwidth(joints),
             "Torque on a locked output over frequency, by what limits it. Light: for a short "
             "time. Dark: continuous."
@@ -105,20 +111,26 @@ def _plots(joints: Sequence[JointParameters]) -> Iterator[Block]:
     if one:
         drawings.append(
             (
+                "torque with free loads",
                 lambda: figures.torque_with_load(joints),
                 "The same for a short time, with free loads. Below, a light load gives way; at "
                 "the resonance little motor torque is needed.",
                 False,
             )
         )
-    drawings.append((lambda: _impedance(joints), _impedance_caption(joints), False))
+    caption = _impedance_caption(joints)
+    drawings.append(("impedance", lambda: _impedance(joints), caption, False))
     drawings.insert(1 if one else len(drawings), efficiency)
-    for draw, caption, whole in drawings:
+    missing = []
+    for name, draw, caption, whole in drawings:
         try:
             svg = draw()
-        except ParameterError:
+        except ParameterError as error:
+            missing.append(f"{name.capitalize()}: {error}")
             continue
         yield Figure(svg, caption, whole)
+    if missing:
+        yield Paragraph("Not drawn. " + " ".join(map(plain, missing)), small=True)
 
 
 def _impedance(joints: Sequence[JointParameters]) -> str:

@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.colors import LogNorm
 
 from cjt_gym.characteristics import (
+    CHARACTERISTICS,
     best_efficiency,
     best_point,
     characteristic,
@@ -43,45 +44,58 @@ def torque_speed(joints: Joints) -> str:
     with canvas() as (figure, written):
         axes = figure.subplots()
         for p, colour in zip(joints, COLOURS, strict=False):
-            peak, stall = characteristic(p, "t_p"), characteristic(p, "t_stall")
+            peak, stall = _largest(p), characteristic(p, "t_stall")
             tau = np.linspace(0.0, min(peak, stall), 400)
             line = np.minimum(speed_at_torque(p, tau), p.get("dq_p", math.inf))
             edge = [*tau, tau[-1]], [*line, 0.0]
             if len(joints) > 1:
                 axes.plot(*edge, color=colour, label=drawn(p.name))
-                rated = characteristic(p, "t_r"), characteristic(p, "dq_r")
-                axes.plot(*rated, color=colour, **POINT)
+                axes.plot(_known(p, "t_r"), _known(p, "dq_r"), color=colour, **POINT)
                 continue
             axes.fill_between(tau, line, color=BLUE, alpha=0.12, lw=0.0, label="peak")
-            held = tau <= characteristic(p, "t_r")
-            axes.fill_between(
-                tau[held], line[held], color=BLUE, alpha=0.35, lw=0.0, label="continuous"
-            )
+            held = tau <= _known(p, "t_r")
+            if held.any():
+                axes.fill_between(
+                    tau[held], line[held], color=BLUE, alpha=0.35, lw=0.0, label="continuous"
+                )
             axes.plot(*edge, color=BLUE)
             _one_diagram(axes, p)
         _finish_diagram(axes, joints)
         return written()
 
 
+def _known(p: JointParameters, name: str, otherwise: float = math.nan) -> float:
+    """Return a characteristic, or another number where the joint file does not allow it."""
+    value = CHARACTERISTICS[name].value(p)
+    return otherwise if value is None else value
+
+
+def _largest(p: JointParameters) -> float:
+    """Return the peak torque, or that of the line at rest where there is no peak current [N m]."""
+    return _known(p, "t_p", characteristic(p, "t_stall"))
+
+
 def _one_diagram(axes: Any, p: JointParameters) -> None:
     """Add hyperbolas of power, friction and points of one joint."""
-    peak, top = characteristic(p, "t_p"), characteristic(p, "dq_0")
+    peak, top = _largest(p), characteristic(p, "dq_0")
     tau = np.linspace(0.01 * peak, 1.15 * peak, 400)
     for name, style, text in (("p_pm", "--", "peak power"), ("p_cm", ":", "rated power")):
-        power = characteristic(p, name)
+        power = _known(p, name)
+        if math.isnan(power):
+            continue
         shown = power / tau <= 1.12 * top
         label = f"{text}, {number(power, 3)} W"
         axes.plot(tau[shown], (power / tau)[shown], color=GREY, ls=style, lw=0.9, label=label)
     speed = np.linspace(0.0, characteristic(p, "dq_0"), 50)
     axes.plot(friction(p, speed), speed, color=RED, lw=1.0, label="friction")
-    axes.plot(characteristic(p, "t_r"), characteristic(p, "dq_r"), color=INK, **POINT)
-    axes.plot(characteristic(p, "t_NL"), characteristic(p, "dq_NL"), color=RED, **POINT)
+    axes.plot(_known(p, "t_r"), _known(p, "dq_r"), color=INK, **POINT)
+    axes.plot(_known(p, "t_NL"), _known(p, "dq_NL"), color=RED, **POINT)
     axes.plot(peak, min(float(speed_at_torque(p, peak)), p.get("dq_p", math.inf)), color=BLUE,
               **POINT)  # fmt: skip
 
 
 def _finish_diagram(axes: Any, joints: Joints) -> None:
-    axes.set_xlim(0.0, 1.15 * max(characteristic(p, "t_p") for p in joints))
+    axes.set_xlim(0.0, 1.15 * max(_largest(p) for p in joints))
     axes.set_ylim(0.0, 1.12 * max(characteristic(p, "dq_0") for p in joints))
     axes.set_xlabel(_label(joints[0], "d_cm", "motor torque at the link"))
     axes.set_ylabel(_label(joints[0], "dq_p", "speed"))

@@ -378,6 +378,17 @@ class Diagnosis:
         assert isinstance(cleaned, dict)
         return cleaned
 
+    def __str__(self) -> str:
+        """Return the verdict, a table of the effects and what to do next, as plain text."""
+        from cjt_gym.gap.report.summary import summary
+
+        return summary(self)
+
+    def __repr__(self) -> str:
+        """Return the verdict and the names of the effects."""
+        names = ", ".join(effect.name for effect in self.effects) or "no effect"
+        return f"<Diagnosis: {self.verdict}, {names}>"
+
     def _repr_html_(self) -> str:
         """Return the verdict and a table of the effects, for a notebook."""
         from cjt_gym.gap.report.summary import face

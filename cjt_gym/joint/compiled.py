@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import os
 import re
 import warnings
 from collections.abc import Callable
@@ -23,6 +24,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from numba import njit
+from numba.core import event
 from numba.extending import register_jitable
 
 from cjt_gym.errors import CjtGymWarning
@@ -86,6 +88,35 @@ def _kept(function: Function, **options: Any) -> Function:
         _warn()
         kept = njit(function, **options)
     return kept
+
+
+def kept_functions() -> bool:
+    """Return whether functions of joints were compiled before and kept."""
+    given = os.environ.get("NUMBA_CACHE_DIR")
+    home = Path(given) if given else Path(__file__).parent / "__pycache__"
+    return any(home.rglob("*.nbi"))
+
+
+def while_compiling(tell: Callable[[bool], None]) -> None:
+    """Have it told when a function begins to be compiled (True), and when none is any more."""
+    event.register("numba:compile", _Compiler(tell))  # type: ignore[no-untyped-call]
+
+
+class _Compiler(event.Listener):
+    """Counts what is being compiled."""
+
+    def __init__(self, tell: Callable[[bool], None]) -> None:
+        self._tell, self._depth = tell, 0
+
+    def on_start(self, event: Any) -> None:
+        self._depth += 1
+        if self._depth == 1:
+            self._tell(True)
+
+    def on_end(self, event: Any) -> None:
+        self._depth -= 1
+        if self._depth == 0:
+            self._tell(False)
 
 
 @cache

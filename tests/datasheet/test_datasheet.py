@@ -84,6 +84,24 @@ def test_a_joint_with_few_parameters_has_a_short_sheet(tmp_path: Path) -> None:
     assert result["included"]["emps"] == ["coulomb"]
 
 
+def test_torque_and_speed_need_three_numbers_and_what_is_not_drawn_says_why(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "mine.toml"
+    numbers = {"I_m": (0.1, "kg m^2"), "k_t": (0.05, "N m/A"), "n": (100.0, "-")}
+    numbers |= {"r": (0.5, "ohm"), "v_0": (24.0, "V")}
+    rows = [f'{key} = {{ value = {x}, unit = "{unit}" }}' for key, (x, unit) in numbers.items()]
+    path.write_text("\n".join(['name = "mine"', 'source = "me"', "[parameters]", *rows]))
+    sheet = make_sheet([load_joint_file(path)])
+    captions = [block.caption for block in sheet.blocks if isinstance(block, Figure)]
+    assert any(caption.startswith("Torque and speed") for caption in captions)
+    notes = [block.text for block in sheet.blocks if isinstance(block, Paragraph)]
+    (told,) = [text for text in notes if text.startswith("Not drawn.")]
+    assert "Heat: " in told
+    assert "is needed and absent" in told
+    assert write_sheet(sheet, tmp_path / "mine.html")[0].is_file()
+
+
 NAMES = ("lemon_50_6000", "avocado_100_21000")
 
 

@@ -24,7 +24,8 @@ from cjt_gym.records.record import Record
 from cjt_gym.records.tables.can_table import frames
 from cjt_gym.signals import make_signals
 from cjt_gym.training.config import load_config
-from cjt_gym.training.deploy.exported import Stepper, load_exported
+from cjt_gym.training.deploy.exported import load_exported
+from cjt_gym.training.deploy.stepper import Stepper
 from cjt_gym.training.gains import read_gains
 from cjt_gym.training.run_folder import open_run
 from cjt_gym.training.runs import row_of
@@ -349,7 +350,7 @@ def targets(folder: Path) -> dict[str, Target]:
         "policy": Target(
             [tuple(kept.values())],
             _npz(list(kept)),
-            lambda f: Stepper(load_exported(f / "x.npz")).step([1.0, 1.0], 0.0, 0.0, 0.0, 0.0, 0.0),
+            lambda f: Stepper(load_exported(f / "x.npz")).step([1.0, 1.0], *[0.0] * 7),
         ),
         "gains": text("x.toml", [GAINS], read_gains),
         "config": text("x.toml", [config], load_config),

@@ -145,7 +145,10 @@ def test_a_partly_explained_gap_says_what_is_left(
     explained: Diagnosis, unexplained: Diagnosis
 ) -> None:
     partly = replace(explained, verdict="partly_explained", unexplained=unexplained.unexplained)
-    assert "of the gap of the motor stage is left" in verdict_sentence(partly)
+    sentence = verdict_sentence(partly)
+    assert re.search(r"of the residual of the motor stage [\d.\s]+% stays unexplained", sentence)
+    assert sentence.count("%") <= 4  # no share of one measure beside the rest of another
+    assert "of it," not in sentence.replace("part of it,", "")
 
 
 def test_the_summary_fits_a_terminal(
@@ -186,7 +189,14 @@ def test_the_report_is_one_file_without_links(explained: Diagnosis, tmp_path: Pa
     text = path.read_text(encoding="utf-8")
     assert path.stat().st_size < LARGEST
     assert not re.search(r"https?://|\bsrc=|\bhref=|@import|url\(", text)
-    for heading in ("How far", "Where", "Which effect", "See it", "How it was computed"):
+    for heading in (
+        "How far",
+        "Where",
+        "Which effect",
+        "Measured against replayed",
+        "Maps of the fitted record",
+        "How it was computed",
+    ):
         assert f"<h2>{heading}</h2>" in text
 
 
@@ -204,6 +214,30 @@ def test_all_text_is_escaped(explained: Diagnosis, tmp_path: Path) -> None:
     text = write_report(forged, tmp_path / "r.html", title=evil, notes=[evil]).read_text()
     assert "<script>alert" not in text
     assert "&lt;script&gt;alert" in text
+
+
+def test_a_diagnosis_is_printed_as_a_sentence_and_a_table(explained: Diagnosis) -> None:
+    text = str(explained)
+    assert text == summary(explained)
+    assert len(text.splitlines()) <= 45
+    assert repr(explained) == "<Diagnosis: explained, coulomb_asym>"
+    assert "<table>" in explained._repr_html_()
+
+
+def test_traces_stand_before_histograms_and_every_axis_is_labelled(
+    explained: Diagnosis, tmp_path: Path
+) -> None:
+    text = write_report(explained, tmp_path / "r.html").read_text("utf-8")
+    assert text.index("id=signals") < text.index("id=how-far") < text.index("id=where")
+    figures = text.count("<figure class=chart")
+    for side in ("x-label", "y-label"):
+        assert (
+            len(re.findall(rf"<div class={side}>[^<]+\[[^<]+\]|<div class={side}>cycles", text))
+            == figures
+        )
+    for label in ("replay error, of the signal", "residual, 1 = noise"):
+        assert f"<div class=name>{label}</div>" in text
+    assert text.count("<div class=strip>") == text.count("share of the gap, up to")
 
 
 def test_empty_sections_vanish(clean: Diagnosis, tmp_path: Path) -> None:

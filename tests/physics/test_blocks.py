@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numba import njit
 
-from cjt_gym.envs.torque_tracking import TorqueTrackingVectorEnv
+from cjt_gym.envs.vector import TorqueTrackingVectorEnv
 from cjt_gym.joint import load_joint
 from cjt_gym.joint.vector_math import decay, sine_cosine
 from cjt_gym.joint.vectors import WIDTH, get, put

@@ -16,8 +16,9 @@ from cjt_gym.training.algorithms import make_environment, make_model
 from cjt_gym.training.config import PolicyConfig, TrainConfig
 from cjt_gym.training.deploy.c_header import c_header
 from cjt_gym.training.deploy.check import TOLERANCE, CStepper, recorded
-from cjt_gym.training.deploy.exported import Stepper, load_exported, save_exported
+from cjt_gym.training.deploy.exported import load_exported, save_exported
 from cjt_gym.training.deploy.onnx_file import OnnxStepper, write_onnx
+from cjt_gym.training.deploy.stepper import Stepper
 from cjt_gym.training.fast_policy import exported
 from cjt_gym.training.policy import PolicyAgent, agent_of, load_policy
 from cjt_gym.training.run_folder import RunFolder
@@ -87,12 +88,62 @@ def test_the_numbers_of_the_datasheet_are_inside(
 
 
 @pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("base", [None, "pid+reference", "lqg"])
+def test_an_export_is_the_whole_controller(
+    form: str, base: str | None, tiny: TrainConfig, tmp_path: Path
+) -> None:
+    """Base law, its limit and its memory are inside, so that nothing has to be added."""
+    agent = agent_for(tiny, "PPO", "tanh", base_controller=base, preview=1)
+    stepper = stepper_of(form, agent, tmp_path)
+    inputs, wanted = recorded(agent)
+    for _ in range(2):
+        stepper.reset()
+        found = np.array([stepper.step(*row) for row in inputs])
+        np.testing.assert_allclose(found, wanted, atol=TOLERANCE * agent.layout.action)
+
+
+def test_base_with_friction_goes_to_c_and_is_refused_elsewhere(
+    tiny: TrainConfig, tmp_path: Path
+) -> None:
+    agent = agent_for(tiny, "PPO", "tanh", base_controller="friction_feedforward")
+    policy = exported(agent)
+    with pytest.raises(CjtGymError, match="not a linear law that ONNX can hold: export it with"):
+        write_onnx(policy, tmp_path / "p.onnx")
+    path = save_exported(policy, tmp_path / "p.npz")
+    with pytest.raises(CjtGymError, match="not a linear law that Stepper can hold"):
+        Stepper(load_exported(path))
+    assert "policy_base_step(" in c_header(policy)
+
+
+def test_an_input_that_never_varied_in_training_has_no_effect(
+    tiny: TrainConfig, tmp_path: Path
+) -> None:
+    agent = agent_for(tiny, "PPO", "tanh")  # its load stands still
+    policy = load_exported(save_exported(exported(agent), tmp_path / "p.npz"))
+    alone = replace(policy, base=None, config=replace(policy.config, env={}))
+    still, moved = (
+        Stepper(alone).step([1.0], 0.5, 0.1, 0.1, 0.0, 0.0, 0.0, v) for v in (0.0, 2e-3)
+    )
+    assert still == moved
+    seen = agent_observation(agent)
+    disturbed = seen.copy()
+    disturbed[:, policy.layout.head + 2] += 2e-3
+    np.testing.assert_array_equal(agent.act(seen), agent.act(disturbed))
+
+
+def agent_observation(agent: PolicyAgent) -> np.ndarray:
+    rng = np.random.default_rng(0)
+    return rng.normal(size=(4, agent.layout.size)).astype(np.float32)
+
+
+@pytest.mark.parametrize("form", FORMS)
 def test_signals_beyond_the_box_are_limited(form: str, tiny: TrainConfig, tmp_path: Path) -> None:
     agent = agent_for(tiny, "PPO", "tanh")
     stepper, torch_one = stepper_of(form, agent, tmp_path), Stepper(exported(agent))
     for k in range(12):
         far = 100.0 * agent.layout.torque * (-1.0) ** k
-        row = ([far], -far, 3.0 * k, 1e3 * agent.layout.velocity, -far, far)
+        fast = 1e3 * agent.layout.velocity
+        row = ([far], -far, 3.0 * k, 3.0 * k, 0.0, fast, fast, -far)
         assert abs(stepper.step(*row) - torch_one.step(*row)) < TOLERANCE * agent.layout.action
 
 
@@ -120,6 +171,38 @@ def test_command_writes_tries_and_tells(
     assert told["error"] is None or told["error"] < TOLERANCE
     if form == "c":
         assert "mine_step(mine_state *state" in out.read_text(encoding="utf-8")
+
+
+def test_names_units_and_gains_are_in_the_file(finished: RunFolder, tmp_path: Path) -> None:
+    policy = exported(load_policy(finished.path))
+    facts = OnnxStepper(write_onnx(policy, tmp_path / "p.onnx")).facts
+    inputs = {row["name"]: row for row in facts["inputs"]}
+    assert inputs["dq_m"]["unit"] == "rad/s"
+    assert inputs["q_m"]["used"]
+    assert not inputs["dq_l"]["used"]  # the load of that training stands still
+    assert facts["base"]["controller"] == "pd_feedforward"
+    assert facts["base"]["gains"]["kp"] > 0.0
+    assert facts["output"]["limit"] == policy.limit
+    text = c_header(policy)
+    for told in ("pd_feedforward", "dq_l:      measured load velocity [rad/s]; not used", "kp = "):
+        assert told in text
+
+
+def test_export_is_compared_on_recorded_signals(
+    finished: RunFolder, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    record, out = str(tmp_path / "r.csv"), tmp_path / "mine.npz"
+    simulate = ["simulate", "orange_80_6000", "--structure", "output_fixed_rigid_gearbox"]
+    simulate += ["--reference", "chirp", "--controller", "pd", "--duration", "0.2", "--out", record]
+    assert main(simulate) == 0
+    capsys.readouterr()
+    words = ["export", str(finished.path), "--to", "numpy", "--out", str(out), "--json"]
+    assert main([*words, "--check", record]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["steps"] == 60 + 200
+    assert told["error"] < TOLERANCE
+    assert main([*words, "--check", "emps"]) == 2
+    assert "lacks" in capsys.readouterr().err
 
 
 def test_exported_policy_is_an_agent_like_its_run(

@@ -14,9 +14,10 @@ from cjt_gym.errors import CjtGymError, ConfigurationError
 from cjt_gym.export.c_text import identifier
 from cjt_gym.training.config import TrainConfig
 from cjt_gym.training.deploy.c_header import c_header
-from cjt_gym.training.deploy.exported import Exported, Stepper, load_exported, save_exported
+from cjt_gym.training.deploy.exported import Exported, load_exported, save_exported
 from cjt_gym.training.deploy.layout import Layout
 from cjt_gym.training.deploy.network import Layer, Network
+from cjt_gym.training.deploy.stepper import Stepper
 
 LAYOUT = Layout(1, 2, 10.0, 1.0, 5.0, 80.0, 1e-3)
 SIZE, WIDTH = LAYOUT.size, 8
@@ -107,7 +108,7 @@ def test_a_sound_policy_steps_as_before(tmp_path: Path) -> None:
     path = changed(tmp_path / "p.npz", {"bias_1": np.zeros(1, np.float64)}, {})
     ends = (Stepper(load_exported(path)), Stepper(policy()))
     for _ in range(5):
-        one, other = (s.step([1.0, 2.0], 0.5, 0.1, 0.2, 0.3, 0.0) for s in ends)
+        one, other = (s.step([1.0, 2.0], 0.5, 0.1, 0.1, 0.0, 0.2, 0.2, 0.3) for s in ends)
         assert one == other != 0.0
 
 
@@ -118,8 +119,7 @@ def test_observations_of_another_shape_are_refused(observation: Any) -> None:
 
 
 def test_names_end_no_comment_of_a_header() -> None:
-    config = TrainConfig(env={"joint": "orange_80_6000", "base_controller": "pd"})
-    named = replace(policy(), name="x */ int evil; /* @ARRAYS@ \n", config=config)
+    named = replace(policy(), name="x */ int evil; /* @ARRAYS@ \n")
     text = c_header(named, "1 ä*")
     head = text[: text.index("#ifndef")]
     assert head.count("*/") == 1

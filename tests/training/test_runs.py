@@ -12,8 +12,10 @@ import pytest
 from cjt_gym.cli import main
 from cjt_gym.errors import CjtGymError
 from cjt_gym.training.algorithms import make_environment, make_model
-from cjt_gym.training.config import TrainConfig
+from cjt_gym.training.config import VALIDATION_SEEDS, TrainConfig, environment_arguments
+from cjt_gym.training.metrics import rmse
 from cjt_gym.training.policy import load_policy
+from cjt_gym.training.rollout import ControllerAgent, run_episodes
 from cjt_gym.training.run_folder import RunFolder
 from cjt_gym.training.run_page import write_run_page
 from cjt_gym.training.train import start_from, train
@@ -45,6 +47,22 @@ def test_page_of_a_run_has_its_curve_its_figures_and_its_origin(finished: RunFol
     assert text.count("<svg") == 2
     for word in ("pd_feedforward", "chirp", "parameter hash", "total_steps = 2048"):
         assert word in text
+
+
+def test_a_page_compares_policy_and_base_on_the_same_episodes(
+    tiny: TrainConfig, tmp_path: Path
+) -> None:
+    gains = {"kp": 3.0}
+    config = replace(tiny, total_steps=1024, env={**tiny.env, "base_gains": gains})
+    run = train(config, tmp_path / "run", quiet=True)
+    text = write_run_page(run, episodes=2).read_text(encoding="utf-8")
+    idle = run_episodes(
+        ControllerAgent("pd_feedforward"),  # gives zero actions to the base of the training
+        environment_arguments(config.env),
+        config.evaluation.episodes,
+        VALIDATION_SEEDS,
+    )
+    assert f"pd_feedforward alone has {rmse(idle):.3g} N m there" in text
 
 
 def test_training_goes_on_from_the_best_model_of_another(

@@ -3,7 +3,10 @@
 =============  ===============================================================
 `network`      a policy as matrices and biases, and what they act on
 `layout`       what makes an observation out of measurements
-`exported`     both in one file of arrays (`.npz`), read back without torch
+`base`         the controller that it adds to
+`signals`      names and units of what goes in and out
+`exported`     all of it in one file of arrays (`.npz`), read back without torch
+`stepper`      such a file at work
 `onnx_file`    the same as an ONNX graph
 `c_header`     the same as a C header without dependencies
 `check`        whether a file does what the policy does

@@ -1,19 +1,19 @@
-"""A policy as a C header that needs nothing but the mathematics of the standard library."""
+"""A policy with its base controller as a C header that needs nothing but `math.h`."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
 from importlib.metadata import version
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.export.c_text import comment, identifier
-from cjt_gym.training.config import BASE_GAINS
+from cjt_gym.export.c_controller import controller_header
+from cjt_gym.export.c_text import comment, identifier, number
 from cjt_gym.training.deploy.exported import Exported
 from cjt_gym.training.deploy.layout import LIMIT, PER_SAMPLE
+from cjt_gym.training.deploy.signals import INPUTS, used_inputs
 
 PER_LINE: Final = 8
 ACTIVATIONS: Final = {
@@ -30,26 +30,42 @@ def c_header(policy: Exported, prefix: str = "policy") -> str:
     Args:
         policy: What it computes.
         prefix: What its names begin with.
+
+    Raises:
+        ConfigurationError: Its base controller cannot be written in C.
     """
+    policy.check_whole("C", linear=False)
     name = identifier(prefix, "policy")
-    layout, network = policy.layout, policy.on_its_joint
+    layout, network, base = policy.layout, policy.on_its_joint, policy.base
+    joint = ", ".join(policy.trained_on)
+    own = "" if base is None else f"{name}_base"
     values = {
         "NAME": name,
         "GUARD": f"{name.upper()}_H",
         "TITLE": comment(policy.name),
         "VERSION": version("cjt-gym"),
-        "JOINT": comment(", ".join(policy.trained_on)),
-        "BASE": comment(_base(policy.config.env)),
+        "JOINT": comment(joint),
+        "BASE": comment("none, it commands alone" if base is None else base.name),
+        "BASEHEADER": ""
+        if base is None
+        else controller_header(base.law, own, base.name, joint, base.gains),
+        "BASESTATE": f"  {own}_state base;\n" if own else "",
+        "BASERESET": f"  {own}_reset(&state->base);\n" if own else "",
+        "BASESTEP": f"{own}_step(&state->base, reference[0], {', '.join(list(INPUTS)[1:])})"
+        if own
+        else "0.0",
+        "INPUTS": "\n".join(_inputs(policy)),
+        "MOST": number(policy.limit),
         "DT": f"{layout.dt:g}",
         "COUNT": str(layout.preview + 1),
         "SIZE": str(layout.size),
         "HEAD": str(layout.head),
         "HISTORY": str(layout.history),
         "SIGNALS": str(PER_SAMPLE),
-        "TORQUE": _float(layout.torque),
-        "VELOCITY": _float(layout.velocity),
-        "ACTION": _float(layout.action),
-        "GEAR": repr(layout.n),
+        "TORQUE": number(layout.torque),
+        "VELOCITY": number(layout.velocity),
+        "ACTION": number(layout.action),
+        "GEAR": number(layout.n),
         "LIMIT": _float(LIMIT),
         "CLIP": _float(network.clip),
         "WIDTH": str(max(len(layer.bias) for layer in network.layers)),
@@ -59,10 +75,12 @@ def c_header(policy: Exported, prefix: str = "policy") -> str:
     return re.sub("@([A-Z]+)@", lambda found: values[found[1]], TEMPLATE)
 
 
-def _base(env: Mapping[str, Any]) -> str:
-    gains = ", ".join(f"{name} = {value}" for name, value in (env.get(BASE_GAINS) or {}).items())
-    name = str(env.get("base_controller") or "none: it commands alone")
-    return f"{name} with {gains}" if gains else name
+def _inputs(policy: Exported) -> list[str]:
+    used = used_inputs(policy)
+    return [
+        f" * {name + ':':<11}{what} [{unit}]{'' if name in used else '; not used, may be 0'}"
+        for name, (unit, what) in INPUTS.items()
+    ]
 
 
 def _arrays(policy: Exported, name: str) -> list[str]:
@@ -103,29 +121,34 @@ def _float(value: float) -> str:
 
 
 TEMPLATE: Final = """\
-/* Torque policy @TITLE@, written by cjt-gym @VERSION@.
+/* Torque controller @TITLE@, a trained policy, written by cjt-gym @VERSION@.
  *
- * Trained on: @JOINT@.  Base controller: @BASE@.
- * Call @NAME@_step once in every control step of @DT@ s. It returns a motor torque [N m] that is to
- * be added to that of the base controller, if there is one. Angles and velocities are on the link
- * side. One state per joint; no memory is allocated and nothing is shared.
+ * Trained on: @JOINT@.  Base controller, inside: @BASE@.
+ * Call @NAME@_step once in every control step of @DT@ s. It returns the motor torque to command
+ * [N m], that of base controller and policy together, within @NAME@_LIMIT. Angles, velocities and
+ * torques are those at the output side of the gear. One state per joint; no memory is allocated and
+ * nothing is shared.
  *
  *   @NAME@_state state;
  *   @NAME@_reset(&state);
- *   torque = base + @NAME@_step(&state, reference, tau, q_m, dq_m, dq_l, command);
+ *   torque = @NAME@_step(&state, reference, tau, q_m, q_g, q_l, dq_m, dq_g, dq_l);
  */
 #ifndef @GUARD@
 #define @GUARD@
 
 #include <math.h>
 
+@BASEHEADER@
 #define @NAME@_REFERENCES @COUNT@ /* reference now and at the next control steps */
+#define @NAME@_DT @DT@ /* control step [s] */
+#define @NAME@_LIMIT @MOST@ /* largest motor torque [N m] */
 #define @NAME@_OBSERVATION @SIZE@
 
 @ARRAYS@
 
 typedef struct {
-  float observation[@SIZE@];
+@BASESTATE@  float observation[@SIZE@];
+  double command; /* of the step before [N m]; overwrite it where the drive applied another one */
   int begun;
 } @NAME@_state;
 
@@ -133,7 +156,11 @@ static inline float @NAME@_limit(float x, float most) {
   return x > most ? most : x < -most ? -most : x;
 }
 
-static inline void @NAME@_reset(@NAME@_state *state) { state->begun = 0; }
+/* Forget the past: the next step is the first. */
+static inline void @NAME@_reset(@NAME@_state *state) {
+@BASERESET@  state->command = 0.0;
+  state->begun = 0;
+}
 
 /* The action, -1 to 1, for an observation as the environment gives it. */
 static inline float @NAME@_act(const float *observation) {
@@ -145,33 +172,34 @@ static inline float @NAME@_act(const float *observation) {
 @LAYERS@
 }
 
-/* The motor torque [N m].
+/* The motor torque to command until the next step [N m].
  *
- * reference: wanted joint torque now and at the next steps [N m], @COUNT@ of them
- * tau:       measured joint torque [N m]
- * q_m:       measured motor angle, rotor angle / n [rad]
- * dq_m:      measured motor velocity [rad/s]
- * dq_l:      measured load velocity [rad/s]
- * command:   motor torque that was commanded in the step before, 0 in the first [N m]
+@INPUTS@
  */
-static inline float @NAME@_step(@NAME@_state *state, const float *reference, float tau, double q_m,
-                                float dq_m, float dq_l, float command) {
+static inline double @NAME@_step(@NAME@_state *state, const double *reference, double tau,
+                                 double q_m, double q_g, double q_l,
+                                 double dq_m, double dq_g, double dq_l) {
+  const double limit = @NAME@_LIMIT;
   float *out = state->observation, sample[@SIGNALS@];
+  double torque = @BASESTEP@;
   int i, k;
-  for (i = 0; i < @COUNT@; i++) out[i] = @NAME@_limit(reference[i] / @TORQUE@, @LIMIT@);
-  out[@COUNT@] = @NAME@_limit((reference[0] - tau) / @TORQUE@, @LIMIT@);
+  (void)q_g, (void)q_l, (void)dq_g;
+  for (i = 0; i < @COUNT@; i++) out[i] = @NAME@_limit((float)(reference[i] / @TORQUE@), @LIMIT@);
+  out[@COUNT@] = @NAME@_limit((float)((reference[0] - tau) / @TORQUE@), @LIMIT@);
   out[@COUNT@ + 1] = (float)sin(@GEAR@ * q_m);
   out[@COUNT@ + 2] = (float)cos(@GEAR@ * q_m);
-  sample[0] = @NAME@_limit(tau / @TORQUE@, @LIMIT@);
-  sample[1] = @NAME@_limit(dq_m / @VELOCITY@, @LIMIT@);
-  sample[2] = @NAME@_limit(dq_l / @VELOCITY@, @LIMIT@);
-  sample[3] = @NAME@_limit(command / @TORQUE@, @LIMIT@);
+  sample[0] = @NAME@_limit((float)(tau / @TORQUE@), @LIMIT@);
+  sample[1] = @NAME@_limit((float)(dq_m / @VELOCITY@), @LIMIT@);
+  sample[2] = @NAME@_limit((float)(dq_l / @VELOCITY@), @LIMIT@);
+  sample[3] = @NAME@_limit((float)(state->command / @TORQUE@), @LIMIT@);
   for (k = @HISTORY@ - 1; k >= 0; k--)
     for (i = 0; i < @SIGNALS@; i++)
       out[@HEAD@ + @SIGNALS@ * k + i] =
           k > 0 && state->begun ? out[@HEAD@ + @SIGNALS@ * (k - 1) + i] : sample[i];
   state->begun = 1;
-  return @ACTION@ * @NAME@_act(out);
+  torque += (double)@ACTION@ * @NAME@_act(out);
+  state->command = torque > limit ? limit : torque < -limit ? -limit : torque;
+  return state->command;
 }
 
 #endif

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Protocol
@@ -11,28 +12,37 @@ from typing import Any, Final, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from cjt_gym.baselines.linear_law import MEASURED
 from cjt_gym.envs.core import Episodes
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.export.c_library import compiled
+from cjt_gym.plant import Measurement
+from cjt_gym.records import Record
 from cjt_gym.training.config import VALIDATION_SEEDS, environment_arguments
-from cjt_gym.training.deploy.exported import Stepper, load_exported
-from cjt_gym.training.deploy.layout import Layout
+from cjt_gym.training.deploy.exported import Exported, load_exported
+from cjt_gym.training.deploy.layout import LIMIT, Layout, observe
 from cjt_gym.training.deploy.onnx_file import OnnxStepper
+from cjt_gym.training.deploy.signals import used_inputs
+from cjt_gym.training.deploy.stepper import Stepper
+from cjt_gym.training.fast_policy import exported
 from cjt_gym.training.policy import PolicyAgent
 
+Floats = NDArray[np.float64]
+Run = tuple[list[tuple[Any, ...]], Floats]
 STEPS: Final = 300
 TOLERANCE: Final = 2e-5
 """Largest difference of an action, in single precision [-]."""
 REPEATS: Final = 2000
 UNDISTURBED: Final = 0.1
 """Quantile of the times that counts: other programs only ever add to a step."""
-SHIM: Final = """\
+ARGUMENTS: Final = ", ".join(f"double {name}" for name in MEASURED)
+SHIM: Final = f"""\
 #include "policy.h"
 static policy_state state;
-void reset(void) { policy_reset(&state); }
-float step(const float *r, float tau, double q_m, float dq_m, float dq_l, float command) {
-  return policy_step(&state, r, tau, q_m, dq_m, dq_l, command);
-}
+void reset(void) {{ policy_reset(&state); }}
+double step(const double *reference, {ARGUMENTS}) {{
+  return policy_step(&state, reference, {", ".join(MEASURED)});
+}}
 """
 
 
@@ -42,10 +52,8 @@ class AnyStepper(Protocol):
     def reset(self) -> None:
         """Forget the past."""
 
-    def step(
-        self, reference: Any, tau: float, q_m: float, dq_m: float, dq_l: float, command: float
-    ) -> float:
-        """Return the motor torque [N m]."""
+    def step(self, *args: Any, **kwargs: Any) -> float:
+        """Return the motor torque to command [N m], for the reference and `MEASURED`."""
         ...
 
 
@@ -77,31 +85,24 @@ class CStepper:
         """
         self._library = compiled(SHIM, {"policy.h": header})
         self._step = self._library.step
-        number = ctypes.c_float
+        number = ctypes.c_double
         self._step.restype = number
-        self._step.argtypes = [
-            ctypes.POINTER(number),
-            number,
-            ctypes.c_double,
-            number,
-            number,
-            number,
-        ]
+        self._step.argtypes = [ctypes.POINTER(number), *[number] * len(MEASURED)]
         self._reference = (number * (layout.preview + 1))()
 
     def reset(self) -> None:
         """Forget the past."""
         self._library.reset()
 
-    def step(
-        self, reference: Any, tau: float, q_m: float, dq_m: float, dq_l: float, command: float
-    ) -> float:
-        """Return the motor torque [N m]; see `Stepper.step`."""
+    def step(self, reference: Any, /, *measured: float) -> float:
+        """Return the motor torque to command [N m]; see `Stepper.step`."""
         self._reference[:] = reference
-        return float(self._step(self._reference, tau, q_m, dq_m, dq_l, command))
+        return float(self._step(self._reference, *measured))
 
 
-def check(agent: PolicyAgent, path: Path, target: str, header: str = "") -> Checked:
+def check(
+    agent: PolicyAgent, path: Path, target: str, header: str = "", records: Sequence[Record] = ()
+) -> Checked:
     """Compare an exported file with its policy, on what that measures in an episode.
 
     Args:
@@ -109,47 +110,112 @@ def check(agent: PolicyAgent, path: Path, target: str, header: str = "") -> Chec
         path: The file.
         target: "numpy", "onnx" or "c".
         header: Text of the header, for "c", with the prefix "policy".
+        records: Recorded signals to compare on, too.
+
+    Raises:
+        ConfigurationError: A record does not have the control step of the policy, or a signal that
+            it needs.
     """
+    runs = [recorded(agent), *(replayed(agent, record) for record in records)]
     try:
         stepper = _stepper(path, target, header, agent.layout)
     except ConfigurationError as reason:
         return Checked(0, float("nan"), float("nan"), str(reason))
-    inputs, wanted = recorded(agent)
-    stepper.reset()
-    found = np.array([stepper.step(*row) for row in inputs])
-    error = float(np.abs(found - wanted).max()) / agent.layout.action
-    times = []
+    error = 0.0
+    for inputs, wanted in runs:
+        stepper.reset()
+        found = np.array([stepper.step(*row) for row in inputs])
+        error = max(error, float(np.abs(found - wanted).max()) / agent.layout.action)
+    inputs, times = runs[0][0], []
     for row in (inputs * (REPEATS // len(inputs) + 1))[:REPEATS]:
         begun = time.perf_counter()
         stepper.step(*row)
         times.append(time.perf_counter() - begun)
-    return Checked(len(inputs), error, 1e6 * float(np.quantile(times, UNDISTURBED)))
+    steps = sum(len(inputs) for inputs, _ in runs)
+    return Checked(steps, error, 1e6 * float(np.quantile(times, UNDISTURBED)))
 
 
 def _stepper(path: Path, target: str, header: str, layout: Layout) -> AnyStepper:
     if target == "c":
         return CStepper(header, layout)
-    return Stepper(load_exported(path)) if target == "numpy" else OnnxStepper(path)
+    if target == "onnx":
+        return OnnxStepper(path)
+    return Stepper(load_exported(path))
 
 
-def recorded(agent: PolicyAgent) -> tuple[list[tuple[Any, ...]], NDArray[np.float64]]:
-    """Return what a policy sees in an episode, and the motor torques that it adds.
+def recorded(agent: PolicyAgent) -> Run:
+    """Return what a policy sees in an episode of its task, and what it commands.
 
     Returns:
-        The arguments of every `step`, and the torques [N m], shape (steps,).
+        The arguments of every `step`, and the motor torques [N m], shape (steps,).
     """
     task = Episodes(1, **environment_arguments(agent.config.env))
     task.plant.seed(VALIDATION_SEEDS)
     task.reset()
+    agent.begin()
     layout, inputs, wanted = agent.layout, [], []
     head = layout.preview + 1
     for _ in range(min(STEPS, task.settings.episode_steps)):
         observation = task.task.observation.copy()
         seen = task.measurement()
         reference = observation[0, :head].astype(np.float64) * layout.torque
-        values = [float(x[0]) for x in (seen.tau, seen.q_m, seen.dq_m, seen.dq_l)]
-        inputs.append((reference, *values, float(task.task.command[0])))
-        action = agent.act(observation)
-        wanted.append(float(action[0, 0]) * layout.action)
-        task.step(action)
+        reference[0] = task.task.reference[0]
+        inputs.append((reference, *(float(getattr(seen, name)[0]) for name in MEASURED)))
+        task.step(agent.act(observation))
+        wanted.append(float(task.task.command[0]))
     return inputs, np.array(wanted)
+
+
+def replayed(agent: PolicyAgent, record: Record) -> Run:
+    """Return the signals of a record, and what policy and base controller command to them.
+
+    Raises:
+        ConfigurationError: The record does not have the control step of the policy, or a signal
+            that it needs.
+    """
+    task = Episodes(1, **environment_arguments(agent.config.env))
+    layout, base, limit = agent.layout, task.controller, task.plant.limits.tau
+    columns = _columns(record, exported(agent), layout)
+    scales, wanted, inputs = np.array([layout.torque, layout.velocity, layout.n]), [], []
+    observation, command = np.zeros((1, layout.size), np.float32), 0.0
+    numbers = np.clip(np.array([layout.joint_numbers], np.float32), -LIMIT, LIMIT)
+    agent.begin()
+    if base is not None:
+        base.reset()
+    count = len(columns["tau"])
+    for k in range(count):
+        rows = np.minimum(k + np.arange(layout.preview + 1), count - 1)
+        reference = columns["tau_ref"][rows]
+        seen = {name: columns[name][k : k + 1] for name in MEASURED}
+        tau, q_m, dq_m, dq_l = (float(seen[name][0]) for name in ("tau", "q_m", "dq_m", "dq_l"))
+        observe(scales, reference, tau, q_m, dq_m, dq_l, command, k > 0, observation[0])
+        action = agent.act(np.concatenate([observation, numbers], axis=1))
+        torque = 0.0
+        if base is not None:
+            zero = np.zeros(1)
+            measured = Measurement(t=zero + k * layout.dt, i=zero, **seen)
+            torque = float(base.act(measured, reference[:1])[0])
+        torque += float(np.clip(action[0, 0], -1.0, 1.0)) * layout.action
+        command = min(max(torque, -limit), limit)
+        inputs.append((reference, *(float(x[0]) for x in seen.values())))
+        wanted.append(command)
+    return inputs, np.array(wanted)
+
+
+def _columns(record: Record, policy: Exported, layout: Layout) -> dict[str, Floats]:
+    """Return the signals of a record, zeros for those that the policy does not need."""
+    if abs(record.dt - layout.dt) > 1e-6 * layout.dt:
+        raise ConfigurationError(
+            f"{record.owner} has a sample time of {record.dt:g} s; the policy {policy.name} runs "
+            f"every {layout.dt:g} s. Record at that rate."
+        )
+    used = used_inputs(policy)
+    names = {"tau_ref": "reference", **{name: name for name in MEASURED}}
+    missing = [name for name, signal in names.items() if signal in used and name not in record]
+    if missing:
+        raise ConfigurationError(
+            f"{record.owner} lacks {', '.join(missing)}, which the policy {policy.name} needs. "
+            "Take a record of  cjt-gym simulate  or  cjt-gym hardware."
+        )
+    nothing = np.zeros(len(record))
+    return {name: np.array(record[name]) if name in record else nothing for name in names}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ from typing import Any
 from cjt_gym.disk import write_text
 from cjt_gym.errors import CjtGymError
 from cjt_gym.export.c_text import identifier
+from cjt_gym.records import Record
 from cjt_gym.training.deploy.c_header import c_header
 from cjt_gym.training.deploy.check import TOLERANCE, Checked, check
 from cjt_gym.training.deploy.exported import save_exported
@@ -49,23 +51,26 @@ class Written:
         if not c.steps:
             return f"{self.path}: not tried. {c.note}"
         return (
-            f"{self.path}: as the policy to {c.error:.1e} of its largest action, over {c.steps} "
-            f"steps; {c.microseconds:.1f} us a step"
+            f"{self.path}: the whole controller; commands as the run to {c.error:.1e} of the "
+            f"policy's largest torque, over {c.steps} steps; {c.microseconds:.1f} us a step"
         )
 
 
-def export_policy(run: str | Path, form: str, path: Path) -> Written:
+def export_policy(
+    run: str | Path, form: str, path: Path, records: Sequence[Record] = ()
+) -> Written:
     """Write the policy of a run, and try the file on an episode of its training task.
 
     Args:
         run: The run folder.
         form: "onnx", "numpy" or "c".
         path: The file to write. Names in a C header begin with its name.
+        records: Recorded signals on which the file is to be compared with the policy, too.
 
     Raises:
         MissingFileError: There is no such folder.
-        ConfigurationError: It is no run of ours, its network cannot be exported, or a package is
-            missing.
+        ConfigurationError: It is no run of ours, its network or its base controller cannot be
+            exported, a record does not fit, or a package is missing.
         ExportError: The file gives other actions than the policy.
     """
     agent = load_policy(run)
@@ -79,10 +84,10 @@ def export_policy(run: str | Path, form: str, path: Path) -> Written:
         prefix = identifier(path.stem, "policy")
         named = header if prefix == "policy" else c_header(policy, prefix)
         write_text(path, named)
-    checked = check(agent, path, form, header)
+    checked = check(agent, path, form, header, records)
     if checked.steps and not checked.error <= TOLERANCE:
         raise ExportError(
-            f"{path} gives actions that differ from those of {run} by {checked.error:.2g}, more "
-            f"than {TOLERANCE:g}. Do not use it."
+            f"{path} gives torques that differ from those of {run} by {checked.error:.2g} of the "
+            f"policy's largest one, more than {TOLERANCE:g}. Do not use it."
         )
     return Written(path, form, checked)

@@ -1,9 +1,9 @@
-"""An exported policy: the network, its observation, and how it was trained, in one file."""
+"""An exported policy: network, observation, base controller and training, in one file."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+import math
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
@@ -15,16 +15,16 @@ from numpy.typing import NDArray
 from cjt_gym.disk import parse_json, parsing, whole
 from cjt_gym.disk.arrays import read_arrays
 from cjt_gym.errors import CjtGymError, ConfigurationError, MissingFileError
-from cjt_gym.joint.compiled import threaded
 from cjt_gym.training.conditions import Conditions
 from cjt_gym.training.config import TrainConfig, from_dict
-from cjt_gym.training.deploy.layout import LIMIT, Layout, observe
-from cjt_gym.training.deploy.network import Layer, Network, run_layers
+from cjt_gym.training.deploy.base import BaseLaw, read_base
+from cjt_gym.training.deploy.layout import LIMIT, Layout
+from cjt_gym.training.deploy.network import Layer, Network
+from cjt_gym.training.deploy.signals import described
 from cjt_gym.training.policy_arguments import kind_of, policy_arguments, trained_on
 
 KIND: Final = "cjt_gym policy"
-SCHEMA: Final = 1
-Floats = NDArray[np.float64]
+SCHEMA: Final = 2
 
 
 @final
@@ -37,6 +37,9 @@ class Exported:
         config: How it was trained.
         network: Its numbers.
         layout: What its observation is made of.
+        base: The controller that it adds to; None where there is none, or none that can be written
+            as numbers.
+        limit: Largest motor torque that is commanded [N m].
 
     Raises:
         ConfigurationError: The network does not take what the layout makes, or gives more than one
@@ -47,6 +50,8 @@ class Exported:
     config: TrainConfig
     network: Network
     layout: Layout
+    base: BaseLaw | None = None
+    limit: float = math.inf
 
     def __post_init__(self) -> None:
         layout, network = self.layout, self.network
@@ -67,6 +72,27 @@ class Exported:
     def on_its_joint(self) -> Network:
         """The network on the joint of the layout, whose numbers are no input any more."""
         return self.network.with_end(np.clip(self.layout.joint_numbers, -LIMIT, LIMIT).tolist())
+
+    def check_whole(self, form: str, linear: bool = True) -> None:
+        """Refuse to be a controller by itself where the base controller is missing.
+
+        Args:
+            form: What is to be made of it, for the message.
+            linear: Whether that takes linear base controllers alone.
+
+        Raises:
+            ConfigurationError: A policy that adds to a controller lacks it.
+        """
+        base = self.base
+        if self.kind == "learned" or (base is not None and (base.is_linear or not linear)):
+            return
+        remedy = "run it with  cjt-gym hardware --policy  from its run folder or its NumPy file"
+        if base is not None:
+            remedy = f"export it with --to c, or {remedy}"
+        raise ConfigurationError(
+            f"The policy {self.name} adds to the controller {self.config.env['base_controller']}, "
+            f"which is not a linear law that {form} can hold: {remedy}."
+        )
 
     @property
     def kind(self) -> str:
@@ -99,78 +125,6 @@ class Exported:
         """Nothing is remembered."""
 
 
-@threaded
-def run_step(
-    plan: NDArray[np.int64],
-    numbers: NDArray[np.float32],
-    clip: float,
-    work: NDArray[np.float32],
-    scales: Floats,
-    reference: Floats,
-    tau: float,
-    q_m: float,
-    dq_m: float,
-    dq_l: float,
-    command: float,
-    begun: bool,
-    observation: NDArray[np.float32],
-) -> float:
-    """Observe and return the action; see `observe` and `run_layers`."""
-    observe(scales, reference, tau, q_m, dq_m, dq_l, command, begun, observation)
-    return float(work[run_layers(plan, numbers, observation, clip, work), 0])
-
-
-@final
-class Stepper:
-    """A policy at work: measurements in, motor torque out, its history inside.
-
-    Example:
-        stepper = Stepper(load_exported("policy.npz"))
-        torque = base + stepper.step([reference], tau, q_m, dq_m, dq_l, command)
-    """
-
-    def __init__(self, policy: Exported) -> None:
-        """Begin an episode."""
-        layout, network = policy.layout, policy.on_its_joint
-        self.policy = policy
-        self._fixed = (*network.packed[:2], network.clip, network.packed[2])
-        self._scales = np.array([layout.torque, layout.velocity, layout.n])
-        self._reference = np.zeros(layout.preview + 1)
-        self._observation = np.zeros(layout.size, dtype=np.float32)
-        self.reset()
-
-    def reset(self) -> None:
-        """Forget the past; the next step is the first."""
-        self._begun = False
-
-    def step(
-        self,
-        reference: Sequence[float],
-        tau: float,
-        q_m: float,
-        dq_m: float,
-        dq_l: float,
-        command: float,
-    ) -> float:
-        """Return the motor torque, to be added to that of the base controller, if any [N m].
-
-        Args:
-            reference: Wanted joint torque now and at the next steps, shape (preview + 1,) [N m].
-            tau: Measured joint torque [N m].
-            q_m: Measured motor angle, rotor angle / n [rad].
-            dq_m: Measured motor velocity [rad/s].
-            dq_l: Measured load velocity [rad/s].
-            command: Motor torque that was commanded in the step before; 0 in the first [N m].
-        """
-        self._reference[:] = reference
-        numbers = (float(tau), float(q_m), float(dq_m), float(dq_l), float(command))  # one type
-        action = run_step(
-            *self._fixed, self._scales, self._reference, *numbers, self._begun, self._observation
-        )
-        self._begun = True
-        return float(action) * self.policy.layout.action
-
-
 def facts_of(policy: Exported) -> dict[str, Any]:
     """Return what is known of a policy beside its numbers, as plain data."""
     return {
@@ -181,6 +135,9 @@ def facts_of(policy: Exported) -> dict[str, Any]:
         "layout": asdict(policy.layout),
         "clip": policy.network.clip,
         "activations": [layer.activation for layer in policy.network.layers],
+        "base": None if policy.base is None else policy.base.facts(),
+        "limit": policy.limit if math.isfinite(policy.limit) else None,
+        **described(policy),
     }
 
 
@@ -190,6 +147,8 @@ def save_exported(policy: Exported, path: str | Path) -> Path:
     arrays: dict[str, Any] = {"mean": network.mean, "scale": network.scale}
     for k, layer in enumerate(network.layers):
         arrays |= {f"weight_{k}": layer.weight, f"bias_{k}": layer.bias}
+    if policy.base is not None and policy.base.is_linear:
+        arrays |= policy.base.arrays()
     with whole(path) as part, part.open("wb") as file:
         np.savez(file, facts=np.array(json.dumps(facts_of(policy))), **arrays)
     return Path(path)
@@ -229,4 +188,7 @@ def _parsed(file: Path) -> Exported:
         )
         network = Network(layers, given["mean"], given["scale"], float(facts["clip"]))
         config = from_dict(facts["config"], str(file))
-        return Exported(file.stem, config, network, Layout(**facts["layout"]))
+        layout, given_limit = Layout(**facts["layout"]), facts.get("limit")
+        limit = math.inf if given_limit is None else float(given_limit)
+        base = read_base(facts.get("base"), given)
+        return Exported(file.stem, config, network, layout, base, limit)

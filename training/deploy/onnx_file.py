@@ -1,29 +1,35 @@
-"""A policy as an ONNX graph, with its observation and its history inside.
+"""A policy with its base controller as an ONNX graph: a whole controller, one step per run.
 
-Inputs:   `signals`, shape (preview + 7,): the reference now and at the next steps [N m], sine and
-          cosine of the rotor's angle n q_m, measured joint torque [N m], measured velocities of
-          motor and load [rad/s], and the motor torque commanded in the step before [N m];
-          `history`, shape (4 history,), as the step before gave it; and `begin`, shape (1,): 1 in
-          the first step of an episode, in which the history does not count, else 0.
-Outputs:  `torque`, shape (1,), to be added to that of the base controller [N m]; `next_history`.
+Inputs:   `reference`, shape (preview + 1,), wanted joint torque now and at the next steps; and each
+          of shape (1,) `tau`, `q_m`, `q_g`, `q_l`, `dq_m`, `dq_g`, `dq_l`, as measured. The state
+          `base`, `history`, `command`, as the step before gave it; `begin`, shape (1,): 1 in the
+          first step of an episode, in which that state does not count, else 0.
+Outputs:  `torque`, shape (1,), to command [N m], and the state `next_base`, `next_history`. The
+          next `command` is `torque`, or what the drive applied instead of it.
+
+Everything is in double precision but the network. Names, units and meaning are in the metadata.
 """
 
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cjt_gym.baselines.linear_law import COMMAND, REFERENCE, SIGNALS, TAU
 from cjt_gym.disk import parse_json, parsing, write_bytes
 from cjt_gym.errors import ConfigurationError
+from cjt_gym.training.deploy.base import BaseLaw
 from cjt_gym.training.deploy.exported import Exported, facts_of
 from cjt_gym.training.deploy.layout import LIMIT, PER_SAMPLE, Layout
+from cjt_gym.training.deploy.signals import INPUTS
 
 OPSET: Final = 17
 IR_VERSION: Final = 10
+STATE: Final = ("base", "history")
 OPERATORS: Final = {"tanh": "Tanh", "relu": "Relu", "elu": "Elu"}
 
 
@@ -38,7 +44,7 @@ class Graph:
         self.nodes: list[Any] = []
         self.constants: list[Any] = []
 
-    def constant(self, values: Any, kind: Any = np.float32) -> str:
+    def constant(self, values: Any, kind: Any = np.float64) -> str:
         """Add a constant; return its name."""
         name = f"c{len(self.constants)}"
         self.constants.append(self._numpy.from_array(np.asarray(values, kind), name))
@@ -55,9 +61,10 @@ class Graph:
         ends = [self.constant([at], np.int64) for at in (begin, end)]
         return self.add("Slice", source, *ends)
 
-    def limited(self, source: str, most: float, name: str = "") -> str:
+    def limited(self, source: str, most: float, name: str = "", kind: Any = np.float64) -> str:
         """Add a limit to plus and minus a number."""
-        ends = (self.constant(-most), self.constant(most))
+        most = min(most, float(np.finfo(kind).max))
+        ends = (self.constant(-most, kind), self.constant(most, kind))
         return self.add("Clip", source, *ends, name=name)
 
 
@@ -65,33 +72,24 @@ def write_onnx(policy: Exported, path: str | Path) -> Path:
     """Write the graph and return its path.
 
     Raises:
-        ConfigurationError: The package onnx is not installed.
+        ConfigurationError: The package onnx is not installed, or the base controller is no linear
+            law.
     """
     try:
-        from onnx import TensorProto, checker, helper
+        from onnx import checker, helper
     except ImportError as error:
         raise ConfigurationError(
             "An export to ONNX needs the package onnx. Install it:  pip install 'cjt-gym[onnx]'"
         ) from error
-    layout, network, graph = policy.layout, policy.on_its_joint, Graph()
-    observation = _observation(graph, layout)
-    clip = min(network.clip, float(np.finfo(np.float32).max))
-    x = graph.add("Sub", observation, graph.constant(network.mean))
-    x = graph.limited(graph.add("Mul", x, graph.constant(network.scale)), clip)
-    for layer in network.layers:
-        product = graph.add("MatMul", graph.constant(layer.weight), x)
-        x = graph.add("Add", product, graph.constant(layer.bias))
-        if layer.activation != "none":
-            x = graph.add(OPERATORS[layer.activation], x)
-    graph.add("Mul", graph.limited(x, 1.0), graph.constant([layout.action]), name="torque")
-
-    def vector(name: str, size: int) -> Any:
-        return helper.make_tensor_value_info(name, TensorProto.FLOAT, [size])
-
-    width = PER_SAMPLE * layout.history
-    inputs = [vector("signals", layout.preview + 7), vector("history", width), vector("begin", 1)]
-    outputs = [vector("torque", 1), vector("next_history", width)]
-    made = helper.make_graph(graph.nodes, "policy", inputs, outputs, graph.constants)
+    policy.check_whole("ONNX")
+    graph = Graph()
+    graph.add("Greater", "begin", graph.constant([0.5]), name="is_first")
+    torque = graph.add("Mul", _action(graph, policy), graph.constant([policy.layout.action]))
+    if policy.base is not None:
+        torque = graph.add("Add", torque, _base(graph, policy.base))
+    graph.limited(torque, policy.limit, name="torque")
+    inputs, outputs = _declared(policy)
+    made = helper.make_graph(graph.nodes, "controller", inputs, outputs, graph.constants)
     model = helper.make_model(made, opset_imports=[helper.make_opsetid("", OPSET)])
     model.ir_version, model.producer_name = IR_VERSION, "cjt-gym"
     helper.set_model_props(model, {"cjt_gym": json.dumps(facts_of(policy))})
@@ -99,27 +97,103 @@ def write_onnx(policy: Exported, path: str | Path) -> Path:
     return write_bytes(path, model.SerializeToString())
 
 
+def shapes_of(layout: Layout, order: int | None) -> tuple[dict[str, int], dict[str, int]]:
+    """Return how many numbers each input and each output holds.
+
+    Args:
+        layout: Of the policy.
+        order: States of the base controller, None without one.
+    """
+    width = PER_SAMPLE * layout.history
+    inputs = dict.fromkeys(INPUTS, 1) | {"reference": layout.preview + 1}
+    inputs |= {"history": width, "command": 1, "begin": 1}
+    outputs = {"torque": 1, "next_history": width}
+    if order:
+        inputs, outputs = inputs | {"base": order}, outputs | {"next_base": order}
+    return inputs, outputs
+
+
+def _declared(policy: Exported) -> tuple[list[Any], list[Any]]:
+    """Return inputs and outputs with their meaning."""
+    from onnx import TensorProto, helper
+
+    texts = {name: f"{what} [{unit}]" for name, (unit, what) in INPUTS.items()}
+    texts |= {
+        "history": "next_history of the step before",
+        "base": "next_base of the step before",
+        "command": "motor torque that was commanded in the step before [N m]",
+        "begin": "1 in the first step of an episode, else 0",
+        "torque": "motor torque to command [N m]",
+    }
+    order = None if policy.base is None else len(policy.base.law.linear.c)
+    inputs, outputs = (
+        [
+            helper.make_tensor_value_info(name, TensorProto.DOUBLE, [size], texts.get(name, ""))
+            for name, size in sizes.items()
+        ]
+        for sizes in shapes_of(policy.layout, order)
+    )
+    return inputs, outputs
+
+
+def _action(graph: Graph, policy: Exported) -> str:
+    """Add the network, in single precision; return its action in double."""
+    from onnx import TensorProto
+
+    network = policy.on_its_joint
+    observation = graph.add("Cast", _observation(graph, policy.layout), to=TensorProto.FLOAT)
+    x = graph.add("Sub", observation, graph.constant(network.mean, np.float32))
+    x = graph.add("Mul", x, graph.constant(network.scale, np.float32))
+    x = graph.limited(x, network.clip, kind=np.float32)
+    for layer in network.layers:
+        product = graph.add("MatMul", graph.constant(layer.weight, np.float32), x)
+        x = graph.add("Add", product, graph.constant(layer.bias, np.float32))
+        if layer.activation != "none":
+            x = graph.add(OPERATORS[layer.activation], x)
+    limited = graph.limited(x, 1.0, kind=np.float32)
+    return graph.add("Cast", limited, to=TensorProto.DOUBLE)
+
+
 def _observation(graph: Graph, layout: Layout) -> str:
     """Add what makes an observation of the inputs; name the new history."""
-    count, width = layout.preview + 1, PER_SAMPLE * layout.history
-    reference = graph.part("signals", 0, count)
-    rotor = graph.part("signals", count, count + 2)
-    now = graph.part("signals", 0, 1)
-    tau = graph.part("signals", count + 2, count + 3)
-    torque = graph.constant([layout.torque])
-    sample = graph.add(
-        "Div",
-        graph.part("signals", count + 2, count + 6),
-        graph.constant([layout.torque, layout.velocity, layout.velocity, layout.torque]),
-    )
-    sample = graph.limited(sample, LIMIT)
+    width, torque = PER_SAMPLE * layout.history, graph.constant([layout.torque])
+    angle = graph.add("Mul", "q_m", graph.constant([layout.n]))
+    ahead = graph.add("Add", angle, graph.constant([0.5 * math.pi]))
+    rotor = [graph.add("Sin", angle), graph.add("Sin", ahead)]  # few runtimes have Cos in double
+    command = graph.add("Where", "is_first", graph.constant([0.0]), "command")
+    sample = graph.add("Concat", "tau", "dq_m", "dq_l", command, axis=0)
+    scales = [layout.torque, layout.velocity, layout.velocity, layout.torque]
+    sample = graph.limited(graph.add("Div", sample, graph.constant(scales)), LIMIT)
     shifted = graph.add("Concat", sample, graph.part("history", 0, width - PER_SAMPLE), axis=0)
     first = graph.add("Tile", sample, graph.constant([layout.history], np.int64))
-    is_first = graph.add("Greater", "begin", graph.constant([0.5]))
-    graph.add("Where", is_first, first, shifted, name="next_history")
-    scaled = graph.limited(graph.add("Div", reference, torque), LIMIT)
-    error = graph.limited(graph.add("Div", graph.add("Sub", now, tau), torque), LIMIT)
-    return graph.add("Concat", scaled, error, rotor, "next_history", axis=0)
+    graph.add("Where", "is_first", first, shifted, name="next_history")
+    scaled = graph.limited(graph.add("Div", "reference", torque), LIMIT)
+    off = graph.add("Sub", graph.part("reference", 0, 1), "tau")
+    error = graph.limited(graph.add("Div", off, torque), LIMIT)
+    return graph.add("Concat", scaled, error, *rotor, "next_history", axis=0)
+
+
+def _base(graph: Graph, base: BaseLaw) -> str:
+    """Add the base controller and its next state; return its command."""
+    law, order = base.law.linear, len(base.law.linear.c)
+    zero = graph.constant([0.0])
+    now = graph.part("reference", 0, 1)
+    signals = [now, *SIGNALS[TAU:COMMAND], zero]
+    w = graph.add("Concat", *signals, axis=0)
+    direct = graph.add("MatMul", graph.constant(law.d[None, :]), w)
+    if not order:
+        return graph.limited(direct, base.law.limit)
+    signals[COMMAND] = "tau"
+    signals[REFERENCE] = now if base.law.follows else "tau"
+    still = graph.add("Concat", *signals, axis=0)
+    rest = graph.add("MatMul", graph.constant(law.at_rest()), still)
+    x = graph.add("Where", "is_first", rest, "base")
+    wanted = graph.add("Add", graph.add("MatMul", graph.constant(law.c[None, :]), x), direct)
+    command = graph.limited(wanted, base.law.limit)
+    applied = graph.add("Mul", command, graph.constant(law.b[:, COMMAND]))
+    driven = graph.add("Add", graph.add("MatMul", graph.constant(law.b), w), applied)
+    graph.add("Add", graph.add("MatMul", graph.constant(law.a), x), driven, name="next_base")
+    return command
 
 
 class OnnxStepper:
@@ -146,30 +220,30 @@ class OnnxStepper:
             facts = parse_json(text, "its metadata", ConfigurationError)
             self.facts, self.layout = facts, Layout(**facts["layout"])
             self._check_shapes()
-        self._history = np.zeros(PER_SAMPLE * self.layout.history, np.float32)
         self.reset()
 
     def _check_shapes(self) -> None:
         """Raise ValueError unless the graph takes and gives what its layout makes."""
-        width = PER_SAMPLE * self.layout.history
-        wanted = {"signals": [self.layout.preview + 7], "history": [width], "begin": [1]}
         given = {put.name: put.shape for put in self._session.get_inputs()}
-        made = [put.shape for put in self._session.get_outputs()]
-        if given != wanted or made != [[1], [width]]:
+        made = {put.name: put.shape for put in self._session.get_outputs()}
+        order = given.get("base", [None])[0]
+        wanted = [{n: [size] for n, size in s.items()} for s in shapes_of(self.layout, order)]
+        if [given, made] != wanted:
             raise ValueError(f"it takes {given} and gives {made}, which its layout does not make")
+        state = {name: np.zeros(given[name]) for name in STATE if name in given}
+        self._state, self._outputs = state, [f"next_{name}" for name in state]
 
     def reset(self) -> None:
         """Forget the past."""
-        self._begin = np.ones(1, np.float32)
+        self._begin, self.command = np.ones(1), 0.0
 
-    def step(
-        self, reference: Any, tau: float, q_m: float, dq_m: float, dq_l: float, command: float
-    ) -> float:
-        """Return the motor torque [N m]; see `Stepper.step`."""
-        rotor = self.layout.n * q_m
-        rest = [np.sin(rotor), np.cos(rotor), tau, dq_m, dq_l, command]
-        signals: NDArray[np.float32] = np.array([*np.atleast_1d(reference), *rest], np.float32)
-        given = {"signals": signals, "history": self._history, "begin": self._begin}
-        torque, self._history = self._session.run(None, given)
-        self._begin = np.zeros(1, np.float32)
-        return float(torque[0])
+    def step(self, reference: Any, *measured: float) -> float:
+        """Return the motor torque to command [N m]; see `Stepper.step`."""
+        signals = {"reference": np.array(reference, float).reshape(-1)}
+        names = list(INPUTS)[1:]
+        signals |= {n: np.array([x], float) for n, x in zip(names, measured, strict=True)}
+        signals |= {"command": np.array([self.command]), "begin": self._begin}
+        torque, *state = self._session.run(["torque", *self._outputs], signals | self._state)
+        self._state = dict(zip(self._state, state, strict=True))
+        self._begin, self.command = np.zeros(1), float(torque[0])
+        return self.command

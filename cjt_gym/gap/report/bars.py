@@ -41,7 +41,19 @@ def waterfall(steps: Sequence[Step], gap: GapSize) -> str:
         f"<div class=value>{percent(gap.floor)}</div></div>"
     )
     at = f"--at:{gap.floor / top:.2%}"
-    return f"<div class='bars waterfall' style='{at}'>{''.join(rows)}{floor}</div>"
+    texts = "".join(
+        f"<span style='left:{k / 4:.2%}'>{percent(k / 4 * top)}</span>" for k in (1, 2, 3)
+    )
+    axis = _axis("replay error, of the signal", texts)
+    return f"<div class='bars waterfall' style='{at}'>{''.join(rows)}{floor}{axis}</div>"
+
+
+def _axis(label: str, texts: str) -> str:
+    """Return the axis below bars: what it is, and its ticks."""
+    return (
+        f"<div class='row axis'><div class=name>{escape(label)}</div>"
+        f"<div class=track>{texts}</div></div>"
+    )
 
 
 def _step(name: str, style: str, step: Step, last: float | None, top: float) -> str:
@@ -86,7 +98,7 @@ def stage_bars(stages: Mapping[str, StageGap], explained: bool) -> str:
     ]
     ticks = [t for k in range(6) for t in (10.0**k, 3 * 10.0**k) if low <= t <= high]
     texts = "".join(f"<span style='left:{at(t):.2%}'>{t:g}</span>" for t in ticks)
-    axis = f"<div class='row axis'><div class=name></div><div class=track>{texts}</div></div>"
+    axis = _axis("residual, 1 = noise", texts)
     return f"<div class='bars stages' style='--at:{at(1.0):.2%}'>{''.join(rows)}{axis}</div>"
 
 
@@ -130,6 +142,7 @@ def _strip(variable: str, bins: Sequence[tuple[Regime, float | None]]) -> str:
     name = VARIABLES.get(variable, variable)
     return (
         f"<div class=strip><h4>{escape(name)} <small>[{escape(most.unit)}]</small></h4>"
+        f"<div class=up>share of the gap, up to {_whole(top)}</div>"
         f"<div class=columns>{columns}</div><div class=ends>{axis}</div>"
         f"<p>{_shares(most, left)}</p></div>"
     )

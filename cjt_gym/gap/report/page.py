@@ -76,12 +76,13 @@ def page(
     script = (here / "chart.js").read_text(encoding="utf-8")
     ahead = horizon_table(diagnosis)
     sections = (
+        ("Measured against replayed", "signals", _signals(diagnosis)),
         (TITLE, "horizons", "" if ahead is None else ahead.html()),
         ("What the record can tell", "record", examined(diagnosis)),
         ("How far", "how-far", _how_far(diagnosis)),
         ("Where", "where", _where(diagnosis)),
         ("Which effect", "which", _which(diagnosis)),
-        ("See it", "signals", _signals(diagnosis)),
+        ("Maps of the fitted record", "maps", _maps(diagnosis)),
         *((table.title, f"table-{k}", table.html()) for k, table in enumerate(tables)),
         ("What it could be confused with", "confusable", _confusable(diagnosis)),
         ("What remains unexplained", "left", _left(diagnosis)),
@@ -109,7 +110,7 @@ def _head(diagnosis: Diagnosis, title: str) -> str:
     if diagnosis.effects or gap.after != gap.before:
         figures = [("gap before", figures[0][1]), ("gap after", percent(gap.after)), figures[1]]
         spread = f"{percent(gap.low)} … {percent(gap.high)}"
-        figures.append(("removed", f"{percent(gap.removed)}<small>{spread}</small>"))
+        figures.append(("replay error removed", f"{percent(gap.removed)}<small>{spread}</small>"))
     tiles = "".join(f"<div><dt>{name}</dt><dd>{value}</dd></div>" for name, value in figures)
     about = " · ".join(escape(text) for text in (source.joint, source.structure) if text)
     return (
@@ -198,15 +199,15 @@ def _effect(effect: NamedEffect) -> str:
 def _signals(diagnosis: Diagnosis) -> str:
     charts = replay_charts(diagnosis)
     replayed = _charts("all", charts[:1]) + _charts("half", charts[1:])
-    if replayed:
-        aid = _aid(
-            "Open-loop replay of the recorded command. Drag over a stretch of time to enlarge it, "
-            "double-click to see all again."
-        )
-        replayed = f"<h3>Measured against replayed</h3>{aid}{replayed}"
+    if not replayed:
+        return ""
+    aid = "Open-loop replay of the recorded command. Drag over a stretch of time to enlarge it, "
+    return _aid(f"{aid}double-click to see all again.") + replayed
+
+
+def _maps(diagnosis: Diagnosis) -> str:
     maps = [*friction_charts(diagnosis), *ripple_charts(diagnosis), *spring_charts(diagnosis)]
-    drawn = _charts("half", maps)
-    return replayed + (f"<h3>Maps of the fitted record</h3>{drawn}" if drawn else "")
+    return _charts("half", maps)
 
 
 def _charts(kind: str, charts: Iterable[Chart]) -> str:

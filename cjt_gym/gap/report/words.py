@@ -197,8 +197,12 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
     share = f"{percent(gap.removed)} of it" if gap.removed >= NOTABLE else ""
     left = diagnosis.unexplained
     if left.stage is not None:
-        rest = f"{percent(left.share)} of the gap of the {left.stage} stage is left"
-        return f"{lies}; {names} {verb} {share or 'part of it'}, and {rest}."
+        # Two measures, the error of the replay and the residual of a stage, are told apart.
+        fall = (
+            f", so that the replay error falls from {percent(gap.before)} to {percent(gap.after)}"
+        )
+        rest = f"of the residual of the {left.stage} stage {percent(left.share)} stays unexplained"
+        return f"{lies}; {names} {verb} part of it{fall if share else ''}; {rest}."
     text = f"{lies}; {names} {verb} {share or 'it, although the replay hardly changes'}."
     if gap.after > max(OPEN, AGAIN * gap.floor):
         text += (

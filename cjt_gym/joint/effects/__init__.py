@@ -10,6 +10,7 @@ from __future__ import annotations
 from cjt_gym.joint.effects.drive import DRIVE_EFFECTS
 from cjt_gym.joint.effects.load import LOAD_EFFECTS
 from cjt_gym.joint.effects.motor import MOTOR_EFFECTS
+from cjt_gym.joint.effects.own import checked_row
 from cjt_gym.joint.effects.row import (
     CHANNEL_UNITS,
     PLACES,
@@ -20,6 +21,7 @@ from cjt_gym.joint.effects.row import (
 )
 from cjt_gym.joint.effects.sensing import SENSING_EFFECTS
 from cjt_gym.joint.effects.transmission import TRANSMISSION_EFFECTS
+from cjt_gym.plugins import installed_rows
 
 EFFECTS: dict[str, Effect] = {
     row.name: row
@@ -32,6 +34,28 @@ EFFECTS: dict[str, Effect] = {
     )
 }
 
+
+def register_effect(row: Effect) -> Effect:
+    """Add a row to the effect table, and return it.
+
+    Commands, environments, randomisation and joint files know it from then on, in this process.
+    Register it before joints are made; a package does so by the entry point `cjt_gym.effects`.
+
+    Args:
+        row: The row. The `fields` of its parameters are kernel parameters that the table uses, to
+            which it adds.
+
+    Raises:
+        ConfigurationError: Its name is taken, or it does nothing.
+        UnknownNameError: A stage, a place or a parameter of the kernel has another name.
+    """
+    EFFECTS[row.name] = checked_row(row, EFFECTS)
+    return row
+
+
+for _, _row in installed_rows("effects", EFFECTS):
+    register_effect(_row)
+
 __all__ = [
     "CHANNEL_UNITS",
     "EFFECTS",
@@ -40,4 +64,5 @@ __all__ = [
     "Effect",
     "EffectParameter",
     "body_of",
+    "register_effect",
 ]

@@ -1,0 +1,89 @@
+"""Names are checked before anything is imported that takes long."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Sequence
+from importlib import metadata
+from importlib.util import find_spec
+from pathlib import Path
+
+from cjt_gym.errors import unknown_name
+
+OWN = re.compile(r"[./\\:@+]")
+"""What only paths, parts and code of one's own have in them; these are checked later."""
+FIRST = {
+    "tune": "--controller",
+    "simulate": "--joint",
+    "analyse": "--joint",
+    "datasheet": "--joint",
+}
+"""What the words of a command are that stand before its first option."""
+OTHERWISE = (("convert", "--joint"), ("emulate", "--joint"), ("hardware", "--joint"))
+"""Options that mean something else."""
+BESIDES = {"--controller": ("none", "all"), "--joint": ()}
+
+
+def controller_names() -> list[str]:
+    """Return the names of the controllers there are, without importing them."""
+    files = _folder("baselines").glob("*.py")
+    shipped = [f.stem for f in files if "\nROW = " in f.read_text(encoding="utf-8")]
+    return sorted(shipped) + installed("controllers")
+
+
+def part_names() -> list[str]:
+    """Return the names of the parts that controllers are made of, without importing them."""
+    text = (_folder("baselines") / "parts.py").read_text(encoding="utf-8")
+    return re.findall(r'Part\(\s*"(\w+)"', text)
+
+
+def joint_names() -> list[str]:
+    """Return the names of the joints that ship."""
+    return sorted(file.stem for file in _folder("params").glob("*.toml"))
+
+
+def _folder(package: str) -> Path:
+    """Return where a package of ours lies, without importing it."""
+    spec = find_spec(f"cjt_gym.{package}")
+    assert spec is not None
+    assert spec.origin is not None
+    return Path(spec.origin).parent
+
+
+def installed(kind: str) -> list[str]:
+    """Return the names of the rows that other packages bring along, without importing them."""
+    return [point.name for point in metadata.entry_points(group=f"cjt_gym.{kind}")]
+
+
+def check_words(command: str, words: Sequence[str]) -> None:
+    """Refuse words of a command line that name a controller or a joint that there is not.
+
+    Args:
+        command: The command.
+        words: What follows it.
+
+    Raises:
+        UnknownNameError: There is none of that name; the message suggests the nearest.
+    """
+    known: dict[str, Callable[[], list[str]]] = {
+        "--controller": lambda: sorted({*controller_names(), *part_names()}),
+        "--joint": joint_names,
+    }
+    for option, names in known.items():
+        if (command, option) in OTHERWISE:
+            continue
+        for word in _values(words, option, FIRST.get(command) == option):
+            if OWN.search(word) or word in BESIDES[option] or word in names():
+                continue
+            raise unknown_name(option.lstrip("-"), word, names())
+
+
+def _values(words: Sequence[str], option: str, inside: bool) -> Iterator[str]:
+    """Give the values of an option; `inside` says whether the words begin with one."""
+    for word in words:
+        if word.startswith("-"):
+            inside = word == option
+            if word.startswith(f"{option}="):
+                yield word.partition("=")[2]
+        elif inside:
+            yield word

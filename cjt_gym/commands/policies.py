@@ -1,0 +1,47 @@
+"""`cjt-gym policies`: the policies that ship, and the card of one."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import textwrap
+from dataclasses import asdict
+
+from cjt_gym.training.shipped import Card, policy_card, policy_names
+
+WIDTH = 96
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add whose card to show."""
+    text = "policy whose card is shown; default: a line for each"
+    parser.add_argument("name", nargs="?", metavar="NAME", help=text)
+
+
+def run(options: argparse.Namespace) -> None:
+    """List the policies, or show one."""
+    names = policy_names() if options.name is None else [options.name]
+    cards = [policy_card(name) for name in names]
+    if options.json:
+        sys.stdout.write(json.dumps([asdict(card) for card in cards], indent=1) + "\n")
+    elif options.name is None:
+        width = max(map(len, names), default=0)
+        lines = [f"{card.name:<{width}}  {card.summary}" for card in cards]
+        lines.append("Use one by name: cjt-gym benchmark --policy NAME, hardware --policy NAME.")
+        sys.stdout.write("\n".join(lines) + "\n")
+    else:
+        sys.stdout.write(_told(cards[0]))
+
+
+def _told(card: Card) -> str:
+    parts = {
+        "trained on": card.trained_on,
+        "tested on": card.tested_on,
+        "fails": card.fails,
+    }
+    lines = [f"{card.name}: {card.summary}"]
+    for title, text in parts.items():
+        lines += ["", f"{title}:", *textwrap.wrap(text, WIDTH, initial_indent="  ",
+                                                  subsequent_indent="  ")]  # fmt: skip
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,129 @@
+"""Commands say what they do, refuse wrong names at once, and compile ahead where asked to."""
+
+from __future__ import annotations
+
+import io
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import gymnasium as gym
+import pytest
+from numba.core import event
+
+from cjt_gym.baselines import CONTROLLERS
+from cjt_gym.baselines.parts import PARTS
+from cjt_gym.cli import main
+from cjt_gym.commands import alive, early
+from cjt_gym.gap import diagnose
+from cjt_gym.joint import joint_names
+from cjt_gym.joint.compiled import while_compiling
+from cjt_gym.records import read_record
+
+
+def impatient(monkeypatch: pytest.MonkeyPatch) -> io.StringIO:
+    """Let a sign of life come at once, and return where it goes."""
+    stream = io.StringIO()
+    monkeypatch.setattr(alive, "SILENCE", 0.0)
+    monkeypatch.setattr(sys, "stderr", stream)
+    return stream
+
+
+def wait_for(text: str, stream: io.StringIO) -> None:
+    end = time.monotonic() + 30.0
+    while text not in stream.getvalue():
+        assert time.monotonic() < end, stream.getvalue()
+        time.sleep(0.01)
+
+
+def test_a_silent_command_says_what_it_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    stream = impatient(monkeypatch)
+    with alive.Alive() as signs:
+        signs.doing = "thinking"
+        wait_for("cjt-gym: thinking ....", stream)
+        sys.stderr.write("found it\n")
+    assert "\nfound it\n" in stream.getvalue()  # on a line of its own
+    assert sys.stderr is stream
+
+
+def test_a_command_that_goes_on_is_left_alone_after_its_first_word(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    stream = impatient(monkeypatch)
+    with alive.Alive(until_a_word=True) as signs:
+        wait_for("loading", stream)
+        sys.stdout.write("serving\n")
+        signs._thread.join(30.0)
+        assert not signs._thread.is_alive()
+
+
+def test_compiling_is_said_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    stream = io.StringIO()
+    monkeypatch.setattr(sys, "stderr", stream)
+    with alive.Alive() as signs:
+        signs.watch_compiler()
+        with event.trigger_event("numba:compile", data={}):
+            assert stream.getvalue().startswith("cjt-gym: compiling, about ")
+            with event.trigger_event("numba:compile", data={}):
+                pass
+            assert "compiling" in signs.doing
+        assert signs.doing == alive.WORKING
+
+
+def test_the_names_that_are_checked_early_are_those_there_are() -> None:
+    assert set(early.controller_names()) == set(CONTROLLERS)
+    assert set(early.part_names()) == set(PARTS)
+    assert set(early.joint_names()) == set(joint_names())
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["benchmark", "--joint", "generic", "--controller", "pd", "lqgg"], "lqg"),
+        (["simulate", "generic", "--out", "x.csv", "--controller=pd_fedforward"], "pd_feedforward"),
+        (["tune", "pidd", "--joint", "generic", "--out", "x.toml"], "pid"),
+        (["analyse", "--joint", "orange_80_600", "--out", "x.html"], "orange_80_6000"),
+        (["simulate", "orange_80_600", "--out", "x.csv"], "orange_80_6000"),
+    ],
+)
+def test_a_misspelt_name_is_refused_before_anything_is_imported(
+    words: list[str], told: str
+) -> None:
+    program = (
+        "import sys; from cjt_gym.cli import main; status = main(sys.argv[1:]);"
+        "sys.exit(9 if 'numba' in sys.modules else status)"
+    )
+    run = subprocess.run([sys.executable, "-c", program, *words], capture_output=True, text=True)
+    assert run.returncode == 2
+    assert f"'{told}'" in run.stderr
+
+
+def test_train_checks_its_words_before_it_loads_torch() -> None:
+    program = (
+        "import sys; from cjt_gym.cli import main; status = main(sys.argv[1:]);"
+        "sys.exit(9 if 'torch' in sys.modules else status)"
+    )
+    words = ["train", "ppo_residul", "--out", "x"]
+    run = subprocess.run([sys.executable, "-c", program, *words], capture_output=True, text=True)
+    assert run.returncode == 2
+    assert "ppo_residul" in run.stderr
+
+
+@pytest.mark.slow
+def test_after_a_warm_up_nothing_is_left_to_compile(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["warm-up"]) == 0
+    assert "All is compiled" in capsys.readouterr().out
+    compiled: list[bool] = []
+    while_compiling(compiled.append)
+    record = str(tmp_path / "r.csv")
+    words = ["simulate", "orange_80_6000", "--structure", "full_dynamics", "--duration", "0.3"]
+    words += ["--effect", "coulomb", "backlash=typical", "cogging=typical", "--randomize", "mild"]
+    assert main([*words, "--out", record]) == 0
+    envs = gym.make_vec("CJT/RigidGearbox-v0", num_envs=5, effects=["coulomb", "quantization"])
+    envs.reset(seed=0)
+    envs.step(envs.action_space.sample())
+    assert diagnose(read_record("emps").slice(0, 4000)).verdict
+    assert compiled == []

@@ -1,0 +1,77 @@
+"""Policies that ship with the package: small files of numbers, each with a card.
+
+`policies/NAME.npz` is what `cjt-gym export --to numpy` writes, arrays and texts that are read
+without pickle. `policies/NAME.toml` is its card: what it was trained on, what it was tested on,
+where it fails.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from importlib import resources
+from pathlib import Path
+
+from cjt_gym.disk import read_toml
+from cjt_gym.errors import ConfigurationError, unknown_name
+
+
+@dataclass(frozen=True)
+class Card:
+    """What is known of a policy that ships.
+
+    Attributes:
+        name: Its name.
+        summary: What it is, in one line.
+        trained_on: Joint, structure, effects, recipe and steps of its training.
+        tested_on: What it was compared on, and what came out.
+        fails: Where it should not be used.
+    """
+
+    name: str
+    summary: str
+    trained_on: str
+    tested_on: str
+    fails: str
+
+
+def policy_names() -> list[str]:
+    """Return the names of the policies that ship."""
+    return sorted(path.stem for path in _folder().glob("*.npz"))
+
+
+def policy_card(name: str) -> Card:
+    """Return the card of a policy that ships.
+
+    Raises:
+        UnknownNameError: None of that name ships.
+        ConfigurationError: Its card lacks something.
+    """
+    if name not in policy_names():
+        raise unknown_name("policy", name, policy_names())
+    path = _folder() / f"{name}.toml"
+    told = read_toml(path, ConfigurationError)
+    wanted = {field.name for field in fields(Card)} - {"name"}
+    if set(told) != wanted:
+        raise ConfigurationError(f"The card {path} must say {', '.join(sorted(wanted))}.")
+    return Card(name, **told)
+
+
+def policy_path(word: str | Path) -> Path:
+    """Return the file of a policy that ships where a word is its name, else the word as a path.
+
+    A run folder or file of that name comes first.
+
+    Raises:
+        UnknownNameError: It looks like a name, and none of that name ships.
+    """
+    path, text = Path(word), str(word)
+    if path.exists() or len(path.parts) > 1 or path.suffix:
+        return path
+    if text in policy_names():
+        return _folder() / f"{text}.npz"
+    known = [*policy_names(), "or the path of a run folder or of an exported policy"]
+    raise unknown_name("policy", text, known)
+
+
+def _folder() -> Path:
+    return Path(str(resources.files("cjt_gym.training"))) / "policies"
