@@ -53,7 +53,9 @@ DRIFT = 17  # zeros of i, q_m, q_g, q_l, tau
 VOLUNTARY = 22  # torque of a person [N m]
 TREMOR = 23  # its tremor, two numbers [N m]
 MESH = 25  # torque that the gear transmits [N m]
-MEMORY = 26
+REGULATOR = 26  # integrals of the current controller on q and d axis [A s]
+VOLTS = 28  # voltages at the winding on q and d axis [V]
+MEMORY = 30
 
 
 class Setup(NamedTuple):

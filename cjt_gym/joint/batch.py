@@ -15,6 +15,7 @@ from cjt_gym.errors import ConfigurationError, SimulationError
 from cjt_gym.joint.arrays import MEMORY, WORK_ROWS, WORK_WIDTH, Batch, Setup
 from cjt_gym.joint.blocks import Blocks, advance_blocks, kind_of, make_blocks
 from cjt_gym.joint.compiled import compiled
+from cjt_gym.joint.current_loop import check_loop, longest_sample
 from cjt_gym.joint.discretize import SCRATCH, discretize
 from cjt_gym.joint.drives import get_drive
 from cjt_gym.joint.kernel import restart, step_batch
@@ -53,18 +54,21 @@ def substeps_of(dt: float, dt_physics: float) -> int:
 
 
 def longest_substep(joint: Joint) -> float:
-    """Return the substep below which the exchange between inductance and motor is stable [s].
+    """Return the substep below which a voltage drive is stable and keeps its rate [s].
 
     The currents of a drive with inductance advance apart from the mechanics, which is stable for
-    h k_t n / sqrt(l_a I) < 2. Other drives know no limit.
+    h k_t n / sqrt(l_a I) < 2; a current controller samples at most once in a substep. Other drives
+    know no limit.
     """
+    sample = longest_sample(joint)
     if joint.drive not in ("rl", "dq"):
-        return math.inf
+        return sample
     p, groups = joint.packed()[0][0], joint.structure_row.groups
     inertia = sum(
         float(p[name]) for name, g in zip(INERTIAS, groups, strict=True) if g == groups[0]
     )
-    return 2.0 * math.sqrt(float(p["l_a"]) * inertia) / (float(p["k_t"]) * float(p["n"]))
+    exchange = 2.0 * math.sqrt(float(p["l_a"]) * inertia) / (float(p["k_t"]) * float(p["n"]))
+    return min(sample, exchange)
 
 
 @compiled
@@ -124,9 +128,11 @@ class JointBatch:
         if dt / substeps >= longest:
             raise ConfigurationError(
                 f"dt_physics must be < {longest:.3g} s for drive {joint.drive} of "
-                f"{joint.file.parameters.name} (k_t n, l_a and the motor's inertia), got "
-                f"{dt / substeps:g} s."
+                f"{joint.file.parameters.name} (k_t n, l_a and the motor's inertia, or the rate of "
+                f"current_control), got {dt / substeps:g} s."
             )
+        if not voltage:
+            check_loop(joint, dt / substeps)
         delay = max(longest_delay, float(sum(record[name][0] for name in DELAYS)))
         if delay > LONGEST_DELAY * dt:
             raise ConfigurationError(

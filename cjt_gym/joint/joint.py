@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 DT_PHYSICS = 1e-5
 CURRENT_FREE = "current"
+DRIVE_SIGNALS = ("i_d", "v", "v_d", "tau_m")
+"""What a record holds of a voltage drive beside the current: noise-free, columns `true_...`."""
 USUAL_STRUCTURE = "full_dynamics"
 
 
@@ -179,7 +181,7 @@ class Joint:
         if x0 is not None:
             batch.arrays.state[0] = checked_array("x0", x0, (6,))
         batch.restart(np.ones(1, dtype=np.bool_), loads[:1])
-        measured, true = np.zeros((samples, 8)), np.zeros((samples, 8))
+        measured, true = np.zeros((samples, 8)), np.zeros((samples, 12))
         done = simulate(batch.arrays, batch.setup, commands, loads, measured, true)
         if done < samples:
             raise SimulationError(
@@ -229,7 +231,9 @@ class Joint:
             columns["i_cmd"] = commands[:, 0].copy()
             columns["tau_cmd"] = commands[:, 0] * p.k_t * p.n
         columns |= {name: measured[:, j].copy() for j, name in enumerate(CHANNELS)}
-        names = ("q_m", "q_g", "q_l", "dq_m", "dq_g", "dq_l", "tau", "i")
+        names: tuple[str, ...] = ("q_m", "q_g", "q_l", "dq_m", "dq_g", "dq_l", "tau", "i")
+        if self.drive != CURRENT_FREE:
+            names += DRIVE_SIGNALS
         columns |= {f"true_{name}": true[:, j].copy() for j, name in enumerate(names)}
         if not self.structure_row.output_fixed:
             columns["tau_l"] = loads.copy()
