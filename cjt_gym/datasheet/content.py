@@ -105,6 +105,14 @@ def _plots(joints: Sequence[JointParameters]) -> Iterator[Block]:
     if one:
         drawings.append(
             (
+                lambda: figures.holding(joints[0]),
+                "How long a torque on a locked output can be held, by its amplitude and frequency, "
+                "from ambient. Below the white line: for ever. Blank: not possible.",
+                False,
+            )
+        )
+        drawings.append(
+            (
                 lambda: figures.torque_with_load(joints),
                 "The same for a short time, with free loads. Below, a light load gives way; at "
                 "the resonance little motor torque is needed.",
@@ -113,6 +121,16 @@ def _plots(joints: Sequence[JointParameters]) -> Iterator[Block]:
         )
     drawings.append((lambda: _impedance(joints), _impedance_caption(joints), False))
     drawings.insert(1 if one else len(drawings), efficiency)
+    if one:
+        drawings.insert(
+            2,
+            (
+                lambda: figures.efficiency_curves(joints[0]),
+                "Efficiency over torque at some speeds; dashed: at full voltage. Dotted: rated "
+                "torque.",
+                False,
+            ),
+        )
     for draw, caption, whole in drawings:
         try:
             svg = draw()
