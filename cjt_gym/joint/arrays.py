@@ -91,7 +91,7 @@ class Batch(NamedTuple):
         a: Discrete system matrix of a substep, shape (n, order, order).
         b: Its inputs: motor torque, load input, torque per coordinate; (n, order, 2 + size).
         state: [q_m q_g q_l dq_m dq_g dq_l], shape (n, 6) [rad, rad/s].
-        memory: What effects remember, shape (n, MEMORY).
+        memory: What effects remember, and behind it the table of the bar; (n, MEMORY or more).
         currents: [i_q, i_d], shape (n, 2) [A].
         tau: Transmitted joint torque, shape (n,) [N m].
         snapshot: Channel values at the instants within the step that are reported, shape (n, 8).

@@ -21,6 +21,7 @@ from cjt_gym.joint.drives import get_drive
 from cjt_gym.joint.kernel import restart, step_batch
 from cjt_gym.joint.lanes import Kind
 from cjt_gym.joint.random_stream import seed_state
+from cjt_gym.joint.spring_table import spring_rows
 
 if TYPE_CHECKING:
     from cjt_gym.joint.joint import Joint
@@ -141,6 +142,7 @@ class JointBatch:
             )
         depth = math.ceil(delay / dt - 1e-9) + 2
         order, size = structure.order, structure.size
+        table = spring_rows(joint.effects, joint.parameters.origin)
         self.setup = Setup(
             structure.groups,
             size,
@@ -157,7 +159,7 @@ class JointBatch:
             a=np.zeros((num, order, order)),
             b=np.zeros((num, order, 2 + size)),
             state=np.zeros((num, 6)),
-            memory=np.zeros((num, MEMORY)),
+            memory=np.zeros((num, MEMORY + table.size)),
             currents=np.zeros((num, 2)),
             tau=np.zeros(num),
             snapshot=np.zeros((num, 8)),
@@ -167,6 +169,7 @@ class JointBatch:
             samples=np.zeros(num, dtype=np.int64),
             rng=np.zeros(num, dtype=np.uint64),
         )
+        self.arrays.memory[:, MEMORY:] = table.ravel()
         self._all = np.ones(num, dtype=np.bool_)
         self.kind: Kind | None = None
         self.blocks: Blocks | None = None

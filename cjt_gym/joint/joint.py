@@ -88,12 +88,12 @@ class Joint:
     def transfer_function(
         self, output: str = "tau", input: str = "tau_m", dt: float | None = None
     ) -> control.TransferFunction:
-        """Return the transfer function between two named signals of `state_space`."""
-        import control
+        """Return the transfer function between two named signals of `state_space`, minimal.
 
-        system = self.state_space(dt)
-        one = system[system.output_labels.index(output), system.input_labels.index(input)]
-        return control.tf(one)
+        Poles that a zero cancels, such as the free motion of the whole joint in its torque, are
+        not in it.
+        """
+        return linear.minimal_transfer(self.state_space(dt), output, input)
 
     def nonlinear_torque(self, q: ArrayLike, dq: ArrayLike, tau: ArrayLike = 0.0) -> Floats:
         """Return the torque that the effects add on motor, gear and load.

@@ -14,6 +14,7 @@ from cjt_gym.joint.arrays import (
     LATE_SUB,
     LINEAR,
     LOOPS,
+    MEMORY,
     MESHES,
     R_W,
     REMEMBERS,
@@ -175,7 +176,8 @@ def control_step(
 def restart(batch: Batch, setup: Setup, i: int, load: float, work: Floats) -> None:
     """Fill the memory of joint i from its state, with the drive at rest, and measure."""
     p, memory = batch.p[i], batch.memory[i]
-    memory[:] = 0.0
+    for j in range(MEMORY):  # behind it lies the table of the bar
+        memory[j] = 0.0
     cool(p, memory)
     batch.currents[i, :] = 0.0
     batch.commands[i] = 0.0

@@ -55,7 +55,7 @@ def test_a_sheet_has_every_quantity_with_unit_tolerance_and_source(sheet: Sheet)
 def test_both_formats_and_images(sheet: Sheet, tmp_path: Path) -> None:
     (pdf,) = write_sheet(sheet, tmp_path / "sheet.pdf")
     assert pdf.read_bytes().startswith(b"%PDF")
-    assert 2 <= len(write_sheet(sheet, tmp_path / "sheet.png")) <= 3
+    assert 2 <= len(write_sheet(sheet, tmp_path / "sheet.png")) <= 4
     (page,) = write_sheet(sheet, tmp_path / "sheet.html")
     text = page.read_text(encoding="utf-8")
     assert text.count("<figure>") == 8
