@@ -186,7 +186,9 @@ def minimal_transfer(
     shift = np.eye(len(a)) if system.isdtime(strict=True) else np.zeros_like(a)
     with warnings.catch_warnings():  # of leading zeros, which are what a transfer function has
         warnings.simplefilter("ignore", BadCoefficients)
-        return control.tf(control.ss(a + shift, b, c, d, system.dt))
+        found = control.tf(control.ss(a + shift, b, c, d, system.dt))
+    found.update_names(name=f"{output}/{input}", inputs=[input], outputs=[output])
+    return found
 
 
 def _observable(a: Matrix, b: Matrix, c: Matrix) -> tuple[Matrix, Matrix, Matrix]:
