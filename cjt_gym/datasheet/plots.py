@@ -162,7 +162,7 @@ def efficiency_curves(
         )
     tau = np.linspace(0.0, characteristic(p, "t_p"), 600)
     for dq, colour in zip(given, _shades(len(given)), strict=True):
-        values = 100.0 * efficiency(p, tau, np.float64(dq))
+        values = 100.0 * efficiency(p, tau, np.array(dq))
         axes.plot(tau, values, color=colour, label=f"{number(dq, 3)} {p.unit('dq_p')}")
     full = np.maximum(speed_at_torque(p, tau), 0.0)
     axes.plot(tau, 100.0 * efficiency(p, tau, full), color=INK, ls="--", lw=0.9,

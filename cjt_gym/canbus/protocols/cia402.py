@@ -123,7 +123,7 @@ class Cia402Master:
         """Return the target torque of the RPDO; zero where its controlword takes it away."""
         if not is_plain(frame, RPDO.cob_id + self.settings.node):
             return None
-        return self.settings.scaling.torque(self.profile.commanded(frame.data))
+        return self.settings.scaling.torque(self.profile.commanded(bytes(frame.data)))
 
     def poll(self) -> Sequence[Message]:
         """Return the RPDO that keeps the voltage off, SYNC and the heartbeat."""
