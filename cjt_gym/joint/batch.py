@@ -55,21 +55,23 @@ def substeps_of(dt: float, dt_physics: float) -> int:
 
 
 def longest_substep(joint: Joint) -> float:
-    """Return the substep below which a voltage drive is stable and keeps its rate [s].
+    """Return the substep below which a drive is stable and its controller keeps its rate [s]."""
+    return min(longest_sample(joint), longest_exchange(joint))
+
+
+def longest_exchange(joint: Joint) -> float:
+    """Return the substep below which the exchange between inductance and motor is stable [s].
 
     The currents of a drive with inductance advance apart from the mechanics, which is stable for
-    h k_t n / sqrt(l_a I) < 2; a current controller samples at most once in a substep. Other drives
-    know no limit.
+    h k_t n / sqrt(l_a I) < 2. Other drives know no limit.
     """
-    sample = longest_sample(joint)
     if joint.drive not in ("rl", "dq"):
-        return sample
+        return math.inf
     p, groups = joint.packed()[0][0], joint.structure_row.groups
     inertia = sum(
         float(p[name]) for name, g in zip(INERTIAS, groups, strict=True) if g == groups[0]
     )
-    exchange = 2.0 * math.sqrt(float(p["l_a"]) * inertia) / (float(p["k_t"]) * float(p["n"]))
-    return min(sample, exchange)
+    return 2.0 * math.sqrt(float(p["l_a"]) * inertia) / (float(p["k_t"]) * float(p["n"]))
 
 
 @compiled
@@ -125,12 +127,12 @@ class JointBatch:
         structure = joint.structure_row
         substeps = substeps_of(dt, dt_physics)
         record, ripple = joint.packed()
-        longest = longest_substep(joint)
+        longest = longest_exchange(joint)
         if dt / substeps >= longest:
             raise ConfigurationError(
                 f"dt_physics must be < {longest:.3g} s for drive {joint.drive} of "
-                f"{joint.file.parameters.name} (k_t n, l_a and the motor's inertia, or the rate of "
-                f"current_control), got {dt / substeps:g} s."
+                f"{joint.file.parameters.name} (k_t n, l_a and the motor's inertia), got "
+                f"{dt / substeps:g} s."
             )
         if not voltage:
             check_loop(joint, dt / substeps)

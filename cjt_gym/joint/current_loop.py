@@ -178,7 +178,7 @@ def _loop_of(joint: Joint) -> tuple[float, float]:
 
 
 def check_loop(joint: Joint, h: float) -> None:
-    """Raise ConfigurationError where the controller is too fast for the rate at which it samples.
+    """Raise ConfigurationError where the controller cannot keep its rate or bandwidth.
 
     Args:
         joint: The joint.
@@ -187,6 +187,12 @@ def check_loop(joint: Joint, h: float) -> None:
     bandwidth, rate = _loop_of(joint)
     if bandwidth == 0.0:
         return
+    if h > longest_sample(joint):
+        raise ConfigurationError(
+            f"dt_physics must be <= {1.0 / rate:.4g} s, as effect {NAME} of "
+            f"{joint.parameters.name} samples at {rate:g} Hz, got {h:g} s. Give a shorter substep "
+            "or a lower rate."
+        )
     period = max(1, round(1.0 / (rate * h))) * h
     highest = FASTEST / (2.0 * math.pi * period)
     if bandwidth > highest * (1.0 + 1e-9):

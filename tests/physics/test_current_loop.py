@@ -167,5 +167,9 @@ def test_environments_with_a_current_loop_are_the_same_alone_and_in_a_batch() ->
 def test_a_loop_that_is_too_fast_is_refused() -> None:
     with pytest.raises(ConfigurationError, match=r"bandwidth of effect current_control .* <= 795"):
         closed("dq", bandwidth=2000.0).simulate(np.zeros(5))
-    with pytest.raises(ConfigurationError, match=r"dt_physics must be < 0.0001 s .*current_con"):
+    with pytest.raises(
+        ConfigurationError, match=r"dt_physics must be <= 0.0001 s, as .*current_con"
+    ):
         closed("dq").simulate(np.zeros(5), dt=1e-3, dt_physics=5e-4)
+    volts = closed("rl").simulate(voltage=np.ones(5), dt=1e-3, dt_physics=5e-4)
+    assert np.isfinite(volts["true_i"]).all()
