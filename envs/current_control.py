@@ -55,7 +55,7 @@ class CurrentControlEnv(gym.Env[Observation, Action]):
     ## Reward
 
     -abs(reference - torque) / (2 k_t n i_p), and -10 for the step in which the current reaches its
-    limit.
+    limit: no better than any tracking, for agents that discount by 0.9 a step.
 
     ## Starting state
 

@@ -9,10 +9,13 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
+from stable_baselines3 import PPO
 from stable_baselines3.common.env_checker import check_env as check_env_sb3
+from stable_baselines3.common.vec_env import DummyVecEnv
 
 import cjt_gym  # noqa: F401 - registers the environments
 from cjt_gym.baselines.current_control import CurrentController
+from cjt_gym.envs.sb3 import TorqueTrackingVecEnv
 from cjt_gym.errors import ConfigurationError, ParameterError, UnknownNameError
 from cjt_gym.training.conditions import Conditions
 from cjt_gym.training.metrics import nrmse
@@ -114,3 +117,16 @@ def test_the_benchmark_has_a_task_of_the_current_loop() -> None:
         errors.append(nrmse(run_task(ControllerAgent("open_loop"), setting, 2, 0)))
     assert 0.02 < errors[0] < errors[1] < 0.5
     assert not task.suits(conditions.structure, ControllerAgent("pd_feedforward"))
+
+
+def test_a_policy_trains_on_voltage_drives() -> None:
+    """Both loops: the torque with the current controller inside, and the voltages themselves."""
+    outer = TorqueTrackingVecEnv(2, drive="dq", effects=["coulomb"], episode_steps=50)
+    inner = DummyVecEnv([lambda: gym.make(NAME, episode_steps=50)])
+    for env in (outer, inner):
+        model = PPO("MlpPolicy", env, n_steps=32, batch_size=32, n_epochs=1, seed=0, device="cpu")
+        before = [p.detach().clone() for p in model.policy.parameters()]
+        model.learn(64)
+        after = list(model.policy.parameters())
+        assert any(not one.equal(two) for one, two in zip(before, after, strict=True))
+        assert all(bool(p.isfinite().all()) for p in after)
