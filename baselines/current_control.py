@@ -1,41 +1,49 @@
-"""The current controller inside an electrical drive, for whoever commands voltages.
+"""The current controller of a voltage drive, for those who command voltages themselves.
 
-    v = k_t n dq_m + kp e + ki z,   z[k+1] = z[k] + dt (e + (v_applied - v) / (kp + r)),
-    e = i_ref - i,   kp = w l_a,  ki = w r
-
-Internal-model control: the controller's zero takes the place of the winding's pole r / l_a, so
-that the current follows as a first-order lag with the bandwidth w. The back-EMF k_t n dq_m (speed
-on the link side) is added, so that it need not be integrated up; in
-d-q axes it is two thirds of that. The integral counts in seconds
-and is held back by what the supply cuts off. Without inductance (`static`) only the integral acts.
-
-The inverter holds the voltage over a sample, so w dt should stay well below 1.
-
-References:
-    Harnefors, Nee (1998), Model-based current control of AC machines using the internal model
-    control method, IEEE Transactions on Industry Applications 34(1).
+Plants and environments have it inside (effect `current_control`); the law is the same and stands in
+`cjt_gym.joint.current_loop`. The inverter holds the voltage over a sample, so w dt should stay well
+below 1.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import final
+from dataclasses import dataclass, field, replace
+from typing import Any, final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cjt_gym.baselines.controller import Floats, Mask
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import Joint
+from cjt_gym.joint.compiled import compiled
+from cjt_gym.joint.configure import resolve_effects
+from cjt_gym.joint.current_loop import FASTEST, NAME, regulate
+from cjt_gym.joint.drives import get_drive
 
-FASTEST = 0.5
-"""Largest bandwidth relative to the sample rate, w dt."""
+
+@compiled
+def regulate_all(
+    p: NDArray[Any],
+    drive: int,
+    integrals: Floats,
+    volts: Floats,
+    wanted: Floats,
+    currents: Floats,
+    dq_m: Floats,
+    period: float,
+) -> None:
+    """Do for every joint what `regulate` does for one."""
+    for i in range(wanted.shape[0]):
+        i_q, i_d = currents[i, 0], currents[i, 1]
+        regulate(p[0], drive, integrals[i], volts[i], wanted[i], i_q, i_d, dq_m[i], period)
 
 
 @final
 @dataclass(eq=False)
 class CurrentController:
-    """Gives the voltage that makes the current follow; see the module.
+    """Gives the voltages that make the current follow; see `cjt_gym.joint.current_loop`.
 
     Attributes:
         joint: A joint with one of the voltage drives.
@@ -49,12 +57,15 @@ class CurrentController:
     joint: Joint
     dt: float
     bandwidth_hz: float
+    _p: NDArray[Any] = field(init=False, repr=False)
+    _integrals: Floats = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        if self.joint.drive == "current":
+        joint = self.joint
+        if joint.drive == "current":
             raise ConfigurationError(
                 "A current controller needs a voltage drive, got drive 'current' for "
-                f"{self.joint.parameters.name}. Load the joint with drive='static', 'rl' or 'dq'."
+                f"{joint.parameters.name}. Load the joint with drive='static', 'rl' or 'dq'."
             )
         highest = FASTEST / (2.0 * math.pi * self.dt) if self.dt > 0.0 else math.nan
         if not 0.0 < self.bandwidth_hz <= highest:
@@ -62,46 +73,36 @@ class CurrentController:
                 f"bandwidth_hz of CurrentController must be in (0, {highest:g}] Hz at dt = "
                 f"{self.dt:g} s, got {self.bandwidth_hz}. Sample faster or ask for less."
             )
-        p, w = self.joint.parameters, 2.0 * math.pi * self.bandwidth_hz
-        self.kp = w * p.get("l_a", 0.0) if self.joint.drive != "static" else 0.0
-        self.ki, self.resistance, self.supply = w * p.r, p.r, p.v_0
-        share = 2.0 / 3.0 if self.joint.drive == "dq" else 1.0  # amplitude-invariant d-q axes
-        self.emf, self.poles = share * p.k_t * p.n, p.get("p", 0.0)
-        self._z = np.zeros(0)
+        values = {"bandwidth": self.bandwidth_hz, "rate": 1.0 / self.dt}
+        loop = resolve_effects({NAME: values}, joint.file, joint.structure_row, joint.drive)
+        self._p, _ = replace(joint, effects={**joint.effects, **loop}).packed()
+        self._integrals = np.zeros((0, 2))
 
-    def act(self, wanted: Floats, current: Floats, dq_m: Floats, fresh: Mask) -> Floats:
-        """Return the voltage until the next sample, within +- v_0 [V], shape (n,).
+    def act(self, wanted: Floats, currents: Floats, dq_m: Floats, fresh: Mask) -> Floats:
+        """Return the voltages [v_q, v_d] until the next sample, within the supply [V], (n, 2).
 
         Args:
-            wanted: Current that is wanted [A], shape (n,).
-            current: Measured current [A], shape (n,).
+            wanted: Current on the q axis that is wanted [A], shape (n,).
+            currents: Measured currents [i_q, i_d] [A], shape (n, 2).
             dq_m: Motor velocity on the link side [rad/s], shape (n,).
-            fresh: Joints without a past, shape (n,): their integral begins at zero.
+            fresh: Joints without a past, shape (n,): their integrals begin at zero.
 
         Raises:
             ConfigurationError: The shapes differ.
         """
-        if not wanted.shape == current.shape == dq_m.shape == fresh.shape:
+        shape = wanted.shape
+        if not (shape == dq_m.shape == fresh.shape and currents.shape == (*shape, 2)):
             raise ConfigurationError(
-                "wanted, current, dq_m and fresh must have one shape, got "
-                f"{wanted.shape}, {current.shape}, {dq_m.shape} and {fresh.shape}."
+                "wanted, dq_m and fresh must have one shape (n,) and currents (n, 2), got "
+                f"{shape}, {dq_m.shape}, {fresh.shape} and {currents.shape}."
             )
-        self._z = np.zeros_like(wanted) if self._z.shape != wanted.shape else self._z
-        self._z = np.where(fresh, 0.0, self._z)
-        error = wanted - current
-        voltage = self.emf * dq_m + self.kp * error + self.ki * self._z
-        limited = np.clip(voltage, -self.supply, self.supply)
-        real = error + (limited - voltage) / (self.kp + self.resistance)
-        self._z = self._z + self.dt * real
-        return np.asarray(limited)
-
-    def direct(self, current: Floats, dq_m: Floats) -> Floats:
-        """Return the voltage on the d axis that keeps the current there at zero [V], shape (n,).
-
-        Args:
-            current: Measured current on the q axis [A], shape (n,).
-            dq_m: Motor velocity on the link side [rad/s], shape (n,).
-        """
-        p = self.joint.parameters
-        cross = -self.poles * p.n * dq_m * p.get("l_a", 0.0) * current
-        return np.asarray(np.clip(cross, -self.supply, self.supply))
+        if self._integrals.shape != currents.shape:
+            self._integrals = np.zeros(currents.shape)
+        self._integrals[fresh] = 0.0
+        volts, drive = np.zeros(currents.shape), get_drive(self.joint.drive)
+        wanted, currents, dq_m = (
+            np.ascontiguousarray(x, dtype=np.float64) for x in (wanted, currents, dq_m)
+        )
+        integrals = self._integrals
+        regulate_all(self._p, drive, integrals, volts, wanted, currents, dq_m, self.dt)
+        return volts

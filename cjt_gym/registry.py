@@ -19,11 +19,12 @@ ENVIRONMENTS: dict[str, dict[str, Any]] = {
 
 
 HARDWARE = "CJT/Hardware-v0"
+CURRENT = "CJT/CurrentControl-v0"
 ROBOTS = {"CJT/Arm-v0": "arm", "CJT/Leg-v0": "leg"}
 
 
 def register() -> None:
-    """Register every row, and the environments of real joints and robots, which are no batch."""
+    """Register every row, and the environments of currents, real joints and robots: no batches."""
     for name, arguments in ENVIRONMENTS.items():
         gymnasium.register(
             id=name,
@@ -31,6 +32,7 @@ def register() -> None:
             vector_entry_point=f"{VECTOR_MODULE}:TorqueTrackingVectorEnv",
             kwargs=arguments,
         )
+    gymnasium.register(id=CURRENT, entry_point="cjt_gym.envs.current_control:CurrentControlEnv")
     gymnasium.register(id=HARDWARE, entry_point="cjt_gym.envs.hardware_arm:make_hardware")
     for name, robot in ROBOTS.items():
         gymnasium.register(

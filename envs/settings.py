@@ -14,6 +14,7 @@ from cjt_gym.envs.observe import TERMS
 from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.joint import Joint, get_structure, load_joint, load_joint_file
 from cjt_gym.joint.border import checked_array
+from cjt_gym.joint.current_loop import with_current_loop
 from cjt_gym.joint.parameters import JointParameters
 from cjt_gym.plant import Measurement, Variation
 from cjt_gym.plant.randomization import Randomization, resolve_randomization
@@ -187,6 +188,7 @@ def make_settings(
     if not isinstance(joint, Joint):
         loaded = default_load(str(joint), structure, parameters or {})
         joint = load_joint(joint, structure, drive, effects, loaded)
+    joint = with_current_loop(joint, dt_physics)
     limit = joint.torque_limit
     if torque_amplitude is None:
         torque_amplitude = default_amplitude(joint.parameters)

@@ -22,8 +22,8 @@ class StripChart:
         ConfigurationError: matplotlib is not installed.
     """
 
-    def __init__(self, dt: float) -> None:
-        """Prepare an empty chart for samples every dt [s]."""
+    def __init__(self, dt: float, labels: tuple[str, ...] = LABELS) -> None:
+        """Prepare an empty chart of the torques with these labels, sampled every dt [s]."""
         try:
             from matplotlib.figure import Figure
         except ImportError:
@@ -31,7 +31,7 @@ class StripChart:
                 'Rendering needs matplotlib: pip install "cjt-gym[report]".'
             ) from None
         self.dt = dt
-        self.rows: deque[tuple[float, float, float]] = deque(maxlen=LENGTH)
+        self.rows: deque[tuple[float, ...]] = deque(maxlen=LENGTH)
         self.count = 0
         self.figure = Figure(figsize=(8.0, 4.0), dpi=80, layout="constrained")
         self.axes = self.figure.add_subplot()
@@ -39,7 +39,7 @@ class StripChart:
         self.axes.grid(alpha=0.3)
         self.lines = [
             self.axes.plot([], [], color=colour, label=label, linewidth=1.2)[0]
-            for label, colour in zip(LABELS, COLOURS, strict=True)
+            for label, colour in zip(labels, COLOURS, strict=False)
         ]
         self.axes.legend(loc="upper right", ncols=3, frameon=False)
         self._window: Any = None
@@ -49,13 +49,13 @@ class StripChart:
         self.rows.clear()
         self.count = 0
 
-    def add(self, reference: float, tau: float, command: float) -> None:
-        """Add a sample, each value in N m."""
-        self.rows.append((reference, tau, command))
+    def add(self, *torques: float) -> None:
+        """Add a sample, a value for each label [N m]."""
+        self.rows.append(torques)
         self.count += 1
 
     def _update(self) -> None:
-        data = np.array(self.rows).reshape(-1, 3)
+        data = np.array(self.rows).reshape(-1, len(self.lines))
         t = (self.count - len(data) + 1 + np.arange(len(data))) * self.dt
         for j, line in enumerate(self.lines):
             line.set_data(t, data[:, j])

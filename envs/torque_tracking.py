@@ -132,6 +132,9 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
     file describes the bare actuator, the load is ten times I_m + I_g, unless `parameters` gives
     I_l.
 
+    A drive that takes voltages has a current controller between torque and voltage: that of the
+    effect `current_control`, or a typical one of 500 Hz.
+
     ## Randomisation
 
     `randomization` varies any base parameter ("k_b") and any scalar parameter of an active effect

@@ -28,6 +28,7 @@ from cjt_gym.training.tasks import BENCHMARK_TASKS, get_task
 NOISE_DURATION = 1.0
 CHARACTER_EPISODES = 8
 SEED_BLOCK = 10_000
+BLOCKS_PER_SEED = 8
 
 
 @dataclass(frozen=True)
@@ -131,7 +132,7 @@ def check_episodes(episodes: int, seed: int) -> None:
 def first_seed(task: str, seed: int) -> int:
     """Return the seed of a task's first episode, in a block of held-out episodes."""
     names = list(BENCHMARK_TASKS)
-    return EVALUATION_SEEDS + SEED_BLOCK * (seed * len(names) + names.index(task))
+    return EVALUATION_SEEDS + SEED_BLOCK * (seed * BLOCKS_PER_SEED + names.index(task))
 
 
 def evaluate(

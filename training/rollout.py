@@ -203,7 +203,8 @@ def run_task(agent: Agent, setting: Setting, num: int, seed: int) -> Traces:
     arguments |= {"reference": setting.reference, "episode_steps": steps}
     if setting.load is not None:
         arguments["disturbance"] = setting.load
-    return run_episodes(agent, arguments, num, seed, setting.from_zero, setting.rendering)
+    more = setting.from_zero, setting.rendering, setting.of_motor
+    return run_episodes(agent, arguments, num, seed, *more)
 
 
 def run_episodes(
@@ -213,6 +214,7 @@ def run_episodes(
     seed: int,
     from_zero: bool = False,
     rendering: Rendering | None = None,
+    of_motor: bool = False,
 ) -> Traces:
     """Run an agent over `num` episodes of the environment with these arguments, to their end.
 
@@ -228,17 +230,22 @@ def run_episodes(
         rendering: Spring and damper that replace the reference. The agent is asked for their
             torque by the measured motion, unless it renders them by itself; what counts is their
             torque by the true motion.
+        of_motor: Whether to keep the motor's torque instead of the joint's.
 
     Raises:
         SimulationError: A state ceased to be finite.
     """
     episodes = Episodes(num, **complete(arguments))
     episodes.plant.seed(seed)
-    return drive(agent, episodes, from_zero, rendering)
+    return drive(agent, episodes, from_zero, rendering, of_motor)
 
 
 def drive(
-    agent: Agent, episodes: Episodes, from_zero: bool = False, rendering: Rendering | None = None
+    agent: Agent,
+    episodes: Episodes,
+    from_zero: bool = False,
+    rendering: Rendering | None = None,
+    of_motor: bool = False,
 ) -> Traces:
     """Begin seeded episodes and run an agent over them, to their end; see `run_episodes`."""
     num = episodes.num
@@ -262,5 +269,7 @@ def drive(
             angle, rate = arrays.state[:, 2] - rest, arrays.state[:, 5]
             wanted[:, k] = -rendering.stiffness * angle - rendering.damping * rate
         measured[:, k] = arrays.measured[:, TAU]
+        if of_motor:
+            tau[:, k] = measured[:, k] = episodes.plant.drive_signals()["tau_m"]
         command[:, k], ended[:, k] = task.command, task.terminated
     return Traces(wanted, tau, measured, command, ended, episodes.settings.dt)

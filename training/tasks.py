@@ -22,6 +22,8 @@ RENDERED_SHARE, RENDERED_CORNER_HZ = 0.02, 8.0
 MOTION_LOW, MOTION_HIGH, MOTION_TONES = 0.5, 3.0, 6
 WALL_SHARE, WALL_ANGLE, WALL_DAMPING = 0.5, 0.02, 0.5
 APPROACH_SHARE, APPROACH_S, PUSH_HOLD = 0.2, 0.5, 0.25
+CURRENT_STEP, CURRENT_HOLD = 1e-4, 0.01
+OPEN_LOOP = "open_loop"
 PUSHES = (0.6, 0.3, 1.0, 0.4, 0.8, 0.3)
 
 
@@ -49,6 +51,7 @@ class Setting:
         duration: Of an episode [s].
         from_zero: Whether all bodies start at an angle of zero, instead of a random one.
         rendering: What the reference renders; it then depends on the measured motion.
+        of_motor: Whether the reference is for the motor's torque instead of the joint's.
     """
 
     conditions: Conditions
@@ -57,6 +60,7 @@ class Setting:
     duration: float = 1.0
     from_zero: bool = False
     rendering: Rendering | None = None
+    of_motor: bool = False
 
 
 @dataclass(frozen=True)
@@ -71,6 +75,7 @@ class Task:
             also be free to move.
         classical_only: Whether policies cannot take part: their observation holds the reference
             that is planned, which here follows from the motion.
+        open_loop_only: Whether only `open_loop` takes part, which hands the reference to the motor.
     """
 
     name: str
@@ -78,10 +83,13 @@ class Task:
     setting: Callable[[Conditions, Joint], Setting]
     needs: str = "any"
     classical_only: bool = False
+    open_loop_only: bool = False
 
     def suits(self, structure: str, agent: Agent) -> bool:
         """Return whether an agent takes part: one that renders a spring does nothing else."""
         rendering = self.name == "impedance"
+        if self.open_loop_only and agent.name != OPEN_LOOP:
+            return False
         return self.applies(structure, agent.kind) and (rendering or not agent.renders)
 
     def applies(self, structure: str, kind: str = "classical") -> bool:
@@ -161,6 +169,14 @@ def _impedance(conditions: Conditions, joint: Joint) -> Setting:
     return Setting(conditions, still, _motion(conditions, joint), duration=2.0, rendering=rendering)
 
 
+def _current_loop(conditions: Conditions, joint: Joint) -> Setting:
+    """Return levels of motor torque that a voltage drive follows by its own current controller."""
+    drive = conditions.drive if conditions.drive in ("rl", "dq") else "dq"
+    fast = replace(conditions, drive=drive, dt_control=CURRENT_STEP, dt_physics=CURRENT_STEP / 4)
+    reference = Signal("step", amplitude=conditions.amplitude, period=CURRENT_HOLD)
+    return Setting(fast, reference, duration=0.5, of_motor=True)
+
+
 SUMMARIES = {
     "step": f"random levels of torque, held for {STEP_HOLD:g} s",
     "chirp": "a sweep of the torque to 20 Hz and back",
@@ -185,6 +201,13 @@ BENCHMARK_TASKS: dict[str, Task] = {
             _impedance,
             "spring",
             classical_only=True,
+        ),
+        Task(
+            "current_loop",
+            "levels of the motor's torque, which the current controller of a voltage drive follows",
+            _current_loop,
+            classical_only=True,
+            open_loop_only=True,
         ),
     )
 }

@@ -300,5 +300,7 @@ def step(
         return Step(t, y, float("nan"), float("nan"), float("nan"), float("nan"))
     if np.abs(np.linalg.eigvals(a)).min() > STILL * np.abs(np.linalg.eigvals(a)).max():
         final = float((d - c @ np.linalg.solve(a, b))[0, 0])
+        if abs(final) <= 1e-3 * peak:
+            return Step(t, y, float("nan"), float("nan"), float("nan"), float("nan"))
     figures = step_figures(y / final, dt)
     return Step(t, y, final, figures["rise_s"], figures["overshoot"], figures["settling_s"])

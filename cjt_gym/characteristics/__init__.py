@@ -2,7 +2,8 @@
 
 `CHARACTERISTICS` is the table of single figures, `characteristics(p)` computes them. Curves and
 maps are plain functions of parameters and a torque, velocity or frequency: `highest_speed`,
-`efficiency`, `steady_temperature`, `time_to_critical`, `torque_limits`, `impedance_range`.
+`efficiency`, `steady_temperature`, `time_to_critical`, `holding_time`, `torque_limits`,
+`impedance_range`.
 
 They follow from the parameters alone; `acting` gives those of a joint file with its effects, such
 as the friction that a diagnosis found.
@@ -17,6 +18,7 @@ from cjt_gym.characteristics.bandwidth import (
     torque_bandwidth,
     torque_limits,
 )
+from cjt_gym.characteristics.holding import holding_map, holding_time
 from cjt_gym.characteristics.impedance import ImpedanceRange, impedance_range
 from cjt_gym.characteristics.motor import (
     best_efficiency,
@@ -58,6 +60,8 @@ __all__ = [
     "efficiency",
     "friction",
     "highest_speed",
+    "holding_map",
+    "holding_time",
     "impedance_range",
     "resonance",
     "response",

@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="RUN",
         help="run folders, exported policies (.npz), or names of  cjt-gym policies",
     )
-    text = f"{', '.join(BENCHMARK_TASKS)}; default: all that exist for the structure"
+    text = f"{', '.join(BENCHMARK_TASKS)}; default: all for the structure but current_loop"
     add("--task", nargs="+", metavar="T", help=text)
     add("--amplitude", type=float, help="of the references [N m]; default: from the peak torque")
     add("--episodes", type=int, default=32, help="per task and seed, default 32")
@@ -107,7 +107,7 @@ def _tasks(options: argparse.Namespace, structures: list[str], has_controllers: 
     tasks = [
         name
         for name, row in BENCHMARK_TASKS.items()
-        if any(row.applies(structure) for structure in structures)
+        if not row.open_loop_only and any(row.applies(structure) for structure in structures)
     ]
     if has_controllers:
         return tasks

@@ -31,6 +31,7 @@ from cjt_gym.envs.settings import default_amplitude, default_load
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import Joint, load_joint
 from cjt_gym.joint.arrays import CHANNELS
+from cjt_gym.joint.current_loop import with_current_loop
 from cjt_gym.joint.effect_words import plain_effects
 from cjt_gym.plant import SimulatedPlant
 from cjt_gym.plant.randomization import Randomization
@@ -83,13 +84,15 @@ def run(options: argparse.Namespace) -> None:
     loaded = default_load(options.joint, task.structure, {})
     effects = asked_effects(options)
     joint = load_joint(options.joint, task.structure, options.drive, effects, loaded)
+    dt_physics = options.dt_physics or task.dt / max(1, ceil(task.dt / DT_PHYSICS - 1e-9))
+    joint = with_current_loop(joint, dt_physics)
     record = simulate(
         joint,
         _reference(options, task, joint),
         task.controller,
         task.duration,
         task.dt,
-        options.dt_physics or task.dt / max(1, ceil(task.dt / DT_PHYSICS - 1e-9)),
+        dt_physics,
         options.seed,
         randomize,
     )
@@ -213,13 +216,15 @@ def simulate(
             f"--duration over --dt must be at most {MOST_SAMPLES} samples, got {duration / dt:.3g}."
         )
     plant = SimulatedPlant(joint, 1, dt, dt_physics, randomize)
+    joint = plant.joint
     choice = choose("open_loop" if controller == NONE else controller)
     law = choice.make(joint, dt)
     law.reset()
     samples = round(duration / dt)
     rows: dict[str, Floats] = {name: np.zeros(samples) for name in CHANNELS}
     true_names = ("q_m", "q_g", "q_l", "dq_m", "dq_g", "dq_l", "tau", "i")
-    rows |= {f"true_{name}": np.zeros(samples) for name in true_names}
+    told = tuple(plant.drive_signals()) if joint.drive != "current" else ()
+    rows |= {f"true_{name}": np.zeros(samples) for name in (*true_names, *told)}
     rows["t"] = np.arange(samples, dtype=np.float64) * dt
     rows["tau_ref"] = reference.torque(rows["t"])
     rows["tau_cmd"] = np.zeros(samples)
@@ -231,6 +236,9 @@ def simulate(
         true = [*arrays.state[0], arrays.tau[0], arrays.currents[0, 0]]
         for name, value in zip(true_names, true, strict=True):
             rows[f"true_{name}"][k] = value
+        if told:
+            for name, values in plant.drive_signals().items():
+                rows[f"true_{name}"][k] = values[0]
         for name in CHANNELS:
             rows[name][k] = getattr(measured, name)[0]
         rows["tau_cmd"][k] = command[0]

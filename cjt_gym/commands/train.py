@@ -18,6 +18,8 @@ from cjt_gym.commands.joint_options import (
 )
 from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.joint import load_joint
+from cjt_gym.joint.current_loop import with_current_loop
+from cjt_gym.plant.simulated import DT_PHYSICS
 from cjt_gym.training.conditions import transferred
 from cjt_gym.training.config import config_names, load_config
 
@@ -71,6 +73,7 @@ def tell(env: Mapping[str, Any], before: Mapping[str, Any]) -> None:
         return
     asked = {name: env[name] for name in ("drive", "effects") if name in env}
     told = load_joint(joint, env.get("structure", USUAL), **asked)
+    told = with_current_loop(told, env.get("dt_physics", DT_PHYSICS))
     tell_effects(told)
     lost = [name for name in before.get("effects") or () if name not in told.effects]
     if lost:

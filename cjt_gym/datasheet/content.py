@@ -111,6 +111,15 @@ def _plots(joints: Sequence[JointParameters]) -> Iterator[Block]:
     if one:
         drawings.append(
             (
+                "holding time",
+                lambda: figures.holding(joints[0]),
+                "How long a torque on a locked output can be held, by its amplitude and frequency, "
+                "from ambient. Below the white line: for ever. Blank: not possible.",
+                False,
+            )
+        )
+        drawings.append(
+            (
                 "torque with free loads",
                 lambda: figures.torque_with_load(joints),
                 "The same for a short time, with free loads. Below, a light load gives way; at "
@@ -121,6 +130,17 @@ def _plots(joints: Sequence[JointParameters]) -> Iterator[Block]:
     caption = _impedance_caption(joints)
     drawings.append(("impedance", lambda: _impedance(joints), caption, False))
     drawings.insert(1 if one else len(drawings), efficiency)
+    if one:
+        drawings.insert(
+            2,
+            (
+                "efficiency at some speeds",
+                lambda: figures.efficiency_curves(joints[0]),
+                "Efficiency over torque at some speeds; dashed: at full voltage. Dotted: rated "
+                "torque.",
+                False,
+            ),
+        )
     missing = []
     for name, draw, caption, whole in drawings:
         try:

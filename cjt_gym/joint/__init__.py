@@ -5,6 +5,7 @@ from cjt_gym.joint.effects import EFFECTS, STAGES, Effect, EffectParameter
 from cjt_gym.joint.files import JointFile, joint_names, load_joint_file, to_toml
 from cjt_gym.joint.joint import Joint, load_joint
 from cjt_gym.joint.parameters import PARAMETERS, JointParameters, Quantity
+from cjt_gym.joint.spring_table import read_spring
 from cjt_gym.joint.structures import STRUCTURES, Structure, get_structure
 
 __all__ = [
@@ -24,5 +25,6 @@ __all__ = [
     "joint_names",
     "load_joint",
     "load_joint_file",
+    "read_spring",
     "to_toml",
 ]

@@ -53,7 +53,9 @@ DRIFT = 17  # zeros of i, q_m, q_g, q_l, tau
 VOLUNTARY = 22  # torque of a person [N m]
 TREMOR = 23  # its tremor, two numbers [N m]
 MESH = 25  # torque that the gear transmits [N m]
-MEMORY = 26
+REGULATOR = 26  # integrals of the current controller on q and d axis [A s]
+VOLTS = 28  # voltages at the winding on q and d axis [V]
+MEMORY = 30
 
 
 class Setup(NamedTuple):
@@ -89,7 +91,7 @@ class Batch(NamedTuple):
         a: Discrete system matrix of a substep, shape (n, order, order).
         b: Its inputs: motor torque, load input, torque per coordinate; (n, order, 2 + size).
         state: [q_m q_g q_l dq_m dq_g dq_l], shape (n, 6) [rad, rad/s].
-        memory: What effects remember, shape (n, MEMORY).
+        memory: What effects remember, and behind it the table of the bar; (n, MEMORY or more).
         currents: [i_q, i_d], shape (n, 2) [A].
         tau: Transmitted joint torque, shape (n,) [N m].
         snapshot: Channel values at the instants within the step that are reported, shape (n, 8).

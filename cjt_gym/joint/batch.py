@@ -15,11 +15,13 @@ from cjt_gym.errors import ConfigurationError, SimulationError
 from cjt_gym.joint.arrays import MEMORY, WORK_ROWS, WORK_WIDTH, Batch, Setup
 from cjt_gym.joint.blocks import Blocks, advance_blocks, kind_of, make_blocks
 from cjt_gym.joint.compiled import compiled
+from cjt_gym.joint.current_loop import check_loop, longest_sample
 from cjt_gym.joint.discretize import SCRATCH, discretize
 from cjt_gym.joint.drives import get_drive
 from cjt_gym.joint.kernel import restart, step_batch
 from cjt_gym.joint.lanes import Kind
 from cjt_gym.joint.random_stream import seed_state
+from cjt_gym.joint.spring_table import spring_rows
 
 if TYPE_CHECKING:
     from cjt_gym.joint.joint import Joint
@@ -53,6 +55,11 @@ def substeps_of(dt: float, dt_physics: float) -> int:
 
 
 def longest_substep(joint: Joint) -> float:
+    """Return the substep below which a drive is stable and its controller keeps its rate [s]."""
+    return min(longest_sample(joint), longest_exchange(joint))
+
+
+def longest_exchange(joint: Joint) -> float:
     """Return the substep below which the exchange between inductance and motor is stable [s].
 
     The currents of a drive with inductance advance apart from the mechanics, which is stable for
@@ -120,13 +127,15 @@ class JointBatch:
         structure = joint.structure_row
         substeps = substeps_of(dt, dt_physics)
         record, ripple = joint.packed()
-        longest = longest_substep(joint)
+        longest = longest_exchange(joint)
         if dt / substeps >= longest:
             raise ConfigurationError(
                 f"dt_physics must be < {longest:.3g} s for drive {joint.drive} of "
                 f"{joint.file.parameters.name} (k_t n, l_a and the motor's inertia), got "
                 f"{dt / substeps:g} s."
             )
+        if not voltage:
+            check_loop(joint, dt / substeps)
         delay = max(longest_delay, float(sum(record[name][0] for name in DELAYS)))
         if delay > LONGEST_DELAY * dt:
             raise ConfigurationError(
@@ -135,6 +144,7 @@ class JointBatch:
             )
         depth = math.ceil(delay / dt - 1e-9) + 2
         order, size = structure.order, structure.size
+        table = spring_rows(joint.effects, joint.parameters.origin)
         self.setup = Setup(
             structure.groups,
             size,
@@ -151,7 +161,7 @@ class JointBatch:
             a=np.zeros((num, order, order)),
             b=np.zeros((num, order, 2 + size)),
             state=np.zeros((num, 6)),
-            memory=np.zeros((num, MEMORY)),
+            memory=np.zeros((num, MEMORY + table.size)),
             currents=np.zeros((num, 2)),
             tau=np.zeros(num),
             snapshot=np.zeros((num, 8)),
@@ -161,6 +171,7 @@ class JointBatch:
             samples=np.zeros(num, dtype=np.int64),
             rng=np.zeros(num, dtype=np.uint64),
         )
+        self.arrays.memory[:, MEMORY:] = table.ravel()
         self._all = np.ones(num, dtype=np.bool_)
         self.kind: Kind | None = None
         self.blocks: Blocks | None = None

@@ -22,6 +22,7 @@ from cjt_gym.joint.files import JointFile
 from cjt_gym.joint.mistakes import Mistakes
 from cjt_gym.joint.parameters import JointParameters, Quantity
 from cjt_gym.joint.ripple import ripple_rows
+from cjt_gym.joint.spring_table import spring_rows
 from cjt_gym.joint.structures import Structure
 
 EffectValue = float | tuple[float, ...]
@@ -379,6 +380,8 @@ def pack(
     for name, values in effects.items():
         for parameter in EFFECTS[name].parameters:
             add_to(record[0], parameter, values[parameter.symbol])
+    if not spring_rows(effects, parameters.origin).size:
+        record["table_scale"] = 0.0
     return record, ripple_rows(effects)
 
 

@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 DT_PHYSICS = 1e-5
 CURRENT_FREE = "current"
+DRIVE_SIGNALS = ("i_d", "v", "v_d", "tau_m")
+"""What a record holds of a voltage drive beside the current: noise-free, columns `true_...`."""
 USUAL_STRUCTURE = "full_dynamics"
 
 
@@ -87,12 +89,12 @@ class Joint:
     def transfer_function(
         self, output: str = "tau", input: str = "tau_m", dt: float | None = None
     ) -> control.TransferFunction:
-        """Return the transfer function between two named signals of `state_space`."""
-        import control
+        """Return the transfer function between two named signals of `state_space`, minimal.
 
-        system = self.state_space(dt)
-        one = system[system.output_labels.index(output), system.input_labels.index(input)]
-        return control.tf(one)
+        Poles that a zero cancels, such as the free motion of the whole joint in its torque, are
+        not in it.
+        """
+        return linear.minimal_transfer(self.state_space(dt), output, input)
 
     def nonlinear_torque(self, q: ArrayLike, dq: ArrayLike, tau: ArrayLike = 0.0) -> Floats:
         """Return the torque that the effects add on motor, gear and load.
@@ -180,7 +182,7 @@ class Joint:
         if x0 is not None:
             batch.arrays.state[0] = checked_array("x0", x0, (6,))
         batch.restart(np.ones(1, dtype=np.bool_), loads[:1])
-        measured, true = np.zeros((samples, 8)), np.zeros((samples, 8))
+        measured, true = np.zeros((samples, 8)), np.zeros((samples, 12))
         done = simulate(batch.arrays, batch.setup, commands, loads, measured, true)
         if done < samples:
             raise SimulationError(
@@ -230,7 +232,9 @@ class Joint:
             columns["i_cmd"] = commands[:, 0].copy()
             columns["tau_cmd"] = commands[:, 0] * p.k_t * p.n
         columns |= {name: measured[:, j].copy() for j, name in enumerate(CHANNELS)}
-        names = ("q_m", "q_g", "q_l", "dq_m", "dq_g", "dq_l", "tau", "i")
+        names: tuple[str, ...] = ("q_m", "q_g", "q_l", "dq_m", "dq_g", "dq_l", "tau", "i")
+        if self.drive != CURRENT_FREE:
+            names += DRIVE_SIGNALS
         columns |= {f"true_{name}": true[:, j].copy() for j, name in enumerate(names)}
         if not self.structure_row.output_fixed:
             columns["tau_l"] = loads.copy()

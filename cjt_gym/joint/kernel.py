@@ -10,10 +10,13 @@ from numpy.typing import NDArray
 
 from cjt_gym.joint.arrays import (
     ACTIVE,
+    K_M,
     LATE_SUB,
     LINEAR,
     LOOPS,
+    MEMORY,
     MESHES,
+    R_W,
     REMEMBERS,
     RESISTS,
     RIPPLE,
@@ -21,6 +24,7 @@ from cjt_gym.joint.arrays import (
     SWITCH,
     TAU,
     UNSOLVED,
+    VOLTS,
     WORK_ROWS,
     WORK_WIDTH,
     Batch,
@@ -29,8 +33,9 @@ from cjt_gym.joint.arrays import (
     X,
 )
 from cjt_gym.joint.compiled import compiled, lean
+from cjt_gym.joint.current_loop import closes, regulated_command, terminal_volts
 from cjt_gym.joint.disturbance import disturbed_load, is_disturbed
-from cjt_gym.joint.drives import CURRENT
+from cjt_gym.joint.drives import CURRENT, shaped_command
 from cjt_gym.joint.heat import cool, warm
 from cjt_gym.joint.mesh import loops, meshes
 from cjt_gym.joint.resistance import prepare
@@ -70,6 +75,21 @@ def throw_switches(p: Any, ripple: Floats, setup: Setup, work: Floats) -> None:
 
 
 @lean
+def under_voltage(setup: Setup) -> Setup:
+    """Return the same for commands that are voltages."""
+    return Setup(
+        setup.groups,
+        setup.size,
+        setup.order,
+        setup.drive,
+        True,
+        setup.h,
+        setup.substeps,
+        setup.dt,
+    )
+
+
+@lean
 def control_step(
     batch: Batch, setup: Setup, i: int, command: float, command_d: float, load: float, work: Floats
 ) -> bool:
@@ -102,18 +122,41 @@ def control_step(
     work[RIPPLE, :] = 0.0
     prepare(p, memory, setup, commands[k % depth, 0], load, work)
     throw_switches(p, ripple, setup, work)
-    tau = batch.tau[i]
+    tau, is_closed, inner = batch.tau[i], closes(p, setup), setup
+    shapes = is_closed and work[SWITCH, SHAPES] == 1.0
+    if is_closed:
+        inner = under_voltage(setup)
+        work[SWITCH, SHAPES] = 0.0
+    motor = setup.order - setup.size + setup.groups[0]
+    wanted, wanted_d = 0.0, 0.0
     for s in range(setup.substeps):
         if is_late:
             take_snapshot(p, memory, setup, s, currents, tau, load, out, batch.snapshot[i], work)
         at = (k - late - (1 if s < late_sub else 0)) % depth
         wanted, wanted_d = commands[at, 0], commands[at, 1]
+        if is_closed:
+            if shapes:
+                wanted = shaped_command(p, memory, wanted, setup.h)
+            now, dq_m = k * setup.substeps + s, work[X, motor]
+            wanted, wanted_d = regulated_command(p, memory, setup, now, currents, wanted, dq_m)
         if work[SWITCH, LINEAR] == 1.0:
             linear_substep(p, memory, a, b, setup, currents, wanted, load, work)
         else:
             tau = careful_substep(
-                p, memory, ripple, a, b, setup, currents, wanted, wanted_d, load, work
+                p, memory, ripple, a, b, inner, currents, wanted, wanted_d, load, work
             )
+    if setup.drive != CURRENT and not is_closed:
+        memory[VOLTS], memory[VOLTS + 1] = terminal_volts(
+            p,
+            memory[K_M],
+            memory[R_W],
+            setup.drive,
+            currents,
+            wanted,
+            wanted_d,
+            setup.is_voltage,
+            work[X, motor],
+        )
     for j in range(setup.order):
         if not abs(work[X, j]) < LARGEST:
             return False
@@ -133,7 +176,8 @@ def control_step(
 def restart(batch: Batch, setup: Setup, i: int, load: float, work: Floats) -> None:
     """Fill the memory of joint i from its state, with the drive at rest, and measure."""
     p, memory = batch.p[i], batch.memory[i]
-    memory[:] = 0.0
+    for j in range(MEMORY):  # behind it lies the table of the bar
+        memory[j] = 0.0
     cool(p, memory)
     batch.currents[i, :] = 0.0
     batch.commands[i] = 0.0
@@ -190,7 +234,7 @@ def simulate(
         commands: Shape (samples, 2).
         load: Shape (samples,).
         out: Measured channels, shape (samples, 8).
-        true: State, torque of the joint and current, shape (samples, 8).
+        true: State, torque of the joint, i_q, i_d, v_q, v_d and torque of the motor, (samples, 12).
 
     Returns:
         The number of samples written before the state ceased to be finite.
@@ -206,7 +250,9 @@ def simulate(
             true[k, 5] = pushed
             if batch.p[0].play_gap == 0.0:
                 true[k, 6] += batch.p[0].d_gl * (batch.state[0, 5] - pushed)
-        true[k, 7] = batch.currents[0, 0]
+        true[k, 7], true[k, 8] = batch.currents[0, 0], batch.currents[0, 1]
+        true[k, 9], true[k, 10] = memory[VOLTS], memory[VOLTS + 1]
+        true[k, 11] = memory[K_M] * batch.currents[0, 0]
         if not control_step(batch, setup, 0, commands[k, 0], commands[k, 1], pushed, work):
             return k + 1
     return int(commands.shape[0])

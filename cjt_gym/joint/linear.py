@@ -7,6 +7,7 @@ States are z, dz and, where the output is fixed, q_l between them, in the order
 
 from __future__ import annotations
 
+import warnings
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -163,3 +164,48 @@ def state_space(p: JointParameters, structure: Structure, dt: float | None) -> c
         return control.ss(a, b, c, d, **names)
     a_d, b_d = zero_order_hold(a, b, dt)
     return control.ss(a_d, b_d, c, d, dt, **names)
+
+
+INVISIBLE = 1e-9
+"""Largest sine of an angle at which a direction counts as within a subspace."""
+
+
+def minimal_transfer(
+    system: control.StateSpace, output: str, input: str
+) -> control.TransferFunction:
+    """Return the transfer function between two named signals, without what does not take part."""
+    import control
+    from scipy.signal import BadCoefficients
+
+    row, column = system.output_labels.index(output), system.input_labels.index(input)
+    a, b, c = system.A, system.B[:, [column]], system.C[[row]]
+    shift = np.eye(len(a)) if system.isdtime(strict=True) else np.zeros_like(a)
+    a, b, c = _observable(a - shift, b, c)
+    a, c, b = (x.T for x in _observable(a.T, c.T, b.T))
+    d = system.D[[row]][:, [column]]
+    shift = np.eye(len(a)) if system.isdtime(strict=True) else np.zeros_like(a)
+    with warnings.catch_warnings():  # of leading zeros, which are what a transfer function has
+        warnings.simplefilter("ignore", BadCoefficients)
+        found = control.tf(control.ss(a + shift, b, c, d, system.dt))
+    found.update_names(name=f"{output}/{input}", inputs=[input], outputs=[output])
+    return found
+
+
+def _observable(a: Matrix, b: Matrix, c: Matrix) -> tuple[Matrix, Matrix, Matrix]:
+    """Return a system without the states that do not show in its output."""
+    from scipy.linalg import matrix_balance
+
+    if not (len(a) and c.any()):
+        return np.zeros((0, 0)), np.zeros((0, b.shape[1])), np.zeros((c.shape[0], 0))
+    balanced, transform = matrix_balance(a, permute=False)
+    inward, outward = np.linalg.solve(transform, b), c @ transform
+    unit = balanced / max(float(np.abs(balanced).max()), 1e-300)
+    seen = outward / np.linalg.norm(outward)
+    while True:
+        more = seen @ unit
+        more -= more @ seen.T @ seen
+        _, size, rows = np.linalg.svd(more)
+        fresh = rows[: len(size)][size > INVISIBLE]
+        if not len(fresh):
+            return seen @ balanced @ seen.T, seen @ inward, outward @ seen.T
+        seen = np.linalg.qr(np.vstack([seen, fresh]).T)[0].T

@@ -1,4 +1,4 @@
-"""Springs of gear and torsion bar that are not linear: play, hardening, hysteresis.
+"""Springs of gear and torsion bar that are not linear: play, hardening, hysteresis, tables.
 
 The linear joint contains both springs as if they were linear. What they really give is added
 here as a torque that is constant over the substep and equals the mean of the real torque along
@@ -18,6 +18,7 @@ from typing import Any
 
 from cjt_gym.joint.arrays import LOOP, Floats
 from cjt_gym.joint.compiled import lean
+from cjt_gym.joint.spring_table import mean_torque, table_torque
 
 GEAR_SPRING, BAR = 0, 1
 YIELD_SPAN = 3.0  # the last Maxwell element yields at this many delta_h
@@ -45,7 +46,7 @@ def is_nonlinear(p: Any, groups: tuple[int, int, int], which: int) -> bool:
         return False
     if has_play(p, groups, which):
         return True
-    return bool(which == BAR and (p.k_3 > 0.0 or p.tau_h > 0.0))
+    return bool(which == BAR and (p.k_3 > 0.0 or p.tau_h > 0.0 or p.table_scale > 0.0))
 
 
 @lean
@@ -157,7 +158,11 @@ def spring_torque(
         x = beyond_play(deflection, gap, p.play_offset)
         if x == 0.0:
             return 0.0
-    torque = stiffness * x + damping * rate
+    tabled = which == BAR and p.table_scale > 0.0
+    if tabled:
+        torque = p.table_scale * table_torque(memory, x)[0] + damping * rate
+    else:
+        torque = stiffness * x + damping * rate
     if which == BAR:
         torque += p.k_3 * x * x * x
         if p.tau_h > 0.0:
@@ -201,10 +206,18 @@ def path_torque(
     stiffness, damping, k_3, is_loop = p.k_g, p.d_mg, 0.0, False
     if which == BAR:
         stiffness, damping, k_3, is_loop = p.k_b, p.d_gl, p.k_3, p.tau_h > 0.0
+    tabled = which == BAR and p.table_scale > 0.0
+    if tabled:
+        stiffness = 0.0
     contact, travel = 1.0 if touching else 0.0, h * rate
     share = (x1 - x0) / travel if abs(travel) > TINY else contact
     torque = share * 0.5 * (x0 + x1) * (stiffness + 0.5 * k_3 * (x0 * x0 + x1 * x1))
     local = stiffness * x1 + k_3 * x1 * x1 * x1
+    if tabled:
+        end, stiffness = table_torque(memory, x1)
+        local += p.table_scale * end
+        torque += share * p.table_scale * mean_torque(memory, x0, x1)
+        stiffness *= p.table_scale
     if is_loop:
         loop, work = hysteresis(p, memory, x1 - x0, keep, held)
         torque += work / travel if abs(travel) > TINY else share * loop

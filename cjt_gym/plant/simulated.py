@@ -10,13 +10,15 @@ from numpy.typing import NDArray
 
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import Joint
-from cjt_gym.joint.arrays import CHANNELS, WORK_ROWS, WORK_WIDTH, Batch, Setup
+from cjt_gym.joint.arrays import CHANNELS, K_M, VOLTS, WORK_ROWS, WORK_WIDTH, Batch, Setup
 from cjt_gym.joint.batch import DELAYS, JointBatch
 from cjt_gym.joint.border import checked_array
 from cjt_gym.joint.compiled import compiled
 from cjt_gym.joint.configure import FIELDS
+from cjt_gym.joint.current_loop import with_current_loop
 from cjt_gym.joint.discretize import SCRATCH, discretize
 from cjt_gym.joint.heat import temper
+from cjt_gym.joint.joint import DRIVE_SIGNALS
 from cjt_gym.joint.kernel import restart
 from cjt_gym.joint.outside import is_told, tell_outside
 from cjt_gym.plant.measurement import Limits, Measurement
@@ -104,7 +106,8 @@ class SimulatedPlant:
     """`num` simulated joints that take torque commands and give measurements.
 
     Attributes:
-        joint: The nominal joint.
+        joint: The nominal joint, whose voltage drive has a current controller; see
+            `with_current_loop`.
         num: How many.
         randomization: Every variation, fully spelt out.
         batch: Arrays and compiled steps.
@@ -132,6 +135,7 @@ class SimulatedPlant:
             ConfigurationError: The steps do not fit, or a range is not valid.
             UnknownNameError: A randomised name is not known.
         """
+        joint = with_current_loop(joint, dt_physics)
         self.joint, self.num = joint, num
         self.randomization = resolve_randomization(joint, randomization, dt)
         self._random = compile_plan(joint, self.randomization, dt)
@@ -365,6 +369,21 @@ class SimulatedPlant:
         arrays = self.batch.arrays
         columns = {name: arrays.measured[:, j].copy() for j, name in enumerate(CHANNELS)}
         return Measurement(t=np.asarray(arrays.samples * self.dt, np.float64), **columns)
+
+    def drive_signals(self) -> dict[str, Floats]:
+        """Return what the drives do without sensor effects, each of shape (num,).
+
+        That is i_d [A], v and v_d [V], and the motor's torque tau_m [N m]; the torque alone where
+        the drive takes currents.
+        """
+        arrays = self.batch.arrays
+        memory, currents = arrays.memory, arrays.currents
+        torque = memory[:, K_M] * currents[:, 0]
+        if self.joint.drive == "current":
+            return {"tau_m": torque}
+        columns = currents[:, 1], memory[:, VOLTS], memory[:, VOLTS + 1]
+        values = [column.copy() for column in columns]
+        return dict(zip(DRIVE_SIGNALS, (*values, torque), strict=True))
 
     def drawn(self) -> dict[str, Floats]:
         """Return the present values of what is randomised or fixed, by name, each of (num,)."""

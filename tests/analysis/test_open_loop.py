@@ -115,3 +115,10 @@ def test_what_cannot_be_asked_for() -> None:
         matrices(orange(), "v")
     with pytest.raises(ConfigurationError, match="no torsion bar"):
         matrices(orange("rigid"))
+
+
+def test_a_step_that_ends_at_rest_has_no_figures() -> None:
+    """The motor of a locked joint comes to rest, at exactly zero: nothing to be relative to."""
+    answer = step(load_joint("orange_80_6000", "output_fixed", effects={}), "tau_m", "dq_m")
+    assert np.isnan(answer.final)
+    assert np.isfinite(answer.y).all()

@@ -353,10 +353,10 @@ def test_the_current_follows_with_its_bandwidth_and_does_not_wind_up(drive: str)
     current = np.zeros(3000)
     for k in range(3000):
         row = batch.arrays.measured[0]
-        i, dq_m = row[0:1].copy(), row[4:5].copy()
-        current[k] = i[0]
-        volts = law.act(wanted[k : k + 1], i, dq_m, np.array([k == 0]))
-        batch.step(np.column_stack([volts, law.direct(i, dq_m)]), np.zeros(1))
+        dq_m = row[4:5].copy()
+        current[k] = row[0]
+        volts = law.act(wanted[k : k + 1], batch.arrays.currents, dq_m, np.array([k == 0]))
+        batch.step(volts, np.zeros(1))
     tau = round(1.0 / (2.0 * np.pi * bandwidth * dt))
     assert current[tau] == pytest.approx(4.0 * (1.0 - np.exp(-1.0)), rel=0.1)
     np.testing.assert_allclose(current[400:1500], 4.0, rtol=0.02)
@@ -371,7 +371,7 @@ def test_the_current_controller_refuses_what_it_cannot_do() -> None:
         CurrentController(joint, 1e-3, 100.0)
     law = CurrentController(joint, 1e-4, 100.0)
     with pytest.raises(ConfigurationError, match="must have one shape"):
-        law.act(np.zeros(2), np.zeros(1), np.zeros(1), np.ones(1, dtype=np.bool_))
+        law.act(np.zeros(2), np.zeros((1, 2)), np.zeros(1), np.ones(1, dtype=np.bool_))
 
 
 def test_a_loop_that_is_too_slow_is_refused() -> None:

@@ -101,6 +101,19 @@ def test_shipped_values_are_the_toolbox_values(name: str) -> None:
     assert file.sampling["dt_electrical"].value == golden["Ts_elec"]
 
 
+def test_the_joint_of_figure_5_is_algorithm_1_without_its_friction() -> None:
+    """The toolbox's own run of its parameter file has the numbers of the printed data sheet."""
+    figure, article = (load_joint_file(f"example{end}").parameters for end in ("_figure_5", ""))
+    golden = GOLDEN["sets"]["example_params"]
+    for symbol, quantity in figure.quantities.items():
+        if not symbol.endswith("_n"):
+            assert quantity.value == (golden | {"l_a": golden["x"]})[symbol], symbol
+    assert figure.d_m + figure.d_g == pytest.approx(0.0022, abs=5e-5)
+    assert figure.d_cm + figure.d_cg == pytest.approx(0.1858)
+    assert article.d_m + article.d_g == pytest.approx(2.2022, abs=5e-5)
+    assert article.d_cm + article.d_cg == pytest.approx(5.92)
+
+
 @pytest.mark.parametrize("name", sorted(ORACLE_SETS))
 def test_shipped_sensors_are_nineteen_bit_encoders(name: str) -> None:
     file = load_joint_file(name)

@@ -49,16 +49,16 @@ def test_a_sheet_has_every_quantity_with_unit_tolerance_and_source(sheet: Sheet)
     notes = [b.text for b in sheet.blocks if isinstance(b, Paragraph)]
     assert any("1: toolbox parameter set cjt_Orange_80_6000" in text for text in notes)
     assert any("cannot run at full speed continuously" in text for text in notes)
-    assert sum(isinstance(block, Figure) for block in sheet.blocks) == 6
+    assert sum(isinstance(block, Figure) for block in sheet.blocks) == 8
 
 
 def test_both_formats_and_images(sheet: Sheet, tmp_path: Path) -> None:
     (pdf,) = write_sheet(sheet, tmp_path / "sheet.pdf")
     assert pdf.read_bytes().startswith(b"%PDF")
-    assert 2 <= len(write_sheet(sheet, tmp_path / "sheet.png")) <= 3
+    assert 2 <= len(write_sheet(sheet, tmp_path / "sheet.png")) <= 4
     (page,) = write_sheet(sheet, tmp_path / "sheet.html")
     text = page.read_text(encoding="utf-8")
-    assert text.count("<figure>") == 6
+    assert text.count("<figure>") == 8
     assert "<i>k</i><sub>t</sub>" in text
     ids = re.findall(r'id="([^"]+)"', text)
     assert len(ids) == len(set(ids))

@@ -13,7 +13,7 @@ nbformat = pytest.importorskip("nbformat")
 
 ROOT = Path(__file__).parents[2]
 TOUR = sorted((ROOT / "examples/tour").glob("[0-9]*.py"))
-SLOW = {"04_datasheet", "06_controllers", "07_compare", "08_train", "10_diagnose"}
+SLOW = {"04_datasheet", "06_controllers", "07_compare", "08_train", "10_diagnose", "11_article"}
 
 
 @pytest.mark.parametrize(

@@ -8,10 +8,12 @@ from typing import Any
 import numpy as np
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
 
 from cjt_gym.joint import STRUCTURES, Joint, joint_names, load_joint_file
 from cjt_gym.joint.arrays import BRISTLE, LOOP
 from cjt_gym.joint.batch import JointBatch
+from cjt_gym.joint.spring_table import spring_rows
 from cjt_gym.records import Record
 
 Floats = NDArray[np.float64]
@@ -216,7 +218,9 @@ def total_energy(joint: Joint, x: Floats, memory: Floats | None = None) -> Float
     if gear != load:
         bend = x[:, 1] - x[:, 2]
         bend = beyond(bend, p) if motor == gear else bend
-        energy += 0.5 * p["k_b"] * bend**2 + 0.25 * p["k_3"] * bend**4
+        linear = 0.5 * p["k_b"] * bend**2
+        energy += linear if p["table_scale"] == 0.0 else p["table_scale"] * tabled(joint, bend)
+        energy += 0.25 * p["k_3"] * bend**4
     if memory is not None:
         energy += remembered_energy(p, memory)
     return np.asarray(energy)
@@ -239,6 +243,17 @@ def slip_elements(p: Any) -> tuple[Floats, Floats]:
     height = p["tau_h"] / -np.expm1(-3.0)
     slopes = np.diff(height * -np.expm1(-at / p["delta_h"])) / np.diff(at)
     return at[1:], slopes - np.append(slopes[1:], 0.0)
+
+
+def tabled(joint: Joint, bend: Floats) -> Floats:
+    """Return the energy of a bar that is a table, at a scale of one [J]."""
+    rows = spring_rows(joint.effects, "the table")
+    x, torque = rows[:, 0], rows[:, 1]
+    curve = PchipInterpolator(x, torque)
+    inside = np.clip(bend, x[0], x[-1])
+    over = bend - inside
+    energy = curve.antiderivative()(inside) - curve.antiderivative()(0.0)
+    return np.asarray(energy + curve(inside) * over + 0.5 * curve.derivative()(inside) * over**2)
 
 
 def remembered_energy(p: Any, memory: Floats) -> Floats:

@@ -42,11 +42,13 @@ from cjt_gym.joint import (
 )
 from cjt_gym.joint.arrays import K_M, TREMOR, VOLUNTARY
 from cjt_gym.joint.batch import longest_substep
+from cjt_gym.joint.spring_table import spring_rows
 from tests.physics.cases import DT, EPS, Floats, Trace, traced
 
 MOST_SUBSTEPS = 100  # of a drive with inductance that asks for more, another joint is drawn
 STEPS = 500
-FEEDBACK = ("gear_ripple",)  # a share of the transmitted torque comes back, of either sign
+FEEDBACK = ("gear_ripple", "current_control")
+"""A share of the transmitted torque comes back, of either sign; a drive that feeds energy in."""
 KNOWN = [  # joints for every structure and drive
     name
     for name in joint_names()
@@ -149,6 +151,11 @@ def random_values(rng: Random, effect: Effect) -> dict[str, Any]:
     if effect.name == "gear_ripple":  # a share of one and more feeds itself
         share = sum(abs(x) for x in (*values["a"], *values["b"])) * max(values["scale"], 1e-9)
         values["scale"] *= min(1.0, 0.5 / share)
+    if effect.name == "spring_table":  # it rises from point to point
+        values["deflection"] = tuple(sorted(abs(x) for x in values["deflection"]))
+        values["torque"] = tuple(sorted(abs(x) for x in values["torque"]))
+    if effect.name == "current_control":  # no faster than its samples allow
+        values["bandwidth"] = min(values["bandwidth"], 0.05 * values["rate"])
     if "elements" in values:
         values["elements"] = float(rng.integers(0, 9))
     return values
@@ -228,6 +235,9 @@ def rounding(case: Case) -> float:
     """Return the relative rounding of energy in a control step: eps times (omega h)^2."""
     p, groups, h = case.joint.packed()[0][0], case.joint.structure_row.groups, DT / case.substeps
     stiffness = (groups[0] != groups[1]) * p["k_g"] + (groups[1] != groups[2]) * p["k_b"]
+    rows = spring_rows(case.joint.effects, "the table")
+    if rows.size:
+        stiffness += p["table_scale"] * (np.diff(rows[:, 1]) / np.diff(rows[:, 0])).max() * 3.0
     return float(
         64.0 * EPS * case.substeps * max(1.0, 2.0 * h**2 * stiffness / inertias(case).min())
     )

@@ -3,6 +3,7 @@
 A command is an RPDO with controlword and target torque and a SYNC, which the drive answers with two
 TPDOs: state, position and torque; velocity, current and error. Before, the drive is set up by SDO,
 each answered before the next. The drive watches the master's heartbeat, which goes with commands.
+What is said, apart from CANopen, is in `cia402_profile.py`.
 
 References:
     CiA 301 and CiA 402 (IEC 61800-7-201): the finite state automaton and its controlword.
@@ -10,14 +11,21 @@ References:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from itertools import count
-from math import ceil, tau
+from math import ceil
 from typing import Final
 
 from canopen.sdo.exceptions import SdoAbortedError
 
-from cjt_gym.canbus.protocols.cia402_objects import CST, OBJECTS, PDOS, Pdo, State, state_of
+from cjt_gym.canbus.protocols.cia402_objects import OBJECTS, PDOS, Pdo, State
+from cjt_gym.canbus.protocols.cia402_profile import (
+    ENABLING,
+    Access,
+    Controlword,
+    Profile,
+    write,
+)
 from cjt_gym.canbus.protocols.contract import (
     Message,
     Mode,
@@ -31,16 +39,6 @@ from cjt_gym.canbus.protocols.layout import Field, Layout, nothing
 from cjt_gym.errors import ProtocolError
 
 __all__ = ["Cia402Master", "Controlword"]
-
-
-class Controlword:
-    """Commands to the finite state automaton."""
-
-    DISABLE_VOLTAGE: Final = 0x00
-    SHUTDOWN: Final = 0x06
-    SWITCH_ON: Final = 0x07
-    ENABLE: Final = 0x0F
-    RESET: Final = 0x80
 
 
 SYNC: Final = 0x080
@@ -65,18 +63,13 @@ class Cia402Master:
 
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
-        options = settings.options
-        self._increments: int = options["increments"]
-        self._velocity = options["velocity_units"] or float(self._increments)
-        self._rated_torque: float = options["rated_torque"]
-        self._rated_current: float = options["rated_current"]
+        self.profile = Profile(settings)
         self.channels = frozenset({"q_m", "dq_m", "tau_m", "i", "v_bus"})
         self.periods = dict.fromkeys(self.channels, settings.period) | {"v_bus": 0.1}
-        high = settings.scaling.gear_ratio * self._rated_torque * 32.767
+        high = settings.scaling.gear_ratio * self.profile.rated_torque * 32.767
         self.torque_range = (-high, high)
         self.shows_stop = True
         self._layouts = {pdo.cob_id + settings.node: pdo.layout for pdo in TPDOS}
-        self._rpdo = RPDO.layout
         self._beat_every = max(1, int(settings.watchdog / 3 / settings.period))
         self._count = count()
 
@@ -86,19 +79,15 @@ class Cia402Master:
         watched = self.settings.options["master_node"] << 16 | time
         steps = [
             self._nmt("Pre-operational", PRE_OPERATIONAL),
-            self._read("Look for a drive", (0x1000, 0), self._is_a_drive),
+            self._access(self.profile.identity()),
             self._write((0x1016, 1), 0),
             self._write((0x1017, 0), HEARTBEAT_MS),
-            self._write((0x6007, 0), 1),
+            self._access(self.profile.abort()),
         ]
         if self.settings.options["map_pdos"]:
             steps += [step for pdo in PDOS for step in self._map(pdo)]
         steps += [
-            self._compare((0x6076, 0), round(self._rated_torque * 1e3)),
-            self._compare((0x6075, 0), round(self._rated_current * 1e3)),
-            self._compare((0x608F, 1), self._increments),
-            self._write((0x6071, 0), 0),
-            self._write((0x6060, 0), CST),
+            *(self._access(each) for each in self.profile.setup()),
             self._write((0x1016, 1), watched),
         ]
         started = self._nmt("Start the node", START)
@@ -118,15 +107,9 @@ class Cia402Master:
 
     def enable(self) -> Sequence[Step]:
         """Return the steps through the finite state automaton, with zero torque."""
-        wanted = (
-            ("Switch on disabled", Controlword.DISABLE_VOLTAGE, State.SWITCH_ON_DISABLED),
-            ("Ready to switch on", Controlword.SHUTDOWN, State.READY),
-            ("Switched on", Controlword.SWITCH_ON, State.SWITCHED_ON),
-            ("Operation enabled", Controlword.ENABLE, State.ENABLED),
-        )
         return [
             Step(text, frames, self._shows(state), 1.0, frames)
-            for text, word, state in wanted
+            for text, word, state in ENABLING
             for frames in [self._frames(word)]
         ]
 
@@ -140,11 +123,7 @@ class Cia402Master:
         """Return the target torque of the RPDO; zero where its controlword takes it away."""
         if not is_plain(frame, RPDO.cob_id + self.settings.node):
             return None
-        values = self._rpdo.decode(frame.data)
-        if int(values["Controlword"]) & 0x0F != Controlword.ENABLE:
-            return 0.0
-        torque = values["Target torque"] * self._rated_torque / 1e3
-        return self.settings.scaling.torque(torque)
+        return self.settings.scaling.torque(self.profile.commanded(bytes(frame.data)))
 
     def poll(self) -> Sequence[Message]:
         """Return the RPDO that keeps the voltage off, SYNC and the heartbeat."""
@@ -160,7 +139,7 @@ class Cia402Master:
             return None
         identifier, node = frame.arbitration_id, self.settings.node
         if layout := self._layouts.get(identifier):
-            return self._from_pdo(layout.decode(frame.data))
+            return self.profile.inputs(layout.decode(frame.data))
         if identifier == EMERGENCY + node:
             error = int(EMERGENCY_LAYOUT.decode(frame.data)["Error code"])
             if error == 0:
@@ -172,30 +151,9 @@ class Cia402Master:
             return Update(mode=_MODES_OF_NODE.get(frame.data[0] & 0x7F))
         return None
 
-    def _from_pdo(self, values: Mapping[str, float]) -> Update:
-        scaling = self.settings.scaling
-        channels = {}
-        if (raw := values.get("Position")) is not None:
-            channels["q_m"] = scaling.angle(raw / self._increments * tau)
-        if (raw := values.get("Velocity")) is not None:
-            channels["dq_m"] = scaling.rate(raw / self._velocity * tau)
-        if (raw := values.get("Torque")) is not None:
-            channels["tau_m"] = scaling.torque(raw * self._rated_torque / 1e3)
-        if (raw := values.get("Current")) is not None:
-            channels["i"] = scaling.sign * raw * self._rated_current / 1e3
-        if (raw := values.get("DC link voltage")) is not None:
-            channels["v_bus"] = raw / 1e3
-        mode = None
-        if (word := values.get("Statusword")) is not None:
-            mode = _MODES.get(state_of(int(word)), Mode.DISABLED)
-        code = values.get("Error code")
-        error = None if code is None else int(code)
-        return Update(channels, mode, error, f"error {error:#06x}" if error else "")
-
     def _process(self, word: int, torque: float) -> list[Message]:
-        values = {"Controlword": word, "Target torque": torque / self._rated_torque * 1e3}
         return [
-            frame_of(RPDO.cob_id + self.settings.node, self._rpdo.encode(values)),
+            frame_of(RPDO.cob_id + self.settings.node, self.profile.outputs(word, torque)),
             frame_of(SYNC),
         ]
 
@@ -216,11 +174,8 @@ class Cia402Master:
         def confirmed(frame: Message) -> bool:
             if not is_plain(frame, identifier):
                 return False
-            state = state_of(int(layout.decode(frame.data)["Statusword"]))
-            running = wanted in (State.READY, State.SWITCHED_ON, State.ENABLED)
-            if running and state in (State.FAULT, State.FAULT_REACTION):
-                raise ProtocolError(f"Drive {self.settings.node} refuses to run: it has a fault.")
-            return wanted is None or state == wanted
+            word = int(layout.decode(frame.data)["Statusword"])
+            return self.profile.shows(word, wanted)
 
         return confirmed
 
@@ -242,35 +197,16 @@ class Cia402Master:
         return [*steps, self._write((pdo.parameters, 1), identifier)]
 
     def _write(self, key: tuple[int, int], value: int) -> Step:
-        row = OBJECTS[key]
-        size = row.field.bits // 8
-        data = row.field.to_bits(value).to_bytes(size, "little")
-        request = bytes([0x23 | (4 - size) << 2]) + _address(key) + data.ljust(4, b"\0")
-        return self._exchange(f"Write {row.name}", key, request, lambda answer: answer[0] == 0x60)
+        return self._access(write(key, value))
 
-    def _read(self, text: str, key: tuple[int, int], accept: Callable[[int], bool]) -> Step:
-        field = OBJECTS[key].field
-
-        def confirmed(answer: bytes) -> bool:
-            if answer[0] & 0xE2 != 0x42:
-                return False
-            bits = int.from_bytes(answer[4 : 4 + field.bits // 8], "little")
-            return accept(int(field.from_bits(bits)))
-
-        return self._exchange(text, key, b"\x40" + _address(key) + bytes(4), confirmed)
-
-    def _compare(self, key: tuple[int, int], expected: int) -> Step:
-        row = OBJECTS[key]
-
-        def accept(value: int) -> bool:
-            if value != expected:
-                raise ProtocolError(
-                    f"{row.name} of drive {self.settings.node} must be {expected} "
-                    f"{row.field.unit} as configured, but the drive has {value}. Correct one."
-                )
-            return True
-
-        return self._read(f"Compare {row.name}", key, accept)
+    def _access(self, access: Access) -> Step:
+        """Return the step that does an access by an SDO."""
+        if access.value is None:
+            request = b"\x40" + _address(access.key) + bytes(4)
+            return self._exchange(access.text, access.key, request, _read_right(access))
+        data = access.data
+        request = bytes([0x23 | (4 - len(data)) << 2]) + _address(access.key) + data.ljust(4, b"\0")
+        return self._exchange(access.text, access.key, request, lambda answer: answer[0] == 0x60)
 
     def _exchange(
         self, text: str, key: tuple[int, int], request: bytes, accept: Callable[[bytes], bool]
@@ -290,25 +226,15 @@ class Cia402Master:
 
         return Step(text, [frame_of(SDO_TO_DRIVE + node, request)], confirmed)
 
-    def _is_a_drive(self, device_type: int) -> bool:
-        if device_type & 0xFFFF != 402:
-            raise ProtocolError(
-                f"Node {self.settings.node} must be a drive of profile 402, it has the profile "
-                f"{device_type & 0xFFFF}."
-            )
-        return True
+
+def _read_right(access: Access) -> Callable[[bytes], bool]:
+    return lambda answer: answer[0] & 0xE2 == 0x42 and access.accepts(answer[4:8])
 
 
 def _address(key: tuple[int, int]) -> bytes:
     return key[0].to_bytes(2, "little") + bytes([key[1]])
 
 
-_MODES: Final = {
-    State.NOT_READY: Mode.BOOTING,
-    State.ENABLED: Mode.ENABLED,
-    State.FAULT: Mode.FAULT,
-    State.FAULT_REACTION: Mode.FAULT,
-}
 _MODES_OF_NODE: Final = {
     BOOT_UP: Mode.BOOTING,
     STOPPED: Mode.DISABLED,

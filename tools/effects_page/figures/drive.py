@@ -95,6 +95,34 @@ def current_lag() -> Figure:
     return figure
 
 
+def current_control() -> Figure:
+    """Draw the loop of a d-q drive: steps of the current, and what mistaken numbers do to it."""
+    figure, axes = mosaic("ab")
+    t = np.arange(round(0.006 / DT)) * DT
+    command = np.where(t >= 5e-4, 10.0, 0.0)
+    fine = t[t >= 5e-4]
+    for color, bandwidth in zip(SEQUENCE, (100.0, 300.0, 750.0), strict=False):
+        loop = {"current_control": {"bandwidth": bandwidth, "rate": 1e4}}
+        record = blocked(joint(loop, drive="dq"), command * K, DT)
+        lag = 10.0 * (1.0 - np.exp(-2.0 * np.pi * bandwidth * (fine - 5e-4)))
+        axes["a"].plot(1e3 * fine, lag, color=color, lw=0.8)
+        points = slice(None, None, 10)
+        axes["a"].plot(1e3 * t[points], record["true_i"][points], **POINTS, color=color)
+        axes["a"].plot([], [], color=color, label=f"{bandwidth:g} Hz")
+    label(axes["a"], "time [ms]", "current [A]", "", "lower right")
+    axes["a"].set_title("points simulated, lines 1 - exp(-2 π f_c t)")
+    for color, told, words in (
+        (GREY, {}, "told rightly"),
+        (BLUE, {"l_a": 4e-4}, "told 2 l_a"),
+        (RED, {"l_a": 1e-4}, "told l_a / 2"),
+    ):
+        loop = {"current_control": {"bandwidth": 300.0, "rate": 1e4, **told}}
+        record = blocked(joint(loop, drive="dq"), command * K, DT)
+        axes["b"].plot(1e3 * t, record["true_v"], color=color, label=words)
+    label(axes["b"], "time [ms]", "voltage [V]", "the same step at 300 Hz", "lower right")
+    return figure
+
+
 def current_saturation() -> Figure:
     """Draw the static characteristic and a clipped sine."""
     figure, axes = mosaic("ab")
@@ -225,6 +253,15 @@ PLOTS = (
         "Left: step responses of the current loop. Right: first-order low pass; at the bandwidth "
         "the gain is -3 dB (grey line) and the phase -45 degrees.",
         current_lag,
+    ),
+    Plot(
+        "current_control",
+        "v = k_t n dq_m + kp e + ki z,   dz/dt = e,   e = i_cmd - i,   kp = w l_a,  ki = w r,  "
+        "w = 2 pi f_c",
+        "Left: in a d-q drive the current follows as a first-order lag with the bandwidth f_c, a "
+        "sample late. Right: the voltage of the q axis, which is held over a sample of the "
+        "controller; a controller that was told a wrong inductance still arrives.",
+        current_control,
     ),
     Plot(
         "current_saturation",

@@ -9,6 +9,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.special import ellipk
 
+from cjt_gym.joint.arrays import MEMORY
+from cjt_gym.joint.spring_table import spring_rows, table_torque
 from tools.effects_page.bench import Floats, blocked, joint
 from tools.effects_page.plot import Plot
 from tools.effects_page.style import BLUE, GREY, LAW, NOMINAL, POINTS, RED, label, mosaic
@@ -17,7 +19,7 @@ K_B, MASS, DAMPING = 6000.0, 0.3017, 2.2036
 STILL: dict[str, Any] = {"I_m": 1e7, "d_m": 0.0, "d_g": 0.0}
 
 
-def bent(effects: dict[str, dict[str, float]], bend: Floats) -> Floats:
+def bent(effects: dict[str, dict[str, Any]], bend: Floats) -> Floats:
     """Return the torque of the bar along a path of its deflection [rad], at a motor held still."""
     rate = -np.diff(np.append(bend, bend[-1]), prepend=0.0) / 1e-3
     record = joint(effects, **STILL).simulate(np.zeros(len(rate)), rate, dt_physics=1e-3)
@@ -85,6 +87,30 @@ def hardening() -> Figure:
     return figure
 
 
+def spring_table() -> Figure:
+    """Draw measured points, the curve through them, and stiffness over deflection."""
+    figure, axes = mosaic("ab")
+    points = {"deflection": (0.0, 0.005, 0.015, 0.03), "torque": (0.0, 20.0, 90.0, 240.0)}
+    bend = 0.035 * np.sin(np.linspace(0.0, 2.0 * np.pi, 2001))
+    torque = bent({"spring_table": points}, bend)
+    x, tau = np.array(points["deflection"]), np.array(points["torque"])
+    some = slice(500, 1500, 40)
+    axes["a"].plot(1e3 * bend, K_B * bend, **NOMINAL, label="k_b x")
+    axes["a"].plot(1e3 * bend[some], torque[some], color=BLUE, label="simulated")
+    axes["a"].plot(1e3 * np.append(-x[::-1], x), np.append(-tau[::-1], tau), **POINTS, color=RED,
+                   label="points")  # fmt: skip
+    label(axes["a"], "deflection [mrad]", "torque [N m]", "", "upper left")
+    rows = np.concatenate(
+        [np.zeros(MEMORY), spring_rows({"spring_table": points}, "points").ravel()]
+    )
+    fine = np.linspace(-0.035, 0.035, 801)
+    stiffness = np.array([table_torque(rows, float(v))[1] for v in fine])
+    axes["b"].plot(1e3 * fine, stiffness, color=BLUE)
+    axes["b"].axhline(K_B, **NOMINAL)
+    label(axes["b"], "deflection [mrad]", "stiffness [N m/rad]")
+    return figure
+
+
 def paths(*turns: float) -> Floats:
     """Return a path through these deflections [rad] in straight lines."""
     ends = [0.0, *turns]
@@ -129,6 +155,14 @@ PLOTS = (
         "frequencies. Line: first-harmonic balance of Duffing's oscillator; dashed: free frequency "
         "over amplitude from the elliptic integral.",
         hardening,
+    ),
+    Plot(
+        "spring_table",
+        "tau = scale T(x) + d_gl dx,    x = q_g - q_l",
+        "Left: a monotone cubic (PCHIP) through four measured points, which count for both "
+        "directions; simulated, and the linear spring in grey. Right: its stiffness; beyond the "
+        "last point it stays.",
+        spring_table,
     ),
     Plot(
         "spring_hysteresis",

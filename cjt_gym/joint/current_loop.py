@@ -1,0 +1,203 @@
+"""The current controller of a voltage drive: PI on both axes, decoupled, held back at the supply.
+
+    v_q = k dq_m + w_e l i_d + kp e_q + ki z_q,     e_q = i_wanted - i_q,
+    v_d =        - w_e l i_q + kp e_d + ki z_d,     e_d = -i_d,      w_e = p n dq_m
+    z[k+1] = z[k] + T (e + (v_applied - v) / (kp + r)),     kp = w l,  ki = w r
+
+Internal-model control: the controller's zero takes the place of the winding's pole r / l, so that
+the current follows as a first-order lag with the bandwidth w. Back-EMF (k is two thirds of k_t n in
+d-q axes) and the coupling of the axes are added rather than integrated up. What the supply cuts off
+does not wind the integrals up. Without inductance (`static`) only the integral acts; with one phase
+only the q axis is there.
+
+The controller samples at its own rate and knows r, l and k_t only as they are told to it.
+
+References:
+    Harnefors, Nee (1998), Model-based current control of AC machines using the internal model
+    control method, IEEE Transactions on Industry Applications 34(1).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from cjt_gym.errors import ConfigurationError
+from cjt_gym.joint.arrays import REGULATOR, VOLTS, Floats, Setup
+from cjt_gym.joint.compiled import lean
+from cjt_gym.joint.configure import resolve_effects
+from cjt_gym.joint.drives import CURRENT, DQ, RL, STATIC, circle, clip
+from cjt_gym.joint.effects import EFFECTS
+
+if TYPE_CHECKING:
+    from cjt_gym.joint.joint import Joint
+
+NAME = "current_control"
+FASTEST = 0.5
+"""Largest bandwidth over the sample rate, w T: beyond it the sampled loop overshoots."""
+TYPICAL_RATE, TYPICAL_SHARE = 1e4, 0.05
+"""Of a loop that nobody describes: sample rate [Hz], and bandwidth [Hz] over it."""
+
+
+@lean
+def regulate(
+    p: Any,
+    drive: int,
+    integrals: Floats,
+    volts: Floats,
+    wanted: float,
+    i_q: float,
+    i_d: float,
+    dq_m: float,
+    period: float,
+) -> None:
+    """Write the voltages until the next sample, and advance the integrals, in place.
+
+    Args:
+        p: Parameter record: what the controller was told (`loop_...`), p, n, v_0 and i_p.
+        drive: Number of the drive, not `CURRENT`.
+        integrals: [z_q, z_d] [A s].
+        volts: Receives [v_q, v_d] [V].
+        wanted: Current on the q axis that is wanted [A].
+        i_q: Current on the q axis [A].
+        i_d: Current on the d axis [A].
+        dq_m: Motor velocity on the link side [rad/s].
+        period: Time until the next sample [s].
+    """
+    w = min(2.0 * math.pi * p.loop_bandwidth, FASTEST / period)
+    inductance = 0.0 if drive == STATIC else p.loop_l_a
+    kp, ki, share = w * inductance, w * p.loop_r, 2.0 / 3.0 if drive == DQ else 1.0
+    e_q, e_d = clip(wanted, p.i_p) - i_q, -i_d
+    v_q = share * p.loop_k_t * p.n * dq_m + kp * e_q + ki * integrals[0]
+    v_d = 0.0
+    if drive == DQ:
+        cross = p.p * p.n * dq_m * inductance
+        v_q += cross * i_d
+        v_d = kp * e_d + ki * integrals[1] - cross * i_q
+        volts[0], volts[1] = circle(v_q, v_d, p.v_0)
+    else:
+        volts[0], volts[1] = clip(v_q, p.v_0), 0.0
+    back = kp + p.loop_r
+    integrals[0] += period * (e_q + (volts[0] - v_q) / back)
+    integrals[1] += period * (e_d + (volts[1] - v_d) / back) if drive == DQ else 0.0
+
+
+@lean
+def substeps_per_sample(p: Any, setup: Setup) -> int:
+    """Return the substeps between two samples of the controller: the nearest whole number."""
+    return int(max(1, round(1.0 / (p.loop_rate * setup.h))))
+
+
+@lean
+def closes(p: Any, setup: Setup) -> bool:
+    """Whether a current controller stands between the command and the voltage."""
+    return setup.drive != CURRENT and not setup.is_voltage and p.loop_bandwidth > 0.0
+
+
+@lean
+def regulated_command(
+    p: Any, memory: Floats, setup: Setup, at: int, currents: Floats, command: float, dq_m: float
+) -> tuple[float, float]:
+    """Return the voltages (v_q, v_d) of substep `at` since the reset; sample where that is due."""
+    every = substeps_per_sample(p, setup)
+    volts = memory[VOLTS : VOLTS + 2]
+    if at % every == 0:
+        integrals, period = memory[REGULATOR : REGULATOR + 2], every * setup.h
+        regulate(p, setup.drive, integrals, volts, command, currents[0], currents[1], dq_m, period)
+    return volts[0], volts[1]
+
+
+@lean
+def terminal_volts(
+    p: Any,
+    k: float,
+    r: float,
+    drive: int,
+    currents: Floats,
+    command: float,
+    command_d: float,
+    is_voltage: bool,
+    dq_m: float,
+) -> tuple[float, float]:
+    """Return the voltages (v_q, v_d) at the winding, whatever makes them [V].
+
+    Args:
+        p: Parameter record.
+        k: Torque per ampere on the link side [N m/A].
+        r: Winding resistance [Ohm].
+        drive: Number of the drive.
+        currents: [i_q, i_d] [A].
+        command: Voltage [V] or wanted current [A] on the q axis.
+        command_d: Voltage on the d axis [V].
+        is_voltage: Whether the command is a voltage.
+        dq_m: Motor velocity on the link side [rad/s].
+    """
+    if drive == STATIC:
+        return r * currents[0] + k * dq_m, 0.0
+    if drive == RL:
+        return clip(command if is_voltage else r * command + k * dq_m, p.v_0), 0.0
+    if is_voltage:
+        return circle(command, command_d, p.v_0)
+    v_d = -p.p * p.n * dq_m * p.l_a * command
+    return circle(r * command + 2.0 / 3.0 * k * dq_m, v_d, p.v_0)
+
+
+def with_current_loop(joint: Joint, dt_physics: float) -> Joint:
+    """Return a joint whose voltage drive has a current controller: its own, or a typical one.
+
+    A drive that takes currents, and one whose effects say what its loop is (a bandwidth of 0 is
+    none), stay as they are.
+
+    Args:
+        joint: The joint.
+        dt_physics: Substep, at most once in which a typical controller samples [s].
+    """
+    if joint.drive == "current" or NAME in joint.effects or not dt_physics > 0.0:
+        return joint
+    rate = min(TYPICAL_RATE, 1.0 / dt_physics)
+    values = {"bandwidth": TYPICAL_SHARE * rate, "rate": rate}
+    own = resolve_effects({NAME: values}, joint.file, joint.structure_row, joint.drive)
+    every = {**own, **joint.effects}
+    return replace(joint, effects={name: every[name] for name in EFFECTS if name in every})
+
+
+def longest_sample(joint: Joint) -> float:
+    """Return the substep up to which the current controller keeps its rate [s]."""
+    bandwidth, rate = _loop_of(joint)
+    return (1.0 + 1e-6) / rate if bandwidth > 0.0 else math.inf
+
+
+def _loop_of(joint: Joint) -> tuple[float, float]:
+    """Return bandwidth and rate of the current controller [Hz], zeros for none."""
+    values = joint.effects.get(NAME, {"bandwidth": 0.0, "rate": 0.0})
+    bandwidth, rate = values["bandwidth"], values["rate"]
+    assert isinstance(bandwidth, float)
+    assert isinstance(rate, float)
+    return bandwidth, rate
+
+
+def check_loop(joint: Joint, h: float) -> None:
+    """Raise ConfigurationError where the controller cannot keep its rate or bandwidth.
+
+    Args:
+        joint: The joint.
+        h: Substep [s].
+    """
+    bandwidth, rate = _loop_of(joint)
+    if bandwidth == 0.0:
+        return
+    if h > longest_sample(joint):
+        raise ConfigurationError(
+            f"dt_physics must be <= {1.0 / rate:.4g} s, as effect {NAME} of "
+            f"{joint.parameters.name} samples at {rate:g} Hz, got {h:g} s. Give a shorter substep "
+            "or a lower rate."
+        )
+    period = max(1, round(1.0 / (rate * h))) * h
+    highest = FASTEST / (2.0 * math.pi * period)
+    if bandwidth > highest * (1.0 + 1e-9):
+        raise ConfigurationError(
+            f"bandwidth of effect {NAME} of {joint.parameters.name} must be <= {highest:.4g} Hz "
+            f"where the controller samples every {period:g} s, got {bandwidth:g}. Ask for less, or "
+            "give a higher rate and a shorter dt_physics."
+        )

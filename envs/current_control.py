@@ -1,0 +1,223 @@
+"""The innermost loop as an environment: make the motor's torque follow by commanding voltages."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+from cjt_gym.envs.strip_chart import StripChart
+from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.joint import Joint, load_joint
+from cjt_gym.joint.arrays import VOLTS
+from cjt_gym.joint.batch import JointBatch
+from cjt_gym.joint.configure import EffectSpec
+from cjt_gym.signals import Signal, make_signals
+
+Observation = NDArray[np.float32]
+Action = NDArray[np.float32]
+RENDER_MODES = ("human", "rgb_array")
+SPEED_SHARE, LEVEL_SHARE, HOLD = 0.5, 0.7, 0.01
+HEAVY = 1e9
+VIOLATION = -10.0
+LABELS = ("reference", "motor torque")
+AT_LIMIT = 1.0 - 1e-9
+
+
+class CurrentControlEnv(gym.Env[Observation, Action]):
+    """Make the torque of a motor follow a reference by commanding its voltages.
+
+    ## Description
+
+    A permanent-magnet machine whose shaft is held at a constant speed by another machine. This is
+    the torque control of current-loop benchmarks such as gym-electric-motor's `Cont-TC-PMSM-v0`,
+    with the same sample time, reward and end, but with d-q voltages in place of three phases.
+
+    ## Action space
+
+    `Box(-1, 1, (2,), float32)`: the voltages v_q and v_d, divided by the supply v_0. The inverter
+    shortens a vector longer than v_0. With drive "rl" there is no d axis; v_d does nothing.
+
+    ## Observation space
+
+    `Box(-2, 2, (6,), float32)`, each number divided by its limit, clipped.
+
+    | Index | Observation | Divided by |
+    |---|---|---|
+    | 0 | motor velocity dq_m | `speed` |
+    | 1, 2 | currents i_q, i_d | i_p |
+    | 3, 4 | voltages v_q, v_d of the last step | v_0 |
+    | 5 | reference of the motor's torque | k_t n i_p |
+
+    ## Reward
+
+    -abs(reference - torque) / (2 k_t n i_p), and -10 for the step in which the current reaches its
+    limit: no better than any tracking, for agents that discount by 0.9 a step.
+
+    ## Starting state
+
+    No current; a speed drawn between -`speed` and `speed`, and a reference drawn anew.
+
+    ## Episode end
+
+    Termination where the current reaches i_p. Truncation after `episode_steps` control steps.
+
+    ## Information
+
+    `tau` and `tau_reference` of the motor [N m], `i_q`, `i_d` [A], `v_q`, `v_d` [V] and `dq_m`
+    [rad/s], all on the link side.
+
+    ## Arguments
+
+    | Argument | Default | Meaning |
+    |---|---|---|
+    | `joint` | "orange_80_6000" | name, path or `Joint` |
+    | `drive` | "dq" | "dq" or "rl" |
+    | `effects` | () | names or {name: values} |
+    | `parameters` | None | parameters that replace those of the joint file |
+    | `reference` | random levels | as in `TorqueTrackingEnv`, of the motor's torque |
+    | `speed` | half of the no-load speed | largest speed on the link side [rad/s] |
+    | `episode_steps` | 1000 | control steps until truncation |
+    | `dt_control` | 0.0001 | control step [s] |
+    | `dt_physics` | 0.000025 | substep [s], a whole fraction of it |
+    | `render_mode` | None | "human" or "rgb_array": a strip chart (needs matplotlib) |
+
+    Without `reference`, levels of at most 70 % of the peak torque are held for 10 ms.
+
+    ## Version history
+
+    * v0: first version.
+
+    Raises:
+        UnknownNameError: A name is not known; the message suggests the nearest.
+        ConfigurationError: A number is out of its range.
+        ParameterError: The joint lacks what is asked of it.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 20}  # noqa: RUF012
+
+    def __init__(
+        self,
+        joint: str | Joint = "orange_80_6000",
+        drive: str = "dq",
+        effects: EffectSpec = (),
+        parameters: Mapping[str, float] | None = None,
+        reference: Any = None,
+        speed: float | None = None,
+        episode_steps: int = 1000,
+        dt_control: float = 1e-4,
+        dt_physics: float = 2.5e-5,
+        render_mode: str | None = None,
+    ) -> None:
+        if render_mode is not None and render_mode not in RENDER_MODES:
+            raise unknown_name("render mode", render_mode, RENDER_MODES)
+        if not isinstance(joint, Joint):
+            held = {**(parameters or {}), "I_l": HEAVY}
+            joint = load_joint(joint, "rigid", drive, effects, held)
+        if joint.drive not in ("rl", "dq") or joint.structure != "rigid":
+            raise ConfigurationError(
+                f"drive of CurrentControlEnv must be 'dq' or 'rl' and structure 'rigid', got "
+                f"{joint.drive!r} and {joint.structure!r}."
+            )
+        if episode_steps < 1:
+            raise ConfigurationError(f"episode_steps must be >= 1, got {episode_steps}.")
+        p = joint.parameters
+        emf = p.k_t * p.n * (2.0 / 3.0 if joint.drive == "dq" else 1.0)
+        self.joint, self.episode_steps, self.render_mode = joint, episode_steps, render_mode
+        self._chart = StripChart(dt_control, LABELS) if render_mode else None
+        self.peak = joint.torque_limit
+        if not np.isfinite(self.peak):
+            raise ConfigurationError(f"i_p [A] of {p.origin} is needed: the limit of the current.")
+        self.speed = SPEED_SHARE * p.v_0 / emf if speed is None else float(speed)
+        if not (np.isfinite(self.speed) and self.speed > 0.0):
+            raise ConfigurationError(f"speed must be finite and > 0 rad/s, got {speed}.")
+        usual = Signal("step", amplitude=LEVEL_SHARE * self.peak, period=HOLD)
+        self.references = make_signals(usual if reference is None else reference, usual.amplitude)
+        self.batch = JointBatch(joint, 1, dt_control, dt_physics, voltage=True)
+        self.observation_space = gym.spaces.Box(-2.0, 2.0, (6,), np.float32)
+        self.action_space = gym.spaces.Box(-1.0, 1.0, (2,), np.float32)
+        self.reference, self._k = self.references[0], 0
+
+    @property
+    def dt(self) -> float:
+        """Control step [s]."""
+        return float(self.batch.setup.dt)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Begin an episode; there are no options."""
+        super().reset(seed=seed)
+        for name in options or {}:
+            raise unknown_name("reset option", name, ["none"])
+        rng, arrays = self.np_random, self.batch.arrays
+        self.reference = self.references[int(rng.integers(len(self.references)))].reset(rng)
+        arrays.state[0] = [0.0, 0.0, 0.0, *[rng.uniform(-self.speed, self.speed)] * 3]
+        self.batch.seed(0, int(rng.integers(2**62)))
+        self.batch.restart(np.ones(1, dtype=np.bool_), np.zeros(1))
+        self._k = 0
+        if self._chart is not None:
+            self._chart.clear()
+        return self._observe(), self._info()
+
+    def step(self, action: Action) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Apply voltages for one control step.
+
+        Raises:
+            ConfigurationError: The action has the wrong shape or is not finite.
+            SimulationError: The state ceased to be finite.
+        """
+        given = np.asarray(action, dtype=np.float64)
+        if given.shape != (2,) or not np.isfinite(given).all():
+            raise ConfigurationError(f"The action must be two finite numbers, got {action}.")
+        volts = np.clip(given, -1.0, 1.0) * self.joint.parameters.v_0
+        self.batch.step(volts[None], np.zeros(1))
+        self._k += 1
+        info = self._info()
+        terminated = bool(np.hypot(info["i_q"], info["i_d"]) >= AT_LIMIT * self._i_p)
+        error = abs(info["tau_reference"] - info["tau"]) / (2.0 * self.peak)
+        reward = VIOLATION if terminated else -error
+        if self._chart is not None:
+            self._chart.add(info["tau_reference"], info["tau"])
+            if self.render_mode == "human":
+                self._chart.show()
+        truncated = self._k >= self.episode_steps and not terminated
+        return self._observe(), float(reward), terminated, truncated, info
+
+    def render(self) -> Any:
+        """Return the strip chart as an image, shape (height, width, 3), for "rgb_array"."""
+        if self._chart is not None and self.render_mode == "rgb_array":
+            return self._chart.image()
+        return None
+
+    def close(self) -> None:
+        """Close the strip chart."""
+        if self._chart is not None:
+            self._chart.close()
+
+    @property
+    def _i_p(self) -> float:
+        return float(self.joint.parameters.i_p)
+
+    def _info(self) -> dict[str, Any]:
+        arrays, p = self.batch.arrays, self.joint.parameters
+        i_q, i_d = arrays.currents[0].tolist()
+        v_q, v_d = arrays.memory[0, VOLTS : VOLTS + 2].tolist()
+        return {
+            "tau": p.k_t * p.n * i_q,
+            "tau_reference": float(self.reference.torque(self._k * self.dt)),
+            "i_q": i_q,
+            "i_d": i_d,
+            "v_q": v_q,
+            "v_d": v_d,
+            "dq_m": float(arrays.state[0, 3]),
+        }
+
+    def _observe(self) -> Observation:
+        info, p = self._info(), self.joint.parameters
+        scaled = [info["dq_m"] / self.speed, info["i_q"] / self._i_p, info["i_d"] / self._i_p]
+        scaled += [info["v_q"] / p.v_0, info["v_d"] / p.v_0, info["tau_reference"] / self.peak]
+        return np.asarray(np.clip(scaled, -2.0, 2.0), dtype=np.float32)

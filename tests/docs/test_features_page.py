@@ -1,0 +1,68 @@
+"""The table of the toolbox's features: the page is what it says, and every command runs."""
+
+from __future__ import annotations
+
+import runpy
+import shlex
+import shutil
+import sys
+from pathlib import Path
+
+import pytest
+
+from cjt_gym.cli import main as cjt_gym
+
+ROOT = Path(__file__).parents[2]
+sys.path.append(str(ROOT))  # tools are not installed
+
+from tools.features.__main__ import main  # noqa: E402
+from tools.features.table import FEATURES, Feature  # noqa: E402
+
+TABLE = """structures = ["rigid", "output_fixed"]
+[joints]
+plain = { file = "orange_80_6000" }
+"""
+PARAMETERS = "params.('k_b') = 21000;\nparams.('n') = 100; % ratio\n"
+RUN = [
+    pytest.param(row, marks=[pytest.mark.slow] if row.slow else [], id=row.what[:60])
+    for row in FEATURES
+    if row.command
+]
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return a folder with the files that the page assumes."""
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "table.toml").write_text(TABLE)
+    (tmp_path / "example_params.m").write_text(PARAMETERS)
+    law = (ROOT / "docs" / "controllers.md").read_text(encoding="utf-8")
+    (snippet,) = (b for b in law.split("```python\n") if "class MyLaw" in b)
+    (tmp_path / "mylaw.py").write_text(snippet.split("```")[0])
+    shutil.copy(ROOT / "examples" / "hardware" / "joint.toml", tmp_path)
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    return tmp_path
+
+
+def test_the_committed_page_is_what_the_table_says(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--check"]) == 0, capsys.readouterr().err
+
+
+def test_what_has_no_command_says_why() -> None:
+    assert all(row.command or row.note for row in FEATURES)
+
+
+@pytest.mark.parametrize("row", RUN)
+def test_the_command_runs(row: Feature, folder: Path) -> None:
+    if not row.is_shell:
+        exec("from cjt_gym import load_joint\n" + row.command.replace("; ", "\n"), {})
+        return
+    words = shlex.split(row.command)
+    if words[0] == "python":
+        pytest.importorskip("matplotlib")
+        runpy.run_path(words[1], run_name="__main__")
+        return
+    assert cjt_gym(words[1:]) == 0
+    if "--out" in words:
+        assert (folder / words[words.index("--out") + 1]).exists()

@@ -1,0 +1,54 @@
+"""Writes docs/features.md out of the table of features: python -m tools.features [--check]."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from itertools import groupby
+from pathlib import Path
+
+from tools.features.table import FEATURES, Feature
+
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "features.md"
+HEAD = """# What the toolbox can do, and what does it here
+
+Written by `python -m tools.features`; a test runs every command. Lines of Python begin with
+`from cjt_gym import load_joint`. `example_params.m`, `table.toml`, `mylaw.py` and `joint.toml` are
+files of your own: a [parameter file](joint_files.md#joints-of-the-toolbox) of the toolbox, a
+[table of joints](datasheet.md#many-joints-from-one-table), a
+[controller](controllers.md#bring-your-own) and a [joint on a bus](hardware.md). What differs in
+results is in [differences](differences.md).
+"""
+
+
+def page() -> str:
+    """Return the page."""
+    parts = [HEAD]
+    for group, rows in groupby(FEATURES, lambda row: row.group):
+        parts.append(f"\n## {group}\n\n| in the toolbox | here | |\n|---|---|---|\n")
+        parts += [_line(row) for row in rows]
+    return "".join(parts)
+
+
+def _line(row: Feature) -> str:
+    here = f"`{row.command}`" if row.command else "-"
+    return f"| {row.what} | {here} | {row.note} |\n"
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Write or check the page; return the exit status."""
+    parser = argparse.ArgumentParser(prog="python -m tools.features", description=__doc__)
+    parser.add_argument("--check", action="store_true", help="fail if the page differs")
+    if parser.parse_args(words).check:
+        if PAGE.exists() and PAGE.read_text(encoding="utf-8") == page():
+            return 0
+        print(f"{PAGE} differs: python -m tools.features", file=sys.stderr)
+        return 1
+    PAGE.write_text(page(), encoding="utf-8")
+    print(PAGE)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
