@@ -30,7 +30,7 @@ def register() -> None:
             vector_entry_point=f"{MODULE}:TorqueTrackingVectorEnv",
             kwargs=arguments,
         )
-    gymnasium.register(id=HARDWARE, entry_point="cjt_gym.envs.hardware_arm:make_hardware")
+    gymnasium.register(id=HARDWARE, entry_point="cjt_gym.envs.hardware:HardwareEnv")
     for name, robot in ROBOTS.items():
         gymnasium.register(
             id=name, entry_point="cjt_gym.envs.robot:RobotEnv", kwargs={"robot": robot}
