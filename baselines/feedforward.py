@@ -45,7 +45,7 @@ class ReferenceVelocity:
         return np.asarray(self.rate.step(reference, fresh) / self.stiffness + self._load)
 
 
-def pd_law(kp: float, kd: float, dt: float, *more: Block, lead: bool = False) -> LinearLaw:
+def pd_law(kp: float, kd: float, dt: float, *more: Block, lead: float = 0.0) -> LinearLaw:
     """Return feed-forward and PD, without lead with the torque's derivative, and more blocks."""
     return assemble(dt, static(reference=1.0), pid(kp, 0.0, kd, dt, lead), *more)
 

@@ -47,7 +47,6 @@ from cjt_gym.training.rollout import Agent, ControllerAgent, Traces, joint_of
 from cjt_gym.training.tasks import get_task
 from cjt_gym.training.tune_limits import port_resistance
 
-Floats = NDArray[np.float64]
 BACKENDS = ("loky", "ray", "dask")
 SHOWN_POINTS = 500
 BODE_HZ = np.geomspace(0.5, 400.0, 120)

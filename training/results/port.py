@@ -17,7 +17,6 @@ from __future__ import annotations
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.envs.core import Episodes
 from cjt_gym.envs.torque_tracking import complete
@@ -31,7 +30,6 @@ from cjt_gym.training.rollout import Agent, joint_of
 from cjt_gym.training.tasks import MOTION_HIGH, RENDERED_SHARE
 from cjt_gym.training.tune_limits import port_resistance
 
-Floats = NDArray[np.float64]
 FREQUENCIES: Final = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
 """Of the motion [Hz]; a whole number of cycles fits into `MEASURED`."""
 SETTLED: Final = 1.0
