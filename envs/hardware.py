@@ -18,7 +18,8 @@ from cjt_gym.canbus.plant import CanPlant
 from cjt_gym.canbus.safety import Fault, HardwareFault, check_action
 from cjt_gym.canbus.virtual import VirtualLink
 from cjt_gym.envs.core import Episodes
-from cjt_gym.envs.foreign import advance_on, begin_on, conclude_on
+from cjt_gym.envs.foreign import ForeignEpisode
+from cjt_gym.envs.observe import Task
 from cjt_gym.envs.torque_tracking import Action, Observation, complete
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.plant import Measurement
@@ -116,20 +117,15 @@ class HardwareEnv(gym.Env[Observation, Action]):
         self._configs = (
             self.plant.configs if isinstance(self.plant, CanArm) else (self.plant.config,)
         )
-        self.tasks = [Episodes(1, **complete_for(arguments, each)) for each in self._configs]
-        high = np.concatenate([task.observation_space.high for task in self.tasks])
+        batches = [Episodes(1, **complete_for(arguments, each)) for each in self._configs]
+        high = np.concatenate([batch.observation_space.high for batch in batches])
         self.observation_space = spaces.Box(-high, high, dtype=np.float32)
-        self.action_space = spaces.Box(-1.0, 1.0, (len(self.tasks),), np.float32)
-        self._rehearse()
+        self.action_space = spaces.Box(-1.0, 1.0, (len(batches),), np.float32)
+        self.tasks = [ForeignEpisode(batch) for batch in batches]
+        for task in self.tasks:
+            task.rehearse()
         if plant is None:
             _connect(self.plant, arm)
-
-    def _rehearse(self) -> None:
-        """Do once what a step computes, so that nothing is compiled while the joints run."""
-        for task in self.tasks:
-            task.reset()
-            conclude_on(task, task.choose(np.zeros((1, 1))))
-            task.info()
 
     @property
     def joints(self) -> tuple[CanPlant, ...]:
@@ -150,11 +146,11 @@ class HardwareEnv(gym.Env[Observation, Action]):
             raise ConfigurationError(f"The hardware environment has no options, got {options}.")
         for k, task in enumerate(self.tasks):
             own = None if seed is None else seed + SPREAD * k
-            task.seed(own, self.np_random if first else None)
+            task.episodes.seed(own, self.np_random if first else None)
         measured = self.plant.reset()
         for task, config, seen in zip(self.tasks, self._configs, each(measured), strict=True):
             check_measured(seen, config)
-            begin_on(task, seen)
+            task.begin(seen)
         return self._observation(), {"parameters": {}}
 
     def step(self, action: Action) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
@@ -172,13 +168,13 @@ class HardwareEnv(gym.Env[Observation, Action]):
                 else self.plant.step(commands, float(references[0]))
             )
             for task, seen in zip(self.tasks, each(measured), strict=True):
-                advance_on(task, seen)
+                task.advance(seen)
         except HardwareFault as error:
             fault = error.fault
         for task, joint in zip(self.tasks, self.joints, strict=True):
-            conclude_on(task, np.array([joint.sent]))
+            task.conclude(joint.sent)
             if fault is not None:
-                end_with_fault(task)
+                end_with_fault(task.task)
         told = [task.task for task in self.tasks]
         reward = float(np.mean([one.reward[0] for one in told]))
         ended = any(bool(one.terminated[0]) for one in told)
@@ -197,8 +193,7 @@ class HardwareEnv(gym.Env[Observation, Action]):
 
     def _info(self, fault: Fault | None) -> dict[str, Any]:
         rows = [
-            {name: float(values[0]) for name, values in task.info().items()}
-            | {"age": joint.age(), "lateness": joint.lateness}
+            {**task.info(), "age": joint.age(), "lateness": joint.lateness}
             for task, joint in zip(self.tasks, self.joints, strict=True)
         ]
         several = isinstance(self.plant, CanArm)
@@ -222,9 +217,8 @@ def each(measured: Measurement | list[Measurement]) -> list[Measurement]:
     return measured if isinstance(measured, list) else [measured]
 
 
-def end_with_fault(episodes: Episodes) -> None:
+def end_with_fault(task: Task) -> None:
     """End the episode of a joint as a fault does."""
-    task = episodes.task
     task.terminated[:], task.truncated[:] = True, False
     task.reward[:] -= task.weights[-1]
     task.terms[0, -1] = -task.weights[-1]
