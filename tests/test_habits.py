@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ import yaml
 import cjt_gym
 
 ROOT = Path(__file__).resolve().parent.parent
-GUIDES = ("CONTRIBUTING.md", "SECURITY.md")
+GUIDES = ("CONTRIBUTING.md", "SECURITY.md", "docs/architecture.md")
 FORMS = sorted((ROOT / ".github").rglob("*.yml"))
 
 
@@ -37,11 +38,11 @@ def test_the_version_stands_in_one_place() -> None:
 def test_guides_name_what_exists(guide: str) -> None:
     text = (ROOT / guide).read_text("utf-8")
     made = ("tests/physics/test_effect_",)
-    for name in re.findall(r"`([\w./-]+/[\w./-]+|[\w-]+\.(?:toml|md))`", text):
+    for name in re.findall(r"`([\w./-]+/[\w./-]+)`", text):
         if not name.startswith(made):
             assert (ROOT / name).exists(), name
     for link in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", text):
-        assert (ROOT / link).exists(), link
+        assert ((ROOT / guide).parent / link).exists(), link
     for module in re.findall(r"python -m (tools[\w.]*)", text):
         path = ROOT / module.replace(".", "/")
         assert path.with_suffix(".py").exists() or path.is_dir(), module
@@ -88,3 +89,17 @@ def test_the_changelog_is_kept_by_release() -> None:
     first, *others = re.findall(r"^## (.*)$", text, re.M)
     assert first == "[Unreleased]"
     assert all(re.fullmatch(r"\[\d+\.\d+\.\d+\] - \d{4}-\d\d-\d\d", other) for other in others)
+
+
+def test_every_room_is_drawn_and_described() -> None:
+    sys.path.append(str(ROOT))  # tools are not installed
+    from tools.architecture_page import DRAWING, PAGE, TEXTS, folder_of, rooms
+
+    named = [room for layer in rooms() for room in layer]
+    on_disk = {path.stem for path in (ROOT / "cjt_gym").iterdir() if path.suffix in ("", ".py")}
+    assert on_disk - {"__pycache__", "__init__", "registry"} <= set(named)
+    assert set(TEXTS) == set(named)
+    page, svg = PAGE.read_text("utf-8"), DRAWING.read_text("utf-8")
+    for room in named:
+        assert f"| `{folder_of(room).relative_to(ROOT).as_posix()}` |" in page
+        assert f">{room}</text>" in svg
