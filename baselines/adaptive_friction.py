@@ -21,12 +21,17 @@ from cjt_gym.baselines.compensation import CompensatedPd, compensated_row
 from cjt_gym.baselines.controller import Floats, Mask, check
 from cjt_gym.baselines.entry import SPRUNG, Gain
 from cjt_gym.baselines.feedforward import ReferenceVelocity
+from cjt_gym.baselines.friction_feedforward import SHARE, SMOOTHING
 from cjt_gym.baselines.pid import KD, KP, LATE
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.plant import Measurement
 
-RATE_HZ, SMOOTHING, THRESHOLD, SHARE = 1.0, 0.02, 0.05, 0.8
+RATE_HZ = 1.0
+"""Bandwidth of the learning [Hz], slow against the motion, so that a mean is learnt."""
+THRESHOLD = 0.05
+"""Velocity above which it learns [rad/s], above the noise of differentiated encoders."""
 LARGEST_SHARE = 0.2
+"""Of the torque limit, beyond which a friction is not believed."""
 
 
 @final

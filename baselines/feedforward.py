@@ -17,6 +17,7 @@ from cjt_gym.joint import Joint
 from cjt_gym.plant import Measurement
 
 LOAD_HZ = 10.0
+"""Low pass of the load's velocity: against its noise at rest [Hz]."""
 
 
 class ReferenceVelocity:

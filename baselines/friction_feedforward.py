@@ -26,7 +26,11 @@ from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.joint import Joint
 from cjt_gym.plant import Measurement
 
-SHARE, SMOOTHING = 0.8, 0.02
+SHARE = 0.8
+"""Of the friction that is compensated: more than there is drives a limit cycle, less only leaves
+some of it."""
+SMOOTHING = 0.02
+"""Velocity over which the sign is smoothed [rad/s]; a sharper sign turns the command abruptly."""
 
 
 class KnownFriction:

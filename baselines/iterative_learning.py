@@ -47,12 +47,22 @@ from cjt_gym.plant import Measurement
 
 Complex = NDArray[np.complex128]
 
-RATE, TRIAL_S = 0.5, 1.0
+RATE = 0.5
+"""Half of an error is taken away per trial, so that noise of one trial averages out."""
+TRIAL_S = 1.0
+"""Duration of a trial, that of the references of the benchmark."""
 CUTOFFS = (60.0, 45.0, 30.0, 20.0, 14.0, 10.0, 7.0, 5.0, 3.0)
-SOFTNESS, ORDER = 0.1, 8
+"""Candidates for the cut-off [Hz]; the highest with which learning converges is taken."""
+SOFTNESS = 0.1
+"""Where the loop answers with less than this share of its largest answer, little is learnt."""
+ORDER = 8
+"""Of Q: steep enough to learn up to its cut-off, smooth enough not to ring in a trial."""
 LARGEST_SHARE = 0.5
+"""Of the torque limit that may be learnt; the other half is left to feedback."""
 SAME = 1e-9
+"""Relative difference up to which a reference repeats: rounding only."""
 POINTS = 400
+"""Frequencies at which convergence is checked."""
 
 
 @final

@@ -16,6 +16,7 @@ from cjt_gym.baselines.plant_model import SampledJoint
 Floats = NDArray[np.float64]
 
 CUTOFF_HZ = 200.0
+"""Of the derivative's low pass, as in the toolbox: ten times what the tasks ask for."""
 KP, KD = Gain("kp", "-", 0.0, 10.0), Gain("kd", "s", 0.0, 0.1)
 KI = Gain("ki", "1/s", 0.01, 300.0, log=True)
 LEAD = Gain("lead", "-", 0.0, 1.0, asked=True, usual=1.0)
@@ -24,6 +25,7 @@ DOB_HZ = Gain("dob_hz", "Hz", 0.1, 200.0, log=True)
 """Gains that several laws share. With a lead of at least 0.5 the derivative is that of the error,
 below that of the measurement; LEAD and LATE differ in which is usual."""
 INTEGRALS = (0.5, 2.0, 5.0, 10.0, 20.0, 40.0, 60.0, 90.0)
+"""Candidates for integral gains [1/s], about an octave apart."""
 
 
 def derivative(dt: float, cutoff_hz: float | None = None) -> tuple[Floats, Floats, Floats, float]:

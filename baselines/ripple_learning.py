@@ -25,14 +25,22 @@ import numpy as np
 from cjt_gym.baselines.compensation import CompensatedPd, compensated_row
 from cjt_gym.baselines.controller import Floats, Mask, check
 from cjt_gym.baselines.entry import SPRUNG, Gain
+from cjt_gym.baselines.friction_feedforward import SMOOTHING
 from cjt_gym.baselines.observers.momentum import momentum_observer
 from cjt_gym.baselines.pid import KD, KP, LATE
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.joint import Joint
 from cjt_gym.plant import Measurement
 
-RATE, OBSERVER_HZ, SMOOTHING, FLOOR = 2.0, 40.0, 0.02, 0.5
+RATE = 2.0
+"""Of the learning, relative to the power of the regressors [1/s]."""
+OBSERVER_HZ = 40.0
+"""Bandwidth of the momentum observer [Hz]: more lets noise in; the
+filter of the regressors makes up for less."""
+FLOOR = 0.5
+"""Of tanh(dq / SMOOTHING) above which the joint moves, and its map is learnt."""
 LARGEST_SHARE = 0.1
+"""Of the torque limit, beyond which a ripple is not believed."""
 
 
 @final

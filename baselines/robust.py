@@ -39,11 +39,17 @@ from cjt_gym.joint import Joint
 Floats = NDArray[np.float64]
 
 PEAK = 2.0
+"""Of the sensitivity: at least 6 dB gain margin and 29 degrees phase margin."""
 SPARE_DELAY = 1e-3
+"""One control step more than is known [s], which a bus or a slow computer costs at once."""
 SPREAD = 0.2
+"""Of inertia, relative; the stiffness is off by half of it. An allowance for datasheets."""
 NOISE = 8.0
+"""Largest amplification of noise into the command: the heat and sound that are accepted."""
 REFERENCE_BAND = 20.0
+"""Up to which a reference is to be followed [Hz], as in the tasks of the benchmark."""
 POINTS = 120
+"""Frequencies per loop, evenly over the octaves."""
 MARGIN = 1.0 + 1e-6
 """Largest modulus of a pole; a load that turns freely has poles at 1."""
 

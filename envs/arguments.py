@@ -127,7 +127,7 @@ def takes_arguments(target: Class) -> Class:
 
     Its `__init__` takes `self`, arguments of its own, and `**arguments`.
     """
-    init: Callable[..., None] = target.__init__
+    init: Callable[..., None] = vars(target)["__init__"]
     own = [p for p in inspect.signature(init).parameters.values() if p.kind is not p.VAR_KEYWORD]
     task = [
         inspect.Parameter(

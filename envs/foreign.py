@@ -5,6 +5,8 @@ The episode keeps reference, observation and reward, and sees of the joint what 
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -43,7 +45,7 @@ class ForeignEpisode:
         if self.episodes.controller is not None:
             self.episodes.controller.reset(EVERYONE)
 
-    def choose(self, action: NDArray[np.floating]) -> Floats:  # type: ignore[type-arg]
+    def choose(self, action: NDArray[np.floating[Any]]) -> Floats:
         """Return the motor torque that an action and the base controller command, (1,) [N m].
 
         Args:

@@ -21,6 +21,7 @@ Masks = NDArray[np.bool_]
 Words = NDArray[np.uint64]
 
 CLIP = 5.0
+"""Bound of observations, which tracking keeps below 1 or so."""
 TERMS = ("tracking", "precision", "smoothness", "effort", "safety")
 TRACKING, PRECISION, SMOOTHNESS, EFFORT, SAFETY = range(len(TERMS))
 FINE = 0.05
