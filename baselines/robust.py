@@ -18,6 +18,10 @@ P is the joint from motor torque to joint torque, S the sensitivity at the motor
 response from reference to joint torque. Frequencies are spread evenly over the octaves, so that
 the first mean is the squared error after a step of torque at the motor: such a step is what
 friction does wherever the motor turns back.
+
+How much the constants matter, for pid_feedforward on orange_80_6000 with 1 ms of delay: a `PEAK` of
+1.6, 2.0 and 2.5 gives kp = 0.4, 0.7 and 1.0; a `NOISE` of 4 halves kp and kd, takes ki from 90 to
+20, one of 16 changes nothing; nor does a `SPARE_DELAY` of 0 to 2 ms or a `SPREAD` of 0.1 to 0.4.
 """
 
 from __future__ import annotations
