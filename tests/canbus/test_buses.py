@@ -20,11 +20,12 @@ import can
 import numpy as np
 import pytest
 
-from cjt_gym.canbus.config import BusSettings, HardwareConfig
+from cjt_gym.canbus.config import HardwareConfig
 from cjt_gym.canbus.emulator import Emulator, serve
 from cjt_gym.canbus.plant import CanPlant
 from cjt_gym.canbus.ports import Port, SocketcandPort, open_port
 from cjt_gym.canbus.safety import State
+from cjt_gym.canbus.settings import BusSettings
 from cjt_gym.errors import ConfigurationError, HardwareError
 from cjt_gym.records import read_record
 from tests.canbus.bench import DRIVES, config

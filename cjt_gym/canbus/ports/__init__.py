@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from cjt_gym.canbus.config import BusSettings
 from cjt_gym.canbus.link import open_bus
 from cjt_gym.canbus.ports.bus import BusPort
 from cjt_gym.canbus.ports.port import Port
 from cjt_gym.canbus.ports.socketcand import SocketcandPort
+from cjt_gym.canbus.settings import BusSettings
 from cjt_gym.errors import ConfigurationError
 
 __all__ = ["BusPort", "Port", "SocketcandPort", "open_port"]
