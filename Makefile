@@ -69,16 +69,16 @@ hardware-soak: $(STAMP)
 	$(BIN)/python -m tests.canbus.soak --seconds $(SOAK_SECONDS) --rate $(RATE) $(SOAK_ARGS)
 
 loop: $(STAMP)
-	$(BIN)/python -m cjt_gym.training.loop --out loop $(LOOP_ARGS)
+	$(BIN)/python -m experiments.loop --out loop $(LOOP_ARGS)
 
 results: $(STAMP)
-	$(BIN)/python -m cjt_gym.training.results --out results $(RESULTS_ARGS)
+	$(BIN)/python -m experiments.results --out results $(RESULTS_ARGS)
 
 lint: $(STAMP)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/python tools/link_tree.py
-	cd .links && ../$(BIN)/mypy --config-file ../pyproject.toml --cache-dir ../.mypy_cache -p cjt_gym
+	cd .links && ../$(BIN)/mypy --config-file ../pyproject.toml --cache-dir ../.mypy_cache -p cjt_gym -p experiments
 	cd .links && ../$(BIN)/lint-imports --config ../pyproject.toml --cache-dir ../.import_linter_cache
 
 docs: $(STAMP)

@@ -17,7 +17,7 @@ TABLE = re.compile(r"(<!-- rooms -->\n).*?(\n<!-- end -->)", re.DOTALL)
 TEXTS = {
     "cli": "the command `cjt-gym`",
     "commands": "one file per command",
-    "training": "training, tuning, evaluation, benchmark, export of policies, experiments",
+    "training": "training, tuning, evaluation, benchmark, export of policies",
     "gpu": "episodes as tensors, on a CUDA device too",
     "envs": "Gymnasium environments: single, batched, hardware, robots",
     "gap": "the diagnosis",

@@ -16,9 +16,9 @@ from cjt_gym.envs.torque_tracking import complete
 from cjt_gym.joint import Joint
 from cjt_gym.plant import Limits, Measurement, limits_of
 from cjt_gym.training.fast_policy import fast_policy
-from cjt_gym.training.loop.joints import CUTOFF
 from cjt_gym.training.policy import PolicyAgent
 from cjt_gym.training.rollout import Agent, Traces
+from experiments.loop.joints import CUTOFF
 
 Floats = NDArray[np.float64]
 FINE_STEP: Final = 2e-5
