@@ -1,7 +1,7 @@
 # Everything runs in .venv, which is made on demand; only Python >= 3.11 and make are needed.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help install demo test test-all soak fuzz hardware-soak loop results lint format bench clean docs
+.PHONY: help install demo test test-all coverage soak fuzz hardware-soak loop results lint format bench clean docs
 
 PYTHON ?= $(shell for name in python3.11 python3.12 python3.13 python3 python; do \
 	if $$name -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1; then \
@@ -23,6 +23,7 @@ help:
 	@echo "make demo    train, compare and write demo/report.html"
 	@echo "make test    run the tests (WORKERS=$(WORKERS), PYTEST_ARGS=...)"
 	@echo "make test-all  and the slow ones"
+	@echo "make coverage  which lines the quick tests run, in build/coverage"
 	@echo "make soak    run random joints with random effects (SUBSTEPS=$(SUBSTEPS), SEED=$(SEED))"
 	@echo "make fuzz    read files that are almost right, with every reader (FUZZ_ARGS='--inputs 1e6')"
 	@echo "make hardware-soak  run a control loop against an emulated joint (SOAK_SECONDS=$(SOAK_SECONDS), RATE=$(RATE))"
@@ -51,6 +52,13 @@ test: $(STAMP)
 test-all: $(STAMP)
 	$(BIN)/python -m pytest -n $(WORKERS) $(PYTEST_ARGS)
 
+coverage: $(STAMP)
+	rm -rf build/coverage
+	$(BIN)/python -m coverage run -m pytest -n $(WORKERS) -m "not slow" $(PYTEST_ARGS)
+	$(BIN)/python -m coverage combine --quiet
+	$(BIN)/python -m coverage html --quiet
+	$(BIN)/python -m coverage report
+
 soak: $(STAMP)
 	$(BIN)/python -m tests.physics.soak --substeps $(SUBSTEPS) --seed $(SEED)
 
@@ -61,16 +69,16 @@ hardware-soak: $(STAMP)
 	$(BIN)/python -m tests.canbus.soak --seconds $(SOAK_SECONDS) --rate $(RATE) $(SOAK_ARGS)
 
 loop: $(STAMP)
-	$(BIN)/python -m cjt_gym.training.loop --out loop $(LOOP_ARGS)
+	$(BIN)/python -m experiments.loop --out loop $(LOOP_ARGS)
 
 results: $(STAMP)
-	$(BIN)/python -m cjt_gym.training.results --out results $(RESULTS_ARGS)
+	$(BIN)/python -m experiments.results --out results $(RESULTS_ARGS)
 
 lint: $(STAMP)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/python tools/link_tree.py
-	cd .links && ../$(BIN)/mypy --config-file ../pyproject.toml --cache-dir ../.mypy_cache -p cjt_gym
+	cd .links && ../$(BIN)/mypy --config-file ../pyproject.toml --cache-dir ../.mypy_cache -p cjt_gym -p experiments
 	cd .links && ../$(BIN)/lint-imports --config ../pyproject.toml --cache-dir ../.import_linter_cache
 
 docs: $(STAMP)

@@ -17,17 +17,21 @@ from typing import final
 
 import numpy as np
 
-from cjt_gym.baselines.compensation import CompensatedPd
-from cjt_gym.baselines.controller import Controller, Floats, Mask, check
-from cjt_gym.baselines.entry import SPRUNG, ControllerEntry, Gain, Gains
-from cjt_gym.baselines.feedforward import ReferenceVelocity, pd_defaults
+from cjt_gym.baselines.compensation import CompensatedPd, compensated_row
+from cjt_gym.baselines.controller import Floats, Mask, check
+from cjt_gym.baselines.entry import SPRUNG, Gain
+from cjt_gym.baselines.feedforward import ReferenceVelocity
+from cjt_gym.baselines.friction_feedforward import SHARE, SMOOTHING
 from cjt_gym.baselines.pid import KD, KP, LATE
 from cjt_gym.baselines.plant_model import SampledJoint
-from cjt_gym.joint import Joint
-from cjt_gym.plant import Measurement, limits_of
+from cjt_gym.plant import Measurement
 
-RATE_HZ, SMOOTHING, THRESHOLD, SHARE = 1.0, 0.02, 0.05, 0.8
+RATE_HZ = 1.0
+"""Bandwidth of the learning [Hz], slow against the motion, so that a mean is learnt."""
+THRESHOLD = 0.05
+"""Velocity above which it learns [rad/s], above the noise of differentiated encoders."""
 LARGEST_SHARE = 0.2
+"""Of the torque limit, beyond which a friction is not believed."""
 
 
 @final
@@ -61,7 +65,6 @@ class AdaptiveFriction(CompensatedPd):
     dt: float = field(init=False)
 
     def __post_init__(self) -> None:
-        self.dt = self.model.dt
         self._prepare()
         check(self, "rate_hz", "Hz", above=0.0)
         check(self, "threshold", "rad/s", above=0.0)
@@ -97,16 +100,9 @@ class AdaptiveFriction(CompensatedPd):
         self.level, self._speed = np.where(still, self.level, learnt), v
 
 
-def _defaults(joint: Joint, dt: float) -> Gains:
-    gains = pd_defaults(SampledJoint(joint, dt))
-    return gains | {"rate_hz": RATE_HZ, "threshold": THRESHOLD, "share": SHARE}
-
-
-def _build(joint: Joint, dt: float, gains: Gains) -> Controller:
-    return AdaptiveFriction(SampledJoint(joint, dt), **gains, torque_limit=limits_of(joint).tau)
-
-
-ROW = ControllerEntry(
+ROW = compensated_row(
+    AdaptiveFriction,
+    lambda model, pd: {"rate_hz": RATE_HZ, "threshold": THRESHOLD, "share": SHARE},
     name="adaptive_friction",
     summary="Feed-forward of reference and of a friction level that is learnt, and PD.",
     source="Friedland, Park (1992), IEEE Transactions on Automatic Control 37(10)",
@@ -118,7 +114,5 @@ ROW = ControllerEntry(
         Gain("threshold", "rad/s", 1e-3, 1.0, log=True),
         Gain("share", "-", 0.0, 1.5),
     ),
-    defaults=_defaults,
-    build=_build,
     structures=SPRUNG,
 )

@@ -9,7 +9,7 @@ where they arise; its integral is held back where the command is limited.
 
 from __future__ import annotations
 
-from cjt_gym.baselines.entry import SPRUNG, Gain, Gains
+from cjt_gym.baselines.entry import SPRUNG, Gain
 from cjt_gym.baselines.linear_law import LinearLaw, assemble, integrator, static
 from cjt_gym.baselines.linear_row import grid, linear_row
 from cjt_gym.baselines.passivity import damper
@@ -20,23 +20,19 @@ RESETS = (0.5, 2.0, 5.0, 10.0, 20.0, 50.0, 150.0, 400.0)
 """Candidates for kt kv [-] and ki / kv [1/s]."""
 
 
-def cascade_law(kt: float, kv: float, ki: float, dt: float) -> LinearLaw:
+def cascade_law(model: SampledJoint, kt: float, kv: float, ki: float) -> LinearLaw:
     """Return the law; see the module.
 
     Args:
+        model: The joint.
         kt: Velocity per torque error [rad/(s N m)].
         kv: Torque per velocity error [N m s/rad].
         ki: Torque per angle, from the integral [N m/rad].
-        dt: Sample time [s].
     """
     error = {"reference": kt, "tau": -kt, "dq_l": 1.0, "dq_m": -1.0}
     proportional = static(**{name: kv * weight for name, weight in error.items()})
-    integral = integrator(ki, dt, 1.0 + kv * kt, **error)
-    return assemble(dt, static(reference=1.0), proportional, integral)
-
-
-def _law(model: SampledJoint, gains: Gains) -> LinearLaw:
-    return cascade_law(gains["kt"], gains["kv"], gains["ki"], model.dt)
+    integral = integrator(ki, model.dt, 1.0 + kv * kt, **error)
+    return assemble(model.dt, static(reference=1.0), proportional, integral)
 
 
 def _candidates(model: SampledJoint) -> list[dict[str, float]]:
@@ -57,7 +53,7 @@ ROW = linear_row(
         Gain("kv", "N m s/rad", 0.0, 1000.0),
         Gain("ki", "N m/rad", 0.001, 1e5, log=True),
     ),
-    law=_law,
+    law=cascade_law,
     candidates=_candidates,
     structures=SPRUNG,
 )

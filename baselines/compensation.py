@@ -8,25 +8,31 @@ Each law says what c is. What learns from the command learns from the one that w
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import final
+from collections.abc import Callable
+from typing import Any, final
 
 import numpy as np
 
 from cjt_gym.baselines.controller import Controller, Floats, Mask, check, check_sampling
-from cjt_gym.baselines.feedforward import pd_law
+from cjt_gym.baselines.entry import ControllerEntry, Gains
+from cjt_gym.baselines.feedforward import pd_defaults, pd_law
 from cjt_gym.baselines.linear_law import LawMemory
-from cjt_gym.plant import Measurement
+from cjt_gym.baselines.plant_model import SampledJoint
+from cjt_gym.joint import Joint
+from cjt_gym.plant import Measurement, limits_of
 
 
 class CompensatedPd(Controller):
     """Feed-forward, PD and a compensation; see the module.
 
     Attributes:
+        model: The joint.
         kp: Proportional gain, >= 0 [-].
         kd: Derivative gain, >= 0 [s].
         lead: With at least 0.5 the derivative is that of the error.
     """
 
+    model: SampledJoint
     kp: float
     kd: float
     lead: float
@@ -37,10 +43,11 @@ class CompensatedPd(Controller):
         Raises:
             ConfigurationError: One of them is out of range.
         """
+        self.dt = self.model.dt
         check_sampling(self)
         check(self, "kp", "", low=0.0)
         check(self, "kd", "s", low=0.0)
-        self.linear = pd_law(self.kp, self.kd, self.dt, lead=self.lead >= 0.5)
+        self.linear = pd_law(self.kp, self.kd, self.dt, lead=self.lead)
         self._memory = LawMemory(self.linear)
         self._applied = np.zeros(0)
 
@@ -68,3 +75,27 @@ class CompensatedPd(Controller):
                 a past is its joint torque.
             fresh: Joints without a past, shape (n,).
         """
+
+
+def compensated_row(
+    law: Callable[..., CompensatedPd],
+    more: Callable[[SampledJoint, Gains], Gains],
+    **row: Any,
+) -> ControllerEntry:
+    """Return the row of such a law.
+
+    Args:
+        law: Makes it for a sampled joint, gains by their names, and a torque limit.
+        more: Gains beside those of PD, for a joint and the PD gains that are designed for it.
+        **row: What else `ControllerEntry` says.
+    """
+
+    def defaults(joint: Joint, dt: float) -> Gains:
+        model = SampledJoint(joint, dt)
+        gains = pd_defaults(model)
+        return gains | dict(more(model, gains))
+
+    def build(joint: Joint, dt: float, gains: Gains) -> Controller:
+        return law(SampledJoint(joint, dt), **gains, torque_limit=limits_of(joint).tau)
+
+    return ControllerEntry(defaults=defaults, build=build, **row)

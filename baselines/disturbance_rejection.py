@@ -10,13 +10,11 @@ integral action share one filter.
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 
-from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST, Gain, Gains
+from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST, Gain
 from cjt_gym.baselines.linear_law import LinearLaw, assemble, static
 from cjt_gym.baselines.linear_row import grid, linear_row
-from cjt_gym.baselines.observers.extended_state import extended_state_observer
-from cjt_gym.baselines.observers.linear_observer import LinearObserver
+from cjt_gym.baselines.observers.extended_state import designed
 from cjt_gym.baselines.pid import KD, KP, damping_gains
 from cjt_gym.baselines.plant_model import SampledJoint
 
@@ -38,19 +36,10 @@ def disturbance_rejection_law(
     Raises:
         ConfigurationError: The joint torque does not show all states.
     """
-    observer = _observer(model, observer_hz)
+    observer = designed(model, observer_hz)
     rate = next(name for name in ("dq_g", "dq_m") if name in observer.names)
     weights = {"tau": -kp, rate: -kd * model.joint.parameters.k_b, "disturbance": -1.0}
     return assemble(model.dt, static(reference=1.0 + kp), observer.block(**weights))
-
-
-@lru_cache(maxsize=64)
-def _observer(model: SampledJoint, bandwidth_hz: float) -> LinearObserver:
-    return extended_state_observer(model, bandwidth_hz)
-
-
-def _law(model: SampledJoint, gains: Gains) -> LinearLaw:
-    return disturbance_rejection_law(model, gains["kp"], gains["kd"], gains["observer_hz"])
 
 
 def _candidates(model: SampledJoint) -> list[dict[str, float]]:
@@ -70,7 +59,7 @@ ROW = linear_row(
         KD,
         Gain("observer_hz", "Hz", 0.1, 250.0, log=True),
     ),
-    law=_law,
+    law=disturbance_rejection_law,
     candidates=_candidates,
     structures=FIXED,
     refusal=ZERO_AT_REST,

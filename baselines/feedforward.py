@@ -17,6 +17,7 @@ from cjt_gym.joint import Joint
 from cjt_gym.plant import Measurement
 
 LOAD_HZ = 10.0
+"""Low pass of the load's velocity: against its noise at rest [Hz]."""
 
 
 class ReferenceVelocity:
@@ -45,7 +46,7 @@ class ReferenceVelocity:
         return np.asarray(self.rate.step(reference, fresh) / self.stiffness + self._load)
 
 
-def pd_law(kp: float, kd: float, dt: float, *more: Block, lead: bool = False) -> LinearLaw:
+def pd_law(kp: float, kd: float, dt: float, *more: Block, lead: float = 0.0) -> LinearLaw:
     """Return feed-forward and PD, without lead with the torque's derivative, and more blocks."""
     return assemble(dt, static(reference=1.0), pid(kp, 0.0, kd, dt, lead), *more)
 

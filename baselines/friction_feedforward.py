@@ -12,22 +12,25 @@ added.
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import final
 
 import numpy as np
 
-from cjt_gym.baselines.compensation import CompensatedPd
-from cjt_gym.baselines.controller import Controller, Floats, Mask, check
-from cjt_gym.baselines.entry import SPRUNG, ControllerEntry, Gain, Gains
-from cjt_gym.baselines.feedforward import ReferenceVelocity, pd_defaults
+from cjt_gym.baselines.compensation import CompensatedPd, compensated_row
+from cjt_gym.baselines.controller import Floats, Mask, check
+from cjt_gym.baselines.entry import SPRUNG, Gain
+from cjt_gym.baselines.feedforward import ReferenceVelocity
 from cjt_gym.baselines.pid import KD, KP, LATE
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.joint import Joint
-from cjt_gym.plant import Measurement, limits_of
+from cjt_gym.plant import Measurement
 
-SHARE, SMOOTHING = 0.8, 0.02
+SHARE = 0.8
+"""Of the friction that is compensated: more than there is drives a limit cycle, less only leaves
+some of it."""
+SMOOTHING = 0.02
+"""Velocity over which the sign is smoothed [rad/s]; a sharper sign turns the command abruptly."""
 
 
 class KnownFriction:
@@ -61,8 +64,7 @@ class FrictionFeedForward(CompensatedPd):
     """Feed-forward of friction, and PD; see the module.
 
     Attributes:
-        joint: The joint whose friction is known.
-        dt: Sample time [s].
+        model: The joint whose friction is known.
         kp: Proportional gain, >= 0 [-].
         kd: Derivative gain, >= 0 [s].
         lead: With at least 0.5 the derivative is that of the error.
@@ -74,20 +76,20 @@ class FrictionFeedForward(CompensatedPd):
         ConfigurationError: A number is out of range.
     """
 
-    joint: Joint
-    dt: float
+    model: SampledJoint
     kp: float
     kd: float
     lead: float
-    share: float = SHARE
-    smoothing: float = SMOOTHING
-    torque_limit: float = math.inf
+    share: float
+    smoothing: float
+    torque_limit: float
+    dt: float = field(init=False)
 
     def __post_init__(self) -> None:
         self._prepare()
         check(self, "share", "", low=0.0)
         check(self, "smoothing", "rad/s", above=0.0)
-        self.friction = KnownFriction(self.joint, self.dt, self.share, self.smoothing)
+        self.friction = KnownFriction(self.model.joint, self.dt, self.share, self.smoothing)
 
     def _compensation(
         self, measurement: Measurement, reference: Floats, applied: Floats, fresh: Mask
@@ -95,16 +97,9 @@ class FrictionFeedForward(CompensatedPd):
         return self.friction.step(measurement, reference, fresh)
 
 
-def _defaults(joint: Joint, dt: float) -> Gains:
-    gains = pd_defaults(SampledJoint(joint, dt))
-    return gains | {"share": SHARE, "smoothing": SMOOTHING}
-
-
-def _build(joint: Joint, dt: float, gains: Gains) -> Controller:
-    return FrictionFeedForward(joint, dt, **gains, torque_limit=limits_of(joint).tau)
-
-
-ROW = ControllerEntry(
+ROW = compensated_row(
+    FrictionFeedForward,
+    lambda model, pd: {"share": SHARE, "smoothing": SMOOTHING},
     name="friction_feedforward",
     summary="Feed-forward of reference and known friction, and PD.",
     source="Armstrong-Helouvry, Dupont, Canudas de Wit (1994), Automatica 30(7)",
@@ -115,7 +110,5 @@ ROW = ControllerEntry(
         Gain("share", "-", 0.0, 1.5),
         Gain("smoothing", "rad/s", 1e-4, 1.0, log=True),
     ),
-    defaults=_defaults,
-    build=_build,
     structures=SPRUNG,
 )

@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_continuous_are, solve_discrete_are
 
-from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST, Gain, Gains
+from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST, Gain
 from cjt_gym.baselines.linear_law import Block, LinearLaw, assemble, signals, static
 from cjt_gym.baselines.linear_row import grid, linear_row
 from cjt_gym.baselines.plant_model import SampledJoint
@@ -135,10 +135,6 @@ def _conditioning(a: Floats, b: Floats, c: Floats, d: Floats) -> Floats:
     return np.asarray((a @ p @ row.T / (1.0 + row @ p @ row.T))[:, 0] / unit)
 
 
-def _law(model: SampledJoint, gains: Gains) -> LinearLaw:
-    return h_infinity_law(model, gains["bandwidth_hz"], gains["effort"])
-
-
 def _candidates(model: SampledJoint) -> list[dict[str, float]]:
     effort = np.geomspace(0.03, 1e4, 16).tolist()
     return grid(bandwidth_hz=(0.2, 1.0, 2.0, 4.0, 7.0, 12.0, 20.0, 30.0), effort=effort)
@@ -152,7 +148,7 @@ ROW = linear_row(
         Gain("bandwidth_hz", "Hz", 0.01, 100.0, log=True),
         Gain("effort", "-", 1e-3, 1e6, log=True),
     ),
-    law=_law,
+    law=h_infinity_law,
     candidates=_candidates,
     structures=FIXED,
     refusal=ZERO_AT_REST,

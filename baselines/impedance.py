@@ -30,7 +30,10 @@ from cjt_gym.baselines.shipped import gains_of
 from cjt_gym.joint import Joint
 from cjt_gym.plant import Measurement, limits_of
 
-STIFFNESS_SHARE, DAMPING_RATIO = 0.05, 0.5
+STIFFNESS_SHARE = 0.05
+"""Of the torsion bar's stiffness that is rendered; the bar itself is the upper limit."""
+DAMPING_RATIO = 0.5
+"""Of the inertia on the rendered spring: it settles with little overshoot."""
 
 
 @final

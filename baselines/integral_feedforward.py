@@ -10,26 +10,22 @@ from __future__ import annotations
 
 import numpy as np
 
-from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST, Gains
+from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST
 from cjt_gym.baselines.linear_law import LinearLaw, assemble, integrator, static
 from cjt_gym.baselines.linear_row import grid, linear_row
 from cjt_gym.baselines.pid import KI
 from cjt_gym.baselines.plant_model import SampledJoint
 
 
-def integral_law(ki: float, dt: float) -> LinearLaw:
+def integral_law(model: SampledJoint, ki: float) -> LinearLaw:
     """Return the law; see the module.
 
     Args:
+        model: The joint.
         ki: Integral gain [1/s].
-        dt: Sample time [s].
     """
-    integral = integrator(ki, dt, 1.0, reference=1.0, tau=-1.0)
-    return assemble(dt, static(reference=1.0), integral)
-
-
-def _law(model: SampledJoint, gains: Gains) -> LinearLaw:
-    return integral_law(gains["ki"], model.dt)
+    integral = integrator(ki, model.dt, 1.0, reference=1.0, tau=-1.0)
+    return assemble(model.dt, static(reference=1.0), integral)
 
 
 def _candidates(model: SampledJoint) -> list[dict[str, float]]:
@@ -41,7 +37,7 @@ ROW = linear_row(
     summary="Feed-forward and integral of the torque error.",
     source="Vischer, Khatib (1995), IEEE Transactions on Robotics and Automation 11(4)",
     tunable=(KI,),
-    law=_law,
+    law=integral_law,
     candidates=_candidates,
     structures=FIXED,
     refusal=ZERO_AT_REST,

@@ -34,26 +34,35 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.baselines.compensation import CompensatedPd
-from cjt_gym.baselines.controller import Controller, Floats, Mask, check
-from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST, ControllerEntry, Gain, Gains
-from cjt_gym.baselines.feedforward import pd_defaults, pd_law
+from cjt_gym.baselines.compensation import CompensatedPd, compensated_row
+from cjt_gym.baselines.controller import Floats, Mask, check
+from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST, Gain, Gains
+from cjt_gym.baselines.feedforward import pd_law
 from cjt_gym.baselines.linear_law import LinearLaw
 from cjt_gym.baselines.pid import KD, KP, LATE
 from cjt_gym.baselines.plant_model import LoopModel, SampledJoint
 from cjt_gym.baselines.robust import make_bench
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.joint import Joint
-from cjt_gym.plant import Measurement, limits_of
+from cjt_gym.plant import Measurement
 
 Complex = NDArray[np.complex128]
 
-RATE, TRIAL_S = 0.5, 1.0
+RATE = 0.5
+"""Half of an error is taken away per trial, so that noise of one trial averages out."""
+TRIAL_S = 1.0
+"""Duration of a trial, that of the references of the benchmark."""
 CUTOFFS = (60.0, 45.0, 30.0, 20.0, 14.0, 10.0, 7.0, 5.0, 3.0)
-SOFTNESS, ORDER = 0.1, 8
+"""Candidates for the cut-off [Hz]; the highest with which learning converges is taken."""
+SOFTNESS = 0.1
+"""Where the loop answers with less than this share of its largest answer, little is learnt."""
+ORDER = 8
+"""Of Q: steep enough to learn up to its cut-off, smooth enough not to ring in a trial."""
 LARGEST_SHARE = 0.5
+"""Of the torque limit that may be learnt; the other half is left to feedback."""
 SAME = 1e-9
+"""Relative difference up to which a reference repeats: rounding only."""
 POINTS = 400
+"""Frequencies at which convergence is checked."""
 
 
 @final
@@ -86,7 +95,6 @@ class IterativeLearning(CompensatedPd):
     dt: float = field(init=False)
 
     def __post_init__(self) -> None:
-        self.dt = self.model.dt
         self._prepare()
         check(self, "rate", "", above=0.0)
         check(self, "cutoff_hz", "Hz", above=0.0)
@@ -178,19 +186,16 @@ def contraction(model: SampledJoint, law: LinearLaw, rate: float, cutoff_hz: flo
     return max(float(np.max(keep * np.abs(1.0 - step * answer(x, law, f)))) for x in loops)
 
 
-def _defaults(joint: Joint, dt: float) -> Gains:
-    model = SampledJoint(joint, dt)
-    gains = pd_defaults(model)
-    law = pd_law(gains["kp"], gains["kd"], dt)
+def _learning(model: SampledJoint, pd: Gains) -> Gains:
+    """Return the gains of learning, with as high a cut-off as converges."""
+    law = pd_law(pd["kp"], pd["kd"], model.dt)
     good = [c for c in CUTOFFS if contraction(model, law, RATE, c) < 1.0]
-    return gains | {"rate": RATE, "cutoff_hz": good[0] if good else CUTOFFS[-1], "trial_s": TRIAL_S}
+    return {"rate": RATE, "cutoff_hz": good[0] if good else CUTOFFS[-1], "trial_s": TRIAL_S}
 
 
-def _build(joint: Joint, dt: float, gains: Gains) -> Controller:
-    return IterativeLearning(SampledJoint(joint, dt), **gains, torque_limit=limits_of(joint).tau)
-
-
-ROW = ControllerEntry(
+ROW = compensated_row(
+    IterativeLearning,
+    _learning,
     name="iterative_learning",
     summary="Feed-forward, PD, and a feed-forward learnt over trials of a repeated reference.",
     source="Arimoto, Kawamura, Miyazaki (1984), Journal of Robotic Systems 1(2); Bristow, "
@@ -203,8 +208,6 @@ ROW = ControllerEntry(
         Gain("cutoff_hz", "Hz", 0.5, 200.0, log=True),
         Gain("trial_s", "s", 0.01, 60.0, log=True, asked=True),
     ),
-    defaults=_defaults,
-    build=_build,
     structures=FIXED,
     refusal=ZERO_AT_REST,
 )

@@ -13,15 +13,13 @@ from cjt_gym.baselines.robust import best_gains
 from cjt_gym.joint import Joint
 from cjt_gym.plant import limits_of
 
-LawOf = Callable[[SampledJoint, Gains], LinearLaw]
-
 
 def linear_row(
     name: str,
     summary: str,
     source: str,
     tunable: tuple[Gain, ...],
-    law: LawOf,
+    law: Callable[..., LinearLaw],
     candidates: Callable[[SampledJoint], Iterable[Gains]],
     structures: tuple[str, ...] = EVERY,
     refusal: str = "",
@@ -33,7 +31,7 @@ def linear_row(
         summary: The law in one line.
         source: Where it comes from.
         tunable: Its gains with their ranges.
-        law: Makes the law for a sampled joint and gains.
+        law: Makes the law for a sampled joint and gains, which it takes by their names.
         candidates: Gains from which the defaults are chosen.
         structures: The structures that it holds for.
         refusal: Why it does not hold for others.
@@ -43,10 +41,10 @@ def linear_row(
         model = SampledJoint(joint, dt)
         usual = {gain.name: gain.usual for gain in tunable if gain.usual is not None}
         rows = [usual | dict(row) for row in candidates(model)]
-        return best_gains(model, lambda gains: law(model, gains), rows)
+        return best_gains(model, lambda gains: law(model, **gains), rows)
 
     def build(joint: Joint, dt: float, gains: Gains) -> Controller:
-        return LinearController(law(SampledJoint(joint, dt), gains), limits_of(joint).tau)
+        return LinearController(law(SampledJoint(joint, dt), **gains), limits_of(joint).tau)
 
     return ControllerEntry(name, summary, source, tunable, defaults, build, structures, refusal)
 

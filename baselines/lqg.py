@@ -13,7 +13,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST, Gain, Gains
+from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST, Gain
 from cjt_gym.baselines.linear_law import Block, LinearLaw, assemble
 from cjt_gym.baselines.linear_row import grid, linear_row
 from cjt_gym.baselines.observers.kalman import kalman_filter
@@ -64,10 +64,6 @@ def _observer(model: SampledJoint, step: float) -> LinearObserver:
     return kalman_filter(model, step, step)
 
 
-def _law(model: SampledJoint, gains: Gains) -> LinearLaw:
-    return lqg_law(model, gains["effort"], gains["drift"])
-
-
 def _candidates(model: SampledJoint) -> list[dict[str, float]]:
     effort = np.geomspace(0.03, 1e3, 14).tolist()
     return grid(effort=effort, drift=np.geomspace(0.003, 30.0, 12).tolist())
@@ -82,7 +78,7 @@ ROW = linear_row(
         Gain("effort", "-", 1e-3, 1e6, log=True),
         Gain("drift", "-", 1e-4, 1e3, log=True),
     ),
-    law=_law,
+    law=lqg_law,
     candidates=_candidates,
     structures=FIXED,
     refusal=ZERO_AT_REST,

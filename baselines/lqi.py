@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST, Gain, Gains
+from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST, Gain
 from cjt_gym.baselines.linear_law import LinearLaw, assemble, integrator, static
 from cjt_gym.baselines.linear_row import grid, linear_row
 from cjt_gym.baselines.plant_model import SampledJoint
@@ -41,10 +41,6 @@ def lqi_law(model: SampledJoint, effort: float, reset: float) -> LinearLaw:
     return assemble(model.dt, *reference_and_commands(feedback), states, integral)
 
 
-def _law(model: SampledJoint, gains: Gains) -> LinearLaw:
-    return lqi_law(model, gains["effort"], gains["reset"])
-
-
 def _candidates(model: SampledJoint) -> list[dict[str, float]]:
     effort = np.geomspace(0.03, 1e4, 18).tolist()
     return grid(effort=effort, reset=(0.5, 2.0, 6.0, 15.0, 30.0, 60.0, 120.0))
@@ -58,7 +54,7 @@ ROW = linear_row(
         Gain("effort", "-", 1e-3, 1e6, log=True),
         Gain("reset", "1/s", 0.01, 1e3, log=True),
     ),
-    law=_law,
+    law=lqi_law,
     candidates=_candidates,
     structures=FIXED,
     refusal=ZERO_AT_REST,

@@ -15,11 +15,11 @@ from functools import lru_cache
 
 import numpy as np
 
-from cjt_gym.baselines.entry import SPRUNG, Gains
+from cjt_gym.baselines.entry import SPRUNG
 from cjt_gym.baselines.feedforward import dob_candidates, pd_law
 from cjt_gym.baselines.linear_law import Block, LinearLaw, through, total
 from cjt_gym.baselines.linear_row import linear_row
-from cjt_gym.baselines.pid import DOB_HZ, KD, KP, LATE, leads
+from cjt_gym.baselines.pid import DOB_HZ, KD, KP, LATE
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.baselines.rational import (
     Rational,
@@ -56,7 +56,7 @@ def mass_observer(model: SampledJoint, cutoff_hz: float) -> Block:
 
 
 def mass_dob_law(
-    model: SampledJoint, kp: float, kd: float, dob_hz: float, lead: bool = False
+    model: SampledJoint, kp: float, kd: float, dob_hz: float, lead: float = 0.0
 ) -> LinearLaw:
     """Return the law; see the module.
 
@@ -65,13 +65,9 @@ def mass_dob_law(
         kp: Proportional gain [-].
         kd: Derivative gain [s].
         dob_hz: Cut-off of Q [Hz].
-        lead: Whether the derivative is that of the error.
+        lead: With at least 0.5 the derivative is that of the error.
     """
     return pd_law(kp, kd, model.dt, mass_observer(model, dob_hz), lead=lead)
-
-
-def _law(model: SampledJoint, gains: Gains) -> LinearLaw:
-    return mass_dob_law(model, gains["kp"], gains["kd"], gains["dob_hz"], leads(gains))
 
 
 ROW = linear_row(
@@ -85,7 +81,7 @@ ROW = linear_row(
         DOB_HZ,
         LATE,
     ),
-    law=_law,
+    law=mass_dob_law,
     candidates=dob_candidates,
     structures=SPRUNG,
 )

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cjt_gym.baselines.entry import SPRUNG, Gain, Gains
+from cjt_gym.baselines.entry import SPRUNG, Gain
 from cjt_gym.baselines.linear_law import LinearLaw, assemble, static
 from cjt_gym.baselines.linear_row import grid, linear_row
 from cjt_gym.baselines.observers.momentum import momentum_observer
@@ -29,10 +29,6 @@ def momentum_dob_law(model: SampledJoint, bandwidth_hz: float) -> LinearLaw:
     return assemble(model.dt, static(reference=1.0), friction)
 
 
-def _law(model: SampledJoint, gains: Gains) -> LinearLaw:
-    return momentum_dob_law(model, gains["bandwidth_hz"])
-
-
 def _candidates(model: SampledJoint) -> list[dict[str, float]]:
     return grid(bandwidth_hz=np.geomspace(0.01, 100.0, 33).tolist())
 
@@ -42,7 +38,7 @@ ROW = linear_row(
     summary="Feed-forward, and friction from a generalised-momentum observer.",
     source="Le Tien, Albu-Schaeffer, De Luca, Hirzinger (2008), IROS",
     tunable=(Gain("bandwidth_hz", "Hz", 0.001, 200.0, log=True),),
-    law=_law,
+    law=momentum_dob_law,
     candidates=_candidates,
     structures=SPRUNG,
 )

@@ -9,16 +9,13 @@ estimates the states and the torque d that disturbs the motor, with its poles ne
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 
-from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST, Gain, Gains
+from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST, Gain
 from cjt_gym.baselines.linear_law import LinearLaw, assemble
 from cjt_gym.baselines.linear_row import linear_row
 from cjt_gym.baselines.lqg import observed_feedback
-from cjt_gym.baselines.observers.extended_state import extended_state_observer
-from cjt_gym.baselines.observers.linear_observer import LinearObserver
+from cjt_gym.baselines.observers.extended_state import designed
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.baselines.state_feedback import placed_feedback, reference_and_commands
 
@@ -41,15 +38,10 @@ def observer_feedback_law(
     w = 2.0 * np.pi * bandwidth_hz
     mode = w * complex(-damping, np.sqrt(1.0 - damping**2))
     feedback = placed_feedback(model, [mode, mode.conjugate(), *_others(model)])
-    observer = _observer(model, observer_hz)
+    observer = designed(model, observer_hz)
     return assemble(
         model.dt, *reference_and_commands(feedback), observed_feedback(feedback, observer)
     )
-
-
-@lru_cache(maxsize=64)
-def _observer(model: SampledJoint, bandwidth_hz: float) -> LinearObserver:
-    return extended_state_observer(model, bandwidth_hz)
 
 
 def _others(model: SampledJoint) -> list[complex]:
@@ -59,11 +51,6 @@ def _others(model: SampledJoint) -> list[complex]:
         return poles[2:]
     near = 1e-6 * abs(mode)
     return [p for p in poles if min(abs(p - mode), abs(p - mode.conjugate())) > near]
-
-
-def _law(model: SampledJoint, gains: Gains) -> LinearLaw:
-    names = ("bandwidth_hz", "damping", "observer_hz")
-    return observer_feedback_law(model, *(gains[name] for name in names))
 
 
 def _candidates(model: SampledJoint) -> list[dict[str, float]]:
@@ -89,7 +76,7 @@ ROW = linear_row(
         Gain("damping", "-", 0.01, 0.95),
         Gain("observer_hz", "Hz", 0.1, 250.0, log=True),
     ),
-    law=_law,
+    law=observer_feedback_law,
     candidates=_candidates,
     structures=FIXED,
     refusal=ZERO_AT_REST,

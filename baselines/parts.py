@@ -8,17 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 from cjt_gym.baselines.entry import FIXED, SPRUNG, ZERO_AT_REST, Gain, Gains
 from cjt_gym.baselines.friction_feedforward import SHARE, SMOOTHING, KnownFriction
 from cjt_gym.baselines.linear_law import Block, static
 from cjt_gym.baselines.mass_dob import mass_observer
-from cjt_gym.baselines.observers.disturbance import disturbance_observer
-from cjt_gym.baselines.observers.extended_state import extended_state_observer
+from cjt_gym.baselines.observers.extended_state import designed
 from cjt_gym.baselines.observers.momentum import momentum_observer
 from cjt_gym.baselines.passivity import damper
-from cjt_gym.baselines.pid import DOB_HZ, KD, KI, KP, LEAD, damping_gains, leads, pid
+from cjt_gym.baselines.pid import DOB_HZ, KD, KI, KP, LEAD, damping_gains, pid
+from cjt_gym.baselines.pid_inner_dob import inner_observer
 from cjt_gym.baselines.plant_model import SampledJoint
 
 FEEDBACK, FORWARD, OBSERVER = "feedback", "feed-forward", "disturbance observer"
@@ -56,8 +55,8 @@ class Part:
 
 
 def _pid(model: SampledJoint, gains: Gains) -> Block:
-    kd, lead = gains.get("kd", 0.0), "lead" in gains and leads(gains)
-    return pid(gains.get("kp", 0.0), 0.0, kd, model.dt, lead)
+    kp, kd, lead = (gains.get(name, 0.0) for name in ("kp", "kd", "lead"))
+    return pid(kp, 0.0, kd, model.dt, lead)
 
 
 def _pid_tries(*names: str) -> Callable[[SampledJoint], Tries]:
@@ -85,16 +84,6 @@ def _position_tries(model: SampledJoint) -> Tries:
 
 def _damping_block(model: SampledJoint, gains: Gains) -> Block:
     return static(dq_m=-gains["damping"], dq_l=gains["damping"])
-
-
-@lru_cache(maxsize=64)
-def _inner(model: SampledJoint, hz: float) -> Block:
-    return disturbance_observer(model, hz).block(disturbance=-1.0)
-
-
-@lru_cache(maxsize=64)
-def _extended(model: SampledJoint, hz: float) -> Block:
-    return extended_state_observer(model, hz).block(disturbance=-1.0)
 
 
 def _observer_tries(name: str) -> Callable[[SampledJoint], Tries]:
@@ -152,7 +141,7 @@ ROWS = (
         OBSERVER,
         "from the inverse of the joint and the torque",
         (DOB_HZ,),
-        lambda m, g: _inner(m, g["dob_hz"]),
+        lambda m, g: inner_observer(m, g["dob_hz"]),
         _observer_tries("dob_hz"),
         FIXED,
     ),
@@ -177,7 +166,7 @@ ROWS = (
         OBSERVER,
         "from an extended-state observer of the torque",
         (Gain("observer_hz", "Hz", 0.1, 250.0, log=True),),
-        lambda m, g: _extended(m, g["observer_hz"]),
+        lambda m, g: designed(m, g["observer_hz"]).block(disturbance=-1.0),
         _observer_tries("observer_hz"),
         FIXED,
     ),

@@ -9,7 +9,7 @@ passive. Delays take that from it where B / B_d or D_s is large; the default gai
 
 from __future__ import annotations
 
-from cjt_gym.baselines.entry import SPRUNG, Gain, Gains
+from cjt_gym.baselines.entry import SPRUNG, Gain
 from cjt_gym.baselines.linear_law import Block, LinearLaw, assemble, static
 from cjt_gym.baselines.linear_row import grid, linear_row
 from cjt_gym.baselines.pid import damping_gains
@@ -27,18 +27,14 @@ def passivity_block(shaping: float, damping: float) -> Block:
     return static(reference=shaping, tau=1.0 - shaping, dq_m=-share, dq_l=share)
 
 
-def passivity_law(shaping: float, damping: float, dt: float) -> LinearLaw:
+def passivity_law(model: SampledJoint, shaping: float, damping: float) -> LinearLaw:
     """Return the law; see `passivity_block`."""
-    return assemble(dt, passivity_block(shaping, damping))
+    return assemble(model.dt, passivity_block(shaping, damping))
 
 
 def damper(model: SampledJoint, ratios: tuple[float, ...]) -> list[float]:
     """Return dampers that give the motor on the spring damping ratios [N m s/rad]."""
     return [model.joint.parameters.k_b * gain for gain in damping_gains(model, ratios)]
-
-
-def _law(model: SampledJoint, gains: Gains) -> LinearLaw:
-    return passivity_law(gains["shaping"], gains["damping"], model.dt)
 
 
 def _candidates(model: SampledJoint) -> list[dict[str, float]]:
@@ -52,7 +48,7 @@ ROW = linear_row(
     source="Albu-Schaeffer, Ott, Hirzinger (2007), International Journal of Robotics Research "
     "26(1)",
     tunable=(Gain("shaping", "-", 1.0, 10.0), Gain("damping", "N m s/rad", 0.0, 1000.0)),
-    law=_law,
+    law=passivity_law,
     candidates=_candidates,
     structures=SPRUNG,
 )

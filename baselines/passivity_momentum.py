@@ -8,7 +8,7 @@ generalised-momentum observer.
 
 from __future__ import annotations
 
-from cjt_gym.baselines.entry import SPRUNG, Gain, Gains
+from cjt_gym.baselines.entry import SPRUNG, Gain
 from cjt_gym.baselines.linear_law import LinearLaw, assemble
 from cjt_gym.baselines.linear_row import grid, linear_row
 from cjt_gym.baselines.observers.momentum import momentum_observer
@@ -31,11 +31,6 @@ def passivity_momentum_law(
     return assemble(model.dt, passivity_block(shaping, damping), friction)
 
 
-def _law(model: SampledJoint, gains: Gains) -> LinearLaw:
-    names = ("shaping", "damping", "bandwidth_hz")
-    return passivity_momentum_law(model, *(gains[name] for name in names))
-
-
 def _candidates(model: SampledJoint) -> list[dict[str, float]]:
     return grid(
         shaping=(1.0, 1.2, 1.5, 2.0, 3.0),
@@ -54,7 +49,7 @@ ROW = linear_row(
         Gain("damping", "N m s/rad", 0.0, 1000.0),
         Gain("bandwidth_hz", "Hz", 0.001, 200.0, log=True),
     ),
-    law=_law,
+    law=passivity_momentum_law,
     candidates=_candidates,
     structures=SPRUNG,
 )

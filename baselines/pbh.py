@@ -18,6 +18,7 @@ from cjt_gym.errors import ConfigurationError
 
 Floats = NDArray[np.float64]
 TOLERANCE = 1e-13
+"""Least singular value, relative, that is not zero: some hundred times the rounding of a double."""
 SMALL = 1e-6
 """Modes nearer to each other than this, over the fastest, are one; shares less than this none."""
 

@@ -8,27 +8,23 @@ integral it leaves an error of 1 / (1 + kp): it shows what feed-forward is worth
 
 from __future__ import annotations
 
-from cjt_gym.baselines.entry import SPRUNG, Gains
+from cjt_gym.baselines.entry import SPRUNG
 from cjt_gym.baselines.linear_law import LinearLaw, assemble
 from cjt_gym.baselines.linear_row import grid, linear_row
-from cjt_gym.baselines.pid import KD, KP, LEAD, damping_gains, leads, pid
+from cjt_gym.baselines.pid import KD, KP, LEAD, damping_gains, pid
 from cjt_gym.baselines.plant_model import SampledJoint
 
 
-def pd_law(kp: float, kd: float, dt: float, lead: bool = True) -> LinearLaw:
+def pd_law(model: SampledJoint, kp: float, kd: float, lead: float = 1.0) -> LinearLaw:
     """Return the law; see the module.
 
     Args:
+        model: The joint.
         kp: Proportional gain [-].
         kd: Derivative gain [s].
-        dt: Sample time [s].
-        lead: Whether the derivative is that of the error.
+        lead: With at least 0.5 the derivative is that of the error.
     """
-    return assemble(dt, pid(kp, 0.0, kd, dt, lead))
-
-
-def _law(model: SampledJoint, gains: Gains) -> LinearLaw:
-    return pd_law(gains["kp"], gains["kd"], model.dt, leads(gains))
+    return assemble(model.dt, pid(kp, 0.0, kd, model.dt, lead))
 
 
 def _candidates(model: SampledJoint) -> list[dict[str, float]]:
@@ -41,7 +37,7 @@ ROW = linear_row(
     summary="PD on the torque error without feed-forward, derivative filtered at 200 Hz.",
     source="Readman (1994), Flexible Joint Robots, CRC Press",
     tunable=(KP, KD, LEAD),
-    law=_law,
+    law=pd_law,
     candidates=_candidates,
     structures=SPRUNG,
 )

@@ -20,6 +20,7 @@ from cjt_gym.plant import Measurement, limits_of
 
 DERIVATIVES = ("error", "output")
 RIGID_KP = 0.5
+"""Of a joint without torque dynamics, whose error becomes 1 / (1 + kp)."""
 
 
 @final
@@ -81,7 +82,7 @@ class PdFeedForward(Controller):
 
 
 def pd_feedforward_law(
-    kp: float, kd: float, dt: float, lead: bool = True, cutoff_hz: float | None = None
+    kp: float, kd: float, dt: float, lead: float = 1.0, cutoff_hz: float | None = None
 ) -> LinearLaw:
     """Return the law; see `PdFeedForward`.
 
@@ -89,7 +90,7 @@ def pd_feedforward_law(
         kp: Proportional gain [-].
         kd: Derivative gain [s].
         dt: Sample time [s].
-        lead: Whether the derivative is that of the error.
+        lead: With at least 0.5 the derivative is that of the error.
         cutoff_hz: Of the derivative; see `cjt_gym.baselines.pid.derivative` [Hz].
     """
     return assemble(dt, pid(kp, 0.0, kd, dt, lead, 1.0, cutoff_hz))
@@ -104,7 +105,7 @@ def _defaults(joint: Joint, dt: float) -> Gains:
     kp = (0.0, 0.05, 0.1, 0.2, 0.3, 0.4, 0.6, 0.8, 1.0, 1.25, 1.5, 2.0, 3.0)
     return best_gains(
         model,
-        lambda g: pd_feedforward_law(g["kp"], g["kd"], dt, g["lead"] >= 0.5),
+        lambda g: pd_feedforward_law(g["kp"], g["kd"], dt, g["lead"]),
         grid(kp=kp, kd=damping, lead=(1.0, 0.0)),
     )
 

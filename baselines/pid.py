@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from cjt_gym.baselines.plant_model import SampledJoint
 Floats = NDArray[np.float64]
 
 CUTOFF_HZ = 200.0
+"""Of the derivative's low pass, as in the toolbox: ten times what the tasks ask for."""
 KP, KD = Gain("kp", "-", 0.0, 10.0), Gain("kd", "s", 0.0, 0.1)
 KI = Gain("ki", "1/s", 0.01, 300.0, log=True)
 LEAD = Gain("lead", "-", 0.0, 1.0, asked=True, usual=1.0)
@@ -24,6 +25,7 @@ DOB_HZ = Gain("dob_hz", "Hz", 0.1, 200.0, log=True)
 """Gains that several laws share. With a lead of at least 0.5 the derivative is that of the error,
 below that of the measurement; LEAD and LATE differ in which is usual."""
 INTEGRALS = (0.5, 2.0, 5.0, 10.0, 20.0, 40.0, 60.0, 90.0)
+"""Candidates for integral gains [1/s], about an octave apart."""
 
 
 def derivative(dt: float, cutoff_hz: float | None = None) -> tuple[Floats, Floats, Floats, float]:
@@ -40,11 +42,11 @@ def pid(
     ki: float,
     kd: float,
     dt: float,
-    lead: bool = True,
+    lead: float = 1.0,
     forward: float = 0.0,
     cutoff_hz: float | None = None,
 ) -> Block:
-    """Return kp e + ki integral of e + kd F e_d, e = r - tau, e_d = e or, without lead, -tau.
+    """Return kp e + ki integral of e + kd F e_d, e = r - tau, with e_d = e or, see `lead`, -tau.
 
     The integral is forward Euler, and is held back where the command is limited.
 
@@ -53,7 +55,7 @@ def pid(
         ki: Integral gain [1/s].
         kd: Derivative gain [s].
         dt: Sample time [s].
-        lead: Whether the reference is differentiated too.
+        lead: With at least 0.5 the reference is differentiated too.
         forward: Gain of the reference that is added to it [-].
         cutoff_hz: Of the derivative, see `derivative` [Hz].
 
@@ -62,7 +64,7 @@ def pid(
         Control, ISA, sections 3.4 and 3.5.
     """
     error = {"reference": 1.0, "tau": -1.0}
-    late = error if lead else {"tau": -1.0}
+    late = error if lead >= 0.5 else {"tau": -1.0}
     parts = [
         static(reference=forward + kp, tau=-kp),
         through(derivative(dt, cutoff_hz), kd, **late),
@@ -70,11 +72,6 @@ def pid(
     if ki > 0.0:
         parts.append(integrator(ki, dt, forward + kp, **error))
     return total(parts)
-
-
-def leads(gains: Mapping[str, float]) -> bool:
-    """Return whether the reference is differentiated too, for gains with a `lead`."""
-    return gains["lead"] >= 0.5
 
 
 def damping_gains(model: SampledJoint, ratios: Sequence[float]) -> list[float]:

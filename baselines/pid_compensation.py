@@ -9,30 +9,26 @@ bare mass and kp takes the part of the spring.
 
 from __future__ import annotations
 
-from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST, Gains
+from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST
 from cjt_gym.baselines.linear_law import LinearLaw, assemble, static
 from cjt_gym.baselines.linear_row import grid, linear_row
-from cjt_gym.baselines.pid import INTEGRALS, KD, KI, KP, LATE, damping_gains, leads, pid
+from cjt_gym.baselines.pid import INTEGRALS, KD, KI, KP, LATE, damping_gains, pid
 from cjt_gym.baselines.plant_model import SampledJoint
 
 
 def pid_compensation_law(
-    kp: float, ki: float, kd: float, dt: float, lead: bool = False
+    model: SampledJoint, kp: float, ki: float, kd: float, lead: float = 0.0
 ) -> LinearLaw:
     """Return the law; see the module.
 
     Args:
+        model: The joint.
         kp: Proportional gain [-].
         ki: Integral gain [1/s].
         kd: Derivative gain [s].
-        dt: Sample time [s].
-        lead: Whether the derivative is that of the error.
+        lead: With at least 0.5 the derivative is that of the error.
     """
-    return assemble(dt, static(tau=1.0), pid(kp, ki, kd, dt, lead))
-
-
-def _law(model: SampledJoint, gains: Gains) -> LinearLaw:
-    return pid_compensation_law(gains["kp"], gains["ki"], gains["kd"], model.dt, leads(gains))
+    return assemble(model.dt, static(tau=1.0), pid(kp, ki, kd, model.dt, lead))
 
 
 def _candidates(model: SampledJoint) -> list[dict[str, float]]:
@@ -50,7 +46,7 @@ ROW = linear_row(
         KD,
         LATE,
     ),
-    law=_law,
+    law=pid_compensation_law,
     candidates=_candidates,
     structures=FIXED,
     refusal=ZERO_AT_REST,

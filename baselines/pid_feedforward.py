@@ -7,28 +7,26 @@ in parallel form, with the filtered derivative F of `FilteredDerivative` at 200 
 
 from __future__ import annotations
 
-from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST, Gains
+from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST
 from cjt_gym.baselines.linear_law import LinearLaw, assemble
 from cjt_gym.baselines.linear_row import grid, linear_row
-from cjt_gym.baselines.pid import INTEGRALS, KD, KI, KP, LEAD, damping_gains, leads, pid
+from cjt_gym.baselines.pid import INTEGRALS, KD, KI, KP, LEAD, damping_gains, pid
 from cjt_gym.baselines.plant_model import SampledJoint
 
 
-def pid_feedforward_law(kp: float, ki: float, kd: float, dt: float, lead: bool = True) -> LinearLaw:
+def pid_feedforward_law(
+    model: SampledJoint, kp: float, ki: float, kd: float, lead: float = 1.0
+) -> LinearLaw:
     """Return the law; see the module.
 
     Args:
+        model: The joint.
         kp: Proportional gain [-].
         ki: Integral gain [1/s].
         kd: Derivative gain [s].
-        dt: Sample time [s].
-        lead: Whether the derivative is that of the error.
+        lead: With at least 0.5 the derivative is that of the error.
     """
-    return assemble(dt, pid(kp, ki, kd, dt, lead, forward=1.0))
-
-
-def _law(model: SampledJoint, gains: Gains) -> LinearLaw:
-    return pid_feedforward_law(gains["kp"], gains["ki"], gains["kd"], model.dt, leads(gains))
+    return assemble(model.dt, pid(kp, ki, kd, model.dt, lead, forward=1.0))
 
 
 def _candidates(model: SampledJoint) -> list[dict[str, float]]:
@@ -47,7 +45,7 @@ ROW = linear_row(
         KD,
         LEAD,
     ),
-    law=_law,
+    law=pid_feedforward_law,
     candidates=_candidates,
     structures=FIXED,
     refusal=ZERO_AT_REST,

@@ -12,17 +12,17 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST, Gains
+from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST
 from cjt_gym.baselines.feedforward import dob_candidates, pd_law
 from cjt_gym.baselines.linear_law import Block, LinearLaw
 from cjt_gym.baselines.linear_row import linear_row
 from cjt_gym.baselines.observers.disturbance import disturbance_observer
-from cjt_gym.baselines.pid import DOB_HZ, KD, KP, LATE, leads
+from cjt_gym.baselines.pid import DOB_HZ, KD, KP, LATE
 from cjt_gym.baselines.plant_model import SampledJoint
 
 
 def inner_dob_law(
-    model: SampledJoint, kp: float, kd: float, dob_hz: float, lead: bool = False
+    model: SampledJoint, kp: float, kd: float, dob_hz: float, lead: float = 0.0
 ) -> LinearLaw:
     """Return the law; see the module.
 
@@ -31,21 +31,18 @@ def inner_dob_law(
         kp: Proportional gain [-].
         kd: Derivative gain [s].
         dob_hz: Cut-off of Q [Hz].
-        lead: Whether the derivative is that of the error.
+        lead: With at least 0.5 the derivative is that of the error.
 
     Raises:
         ConfigurationError: The joint cannot be inverted.
     """
-    return pd_law(kp, kd, model.dt, _observer(model, dob_hz), lead=lead)
+    return pd_law(kp, kd, model.dt, inner_observer(model, dob_hz), lead=lead)
 
 
 @lru_cache(maxsize=64)
-def _observer(model: SampledJoint, dob_hz: float) -> Block:
+def inner_observer(model: SampledJoint, dob_hz: float) -> Block:
+    """Return the block of -d; see the module."""
     return disturbance_observer(model, dob_hz).block(disturbance=-1.0)
-
-
-def _law(model: SampledJoint, gains: Gains) -> LinearLaw:
-    return inner_dob_law(model, gains["kp"], gains["kd"], gains["dob_hz"], leads(gains))
 
 
 ROW = linear_row(
@@ -59,7 +56,7 @@ ROW = linear_row(
         DOB_HZ,
         LATE,
     ),
-    law=_law,
+    law=inner_dob_law,
     candidates=dob_candidates,
     structures=FIXED,
     refusal=ZERO_AT_REST,

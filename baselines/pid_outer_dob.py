@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.linalg import block_diag
 
-from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST, Gain, Gains
+from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST, Gain
 from cjt_gym.baselines.linear_law import (
     REFERENCE,
     Block,
@@ -27,7 +27,7 @@ from cjt_gym.baselines.linear_law import (
     total,
 )
 from cjt_gym.baselines.linear_row import grid, linear_row
-from cjt_gym.baselines.pid import CUTOFF_HZ, DOB_HZ, KD, KP, LEAD, damping_gains, leads, pid
+from cjt_gym.baselines.pid import CUTOFF_HZ, DOB_HZ, KD, KP, LEAD, damping_gains, pid
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.baselines.rational import (
     Rational,
@@ -46,7 +46,7 @@ def outer_dob_law(
     kd: float,
     dob_hz: float,
     prefilter_hz: float,
-    lead: bool = True,
+    lead: float = 1.0,
 ) -> LinearLaw:
     """Return the law; see the module.
 
@@ -56,13 +56,13 @@ def outer_dob_law(
         kd: Derivative gain [s].
         dob_hz: Cut-off of Q [Hz].
         prefilter_hz: Cut-off of the prefilter's Qf, 0 for none [Hz].
-        lead: Whether the derivative is that of r' - tau.
+        lead: With at least 0.5 the derivative is that of r' - tau.
 
     Raises:
         ConfigurationError: The closed loop cannot be inverted.
     """
     what, dt = f"the torque loop of {model.name}", model.dt
-    loop = closed_plant(model, kp, kd, lead)
+    loop = closed_plant(model, kp, kd, lead >= 0.5)
     order, delay = loop.relative_order, model.loop.delay
     low = low_pass(order, dob_hz)
     inverse = tustin(inverse_times(loop, low, what), dt)
@@ -106,11 +106,6 @@ def _self_fed(low: tuple[np.ndarray, np.ndarray, np.ndarray, float], measured: B
     return Block(system, into, np.concatenate([c, measured.c]), direct, np.zeros(m + n))
 
 
-def _law(model: SampledJoint, gains: Gains) -> LinearLaw:
-    kp, kd, dob_hz, prefilter_hz = (gains[n] for n in ("kp", "kd", "dob_hz", "prefilter_hz"))
-    return outer_dob_law(model, kp, kd, dob_hz, prefilter_hz, leads(gains))
-
-
 def _candidates(model: SampledJoint) -> list[dict[str, float]]:
     damping = damping_gains(model, (0.0, 0.03, 0.1, 0.2, 0.3, 0.5))
     cutoffs = (0.2, 2.0, 6.0, 9.0, 14.0, 20.0, 35.0)
@@ -129,7 +124,7 @@ ROW = linear_row(
         Gain("prefilter_hz", "Hz", 0.0, 200.0),
         LEAD,
     ),
-    law=_law,
+    law=outer_dob_law,
     candidates=_candidates,
     structures=FIXED,
     refusal=ZERO_AT_REST,

@@ -20,6 +20,7 @@ Complex = NDArray[np.complex128]
 
 DELAY_EFFECTS = ("command_delay", "measurement_delay", "torque_delay")
 LONGEST_DELAY = 100
+"""Samples; every one is a state of the model, and matrices grow with their square."""
 ENCODER = 2.0 * math.pi / 2**19
 """Resolution that is taken where a joint file gives no encoder [rad]."""
 

@@ -19,6 +19,7 @@ Floats = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 StateSpace = tuple[Floats, Floats, Floats, float]
 NOTHING = 1e-9
+"""Relative size of what is zero but for rounding: a gain, or the real part of a zero."""
 
 
 @dataclass(frozen=True)

@@ -22,18 +22,25 @@ from typing import final
 
 import numpy as np
 
-from cjt_gym.baselines.compensation import CompensatedPd
-from cjt_gym.baselines.controller import Controller, Floats, Mask, check
-from cjt_gym.baselines.entry import SPRUNG, ControllerEntry, Gain, Gains
-from cjt_gym.baselines.feedforward import pd_defaults
+from cjt_gym.baselines.compensation import CompensatedPd, compensated_row
+from cjt_gym.baselines.controller import Floats, Mask, check
+from cjt_gym.baselines.entry import SPRUNG, Gain
+from cjt_gym.baselines.friction_feedforward import SMOOTHING
 from cjt_gym.baselines.observers.momentum import momentum_observer
 from cjt_gym.baselines.pid import KD, KP, LATE
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.joint import Joint
-from cjt_gym.plant import Measurement, limits_of
+from cjt_gym.plant import Measurement
 
-RATE, OBSERVER_HZ, SMOOTHING, FLOOR = 2.0, 40.0, 0.02, 0.5
+RATE = 2.0
+"""Of the learning, relative to the power of the regressors [1/s]."""
+OBSERVER_HZ = 40.0
+"""Bandwidth of the momentum observer [Hz]: more lets noise in; the
+filter of the regressors makes up for less."""
+FLOOR = 0.5
+"""Of tanh(dq / SMOOTHING) above which the joint moves, and its map is learnt."""
 LARGEST_SHARE = 0.1
+"""Of the torque limit, beyond which a ripple is not believed."""
 
 
 @final
@@ -65,7 +72,6 @@ class RippleLearning(CompensatedPd):
     dt: float = field(init=False)
 
     def __post_init__(self) -> None:
-        self.dt = self.model.dt
         self._prepare()
         check(self, "rate", "1/s", above=0.0)
         self.periods = ripple_periods(self.model.joint)
@@ -114,16 +120,9 @@ def ripple_periods(joint: Joint) -> Floats:
     return np.array(sorted(found))
 
 
-def _defaults(joint: Joint, dt: float) -> Gains:
-    gains = pd_defaults(SampledJoint(joint, dt))
-    return gains | {"rate": RATE, "observer_hz": OBSERVER_HZ}
-
-
-def _build(joint: Joint, dt: float, gains: Gains) -> Controller:
-    return RippleLearning(SampledJoint(joint, dt), **gains, torque_limit=limits_of(joint).tau)
-
-
-ROW = ControllerEntry(
+ROW = compensated_row(
+    RippleLearning,
+    lambda model, pd: {"rate": RATE, "observer_hz": OBSERVER_HZ},
     name="ripple_learning",
     summary="Feed-forward, PD, and ripple over the motor angle, learnt by filtered-x LMS.",
     source="Widrow, Stearns (1985), Adaptive Signal Processing, chapter 11; Bodson, Douglas "
@@ -135,7 +134,5 @@ ROW = ControllerEntry(
         Gain("rate", "1/s", 0.01, 100.0, log=True),
         Gain("observer_hz", "Hz", 1.0, 200.0, log=True),
     ),
-    defaults=_defaults,
-    build=_build,
     structures=SPRUNG,
 )

@@ -18,6 +18,10 @@ P is the joint from motor torque to joint torque, S the sensitivity at the motor
 response from reference to joint torque. Frequencies are spread evenly over the octaves, so that
 the first mean is the squared error after a step of torque at the motor: such a step is what
 friction does wherever the motor turns back.
+
+How much the constants matter, for pid_feedforward on orange_80_6000 with 1 ms of delay: a `PEAK` of
+1.6, 2.0 and 2.5 gives kp = 0.4, 0.7 and 1.0; a `NOISE` of 4 halves kp and kd, takes ki from 90 to
+20, one of 16 changes nothing; nor does a `SPARE_DELAY` of 0 to 2 ms or a `SPREAD` of 0.1 to 0.4.
 """
 
 from __future__ import annotations
@@ -39,11 +43,17 @@ from cjt_gym.joint import Joint
 Floats = NDArray[np.float64]
 
 PEAK = 2.0
+"""Of the sensitivity: at least 6 dB gain margin and 29 degrees phase margin."""
 SPARE_DELAY = 1e-3
+"""One control step more than is known [s], which a bus or a slow computer costs at once."""
 SPREAD = 0.2
+"""Of inertia, relative; the stiffness is off by half of it. An allowance for datasheets."""
 NOISE = 8.0
+"""Largest amplification of noise into the command: the heat and sound that are accepted."""
 REFERENCE_BAND = 20.0
+"""Up to which a reference is to be followed [Hz], as in the tasks of the benchmark."""
 POINTS = 120
+"""Frequencies per loop, evenly over the octaves."""
 MARGIN = 1.0 + 1e-6
 """Largest modulus of a pole; a load that turns freely has poles at 1."""
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from cjt_gym.joint import DRIVES, EFFECTS, STRUCTURES, Joint, joint_names, load_joint
     from cjt_gym.records import Record, read_record, record_names, write_record
 
-__version__ = "0.1.0"
+    __version__: str
 
 _HOMES = {
     "DRIVES": "cjt_gym.joint",
@@ -45,6 +45,10 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("cjt-gym")
     if name in _HOMES:
         return getattr(import_module(_HOMES[name]), name)
     raise AttributeError(f"module 'cjt_gym' has no attribute {name!r}")

@@ -33,7 +33,7 @@ def register() -> None:
             kwargs=arguments,
         )
     gymnasium.register(id=CURRENT, entry_point="cjt_gym.envs.current_control:CurrentControlEnv")
-    gymnasium.register(id=HARDWARE, entry_point="cjt_gym.envs.hardware_arm:make_hardware")
+    gymnasium.register(id=HARDWARE, entry_point="cjt_gym.envs.hardware:HardwareEnv")
     for name, robot in ROBOTS.items():
         gymnasium.register(
             id=name, entry_point="cjt_gym.envs.robot:RobotEnv", kwargs={"robot": robot}

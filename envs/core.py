@@ -9,16 +9,12 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from cjt_gym.envs.observe import CLIP, SIGNALS_PER_SAMPLE, TERMS, Task, begin, draw_episodes
-from cjt_gym.envs.settings import BaseController, Settings, make_settings
-from cjt_gym.envs.step import (
-    BAD_ACTION,
-    command_all,
-    make_control,
-    step_blocks,
-    table_of,
-    tell_some,
-)
+from cjt_gym.envs.arguments import TaskArguments, complete
+from cjt_gym.envs.control import REPORT, make_control
+from cjt_gym.envs.handover import table_of
+from cjt_gym.envs.observe import CLIP, SIGNALS_PER_SAMPLE, TERMS, Task, draw_episodes
+from cjt_gym.envs.settings import BaseController, ControllerOrFactory, Settings, make_settings
+from cjt_gym.envs.step import BAD_ACTION, begin_some, command_all, step_blocks, tell_some
 from cjt_gym.envs.threads import side_by_side, threads_for
 from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.joint import Joint
@@ -29,7 +25,6 @@ from cjt_gym.signals import Signal
 
 Floats = NDArray[np.float64]
 Reward = Callable[[Mapping[str, NDArray[Any]]], NDArray[Any]]
-ControllerOrFactory = str | BaseController | Callable[[Joint, float], BaseController]
 
 
 class Episodes:
@@ -45,23 +40,17 @@ class Episodes:
         residual: Motor torque of the action in the last step, shape (num,) [N m].
     """
 
-    def __init__(
-        self,
-        num: int,
-        base_controller: ControllerOrFactory | None = None,
-        reward: Reward | None = None,
-        **arguments: Any,
-    ) -> None:
-        """Prepare the episodes; arguments are those of `TorqueTrackingEnv`."""
-        self.settings = make_settings(residual=base_controller is not None, **arguments)
-        s = self.settings
-        if reward is not None and not callable(reward):
+    def __init__(self, num: int, **arguments: Any) -> None:
+        """Prepare the episodes; arguments are those of `TaskArguments`."""
+        given = TaskArguments(**complete(arguments))
+        self.settings = s = make_settings(given)
+        if given.reward is not None and not callable(given.reward):
             raise ConfigurationError(
-                f"reward must be a function of what a step reports, got {reward!r}."
+                f"reward must be a function of what a step reports, got {given.reward!r}."
             )
-        self.num, self.reward = num, reward
+        self.num, self.reward = num, given.reward
         self.plant = SimulatedPlant(s.joint, num, s.dt, s.dt_physics, s.randomization)
-        self.controller = make_base(base_controller, s.joint, s.dt)
+        self.controller = make_base(given.base_controller, s.joint, s.dt)
         self.task = _make_task(s, num, self.plant)
         size = self.task.observation.shape[1]
         self.observation_space = spaces.Box(-CLIP, CLIP, (size,), np.float32)
@@ -116,9 +105,9 @@ class Episodes:
 
     def begin(self, mask: NDArray[np.bool_]) -> None:
         """Begin the episodes in a mask anew."""
-        draw_episodes(self.plant.batch.arrays, self.task, mask)
+        draw_episodes(self.plant.batch.arrays.rng, self.task, mask)
         self.plant.restart(mask, self.task.start, self.task.load)
-        begin(self.plant.batch.arrays, self.task, mask)
+        begin_some(self.plant.batch.arrays, self.task, mask)
         if self.controller is not None:
             self.controller.reset(mask)
 
@@ -184,15 +173,19 @@ class Episodes:
             self._rest(left)
         self.take_own_reward()
 
-    def take_own_reward(self) -> None:
+    def take_own_reward(self, told: Mapping[str, NDArray[Any]] | None = None) -> None:
         """Put the reward of the function that was given, if any, where that of the task stands.
+
+        Args:
+            told: What a step reports, if not of the simulated joints.
 
         Raises:
             ConfigurationError: It gives something else than a number per episode.
         """
         if self.reward is None:
             return
-        given = self.reward({**self.info(), "terminated": self.task.terminated.copy()})
+        told = self.info() if told is None else told
+        given = self.reward({**told, "terminated": self.task.terminated.copy()})
         self.task.reward[:] = checked_array("what the reward gives", given, (self.num,))
 
     def _before(self) -> None:
@@ -217,11 +210,12 @@ class Episodes:
             f"{action.shape}{'' if np.isfinite(action).all() else ' with NaN or inf'}."
         )
 
-    def choose(self, action: NDArray[np.floating[Any]]) -> Floats:
+    def choose(self, action: NDArray[np.floating[Any]], measured: Measurement) -> Floats:
         """Return the motor torques that an action and the base controller command, (num,) [N m].
 
         Args:
             action: In [-1, 1], shape (num, 1); values outside are clipped.
+            measured: What the base controller goes by.
 
         Raises:
             ConfigurationError: The action has the wrong shape or is not finite.
@@ -231,7 +225,7 @@ class Episodes:
             raise self._bad_action(action)
         self.residual[:] = np.clip(action[:, 0], -1.0, 1.0) * self.settings.action_scale
         if self.controller is not None:
-            self.base[:] = self.controller.act(self.measurement(), self.task.reference.copy())
+            self.base[:] = self.controller.act(measured, self.task.reference.copy())
         limit = self.plant.limits.tau
         return np.clip(self.base + self.residual, -limit, limit)
 
@@ -241,17 +235,8 @@ class Episodes:
 
     def info(self) -> dict[str, Floats]:
         """Return what a step reports, each of shape (num,)."""
-        arrays, task = self.plant.batch.arrays, self.task
-        terms = {f"reward/{name}": task.terms[:, j].copy() for j, name in enumerate(TERMS)}
-        return {
-            "tau": arrays.tau.copy(),
-            "tau_measured": arrays.measured[:, TAU].copy(),
-            "tau_reference": task.reference.copy(),
-            "tau_command": task.command.copy(),
-            "base_action": self.base.copy(),
-            "residual": self.residual.copy(),
-            **terms,
-        }
+        arrays = self.plant.batch.arrays
+        return report_of(self, arrays.tau, arrays.measured[:, TAU])
 
     def parameters(self) -> dict[str, Floats]:
         """Return the present values of what is randomised or fixed, each of shape (num,)."""
@@ -261,6 +246,13 @@ class Episodes:
     def redrawn(self) -> NDArray[np.bool_]:
         """Which episodes drew parameters anew within themselves in the last step, (num,)."""
         return self.plant.changed
+
+
+def report_of(episodes: Episodes, tau: Floats, tau_measured: Floats) -> dict[str, Floats]:
+    """Return what a step reports with these torques of the joints, each a copy of shape (num,)."""
+    task = episodes.task
+    reported = (tau, tau_measured, task.reference, task.command, episodes.base, episodes.residual)
+    return {name: x.copy() for name, x in zip(REPORT, (*reported, *task.terms.T), strict=True)}
 
 
 def make_base(given: ControllerOrFactory | None, joint: Joint, dt: float) -> BaseController | None:

@@ -1,60 +1,87 @@
-"""Episodes on a plant that is not their own: a real joint, or another program's simulation.
+"""Episodes on a joint that something else moves: a real one, or another program's simulation.
 
-The episodes keep reference, observation and reward; what moves is somewhere else, and they see of
-it only what is measured.
+The episode keeps reference, observation and reward, and sees of the joint what is measured.
 """
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.envs.core import Episodes
-from cjt_gym.envs.observe import begin, conclude, draw_episodes
-from cjt_gym.joint.arrays import CHANNELS, DQ_M, TAU
+from cjt_gym.envs.core import Episodes, report_of
+from cjt_gym.envs.observe import Seen, draw_episodes
+from cjt_gym.envs.step import begin_seen, conclude_seen
 from cjt_gym.plant import Measurement
 
+Floats = NDArray[np.float64]
 EVERYONE = np.ones(1, dtype=np.bool_)
 """The mask of a batch of one."""
 
 
-def begin_on(episodes: Episodes, measured: Measurement) -> None:
-    """Begin an episode where the plant stands.
+class ForeignEpisode:
+    """One episode after the other on such a joint.
 
-    Args:
-        episodes: A batch of one.
-        measured: The plant's first measurement.
+    A step is `choose`, then the joint moves, then `advance` with what it measures, and `conclude`.
+
+    Attributes:
+        episodes: The task, as a batch of one whose simulated joint stands still.
+        task: Its arrays.
+        measured: The latest measurement.
+        steps: Control steps since the episode began.
     """
-    arrays = episodes.plant.batch.arrays
-    draw_episodes(arrays, episodes.task, EVERYONE)
-    arrays.samples[:] = 0
-    _show(episodes, measured)
-    begin(arrays, episodes.task, EVERYONE)
-    if episodes.controller is not None:
-        episodes.controller.reset(EVERYONE)
 
+    def __init__(self, episodes: Episodes) -> None:
+        self.episodes, self.task = episodes, episodes.task
+        self.measured = episodes.measurement()
+        self.steps = 0
 
-def advance_on(episodes: Episodes, measured: Measurement) -> None:
-    """Take over what the plant measures a control step later; `conclude_on` ends the step."""
-    episodes.plant.batch.arrays.samples[:] += 1
-    _show(episodes, measured)
+    def begin(self, measured: Measurement) -> None:
+        """Begin an episode where the joint stands, with its first measurement."""
+        draw_episodes(self.episodes.plant.batch.arrays.rng, self.task, EVERYONE)
+        self.measured, self.steps = measured, 0
+        begin_seen(self.task, self._seen())
+        if self.episodes.controller is not None:
+            self.episodes.controller.reset(EVERYONE)
 
+    def choose(self, action: NDArray[np.floating[Any]]) -> Floats:
+        """Return the motor torque that an action and the base controller command, (1,) [N m].
 
-def conclude_on(episodes: Episodes, command: NDArray[np.float64]) -> None:
-    """Observe and reward a step.
+        Args:
+            action: In [-1, 1], shape (1, 1); values outside are clipped.
 
-    Args:
-        episodes: A batch of one.
-        command: Motor torque that was commanded, shape (1,) [N m].
-    """
-    conclude(episodes.plant.batch.arrays, episodes.task, command)
-    episodes.take_own_reward()
+        Raises:
+            ConfigurationError: The action has the wrong shape or is not finite.
+        """
+        return self.episodes.choose(action, self.measured)
 
+    def advance(self, measured: Measurement) -> None:
+        """Take what the joint measures a control step later; `conclude` ends the step."""
+        self.measured = measured
+        self.steps += 1
 
-def _show(episodes: Episodes, measured: Measurement) -> None:
-    """Put a measurement where the task looks for it; measured is all there is."""
-    arrays = episodes.plant.batch.arrays
-    for j, name in enumerate(CHANNELS):
-        arrays.measured[0, j] = getattr(measured, name)[0]
-    arrays.tau[0] = arrays.measured[0, TAU]
-    arrays.state[0, 3] = arrays.measured[0, DQ_M]
+    def conclude(self, command: float) -> None:
+        """Observe and reward a step in which a motor torque was commanded [N m]."""
+        conclude_seen(self.task, self._seen(), float(command))
+        self.episodes.take_own_reward(self._told())
+
+    def rehearse(self) -> None:
+        """Do once what a step does, so that nothing is compiled while the joint moves."""
+        self.begin(self.measured)
+        self.conclude(float(self.choose(np.zeros((1, 1)))[0]))
+        self.info()
+
+    def info(self) -> dict[str, float]:
+        """Return what a step reports; the measured torque stands for the true one."""
+        return {name: float(x[0]) for name, x in self._told().items()}
+
+    def _told(self) -> dict[str, Floats]:
+        tau = self.measured.tau
+        return report_of(self.episodes, tau, tau)
+
+    def _seen(self) -> Seen:
+        q_m, dq_m, dq_l, tau = (
+            float(getattr(self.measured, name)[0]) for name in ("q_m", "dq_m", "dq_l", "tau")
+        )
+        return Seen(self.steps, q_m, dq_m, dq_l, tau, tau, dq_m)

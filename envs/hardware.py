@@ -1,4 +1,4 @@
-"""The torque-tracking environment on a real joint."""
+"""The torque-tracking environment on real joints."""
 
 from __future__ import annotations
 
@@ -7,29 +7,39 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
 
-from cjt_gym.canbus.config import HardwareConfig, load_hardware
+from cjt_gym.canbus.arm import CanArm
+from cjt_gym.canbus.config import HardwareConfig, load_joints
+from cjt_gym.canbus.emulated_arm import EmulatedArm
 from cjt_gym.canbus.emulator import Emulator
 from cjt_gym.canbus.plant import CanPlant
-from cjt_gym.canbus.safety import HardwareFault, State, check_action
+from cjt_gym.canbus.safety import Fault, HardwareFault, check_action
 from cjt_gym.canbus.virtual import VirtualLink
+from cjt_gym.envs.arguments import complete
 from cjt_gym.envs.core import Episodes
-from cjt_gym.envs.foreign import advance_on, begin_on, conclude_on
-from cjt_gym.envs.torque_tracking import Action, Observation, complete
+from cjt_gym.envs.foreign import ForeignEpisode
+from cjt_gym.envs.observe import Task
+from cjt_gym.envs.torque_tracking import Action, Observation
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.plant import Measurement
 
 SIMULATED = ("joint", "structure", "drive", "effects", "parameters", "randomization")
 NEEDED = ("q_m", "dq_m", "dq_l", "tau")
+SPREAD = 1000
+"""Between the seeds of two joints, so that their references differ."""
 
 
 class HardwareEnv(gym.Env[Observation, Action]):
-    """Make the torque of a real compliant joint follow a reference.
+    """Make the torques of the real joints of a bus, one or several, follow a reference each.
 
     ## Description
 
     The same task as `TorqueTrackingEnv`, on a joint on a CAN bus: the same observation, action,
-    reward and information, with measured values where the simulation knows true ones.
+    reward and information, with measured values where the simulation knows true ones. Joints that
+    a configuration lists run in step, with the same task and controller each, and a fault of one
+    ends the episode of all.
 
     Nothing moves unless `arm` is true. Any fault takes the torque away within two control periods,
     switches the drive off and ends the episode with `terminated`; `info["fault"]` says why, and the
@@ -38,15 +48,16 @@ class HardwareEnv(gym.Env[Observation, Action]):
 
     ## Action space
 
-    `Box(-1, 1, (1,), float32)`, as in `TorqueTrackingEnv`. An action outside of it is a fault.
+    `Box(-1, 1, (joints,), float32)`, in the order of the configuration, each as in
+    `TorqueTrackingEnv`. An action outside of it is a fault.
 
     ## Observation space
 
-    As in `TorqueTrackingEnv`.
+    As in `TorqueTrackingEnv`; those of several joints one after the other.
 
     ## Reward
 
-    As in `TorqueTrackingEnv`, from the measured torque.
+    As in `TorqueTrackingEnv`, from the measured torque; the mean over the joints.
 
     ## Starting state
 
@@ -59,7 +70,8 @@ class HardwareEnv(gym.Env[Observation, Action]):
     ## Information
 
     As in `TorqueTrackingEnv`, and `age` of the motor angle where it was used [s], `lateness` of the
-    command behind its deadline [s], and `fault` {kind, text} where one ended the episode.
+    command behind its deadline [s], and `fault` {kind, text} where one ended the episode. Several
+    joints have arrays of shape (joints,) instead of numbers, and `fault` names the `joint`, too.
 
     ## Arguments
 
@@ -102,79 +114,130 @@ class HardwareEnv(gym.Env[Observation, Action]):
         if (config is None) == (plant is None):
             raise ConfigurationError("Give either config or plant to HardwareEnv.")
         self.render_mode = None
+        self.plant: CanPlant | CanArm = plant or _prepared(config, record, emulated)
+        self._configs = (
+            self.plant.configs if isinstance(self.plant, CanArm) else (self.plant.config,)
+        )
+        batches = [Episodes(1, **complete_for(arguments, each)) for each in self._configs]
+        high = np.concatenate([batch.observation_space.high for batch in batches])
+        self.observation_space = spaces.Box(-high, high, dtype=np.float32)
+        self.action_space = spaces.Box(-1.0, 1.0, (len(batches),), np.float32)
+        self.tasks = [ForeignEpisode(batch) for batch in batches]
+        for task in self.tasks:
+            task.rehearse()
         if plant is None:
-            assert config is not None
-            plant = _connected(config, arm, record, emulated)
-        self.plant = plant
-        self.episodes = Episodes(1, **complete_for(arguments, plant.config))
-        self.observation_space = self.episodes.observation_space
-        self.action_space = self.episodes.action_space
-        self._rehearse()
+            _connect(self.plant, arm)
 
-    def _rehearse(self) -> None:
-        """Do once what a step computes, so that nothing is compiled while the joint runs."""
-        self.episodes.reset()
-        command = self.episodes.choose(np.zeros((1, 1)))
-        conclude_on(self.episodes, command)
-        self.episodes.info()
+    @property
+    def joints(self) -> tuple[CanPlant, ...]:
+        """The joints, in the order of the configuration."""
+        return self.plant.joints if isinstance(self.plant, CanArm) else (self.plant,)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Begin an episode; a seed draws the reference.
+        """Begin an episode; a seed draws the references.
 
         Raises:
-            HardwareError: The joint is not armed, or ended with a fault.
+            HardwareError: A joint is not armed, or ended with a fault.
         """
         first = self._np_random is None
         super().reset(seed=seed)
         if options:
             raise ConfigurationError(f"The hardware environment has no options, got {options}.")
-        episodes = self.episodes
-        episodes.seed(seed, self.np_random if first else None)
+        for k, task in enumerate(self.tasks):
+            own = None if seed is None else seed + SPREAD * k
+            task.episodes.seed(own, self.np_random if first else None)
         measured = self.plant.reset()
-        check_measured(measured, self.plant.config)
-        begin_on(episodes, measured)
-        return episodes.task.observation[0].copy(), {"parameters": {}}
+        for task, config, seen in zip(self.tasks, self._configs, each(measured), strict=True):
+            check_measured(seen, config)
+            task.begin(seen)
+        return self._observation(), {"parameters": {}}
 
     def step(self, action: Action) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Advance by one control step."""
-        episodes, task = self.episodes, self.episodes.task
-        info: dict[str, Any] = {}
-        wanted = float(np.asarray(action, dtype=np.float64).reshape(-1)[0])
+        wanted = np.asarray(action, dtype=np.float64).reshape(len(self.tasks), 1)
+        fault = None
         try:
-            trouble = check_action(wanted)
+            self._refuse(wanted)
+            pairs = zip(self.tasks, wanted, strict=True)
+            commands = np.array([task.choose(one[None])[0] for task, one in pairs])
+            references = np.array([task.task.reference[0] for task in self.tasks])
+            measured = (
+                self.plant.step(commands, references)
+                if isinstance(self.plant, CanArm)
+                else self.plant.step(commands, float(references[0]))
+            )
+            for task, seen in zip(self.tasks, each(measured), strict=True):
+                task.advance(seen)
+        except HardwareFault as error:
+            fault = error.fault
+        for task, joint in zip(self.tasks, self.joints, strict=True):
+            task.conclude(joint.sent)
+            if fault is not None:
+                end_with_fault(task.task)
+        told = [task.task for task in self.tasks]
+        reward = float(np.mean([one.reward[0] for one in told]))
+        ended = any(bool(one.terminated[0]) for one in told)
+        timeout = any(bool(one.truncated[0]) for one in told) and not ended
+        return self._observation(), reward, ended, timeout, self._info(fault)
+
+    def _refuse(self, action: NDArray[np.float64]) -> None:
+        """End the run where an action is out of its range."""
+        for value in action.ravel().tolist():
+            trouble = check_action(value)
             if trouble is not None:
                 self.plant.fail(trouble.kind, trouble.text)
-            command = episodes.choose(np.array([[wanted]]))
-            measured = self.plant.step(command, float(task.reference[0]))
-            advance_on(episodes, measured)
-        except HardwareFault as error:
-            info["fault"] = {"kind": error.fault.kind, "text": error.fault.text}
-        conclude_on(episodes, np.array([self.plant.sent]))
-        if "fault" in info:
-            task.terminated[:], task.truncated[:] = True, False
-            task.reward[:] -= task.weights[-1]
-            task.terms[0, -1] = -task.weights[-1]
-        told = {name: float(values[0]) for name, values in episodes.info().items()}
-        info = told | {"age": self.plant.age(), "lateness": self.plant.lateness} | info
-        reward = float(task.reward[0])
-        ended = bool(task.terminated[0])
-        return task.observation[0].copy(), reward, ended, bool(task.truncated[0]), info
+
+    def _observation(self) -> Observation:
+        return np.concatenate([task.task.observation[0] for task in self.tasks])
+
+    def _info(self, fault: Fault | None) -> dict[str, Any]:
+        rows = [
+            {**task.info(), "age": joint.age(), "lateness": joint.lateness}
+            for task, joint in zip(self.tasks, self.joints, strict=True)
+        ]
+        several = isinstance(self.plant, CanArm)
+        info: dict[str, Any] = {
+            name: np.array([row[name] for row in rows]) if several else rows[0][name]
+            for name in rows[0]
+        }
+        if fault is not None:
+            info["fault"] = {"kind": fault.kind, "text": fault.text}
+            if isinstance(self.plant, CanArm):
+                info["fault"]["joint"] = self.plant.fault[0] if self.plant.fault else ""
+        return info
 
     def close(self) -> None:
         """End the run, at once while an exception is on its way, softly otherwise."""
         self.plant.close()
 
 
-def _connected(
-    config: str | Path | HardwareConfig, arm: bool, record: str | Path | None, emulated: bool
-) -> CanPlant:
-    """Return a connected plant, armed where that is asked for."""
-    if not isinstance(config, HardwareConfig):
-        config = load_hardware(config)
-    link = VirtualLink(Emulator(config)) if emulated else None
-    plant = CanPlant(config, link, record)
+def each(measured: Measurement | list[Measurement]) -> list[Measurement]:
+    """Return what each joint measured."""
+    return measured if isinstance(measured, list) else [measured]
+
+
+def end_with_fault(task: Task) -> None:
+    """End the episode of a joint as a fault does."""
+    task.terminated[:], task.truncated[:] = True, False
+    task.reward[:] -= task.weights[-1]
+    task.terms[0, -1] = -task.weights[-1]
+
+
+def _prepared(
+    config: str | Path | HardwareConfig | None, record: str | Path | None, emulated: bool
+) -> CanPlant | CanArm:
+    """Return what runs the joint, or the joints, that a configuration describes."""
+    assert config is not None
+    configs = [config] if isinstance(config, HardwareConfig) else load_joints(config)
+    if len(configs) > 1:
+        return CanArm(configs, VirtualLink(EmulatedArm(configs)) if emulated else None, record)
+    return CanPlant(configs[0], VirtualLink(Emulator(configs[0])) if emulated else None, record)
+
+
+def _connect(plant: CanPlant | CanArm, arm: bool) -> None:
+    """Connect, and arm where that is asked for."""
     plant.connect()
     try:
         if arm:
@@ -182,8 +245,6 @@ def _connected(
     except BaseException:
         plant.close()
         raise
-    assert plant.state in (State.IDLE, State.ARMED)
-    return plant
 
 
 def check_measured(measured: Measurement, config: HardwareConfig) -> None:

@@ -1,4 +1,8 @@
-"""Compiled parts of the environment: draw an episode, observe, reward."""
+"""What a task computes, compiled: draw an episode, look up its signals, reward, observe.
+
+It knows of a joint no more than is `Seen` of it, so that a real joint serves as a simulated one
+does. `cjt_gym.envs.step` tells in which order it is called.
+"""
 
 from __future__ import annotations
 
@@ -8,15 +12,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.joint.arrays import DQ_L, DQ_M, Q_M, TAU, Batch
 from cjt_gym.joint.compiled import compiled, inlined
 from cjt_gym.joint.random_stream import mix, uniform
 from cjt_gym.signals.evaluate import evaluate
 
 Floats = NDArray[np.float64]
 Masks = NDArray[np.bool_]
+Words = NDArray[np.uint64]
 
 CLIP = 5.0
+"""Bound of observations, which tracking keeps below 1 or so."""
 TERMS = ("tracking", "precision", "smoothness", "effort", "safety")
 TRACKING, PRECISION, SMOOTHNESS, EFFORT, SAFETY = range(len(TERMS))
 FINE = 0.05
@@ -81,6 +86,28 @@ class Task(NamedTuple):
     preview: int
 
 
+class Seen(NamedTuple):
+    """What a task sees of a joint at the end of a control step.
+
+    Attributes:
+        k: Control steps since the episode began.
+        q_m: Measured angle of the motor [rad].
+        dq_m: Measured velocity of the motor [rad/s].
+        dq_l: Measured velocity of the load [rad/s].
+        tau: Measured joint torque [N m].
+        true_tau: Joint torque that is rewarded, on a real joint the measured one [N m].
+        true_dq_m: Velocity that is limited, likewise [rad/s].
+    """
+
+    k: int
+    q_m: float
+    dq_m: float
+    dq_l: float
+    tau: float
+    true_tau: float
+    true_dq_m: float
+
+
 @inlined
 def reference_at(task: Task, i: int, t: float) -> float:
     """Return the reference of episode i at time t [N m]."""
@@ -98,16 +125,16 @@ def load_at(task: Task, i: int, t: float) -> float:
 
 
 @inlined
-def draw_episode(batch: Batch, task: Task, i: int) -> None:
+def draw_episode(rng: Words, task: Task, i: int) -> None:
     """Draw reference, disturbance and the angle of the joint for episode i."""
     for j, rows in enumerate((task.reference_rows, task.disturbance_rows)):
-        pick = int(uniform(batch.rng, i) * rows.shape[0])
+        pick = int(uniform(rng, i) * rows.shape[0])
         task.picks[i, j] = pick
         drawn = task.reference_row[i] if j == 0 else task.disturbance_row[i]
         for column in range(rows.shape[1]):  # an assignment of rows takes seconds to compile
             drawn[column] = rows[pick, column]
-        task.keys[i, j] = mix(batch.rng[i] + np.uint64(j + 1))
-    angle = 2.0 * math.pi * uniform(batch.rng, i)
+        task.keys[i, j] = mix(rng[i] + np.uint64(j + 1))
+    angle = 2.0 * math.pi * uniform(rng, i)
     for body in range(3):
         task.start[i, body] = angle
         task.start[i, 3 + body] = 0.0
@@ -115,11 +142,11 @@ def draw_episode(batch: Batch, task: Task, i: int) -> None:
 
 
 @compiled
-def draw_episodes(batch: Batch, task: Task, mask: Masks) -> None:
+def draw_episodes(rng: Words, task: Task, mask: Masks) -> None:
     """Draw reference, disturbance and the angle of the joint for the episodes in a mask."""
     for i in range(mask.shape[0]):
         if mask[i]:
-            draw_episode(batch, task, i)
+            draw_episode(rng, task, i)
 
 
 @inlined
@@ -129,83 +156,24 @@ def limit(x: float) -> float:
 
 
 @inlined
-def sample(batch: Batch, task: Task, i: int) -> None:
-    """Put the scaled newest sample [tau, dq_m, dq_l, command] before those of the past."""
-    measured, scales, past = batch.measured[i], task.scales, task.history[i]
-    for at in range(past.shape[0] - 1, SIGNALS_PER_SAMPLE - 1, -1):
-        past[at] = past[at - SIGNALS_PER_SAMPLE]
-    past[0] = limit(measured[TAU] / scales[0])
-    past[1] = limit(measured[DQ_M] / scales[1])
-    past[2] = limit(measured[DQ_L] / scales[1])
-    past[3] = limit(task.command[i] / scales[0])
-
-
-@inlined
-def rotor_angle(batch: Batch, task: Task, i: int) -> float:
-    """Return the measured angle of the rotor of episode i [rad]."""
-    return float(task.scales[7] * batch.measured[i, Q_M])
-
-
-@inlined
-def observe(batch: Batch, task: Task, i: int, sine: float, cosine: float) -> None:
-    """Write the observation of episode i, with sine and cosine of its rotor."""
-    out, scales, past = task.observation[i], task.scales, task.history[i]
-    t = batch.samples[i] * scales[6]
-    at = 0
-    for ahead in range(task.preview + 1):
-        value = task.reference[i] if ahead == 0 else reference_at(task, i, t + ahead * scales[6])
-        out[at] = limit(value / scales[0])
-        at += 1
-    out[at] = limit((task.reference[i] - batch.measured[i, TAU]) / scales[0])
-    out[at + 1], out[at + 2] = sine, cosine
-    at += 3
-    for k in range(past.shape[0]):
-        out[at + k] = past[k]
-
-
-@inlined
-def begin_one(batch: Batch, task: Task, i: int) -> None:
-    """Observe episode i for the first time after its joint was reset."""
-    task.command[i] = 0.0
-    task.reference[i] = reference_at(task, i, 0.0)
-    for _ in range(task.history.shape[1] // SIGNALS_PER_SAMPLE):
-        sample(batch, task, i)
-    angle = rotor_angle(batch, task, i)
-    observe(batch, task, i, math.sin(angle), math.cos(angle))
-
-
-@compiled
-def begin(batch: Batch, task: Task, mask: Masks) -> None:
-    """Observe for the first time after the plant was reset."""
-    for i in range(mask.shape[0]):
-        if mask[i]:
-            begin_one(batch, task, i)
-
-
-@inlined
-def conclude_one(
-    batch: Batch, task: Task, i: int, command: float, sine: float, cosine: float
-) -> None:
-    """After a control step of episode i: reference, reward, end, observation, next load.
-
-    Args:
-        batch: The joints.
-        task: The task.
-        i: Which episode.
-        command: Motor torque that was commanded [N m].
-        sine: Of the measured angle of the rotor.
-        cosine: Of the same.
-    """
-    scales, weights = task.scales, task.weights
-    t = batch.samples[i] * scales[6]
+def look_up(task: Task, i: int, k: int) -> None:
+    """Set reference and load of episode i after k control steps."""
+    t = k * task.scales[6]
     task.reference[i] = reference_at(task, i, t)
-    error = (task.reference[i] - batch.tau[i]) / scales[0]
+    task.load[i] = load_at(task, i, t)
+
+
+@inlined
+def reward(task: Task, i: int, now: Seen, command: float) -> None:
+    """Reward the step of episode i in which a motor torque was commanded [N m], and say its end."""
+    scales, weights = task.scales, task.weights
+    error = (task.reference[i] - now.true_tau) / scales[0]
     change = (command - task.command[i]) / scales[0]
     task.command[i] = command
-    too_fast = abs(batch.state[i, 3]) > scales[4]
-    too_strong = abs(batch.tau[i]) > scales[5]
+    too_fast = abs(now.true_dq_m) > scales[4]
+    too_strong = abs(now.true_tau) > scales[5]
     task.terminated[i] = too_fast or too_strong
-    task.truncated[i] = batch.samples[i] >= task.episode_steps and not task.terminated[i]
+    task.truncated[i] = now.k >= task.episode_steps and not task.terminated[i]
     terms = task.terms[i]
     terms[TRACKING] = -weights[TRACKING] * abs(error)
     terms[PRECISION] = 0.0
@@ -215,18 +183,42 @@ def conclude_one(
     terms[SMOOTHNESS] = -weights[SMOOTHNESS] * change * change
     terms[EFFORT] = -weights[EFFORT] * (command / scales[0]) ** 2
     terms[SAFETY] = -weights[SAFETY] if task.terminated[i] else 0.0
-    reward = 0.0
+    total = 0.0
     for j in range(SAFETY + 1):
-        reward += terms[j]
-    task.reward[i] = reward
-    sample(batch, task, i)
-    observe(batch, task, i, sine, cosine)
-    task.load[i] = load_at(task, i, t)
+        total += terms[j]
+    task.reward[i] = total
 
 
-@compiled
-def conclude(batch: Batch, task: Task, command: Floats) -> None:
-    """Conclude a control step of all episodes, in which `command` was commanded, (n,) [N m]."""
-    for i in range(command.shape[0]):
-        angle = rotor_angle(batch, task, i)
-        conclude_one(batch, task, i, command[i], math.sin(angle), math.cos(angle))
+@inlined
+def rotor_angle(task: Task, q_m: float) -> float:
+    """Return the angle of the rotor for one of the motor on the link side [rad]."""
+    return float(task.scales[7] * q_m)
+
+
+@inlined
+def remember(task: Task, i: int, now: Seen) -> None:
+    """Put the scaled newest sample [tau, dq_m, dq_l, command] before those of the past."""
+    scales, past = task.scales, task.history[i]
+    for at in range(past.shape[0] - 1, SIGNALS_PER_SAMPLE - 1, -1):
+        past[at] = past[at - SIGNALS_PER_SAMPLE]
+    past[0] = limit(now.tau / scales[0])
+    past[1] = limit(now.dq_m / scales[1])
+    past[2] = limit(now.dq_l / scales[1])
+    past[3] = limit(task.command[i] / scales[0])
+
+
+@inlined
+def observe(task: Task, i: int, now: Seen, sine: float, cosine: float) -> None:
+    """Write the observation of episode i, with sine and cosine of its rotor."""
+    out, scales, past = task.observation[i], task.scales, task.history[i]
+    t = now.k * scales[6]
+    at = 0
+    for ahead in range(task.preview + 1):
+        value = task.reference[i] if ahead == 0 else reference_at(task, i, t + ahead * scales[6])
+        out[at] = limit(value / scales[0])
+        at += 1
+    out[at] = limit((task.reference[i] - now.tau) / scales[0])
+    out[at + 1], out[at + 2] = sine, cosine
+    at += 3
+    for k in range(past.shape[0]):
+        out[at + k] = past[k]

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,20 +17,34 @@ from cjt_gym.joint.border import checked_array
 from cjt_gym.joint.current_loop import with_current_loop
 from cjt_gym.joint.parameters import JointParameters
 from cjt_gym.plant import Measurement, Variation
-from cjt_gym.plant.randomization import Randomization, resolve_randomization
+from cjt_gym.plant.randomization import resolve_randomization
 from cjt_gym.plant.randomization.program import compile_plan
 from cjt_gym.signals import Signal, make_signals, sampled_signal
+
+if TYPE_CHECKING:
+    from cjt_gym.envs.arguments import TaskArguments
 
 Floats = NDArray[np.float64]
 REWARD_WEIGHTS = dict(zip(TERMS, (1.0, 0.0, 0.05, 0.0, 50.0), strict=True))
 USUAL = {"structure": "output_fixed_rigid_gearbox", "drive": "current"}
 """What a joint is where neither an argument nor its file says so."""
 AMPLITUDE_SHARE = 0.1
+"""Torque amplitude over the peak torque: small enough that no limit is met while tracking."""
 FRICTION_FACTOR = 3.0
+"""Torque amplitude over the Coulomb friction at least, so that friction is no more than a third."""
 LOAD_FACTOR = 10.0
+"""Inertia of a usual load over that of the actuator; a bare actuator holds no torque against it."""
 BARE_SHARE = 0.1
+"""Inertia of the load over that of the actuator below which a file describes a bare actuator."""
 FREE_DRIFT = 1.0
+"""Seconds for which a free joint without a peak speed accelerates to the speed that scales."""
 TYPICAL_HZ = 20.0
+"""Frequency at which the reference stretches the spring, for scales: the fastest of the tasks."""
+ACTION_SHARE, RESIDUAL_SHARE = 3.0, 0.5
+"""Torque of an action of 1 over the amplitude. Alone it must overcome friction and accelerate the
+motor; on top of a controller it corrects, and a wide range only makes exploration rougher."""
+LEAST_HISTORY = 4
+"""Past samples at least: enough to see velocity and acceleration of the torque in noise."""
 
 
 @runtime_checkable
@@ -43,6 +57,9 @@ class BaseController(Protocol):
     def act(self, measurement: Measurement, reference: Floats) -> Floats:
         """Return the motor torque [N m], shape (num,)."""
         ...
+
+
+ControllerOrFactory = str | BaseController | Callable[[Joint, float], BaseController]
 
 
 @dataclass(frozen=True)
@@ -156,28 +173,7 @@ def joint_numbers(joint: Joint, amplitude: float) -> tuple[float, ...]:
     )
 
 
-def make_settings(
-    *,
-    joint: str | Joint,
-    structure: str,
-    drive: str,
-    effects: Any,
-    parameters: Mapping[str, float] | None,
-    randomization: Randomization,
-    reference: Any,
-    disturbance: Any,
-    torque_amplitude: float | None,
-    velocity_scale: float | None,
-    action_scale: float | None,
-    residual: bool,
-    preview: int,
-    history: int | None,
-    observe_joint: bool,
-    episode_steps: int,
-    dt_control: float,
-    dt_physics: float,
-    reward_weights: Mapping[str, float] | None,
-) -> Settings:
+def make_settings(given: TaskArguments) -> Settings:
     """Resolve the arguments of an environment.
 
     Raises:
@@ -185,50 +181,52 @@ def make_settings(
         UnknownNameError: A name is not known.
         ParameterError: The joint lacks what is asked of it.
     """
+    joint, structure, drive = given.joint, given.structure, given.drive
+    effects, parameters, dt_physics = given.effects, given.parameters, given.dt_physics
+    assert structure is not None
     if not isinstance(joint, Joint):
         loaded = default_load(str(joint), structure, parameters or {})
         joint = load_joint(joint, structure, drive, effects, loaded)
     joint = with_current_loop(joint, dt_physics)
     limit = joint.torque_limit
-    if torque_amplitude is None:
-        torque_amplitude = default_amplitude(joint.parameters)
-    _positive("torque_amplitude", torque_amplitude, "N m")
-    disturbances = make_signals("zero" if disturbance is None else disturbance, 1.0, high=5.0)
+    amplitude = given.torque_amplitude
+    if amplitude is None:
+        amplitude = default_amplitude(joint.parameters)
+    _positive("torque_amplitude", amplitude, "N m")
+    load = "zero" if given.disturbance is None else given.disturbance
+    disturbances = make_signals(load, 1.0, high=5.0)
+    velocity_scale = given.velocity_scale
     if velocity_scale is None:
-        velocity_scale = _velocity_scale(joint, torque_amplitude, disturbances)
+        velocity_scale = _velocity_scale(joint, amplitude, disturbances)
     _positive("velocity_scale", velocity_scale, "rad/s")
+    action_scale = given.action_scale
     if action_scale is None:
-        action_scale = min(0.5 * torque_amplitude if residual else 3.0 * torque_amplitude, limit)
+        share = ACTION_SHARE if given.base_controller is None else RESIDUAL_SHARE
+        action_scale = min(share * amplitude, limit)
     _positive("action_scale", action_scale, "N m")
-    if preview < 0 or episode_steps < 1:
+    if given.preview < 0 or given.episode_steps < 1:
         raise ConfigurationError(
-            f"preview must be >= 0 and episode_steps >= 1, got {preview} and {episode_steps}."
+            "preview must be >= 0 and episode_steps >= 1, got "
+            f"{given.preview} and {given.episode_steps}."
         )
-    variations = resolve_randomization(joint, randomization, dt_control)
-    late = _lateness(joint, {}, dt_control)
-    longest = _lateness(joint, variations, dt_control)
-    history = max(4, late + 2, longest) if history is None else history
-    if history < late:
-        raise ConfigurationError(
-            f"history must be >= {late}, the delay of the joint in control steps, so that what is "
-            f"on its way stays in the observation; got {history}."
-        )
+    variations = resolve_randomization(joint, given.randomization, given.dt_control)
     return Settings(
         joint=joint,
         references=make_signals(
-            _sampled(reference, episode_steps + preview + 1, dt_control), torque_amplitude
+            _sampled(given.reference, given.episode_steps + given.preview + 1, given.dt_control),
+            amplitude,
         ),
         disturbances=disturbances,
-        torque_amplitude=float(torque_amplitude),
+        torque_amplitude=float(amplitude),
         velocity_scale=float(velocity_scale),
         action_scale=float(action_scale),
-        preview=preview,
-        history=max(1, history),
-        joint_numbers=joint_numbers(joint, torque_amplitude) if observe_joint else (),
-        episode_steps=episode_steps,
-        dt=dt_control,
+        preview=given.preview,
+        history=_history(joint, given, variations),
+        joint_numbers=joint_numbers(joint, amplitude) if given.observe_joint else (),
+        episode_steps=given.episode_steps,
+        dt=given.dt_control,
         dt_physics=dt_physics,
-        reward_weights=_weights(reward_weights),
+        reward_weights=_weights(given.reward_weights),
         randomization=variations,
     )
 
@@ -257,6 +255,24 @@ def _sampled(reference: Any, steps: int, dt: float) -> Any:
         return reference
     times: Floats = np.arange(len(values), dtype=np.float64) * dt
     return sampled_signal(times, np.asarray(values, np.float64))
+
+
+def _history(joint: Joint, given: TaskArguments, variations: Mapping[str, Variation]) -> int:
+    """Return how many past samples are observed, at least those that are on their way.
+
+    Raises:
+        ConfigurationError: Fewer are asked for.
+    """
+    late = _lateness(joint, {}, given.dt_control)
+    if given.history is None:
+        longest = _lateness(joint, variations, given.dt_control)
+        return max(LEAST_HISTORY, late + 2, longest)
+    if given.history < late:
+        raise ConfigurationError(
+            f"history must be >= {late}, the delay of the joint in control steps, so that what is "
+            f"on its way stays in the observation; got {given.history}."
+        )
+    return max(1, given.history)
 
 
 def _positive(name: str, value: float, unit: str) -> None:

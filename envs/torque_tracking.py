@@ -2,26 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.envs.core import ControllerOrFactory, Episodes, Reward
-from cjt_gym.envs.settings import stated_by_joint
-from cjt_gym.envs.step import REPORT
+from cjt_gym.envs.arguments import complete, takes_arguments
+from cjt_gym.envs.control import REPORT
+from cjt_gym.envs.core import Episodes
 from cjt_gym.envs.strip_chart import StripChart
-from cjt_gym.errors import ConfigurationError, unknown_name
-from cjt_gym.joint import Joint
-from cjt_gym.plant.randomization import Randomization
+from cjt_gym.errors import unknown_name
 
 Observation = NDArray[np.float32]
 Action = NDArray[np.float32]
 RENDER_MODES = ("human", "rgb_array")
+__all__ = ["TorqueTrackingEnv"]
 
 
+@takes_arguments
 class TorqueTrackingEnv(gym.Env[Observation, Action]):
     """Make the torque of a compliant joint follow a reference.
 
@@ -102,29 +101,7 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
 
     ## Arguments
 
-    | Argument | Default | Meaning |
-    |---|---|---|
-    | `joint` | "orange_80_6000" | name, path or `Joint` |
-    | `structure` | that of the joint file, or "output_fixed_rigid_gearbox" | one of the five |
-    | `drive` | that of the joint file, or "current" | "current", "static", "rl" or "dq" |
-    | `effects` | None | names or {name: values}; None for those that the joint file lists |
-    | `parameters` | None | parameters that replace those of the joint file |
-    | `randomization` | None | "mild", "wide", "identified" or {name: variation}, see below |
-    | `base_controller` | None | name of a controller, controller, or function (joint, dt) -> one |
-    | `reference` | "mixed" | "step", "chirp", "multisine", "smooth", "mixed", file, `Signal`, |
-    | | | array of torques [N m], one per control step, or function of time [s] |
-    | `disturbance` | None | the same for load torque [N m] or, output fixed, velocity [rad/s] |
-    | `torque_amplitude` | from the joint | amplitude of named references [N m] |
-    | `velocity_scale` | from the task | divides velocities [rad/s] |
-    | `action_scale` | 3 (0.5 with a base) `torque_amplitude` | torque of an action of 1 [N m] |
-    | `preview` | 0 | future samples of the reference in the observation |
-    | `history` | 4, or delay + 2 | past samples in the observation |
-    | `observe_joint` | False | whether four numbers of the datasheet end the observation |
-    | `episode_steps` | 1000 | control steps until truncation |
-    | `dt_control` | 0.001 | control step [s] |
-    | `dt_physics` | 0.0001 | substep [s], a whole fraction of it |
-    | `reward_weights` | None | {term: weight} |
-    | `reward` | None | function that replaces the sum of the terms, see below |
+    {arguments}
     | `render_mode` | None | "human" or "rgb_array": a strip chart (needs matplotlib) |
 
     Without `torque_amplitude` it is a tenth of the peak torque k_t n i_p, or three times the
@@ -156,39 +133,14 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
 
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 20}  # noqa: RUF012
 
-    def __init__(
-        self,
-        joint: str | Joint = "orange_80_6000",
-        structure: str | None = None,
-        drive: str | None = None,
-        effects: Any = None,
-        parameters: Mapping[str, float] | None = None,
-        randomization: Randomization = None,
-        base_controller: ControllerOrFactory | None = None,
-        reference: Any = "mixed",
-        disturbance: Any = None,
-        torque_amplitude: float | None = None,
-        velocity_scale: float | None = None,
-        action_scale: float | None = None,
-        preview: int = 0,
-        history: int | None = None,
-        observe_joint: bool = False,
-        episode_steps: int = 1000,
-        dt_control: float = 1e-3,
-        dt_physics: float = 1e-4,
-        reward_weights: Mapping[str, float] | None = None,
-        reward: Reward | None = None,
-        render_mode: str | None = None,
-    ) -> None:
+    def __init__(self, render_mode: str | None = None, **arguments: Any) -> None:
         if render_mode is not None and render_mode not in RENDER_MODES:
             raise unknown_name("render mode", render_mode, RENDER_MODES)
-        arguments = {k: v for k, v in locals().items() if k not in ("self", "render_mode")}
-        arguments.pop("__class__", None)
         self.episodes = Episodes(1, **complete(arguments))
         self.observation_space = self.episodes.observation_space
         self.action_space = self.episodes.action_space
         self.render_mode = render_mode
-        self._chart = StripChart(dt_control) if render_mode else None
+        self._chart = StripChart(self.episodes.settings.dt) if render_mode else None
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -242,22 +194,3 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
         """Close the strip chart."""
         if self._chart is not None:
             self._chart.close()
-
-
-def complete(arguments: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the arguments of `TorqueTrackingEnv` with its and the joint's defaults filled in.
-
-    Raises:
-        ConfigurationError: An argument is not one of them.
-    """
-    code = TorqueTrackingEnv.__init__.__code__
-    names = [n for n in code.co_varnames[1 : code.co_argcount] if n != "render_mode"]
-    defaults = TorqueTrackingEnv.__init__.__defaults__ or ()
-    filled = dict(zip(names, defaults, strict=False))
-    for name, value in arguments.items():
-        if name not in filled:
-            raise ConfigurationError(
-                str(unknown_name("argument of TorqueTrackingEnv", name, names))
-            )
-        filled[name] = value
-    return filled | stated_by_joint(filled)

@@ -9,15 +9,17 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from cjt_gym.envs.arguments import complete, takes_arguments
 from cjt_gym.envs.core import Episodes
 from cjt_gym.envs.strip_chart import StripChart
-from cjt_gym.envs.torque_tracking import Action, Observation, complete
+from cjt_gym.envs.torque_tracking import Action, Observation
 from cjt_gym.errors import ConfigurationError, unknown_name
 
 AUTORESET = {"same_step": AutoresetMode.SAME_STEP, "next_step": AutoresetMode.NEXT_STEP}
 RENDER_MODE = "rgb_array"
 
 
+@takes_arguments
 class TorqueTrackingVectorEnv(VectorEnv[Observation, Action, NDArray[Any]]):
     """A batch of `TorqueTrackingEnv` in one compiled kernel, with the same arguments.
 

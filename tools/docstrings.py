@@ -6,9 +6,14 @@ import re
 
 import griffe
 
+from cjt_gym.envs.arguments import PLACE, argument_table
+
 
 class PlainDocstrings(griffe.Extension):
-    """Read docstrings as they are meant: ``Example:`` holds code, ``:func:`` is only a mark."""
+    """Read docstrings as they are meant: ``Example:`` holds code, ``:func:`` is only a mark.
+
+    The place of the table of arguments takes the table.
+    """
 
     def on_instance(self, *, obj: griffe.Object, **_: object) -> None:
         """Rewrite the text of one docstring."""
@@ -16,4 +21,5 @@ class PlainDocstrings(griffe.Extension):
             text = re.sub(
                 r":(?:func|class|data|mod|meth):`~?([^`]+)`", r"`\1`", obj.docstring.value
             )
+            text = text.replace(PLACE, argument_table())
             obj.docstring.value = re.sub(r"(?m)^( *)Example:$", r"\1Examples:", text)

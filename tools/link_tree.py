@@ -2,7 +2,7 @@
 
 The folders envs, baselines, params and training are sub-packages of cjt_gym once installed, but not
 on disk. Type checkers and import-linter do not follow the import hook of an editable installation;
-they follow this tree.
+they follow this tree. The experiments, which are not installed, stand beside the package.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 LINKS = ROOT / ".links"
 PACKAGE = "cjt_gym"
+EXPERIMENTS = "experiments"
 
 
 def mapped_folders() -> dict[str, str]:
@@ -32,7 +33,8 @@ def write_links() -> list[Path]:
     targets |= {
         name: ROOT / folder for name, folder in mapped_folders().items() if (ROOT / folder).is_dir()
     }
-    return [_link(LINKS / PACKAGE / name, target) for name, target in sorted(targets.items())]
+    links = [_link(LINKS / PACKAGE / name, target) for name, target in sorted(targets.items())]
+    return [*links, _link(LINKS / EXPERIMENTS, ROOT / EXPERIMENTS)]
 
 
 def _link(link: Path, target: Path) -> Path:

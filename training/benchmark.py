@@ -71,11 +71,6 @@ def rows_of(evaluations: Sequence[Evaluation]) -> list[Row]:
     return [row for evaluation in evaluations for row in evaluation.rows]
 
 
-def write_results(evaluations: Sequence[Evaluation], out: Path) -> Path:
-    """Write `benchmark.json` and `benchmark.txt` into a folder; return the first."""
-    return write_rows([row.to_json() for row in rows_of(evaluations)], out)
-
-
 def write_rows(rows: Sequence[Mapping[str, object]], out: Path) -> Path:
     """Write rows, as plain data, as `benchmark.json` and `benchmark.txt`; return the first."""
     out.mkdir(parents=True, exist_ok=True)

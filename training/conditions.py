@@ -17,14 +17,20 @@ USUAL_STRUCTURE = "output_fixed_rigid_gearbox"
 FULLY_KNOWN = "orange_80_6000"
 """A joint of which everything is known that `realistic_effects` asks for."""
 COGGING_SHARE = 0.003
+"""Amplitude of cogging over the peak torque: an assumption, as joint files know none."""
 RIPPLE_SHARE = 0.02
+"""Amplitude of gear ripple over the transmitted torque, likewise."""
 TASKS = ("step", "chirp", "multisine", "smooth")
 EVALUATION_SEEDS = 1_000_000
 """Where seeds of evaluations begin; those of training stay below."""
 STEP_HOLD = 0.5
+"""For which a level is held [s]: to settle and to rest."""
 SWEEP_STEP = 2.5e-4
+"""Of the table of a sweep [s]: twenty points of its fastest period."""
 BANDWIDTH_LOW, BANDWIDTH_HIGH = 1.0, 150.0
+"""Between which a bandwidth is looked for [Hz]."""
 SWEEP_LOW, SWEEP_HIGH, SWEEP = 0.5, 200.0, 8.0
+"""A sweep from [Hz], to [Hz], in [s]: wider than where a bandwidth is looked for."""
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from cjt_gym.disk import read_toml
-from cjt_gym.envs.torque_tracking import complete
+from cjt_gym.envs.arguments import complete
 from cjt_gym.errors import ConfigurationError, MissingFileError, unknown_name
 from cjt_gym.training.gains import Choice, choose_listed
 

@@ -16,7 +16,7 @@ from typing import Any
 
 from cjt_gym.baselines import Controller, ControllerEntry, get_entry, make_controller
 from cjt_gym.baselines.own import is_own, path_of
-from cjt_gym.disk import read_toml, write_text
+from cjt_gym.disk import read_toml, to_toml, write_text
 from cjt_gym.errors import (
     CjtGymError,
     CjtGymWarning,
@@ -25,7 +25,6 @@ from cjt_gym.errors import (
     unknown_name,
 )
 from cjt_gym.joint import Joint
-from cjt_gym.training.toml_text import to_toml
 
 KEYS = ("controller", "gains", "tuned")
 ENDING, WITH = ".toml", "@"

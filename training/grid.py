@@ -48,7 +48,6 @@ from cjt_gym.training.shipped import policy_path
 from cjt_gym.training.tasks import get_task
 from cjt_gym.training.tune_limits import port_resistance
 
-Floats = NDArray[np.float64]
 BACKENDS = ("loky", "ray", "dask")
 SHOWN_POINTS = 500
 BODE_HZ = np.geomspace(0.5, 400.0, 120)

@@ -13,10 +13,15 @@ Floats = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 SETTLING_BAND = 0.1
+"""Of a step within which it has settled: wide enough for what friction may leave."""
 SMALLEST_STEP = 0.5
+"""Of the largest level; smaller steps drown in friction and tell nothing of settling."""
 BAND = 1.0 / 12.0
+"""Octaves over which a response is averaged."""
 REST = 0.2
+"""At the beginning of an episode, which does not count for noise [s]."""
 RESAMPLES = 2000
+"""Of a bootstrap: enough for 95 % intervals to two digits."""
 
 
 def squared_errors(traces: Traces) -> Floats:

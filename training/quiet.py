@@ -36,6 +36,8 @@ from cjt_gym.training.config import TrainConfig
 from cjt_gym.training.datasheets import arguments_of
 
 EPISODES, FEWEST, SETTLE, STEPS, SEED = 64, 4, 50, 256, 0
+"""Of the recorded rest: episodes in all and at least per joint, control steps that do not count and
+that do, and the seed."""
 PLACES, LENGTH, EVERY = 32, 32, 4
 """How many loops are followed, for how many steps, of which the second half counts, and in which
 share of the minibatches; their penalties stand for those of the others."""

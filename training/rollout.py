@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.baselines import Controller
+from cjt_gym.envs.arguments import complete
 from cjt_gym.envs.core import Episodes
-from cjt_gym.envs.torque_tracking import complete
 from cjt_gym.joint import Joint
 from cjt_gym.joint.arrays import DQ_L, Q_L, TAU
 from cjt_gym.signals import Signal

@@ -16,7 +16,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from cjt_gym.disk import lock, parsing, read_json, write_text
+from cjt_gym.disk import lock, parsing, read_json, to_toml, write_text
 from cjt_gym.errors import CjtGymError, ConfigurationError, MissingFileError
 from cjt_gym.joint import Joint, load_joint_file
 from cjt_gym.joint.effect_words import plain_effects
@@ -27,7 +27,6 @@ from cjt_gym.training.config import (
     environment_arguments,
     load_config,
 )
-from cjt_gym.training.toml_text import to_toml
 
 SCHEMA = 1
 LOCK = ".lock"

@@ -15,7 +15,7 @@ from cjt_gym.training.policy import load_policy
 from cjt_gym.training.policy_arguments import CONDITIONS
 from cjt_gym.training.rollout import Agent, ControllerAgent
 from cjt_gym.training.run_folder import RunFolder
-from cjt_gym.training.toml_text import to_toml
+from cjt_gym.disk import to_toml
 from cjt_gym.training.validation import validation_error
 
 EPISODES = 16

@@ -22,14 +22,13 @@ from typing import Any, Final
 import optuna
 from optuna.trial import FrozenTrial
 
-from cjt_gym.disk import write_text
+from cjt_gym.disk import to_toml, write_text
 from cjt_gym.errors import CjtGymError, ConfigurationError
 from cjt_gym.training.conditions import TASKS, realistic_conditions
 from cjt_gym.training.config import BASE_GAINS, TrainConfig, from_dict, load_config
 from cjt_gym.training.evaluate import evaluate
 from cjt_gym.training.policy import load_policy
 from cjt_gym.training.rollout import Agent, ControllerAgent
-from cjt_gym.training.toml_text import to_toml
 from cjt_gym.training.train import train
 
 VALIDATION: Final = 1

@@ -17,14 +17,22 @@ from cjt_gym.training.conditions import STEP_HOLD, TASKS, Conditions, task_refer
 if TYPE_CHECKING:
     from cjt_gym.training.rollout import Agent
 
+# What is asked for is part of the benchmark: other numbers make another task, and old results do
+# not compare with new ones.
 REVERSAL_PERIOD, REVERSAL_SHARE = 1.0, 0.5
+"""Of slow ramps [s], and their height over the amplitude: friction is most of the error."""
 RENDERED_SHARE, RENDERED_CORNER_HZ = 0.02, 8.0
+"""Rendered stiffness over the torsion bar's, and its corner with its damper [Hz]."""
 MOTION_LOW, MOTION_HIGH, MOTION_TONES = 0.5, 3.0, 6
+"""Of a motion from outside: from [Hz], to [Hz], and how many tones."""
 WALL_SHARE, WALL_ANGLE, WALL_DAMPING = 0.5, 0.02, 0.5
+"""A wall: stiffness over the torsion bar's, where it stands [rad], damping [N m s/rad]."""
 APPROACH_SHARE, APPROACH_S, PUSH_HOLD = 0.2, 0.5, 0.25
+"""Torque towards the wall over the amplitude, for [s], and how long each push lasts [s]."""
 CURRENT_STEP, CURRENT_HOLD = 1e-4, 0.01
 OPEN_LOOP = "open_loop"
 PUSHES = (0.6, 0.3, 1.0, 0.4, 0.8, 0.3)
+"""Torques against the wall over the amplitude: up and down, small and large."""
 
 
 @dataclass(frozen=True)

@@ -27,8 +27,8 @@ from numpy.typing import NDArray
 from cjt_gym.analysis import LinearPlant, probe_plant
 from cjt_gym.baselines.shipped import designed_gains
 from cjt_gym.baselines.table import CONTROLLERS, get_entry
+from cjt_gym.envs.arguments import complete
 from cjt_gym.envs.core import Episodes
-from cjt_gym.envs.torque_tracking import complete
 from cjt_gym.errors import ConfigurationError, SimulationError
 from cjt_gym.joint import Joint
 from cjt_gym.joint.effect_words import parse_effects
@@ -43,14 +43,20 @@ Floats = NDArray[np.float64]
 TUNING_SEEDS = 600_000
 """Where the draws of the search begin; training, validation and evaluation lie elsewhere."""
 HELD_OUT_SEEDS = 700_000
+"""Where the unseen draws begin."""
 SEED_BLOCK = 1000
+"""Between two searches, more than any of them draws."""
 REFERENCES, MOVED = (*TASKS, "reversal"), "load_motion"
 STEPS, STILL = 600, 3
 """Control steps of an episode; episodes with a still output for one in which it is moved."""
 HELD_OUT_FACTOR = 4
+"""Unseen episodes over those of a candidate, for a comparison that is surer than the search."""
 BROKEN = 10.0
+"""Cost of a broken limit, above that of any loop that keeps them: the open loop costs 1."""
 SPREAD = 0.05
+"""Deviation with which CMA-ES begins, in the unit cube: near the designed gains."""
 RESAMPLES = 2000
+"""Of the bootstrap over episodes."""
 Generation = tuple[list[dict[str, float]], Callable[[list[float]], object]]
 
 

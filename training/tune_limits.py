@@ -28,11 +28,17 @@ from cjt_gym.joint import Joint
 from cjt_gym.plant import SimulatedPlant, limits_of
 
 QUIET_S = 0.4
+"""At rest, before noise is measured [s], for observers and integrals to settle."""
 NOISE_SHARE = 1e-3
+"""Noise of the torque sensor over the torque limit, small enough that no limit is met."""
 SENSORS = ("noise", "quantization")
 PHASES, PERIODS, LOWEST_HZ = 2, 2, 1.0
+"""Multisines with different phases, periods of each, and their lowest frequency: few,
+because every candidate pays for them."""
 EXCITATION = 0.5
+"""Of the amplitude of references, so that the loop is identified where it is used."""
 UNSTABLE = 10.0
+"""Violation by an unstable loop, above those of stable ones; it grows with the pole."""
 
 
 @dataclass(frozen=True)

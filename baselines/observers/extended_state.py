@@ -12,6 +12,8 @@ References:
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 from cjt_gym.baselines.observers.linear_observer import LinearObserver
 from cjt_gym.baselines.observers.luenberger import place_observer, spread_poles
 from cjt_gym.baselines.observers.model import design_model
@@ -30,3 +32,9 @@ def extended_state_observer(model: SampledJoint, bandwidth_hz: float) -> LinearO
     """
     extended = design_model(model, ("tau",), disturbance=True)
     return place_observer(extended, spread_poles(bandwidth_hz, len(extended.b)).tolist())
+
+
+@lru_cache(maxsize=64)
+def designed(model: SampledJoint, bandwidth_hz: float) -> LinearObserver:
+    """Return the observer for its blocks only: laws that try gains share one, with its memory."""
+    return extended_state_observer(model, bandwidth_hz)

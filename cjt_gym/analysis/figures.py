@@ -12,11 +12,17 @@ from cjt_gym.analysis.loop import PORT_SHARE, Loop, Responses
 from cjt_gym.analysis.system import Complex, Floats
 
 STEP_S = 1.0
+"""Of a step response [s]."""
 SETTLED = 0.05
+"""Of a step within which it has settled."""
 LOW_HZ = 1.0
+"""Where the response stands for that at rest, which integrals make hard to compute."""
 REJECTION_HZ = 20.0
+"""Up to where disturbances count, as far as references go."""
 STIFFEST = 1e6
+"""Virtual spring that is tried at the most [N m/rad], more than a hundred torsion bars."""
 CLOSE = 1e-2
+"""Relative accuracy of a bisection; figures are read to three digits at best."""
 LAG_ALLOWED = 1e-3
 """Share of |Z| by which a real part may be negative: the error of the port's sampled model."""
 

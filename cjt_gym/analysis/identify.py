@@ -24,9 +24,13 @@ from cjt_gym.plant import SimulatedPlant
 
 PLACES = ("reference", "disturbance")
 LINES = 40
+"""Of a multisine: enough for a smooth curve over two decades, with power left in each."""
 PER_GROUP = 4
+"""Of which one stays silent and shows distortion (odd random-phase multisines)."""
 LOWEST_GAIN = 1e-300
+"""So that nothing is divided by zero."""
 SETTLING_S = 2.0
+"""Before a response counts as periodic [s]."""
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from cjt_gym.errors import ConfigurationError
 MARGINAL = 1e-4
 """A pole this close to the unit circle counts as the free motion of an undamped joint."""
 LOWEST_HZ, POINTS = 0.02, 1500
+"""Of the frequencies of a loop: below its slowest integral, and dense enough for a peak of Ms."""
 PORT_SHARE = 0.8
 """Up to which share of the Nyquist frequency the port is looked at."""
 

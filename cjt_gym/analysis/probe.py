@@ -28,11 +28,18 @@ LINEAR_EFFECTS = (
 )
 """Effects that keep a joint linear; all others are left out of its linear model."""
 SIZE = 2e-3
+"""Of a kick over the torque limit: far from every limit, far above rounding."""
 FACTOR = -3.0
+"""Size of the second kick over the first: a law that is linear answers in the same proportion."""
 PROBE_HZ = 10.0
+"""Frequency at which typical velocities belong to typical angles."""
 WARM, SAMPLES, PLANT_SAMPLES = 20, 400, 600
+"""Control steps before a kick, and after it for laws and joints: their answers have died away, or
+their slow modes show well enough for the model to be told."""
 LINEAR = 1e-3
+"""Relative mismatch up to which a law is linear; friction that is compensated is far above."""
 NEGLIGIBLE = 1e-9
+"""Answer that counts as none."""
 
 
 class Law(Protocol):

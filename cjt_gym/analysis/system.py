@@ -13,7 +13,9 @@ from cjt_gym.joint.linear import frequency_response
 Floats = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 TOLERANCES = (1e-9, 1e-7, 1e-5, 1e-3)
+"""Of singular values, tried one after the other until the model is of a moderate order."""
 LARGEST_ORDER = 40
+"""Of a model that is still easy to handle."""
 
 
 @dataclass(frozen=True)

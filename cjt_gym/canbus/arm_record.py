@@ -8,10 +8,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, final
 
-from cjt_gym.canbus.config import HardwareConfig
 from cjt_gym.canbus.journal import Journal
-from cjt_gym.canbus.run_record import RunRecord, versions
-from cjt_gym.canbus.sense import Sense
+from cjt_gym.canbus.run_record import Beginning, Sample, versions
 from cjt_gym.canbus.timing import Timing
 from cjt_gym.records.columns import JOINT_MARK
 
@@ -45,9 +43,9 @@ class ArmRecord:
         self._rows = 0
         self._closed: dict[str, Any] = {}
 
-    def begin(self, config: HardwareConfig, *known: Any) -> JointRows:
-        """Begin the part of a joint; the other arguments are those of `RunRecord`."""
-        part = JointRows(self, config, *known)
+    def begin(self, beginning: Beginning) -> JointRows:
+        """Begin the part of a joint."""
+        part = JointRows(self, beginning)
         self._parts.append(part)
         if len(self._parts) == self._joints:
             self._open()
@@ -101,47 +99,23 @@ class ArmRecord:
 class JointRows:
     """The part of one joint in the record of all; it takes rows as `RunRecord` does."""
 
-    def __init__(
-        self,
-        whole: ArmRecord,
-        config: HardwareConfig,
-        sense: Sense,
-        tau_ref: float,
-        shows_temperature: bool,
-        facts: Mapping[str, Any],
-    ) -> None:
-        self._whole, self.name = whole, config.name
+    def __init__(self, whole: ArmRecord, beginning: Beginning) -> None:
+        self._whole, self._beginning = whole, beginning
+        self.name = beginning.config.name
         self.path, self.rows_path = whole.path, whole.rows_path
-        plain, known = RunRecord.describe(config, sense, tau_ref, shows_temperature, facts)
-        self._plain = [name for name in plain if name not in SHARED]
-        self.columns = [f"{config.name}{JOINT_MARK}{name}" for name in self._plain]
-        sensors = known["sensors"]
-        self.sensors = {f"{config.name}{JOINT_MARK}{name}": v for name, v in sensors.items()}
+        known = beginning.known
+        self._plain = [name for name in beginning.columns if name not in SHARED]
+        self.columns = [f"{self.name}{JOINT_MARK}{name}" for name in self._plain]
+        self.sensors = {f"{self.name}{JOINT_MARK}{n}": v for n, v in known["sensors"].items()}
         self.facts = {k: known[k] for k in ("joint", "structure", "parameter_hash")}
         self.facts |= known["provenance"]
         self.rows: deque[list[float]] = deque()
         self._last = [0.0] * len(self._plain)
-        self._per_ampere = config.joint.parameters.k_t * config.joint.parameters.n
 
-    def note(
-        self,
-        k: int,
-        measured: Mapping[str, float],
-        torque: float,
-        tau_ref: float,
-        age: float,
-        lateness: float,
-    ) -> None:
+    def note(self, sample: Sample) -> None:
         """Take a row; it is written once all joints have theirs."""
-        known = {
-            **measured,
-            "tau_cmd": torque,
-            "i_cmd": torque / self._per_ampere,
-            "tau_ref": tau_ref,
-            "age": age,
-            "lateness": lateness,
-        }
-        self.rows.append([known[name] for name in self._plain])
+        row = self._beginning.row(sample)
+        self.rows.append([row[name] for name in self._plain])
         self._whole.fill()
 
     def take(self) -> list[float]:

@@ -8,8 +8,9 @@ from typing import final
 
 import can
 
-from cjt_gym.canbus.config import EmulatorSettings, HardwareConfig
+from cjt_gym.canbus.config import HardwareConfig
 from cjt_gym.canbus.emulator import Emulator, medium_of
+from cjt_gym.canbus.settings import EmulatorSettings
 from cjt_gym.canbus.wire import Due, Wire
 from cjt_gym.joint import Joint
 

@@ -7,7 +7,7 @@ import os
 import re
 import socket
 
-from cjt_gym.canbus.config import BusSettings
+from cjt_gym.canbus.settings import BusSettings
 
 HERE = "this-machine"
 

@@ -16,7 +16,7 @@ from typing import NamedTuple, Protocol, final
 import can
 from threadpoolctl import threadpool_limits
 
-from cjt_gym.canbus.config import BusSettings
+from cjt_gym.canbus.settings import BusSettings
 from cjt_gym.errors import ConfigurationError, HardwareError
 
 SPIN = 1e-4

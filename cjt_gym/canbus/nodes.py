@@ -9,11 +9,12 @@ from typing import final
 
 import can
 
-from cjt_gym.canbus.config import HardwareConfig, NodeSettings
+from cjt_gym.canbus.config import HardwareConfig
 from cjt_gym.canbus.link import Arrival
 from cjt_gym.canbus.protocols import protocol_of
 from cjt_gym.canbus.protocols.contract import SLOW, Master, Mode
 from cjt_gym.canbus.safety import Fault
+from cjt_gym.canbus.settings import NodeSettings
 from cjt_gym.errors import ProtocolError
 
 SPARE = 2.0

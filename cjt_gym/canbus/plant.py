@@ -21,7 +21,7 @@ from cjt_gym.canbus.identity import bus_identity
 from cjt_gym.canbus.link import BusLink, Link, open_bus, quiet_machine
 from cjt_gym.canbus.lock import NodeLock
 from cjt_gym.canbus.nodes import Nodes
-from cjt_gym.canbus.run_record import BeginRecord, Recorder, RunRecord, versions
+from cjt_gym.canbus.run_record import Beginning, BeginRecord, Recorder, RunRecord, Sample, versions
 from cjt_gym.canbus.safety import Fault, Guard, HardwareFault, Seen, State
 from cjt_gym.canbus.sense import Sense
 from cjt_gym.canbus.timing import Timing
@@ -418,9 +418,10 @@ class CanPlant:
             self._quiet.enter_context(quiet_machine(self.config.priority))
         if self._path is not None and self._record is None:
             hot = "temperature" in self.nodes.latest
-            facts = (self.config, self.sense, self._tau_ref, hot, self._facts)
             begin = self._path if callable(self._path) else partial(RunRecord, self._path)
-            self._record = begin(*facts)
+            self._record = begin(
+                Beginning(self.config, self.sense, self._tau_ref, hot, self._facts)
+            )
 
     def _command(self, torque: float, lateness: float) -> None:
         """Send a torque [N m], note it, and set the next deadline."""
@@ -526,8 +527,8 @@ class CanPlant:
     def _note(self, torque: float, lateness: float) -> None:
         """Append a row to the record."""
         if self._record is not None:
-            age = self.age()
-            self._record.note(self._k, self._full, torque, self._tau_ref, age, lateness)
+            now = Sample(self._k, self._full, torque, self._tau_ref, self.age(), lateness)
+            self._record.note(now)
 
     def _end(self, **known: Any) -> None:
         """Complete the record of a run and let the machine be as it was."""

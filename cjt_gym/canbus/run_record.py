@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Protocol, final
+from typing import Any, NamedTuple, Protocol, final
 
 from cjt_gym.canbus.config import HardwareConfig
 from cjt_gym.canbus.journal import Journal
@@ -24,87 +25,56 @@ def versions() -> dict[str, str]:
     return {name: version(name) for name in ("cjt-gym", "numpy", "python-can")}
 
 
-class Recorder(Protocol):
-    """What takes the rows of a run; see `RunRecord`."""
-
-    path: Path
-    rows_path: Path
-
-    def note(
-        self,
-        k: int,
-        measured: Mapping[str, float],
-        torque: float,
-        tau_ref: float,
-        age: float,
-        lateness: float,
-    ) -> None:
-        """Append a row."""
-        ...
-
-    def close(self, timing: Timing, **known: Any) -> None:
-        """Complete it."""
-        ...
-
-
-BeginRecord = Callable[[HardwareConfig, Sense, float, bool, Mapping[str, Any]], Recorder]
-"""Begins a record, from the last five arguments of `RunRecord`."""
-
-
-@final
-class RunRecord:
-    """A record that is on disk up to the latest control step.
+class Sample(NamedTuple):
+    """What was measured at a deadline, and what was commanded there.
 
     Attributes:
-        path: Its file.
-        rows_path: The file that has its rows until it is complete.
+        k: Number of the control step.
+        measured: Channels of the measurement, by name.
+        torque: Motor torque that is commanded [N m].
+        tau_ref: Joint torque that is wanted [N m].
+        age: Of the motor's angle [s].
+        lateness: Of the command behind its deadline [s].
     """
 
-    def __init__(
-        self,
-        path: str | Path,
-        config: HardwareConfig,
-        sense: Sense,
-        tau_ref: float,
-        shows_temperature: bool,
-        facts: Mapping[str, Any],
-    ) -> None:
-        """Begin it.
+    k: int
+    measured: Mapping[str, float]
+    torque: float
+    tau_ref: float
+    age: float
+    lateness: float
 
-        Args:
-            path: Where it is to be, in any format that records are written in.
-            config: The joint on its bus.
-            sense: What is measured.
-            tau_ref: First joint torque that is wanted [N m], NaN where the run has none.
-            shows_temperature: Whether some node reports its temperature.
-            facts: What else belongs to its provenance.
 
-        Raises:
-            ConfigurationError: The file cannot be written, or the record is there already.
-        """
-        joint = config.joint
-        self._columns, known = self.describe(config, sense, tau_ref, shows_temperature, facts)
-        self._per_ampere = joint.parameters.k_t * joint.parameters.n
-        self._dt = config.dt
-        self._journal = Journal(path, self._columns, config.dt, known)
-        self.path, self.rows_path = self._journal.wanted, self._journal.path
+@dataclass(frozen=True)
+class Beginning:
+    """What the record of a joint begins with.
 
-    @staticmethod
-    def describe(
-        config: HardwareConfig,
-        sense: Sense,
-        tau_ref: float,
-        shows_temperature: bool,
-        facts: Mapping[str, Any],
-    ) -> tuple[list[str], dict[str, Any]]:
-        """Return the columns of a record and what is known at its beginning; see `RunRecord`."""
-        joint, drive, names = config.joint, config.drive, sense.measured
-        columns = ["t", "i_cmd", "tau_cmd", *names, "age", "lateness"]
-        if math.isfinite(tau_ref):
-            columns.append("tau_ref")
-        if shows_temperature:
-            columns.append("temperature")
-        known = {
+    Attributes:
+        config: The joint on its bus.
+        sense: What is measured.
+        tau_ref: First joint torque that is wanted [N m], NaN where the run has none.
+        shows_temperature: Whether some node reports its temperature.
+        facts: What else belongs to its provenance.
+    """
+
+    config: HardwareConfig
+    sense: Sense
+    tau_ref: float
+    shows_temperature: bool
+    facts: Mapping[str, Any]
+
+    @property
+    def columns(self) -> list[str]:
+        """The columns."""
+        optional = {"tau_ref": math.isfinite(self.tau_ref), "temperature": self.shows_temperature}
+        columns = ["t", "i_cmd", "tau_cmd", *self.sense.measured, "age", "lateness"]
+        return columns + [name for name, there in optional.items() if there]
+
+    @property
+    def known(self) -> dict[str, Any]:
+        """What is known at the beginning."""
+        joint, drive, names = self.config.joint, self.config.drive, self.sense.measured
+        return {
             "joint": joint.parameters.name,
             "structure": joint.structure,
             "parameter_hash": joint.file.hash_hex(),
@@ -114,42 +84,71 @@ class RunRecord:
                 "kind": "hardware",
                 "protocol": drive.protocol,
                 "node": drive.settings.node,
-                "bus": config.bus.identity,
-                "torque": sense.torque,
+                "bus": self.config.bus.identity,
+                "torque": self.sense.torque,
                 "stamps": STAMPS,
-                **facts,
+                **self.facts,
             },
         }
-        return columns, known
 
-    def note(
-        self,
-        k: int,
-        measured: Mapping[str, float],
-        torque: float,
-        tau_ref: float,
-        age: float,
-        lateness: float,
-    ) -> None:
-        """Append a row: what was measured at a deadline, and what was commanded there.
+    def row(self, sample: Sample) -> dict[str, float]:
+        """Return what a sample has in any column, by name."""
+        p = self.config.joint.parameters
+        return {
+            **sample.measured,
+            "t": sample.k * self.config.dt,
+            "tau_cmd": sample.torque,
+            "i_cmd": sample.torque / (p.k_t * p.n),
+            "tau_ref": sample.tau_ref,
+            "age": sample.age,
+            "lateness": sample.lateness,
+        }
+
+
+class Recorder(Protocol):
+    """What takes the samples of a run.
+
+    Attributes:
+        path: Its file.
+        rows_path: The file that has its rows until it is complete.
+    """
+
+    path: Path
+    rows_path: Path
+
+    def note(self, sample: Sample) -> None:
+        """Append a row."""
+
+    def close(self, timing: Timing, **known: Any) -> None:
+        """Complete it with how regular the run was, and whatever else is known."""
+
+
+BeginRecord = Callable[[Beginning], Recorder]
+"""Begins a record."""
+
+
+@final
+class RunRecord:
+    """A record that is on disk up to the latest control step; see `Recorder`."""
+
+    def __init__(self, path: str | Path, beginning: Beginning) -> None:
+        """Begin it.
 
         Args:
-            k: Number of the control step.
-            measured: Channels of the measurement, by name.
-            torque: Motor torque that is commanded [N m].
-            tau_ref: Joint torque that is wanted [N m].
-            age: Of the motor's angle [s].
-            lateness: Of the command behind its deadline [s].
+            path: Where it is to be, in any format that records are written in.
+            beginning: What it begins with.
+
+        Raises:
+            ConfigurationError: The file cannot be written, or the record is there already.
         """
-        row = {
-            **measured,
-            "t": k * self._dt,
-            "tau_cmd": torque,
-            "i_cmd": torque / self._per_ampere,
-            "tau_ref": tau_ref,
-            "age": age,
-            "lateness": lateness,
-        }
+        self._beginning, self._columns = beginning, beginning.columns
+        self._dt = beginning.config.dt
+        self._journal = Journal(path, self._columns, self._dt, beginning.known)
+        self.path, self.rows_path = self._journal.wanted, self._journal.path
+
+    def note(self, sample: Sample) -> None:
+        """Append a row."""
+        row = self._beginning.row(sample)
         self._journal.write([row[name] for name in self._columns])
 
     def close(self, timing: Timing, **known: Any) -> None:

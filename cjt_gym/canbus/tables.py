@@ -9,131 +9,129 @@ from typing import Any
 from cjt_gym.errors import ConfigurationError, ParameterError, did_you_mean
 from cjt_gym.joint.quantity import parse_quantity
 
-Table = Mapping[str, Any]
 REQUIRED: Any = object()
 """Stands for the default of a key that must be given."""
 
 
-def check_keys(table: object, known: Iterable[str], owner: str) -> Table:
-    """Return the table.
+class Section:
+    """A table, with a method for each kind of value.
 
-    Raises:
-        ConfigurationError: It is no table, or has a key that is not known.
+    Every method returns the default where the key is absent and there is one, and raises
+    ConfigurationError where it is missing, of another kind or out of range.
+
+    Attributes:
+        table: What it holds.
+        owner: What messages call it.
     """
-    if not isinstance(table, Mapping):
-        raise ConfigurationError(f"{owner} must be a table, got {table!r}.")
-    names = list(known)
-    for key in table:
-        if key not in names:
+
+    def __init__(self, table: object, owner: str, known: Iterable[str] | None = None) -> None:
+        """Take a table.
+
+        Args:
+            table: What is said to be one.
+            owner: What messages call it.
+            known: Keys that it may have; None for any.
+
+        Raises:
+            ConfigurationError: It is no table, or has a key that is not known.
+        """
+        if not isinstance(table, Mapping):
+            raise ConfigurationError(f"{owner} must be a table, got {table!r}.")
+        self.table: Mapping[str, Any] = table
+        self.owner = owner
+        names = list(table) if known is None else list(known)
+        for key in table:
+            if key not in names:
+                raise ConfigurationError(
+                    f"{owner} has the unknown key '{key}'.{did_you_mean(key, names)} "
+                    f"Known: {', '.join(names)}."
+                )
+
+    def __contains__(self, key: str) -> bool:
+        return key in self.table
+
+    def _given(self, key: str, form: str) -> Any:
+        if key not in self.table:
+            raise ConfigurationError(f"{self.owner} lacks the key '{key}'. Add  {key} = {form}.")
+        return self.table[key]
+
+    def _is_left_out(self, key: str, default: Any) -> bool:
+        return key not in self.table and default is not REQUIRED
+
+    def text(self, key: str, default: Any = REQUIRED) -> Any:
+        """Return a text that is not empty."""
+        if self._is_left_out(key, default):
+            return default
+        value = self._given(key, '"..."')
+        if not isinstance(value, str) or not value:
+            raise ConfigurationError(f"{key} of {self.owner} must be a text, got {value!r}.")
+        return value
+
+    def flag(self, key: str, default: bool) -> bool:
+        """Return true or false."""
+        value = self.table.get(key, default)
+        if not isinstance(value, bool):
+            raise ConfigurationError(f"{key} of {self.owner} must be true or false, got {value!r}.")
+        return value
+
+    def whole(self, key: str, low: int, high: int, default: Any = REQUIRED) -> Any:
+        """Return a whole number from `low` to `high`."""
+        if self._is_left_out(key, default):
+            return default
+        value = self._given(key, str(low))
+        if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
             raise ConfigurationError(
-                f"{owner} has the unknown key '{key}'.{did_you_mean(key, names)} "
-                f"Known: {', '.join(names)}."
+                f"{key} of {self.owner} must be a whole number from {low} to {high}, got {value!r}."
             )
-    return table
+        return value
 
+    def number(
+        self,
+        key: str,
+        unit: str,
+        low: float = 0.0,
+        high: float = math.inf,
+        default: Any = REQUIRED,
+    ) -> Any:
+        """Return a plain number above `low`, up to `high` [unit]."""
+        if self._is_left_out(key, default):
+            return default
+        value = self._given(key, "...")
+        good = isinstance(value, int | float) and not isinstance(value, bool)
+        if not (good and low < value <= high and math.isfinite(value)):
+            top = "" if math.isinf(high) else f" and <= {high:g}"
+            raise ConfigurationError(
+                f"{key} of {self.owner} must be > {low:g}{top} {unit}, got {value!r}."
+            )
+        return float(value)
 
-def text(table: Table, key: str, owner: str, default: Any = REQUIRED) -> Any:
-    """Return a text.
-
-    Raises:
-        ConfigurationError: It is missing, empty or no text.
-    """
-    if key not in table and default is not REQUIRED:
-        return default
-    value = _given(table, key, owner, '"..."')
-    if not isinstance(value, str) or not value:
-        raise ConfigurationError(f"{key} of {owner} must be a text, got {value!r}.")
-    return value
-
-
-def flag(table: Table, key: str, owner: str, default: bool) -> bool:
-    """Return true or false.
-
-    Raises:
-        ConfigurationError: It is neither.
-    """
-    value = table.get(key, default)
-    if not isinstance(value, bool):
-        raise ConfigurationError(f"{key} of {owner} must be true or false, got {value!r}.")
-    return value
-
-
-def whole(table: Table, key: str, owner: str, low: int, high: int, default: Any = REQUIRED) -> Any:
-    """Return a whole number from `low` to `high`.
-
-    Raises:
-        ConfigurationError: It is missing or out of range.
-    """
-    if key not in table and default is not REQUIRED:
-        return default
-    value = _given(table, key, owner, str(low))
-    if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
-        raise ConfigurationError(
-            f"{key} of {owner} must be a whole number from {low} to {high}, got {value!r}."
-        )
-    return value
-
-
-def number(
-    table: Table,
-    key: str,
-    owner: str,
-    unit: str,
-    low: float = 0.0,
-    high: float = math.inf,
-    default: Any = REQUIRED,
-) -> Any:
-    """Return a plain number above `low`, up to `high` [unit].
-
-    Raises:
-        ConfigurationError: It is missing or out of range.
-    """
-    if key not in table and default is not REQUIRED:
-        return default
-    value = _given(table, key, owner, "...")
-    good = isinstance(value, int | float) and not isinstance(value, bool)
-    if not (good and low < value <= high and math.isfinite(value)):
-        top = "" if math.isinf(high) else f" and <= {high:g}"
-        raise ConfigurationError(f"{key} of {owner} must be > {low:g}{top} {unit}, got {value!r}.")
-    return float(value)
-
-
-def quantity(
-    table: Table,
-    key: str,
-    owner: str,
-    unit: str,
-    low: float = -math.inf,
-    high: float = math.inf,
-    default: Any = REQUIRED,
-) -> Any:
-    """Return a value that is written with its unit, from `low` to `high` [unit].
-
-    Raises:
-        ConfigurationError: It is missing, in another unit or out of range.
-    """
-    if key not in table and default is not REQUIRED:
-        return default
-    entry = _given(table, key, owner, f'{{ value = ..., unit = "{unit}" }}')
-    try:
-        given = parse_quantity(entry, f"{key} of {owner}")
-        value = given.number
-    except ParameterError as error:
-        raise ConfigurationError(str(error)) from None
-    if given.unit != unit:
-        raise ConfigurationError(
-            f"{key} of {owner} must be in {unit}, got the unit '{given.unit}'. Convert the value."
-        )
-    if not low <= value <= high:
-        top = "" if math.isinf(high) else f" and <= {high:g}"
-        bottom = "" if math.isinf(low) else f" >= {low:g}"
-        raise ConfigurationError(
-            f"{key} of {owner} must be{bottom}{top} {unit}, got {value:g}.".replace("be and", "be")
-        )
-    return value
-
-
-def _given(table: Table, key: str, owner: str, form: str) -> Any:
-    if key not in table:
-        raise ConfigurationError(f"{owner} lacks the key '{key}'. Add  {key} = {form}.")
-    return table[key]
+    def quantity(
+        self,
+        key: str,
+        unit: str,
+        low: float = -math.inf,
+        high: float = math.inf,
+        default: Any = REQUIRED,
+    ) -> Any:
+        """Return a value that is written with its unit, from `low` to `high` [unit]."""
+        if self._is_left_out(key, default):
+            return default
+        entry = self._given(key, f'{{ value = ..., unit = "{unit}" }}')
+        try:
+            given = parse_quantity(entry, f"{key} of {self.owner}")
+            value = given.number
+        except ParameterError as error:
+            raise ConfigurationError(str(error)) from None
+        if given.unit != unit:
+            raise ConfigurationError(
+                f"{key} of {self.owner} must be in {unit}, got the unit '{given.unit}'. Convert "
+                "the value."
+            )
+        if not low <= value <= high:
+            top = "" if math.isinf(high) else f"<= {high:g}"
+            bottom = "" if math.isinf(low) else f">= {low:g}"
+            allowed = " and ".join(part for part in (bottom, top) if part)
+            raise ConfigurationError(
+                f"{key} of {self.owner} must be {allowed} {unit}, got {value:g}."
+            )
+        return value

@@ -8,8 +8,8 @@ from typing import NamedTuple, final
 import can
 import numpy as np
 
-from cjt_gym.canbus.config import EmulatorSettings
 from cjt_gym.canbus.frame_bits import wire_time
+from cjt_gym.canbus.settings import EmulatorSettings
 
 OVERHEAD_BITS = 67
 """Bits of a frame with extended identifier besides its data, without stuff bits (ISO 11898-1)."""

@@ -13,9 +13,9 @@ import gymnasium as gym
 import numpy as np
 
 from cjt_gym.blind.case import draw_case
+from cjt_gym.envs.arguments import complete
 from cjt_gym.envs.core import Episodes
-from cjt_gym.envs.foreign import begin_on, conclude_on
-from cjt_gym.envs.torque_tracking import complete
+from cjt_gym.envs.foreign import ForeignEpisode
 from cjt_gym.gap import diagnose
 from cjt_gym.joint import STRUCTURES, load_joint
 from cjt_gym.plant import SimulatedPlant
@@ -58,13 +58,12 @@ def _joints() -> None:
     _record(SAMPLES, EFFECTS)
     for structure in STRUCTURES:
         plant = SimulatedPlant(load_joint(JOINT, structure, effects=EFFECTS), 1)
-        now = plant.reset(seed=0)
+        plant.reset(seed=0)
         plant.step(np.zeros(1))
     plant.batch.use_blocks(plant.joint)
     plant.step(np.zeros(1))
     episodes = Episodes(1, **complete({"joint": JOINT}))  # as those of a joint on a bus
-    begin_on(episodes, now)
-    conclude_on(episodes, np.zeros(1))
+    ForeignEpisode(episodes).rehearse()
     for signal in make_signals("mixed", 1.0):
         signal.reset(np.random.default_rng(0)).torque(np.zeros(SAMPLES))
 

@@ -1,4 +1,4 @@
-"""TOML and JSON out of files that nobody vouches for, and text for TOML files."""
+"""TOML and JSON out of files that nobody vouches for."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from cjt_gym.disk.limits import BYTES_OF_TEXT
 from cjt_gym.disk.parsing import parsing
 from cjt_gym.errors import CjtGymError
 
-__all__ = ["parse_json", "parse_toml", "read_json", "read_text", "read_toml", "toml_text"]
+__all__ = ["parse_json", "parse_toml", "read_json", "read_text", "read_toml"]
 
 DEEPEST: Final = 32
 """Tables and lists within each other."""
@@ -92,18 +92,6 @@ def parse_json(text: str, owner: str, error: Error) -> Any:
         document = json.loads(text)
         _check(document)
         return document
-
-
-def toml_text(text: str) -> str:
-    r"""Return a text in quotes as TOML has it.
-
-    Example:
-        >>> print(toml_text('a "b"'))
-        "a \"b\""
-    """
-    quoted = json.dumps(text, ensure_ascii=False)  # JSON's escapes are TOML's, but for two
-    quoted = quoted.replace("\x7f", "\\u007f")
-    return "".join("\\ufffd" if 0xD800 <= ord(c) < 0xE000 else c for c in quoted)
 
 
 def _refuse_long_keys(text: str) -> None:

@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from cjt_gym.baselines.adaptive_friction import LARGEST_SHARE, SMOOTHING, AdaptiveFriction
+from cjt_gym.baselines.adaptive_friction import LARGEST_SHARE, AdaptiveFriction
 from cjt_gym.baselines.feedforward import ReferenceVelocity
-from cjt_gym.baselines.friction_feedforward import KnownFriction
+from cjt_gym.baselines.friction_feedforward import SMOOTHING, KnownFriction
 from cjt_gym.export.c_text import filled, number
 
 

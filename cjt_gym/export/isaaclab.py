@@ -20,8 +20,6 @@ from cjt_gym.joint import Joint
 
 TIMESTEP = 1e-3
 Table = dict[str, dict[str, float | int | str]]
-_PARAMETER = "in the joint's parameters"
-_SENSOR = "sensors of Isaac Lab are ideal; add it to the observations"
 
 SUPPORT: Mapping[str, tuple[str, str]] = {
     "inertia": ("exact", "armature of motor"),
@@ -49,12 +47,6 @@ SUPPORT: Mapping[str, tuple[str, str]] = {
     "thermal_derating": ("missing", "no winding that warms"),
     "command_quantization": ("missing", "round the effort that is commanded"),
     "gravity": ("missing", "left to the masses of the robot"),
-    "torque_gain": ("missing", _SENSOR),
-    "torque_bias": ("missing", _SENSOR),
-    "torque_delay": ("missing", _SENSOR),
-    "quantization": ("missing", _SENSOR),
-    "noise": ("missing", _SENSOR),
-    "measurement_delay": ("missing", _SENSOR),
 }
 UNITS = {
     "effort_limit": "N m",

@@ -12,6 +12,7 @@ from cjt_gym.joint import EFFECTS, Joint
 from cjt_gym.joint.configure import FIELDS
 
 BODIES = ("motor", "gear", "load")
+IDEAL_SENSORS = "sensors are ideal there; add it to what they report"
 
 
 @dataclass(frozen=True)
@@ -90,11 +91,14 @@ def sorted_out(
     Args:
         joint: The joint.
         table: "exact", "nearly" or "missing", and how or why, by effect; what is not there is
-            missing.
+            missing, such as all that sensors do.
     """
     out: dict[str, dict[str, str]] = {"exact": {}, "nearly": {}, "missing": {}}
     for name in joint.effects:
-        how, text = table.get(name, ("missing", f"no counterpart: {EFFECTS[name].summary}"))
+        missing = f"no counterpart: {EFFECTS[name].summary}"
+        if EFFECTS[name].stage == "sensing":
+            missing = IDEAL_SENSORS
+        how, text = table.get(name, ("missing", missing))
         out[how][name] = text
     return out["exact"], out["nearly"], out["missing"]
 

@@ -43,7 +43,6 @@ SPEED_OF_BRISTLES = 0.1
 DAMPING_OF_BRISTLES = 0.5
 """Damping of bristles over the root of stiffness times inertia."""
 CURRENT_FREE = "current"
-_SENSOR = "the sensors of MuJoCo are ideal; add it to what they report"
 _PARAMETER = "in the joint's parameters"
 
 SUPPORT: Mapping[str, tuple[str, str]] = {
@@ -76,12 +75,6 @@ SUPPORT: Mapping[str, tuple[str, str]] = {
     "spring_hysteresis": ("missing", "springs have no memory"),
     "command_quantization": ("missing", "round the command before it is written to ctrl"),
     "gravity": ("missing", "left to the masses of the robot"),
-    "torque_gain": ("missing", _SENSOR),
-    "torque_bias": ("missing", _SENSOR),
-    "torque_delay": ("missing", _SENSOR),
-    "quantization": ("missing", _SENSOR),
-    "noise": ("missing", _SENSOR),
-    "measurement_delay": ("missing", _SENSOR),
 }
 WITHOUT_DCMOTOR: Mapping[str, tuple[str, str]] = {
     "stribeck": ("nearly", "frictionloss at the Coulomb level: no higher breakaway"),

@@ -178,7 +178,7 @@ def _stamped(columns: dict[str, Floats], t: Floats, dt: float) -> Floats:
     before, after = np.array(rough).reshape(2, -1) if smooth else (np.zeros(0), np.zeros(0))
     if np.sum(np.log((after + TINY) / (before + TINY))) < 0.0:
         columns |= moved
-    return grid
+    return np.asarray(grid)
 
 
 def _near(grid: Floats, t: Floats, dt: float) -> NDArray[np.bool_]:

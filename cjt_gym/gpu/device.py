@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from cjt_gym.baselines.linear_law import LinearController
 from cjt_gym.baselines.pd_feedforward import PdFeedForward
+from cjt_gym.envs.arguments import complete
 from cjt_gym.envs.core import Episodes
-from cjt_gym.envs.torque_tracking import complete
 from cjt_gym.errors import ConfigurationError, SimulationError
 from cjt_gym.gpu.host import Step
 from cjt_gym.gpu.kernels import begin_episodes, cuda, step_episodes

@@ -6,8 +6,8 @@ from typing import Any
 
 import torch
 
+from cjt_gym.envs.arguments import complete
 from cjt_gym.envs.core import Episodes
-from cjt_gym.envs.torque_tracking import complete
 
 Step = tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]
 

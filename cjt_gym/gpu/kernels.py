@@ -14,9 +14,10 @@ import numpy as np
 from numba import float64
 from numpy.typing import NDArray
 
-from cjt_gym.envs.observe import Task, begin_one, draw_episode, rotor_angle
-from cjt_gym.envs.step import Control, command, tell
-from cjt_gym.joint.arrays import WORK_ROWS, WORK_WIDTH, Batch, Floats, Setup
+from cjt_gym.envs.control import Control
+from cjt_gym.envs.observe import Task, draw_episode, rotor_angle
+from cjt_gym.envs.step import begin, command, seen, tell
+from cjt_gym.joint.arrays import Q_M, WORK_ROWS, WORK_WIDTH, Batch, Floats, Setup
 from cjt_gym.joint.compiled import lean
 from cjt_gym.joint.discretize import SCRATCH
 from cjt_gym.joint.disturbance import disturbed_load, is_disturbed
@@ -74,7 +75,7 @@ def step_episodes(
     if not control_step(batch, setup, i, control.commands[i, 0], 0.0, load, work):
         failed[0] = i + 1
         return
-    angle = rotor_angle(batch, task, i)
+    angle = rotor_angle(task, batch.measured[i, Q_M])
     tell(batch, task, control, i, math.sin(angle), math.cos(angle))
 
 
@@ -103,7 +104,7 @@ def begin_episodes(
         return
     for j in range(last.shape[1]):
         last[i, j] = task.observation[i, j]
-    draw_episode(batch, task, i)
+    draw_episode(batch.rng, task, i)
     if program.rows.shape[0] > 0:
         scratch = cuda.local.array(SCRATCH, float64)
         redraw_one(batch, setup, program, draws, i, 0, scratch)
@@ -112,4 +113,4 @@ def begin_episodes(
     work = cuda.local.array(WORK, float64)
     clear(work)
     restart(batch, setup, i, task.load[i], work)
-    begin_one(batch, task, i)
+    begin(task, i, seen(batch, i))

@@ -28,6 +28,7 @@ from cjt_gym.joint.arrays import (
 from cjt_gym.joint.compiled import inlined, lean, threaded
 from cjt_gym.joint.drives import clip
 from cjt_gym.joint.effects import EFFECTS
+from cjt_gym.joint.kernel import LARGEST
 from cjt_gym.joint.lanes import (
     AFTER,
     BEFORE,
@@ -71,7 +72,6 @@ if TYPE_CHECKING:
     from cjt_gym.joint.joint import Joint
 
 Masks = NDArray[np.bool_]
-LARGEST = 1e12
 LINE = 64  # bytes of a cache line, on which blocks begin
 HANDLED = (
     *("command_delay", "command_quantization", "current_saturation", "torque_constant"),

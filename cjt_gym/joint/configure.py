@@ -31,6 +31,7 @@ EffectSpec = Mapping[str, Mapping[str, Any] | str] | Iterable[str] | str | None
 
 ALL, TYPICAL = "all", "typical"
 PEAK_CURRENT, PEAK_TORQUE = 10.0, 50.0
+"""Of typical values for a joint whose file gives no peak current: [A], [N m]."""
 BASE_FIELDS = (
     *("I_m", "I_g", "I_l", "k_g", "k_b", "d_m", "d_g", "d_l", "d_mg", "d_gl"),
     *("n", "k_t", "r", "l_a", "p", "v_0", "i_p"),

@@ -28,8 +28,11 @@ Matrix = NDArray[np.float64]
 MAX_ORDER = 6
 SCRATCH = (4, MAX_ORDER, MAX_ORDER)
 LARGEST_NORM = 0.5
+"""To which a matrix is halved before its series: with it the series ends within 20 terms."""
 CONVERGED = 1e-20
+"""Largest entry of a term that no longer changes a double."""
 MAX_TERMS = 30
+"""Of a series; never met, so that no loop is endless."""
 
 
 @lean

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 DT_PHYSICS = 1e-5
+"""Substep of simulations [s]: a tenth of that of environments, for accuracy."""
 CURRENT_FREE = "current"
 DRIVE_SIGNALS = ("i_d", "v", "v_d", "tau_m")
 """What a record holds of a voltage drive beside the current: noise-free, columns `true_...`."""

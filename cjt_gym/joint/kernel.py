@@ -51,6 +51,7 @@ from cjt_gym.joint.splitting import careful_substep
 from cjt_gym.joint.substep import linear_substep, load_state, store_state
 
 LARGEST = 1e12
+"""State beyond which a simulation has diverged: no joint moves a million million radians."""
 
 
 @lean

@@ -18,7 +18,6 @@ __all__ = [
     "SENSOR_KEYS",
     "ParameterSpec",
     "axis_units",
-    "sensor_unit",
     "sensor_units",
 ]
 
@@ -182,8 +181,3 @@ def axis_units(unit: str, axis: str) -> tuple[str, ...]:
 def sensor_units(axis: str) -> dict[str, tuple[str, ...]]:
     """Return the channels that a sensor may measure, with the units allowed on this axis."""
     return {channel: _axis_units(unit)[axis] for channel, unit in _CHANNEL_UNITS.items()}
-
-
-def sensor_unit(channel: str, axis: str) -> str:
-    """Return the usual unit of a sensor channel on this kind of axis."""
-    return sensor_units(axis)[channel][0]

@@ -19,6 +19,7 @@ from cjt_gym.joint.units import in_usual_unit
 __all__ = ["PARAMETERS", "JointParameters", "ParameterSpec", "Quantity", "content_of", "sha256_of"]
 
 ASYMMETRY_FACTOR = 3.0
+"""Between both directions of a friction; more is a slip of a digit unless it is declared."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,6 +28,7 @@ from cjt_gym.joint.resistance import prepare
 from cjt_gym.joint.substep import substep
 
 HALVINGS = 5
+"""Of a substep whose equations stay unsolved; what 32 parts do not solve is reported."""
 MATRIX = 48  # numbers of a matrix in the scratch rows, of 6 x 6 at most
 
 

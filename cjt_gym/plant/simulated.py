@@ -29,6 +29,7 @@ from cjt_gym.plant.randomization.program import Plan, compile_plan, exact_plan
 Floats = NDArray[np.float64]
 DT_CONTROL, DT_PHYSICS = 1e-3, 1e-4
 DEFAULT_TORQUE = 1000.0
+"""Limit of a joint whose file gives no peak current [N m]: above what such a joint can bear."""
 
 
 @compiled

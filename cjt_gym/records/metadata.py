@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from cjt_gym.disk import read_toml, toml_text, write_text
+from cjt_gym.disk import Inline, read_toml, to_toml, write_text
 from cjt_gym.errors import RecordError, unknown_name
 from cjt_gym.records.columns import default_units
 from cjt_gym.records.record import Record
@@ -98,10 +98,21 @@ def metadata_text(record: Record) -> str:
         "sensors": _sensor_tables(record),
         "provenance": rest,
     }
-    lines = [_entry(key, value) for key, value in head.items() if value is not None]
-    for name, table in tables.items():
-        lines += _table(name, table) if table else []
-    return "\n".join(lines) + "\n"
+    return to_toml(
+        head | {name: {k: _plain(v) for k, v in t.items()} for name, t in tables.items() if t}
+    )
+
+
+def _plain(value: Any) -> Any:
+    """Return a value as TOML can hold it, a table on one line; what it cannot hold as a text."""
+    if hasattr(value, "tolist"):  # NumPy's scalars and arrays
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return Inline({str(key): _plain(entry) for key, entry in value.items()})
+    if isinstance(value, list | tuple):
+        return [_plain(entry) for entry in value]
+    kept = bool | int | float | str | datetime.date | datetime.time | None
+    return value if isinstance(value, kept) else str(value)
 
 
 def _parse(path: Path) -> dict[str, Any]:
@@ -161,42 +172,3 @@ def _sensor_tables(record: Record) -> dict[str, dict[str, dict[str, object]]]:
         channel: {key: {"value": value, "unit": units[channel]} for key, value in known.items()}
         for channel, known in record.sensors.items()
     }
-
-
-def _table(name: str, table: Mapping[str, Any]) -> list[str]:
-    return [
-        "",
-        f"[{name}]",
-        *(_entry(key, value) for key, value in table.items() if value is not None),
-    ]
-
-
-def _entry(key: str, value: object) -> str:
-    return f"{_key(key)} = {_value(value)}"
-
-
-def _key(key: str) -> str:
-    bare = key.isascii() and key.replace("_", "").replace("-", "").isalnum()
-    return key if bare else toml_text(key)
-
-
-def _value(value: object) -> str:
-    if hasattr(value, "tolist"):  # NumPy's scalars and arrays
-        value = value.tolist()
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, Mapping):
-        return (
-            "{ "
-            + ", ".join(
-                _entry(str(key), entry) for key, entry in value.items() if entry is not None
-            )
-            + " }"
-        )
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(_value, value)) + "]"
-    if isinstance(value, int | float):
-        return repr(value)
-    if isinstance(value, datetime.date | datetime.time):
-        return value.isoformat()
-    return toml_text(str(value))

@@ -12,10 +12,10 @@ from scipy.linalg import expm
 
 from cjt_gym.blind.control import Gains
 from cjt_gym.blind.plant import Floats, Plant, World
-from cjt_gym.blind.reference import Reference, reference_states
 from cjt_gym.blind.run import Run, no_chances, run
 from cjt_gym.blind.state import BRISTLE, CURRENT, SIZE, SLIP, SLIPS, WEN, Q, V, initial_state
 from tests.blind.joints import LOSSLESS, PLANT, two_tones, world
+from tests.blind.reference import Reference, reference_states
 
 SAMPLES = 24
 CASES = {

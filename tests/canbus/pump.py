@@ -8,11 +8,11 @@ from collections.abc import Callable, Sequence
 
 import can
 
-from cjt_gym.canbus.config import BusSettings
 from cjt_gym.canbus.emulator import Emulator
 from cjt_gym.canbus.link import Arrival, open_bus
 from cjt_gym.canbus.ports import Port
 from cjt_gym.canbus.ports.socketcand import QUIET
+from cjt_gym.canbus.settings import BusSettings
 
 LONGEST = 20.0
 STEP = 1e-3

@@ -6,11 +6,13 @@ Machines stall; so the allowances for time are wide here, and no time is asserte
 from __future__ import annotations
 
 import re
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from importlib import resources
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -18,11 +20,12 @@ import can
 import numpy as np
 import pytest
 
-from cjt_gym.canbus.config import BusSettings, HardwareConfig
+from cjt_gym.canbus.config import HardwareConfig
 from cjt_gym.canbus.emulator import Emulator, serve
 from cjt_gym.canbus.plant import CanPlant
-from cjt_gym.canbus.ports import Port, SlcanPort, SocketcandPort, open_port
+from cjt_gym.canbus.ports import Port, SocketcandPort, open_port
 from cjt_gym.canbus.safety import State
+from cjt_gym.canbus.settings import BusSettings
 from cjt_gym.errors import ConfigurationError, HardwareError
 from cjt_gym.records import read_record
 from tests.canbus.bench import DRIVES, config
@@ -31,7 +34,7 @@ from tests.canbus.pump import PumpLink, client_of
 SECOND = {"value": 1.0, "unit": "s"}
 PATIENT = {"rate_hz": 100, "missed": 100, "overrun": SECOND, "watchdog": SECOND}
 SOFT = {"soft": {"value": 0.05, "unit": "s"}}
-BUSES = ("virtual", "slcan", "socketcand")
+BUSES = ("virtual", *(("slcan",) if find_spec("pty") else ()), "socketcand")
 
 
 @contextmanager
@@ -52,6 +55,8 @@ def served(given: HardwareConfig, port: Port) -> Iterator[Emulator]:
 def bus_of(interface: str) -> tuple[BusSettings, Port]:
     """Return where a client finds the bus, and the emulator's end of it."""
     if interface == "slcan":
+        from cjt_gym.canbus.ports.slcan import SlcanPort
+
         adapter = SlcanPort()
         return BusSettings("slcan", adapter.path), adapter
     if interface == "socketcand":
@@ -183,3 +188,10 @@ def test_nobody_there_is_one_clear_error() -> None:
     given = replace(config(), bus=BusSettings("socketcand", "can0", port=number))
     with pytest.raises(ConfigurationError, match="Nobody serves socketcand"):
         CanPlant(given).connect()
+
+
+def test_no_pseudo_terminals_are_said_to_be_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pty", None)  # as on Windows
+    monkeypatch.delitem(sys.modules, "cjt_gym.canbus.ports.slcan", raising=False)
+    with pytest.raises(ConfigurationError, match="pseudo-terminals, which this system"):
+        open_port(BusSettings("slcan", "pty"))

@@ -11,12 +11,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cjt_gym.canbus.config import EmulatorSettings
 from cjt_gym.canbus.link import Arrival
 from cjt_gym.canbus.nodes import Nodes
 from cjt_gym.canbus.ports.slcan import line_of, parse_line
 from cjt_gym.canbus.ports.socketcand import parse_send
 from cjt_gym.canbus.safety import FAULTS, HardwareFault, State
+from cjt_gym.canbus.settings import EmulatorSettings
 from cjt_gym.canbus.wire import Wire
 from tests.canbus.bench import DRIVES, config, virtual_plant
 from tests.canbus.storm import storm

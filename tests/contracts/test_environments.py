@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import inspect
 import math
 import subprocess
 import sys
@@ -16,6 +17,8 @@ from gymnasium.utils.env_checker import check_env
 from stable_baselines3.common.env_checker import check_env as check_env_sb3
 
 import cjt_gym
+from cjt_gym.envs import TorqueTrackingEnv, TorqueTrackingVectorEnv
+from cjt_gym.envs.arguments import DEFAULTS, complete
 from cjt_gym.envs.observe import TERMS
 from cjt_gym.envs.sb3 import TorqueTrackingVecEnv
 from cjt_gym.errors import ConfigurationError, ParameterError, UnknownNameError
@@ -234,3 +237,14 @@ def test_importing_the_package_is_light() -> None:
     )
     assert run.stdout.strip() == "[]"
     assert "load_joint" in dir(cjt_gym)
+
+
+def test_arguments_are_declared_once() -> None:
+    for target in (TorqueTrackingEnv, TorqueTrackingVectorEnv):
+        known = dict(inspect.signature(target).parameters)
+        assert {name: known[name].default for name in DEFAULTS} == DEFAULTS
+        with pytest.raises(ConfigurationError, match="Did you mean 'preview'"):
+            target(previev=2)
+    page = TorqueTrackingEnv.__doc__ or ""
+    assert all(f"| `{name}` |" in page for name in DEFAULTS)
+    assert complete({"preview": 3}) == complete(complete({"preview": 3}))

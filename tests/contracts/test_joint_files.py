@@ -8,7 +8,7 @@ import gymnasium
 import pytest
 
 from cjt_gym.cli import main
-from cjt_gym.envs.torque_tracking import complete
+from cjt_gym.envs.arguments import complete
 from cjt_gym.errors import CjtGymWarning, ParameterError
 from cjt_gym.joint import load_joint, load_joint_file, to_toml
 from cjt_gym.joint.build import build_joints, file_of

@@ -9,10 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cjt_gym.disk import parse_json, parse_toml, read_toml, toml_text
+from cjt_gym.disk import parse_json, parse_toml, read_toml, to_toml, toml_text
 from cjt_gym.errors import ConfigurationError, RecordError
 from cjt_gym.joint import load_joint_file
-from cjt_gym.training.toml_text import to_toml
 
 HOSTILE = {
     "a key of many parts": (".".join("a" * 20_000) + " = 1", "more than 64 parts"),

@@ -15,11 +15,12 @@ import can
 import numpy as np
 import pytest
 
-from cjt_gym.canbus.config import BUS, CONTROL, EMULATOR, LIMITS, TABLES, load_hardware
+from cjt_gym.canbus.config import CONTROL, TABLES, load_hardware
 from cjt_gym.canbus.emulator import Emulator
 from cjt_gym.canbus.experiments import EXPERIMENTS
 from cjt_gym.canbus.plant import CanPlant
 from cjt_gym.canbus.safety import FAULTS
+from cjt_gym.canbus.settings import BUS, EMULATOR, LIMITS
 from cjt_gym.canbus.virtual import VirtualLink
 from cjt_gym.cli import main
 from cjt_gym.records import Record, read_record

@@ -59,6 +59,9 @@ def same(found: Floats, expected: Floats) -> None:
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-11 * np.abs(expected).max())
 
 
+MODEL = SampledJoint(load_joint("orange_80_6000", "output_fixed_rigid_gearbox", effects={}), DT)
+
+
 @pytest.mark.parametrize("case", PIDS)
 def test_pid_agrees_with_the_toolbox(case: str) -> None:
     kp, ki, kd, added, lead = PIDS[case]
@@ -77,12 +80,12 @@ def test_pd_with_feedforward_agrees_with_the_toolbox() -> None:
 
 
 def test_integral_with_feedforward_agrees_with_the_toolbox() -> None:
-    same(run(integral_law(10.0, DT)), VECTORS["iff"])
+    same(run(integral_law(MODEL, 10.0)), VECTORS["iff"])
 
 
 def test_passivity_based_control_agrees_with_the_toolbox() -> None:
     """B / B_d = 4 and D_s = 25 N m s/rad; this joint has no damper beside its spring."""
-    same(run(passivity_law(4.0, 25.0, DT)), VECTORS["passivity"])
+    same(run(passivity_law(MODEL, 4.0, 25.0)), VECTORS["passivity"])
 
 
 def test_the_momentum_observer_agrees_with_the_toolbox() -> None:
@@ -103,7 +106,7 @@ def test_two_of_the_toolboxs_examples_are_unstable_without_dry_friction() -> Non
     """Example 3 integrates with 10 1/s, Example 10 observes with 25 Hz; less is stable."""
     joint = load_joint("orange_80_6000", "output_fixed_rigid_gearbox", effects={})
     model = SampledJoint(joint, DT)
-    found = [is_stable(model.loop, integral_law(ki, DT)) for ki in (10.0, 5.0)]
+    found = [is_stable(model.loop, integral_law(model, ki)) for ki in (10.0, 5.0)]
     found += [is_stable(model.loop, momentum_dob_law(model, hz)) for hz in (25.0, 5.0)]
     assert found == [False, True, False, True]
 

@@ -64,7 +64,7 @@ import numpy as np
 from numba import cuda, types, typeof
 from numba.cuda import dispatcher
 from cjt_gym.envs.core import Episodes
-from cjt_gym.envs.torque_tracking import complete
+from cjt_gym.envs.arguments import complete
 from cjt_gym.gpu import kernels
 
 class Device:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cjt_gym.errors import ConfigurationError, UnknownNameError
-from cjt_gym.training.benchmark import benchmark, make_agents, rows_of, write_results
+from cjt_gym.training.benchmark import benchmark, make_agents, rows_of, write_rows
 from cjt_gym.training.conditions import (
     EVALUATION_SEEDS,
     TASKS,
@@ -30,7 +30,7 @@ JOINT = "orange_80_6000"
 def test_the_json_has_the_agreed_keys(finished: RunFolder, tmp_path: Path) -> None:
     agents = make_agents(["open_loop"], [finished.path])
     results = benchmark(agents, realistic_conditions(JOINT), ("step", "smooth"), episodes=3)
-    rows = json.loads(write_results(results, tmp_path).read_text())
+    rows = json.loads(write_rows([row.to_json() for row in rows_of(results)], tmp_path).read_text())
     assert len(rows) == 4
     assert {row["kind"] for row in rows} == {"classical", "residual"}
     for row in rows:

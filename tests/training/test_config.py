@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from cjt_gym.baselines import make_controller
+from cjt_gym.disk import to_toml
 from cjt_gym.errors import CjtGymError, ConfigurationError, MissingFileError, UnknownNameError
 from cjt_gym.joint import load_joint
 from cjt_gym.training.algorithms import make_environment, make_model
@@ -19,7 +20,6 @@ from cjt_gym.training.config import (
     from_dict,
     load_config,
 )
-from cjt_gym.training.toml_text import to_toml
 
 
 @pytest.mark.parametrize("name", config_names())

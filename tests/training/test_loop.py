@@ -14,20 +14,20 @@ from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import Joint, get_structure, load_joint, to_toml
 from cjt_gym.plant.randomization import resolve_randomization
 from cjt_gym.training.conditions import zero_reference
-from cjt_gym.training.loop import experiment
-from cjt_gym.training.loop.__main__ import main
-from cjt_gym.training.loop.drive import BlindPlant, drive
-from cjt_gym.training.loop.experiment import ARMS, Outcome, Plan, run_experiment
-from cjt_gym.training.loop.joints import HiddenJoint, as_sensed, hidden_joints
-from cjt_gym.training.loop.report import (
+from cjt_gym.training.rollout import ControllerAgent
+from experiments.loop import experiment
+from experiments.loop.__main__ import main
+from experiments.loop.drive import BlindPlant, drive
+from experiments.loop.experiment import ARMS, Outcome, Plan, run_experiment
+from experiments.loop.joints import HiddenJoint, as_sensed, hidden_joints
+from experiments.loop.report import (
     read_results,
     summary_of,
     verdict,
     write_page,
     write_results,
 )
-from cjt_gym.training.loop.wide import NEUTRAL, SHARE, wide_randomization, with_room
-from cjt_gym.training.rollout import ControllerAgent
+from experiments.loop.wide import NEUTRAL, SHARE, wide_randomization, with_room
 
 
 @pytest.fixture(scope="module")

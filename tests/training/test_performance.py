@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from cjt_gym.blind import make_bench
+from cjt_gym.envs.arguments import complete
 from cjt_gym.envs.core import Episodes
-from cjt_gym.envs.torque_tracking import complete
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import Joint, load_joint
 from cjt_gym.records import Record

@@ -22,18 +22,18 @@ from cjt_gym.training.config import load_config
 from cjt_gym.training.grid import Cell
 from cjt_gym.training.metrics import nrmse
 from cjt_gym.training.policy_arguments import policy_arguments
-from cjt_gym.training.results import port, tables
-from cjt_gym.training.results.__main__ import main
-from cjt_gym.training.results.experiment import _compare
-from cjt_gym.training.results.jobs import Job, run_jobs
-from cjt_gym.training.results.page import write_all, write_document
-from cjt_gym.training.results.plan import STRUCTURES, Plan, other_joints
-from cjt_gym.training.results.score import THRESHOLDS, improvement, iqm, profile, summary_of
-from cjt_gym.training.results.shift import errors_under, widened
-from cjt_gym.training.results.worst_case import worst_case
 from cjt_gym.training.rollout import ControllerAgent, joint_of, run_task
 from cjt_gym.training.run_folder import RunFolder
 from cjt_gym.training.tasks import get_task
+from experiments.results import port, tables
+from experiments.results.__main__ import main
+from experiments.results.experiment import _compare
+from experiments.results.jobs import Job, run_jobs
+from experiments.results.page import write_all, write_document
+from experiments.results.plan import STRUCTURES, Plan, other_joints
+from experiments.results.score import THRESHOLDS, improvement, iqm, profile, summary_of
+from experiments.results.shift import errors_under, widened
+from experiments.results.worst_case import worst_case
 
 TASKS = ("step", "reversal")
 JOINT = "orange_80_6000"

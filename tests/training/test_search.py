@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from cjt_gym.disk import to_toml
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.training import zoo
 from cjt_gym.training.config import TrainConfig, load_config
-from cjt_gym.training.toml_text import to_toml
 
 pytest.importorskip("optuna")
 

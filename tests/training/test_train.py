@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cjt_gym.disk import to_toml
 from cjt_gym.errors import ConfigurationError, MissingFileError
 from cjt_gym.training.algorithms import make_environment, make_model
 from cjt_gym.training.callbacks import load_replay, restore, save_replay
@@ -23,7 +24,6 @@ from cjt_gym.training.policy import load_policy
 from cjt_gym.training.rollout import run_episodes
 from cjt_gym.training.run_folder import RunFolder, TrainingError, open_run
 from cjt_gym.training.seeds import train_seeds
-from cjt_gym.training.toml_text import to_toml
 from cjt_gym.training.train import train
 
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from cjt_gym.canbus.config import BusSettings
 from cjt_gym.canbus.link import open_bus
 from cjt_gym.canbus.ports.bus import BusPort
 from cjt_gym.canbus.ports.port import Port
-from cjt_gym.canbus.ports.slcan import SlcanPort
 from cjt_gym.canbus.ports.socketcand import SocketcandPort
+from cjt_gym.canbus.settings import BusSettings
+from cjt_gym.errors import ConfigurationError
 
-__all__ = ["BusPort", "Port", "SlcanPort", "SocketcandPort", "open_port"]
+__all__ = ["BusPort", "Port", "SocketcandPort", "open_port"]
 
 PTY = "pty"
 """Channel with which an emulated slcan adapter takes any free pseudo-terminal."""
@@ -27,5 +27,17 @@ def open_port(settings: BusSettings) -> Port:
     if settings.interface == "socketcand":
         return SocketcandPort(settings.host, settings.port, settings.channel)
     if settings.interface == "slcan":
-        return SlcanPort(None if settings.channel == PTY else settings.channel)
+        return _adapter(None if settings.channel == PTY else settings.channel)
     return BusPort(open_bus(settings))
+
+
+def _adapter(link: str | None) -> Port:
+    """Return an slcan adapter; Windows has no pseudo-terminals, nor the modules for them."""
+    try:
+        from cjt_gym.canbus.ports.slcan import SlcanPort
+    except ModuleNotFoundError as error:
+        raise ConfigurationError(
+            "An emulated slcan adapter needs pseudo-terminals, which this system does not have. "
+            'Set interface = "socketcand" or "virtual" under [bus].'
+        ) from error
+    return SlcanPort(link)

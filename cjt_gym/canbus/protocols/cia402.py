@@ -51,11 +51,6 @@ HEARTBEAT_MS: Final = 100
 """Time between two heartbeats of the drive [ms]."""
 EMERGENCY_LAYOUT: Final = Layout((Field("Error code", 16), Field("Error register", 8), nothing(40)))
 RPDO, *TPDOS = PDOS
-NAMES: Final = {
-    State.FAULT: "fault",
-    State.FAULT_REACTION: "fault",
-    State.SWITCH_ON_DISABLED: "switch on disabled",
-}
 
 
 class Cia402Master:

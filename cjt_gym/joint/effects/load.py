@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cjt_gym.joint.effects.motor import DQ_0
+from cjt_gym.joint.effects.friction import DQ_0
 from cjt_gym.joint.effects.row import Effect, EffectParameter
 from cjt_gym.joint.effects.sources import CATALOGUE, HUNT_CROSSLEY, TOOLBOX, TREMOR
 

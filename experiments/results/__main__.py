@@ -1,4 +1,4 @@
-"""`python -m cjt_gym.training.results`: train, compare, and write what came out."""
+"""`python -m experiments.results`: train, compare, and write what came out."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from pathlib import Path
 
 from cjt_gym.errors import CjtGymError
 from cjt_gym.training.benchmark import align
-from cjt_gym.training.results import tables
-from cjt_gym.training.results.experiment import run_results
-from cjt_gym.training.results.page import read_results, write_all, write_document, write_page
-from cjt_gym.training.results.plan import STRUCTURES, Plan
+from experiments.results import tables
+from experiments.results.experiment import run_results
+from experiments.results.page import read_results, write_all, write_document, write_page
+from experiments.results.plan import STRUCTURES, Plan
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the comparison, write `results.json` and `report.html`, and print its tables."""
     parser = argparse.ArgumentParser(
-        prog="python -m cjt_gym.training.results",
+        prog="python -m experiments.results",
         description="Compare learned with classical controllers.",
     )
     add, usual = parser.add_argument, Plan(Path("results"))

@@ -12,16 +12,16 @@ import numpy as np
 from cjt_gym.baselines import CONTROLLERS
 from cjt_gym.training.benchmark_results import write_benchmark
 from cjt_gym.training.grid import Cell, make_cells, run_grid
-from cjt_gym.training.results.jobs import Job, run_jobs
-from cjt_gym.training.results.plan import (
+from experiments.results.jobs import Job, run_jobs
+from experiments.results.plan import (
     TASKS,
     Plan,
     Say,
     other_joints,
     train_all,
 )
-from cjt_gym.training.results.port import port_energy
-from cjt_gym.training.results.score import (
+from experiments.results.port import port_energy
+from experiments.results.score import (
     Result,
     iqm,
     policies_score,
@@ -30,8 +30,8 @@ from cjt_gym.training.results.score import (
     split,
     summary_of,
 )
-from cjt_gym.training.results.shift import errors_under
-from cjt_gym.training.results.worst_case import worst_case
+from experiments.results.shift import errors_under
+from experiments.results.worst_case import worst_case
 
 BEST: Final = 3
 """How many controllers take part where not all do, the best first; and the policies' base."""

@@ -13,8 +13,8 @@ from joblib import Parallel, delayed
 
 from cjt_gym.blind.case import Log
 from cjt_gym.disk import write_text
+from cjt_gym.envs.arguments import complete
 from cjt_gym.envs.core import Episodes
-from cjt_gym.envs.torque_tracking import complete
 from cjt_gym.errors import CjtGymError, ConfigurationError
 from cjt_gym.gap import diagnose
 from cjt_gym.joint import JointFile, load_joint_file, to_toml
@@ -23,13 +23,13 @@ from cjt_gym.signals import Signal
 from cjt_gym.training.code_hash import COUNTED, code_hash
 from cjt_gym.training.conditions import EVALUATION_SEEDS, TASKS, task_reference, zero_reference
 from cjt_gym.training.config import TrainConfig, environment_arguments, load_config
-from cjt_gym.training.loop.drive import drive
-from cjt_gym.training.loop.joints import HiddenJoint, as_sensed, hidden_joints
-from cjt_gym.training.loop.wide import wide_randomization, with_room
 from cjt_gym.training.metrics import noise_amplification, nrmse
 from cjt_gym.training.policy import load_policy
 from cjt_gym.training.rollout import Agent, ControllerAgent, Traces
 from cjt_gym.training.train import train
+from experiments.loop.drive import drive
+from experiments.loop.joints import HiddenJoint, as_sensed, hidden_joints
+from experiments.loop.wide import wide_randomization, with_room
 
 Say = Callable[[str], None]
 AMPLITUDE_SHARE: Final = 0.2

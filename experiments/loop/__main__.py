@@ -1,4 +1,4 @@
-"""`python -m cjt_gym.training.loop`: run the experiment and write its report."""
+"""`python -m experiments.loop`: run the experiment and write its report."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cjt_gym.errors import CjtGymError
-from cjt_gym.training.loop.experiment import Plan, run_experiment
-from cjt_gym.training.loop.joints import GROUPS
-from cjt_gym.training.loop.report import (
+from experiments.loop.experiment import Plan, run_experiment
+from experiments.loop.joints import GROUPS
+from experiments.loop.report import (
     read_results,
     summary_of,
     verdict,

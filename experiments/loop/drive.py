@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 
 from cjt_gym.blind.live import Live, Sample
 from cjt_gym.blind.plant import World
+from cjt_gym.envs.arguments import complete
 from cjt_gym.envs.core import Episodes
-from cjt_gym.envs.foreign import advance_on, begin_on, conclude_on
-from cjt_gym.envs.torque_tracking import complete
+from cjt_gym.envs.foreign import ForeignEpisode
 from cjt_gym.joint import Joint
 from cjt_gym.plant import Limits, Measurement, limits_of
 from cjt_gym.training.fast_policy import fast_policy
-from cjt_gym.training.loop.joints import CUTOFF
 from cjt_gym.training.policy import PolicyAgent
 from cjt_gym.training.rollout import Agent, Traces
+from experiments.loop.joints import CUTOFF
 
 Floats = NDArray[np.float64]
 FINE_STEP: Final = 2e-5
@@ -94,22 +94,22 @@ def drive(
         episodes: How many, each from rest.
         seed: Of the first; episode i has seed + i.
     """
-    task = Episodes(1, **complete(arguments))
-    steps = task.settings.episode_steps
+    batch = Episodes(1, **complete(arguments))
+    task, steps = ForeignEpisode(batch), batch.settings.episode_steps
     shape, act = (episodes, steps), _function_of(agent)
     wanted, tau, measured, command = (np.zeros(shape) for _ in range(4))
-    plant = BlindPlant(world, task.settings.joint, steps)
+    plant = BlindPlant(world, batch.settings.joint, steps)
     for j in range(episodes):
-        task.plant.seed(seed + j)
-        task.reset()
+        batch.plant.seed(seed + j)
+        batch.reset()
         agent.begin()
-        begin_on(task, plant.reset(seed + j))
+        task.begin(plant.reset(seed + j))
         for k in range(steps):
             chosen = task.choose(act(task.task.observation.copy()))
-            advance_on(task, plant.step(chosen))
-            conclude_on(task, chosen)
+            task.advance(plant.step(chosen))
+            task.conclude(float(chosen[0]))
             wanted[j, k], tau[j, k] = task.task.reference[0], plant.tau
-            measured[j, k], command[j, k] = task.measurement().tau[0], chosen[0]
+            measured[j, k], command[j, k] = task.measured.tau[0], chosen[0]
     return Traces(wanted, tau, measured, command, np.zeros(shape, np.bool_), plant.dt)
 
 

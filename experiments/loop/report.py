@@ -16,9 +16,9 @@ from cjt_gym.disk import write_text
 from cjt_gym.errors import MissingFileError
 from cjt_gym.training import report
 from cjt_gym.training.figures import COLOURS, INK, STYLE, new_figure, to_svg
-from cjt_gym.training.loop.experiment import ARMS, Outcome, Plan
-from cjt_gym.training.marks import fill, markdown
 from cjt_gym.training.run_folder import versions
+from experiments.loop.experiment import ARMS, Outcome, Plan
+from experiments.marks import fill, markdown
 
 NAMES: Final = {
     "controller": "controller alone",
@@ -169,7 +169,7 @@ def read_results(folder: Path) -> dict[str, Any]:
         data: dict[str, Any] = json.loads((folder / "loop.json").read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise MissingFileError(
-            f"{folder} holds no loop.json. Make it:  python -m cjt_gym.training.loop --out {folder}"
+            f"{folder} holds no loop.json. Make it:  python -m experiments.loop --out {folder}"
         ) from None
     names = ("hidden", "found")
     joints = [{**row, **{name: tuple(row[name]) for name in names}} for row in data["joints"]]

@@ -5,5 +5,5 @@ controller on episodes, parameter draws and tasks that no training saw; then on 
 saw, in a wider box of parameters, with more delay, at the worst parameters of the box, and with its
 output moved from outside.
 
-    python -m cjt_gym.training.results --out results
+    python -m experiments.results --out results
 """

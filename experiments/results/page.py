@@ -10,12 +10,12 @@ from typing import Any, Final
 from cjt_gym.disk import write_text
 from cjt_gym.errors import MissingFileError
 from cjt_gym.training import report
-from cjt_gym.training.marks import fill, markdown
-from cjt_gym.training.results import tables
-from cjt_gym.training.results.figures import delay_figure, noise_figure, port_figure, profile_figure
-from cjt_gym.training.results.plan import Plan
-from cjt_gym.training.results.tables import Found
 from cjt_gym.training.run_folder import versions
+from experiments.marks import fill, markdown
+from experiments.results import tables
+from experiments.results.figures import delay_figure, noise_figure, port_figure, profile_figure
+from experiments.results.plan import Plan
+from experiments.results.tables import Found
 
 NOTES: Final = {
     "scores": "Score: nrmse, geometric mean over the tasks. Noise: standard deviation of the "
@@ -54,7 +54,7 @@ def read_results(folder: Path) -> dict[str, Any]:
         data: dict[str, Any] = json.loads((folder / "results.json").read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise MissingFileError(
-            f"{folder} holds no results.json. Make it:  python -m cjt_gym.training.results --out "
+            f"{folder} holds no results.json. Make it:  python -m experiments.results --out "
             f"{folder}"
         ) from None
     return data

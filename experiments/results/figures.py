@@ -8,8 +8,8 @@ import matplotlib
 import numpy as np
 
 from cjt_gym.training.figures import COLOURS, STYLE, new_figure, to_svg
-from cjt_gym.training.results.score import THRESHOLDS
-from cjt_gym.training.results.tables import Found, ranked
+from experiments.results.score import THRESHOLDS
+from experiments.results.tables import Found, ranked
 
 RIVALS = 3
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, Final
 
-from cjt_gym.training.results.plan import HELD_OUT
+from experiments.results.plan import HELD_OUT
 
 Found = Mapping[str, Any]
 Cells = list[list[str]]

@@ -12,14 +12,14 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from cjt_gym.envs.arguments import complete
 from cjt_gym.envs.core import Episodes
-from cjt_gym.envs.torque_tracking import complete
 from cjt_gym.training.conditions import TASKS
 from cjt_gym.training.evaluate import first_seed
 from cjt_gym.training.grid import Cell
-from cjt_gym.training.results.shift import conditions_of, spelt_out
 from cjt_gym.training.rollout import Agent, drive, joint_of
 from cjt_gym.training.tasks import get_task
+from experiments.results.shift import conditions_of, spelt_out
 
 Floats = NDArray[np.float64]
 STEPS: Final = 600

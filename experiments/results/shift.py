@@ -8,8 +8,8 @@ from typing import Any, Final
 
 import numpy as np
 
+from cjt_gym.envs.arguments import complete
 from cjt_gym.envs.core import Episodes
-from cjt_gym.envs.torque_tracking import complete
 from cjt_gym.training.conditions import Conditions, realistic_conditions
 from cjt_gym.training.evaluate import first_seed
 from cjt_gym.training.grid import Cell

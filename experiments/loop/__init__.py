@@ -5,5 +5,5 @@ Policies learn on a joint as its datasheet describes it, and then run on joints 
 the policy goes on learning on the joint that the diagnosis gives. What that is worth is seen beside
 a policy that learnt on widely randomised joints, and one that went on learning on the true joint.
 
-    python -m cjt_gym.training.loop --out loop
+    python -m experiments.loop --out loop
 """

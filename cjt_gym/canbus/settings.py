@@ -1,0 +1,233 @@
+"""The tables of a hardware configuration, one by one."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from cjt_gym.canbus.protocols import protocol_of, settings_of
+from cjt_gym.canbus.protocols.contract import Limits as DriveLimits
+from cjt_gym.canbus.protocols.contract import Settings
+from cjt_gym.canbus.safety import SafetyLimits
+from cjt_gym.canbus.tables import Section
+from cjt_gym.errors import ConfigurationError
+from cjt_gym.joint import Joint, load_joint, load_joint_file
+from cjt_gym.joint.configure import EffectSpec
+from cjt_gym.plant import limits_of
+
+BUS = ("interface", "channel", "host", "port", "bitrate", "fd", "options")
+JOINT = ("file", "structure", "effects")
+LIMITS = ("tau", "tau_rate", "dq_m", "q_m", "tau_joint", "deflection", "temperature", "current")
+EMULATOR = ("latency", "jitter", "loss", "load", "speed", "seed", "watchdog")
+HEADROOM = 1.5
+"""Measured values may pass the nominal peak current by this factor before that is a fault."""
+RAMP = 0.01
+"""Time from zero to the joint's peak torque, where no rate is given [s]."""
+
+
+@dataclass(frozen=True)
+class BusSettings:
+    """Where the bus is.
+
+    Attributes:
+        interface: A name of python-can's interfaces.
+        channel: Its channel.
+        host: Host of a socketcand server.
+        port: Its TCP port.
+        bitrate: [bit/s]; None leaves it to the interface.
+        fd: Whether frames may be CAN FD.
+        options: Whatever else python-can's interface takes.
+        owner: What messages call the table.
+    """
+
+    interface: str
+    channel: str
+    host: str = "127.0.0.1"
+    port: int = 29536
+    bitrate: int | None = None
+    fd: bool = False
+    options: Mapping[str, Any] = field(default_factory=dict)
+    owner: str = "[bus]"
+
+    @property
+    def identity(self) -> str:
+        """What tells the bus from others on this machine."""
+        server = f"-{self.host}-{self.port}" if self.interface == "socketcand" else ""
+        return f"{self.interface}{server}-{self.channel}"
+
+
+@dataclass(frozen=True)
+class NodeSettings:
+    """A node of the bus.
+
+    Attributes:
+        name: "drive", or the name of a sensor.
+        protocol: A name of the table of protocols.
+        settings: What the protocol needs.
+    """
+
+    name: str
+    protocol: str
+    settings: Settings
+
+
+@dataclass(frozen=True)
+class EmulatorSettings:
+    """How an emulated bus and clock behave.
+
+    Attributes:
+        latency: Time that a frame takes [s].
+        jitter: Mean of a further random time, exponentially distributed [s].
+        loss: Share of frames that are lost.
+        load: Share of the bus that others take, who let a frame wait.
+        speed: Time of the joint over that of the clock on the wall.
+        seed: Of the sensors' noise and of latency and loss.
+        watchdog: Time without a command after which the drive stops, as set in it beforehand [s];
+            0: as it leaves the factory.
+    """
+
+    latency: float = 0.0
+    jitter: float = 0.0
+    loss: float = 0.0
+    load: float = 0.0
+    speed: float = 1.0
+    seed: int = 0
+    watchdog: float = 0.0
+
+
+def read_bus(table: object, owner: str) -> BusSettings:
+    """Return the table [bus]."""
+    given = Section(table, owner, BUS)
+    options = Section(given.table.get("options", {}), f"options of {owner}")
+    return BusSettings(
+        interface=given.text("interface"),
+        channel=given.text("channel"),
+        host=given.text("host", BusSettings.host),
+        port=given.whole("port", 1, 65535, default=BusSettings.port),
+        bitrate=given.whole("bitrate", 10_000, 8_000_000, default=None),
+        fd=given.flag("fd", BusSettings.fd),
+        options=dict(options.table),
+        owner=owner,
+    )
+
+
+def read_joint(table: object, owner: str, folder: Path) -> tuple[Joint, str, EffectSpec]:
+    """Return the joint of the table [joint] without effects, its name or path, and its effects."""
+    given = Section(table, owner, JOINT)
+    name = given.text("file")
+    beside = folder / name
+    known = str(beside) if name.endswith(".toml") and beside.is_file() else name
+    usual = load_joint_file(known).structure or "output_fixed_rigid_gearbox"
+    structure = given.text("structure", usual)
+    effects = given.table.get("effects", [])
+    if not isinstance(effects, list | Mapping):
+        raise ConfigurationError(
+            f"effects of {owner} must be a list of names or a table of effects, got {effects!r}."
+        )
+    return load_joint(known, structure, effects=[]), known, effects
+
+
+@dataclass(frozen=True)
+class NodeReader:
+    """Reads the tables [drive] and [sensors.NAME] of a joint.
+
+    Attributes:
+        folder: What paths are relative to.
+        joint: The nominal joint.
+        dt: Control step [s].
+        watchdog: Time without a command after which a drive is to stop by itself [s].
+        stored: The same as set in an emulated drive beforehand [s].
+    """
+
+    folder: Path
+    joint: Joint
+    dt: float
+    watchdog: float
+    stored: float
+
+    def read(self, name: str, table: object, owner: str) -> NodeSettings:
+        """Return the table of a node."""
+        given = Section(table, owner)
+        protocol = given.text("protocol")
+        known = dict(given.table)
+        if "file" in known and (self.folder / given.text("file")).is_file():
+            known["file"] = str(self.folder / known["file"])
+        p, limits = self.joint.parameters, limits_of(self.joint)
+        settings = settings_of(
+            protocol_of(protocol),
+            known,
+            n=p.n,
+            period=self.dt,
+            watchdog=self.watchdog,
+            limits=DriveLimits(
+                tau_m=limits.tau,
+                dq_m=HEADROOM * limits.dq_m,
+                temperature=p.get("Tmp_WMax", math.inf),
+                watchdog=self.stored,
+            ),
+            owner=owner,
+        )
+        return NodeSettings(name, protocol, settings)
+
+
+def read_limits(table: object, owner: str, joint: Joint) -> SafetyLimits:
+    """Return the limits of the joint file, tightened by the table [limits]."""
+    given = Section(table, owner, LIMITS)
+    p, most = joint.parameters, limits_of(joint)
+
+    def tightened(key: str, unit: str, top: float) -> float:
+        value = given.quantity(key, unit, low=0.0, default=top)
+        if value > top:
+            raise ConfigurationError(
+                f"{key} of {owner} must be <= {top:.6g} {unit}, the limit of {p.name}, got "
+                f"{value:g}. Limits here are tighter than the joint's, never looser."
+            )
+        return float(value)
+
+    tau = tightened("tau", "N m", most.tau)
+    tau_joint = tightened("tau_joint", "N m", most.tau_joint)
+    low, high = _span(given)
+    return SafetyLimits(
+        tau=tau,
+        tau_rate=given.quantity("tau_rate", "N m/s", low=0.0, default=most.tau / RAMP),
+        dq_m=tightened("dq_m", "rad/s", most.dq_m),
+        q_low=low,
+        q_high=high,
+        tau_joint=tau_joint,
+        deflection=tightened("deflection", "rad", tau_joint / p.get("k_b", 1.0)),
+        temperature=tightened("temperature", "degC", p.get("Tmp_WMax", math.inf)),
+        current=tightened("current", "A", HEADROOM * p.get("i_p", math.inf)),
+    )
+
+
+def _span(limits: Section) -> tuple[float, float]:
+    """Return lowest and highest motor angle: `q_m = { low = -1.0, high = 1.0, unit = "rad" }`."""
+    if "q_m" not in limits:
+        return -math.inf, math.inf
+    given = Section(limits.table["q_m"], f"q_m of {limits.owner}", ("low", "high", "unit"))
+    if given.text("unit") != "rad":
+        raise ConfigurationError(f"{given.owner} must be in rad, got {given.table['unit']!r}.")
+    low = given.number("low", "rad", low=-math.inf)
+    return low, given.number("high", "rad", low=low)
+
+
+def read_emulator(table: object, owner: str) -> EmulatorSettings:
+    """Return the table [emulator]."""
+    given = Section(table, owner, EMULATOR)
+    share = {
+        key: given.number(key, "(share)", low=-1e-300, high=0.95, default=0.0)
+        for key in ("loss", "load")
+    }
+    times = {
+        key: given.quantity(key, "s", low=0.0, high=1.0, default=0.0)
+        for key in ("latency", "jitter", "watchdog")
+    }
+    return EmulatorSettings(
+        **share,
+        **times,
+        speed=given.number("speed", "", default=1.0),
+        seed=given.whole("seed", 0, 2**31, default=0),
+    )
