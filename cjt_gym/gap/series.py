@@ -117,6 +117,7 @@ def unbroken(record: Record) -> Record:
         if name in record:
             there = np.flatnonzero(np.isfinite(record[name]))
             if len(there) > SHORTEST // 2:
+                edges |= {int(there[0]), int(there[-1]) + 1}
                 steps = np.diff(t[there])
                 for k in np.flatnonzero(steps > HOLE * np.median(steps)):
                     edges |= {int(there[k]) + 1, int(there[k + 1])}

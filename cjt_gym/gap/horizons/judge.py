@@ -28,6 +28,7 @@ from cjt_gym.gap.horizons.windows import (
 )
 from cjt_gym.joint import Joint, JointFile, Structure
 from cjt_gym.joint.configure import resolve_effects
+from cjt_gym.joint.quantity import Quantity
 from cjt_gym.records import Record
 
 Floats = NDArray[np.float64]
@@ -54,6 +55,7 @@ KEPT = 0.1
 """How far the inertia may move in the end, relative."""
 BALANCED = 3
 """How often horizons at which a joint would be worse get twice the weight."""
+ALL = np.ones(6, dtype=bool)
 TRIVIAL = 0.03
 """Relative error that is left to no one's concern."""
 
@@ -120,17 +122,40 @@ def make_case(
     logs, other = both[: len(records)], both[len(records) :]
     first = logs[0]
     drive = "static" if first.voltage else "current"
+    if first.voltage and "v_0" not in file.parameters:
+        file = _supplied(file, both)
     effects = resolve_effects(None, file, shape, drive)
     joint = quiet(Joint(file, shape.name, drive, effects), driven=first.drive != "i")
     pieces = cut(logs)
     own, kept = (pieces, cut(other)) if other else split(logs, pieces)
     whole = shape.output_fixed
     fit = make_windows(logs, own, whole=whole)
+    if not _followed(fit, joint):
+        logs, other = ([replace(log, known=ALL) for log in some] for some in (logs, other))
+        fit = make_windows(logs, own, whole=whole)
     test = make_windows(other or logs, kept or own, TEST, whole=whole)
     every = test if other else make_windows(logs, pieces, TEST, whole=whole)
     return Case(
         joint, tuple(logs), fit, test, every, fit_drive(first, [p for p in own if p.log == 0])
     )
+
+
+def _supplied(file: JointFile, logs: Sequence[Log]) -> JointFile:
+    """Return a joint whose supply gives the largest voltage that was recorded."""
+    most = Quantity(max(float(np.abs(log.command).max()) for log in logs), "V", "largest recorded")
+    return replace(file, parameters=file.parameters.replace(v_0=most))
+
+
+def _followed(fit: Windows, joint: Joint) -> bool:
+    """Return whether states that were not measured are better taken from what was, by the joint.
+
+    A heavy load swings on its spring, a light one is where the motor is, as far as a log tells.
+    """
+    if all(log.known.all() for log in fit.logs):
+        return True
+    plain = replace(fit, logs=tuple(replace(log, known=ALL) for log in fit.logs))
+    errors = [relative(fit, windows.errors(joint)) for windows in (fit, plain)]
+    return sum(np.log(errors[0][key] / errors[1][key]) for key in fit.keys) < 0.0
 
 
 def as_joint(file: JointFile, case: Case) -> Joint:

@@ -1,0 +1,155 @@
+"""Logs with gaps, stamped jitter, noise stated too large, and masses that nobody measured."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cjt_gym.gap import diagnose
+from cjt_gym.gap.horizons.forward import followed
+from cjt_gym.gap.horizons.judge import make_case
+from cjt_gym.gap.horizons.log import to_log, to_logs
+from cjt_gym.gap.horizons.model import quiet
+from cjt_gym.gap.horizons.windows import relative
+from cjt_gym.gap.noise import channel_noise
+from cjt_gym.gap.series import to_series, unbroken
+from cjt_gym.joint import JointFile, get_structure, load_joint
+from cjt_gym.joint.joint import Joint
+from cjt_gym.joint.quantity import Quantity
+from cjt_gym.records import Record
+from tests.gap.horizons.rotor import datasheet, record
+
+RIGID = get_structure("rigid")
+DT = 1e-3
+
+
+def spring_record(
+    columns: tuple[str, ...], *, free: bool = True, load: float | None = None
+) -> tuple[Record, Joint]:
+    """Return a clean record of a joint with a spring, and the joint."""
+    structure = "rigid_gearbox" if free else "output_fixed_rigid_gearbox"
+    changed = {} if load is None else {"I_l": load}
+    joint = load_joint("orange_80_6000", structure, parameters=changed)
+    t = DT * np.arange(6000)
+    torque = 20.0 * np.sin(2.0 * np.pi * 1.3 * t) + 10.0 * np.sin(2.0 * np.pi * 7.0 * t)
+    made = quiet(joint).simulate(torque, dt=DT)
+    current = torque / (joint.parameters.k_t * joint.parameters.n)
+    known = {"t": t, "i_cmd": current, "i": current, "q_m": made["true_q_m"]}
+    known |= {"q_l": made["true_q_l"], "tau": made["true_tau"]}
+    units = {"t": "s", "i_cmd": "A", "i": "A", "q_m": "rad", "q_l": "rad", "tau": "N m"}
+    kept = ("t", *columns)
+    return (
+        Record({n: known[n] for n in kept}, {n: units[n] for n in kept}, structure=joint.structure),
+        joint,
+    )
+
+
+def holed(whole: Record, lost: np.ndarray) -> Record:
+    """Return a record without some samples of its angle."""
+    columns = {n: whole[n] for n in ("t", "i")} | {"q_m": np.where(lost, np.nan, whole["q_m"])}
+    return Record(columns, whole.units, structure=whole.structure, allow_nan=True)
+
+
+def test_the_stages_take_the_longest_stretch_without_a_gap() -> None:
+    whole = record(gap=(3.0, 3.2))
+    part = unbroken(whole)
+    assert part.t[0] >= 3.2
+    assert np.diff(part.t).max() < 2.5e-3
+    lost = holed(whole, whole.t < 6.0)
+    assert unbroken(lost).t[0] >= 6.0
+    even = record()
+    assert len(unbroken(even)) == len(even)
+
+
+def test_single_lost_samples_break_no_record() -> None:
+    whole = record()
+    assert len(unbroken(holed(whole, np.arange(len(whole)) % 50 == 7))) == len(whole)
+
+
+@pytest.mark.parametrize("told", [True, False])
+def test_stamps_are_believed_where_they_make_the_channels_smoother(told: bool) -> None:
+    rng = np.random.default_rng(1)
+    even = DT * np.arange(4000)
+    late = even + 0.08 * DT * rng.standard_normal(len(even))
+    taken = late if told else even
+
+    def angle(t: np.ndarray) -> np.ndarray:
+        return np.sin(2.0 * np.pi * 2.0 * t)
+
+    columns = {"t": late, "q_m": angle(taken), "i_cmd": np.cos(even)}
+    made = to_series(Record(columns, {"t": "s", "q_m": "rad", "i_cmd": "A"}), datasheet(), RIGID)
+    step = (late[-1] - late[0]) / (len(late) - 1)
+    at = late[0] + step * np.arange(len(late)) if told else even
+    expected = angle(at) - made.zero["q_m"]
+    assert made.dt == pytest.approx(step, rel=0.05)
+    # a late sample at full speed would be off by 0.08 ms * 4 pi rad/s = 1 mrad
+    assert np.abs(made["q_m"] - expected).max() < (2e-4 if told else 1e-12)
+    assert made["i_cmd"] == pytest.approx(np.cos(even))
+
+
+@pytest.mark.parametrize(("stated", "counts"), [(1.0, 1.0), (3.0, 1.0), (0.5, 0.5)])
+def test_noise_that_is_stated_too_large_hides_nothing(stated: float, counts: float) -> None:
+    true = 1e-3
+    rng = np.random.default_rng(0)
+    t = DT * np.arange(6000)
+    q = np.sin(2.0 * np.pi * t) + true * rng.standard_normal(len(t))
+    sheet = datasheet()
+    sensors = {"q_m": {"noise": Quantity(stated * true, "rad", "test")}}
+    known = JointFile(sheet.parameters, sensors=sensors)
+    columns = {"t": t, "q_m": q, "i_cmd": np.cos(t)}
+    units = {"t": "s", "q_m": "rad", "i_cmd": "A"}
+    series = to_series(Record(columns, units), known, RIGID)
+    assert channel_noise(series, known, "q_m", 0.0).std == pytest.approx(counts * true, rel=0.1)
+
+
+def test_a_load_that_was_not_measured_follows_the_motor() -> None:
+    seen, joint = spring_record(("i_cmd", "q_m"), load=2.0)
+    full, _ = spring_record(("i_cmd", "q_m", "q_l", "tau"), load=2.0)
+    log = to_log(seen, joint.file, joint.structure_row)
+    true = to_log(full, joint.file, joint.structure_row)
+    assert log.known.tolist() == [True, True, False] * 2
+    assert true.known.all()
+    assert followed(quiet(joint), true) is true.states
+    found = followed(quiet(joint), log)
+    off, plain = (np.std(s[:, 2] - true.states[:, 2]) for s in (found, log.states))
+    assert off < 0.25 * plain
+
+    case = make_case([seen], [], joint.file, joint.structure_row)
+    as_if = tuple(replace(one, known=np.ones(6, dtype=bool)) for one in case.test.logs)
+    errors = [
+        relative(case.test, windows.errors(case.joint))
+        for windows in (case.test, replace(case.test, logs=as_if))
+    ]
+    for horizon in (0.02, 0.1, 0.5):
+        assert errors[0]["q_m", horizon] < 0.5 * errors[1]["q_m", horizon]
+
+
+def test_the_zero_of_a_held_spring_follows_from_the_command() -> None:
+    seen, joint = spring_record(("i_cmd", "q_m"), free=False)
+    shifted = seen.with_columns({"q_m": seen["q_m"] + 0.3})
+    one, two = (to_log(r, joint.file, joint.structure_row) for r in (seen, shifted))
+    assert two.measured["q_m"] == pytest.approx(one.measured["q_m"], abs=1e-9)
+
+
+def test_all_records_of_a_joint_are_driven_by_the_same_channel() -> None:
+    follows, joint = spring_record(("i_cmd", "i", "q_m", "tau"), free=False)
+    wrong = follows["i_cmd"] * np.where(np.arange(len(follows)) % 500 < 250, 1.0, -1.0)
+    other = follows.with_columns({"i_cmd": wrong})
+    alone = [to_log(r, joint.file, joint.structure_row).drive for r in (follows, other)]
+    assert alone == ["i_cmd", "i"]
+    both = to_logs([follows, other], joint.file, joint.structure_row)
+    assert [log.drive for log in both] == ["i", "i"]
+
+
+def test_a_record_driven_by_a_voltage_is_diagnosed() -> None:
+    whole = record(seconds=8.0)
+    sheet = datasheet(1.0)
+    values = sheet.parameters.replace(r=Quantity(2.0, "ohm", "datasheet"))
+    # without inductance a voltage u drives (u - k_t dq) / r: damping k_t^2 / r more
+    columns = {"t": whole.t, "q_m": whole["q_m"], "v": 2.0 * whole["i"]}
+    driven = Record(columns, {"t": "s", "q_m": "rad", "v": "V"}, structure="rigid")
+    found = diagnose(driven, replace(sheet, parameters=values))
+    assert found.horizons
+    assert found.verdict != "no_gap"
