@@ -176,7 +176,9 @@ def allowed(fit: Fit, term: Term) -> bool:
         return False
     if term.name == "coulomb" and "coulomb_asym" in names:
         return False
-    if term.name == "torque_offset" and names & {"gravity", "coulomb_asym"}:
+    if term.name == "torque_offset" and names & {"gravity", "coulomb_asym", "viscous_asym"}:
+        return False
+    if term.name == "viscous_asym" and "torque_offset" in names:
         return False
     return not term.needs or bool(names & set(term.needs))
 
