@@ -35,6 +35,7 @@ TEXTS = {
     "blind": "a second simulator, which tests the diagnosis",
     "records": "time series, their files and their repair",
     "params": "joints that ship, as data",
+    "plugins": "rows that other packages bring along",
     "disk": "files, read without trust and written whole",
     "errors": "one tree of errors",
 }

@@ -155,7 +155,7 @@ def _followed(fit: Windows, joint: Joint) -> bool:
         return True
     plain = replace(fit, logs=tuple(replace(log, known=ALL) for log in fit.logs))
     errors = [relative(fit, windows.errors(joint)) for windows in (fit, plain)]
-    return sum(np.log(errors[0][key] / errors[1][key]) for key in fit.keys) < 0.0
+    return bool(sum(np.log(errors[0][key] / errors[1][key]) for key in fit.keys) < 0.0)
 
 
 def as_joint(file: JointFile, case: Case) -> Joint:
