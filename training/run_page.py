@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from cjt_gym.disk import to_toml
 from cjt_gym.training import figures, report
 from cjt_gym.training.benchmark import cells_of
 from cjt_gym.training.conditions import TASKS, Conditions
@@ -15,7 +16,6 @@ from cjt_gym.training.policy import load_policy
 from cjt_gym.training.policy_arguments import CONDITIONS
 from cjt_gym.training.rollout import Agent, ControllerAgent
 from cjt_gym.training.run_folder import RunFolder
-from cjt_gym.disk import to_toml
 from cjt_gym.training.validation import validation_error
 
 EPISODES = 16
