@@ -130,7 +130,13 @@ def test_the_zero_of_a_held_spring_follows_from_the_command() -> None:
     seen, joint = spring_record(("i_cmd", "q_m"), free=False)
     shifted = seen.with_columns({"q_m": seen["q_m"] + 0.3})
     one, two = (to_log(r, joint.file, joint.structure_row) for r in (seen, shifted))
-    assert two.measured["q_m"] == pytest.approx(one.measured["q_m"], abs=1e-9)
+    assert two.states[:, 2] - one.states[:, 2] == pytest.approx(0.3, abs=1e-9)
+    errors = [
+        make_case([r], [], joint.file, joint.structure_row).test.errors(quiet(joint))
+        for r in (seen, shifted)
+    ]
+    for before, after in zip(*errors, strict=True):
+        assert after == pytest.approx(before, abs=1e-6)
 
 
 def test_all_records_of_a_joint_are_driven_by_the_same_channel() -> None:

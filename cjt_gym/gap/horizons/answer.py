@@ -54,7 +54,7 @@ def judged(
         first = replace(first, joint=replace(first.joint, found=found_at(found)))
         return _allowed(replace(_cleared(first, found), horizons=horizons_of(found)), excluded)
     told = retold(first, found, excluded, _title(records[0]))
-    if found.answer == "datasheet" and found.cut and found.found is None and _near(found):
+    if found.answer == "datasheet" and found.cut and _near(found):
         return _suspected(told, first)
     return told
 
@@ -62,6 +62,8 @@ def judged(
 def _near(found: Judgement) -> bool:
     """Return whether the joint of the stages predicts less than twice as badly as the datasheet."""
     windows = found.case.test
+    if "stages" not in found.errors:
+        return False
     own, other = (relative(windows, found.errors[name]) for name in ("stages", "datasheet"))
     return all(own[k] < FAR_OFF * max(other[k], TRIVIAL) for k in own if k[1] != min(HORIZONS))
 

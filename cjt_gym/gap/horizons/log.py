@@ -121,10 +121,12 @@ def to_log(record: Record, file: JointFile, structure: Structure, *, measured: b
     if sprung and followed and _followed(even["i"], even["i_cmd"]):
         drive, command = "i_cmd", even["i_cmd"]
     shown = _measured(record, even, file, structure, grid)
-    _relaxed(shown, even.get("q_l"), command, structure)
+    zero = _relaxed(shown, even.get("q_l"), command, structure)
+    if "q_l" in shown:
+        shown["q_l"] = shown["q_l"] + zero
     used = [n for n in columns if n in (*shown, drive, "tau_cmd", "tau_l")]
     holes = _holes(grid, t, [columns[n] for n in used], dt)
-    held = even.get("q_l") if structure.output_fixed else None
+    held = even.get("q_l", np.zeros(len(grid))) + zero if structure.output_fixed else None
     states, acceleration = _states(shown, held, even, structure, file, dt)
     load = even.get("tau_l", np.zeros(len(grid)))
     if structure.output_fixed:
@@ -216,23 +218,20 @@ def _measured(
 
 def _relaxed(
     measured: dict[str, Floats], q_l: Floats | None, drive: Floats, structure: Structure
-) -> None:
-    """Shift an angle so that the spring is relaxed where it carries no torque, in place.
+) -> float:
+    """Return what the load's angle lacks so that a spring without torque is relaxed [rad].
 
     Encoders have arbitrary zeros: a regression of the deflection on the torque tells theirs, on
-    what drives the joint where the torque was not measured.
+    what drives the joint where the torque was not measured. The motor's angle stays as it is,
+    because cogging and ripple count from its zero.
     """
     if structure.groups[1] == structure.groups[2] or "q_m" not in measured:
-        return
+        return 0.0
     if q_l is None and not structure.output_fixed:
-        return
+        return 0.0
     twist = measured["q_m"] - (q_l if q_l is not None else 0.0)
     columns = np.stack([measured.get("tau", drive), np.ones(len(twist))], axis=1)
-    zero = float(np.linalg.lstsq(columns, twist, rcond=None)[0][1])
-    if "q_l" in measured:
-        measured["q_l"] = measured["q_l"] + zero
-    else:
-        measured["q_m"] = measured["q_m"] - zero
+    return float(np.linalg.lstsq(columns, twist, rcond=None)[0][1])
 
 
 def _holes(grid: Floats, t: Floats, columns: list[Floats], dt: float) -> Flags:
