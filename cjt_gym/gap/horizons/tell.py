@@ -173,7 +173,7 @@ def _named(
     firm = firm and not genuine and not same
     firm = firm and (test is None or test.fall > 0.0)
     firm = firm and (term.name not in MIMICS or removed > MUCH)
-    firm = firm and not judged.unexplained
+    firm = firm and not judged.unexplained and _main(judged).found < LOUD
     confidence = float(np.clip(1.0 - 0.5 ** (worth.clear / worth.needed), 0.05, 0.99))
     return NamedEffect(
         term.name, term.stage, term.body, term.channel, spread.intervals(index),
