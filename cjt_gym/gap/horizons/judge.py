@@ -240,9 +240,9 @@ def judge(
     if max(relative(case.test, case.test.errors(joints[best])).values()) > 1.0:
         free = replace(problem)
         free.force = 0.0
-        fit, base = (free.fit(f.model, f.z) for f in (found.fit, found.base))
-        joints["found"], joints["base"] = fit.model.at(fit.z), base.model.at(base.z)
-        found = replace(found, fit=fit, base=base)
+        fit, plain = (free.fit(f.model, f.z) for f in (found.fit, found.base))
+        joints["found"], joints["base"] = fit.model.at(fit.z), plain.model.at(plain.z)
+        found = replace(found, fit=fit, base=plain)
         best = _best(case, test, joints)
     judged = _settled(case, joints, best)
     return replace(judged, found=found, tests=tests, problem=problem)
