@@ -15,7 +15,7 @@ import pytest
 from cjt_gym import EFFECTS, joint_names, read_record
 from cjt_gym.cli import COMMANDS, main
 from cjt_gym.commands.train import environment, tell
-from cjt_gym.joint import load_joint
+from cjt_gym.joint import load_joint, load_joint_file, to_toml
 from cjt_gym.plant.randomization import resolve_randomization
 from cjt_gym.records import Record, record_names, write_record
 from cjt_gym.training.config import load_config
@@ -180,6 +180,29 @@ def test_a_diagnosed_joint_brings_its_own_effects_to_a_training(
     env = environment(recipe, Namespace(**NO_OPTIONS | asked))
     assert (env["effects"], env["randomization"]) == ({"noise": {}}, "identified")
     assert environment(recipe, Namespace(**NO_OPTIONS)) == recipe
+
+
+def test_training_tells_the_structure_of_the_joint_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = to_toml(load_joint_file("orange_80_6000"))
+    (tmp_path / "free.toml").write_text(f'structure = "rigid_gearbox"\n{text}')
+    tell({"joint": str(tmp_path / "free.toml")}, {})
+    assert "(rigid_gearbox, current)" in capsys.readouterr().err
+
+
+def test_wrong_options_are_one_sentence_each(capsys: pytest.CaptureFixture[str]) -> None:
+    for words, end in (
+        (["plot", "emps"], "required: --out. See cjt-gym plot --help.\n"),
+        (
+            [*SHORT, "--duration", "nan", "--out", "x.csv"],
+            "got nan. See cjt-gym simulate --help.\n",
+        ),
+    ):
+        with pytest.raises(SystemExit) as stop:
+            main(words)
+        assert stop.value.code == 2
+        assert capsys.readouterr().err.endswith(end)
 
 
 def test_effects_in_force_are_stated_and_typical_values_are_offered(

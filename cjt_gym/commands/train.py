@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cjt_gym.commands.joint_options import (
-    USUAL,
     add_conditions,
     asked_effects,
     check_randomize,
+    structure_of,
     tell_effects,
 )
 from cjt_gym.errors import ConfigurationError, unknown_name
@@ -72,7 +72,7 @@ def tell(env: Mapping[str, Any], before: Mapping[str, Any]) -> None:
     if not isinstance(joint, str):
         return
     asked = {name: env[name] for name in ("drive", "effects") if name in env}
-    told = load_joint(joint, env.get("structure", USUAL), **asked)
+    told = load_joint(joint, structure_of(joint, env.get("structure")), **asked)
     told = with_current_loop(told, env.get("dt_physics", DT_PHYSICS))
     tell_effects(told)
     lost = [name for name in before.get("effects") or () if name not in told.effects]

@@ -39,7 +39,7 @@ def read_text(path: Path, error: Error) -> str:
         data = file.read(limit + 1)
     if len(data) > limit:
         BYTES_OF_TEXT.check(max(path.stat().st_size, limit + 1), path, error)
-    with parsing(f"{path} must be a text in UTF-8", error):
+    with parsing(f"{path} must be a text in UTF-8", error, "Save it as UTF-8."):
         return data.decode("utf-8")
 
 

@@ -168,8 +168,10 @@ def _refined(
     for symbol, numbers in refined.items():
         value, deviation = (_rounded(x) for x in numbers)
         old = quantities[symbol]
-        text = f"refined from {old.number:.6g} within its tolerance, {source}"
-        found[symbol] = replace(old, value=value, source=text, tolerance=deviation)
+        how = "corrected from the guess of" if old.guess else "refined from"
+        within = "" if old.guess else " within its tolerance"
+        text = f"{how} {old.number:.6g}{within}, {source}"
+        found[symbol] = replace(old, value=value, source=text, tolerance=deviation, guess=False)
         back = quantities.get(f"{symbol}_n")
         if back is not None and back.number == old.number:
             found[f"{symbol}_n"] = replace(back, value=value, source=text, tolerance=deviation)

@@ -168,7 +168,7 @@ def read_joint_text(path: Path) -> str:
             f"The joint file {path} does not exist. Give the path of a TOML file or one of: "
             f"{', '.join(joint_names())}."
         ) from error
-    except (OSError, ParameterError) as error:
+    except OSError as error:
         raise ParameterError(
             f"The joint file {path} cannot be read: {error}. It must be a UTF-8 text file."
         ) from error

@@ -491,7 +491,7 @@ def test_missing_and_unreadable_file(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError):
         load_joint_file("no/such/file.toml")
     (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(ParameterError, match="must be a UTF-8 text file"):
+    with pytest.raises(ParameterError, match=r"must be a text in UTF-8: .*[^.]\. Save it as UTF-8"):
         load_joint_file(tmp_path / "binary.toml")
     with pytest.raises(ParameterError, match="cannot be read"):
         load_joint_file(tmp_path)

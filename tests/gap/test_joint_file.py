@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import gymnasium
@@ -174,6 +175,20 @@ def test_datasheet_values_are_refined_with_their_deviation(tmp_path: Path) -> No
     assert joint.parameters.k_t == VALUES["k_t"]
     assert "refined from 6000" in file.parameters.quantities["k_b"].source
     assert set(resolve_randomization(joint, "identified")) == {"k_b", "I_m"}
+
+
+def test_a_guess_is_corrected_and_no_longer_a_guess(tmp_path: Path) -> None:
+    setting = setting_of(FIXED, 0.5)
+    quantities = setting.joint.parameters.quantities
+    guess = replace(quantities["k_b"], tolerance=None, guess=True)
+    parameters = replace(setting.joint.parameters, quantities={**quantities, "k_b": guess})
+    setting = replace(setting, joint=replace(setting.joint, parameters=parameters))
+    file = identified_joint(setting, dict(setting.nominal), [], {"k_b": (9000.0, 0.01)}, "a record")
+    found = file.parameters.quantities["k_b"]
+    assert "within its tolerance" not in found.source
+    assert found.source.startswith("corrected from the guess of 6000, ")
+    assert (found.guess, found.tolerance) == (False, 0.01)
+    assert load(file, FIXED, tmp_path / "joint.toml").parameters.k_b == 9000.0
 
 
 def test_the_intervals_are_the_ranges_of_randomisation(tmp_path: Path) -> None:
