@@ -1,7 +1,9 @@
-"""Where a search may start: a regression of the motor's torque on what it has to move.
+"""Inverse dynamics: a regression of the motor's torque on what it has to move.
 
 A search that begins with too heavy a joint may never leave it: such a joint hardly listens to its
-torque, so that no further effect changes much. Inverse dynamics err to the other side.
+torque, so that no further effect changes much. Inverse dynamics err to the other side, and are
+where else a search may start. Where a controller holds the motion, so that nothing predicts it
+from the torque, they still show what the torque is spent on.
 """
 
 from __future__ import annotations
@@ -23,7 +25,12 @@ STUCK = 0.05
 """Share of the usual speed below which dry friction says nothing."""
 FEWEST = 50
 """Fewest samples of motion."""
-PLACES = {"coulomb": (2,), "torque_offset": (3,), "gravity": (4, 5)}
+BLOCKS = 12
+"""Stretches of a record, each of which is predicted from the others."""
+SPENT, CLEAR = 0.15, 3.0
+"""Share of the error that an effect takes away from a regression, and that in its standard
+deviations over the stretches, from which it is seen."""
+PLACES = {"damping": (1,), "coulomb": (2,), "torque_offset": (3,), "gravity": (4, 5)}
 """Columns of the regressors that stand for an effect."""
 SETS = (("coulomb",), ("coulomb", "torque_offset"), ("coulomb", "gravity"))
 """Effects of each start."""
@@ -46,23 +53,98 @@ class Inverse:
 
 def inverse(joint: Joint, logs: Sequence[Log]) -> list[Inverse]:
     """Return a regression for each set of effects; none where the records do not allow it."""
-    shape = joint.structure_row
-    sprung = shape.groups[1] != shape.groups[2]
-    usable = [x for x in logs if "q_m" in x.measured and not (sprung and "tau" not in x.measured)]
-    if not usable or any(log.voltage for log in usable):
-        return []
-    parts = [_columns(joint, log, sprung) for log in usable]
-    columns, torque = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
-    if len(torque) < FEWEST:
-        return []
     found = []
-    for effects in SETS:
+    columns, torque = _moving(joint, logs)
+    for effects in SETS if len(torque) >= FEWEST else ():
         used = [0, 1, *(k for name in effects for k in PLACES[name])]
         values = np.linalg.lstsq(columns[:, used], torque, rcond=None)[0]
         value = dict(zip(used, values.tolist(), strict=True))
         own = {name: tuple(value[k] for k in PLACES[name]) for name in effects}
         found.append(Inverse(max(value[0], 0.0), max(value[1], 0.0), own))
     return found
+
+
+@dataclass(frozen=True)
+class Spent:
+    """An effect on which a torque is spent.
+
+    Attributes:
+        name: The effect.
+        values: Its coefficients.
+        deviations: Their standard deviations, from regressions without one stretch each.
+        share: Share of the squared error that it takes away from predicted stretches.
+    """
+
+    name: str
+    values: tuple[float, ...]
+    deviations: tuple[float, ...]
+    share: float
+
+
+def spent(joint: Joint, logs: Sequence[Log], names: Sequence[str]) -> list[Spent]:
+    """Return on which of some effects the torque is clearly spent, stretch predicting stretch.
+
+    Args:
+        joint: The nominal joint.
+        logs: The records.
+        names: Effects that may be seen, of `PLACES`.
+    """
+    columns, torque = _moving(joint, logs)
+    if len(torque) < BLOCKS * FEWEST:
+        return []
+    names = list(names)
+    while names:
+        full, fits = _predicted(columns, torque, names)
+        weights = {name: _gain(full, _predicted(columns, torque, _less(names, name))[0])
+                   for name in names}  # fmt: skip
+        weak = [n for n, (share, clear) in weights.items() if share < SPENT or clear < CLEAR]
+        if not weak:
+            break
+        names.remove(min(weak, key=lambda n: weights[n][0]))
+    return [_spent(name, names, fits, weights[name][0]) for name in names]
+
+
+def _less(names: Sequence[str], name: str) -> list[str]:
+    return [n for n in names if n != name]
+
+
+def _spent(name: str, names: Sequence[str], fits: Floats, share: float) -> Spent:
+    used = [0, *(k for n in names for k in PLACES[n])]
+    own = fits[:, [used.index(k) for k in PLACES[name]]]
+    spread = np.std(own, axis=0) * np.sqrt(len(fits) - 1)
+    return Spent(name, tuple(own.mean(axis=0).tolist()), tuple(spread.tolist()), share)
+
+
+def _predicted(columns: Floats, torque: Floats, names: Sequence[str]) -> tuple[Floats, Floats]:
+    """Return the mean square error of each stretch, and the fits without it, one per row."""
+    used = [0, *(k for n in names for k in PLACES[n])]
+    block = np.arange(len(torque)) * BLOCKS // len(torque)
+    errors, fits = [], []
+    for k in range(BLOCKS):
+        other = block != k
+        fit = np.linalg.lstsq(columns[other][:, used], torque[other], rcond=None)[0]
+        errors.append(np.mean((torque[~other] - columns[~other][:, used] @ fit) ** 2))
+        fits.append(fit)
+    return np.array(errors), np.array(fits)
+
+
+def _gain(full: Floats, less: Floats) -> tuple[float, float]:
+    """Return the share of the error that is gained, and the gain in its standard deviations."""
+    gains = less - full
+    deviation = max(float(np.std(gains, ddof=1)) * np.sqrt(len(gains)), 1e-300)
+    return float(1.0 - full.sum() / max(less.sum(), 1e-300)), float(gains.sum()) / deviation
+
+
+def _moving(joint: Joint, logs: Sequence[Log]) -> tuple[Floats, Floats]:
+    """Return regressors and torque over all records, none where something is missing for them."""
+    shape = joint.structure_row
+    sprung = shape.groups[1] != shape.groups[2]
+    usable = [x for x in logs if "q_m" in x.measured and not (sprung and "tau" not in x.measured)]
+    if not usable or any(log.voltage for log in usable):
+        return np.zeros((0, 6)), np.zeros(0)
+    parts = [_columns(joint, log, sprung) for log in usable]
+    columns, torque = zip(*parts, strict=True)
+    return np.concatenate(columns), np.concatenate(torque)
 
 
 def _columns(joint: Joint, log: Log, sprung: bool) -> tuple[Floats, Floats]:

@@ -218,8 +218,10 @@ def search(
     first = best_start(problem, base)
     begun = [first, *(begin(problem, first, term) for term in terms if term.name == FIRST)]
     begun.append(seeded(problem, first, terms, suspects))
-    begun += moved(problem, base, terms)
-    fits = [extended(problem, fit, terms, progress) for fit in _apart(begun, len(base.terms))]
+    if problem.force:
+        begun += moved(problem, base, terms)
+    begun = _apart(begun, len(base.terms))[: 2 if problem.force else 1]
+    fits = [extended(problem, fit, terms, progress) for fit in begun]
     best = min(fits, key=lambda fit: _priced(fit, len(base.terms)))
     return pruned(problem, first, best, terms, len(base.terms))
 
