@@ -8,18 +8,27 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.envs.arguments import complete, takes_arguments
+from cjt_gym.envs.arguments import argument_table, complete, takes_arguments
 from cjt_gym.envs.control import REPORT
 from cjt_gym.envs.core import Episodes
+from cjt_gym.envs.observation import PAST, PRESENT, ROWS, observation_table, with_tables
 from cjt_gym.envs.strip_chart import StripChart
 from cjt_gym.errors import unknown_name
 
 Observation = NDArray[np.float32]
 Action = NDArray[np.float32]
 RENDER_MODES = ("human", "rgb_array")
+PLACES = (
+    *("0 .. preview", *(f"preview + {k + 1}" for k in range(PRESENT))),
+    *("then, newest first, `history` times", *[""] * (PAST - 1)),
+)
 __all__ = ["TorqueTrackingEnv"]
 
 
+@with_tables(
+    arguments=argument_table(),
+    observation=observation_table(PLACES, ROWS),
+)
 @takes_arguments
 class TorqueTrackingEnv(gym.Env[Observation, Action]):
     """Make the torque of a compliant joint follow a reference.
@@ -40,19 +49,9 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
     ## Observation space
 
     `Box(-5, 5, (preview + 4 + 4 history,), float32)`, made only of what a real joint
-    measures, and four more with `observe_joint`. Torques are divided by `torque_amplitude`,
-    velocities by `velocity_scale`, and clipped.
+    measures, and four more with `observe_joint`; each divided by its scale and clipped.
 
-    | Index | Observation | Unit before scaling |
-    |---|---|---|
-    | 0 | reference now | N m |
-    | 1 .. preview | reference at the next control steps | N m |
-    | preview + 1 | reference minus measured torque | N m |
-    | preview + 2, + 3 | sine and cosine of the measured rotor angle n q_m | - |
-    | then, newest first, `history` times | measured torque | N m |
-    | | measured motor velocity | rad/s |
-    | | measured load velocity | rad/s |
-    | | motor torque that was commanded | N m |
+    {observation}
 
     With `observe_joint`, what of the joint's datasheet tells it from others ends the observation,
     for policies that suit many joints: ln(f / 20 Hz) and (20 Hz / f)^2 with the frequency f of
@@ -140,7 +139,7 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
         self.observation_space = self.episodes.observation_space
         self.action_space = self.episodes.action_space
         self.render_mode = render_mode
-        self._chart = StripChart(self.episodes.settings.dt) if render_mode else None
+        self._chart = StripChart(self.episodes.settings.layout.dt) if render_mode else None
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None

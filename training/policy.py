@@ -12,6 +12,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import VecNormalize
 
 from cjt_gym.envs.core import Episodes
+from cjt_gym.envs.observation import Layout
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.training.algorithms import (
     load_normalization,
@@ -22,7 +23,6 @@ from cjt_gym.training.algorithms import (
 )
 from cjt_gym.training.conditions import Conditions
 from cjt_gym.training.config import DatasheetsConfig, TrainConfig, environment_arguments
-from cjt_gym.training.deploy.layout import Layout, layout_of
 from cjt_gym.training.policy_arguments import kind_of, policy_arguments, trained_on
 from cjt_gym.training.run_folder import open_run
 
@@ -62,7 +62,7 @@ class PolicyAgent:
     @property
     def layout(self) -> Layout:
         """What its observation is made of."""
-        return layout_of(Episodes(1, **environment_arguments(self.config.env)).settings)
+        return Episodes(1, **environment_arguments(self.config.env)).settings.layout
 
     @property
     def renders(self) -> bool:

@@ -6,14 +6,12 @@ from collections.abc import Mapping
 from typing import Any
 
 from cjt_gym.envs.core import Episodes
+from cjt_gym.envs.observation import Layout
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.training.conditions import Conditions
 from cjt_gym.training.config import TrainConfig, environment_arguments
-from cjt_gym.training.deploy.layout import Layout, layout_of
 
 CONDITIONS = ("joint", "structure", "drive", "effects", "randomization", "dt_physics")
-SCALES = {"torque_amplitude": "torque", "velocity_scale": "velocity", "action_scale": "action"}
-"""Scales of observation and action, and what a layout calls them."""
 
 
 def kind_of(config: TrainConfig) -> str:
@@ -54,7 +52,7 @@ def policy_arguments(
     arguments |= {**given, "parameters": None, "disturbance": None, "history": layout.history}
     own = environment_arguments(config.env)
     if (arguments["joint"], arguments["structure"]) == (own["joint"], own["structure"]):
-        return arguments | {name: getattr(layout, short) for name, short in SCALES.items()}
+        return arguments | layout.scales()
     return arguments | scales_on(layout, own, arguments)
 
 
@@ -66,9 +64,7 @@ def scales_on(layout: Layout, own: Mapping[str, Any], other: Mapping[str, Any]) 
         own: Arguments of the environment of the training.
         other: Those of the environment with the other joint.
     """
-    plain = dict.fromkeys((*SCALES, "disturbance", "randomization"))
-    here, there = (layout_of(Episodes(1, **{**a, **plain}).settings) for a in (own, other))
-    return {
-        name: getattr(layout, short) * getattr(there, short) / getattr(here, short)
-        for name, short in SCALES.items()
-    }
+    scales = layout.scales()
+    plain = dict.fromkeys((*scales, "disturbance", "randomization"))
+    here, there = (Episodes(1, **{**a, **plain}).settings.layout.scales() for a in (own, other))
+    return {name: x * there[name] / here[name] for name, x in scales.items()}

@@ -207,7 +207,7 @@ def test_scales_that_were_given_keep_their_ratio_on_another_joint(finished: RunF
     assert usual["torque_amplitude"] == pytest.approx(other.amplitude)
     assert usual["action_scale"] == pytest.approx(0.5 * other.amplitude)
     made = Episodes(1, **{**usual, "disturbance": Signal("multisine", 9.0), "randomization": None})
-    assert made.settings.velocity_scale == pytest.approx(usual["velocity_scale"])
+    assert made.settings.layout.velocity == pytest.approx(usual["velocity_scale"])
     own = Conditions(JOINT, FIXED)
     assert policy.arguments(own)["velocity_scale"] == policy.layout.velocity
 

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from cjt_gym.disk import parse_json, parsing, whole
 from cjt_gym.disk.arrays import read_arrays
+from cjt_gym.envs.observation import CLIP, Layout
 from cjt_gym.errors import CjtGymError, ConfigurationError, MissingFileError
 from cjt_gym.training.conditions import Conditions
 from cjt_gym.training.config import TrainConfig, from_dict
 from cjt_gym.training.deploy.base import BaseLaw, read_base
-from cjt_gym.training.deploy.layout import LIMIT, Layout
 from cjt_gym.training.deploy.network import Layer, Network
 from cjt_gym.training.deploy.signals import described
 from cjt_gym.training.policy_arguments import kind_of, policy_arguments, trained_on
@@ -71,7 +71,7 @@ class Exported:
     @cached_property
     def on_its_joint(self) -> Network:
         """The network on the joint of the layout, whose numbers are no input any more."""
-        return self.network.with_end(np.clip(self.layout.joint_numbers, -LIMIT, LIMIT).tolist())
+        return self.network.with_end(np.clip(self.layout.joint_numbers, -CLIP, CLIP).tolist())
 
     def check_whole(self, form: str, linear: bool = True) -> None:
         """Refuse to be a controller by itself where the base controller is missing.

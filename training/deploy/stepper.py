@@ -2,41 +2,79 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from typing import final
+from typing import NamedTuple, final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.baselines.linear_law import SIGNALS
+from cjt_gym.baselines.linear_law import COMMAND, REFERENCE, SIGNALS, TAU, assemble, static
+from cjt_gym.envs.observation import Observed
+from cjt_gym.envs.observe import limited, put_sample
+from cjt_gym.export.c_law import CLaw
 from cjt_gym.joint.compiled import threaded
 from cjt_gym.training.deploy.base import run_law
 from cjt_gym.training.deploy.exported import Exported
-from cjt_gym.training.deploy.layout import observe
 from cjt_gym.training.deploy.network import run_layers
 
 Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
+Q_M, DQ_M, DQ_L = (SIGNALS.index(name) for name in ("q_m", "dq_m", "dq_l"))
+
+
+class Machine(NamedTuple):
+    """What a step needs, and what it goes on from.
+
+    Attributes:
+        plan: See `run_layers`.
+        numbers: Likewise.
+        work: Likewise.
+        clip: Likewise.
+        reference: Wanted joint torque now and at the next steps, shape (preview + 1,) [N m].
+        observation: Shape (size,).
+        torque: See `Layout`.
+        divisors: Likewise.
+        n: Gear ratio.
+        action: Motor torque of an action of 1 [N m].
+        limit: Largest motor torque that is commanded [N m].
+        law: See `run_law`.
+        rest: Likewise.
+        z: Likewise.
+        law_limit: Likewise.
+        follows: Likewise.
+    """
+
+    plan: NDArray[np.int64]
+    numbers: Singles
+    work: Singles
+    clip: float
+    reference: Floats
+    observation: Singles
+    torque: float
+    divisors: Floats
+    n: float
+    action: float
+    limit: float
+    law: Floats
+    rest: Floats
+    z: Floats
+    law_limit: float
+    follows: bool
 
 
 @threaded
-def run_step(
-    plan: NDArray[np.int64],
-    numbers: NDArray[np.float32],
-    clip: float,
-    work: NDArray[np.float32],
-    scales: Floats,
-    reference: Floats,
-    tau: float,
-    q_m: float,
-    dq_m: float,
-    dq_l: float,
-    command: float,
-    begun: bool,
-    observation: NDArray[np.float32],
-) -> float:
-    """Observe and return the action; see `observe` and `run_layers`."""
-    observe(scales, reference, tau, q_m, dq_m, dq_l, command, begun, observation)
-    return float(work[run_layers(plan, numbers, observation, clip, work), 0])
+def run_step(m: Machine, begun: bool) -> float:
+    """Return the motor torque to command [N m], for a reference and signals that are in place."""
+    w, count = m.z[0, m.rest.shape[0] :], m.reference.shape[0]
+    for k in range(count):
+        m.observation[k] = limited(m.reference[k] / m.torque)
+    error, angle = w[REFERENCE] - w[TAU], m.n * w[Q_M]
+    sample = Observed(error, math.sin(angle), math.cos(angle), w[TAU], w[DQ_M], w[DQ_L], w[COMMAND])
+    put_sample(m.observation[count:], sample, m.divisors, begun)
+    action = m.work[run_layers(m.plan, m.numbers, m.observation, m.clip, m.work), 0]
+    base = run_law(m.law, m.rest, m.z, m.law_limit, m.follows, begun)
+    return float(min(max(base + action * m.action, -m.limit), m.limit))
 
 
 @final
@@ -61,16 +99,29 @@ class Stepper:
         """
         policy.check_whole("Stepper")
         layout, network, base = policy.layout, policy.on_its_joint, policy.base
+        law = CLaw(assemble(layout.dt, static()), 0.0) if base is None else base.law
+        linear, order = law.linear, len(law.linear.c)
+        plan, numbers, work = network.packed
         self.policy = policy
-        self._fixed = (*network.packed[:2], network.clip, network.packed[2])
-        self._scales = np.array([layout.torque, layout.velocity, layout.n])
-        self._reference = np.zeros(layout.preview + 1)
-        self._observation = np.zeros(layout.size, dtype=np.float32)
-        self._signals, self._law = np.zeros(len(SIGNALS)), None
-        if base is not None:
-            law, x = base.law.linear, np.zeros((2, len(base.law.linear.c)))
-            self._law = (law.a, law.b, law.c, law.d, law.at_rest(), x, self._signals)
-            self._limits = (base.law.limit, base.law.follows)
+        self._machine = Machine(
+            plan=plan,
+            numbers=numbers,
+            work=work,
+            clip=network.clip,
+            reference=np.zeros(layout.preview + 1),
+            observation=np.zeros(layout.size, dtype=np.float32),
+            torque=layout.torque,
+            divisors=layout.divisors,
+            n=layout.n,
+            action=layout.action,
+            limit=policy.limit,
+            law=np.block([[linear.a, linear.b], [linear.c, linear.d]]),
+            rest=linear.at_rest(),
+            z=np.zeros((2, order + len(SIGNALS))),
+            law_limit=law.limit,
+            follows=law.follows,
+        )
+        self._signals = self._machine.z[0, order:]
         self.reset()
 
     def reset(self) -> None:
@@ -100,17 +151,9 @@ class Stepper:
             dq_g: Measured gear velocity [rad/s].
             dq_l: Measured load velocity [rad/s].
         """
-        self._reference[:] = reference
-        numbers = (float(tau), float(q_m), float(dq_m), float(dq_l), float(self.command))
-        action = run_step(
-            *self._fixed, self._scales, self._reference, *numbers, self._begun, self._observation
-        )
-        base = 0.0
-        if self._law is not None:
-            first = self._reference[0]
-            self._signals[:-1] = first, tau, q_m, q_g, q_l, dq_m, dq_g, dq_l
-            base = run_law(*self._law, *self._limits, self._begun)
-        self._begun, limit = True, self.policy.limit
-        wanted = base + float(action) * self.policy.layout.action
-        self.command = min(max(wanted, -limit), limit)
+        machine, signals = self._machine, self._signals
+        machine.reference[:] = reference
+        first = machine.reference[0]
+        signals[:] = first, tau, q_m, q_g, q_l, dq_m, dq_g, dq_l, self.command
+        self.command, self._begun = run_step(machine, self._begun), True
         return self.command
