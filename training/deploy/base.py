@@ -105,21 +105,26 @@ def read_base(facts: Mapping[str, Any] | None, arrays: Mapping[str, Any]) -> Bas
     return BaseLaw(str(facts["controller"]), gains, law)
 
 
-@inlined
-def run_law(
-    law: Floats, rest: Floats, z: Floats, limit: float, follows: bool, begun: bool
-) -> float:
-    """Return the command of a linear law, and go on with its state; see `LinearLaw`.
+Running = tuple[Floats, Floats, Floats, float, bool]
+"""A law for compiled code, with its state.
 
-    Args:
-        law: Its matrices [a b; c d], shape (order + 1, order + 9).
-        rest: From signals that stand still to the state, shape (order, 9).
-        z: State and signals, and scratch, shape (2, order + 9); the last signal is overwritten
-            with the command.
-        limit: Largest command [N m].
-        follows: See `CLaw`.
-        begun: Whether there was a step before.
-    """
+Matrix [a b; c d] of a `LinearLaw`, shape (order + 1, order + 9). From signals that stand still to
+the state, shape (order, 9). State and signals, and scratch, shape (2, order + 9). Largest command
+[N m]. `follows` of a `CLaw`.
+"""
+
+
+def running(law: CLaw) -> Running:
+    """Return the linear part of a law within its limit, ready to begin."""
+    one = law.linear
+    matrix, z = np.block([[one.a, one.b], [one.c, one.d]]), np.zeros((2, len(one.c) + len(one.d)))
+    return matrix, one.at_rest(), z, law.limit, law.follows
+
+
+@inlined
+def run_law(law: Running, begun: bool) -> float:
+    """Return the command for the signals, the last of which it becomes; go on with the state."""
+    matrix, rest, z, limit, follows = law
     order, count = rest.shape
     w = z[0, order:]
     if not begun:
@@ -131,13 +136,13 @@ def run_law(
     w[COMMAND] = 0.0
     command = 0.0
     for j in range(order + count):
-        command += law[order, j] * z[0, j]
+        command += matrix[order, j] * z[0, j]
     command = min(max(command, -limit), limit)
     w[COMMAND] = command
     for i in range(order):
         z[1, i] = 0.0
         for j in range(order + count):
-            z[1, i] += law[i, j] * z[0, j]
+            z[1, i] += matrix[i, j] * z[0, j]
     for i in range(order):
         z[0, i] = z[1, i]
     return command

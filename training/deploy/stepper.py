@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple, final
+from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,67 +14,35 @@ from cjt_gym.envs.observation import Observed
 from cjt_gym.envs.observe import limited, put_sample
 from cjt_gym.export.c_law import CLaw
 from cjt_gym.joint.compiled import threaded
-from cjt_gym.training.deploy.base import run_law
+from cjt_gym.training.deploy.base import Running, run_law, running
 from cjt_gym.training.deploy.exported import Exported
-from cjt_gym.training.deploy.network import run_layers
+from cjt_gym.training.deploy.network import Packed, run_layers
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 Q_M, DQ_M, DQ_L = (SIGNALS.index(name) for name in ("q_m", "dq_m", "dq_l"))
 
 
-class Machine(NamedTuple):
-    """What a step needs, and what it goes on from.
-
-    Attributes:
-        plan: See `run_layers`.
-        numbers: Likewise.
-        work: Likewise.
-        clip: Likewise.
-        reference: Wanted joint torque now and at the next steps, shape (preview + 1,) [N m].
-        observation: Shape (size,).
-        torque: See `Layout`.
-        divisors: Likewise.
-        n: Gear ratio.
-        action: Motor torque of an action of 1 [N m].
-        limit: Largest motor torque that is commanded [N m].
-        law: See `run_law`.
-        rest: Likewise.
-        z: Likewise.
-        law_limit: Likewise.
-        follows: Likewise.
-    """
-
-    plan: NDArray[np.int64]
-    numbers: Singles
-    work: Singles
-    clip: float
-    reference: Floats
-    observation: Singles
-    torque: float
-    divisors: Floats
-    n: float
-    action: float
-    limit: float
-    law: Floats
-    rest: Floats
-    z: Floats
-    law_limit: float
-    follows: bool
+Machine = tuple[Packed, Running, Floats, Singles, Floats, float, float, float, float]
+"""Network; law, with the signals of the step; reference now and at the next steps, shape
+(preview + 1,) [N m]; observation, shape (size,); and of the layout divisors, torque, n and action;
+largest motor torque [N m]."""
 
 
 @threaded
-def run_step(m: Machine, begun: bool) -> float:
+def run_step(machine: Machine, begun: bool) -> float:
     """Return the motor torque to command [N m], for a reference and signals that are in place."""
-    w, count = m.z[0, m.rest.shape[0] :], m.reference.shape[0]
+    network, law, reference, observation, divisors, torque, n, action, limit = machine
+    _, rest, z, _, _ = law
+    w, count = z[0, rest.shape[0] :], reference.shape[0]
     for k in range(count):
-        m.observation[k] = limited(m.reference[k] / m.torque)
-    error, angle = w[REFERENCE] - w[TAU], m.n * w[Q_M]
+        observation[k] = limited(reference[k] / torque)
+    error, angle = w[REFERENCE] - w[TAU], n * w[Q_M]
     sample = Observed(error, math.sin(angle), math.cos(angle), w[TAU], w[DQ_M], w[DQ_L], w[COMMAND])
-    put_sample(m.observation[count:], sample, m.divisors, begun)
-    action = m.work[run_layers(m.plan, m.numbers, m.observation, m.clip, m.work), 0]
-    base = run_law(m.law, m.rest, m.z, m.law_limit, m.follows, begun)
-    return float(min(max(base + action * m.action, -m.limit), m.limit))
+    put_sample(observation[count:], sample, divisors, begun)
+    _, _, work, _ = network
+    found = work[run_layers(network, observation), 0]
+    return float(min(max(run_law(law, begun) + found * action, -limit), limit))
 
 
 @final
@@ -99,29 +67,13 @@ class Stepper:
         """
         policy.check_whole("Stepper")
         layout, network, base = policy.layout, policy.on_its_joint, policy.base
-        law = CLaw(assemble(layout.dt, static()), 0.0) if base is None else base.law
-        linear, order = law.linear, len(law.linear.c)
-        plan, numbers, work = network.packed
         self.policy = policy
-        self._machine = Machine(
-            plan=plan,
-            numbers=numbers,
-            work=work,
-            clip=network.clip,
-            reference=np.zeros(layout.preview + 1),
-            observation=np.zeros(layout.size, dtype=np.float32),
-            torque=layout.torque,
-            divisors=layout.divisors,
-            n=layout.n,
-            action=layout.action,
-            limit=policy.limit,
-            law=np.block([[linear.a, linear.b], [linear.c, linear.d]]),
-            rest=linear.at_rest(),
-            z=np.zeros((2, order + len(SIGNALS))),
-            law_limit=law.limit,
-            follows=law.follows,
-        )
-        self._signals = self._machine.z[0, order:]
+        law = CLaw(assemble(layout.dt, static()), 0.0) if base is None else base.law
+        self._law, self._reference = running(law), np.zeros(layout.preview + 1)
+        self._signals = self._law[2][0, -len(SIGNALS) :]
+        observation = np.zeros(layout.size, np.float32)
+        numbers = (layout.divisors, layout.torque, layout.n, layout.action, policy.limit)
+        self._machine = (network.packed, self._law, self._reference, observation, *numbers)
         self.reset()
 
     def reset(self) -> None:
@@ -151,9 +103,8 @@ class Stepper:
             dq_g: Measured gear velocity [rad/s].
             dq_l: Measured load velocity [rad/s].
         """
-        machine, signals = self._machine, self._signals
-        machine.reference[:] = reference
-        first = machine.reference[0]
-        signals[:] = first, tau, q_m, q_g, q_l, dq_m, dq_g, dq_l, self.command
-        self.command, self._begun = run_step(machine, self._begun), True
+        self._reference[:] = reference
+        first = self._reference[0]
+        self._signals[:] = first, tau, q_m, q_g, q_l, dq_m, dq_g, dq_l, self.command
+        self.command, self._begun = run_step(self._machine, self._begun), True
         return self.command
