@@ -185,3 +185,9 @@ def with_tables(**tables: str) -> Callable[[Class], Class]:
         return target
 
     return put
+
+
+def observes(kind: type) -> Callable[[Class], Class]:
+    """Return what puts the table of what such a class says into the docstring of another."""
+    rows = rows_of(kind)
+    return with_tables(observation=observation_table(range(len(rows)), rows))
