@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from cjt_gym.envs.core import Episodes
@@ -14,46 +15,58 @@ from cjt_gym.training.config import TrainConfig, environment_arguments
 CONDITIONS = ("joint", "structure", "drive", "effects", "randomization", "dt_physics")
 
 
-def kind_of(config: TrainConfig) -> str:
-    """Return "residual" for a policy on a base controller, else "learned"."""
-    return "learned" if config.env.get("base_controller") is None else "residual"
+@dataclass(frozen=True)
+class Trained:
+    """What policies have in common, whatever their form.
 
-
-def trained_on(config: TrainConfig) -> tuple[str, str]:
-    """Return joint and structure of a training."""
-    arguments = environment_arguments(config.env)
-    return arguments["joint"], arguments["structure"]
-
-
-def policy_arguments(
-    name: str, config: TrainConfig, layout: Layout, conditions: Conditions
-) -> dict[str, Any]:
-    """Return the conditions with the observation and the action that a policy was trained with.
-
-    On another joint than its own, torques and velocities are scaled as is usual for that one; a
-    scale that was another one in training keeps its ratio to the usual one.
-
-    Args:
-        name: Of the policy, for messages.
+    Attributes:
+        name: Its name in tables.
         config: How it was trained.
-        layout: Its observation.
-        conditions: What it faces.
-
-    Raises:
-        ConfigurationError: The control step is another one.
+        layout: What its observation is made of.
     """
-    if abs(layout.dt - conditions.dt_control) > 1e-12:
-        raise ConfigurationError(
-            f"The policy {name} was trained at dt_control = {layout.dt:g} s and cannot run at "
-            f"{conditions.dt_control:g} s."
-        )
-    arguments = environment_arguments(config.env)
-    given = {key: getattr(conditions, key) for key in CONDITIONS}
-    arguments |= {**given, "parameters": None, "disturbance": None, "history": layout.history}
-    own = environment_arguments(config.env)
-    if (arguments["joint"], arguments["structure"]) == (own["joint"], own["structure"]):
-        return arguments | layout.scales()
-    return arguments | scales_on(layout, own, arguments)
+
+    name: str
+    config: TrainConfig
+    layout: Layout
+
+    @property
+    def kind(self) -> str:
+        """Either "residual", on a base controller, or "learned"."""
+        return "learned" if self.config.env.get("base_controller") is None else "residual"
+
+    @property
+    def renders(self) -> bool:
+        """False: it follows a torque."""
+        return False
+
+    @property
+    def trained_on(self) -> tuple[str, str]:
+        """Joint and structure that it was trained on."""
+        arguments = environment_arguments(self.config.env)
+        return arguments["joint"], arguments["structure"]
+
+    def arguments(self, conditions: Conditions) -> dict[str, Any]:
+        """Return the conditions with the observation and the action that it was trained with.
+
+        On another joint than its own, torques and velocities are scaled as is usual for that one;
+        a scale that was another one in training keeps its ratio to the usual one.
+
+        Raises:
+            ConfigurationError: The control step is another one.
+        """
+        layout = self.layout
+        if abs(layout.dt - conditions.dt_control) > 1e-12:
+            raise ConfigurationError(
+                f"The policy {self.name} was trained at dt_control = {layout.dt:g} s and cannot "
+                f"run at {conditions.dt_control:g} s."
+            )
+        own = environment_arguments(self.config.env)
+        given = {key: getattr(conditions, key) for key in CONDITIONS}
+        arguments = own | given
+        arguments |= {"parameters": None, "disturbance": None, "history": layout.history}
+        if (arguments["joint"], arguments["structure"]) == self.trained_on:
+            return arguments | layout.scales()
+        return arguments | scales_on(layout, own, arguments)
 
 
 def scales_on(layout: Layout, own: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, float]:

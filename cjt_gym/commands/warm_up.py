@@ -97,7 +97,7 @@ def _policies() -> None:
     size = layout.size
     layers = (Layer(np.zeros((1, size), np.float32), np.zeros(1, np.float32), "tanh"),)
     network = Network(layers, np.zeros(size, np.float32), np.ones(size, np.float32), 10.0)
-    policy = Exported("warm-up", config, network, layout, base_law(config, settings))
+    policy = Exported("warm-up", config, layout, network, base_law(config, settings))
     policy.network.act(np.zeros(size, np.float32))
     Stepper(policy).step([0.0] * (layout.preview + 1), *[0.0] * 7)
 

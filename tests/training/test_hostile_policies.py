@@ -31,7 +31,7 @@ def policy() -> Exported:
         Layer(rng.normal(size=(1, WIDTH)), np.zeros(1), "none"),
     )
     network = Network(layers, np.zeros(SIZE), np.ones(SIZE), 10.0)
-    return Exported("one", TrainConfig(env={"joint": "orange_80_6000"}), network, LAYOUT)
+    return Exported("one", TrainConfig(env={"joint": "orange_80_6000"}), LAYOUT, network)
 
 
 def changed(path: Path, arrays: dict[str, Any], facts: dict[str, Any]) -> Path:
