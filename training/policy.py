@@ -30,10 +30,16 @@ class PolicyAgent(Trained):
     """A trained policy.
 
     Attributes:
+        name: Its name in tables.
+        config: How it was trained.
+        layout: What its observation is made of.
         model: The Stable-Baselines3 model.
         normalizer: Environment whose statistics scale its observations, or None.
     """
 
+    name: str
+    config: TrainConfig
+    layout: Layout
     model: BaseAlgorithm
     normalizer: VecNormalize | None
     _memory: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)

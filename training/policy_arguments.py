@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from abc import ABC
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from cjt_gym.envs.core import Episodes
@@ -15,8 +15,7 @@ from cjt_gym.training.config import TrainConfig, environment_arguments
 CONDITIONS = ("joint", "structure", "drive", "effects", "randomization", "dt_physics")
 
 
-@dataclass(frozen=True)
-class Trained:
+class Trained(ABC):
     """What policies have in common, whatever their form.
 
     Attributes:

@@ -21,7 +21,6 @@ from cjt_gym.training.conditions import Conditions, realistic_conditions
 from cjt_gym.training.config import load_config
 from cjt_gym.training.grid import Cell
 from cjt_gym.training.metrics import nrmse
-from cjt_gym.training.policy_arguments import Trained
 from cjt_gym.training.rollout import ControllerAgent, joint_of, run_task
 from cjt_gym.training.run_folder import RunFolder
 from cjt_gym.training.tasks import get_task
@@ -200,7 +199,7 @@ def test_scales_that_were_given_keep_their_ratio_on_another_joint(finished: RunF
     config = policy.config.with_changes(env={**policy.config.env, "action_scale": 3.0})
     other = Conditions("lime_50_21000", FIXED)
     layout = replace(policy.layout, action=3.0)
-    found = Trained("p", config, layout).arguments(other)
+    found = replace(policy, config=config, layout=layout).arguments(other)
     share = other.amplitude / Conditions(config.env.get("joint", JOINT), FIXED).amplitude
     assert found["action_scale"] == pytest.approx(3.0 * share)
     usual = policy.arguments(other)

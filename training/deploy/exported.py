@@ -32,6 +32,9 @@ class Exported(Trained):
     """A policy that needs no torch. It is an agent wherever a run folder is one.
 
     Attributes:
+        name: Its name in tables.
+        config: How it was trained.
+        layout: What its observation is made of.
         network: Its numbers.
         base: The controller that it adds to; None where there is none, or none that can be written
             as numbers.
@@ -42,6 +45,9 @@ class Exported(Trained):
             action.
     """
 
+    name: str
+    config: TrainConfig
+    layout: Layout
     network: Network
     base: BaseLaw | None = None
     limit: float = math.inf
