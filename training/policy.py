@@ -12,6 +12,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import VecNormalize
 
 from cjt_gym.envs.core import Episodes
+from cjt_gym.envs.observation import Layout
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.training.algorithms import (
     load_normalization,

@@ -16,7 +16,7 @@ from cjt_gym.disk import parse_json, parsing, whole
 from cjt_gym.disk.arrays import read_arrays
 from cjt_gym.envs.observation import CLIP, Layout
 from cjt_gym.errors import CjtGymError, ConfigurationError, MissingFileError
-from cjt_gym.training.config import from_dict
+from cjt_gym.training.config import TrainConfig, from_dict
 from cjt_gym.training.deploy.base import BaseLaw, read_base
 from cjt_gym.training.deploy.network import Layer, Network
 from cjt_gym.training.deploy.signals import described
