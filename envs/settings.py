@@ -221,7 +221,7 @@ def _sampled(reference: Any, steps: int, dt: float) -> Any:
         reference: Values [N m], one per control step, shape (n,), the last of which holds from
             there on; a function of the time since the episode began [s]; whatever else
             `make_signals` takes; or a list of these.
-        steps: Control steps for which a function is asked.
+        steps: Control steps for which it is asked, that of the preview included.
         dt: Control step [s].
 
     Raises:
@@ -231,6 +231,7 @@ def _sampled(reference: Any, steps: int, dt: float) -> Any:
         return [_sampled(each, steps, dt) for each in reference]
     if isinstance(reference, np.ndarray):
         values = checked_array("reference", reference, (None,))
+        values = np.pad(values, (0, max(0, steps - len(values))), "edge")
     elif callable(reference) and not isinstance(reference, Signal):
         found = [reference(k * dt) for k in range(steps)]
         values = checked_array("values of the function that is the reference", found, (steps,))
