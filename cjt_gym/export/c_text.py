@@ -51,8 +51,9 @@ def array(kind: str, name: str, values: NDArray[Any]) -> str:
 
 
 def parameters(kind: str) -> str:
-    """Return what is measured as parameters of a function."""
-    return ", ".join(f"{kind} {name}" for name in MEASURED)
+    """Return what is measured as parameters of a function, in two lines."""
+    texts = [f"{kind} {name}" for name in MEASURED]
+    return f",\n{33 * ' '}".join(", ".join(texts[k : k + 4]) for k in (0, 4))
 
 
 def meanings(used: Container[str] = INPUTS) -> str:
