@@ -43,7 +43,10 @@ PARTS: tuple[tuple[Any, str], ...] = (
     (Setup, "i3tuple i0 i0 i0 b0 d0 i0 d0"),
     (Kind, "i0 i0 i0 i0 i0 i0 i0 i0"),
     (Blocks, "d3 d3 b1 b1 d3"),
-    (Task, "d2 d2 d2 d2 i2 i2 d2 d2 i2 u2 d2 d1 d1 d1 f2 f2 d1 d2 b1 b1 d1 d1 i0 i0"),
+    (
+        Task,
+        "d2 d2 d2 d2 i2 i2 d2 d2 i2 u2 d2 d1 d1 d1 f2 d1 d2 b1 b1 d1 d1" + 5 * " d0" + 3 * " i0",
+    ),
     (Control, "d1 d1 d1 d1 d2 d2 d1"),
 )
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from cjt_gym.disk import write_text
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.training.conditions import TASKS, Conditions
-from cjt_gym.training.evaluate import Evaluation, Row, evaluate
+from cjt_gym.training.evaluate import Evaluation, evaluate
 from cjt_gym.training.rollout import Agent, ControllerAgent
 
 COLUMNS = (
@@ -64,11 +64,6 @@ def benchmark(
 ) -> list[Evaluation]:
     """Evaluate every agent on the same episodes."""
     return [evaluate(agent, conditions, tasks, episodes, seed, report) for agent in agents]
-
-
-def rows_of(evaluations: Sequence[Evaluation]) -> list[Row]:
-    """Return all rows."""
-    return [row for evaluation in evaluations for row in evaluation.rows]
 
 
 def write_rows(rows: Sequence[Mapping[str, object]], out: Path) -> Path:

@@ -347,7 +347,6 @@ def make_cells(
     tasks: Sequence[str],
     seeds: Sequence[int],
     episodes: int,
-    amplitude: float | None = None,
     **others: Any,
 ) -> list[Cell]:
     """Return the cells of a grid.
@@ -360,8 +359,7 @@ def make_cells(
         tasks: Tasks; those that do not exist for a structure are left out there.
         seeds: Blocks of held-out episodes.
         episodes: Of each task and seed.
-        amplitude: Of the references [N m]; None for that of each joint.
-        **others: Drive, effects and randomization, see `Cell`.
+        **others: Amplitude, drive, effects and randomization, see `Cell`.
 
     Raises:
         ConfigurationError: There is no agent, two have the same name, or a task exists nowhere.
@@ -380,7 +378,7 @@ def make_cells(
             )
     check_episodes(episodes, min(seeds))
     return [
-        Cell(word, is_policy, joint, structure, kept_tasks, seed, episodes, amplitude, **others)
+        Cell(word, is_policy, joint, structure, kept_tasks, seed, episodes, **others)
         for joint in joints
         for structure in structures
         for (word, is_policy), agent in zip(words, agents, strict=True)

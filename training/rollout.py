@@ -272,4 +272,4 @@ def drive(
         if of_motor:
             tau[:, k] = measured[:, k] = episodes.plant.drive_signals()["tau_m"]
         command[:, k], ended[:, k] = task.command, task.terminated
-    return Traces(wanted, tau, measured, command, ended, episodes.settings.dt)
+    return Traces(wanted, tau, measured, command, ended, episodes.settings.layout.dt)

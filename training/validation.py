@@ -42,5 +42,5 @@ def validation_error(
         for arguments in joints
         for amplitude in [arguments["torque_amplitude"]]
     ]
-    amplitude = Episodes(1, **own).settings.torque_amplitude
+    amplitude = Episodes(1, **own).settings.layout.torque
     return float(amplitude * np.sqrt(np.mean(squares)))

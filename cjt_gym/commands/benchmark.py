@@ -94,7 +94,7 @@ def _cells(options: argparse.Namespace) -> list[Cell]:
             _tasks(options, structures, bool(controllers)),
             range(options.seed, options.seed + options.seeds),
             options.episodes,
-            options.amplitude,
+            amplitude=options.amplitude,
             drive=drive_of(joint, options.drive),
             **asked,
         )

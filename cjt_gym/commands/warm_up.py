@@ -88,17 +88,16 @@ def _policies() -> None:
     from cjt_gym.training.config import TrainConfig
     from cjt_gym.training.deploy.base import base_law
     from cjt_gym.training.deploy.exported import Exported
-    from cjt_gym.training.deploy.layout import layout_of
     from cjt_gym.training.deploy.network import Layer, Network
     from cjt_gym.training.deploy.stepper import Stepper
 
     config = TrainConfig(env={"joint": JOINT, "base_controller": "pd_feedforward"})
     settings = gym.make("CJT/TorqueTracking-v0", joint=JOINT).unwrapped.episodes.settings  # type: ignore[attr-defined]
-    layout = layout_of(settings)
+    layout = settings.layout
     size = layout.size
     layers = (Layer(np.zeros((1, size), np.float32), np.zeros(1, np.float32), "tanh"),)
     network = Network(layers, np.zeros(size, np.float32), np.ones(size, np.float32), 10.0)
-    policy = Exported("warm-up", config, network, layout, base_law(config, settings))
+    policy = Exported("warm-up", config, layout, network, base_law(config, settings))
     policy.network.act(np.zeros(size, np.float32))
     Stepper(policy).step([0.0] * (layout.preview + 1), *[0.0] * 7)
 

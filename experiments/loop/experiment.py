@@ -249,8 +249,8 @@ def _train(
     p = load_joint_file(sheet).parameters
     env = dict(base.env) | {"joint": sheet, "structure": joint.structure}
     env["torque_amplitude"] = env["action_scale"] = AMPLITUDE_SHARE * p.k_t * p.n * p.i_p
-    scales = Episodes(1, **complete(environment_arguments(env))).settings
-    env |= {"velocity_scale": scales.velocity_scale, "joint": str(path)}
+    layout = Episodes(1, **complete(environment_arguments(env))).settings.layout
+    env |= {"velocity_scale": layout.velocity, "joint": str(path)}
     if randomization is not None:
         env["randomization"] = randomization
     changes: dict[str, Any] = {"env": env, "total_steps": steps, "seed": plan.seed}

@@ -21,7 +21,6 @@ from cjt_gym.training.conditions import Conditions, realistic_conditions
 from cjt_gym.training.config import load_config
 from cjt_gym.training.grid import Cell
 from cjt_gym.training.metrics import nrmse
-from cjt_gym.training.policy_arguments import policy_arguments
 from cjt_gym.training.rollout import ControllerAgent, joint_of, run_task
 from cjt_gym.training.run_folder import RunFolder
 from cjt_gym.training.tasks import get_task
@@ -200,14 +199,14 @@ def test_scales_that_were_given_keep_their_ratio_on_another_joint(finished: RunF
     config = policy.config.with_changes(env={**policy.config.env, "action_scale": 3.0})
     other = Conditions("lime_50_21000", FIXED)
     layout = replace(policy.layout, action=3.0)
-    found = policy_arguments("p", config, layout, other)
+    found = replace(policy, config=config, layout=layout).arguments(other)
     share = other.amplitude / Conditions(config.env.get("joint", JOINT), FIXED).amplitude
     assert found["action_scale"] == pytest.approx(3.0 * share)
     usual = policy.arguments(other)
     assert usual["torque_amplitude"] == pytest.approx(other.amplitude)
     assert usual["action_scale"] == pytest.approx(0.5 * other.amplitude)
     made = Episodes(1, **{**usual, "disturbance": Signal("multisine", 9.0), "randomization": None})
-    assert made.settings.velocity_scale == pytest.approx(usual["velocity_scale"])
+    assert made.settings.layout.velocity == pytest.approx(usual["velocity_scale"])
     own = Conditions(JOINT, FIXED)
     assert policy.arguments(own)["velocity_scale"] == policy.layout.velocity
 
