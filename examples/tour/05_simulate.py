@@ -102,4 +102,4 @@ axes.set(xlabel="frequency [Hz]", ylabel="joint torque over motor torque")
 axes.legend()
 
 # %% [markdown]
-# All effects with their equations and parameters are on the page of [the effects](../effects.md).
+# Every effect, with its equation and parameters, is on the page [effects](../../docs/effects.md).

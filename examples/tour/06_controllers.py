@@ -95,5 +95,5 @@ axes.set(xlabel="time [s]", ylabel="torque [N m]", ylim=(-8.0, 11.0))
 axes.legend(loc="upper right", ncols=2)
 
 # %% [markdown]
-# The page of [the controllers](../controllers.md) has all controllers and observers, with their
+# The page of [the controllers](../../docs/controllers.md) has all controllers and observers, with their
 # laws and sources.

@@ -2,7 +2,7 @@
 # # Learn it
 #
 # A joint is an environment, too. A policy learns here what to add to a PD controller with
-# feed-forward, on the joint of [the comparison](07_compare.md). It is a short training of a small
+# feed-forward, on the joint of [the comparison](07_compare.ipynb). It is a short training of a small
 # network, to see that it goes the right way (`pip install "cjt-gym[train]"`); `make demo` runs a
 # million steps.
 

@@ -41,7 +41,7 @@ axes.legend()
 # ## Presets
 #
 # `"mild"` and `"wide"` vary all that acts in the joint, and `"identified"` what a joint file gives
-# an interval or a tolerance to, which is what [a diagnosis](10_diagnose.md) writes.
+# an interval or a tolerance to, which is what [a diagnosis](10_diagnose.ipynb) writes.
 
 # %%
 import gymnasium as gym
@@ -52,4 +52,4 @@ for seed in range(3):
     print({name: round(value, 5) for name, value in list(info["parameters"].items())[:4]})
 
 # %% [markdown]
-# Distributions, drifts and groups: [the model](../model.md#randomisation).
+# Distributions, drifts and groups: [the model](../../docs/model.md#randomisation).

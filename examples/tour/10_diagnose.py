@@ -56,4 +56,4 @@ axes.legend(loc="lower right")
 
 # %% [markdown]
 # `cjt-gym diagnose record.npz --joint orange_80_6000 --out found` does the same and writes a report
-# ([diagnosis](../diagnosis.md)).
+# ([diagnosis](../../docs/diagnosis.md)).

@@ -135,7 +135,7 @@ for structure, parts in TABLE_1.items():
 #
 # ## Figures 3 and 4: masses, springs, and what is added to them
 #
-# ![](../figures/joint.svg)
+# ![](../../docs/figures/joint.svg)
 #
 # The nonlinear term g of Figure 4 is a torque on each body that depends on the state: here friction
 # of `example` over speed, as in Algorithm 1.
