@@ -1,19 +1,24 @@
-"""What the site has beside its pages: examples as files, the tour, the page of the joints."""
+"""What the site has beside its pages: examples as files, the tour, the page of the joints, MathML."""
 
 from __future__ import annotations
 
+import html
 import re
 from pathlib import Path
 
 import tour
 from joints_page import joints_page
+from latex2mathml.converter import convert
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
 ROOT = Path(__file__).resolve().parent.parent
 TABLE = re.compile(r"<!-- tour -->\n.*?<!-- end -->\n", re.DOTALL)
-OPENED = "[Notebook](../../examples/tour/%s.ipynb){ download } · [script](../../examples/tour/%s.py)"
+FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
+OPENED = (
+    "[Notebook](../../examples/tour/%s.ipynb){ download } · [script](../../examples/tour/%s.py)"
+)
 
 
 def _pages() -> list[tour.Page]:
@@ -52,6 +57,16 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
         markdown = markdown.replace("](../../docs/", "](../")
         markdown = re.sub(r"\]\((\d\d_\w+)\.ipynb\)", r"](\1.md)", markdown)
     return re.sub(r"\]\(((?:\.\./)*)\.\./examples/", r"](\1examples/", markdown)
+
+
+def on_page_content(content: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Turn formulas into MathML, which browsers draw without a script."""
+    return FORMULA.sub(_mathml, content)
+
+
+def _mathml(found: re.Match[str]) -> str:
+    display = "block" if found[1] == "div" else "inline"
+    return convert(html.unescape(found[2]).strip(), display=display)
 
 
 def _card(page: tour.Page) -> str:
