@@ -1,4 +1,4 @@
-"""What the site has beside its pages: examples as files, the tour, the page of the joints, MathML."""
+"""What the site has beside its pages: examples, the tour, the page of the joints, MathML."""
 
 from __future__ import annotations
 

@@ -47,7 +47,8 @@ def policy_arguments(
     if abs(layout.dt - conditions.dt_control) > 1e-12:
         raise ConfigurationError(
             f"The policy {name} was trained at dt_control = {layout.dt:g} s and cannot run at "
-            f"{conditions.dt_control:g} s."
+            f"{conditions.dt_control:g} s. Set the control step to {layout.dt:g} s (rate_hz = "
+            f"{1.0 / layout.dt:g} in a hardware configuration)."
         )
     arguments = environment_arguments(config.env)
     given = {key: getattr(conditions, key) for key in CONDITIONS}

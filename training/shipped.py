@@ -69,7 +69,7 @@ def policy_path(word: str | Path) -> Path:
         return path
     if text in policy_names():
         return _folder() / f"{text}.npz"
-    known = [*policy_names(), "or the path of a run folder or of an exported policy"]
+    known = [*policy_names(), "the path of a run folder or exported policy"]
     raise unknown_name("policy", text, known)
 
 

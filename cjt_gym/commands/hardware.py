@@ -37,7 +37,7 @@ Floats = NDArray[np.float64]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the joint, who moves it and how, and what keeps it still."""
+    """Add the joint, what moves it and how, and what keeps it still."""
     add = parser.add_argument
     add("config", type=Path, metavar="CONFIG.toml", help="the joint on its bus, as for emulate")
     add("--joint", metavar="NAME", help="which of the joints that it lists")
@@ -54,9 +54,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = "step, chirp, multisine, smooth, or a record: its tau_ref is tracked, without one its "
     text += "command is replayed; default: chirp"
     add("--reference", default="chirp", help=text)
-    add("--amplitude", type=float, help="of the reference [N m]; default: from the joint")
-    add("--duration", type=float, help="[s]; default: that of the record, or 10")
-    add("--seed", type=int, default=0, help="of the reference, default 0")
+    add("--amplitude", type=float, help="amplitude of the reference [N m]; default: from the joint")
+    add("--duration", type=float, help="duration [s]; default: that of the record, or 10")
+    add("--seed", type=int, default=0, help="seed of the reference, default 0")
     add("--out", type=Path, metavar="RECORD", help="record to write, or folder for experiments")
     text = "run tasks of the benchmark, all or: step, chirp, multisine, smooth, and sweep for the "
     text += (
@@ -66,7 +66,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--benchmark", nargs="*", metavar="T", help=text)
     text = "further joints to simulate with --benchmark, such as the joint.toml of a diagnosis"
     add("--against", nargs="+", default=[], metavar="FILE.toml", help=text)
-    add("--arm", action="store_true", help="really move the joint; without it nothing moves")
+    add("--arm", action="store_true", help="move the joint; without this option nothing moves")
     text = "show the frames of a run against an emulated joint in this process; no bus is touched"
     add("--dry-run", action="store_true", help=text)
     text = "run against an emulated joint in this process, as fast as it goes; no bus is touched"
@@ -225,7 +225,7 @@ def _tell(options: argparse.Namespace, result: dict[str, Any]) -> None:
     if options.json:
         sys.stdout.write(json.dumps(result) + "\n")
     elif "armed" in result:
-        sys.stdout.write("Not armed, nothing was moved (--arm moves it). ")
+        sys.stdout.write("Not armed, nothing was moved (add --arm to move the joint). ")
         if "values" in result:
             sys.stdout.write(_shown(result["values"]) + "\n")
         else:

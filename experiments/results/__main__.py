@@ -23,7 +23,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         description="Compare learned with classical controllers.",
     )
     add, usual = parser.add_argument, Plan(Path("results"))
-    add("--out", type=Path, default=usual.out, help="folder; work that is already in it is not repeated")
+    add(
+        "--out",
+        type=Path,
+        default=usual.out,
+        help="folder; work that is already in it is not repeated",
+    )
     add("--joint", default=usual.joint)
     add(
         "--recipe",
