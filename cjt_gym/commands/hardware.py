@@ -6,6 +6,7 @@ import argparse
 import json
 import logging
 import sys
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -29,7 +30,7 @@ from cjt_gym.commands.hardware_arm import look_at, run_arm
 from cjt_gym.commands.hardware_jobs import NONE, TRACKING, Job, jobs_of
 from cjt_gym.commands.hardware_law import law_for
 from cjt_gym.commands.simulate import GAINS
-from cjt_gym.errors import ConfigurationError
+from cjt_gym.errors import CjtGymWarning, ConfigurationError
 from cjt_gym.signals import sampled_signal
 from cjt_gym.training.gains import choose
 
@@ -188,6 +189,7 @@ def _follow_policy(plant: CanPlant, job: Job) -> list[float]:
     assert job.policy is not None
     agent = load_agent(job.policy)
     config = plant.config
+    _warn_of_another_joint(agent, config)
     conditions = Conditions(config.joint_name, config.joint.structure, dt_control=config.dt)
     t = np.arange(len(job.reference), dtype=np.float64) * config.dt
     arguments = agent.arguments(conditions) | {"reference": sampled_signal(t, job.reference)}
@@ -203,6 +205,26 @@ def _follow_policy(plant: CanPlant, job: Job) -> list[float]:
                 raise HardwareFault(plant.guard.fault)
             errors.append(info["tau_reference"] - info["tau"])
     return errors
+
+
+def _warn_of_another_joint(agent: Any, config: HardwareConfig) -> None:
+    """Warn where a policy was trained on one joint, or structure, and is to move another.
+
+    A file that it was trained on may well describe this joint, as that of a diagnosis does.
+    """
+    if agent.config.env.get("observe_joint"):
+        return
+    (name, structure), joint = agent.trained_on, config.joint
+    names = (joint.file.name, Path(joint.parameters.origin).stem)
+    same = bool(Path(name).suffix) or name in names
+    if not (same and structure == joint.structure):
+        warnings.warn(
+            f"The policy {agent.name} was trained on {name}, {structure}, and is used on "
+            f"{joint.file.name}, {joint.structure}, where it may fail. Try it with --emulated "
+            "first, or train one:  cjt-gym train --joint.",
+            CjtGymWarning,
+            stacklevel=2,
+        )
 
 
 def _without_torch(agent: Any) -> Any:

@@ -28,8 +28,8 @@ NOTES: Final = {
     "shifts": "Scores outside the training conditions, for the policies, the best controllers of "
     "the benchmark, and the policies' base.",
     "worst": "nrmse at the centre of the parameter box and at the worst point that CMA-ES found, "
-    "on episodes not used by the search; for the policies, the interquartile mean and the worst point "
-    "of the worst policy.",
+    "on episodes not used by the search; for the policies, the interquartile mean and the "
+    "worst point of the worst policy.",
     "port": "Damping felt at the output while the reference is zero, divided by the square root "
     "of stiffness times inertia. Below zero the joint feeds energy into whatever moves it.",
     "wins": "Where a classical controller is better than the policies.",

@@ -53,6 +53,34 @@ def test_emulated_run_writes_a_record_for_the_diagnosis(
     assert record.provenance["kp"] > 0.0
 
 
+def test_a_policy_by_name_says_where_it_was_not_trained(
+    path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    same = path.read_text().replace("rate_hz = 500", "rate_hz = 1000")
+    other = same.replace("orange_80_6000", "lemon_50_6000")
+    for name, text in (("same", same), ("other", other)):
+        config_file = path.with_name(f"{name}.toml")
+        config_file.write_text(text)
+        words = ["hardware", str(config_file), "--emulated", "--policy", "orange_residual"]
+        words += ["--duration", "0.05", "--out", str(path.with_name(f"{name}.csv"))]
+        assert main(words) == 0
+        said = capsys.readouterr()
+        assert "50 samples, tracking error" in said.out
+        warned = "was trained on orange_80_6000" in said.err
+        assert warned == (name == "other"), said.err
+
+
+def test_a_policy_says_which_rate_and_which_name_it_needs(
+    path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["hardware", str(path), "--emulated", "--out", str(path.with_name("run.csv"))]
+    assert main([*words, "--policy", "orange_residual"]) == 2
+    assert "rate_hz = 1000" in capsys.readouterr().err
+    assert main([*words, "--policy", "orange_residul"]) == 2
+    told = "Did you mean 'orange_residual'? Known: orange_residual. Or give the path"
+    assert told in capsys.readouterr().err
+
+
 def test_gain_files_run_and_amplitudes_keep_the_limits(
     path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

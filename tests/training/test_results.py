@@ -250,7 +250,7 @@ def test_where_a_controller_wins_the_table_says_so() -> None:
     rows = {row[0]: row[1:] for row in tables.wins(known(FIXED))[1:]}
     assert rows["noise amplification"] == ["pid", "3.000", "5.000"]
     assert rows["score, lime"] == ["pid", "0.200", "0.300"]
-    assert rows["worst place of the box"] == ["pid", "0.250", "0.300"]
+    assert rows["worst point of the box"] == ["pid", "0.250", "0.300"]
     assert rows["damping of the output at 1 Hz"][0] == "pid"
     assert "score" not in rows
     assert not any(name.startswith("task") for name in rows)
