@@ -6,6 +6,7 @@ import json
 import re
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from cjt_gym.canbus.experiments import EXPERIMENTS, experiment_torque
 from cjt_gym.canbus.hidden import draw_hidden
 from cjt_gym.canbus.lock import NodeLock
 from cjt_gym.cli import main
+from cjt_gym.errors import CjtGymWarning
 from cjt_gym.joint import load_joint
 from cjt_gym.records import Record, read_record
 from cjt_gym.training.gains import write_gains
@@ -63,11 +65,13 @@ def test_a_policy_by_name_says_where_it_was_not_trained(
         config_file.write_text(text)
         words = ["hardware", str(config_file), "--emulated", "--policy", "orange_residual"]
         words += ["--duration", "0.05", "--out", str(path.with_name(f"{name}.csv"))]
-        assert main(words) == 0
-        said = capsys.readouterr()
-        assert "50 samples, tracking error" in said.out
-        warned = "was trained on orange_80_6000" in said.err
-        assert warned == (name == "other"), said.err
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always", CjtGymWarning)
+            assert main(words) == 0
+        assert "50 samples, tracking error" in capsys.readouterr().out
+        told = [str(one.message) for one in caught]
+        warned = any("was trained on orange_80_6000" in text for text in told)
+        assert warned == (name == "other"), told
 
 
 def test_a_policy_says_which_rate_and_which_name_it_needs(
@@ -224,5 +228,5 @@ def test_figures_of_the_joint_beside_those_of_the_simulation(
     assert "smooth: recorded already" in shown.err
     assert "nominal" in shown.out
     assert main([*words, "smooth", "--seed", "1"]) == 2
-    assert "has seed 0, this series has 1" in capsys.readouterr().err
+    assert "has seed 0, this run has 1" in capsys.readouterr().err
     assert main([*words, "dance"]) == 2
