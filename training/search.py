@@ -3,7 +3,7 @@
 Optuna's TPE (Akiba et al., 2019, Optuna: A Next-generation Hyperparameter Optimization Framework)
 tries values of `SPACE` in a recipe. A trial trains briefly and runs the kinds of references that
 it was trained on, on validation draws that neither trainings nor evaluations see. Its value is the
-nrmse, geometric mean over these tasks; it is feasible where its command at rest shakes no more
+nrmse, geometric mean over these tasks; it is feasible if its command at rest is no noisier
 than that of a classical controller on the same draws. The first trial is the recipe as it stands.
 """
 

@@ -23,7 +23,7 @@ def label(found: Found) -> str:
 
 
 def sentence(found: Found) -> str:
-    """Return in words who is better on a structure, and at what price."""
+    """Return in words which agent is better on a structure, and at what cost."""
     best, noise = found["best"], [found["noise"][name] for name in ("policy", found["best"])]
     price = ""
     if None not in noise:
