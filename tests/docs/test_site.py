@@ -76,6 +76,9 @@ def test_it_builds_without_a_warning(tmp_path: Path) -> None:
     assert run.returncode == 0, run.stderr
     joints = (tmp_path / "site/joints.html").read_text("utf-8")
     assert all(f'id="{name}"' in joints for name in joint_names())
+    assert (tmp_path / "site/effects.html").read_text("utf-8").count("<math ") >= 50
     for page in (tmp_path / "site").rglob("*.html"):
-        outside = re.findall(r'(?:src|<link[^>]*href)="(https?://[^"]+)', page.read_text("utf-8"))
+        text = page.read_text("utf-8")
+        outside = re.findall(r'(?:src|<link[^>]*href)="(https?://[^"]+)', text)
         assert not outside, (page, outside)
+        assert 'class="arithmatex"' not in text, page
