@@ -3,7 +3,7 @@
 Numba takes named tuples of arrays apart on every call. For three of the six parts of a step that
 takes 4.9 us, for a whole step of one joint by the address of a table 0.75 us (one core). So
 `table_of` notes once where each array lies, in a table of numbers, and `opened` makes the parts of
-it again in compiled code, where that is a few loads. The price: nobody else keeps the arrays alive
+it again in compiled code, where that is a few loads. The price: nothing else keeps the arrays alive
 or sees that they were replaced, and types are checked when the table is made, not later.
 """
 

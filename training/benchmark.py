@@ -48,7 +48,7 @@ def make_agents(controllers: Sequence[str], policies: Sequence[str | Path]) -> l
         raise ConfigurationError("Name at least one --controller or --policy to compare.")
     if repeated := [name for name in names if names.count(name) > 1]:
         raise ConfigurationError(
-            f"Every controller and policy must have a name of its own, got {repeated[0]!r} twice. "
+            f"Every controller and policy must have a different name, got {repeated[0]!r} twice. "
             "Leave one out, or rename the run folder."
         )
     return agents

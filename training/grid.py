@@ -1,7 +1,7 @@
 """The grid of the benchmark: joints x structures x agents x seeds, each cell run once and kept.
 
 A cell is one agent on one joint, structure and seed, through all tasks. Its result is a file, so
-that a benchmark which was stopped goes on, and cells run side by side through joblib: on this
+that an interrupted benchmark is resumed, and cells run in parallel through joblib: on this
 machine (loky), or on the workers of a Ray or Dask cluster.
 """
 

@@ -57,7 +57,8 @@ class Trained(ABC):
         if abs(layout.dt - conditions.dt_control) > 1e-12:
             raise ConfigurationError(
                 f"The policy {self.name} was trained at dt_control = {layout.dt:g} s and cannot "
-                f"run at {conditions.dt_control:g} s."
+                f"run at {conditions.dt_control:g} s. Set the control step to {layout.dt:g} s "
+                f"(rate_hz = {1.0 / layout.dt:g} in a hardware configuration)."
             )
         own = environment_arguments(self.config.env)
         given = {key: getattr(conditions, key) for key in CONDITIONS}

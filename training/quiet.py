@@ -6,12 +6,11 @@ what it does to the command of the base controller,
     u[t] = m(o + d[t] + h[t]) - m(o),
 
 where h[t] are u[t-1], u[t-2], ... at the places of the past commands, which hold those of the base
-already: how the command shakes while the joint, held by its friction, does not answer. The penalty
-is the mean square of u + b. It is a
-smoothness in space as in Mysore et al., 2021, Regularizing Action Policies for Smooth Control,
-with noise that is not white and in a loop: without the loop, policies learn to ring in their past
-commands. Unlike a reward for small changes of the command it leaves the answer to the reference
-free, and its gradient is exact.
+already: how much the command varies while the joint, held by its friction, does not answer. The
+penalty is the mean square of u + b. It is a smoothness in space as in Mysore et al., 2021,
+Regularizing Action Policies for Smooth Control, with noise that is not white and in a loop: without
+the loop, policies learn to ring in their past commands. Unlike a reward for small changes of the
+command it leaves the answer to the reference free, and its gradient is exact.
 """
 
 from __future__ import annotations

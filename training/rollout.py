@@ -222,7 +222,7 @@ def run_episodes(
     tells.
 
     Args:
-        agent: Who drives.
+        agent: Controller or policy to run.
         arguments: Of the environment.
         num: How many episodes.
         seed: Of the first; episode i has seed + i.

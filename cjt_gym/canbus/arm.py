@@ -232,7 +232,7 @@ class CanArm:
 
     def _send(self, each: Callable[[CanPlant, int], None]) -> None:
         """Let every joint send, all frames together."""
-        with self._lock:  # nobody else may send between them
+        with self._lock:  # no other thread may send between them
             self.shared.gather()
             try:
                 for k, joint in enumerate(self.joints):

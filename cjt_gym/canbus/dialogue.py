@@ -60,7 +60,7 @@ class Dialogue:
             HardwareError: One stays away.
         """
         link, nodes = self.link, self._nodes
-        nodes.hear(link.receive())  # what came while nobody listened
+        nodes.hear(link.receive())  # what arrived before now
         end = link.now() + PATIENCE
         missing = [""]
         while missing and link.now() < end:

@@ -55,7 +55,7 @@ class Journal:
         for there in (self.wanted, self.path):
             if there.exists():
                 raise ConfigurationError(
-                    f"The record {there} is there already, and is not written over. Give another "
+                    f"The record {there} already exists and is not overwritten. Give another "
                     "name, or move it away."
                 )
         self._file, self._size = -1, 0

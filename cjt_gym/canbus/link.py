@@ -192,7 +192,7 @@ def _probe(host: str, port: int) -> None:
         socket.create_connection((host, port), timeout=2.0).close()
     except OSError as error:
         raise ConfigurationError(
-            f"Nobody serves socketcand at {host}:{port}: {error}. Start the daemon, or  "
+            f"No socketcand server answers at {host}:{port}: {error}. Start the daemon, or  "
             "cjt-gym emulate CONFIG.toml  in another terminal."
         ) from error
 

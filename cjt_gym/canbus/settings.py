@@ -82,7 +82,7 @@ class EmulatorSettings:
         latency: Time that a frame takes [s].
         jitter: Mean of a further random time, exponentially distributed [s].
         loss: Share of frames that are lost.
-        load: Share of the bus that others take, who let a frame wait.
+        load: Fraction of the bus that other nodes occupy, for which frames wait.
         speed: Time of the joint over that of the clock on the wall.
         seed: Of the sensors' noise and of latency and loss.
         watchdog: Time without a command after which the drive stops, as set in it beforehand [s];

@@ -28,11 +28,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = f"simulator for a joint: {', '.join(TARGETS)}; form of a policy: {', '.join(FORMS)}"
     add("--to", required=True, choices=[*TARGETS, *FORMS], help=text)
     add_conditions(parser, draws=False)
-    add("--timestep", type=float, help="of the simulation that will use it [s]")
-    text = "mujoco: leave out the dcmotor, which versions before 4 lack"
+    add("--timestep", type=float, help="time step of the simulation that will use it [s]")
+    text = "mujoco: do without dcmotor, which versions before 4 lack"
     add("--without-dcmotor", action="store_true", help=text)
     export_c.add_arguments(parser)
-    text = "policy: compare the file with the run on the signals of these records, too"
+    text = "policy: also compare the file with the run on the signals of these records"
     add("--check", nargs="+", default=[], metavar="RECORD", help=text)
     add("--out", type=Path, required=True, metavar="FILE", help="file to write")
 
@@ -41,7 +41,7 @@ def run(options: argparse.Namespace) -> None:
     """Write the file; say what it holds and what it cannot."""
     refuse_inputs([options.out], [options.source, *options.check])
     if options.check and (options.to not in FORMS or export_c.is_classical(options.source)):
-        raise ConfigurationError("--check is for policies; controllers are always tried.")
+        raise ConfigurationError("--check is for policies; controllers are always checked.")
     options.out.parent.mkdir(parents=True, exist_ok=True)
     if options.to == "c" and export_c.is_classical(options.source):
         export_c.run(options)

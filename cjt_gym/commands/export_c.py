@@ -25,11 +25,11 @@ from cjt_gym.training.gains import choose, files_of
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add what a controller or an observer is written for."""
     add = parser.add_argument
-    add("--joint", metavar="J", help="joint of a controller or an observer, or path of its file")
-    text = "of a controller, instead of its own, or of an observer: drift=0.05 torque_noise=0.1"
+    add("--joint", metavar="J", help="joint of a controller or an observer: name or path of a file")
+    text = "gains of a controller or an observer that replace its own: drift=0.05 torque_noise=0.1"
     add("--gain", nargs="+", default=[], metavar="NAME=VALUE", help=text)
-    add("--output", nargs="+", metavar="SIGNAL", help="measured signals of an observer")
-    add("--dt", type=float, default=1e-3, help="control step of both [s], default 0.001")
+    add("--output", nargs="+", metavar="SIGNAL", help="signals that an observer measures")
+    add("--dt", type=float, default=1e-3, help="control step [s], default 0.001")
 
 
 def is_classical(word: str) -> bool:

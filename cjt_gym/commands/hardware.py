@@ -6,6 +6,7 @@ import argparse
 import json
 import logging
 import sys
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -29,7 +30,7 @@ from cjt_gym.commands.hardware_arm import look_at, run_arm
 from cjt_gym.commands.hardware_jobs import NONE, TRACKING, Job, jobs_of
 from cjt_gym.commands.hardware_law import law_for
 from cjt_gym.commands.simulate import GAINS
-from cjt_gym.errors import ConfigurationError
+from cjt_gym.errors import CjtGymWarning, ConfigurationError
 from cjt_gym.signals import sampled_signal
 from cjt_gym.training.gains import choose
 
@@ -37,7 +38,7 @@ Floats = NDArray[np.float64]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the joint, who moves it and how, and what keeps it still."""
+    """Add the joint, what moves it and how, and what keeps it still."""
     add = parser.add_argument
     add("config", type=Path, metavar="CONFIG.toml", help="the joint on its bus, as for emulate")
     add("--joint", metavar="NAME", help="which of the joints that it lists")
@@ -54,9 +55,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = "step, chirp, multisine, smooth, or a record: its tau_ref is tracked, without one its "
     text += "command is replayed; default: chirp"
     add("--reference", default="chirp", help=text)
-    add("--amplitude", type=float, help="of the reference [N m]; default: from the joint")
-    add("--duration", type=float, help="[s]; default: that of the record, or 10")
-    add("--seed", type=int, default=0, help="of the reference, default 0")
+    add("--amplitude", type=float, help="amplitude of the reference [N m]; default: from the joint")
+    add("--duration", type=float, help="duration [s]; default: that of the record, or 10")
+    add("--seed", type=int, default=0, help="seed of the reference, default 0")
     add("--out", type=Path, metavar="RECORD", help="record to write, or folder for experiments")
     text = "run tasks of the benchmark, all or: step, chirp, multisine, smooth, and sweep for the "
     text += (
@@ -66,7 +67,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--benchmark", nargs="*", metavar="T", help=text)
     text = "further joints to simulate with --benchmark, such as the joint.toml of a diagnosis"
     add("--against", nargs="+", default=[], metavar="FILE.toml", help=text)
-    add("--arm", action="store_true", help="really move the joint; without it nothing moves")
+    add("--arm", action="store_true", help="move the joint; without this option nothing moves")
     text = "show the frames of a run against an emulated joint in this process; no bus is touched"
     add("--dry-run", action="store_true", help=text)
     text = "run against an emulated joint in this process, as fast as it goes; no bus is touched"
@@ -188,6 +189,7 @@ def _follow_policy(plant: CanPlant, job: Job) -> list[float]:
     assert job.policy is not None
     agent = load_agent(job.policy)
     config = plant.config
+    _warn_of_another_joint(agent, config)
     conditions = Conditions(config.joint_name, config.joint.structure, dt_control=config.dt)
     t = np.arange(len(job.reference), dtype=np.float64) * config.dt
     arguments = agent.arguments(conditions) | {"reference": sampled_signal(t, job.reference)}
@@ -203,6 +205,26 @@ def _follow_policy(plant: CanPlant, job: Job) -> list[float]:
                 raise HardwareFault(plant.guard.fault)
             errors.append(info["tau_reference"] - info["tau"])
     return errors
+
+
+def _warn_of_another_joint(agent: Any, config: HardwareConfig) -> None:
+    """Warn where a policy was trained on one joint, or structure, and is to move another.
+
+    A file that it was trained on may well describe this joint, as that of a diagnosis does.
+    """
+    if agent.config.env.get("observe_joint"):
+        return
+    (name, structure), joint = agent.trained_on, config.joint
+    names = (joint.file.name, Path(joint.parameters.origin).stem)
+    same = bool(Path(name).suffix) or name in names
+    if not (same and structure == joint.structure):
+        warnings.warn(
+            f"The policy {agent.name} was trained on {name}, {structure}, and is used on "
+            f"{joint.file.name}, {joint.structure}, where it may fail. Try it with --emulated "
+            "first, or train one:  cjt-gym train --joint.",
+            CjtGymWarning,
+            stacklevel=2,
+        )
 
 
 def _without_torch(agent: Any) -> Any:
@@ -225,7 +247,7 @@ def _tell(options: argparse.Namespace, result: dict[str, Any]) -> None:
     if options.json:
         sys.stdout.write(json.dumps(result) + "\n")
     elif "armed" in result:
-        sys.stdout.write("Not armed, nothing was moved (--arm moves it). ")
+        sys.stdout.write("Not armed, nothing was moved (add --arm to move the joint). ")
         if "values" in result:
             sys.stdout.write(_shown(result["values"]) + "\n")
         else:

@@ -138,7 +138,7 @@ def _is_complete(path: Path, job: Job) -> bool:
     for name, value in job.facts.items():
         if known.get(name) != value:
             raise ConfigurationError(
-                f"{path} has {name} {known.get(name)!r}, this series has {value!r}. Give another "
+                f"{path} has {name} {known.get(name)!r}, this run has {value!r}. Give another "
                 "--out, or the same options as before."
             )
     return True

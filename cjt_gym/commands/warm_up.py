@@ -44,7 +44,7 @@ def run(options: argparse.Namespace) -> None:
         sys.stdout.write(json.dumps({"seconds": seconds, "total": round(total, 2)}) + "\n")
         return
     lines = [f"  {name}: {number:.1f} s" for name, number in seconds.items()]
-    sys.stdout.write("\n".join([f"All is compiled, in {total:.0f} s:", *lines]) + "\n")
+    sys.stdout.write("\n".join([f"Everything is compiled, after {total:.0f} s:", *lines]) + "\n")
 
 
 def _record(samples: int, effects: Any) -> Record:

@@ -35,11 +35,11 @@ Say = Callable[[str], None]
 AMPLITUDE_SHARE: Final = 0.2
 """Amplitude of the references over the peak torque of the motor [-]."""
 BASE: Final = "pd_feedforward"
-"""The base of the policies, and who is tried beside them."""
+"""The base of the policies, which is also run alone."""
 RECIPE: Final = "loop"
 """Configuration of all trainings."""
 ARMS: Final = ("controller", "nominal", "wide", "identified", "true")
-"""Who is tried on every joint."""
+"""What is run on every joint."""
 EPISODES: Final = 2
 """Of a second each, for every task."""
 RATE: Final = {"start": 3e-4, "end": 1e-5}
@@ -191,7 +191,7 @@ def _folder(plan: Plan, joint: HiddenJoint, arm: str) -> Path:
 
 
 def _try(plan: Plan, joint: HiddenJoint) -> Outcome:
-    """Diagnose a joint, go on training for it, and try everybody on it."""
+    """Diagnose a joint, continue training for it, and evaluate every arm on it."""
     place = plan.out / f"{joint.name}.json"
     if place.is_file():
         return Outcome(**json.loads(place.read_text(encoding="utf-8")))

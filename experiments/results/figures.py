@@ -27,7 +27,7 @@ def _some(found: Found) -> dict[str, tuple[str, float]]:
 
 
 def noise_figure(found: Found) -> str:
-    """Return score against noise of everybody; whom nobody beats in both has a name."""
+    """Return score over noise of every agent; those that no other beats in both are named."""
     figure = new_figure(3.4)
     with matplotlib.rc_context(STYLE):
         axes: Any = figure.subplots()

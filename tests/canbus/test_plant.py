@@ -130,7 +130,7 @@ def test_record_of_another_format_and_no_overwriting(tmp_path: Path) -> None:
     assert not path.with_suffix(".csv").exists()
     plant, emulator = virtual_plant(config(), path)
     plant.reset()
-    with pytest.raises(ConfigurationError, match="is there already"):
+    with pytest.raises(ConfigurationError, match="already exists"):
         plant.step(np.zeros(1))
     assert emulator.torque == 0.0
     plant.close()
