@@ -120,6 +120,23 @@ def test_record_is_on_disk_at_every_step(tmp_path: Path) -> None:
     plant.close()
 
 
+def test_the_round_trip_of_every_exchange_is_in_the_record(tmp_path: Path) -> None:
+    path, late = tmp_path / "run.csv", {"latency": {"value": 3e-4, "unit": "s"}}
+    plant, emulator = virtual_plant(config(drive=DRIVES["moteus"], emulator=late), path)
+    plant.reset()
+    for _ in range(20):
+        plant.step(np.zeros(1))
+    emulator.nodes[0].alive = False
+    plant.step(np.zeros(1))
+    with pytest.raises(HardwareFault):
+        plant.step(np.zeros(1))
+    record = read_record(path)
+    assert record["round_trip"][0] == 0.0  # nothing was asked before
+    np.testing.assert_allclose(record["round_trip"][1:21], 6e-4, atol=2e-5)
+    assert record["round_trip"][21] == 0.0  # no answer
+    plant.close()
+
+
 def test_record_of_another_format_and_no_overwriting(tmp_path: Path) -> None:
     path = tmp_path / "run.npz"
     with virtual_plant(config(), path)[0] as plant:
