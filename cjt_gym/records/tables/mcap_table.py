@@ -8,7 +8,9 @@ A record is written as one topic with a message in JSON per sample, whose fields
 
 from __future__ import annotations
 
+import contextlib
 import importlib
+import io
 import json
 import math
 import re
@@ -211,7 +213,8 @@ def _decoder(schema: Any, channel: Any, path: Path) -> Decode | None:
         factory = _import("mcap_ros2.decoder", path).DecoderFactory()
         if NOTHING.search(schema.data):
             return None  # any number of items that take no bytes
-        decode = factory.decoder_for(channel.message_encoding, schema)
+        with contextlib.redirect_stderr(io.StringIO()):  # where it also prints what it raises
+            decode = factory.decoder_for(channel.message_encoding, schema)
         return None if decode is None else lambda data: _plain(decode(Bounded(data)))
     return None
 
