@@ -6,13 +6,13 @@ import contextlib
 import math
 import threading
 from collections.abc import Callable, Mapping
-from typing import Any, final
+from typing import final
 
 from cjt_gym.canbus.config import HardwareConfig
 from cjt_gym.canbus.dialogue import LOOKS, Dialogue
 from cjt_gym.canbus.link import Link
 from cjt_gym.canbus.nodes import Nodes
-from cjt_gym.canbus.run_record import Beginning, BeginRecord, Recorder, Sample, versions
+from cjt_gym.canbus.run_record import BeginRecord, RunLog, Sample
 from cjt_gym.canbus.safety import Fault, Guard, HardwareFault, Seen, State
 from cjt_gym.canbus.sense import Sense
 from cjt_gym.canbus.timing import Timing
@@ -33,6 +33,8 @@ class CanJoint:
         sense: What is measured.
         guard: State, limits and faults.
         timing: Regularity of the latest run.
+        record: The record of a run.
+        due: When the next command is due [s].
         on_fault: Called once with the fault that ended a run, by whatever thread found it.
     """
 
@@ -59,10 +61,8 @@ class CanJoint:
         self.on_fault: Callable[[Fault], None] | None = None
         self._talk = Dialogue(link, self.nodes)
         self._lock = lock
-        self._begin_record, self._facts = begin_record, dict[str, Any]()
-        self._record: Recorder | None = None
-        versions()
-        self._begin = self._due = math.inf
+        self.record = RunLog(config, self.sense, begin_record)
+        self._begin = self.due = math.inf
         self._k = 0
         self._full: dict[str, float] = {}
         self._sent = self._tau_ref = math.nan
@@ -91,18 +91,9 @@ class CanJoint:
         """Time by which the last command was late [s]."""
         return self.timing.lateness[-1] if self.timing.lateness else 0.0
 
-    @property
-    def due(self) -> float:
-        """When the next command is due [s]."""
-        return self._due
-
     def age(self) -> float:
         """Return the age of the motor's angle [s]."""
         return self.link.now() - self.nodes.latest["q_m"].t
-
-    def note(self, **facts: Any) -> None:
-        """Add what is known to the provenance of a record that is not begun yet."""
-        self._facts = self._facts | facts
 
     # ---- before a run
     def connect(self) -> None:
@@ -112,9 +103,7 @@ class CanJoint:
             HardwareError: A node does not answer.
         """
         self.link.watch(self._supervise, self.config.dt / LOOKS)
-        for node in self.nodes.all:
-            self._talk.perform(node, node.master.configure())
-        self._talk.listen()
+        self._talk.set_up()
         self.guard.move(State.IDLE)
 
     def measured_delay(self) -> dict[str, float]:
@@ -139,13 +128,7 @@ class CanJoint:
             HardwareError: It is not connected, what it shows is not within its limits, or its
                 torque might outlive this program.
         """
-        for node in self.nodes.all:
-            self._talk.perform(node, node.master.clear())
-        drive = self.nodes.drive
-        if not drive.is_unwatched:
-            self._talk.prove_watchdog(self.config.drive.settings.watchdog)
-            self._talk.perform(drive, drive.master.clear())
-        self._talk.listen()
+        self._talk.make_ready(self.config.drive.settings.watchdog)
         seen = self._seen(self._completed(), 0.0)
         trouble = self.nodes.trouble(is_on=False) or self.guard.check(seen)
         if trouble is not None:
@@ -182,17 +165,12 @@ class CanJoint:
         """
         self._tau_ref = tau_ref if math.isfinite(tau_ref) else self._tau_ref
         self.timing, self._round_trip = Timing(), 0.0
-        if self._begin_record is not None and self._record is None:
-            hot = "temperature" in self.nodes.latest
-            beginning = Beginning(
-                self.config, self.sense, self._tau_ref, hot, self.link.stamps, self._facts
-            )
-            self._record = self._begin_record(beginning)
+        hot = "temperature" in self.nodes.latest
+        self.record.begin(self._tau_ref, hot, self.link.stamps)
         self.guard.move(State.RUNNING)
-        self._due = math.inf
+        self.due = math.inf
         try:
-            master = self.nodes.drive.master
-            self._talk.perform(self.nodes.drive, [*master.clear(), *master.enable()])
+            self._talk.switch_on()
         except HardwareError as error:
             self.fail("drive", str(error))
         except BaseException as error:  # Ctrl-C: the drive may be on already
@@ -205,7 +183,7 @@ class CanJoint:
             self.nodes.hear(self.link.receive())
             for node in self.nodes.all:
                 node.forgive()
-            self._begin = self._due = t
+            self._begin = self.due = t
 
     def send(self, command: float, tau_ref: float) -> None:
         """Command a motor torque [N m] now, limited, with the joint torque that is wanted.
@@ -217,7 +195,7 @@ class CanJoint:
         self._tau_ref = tau_ref if math.isfinite(tau_ref) else self._tau_ref
         if self.state is not State.RUNNING:
             self._raise()
-        allowed = self.guard.late(self.link.now() - self._due) or self.guard.allowed(command)
+        allowed = self.guard.late(self.link.now() - self.due) or self.guard.allowed(command)
         with self._lock:
             if isinstance(allowed, Fault):
                 self.trip(allowed)
@@ -229,7 +207,7 @@ class CanJoint:
         """Send a torque that is allowed, such as one on the way to zero [N m]."""
         with self._lock:
             self._raise_if_tripped()
-            self.timing.lateness.append(max(self.link.now() - self._due, 0.0))
+            self.timing.lateness.append(max(self.link.now() - self.due, 0.0))
             try:
                 low, high = self.nodes.drive.master.torque_range
                 self.link.send(self.nodes.command(min(max(torque, low), high)))
@@ -248,7 +226,7 @@ class CanJoint:
             except OSError as error:
                 self.fail("record", f"The record cannot be written: {error}.")
             self._k += 1
-            self._due = self._begin + self._k * self.config.dt
+            self.due = self._begin + self._k * self.config.dt
 
     def hear(self) -> Measurement:
         """Take what has arrived; return the measurement, or raise what is wrong with it.
@@ -293,7 +271,7 @@ class CanJoint:
             self._raise_if_tripped()
             self.link.send(self.nodes.drive.master.disable())
             self.guard.move(State.ARMED)
-            self._end()
+            self.record.end(self.timing)
 
     def switch_off(self) -> None:
         """Tell the drive once more to be off; nothing else changes."""
@@ -307,7 +285,7 @@ class CanJoint:
             if error is not None and self.state is not State.FAULT:
                 self.abandon(error)
         finally:
-            self._end()
+            self.record.end(self.timing)
             if self.state is not State.FAULT:
                 self.guard.state = State.DISCONNECTED
 
@@ -339,13 +317,13 @@ class CanJoint:
                 with contextlib.suppress(OSError):
                     self._note(0.0, 0.0)
             with contextlib.suppress(HardwareError):  # the fault matters more
-                self._end(fault={"kind": fault.kind, "text": fault.text})
+                self.record.end(self.timing, fault={"kind": fault.kind, "text": fault.text})
             if self.on_fault is not None:
                 self.on_fault(fault)
 
     def _supervise(self, now: float) -> None:
         """Take the torque away where the loop does not come back; called all the time."""
-        late = self.guard.late(now - self._due)
+        late = self.guard.late(now - self.due)
         if self.state is State.RUNNING and late is not None:
             self.trip(late)
 
@@ -363,23 +341,10 @@ class CanJoint:
             )
         raise HardwareFault(fault)
 
-    # ---- the record
     def _note(self, torque: float, lateness: float) -> None:
         """Append a row to the record."""
-        if self._record is not None:
-            now = Sample(
+        self.record.note(
+            Sample(
                 self._k, self._full, torque, self._tau_ref, self.age(), lateness, self._round_trip
             )
-            self._record.note(now)
-
-    def _end(self, **known: Any) -> None:
-        """Complete the record of a run."""
-        if self._record is not None:
-            record, self._record, self._begin_record = self._record, None, None
-            try:
-                record.close(self.timing, **known)
-            except OSError as error:
-                raise HardwareError(
-                    f"The record {record.path} could not be completed: {error}. Its rows are "
-                    f"there, as far as they were written, in {record.rows_path}."
-                ) from error
+        )

@@ -56,6 +56,39 @@ class Dialogue:
                     "it is powered, and its protocol, number and bit rate."
                 )
 
+    def set_up(self) -> None:
+        """Set all nodes up, and wait until every channel was heard.
+
+        Raises:
+            HardwareError: One does not answer.
+        """
+        for node in self._nodes.all:
+            self.perform(node, node.master.configure())
+        self.listen()
+
+    def make_ready(self, watchdog: float) -> None:
+        """Clear faults, have the drive prove its watchdog unless it is unwatched, and listen.
+
+        Raises:
+            HardwareError: A node does not answer, or the drive does not stop by itself.
+        """
+        drive = self._nodes.drive
+        for node in self._nodes.all:
+            self.perform(node, node.master.clear())
+        if not drive.is_unwatched:
+            self.prove_watchdog(watchdog)
+            self.perform(drive, drive.master.clear())
+        self.listen()
+
+    def switch_on(self) -> None:
+        """Switch the drive on.
+
+        Raises:
+            HardwareError: It refuses.
+        """
+        drive = self._nodes.drive
+        self.perform(drive, [*drive.master.clear(), *drive.master.enable()])
+
     def listen(self) -> None:
         """Poll until every channel is fresh.
 
@@ -124,7 +157,7 @@ class Dialogue:
         link, nodes = self.link, self._nodes
         try:
             try:
-                self.perform(node, [*node.master.clear(), *node.master.enable()])
+                self.switch_on()
             except HardwareError:
                 if is_last:
                     raise

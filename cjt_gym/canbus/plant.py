@@ -47,7 +47,7 @@ class CanPlant:
         self.config = config
         self.whole = CanArm([config], link, record)
         (self._joint,) = self.whole.joints
-        self._joint.note(**facts)
+        self._joint.record.know(**facts)
 
     @property
     def dt(self) -> float:

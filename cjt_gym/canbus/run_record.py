@@ -14,6 +14,7 @@ from cjt_gym.canbus.config import HardwareConfig
 from cjt_gym.canbus.journal import Journal, Watcher
 from cjt_gym.canbus.sense import Sense
 from cjt_gym.canbus.timing import Timing
+from cjt_gym.errors import HardwareError
 
 
 @cache
@@ -127,6 +128,63 @@ class Recorder(Protocol):
 
 BeginRecord = Callable[[Beginning], Recorder]
 """Begins a record."""
+
+
+@final
+class RunLog:
+    """The record of a joint's first run, if there is one; see `Recorder`."""
+
+    def __init__(self, config: HardwareConfig, sense: Sense, begin: BeginRecord | None) -> None:
+        """Prepare it.
+
+        Args:
+            config: The joint on its bus.
+            sense: What is measured.
+            begin: Begins the record; None for none.
+        """
+        versions()
+        self._config, self._sense, self._begin = config, sense, begin
+        self._facts: dict[str, Any] = {}
+        self._record: Recorder | None = None
+
+    def know(self, **facts: Any) -> None:
+        """Add what is known to the provenance of a record that is not begun yet."""
+        self._facts |= facts
+
+    def begin(self, tau_ref: float, shows_temperature: bool, stamps: str) -> None:
+        """Begin it, see `Beginning`.
+
+        Raises:
+            ConfigurationError: The file cannot be written, or the record is there already.
+        """
+        if self._begin is not None and self._record is None:
+            self._record = self._begin(
+                Beginning(
+                    self._config, self._sense, tau_ref, shows_temperature, stamps, self._facts
+                )
+            )
+
+    def note(self, sample: Sample) -> None:
+        """Append a row."""
+        if self._record is not None:
+            self._record.note(sample)
+
+    def end(self, timing: Timing, **known: Any) -> None:
+        """Complete it.
+
+        Raises:
+            HardwareError: It does not fit on the disk.
+        """
+        if self._record is None:
+            return
+        record, self._record, self._begin = self._record, None, None
+        try:
+            record.close(timing, **known)
+        except OSError as error:
+            raise HardwareError(
+                f"The record {record.path} could not be completed: {error}. Its rows are there, "
+                f"as far as they were written, in {record.rows_path}."
+            ) from error
 
 
 @final

@@ -72,7 +72,7 @@ def _law(arm: CanArm, k: int, job: Job) -> Law | None:
     Gains are designed for the delay that is measured now.
     """
     joint = arm.joints[k]
-    joint.note(**job.facts)
+    joint.record.know(**job.facts)
     if job.policy is not None:
         return PolicyLaw(job.policy, arm, k, job.reference)
     if job.controller == NONE:
@@ -80,7 +80,7 @@ def _law(arm: CanArm, k: int, job: Job) -> Law | None:
     delays = joint.measured_delay()
     law = law_for(job.controller, joint.config.joint, arm.dt, delays)
     gains = {name: getattr(law, name) for name in GAINS if hasattr(law, name)}
-    joint.note(designed_for_s=delays, **gains)
+    joint.record.know(designed_for_s=delays, **gains)
     return law
 
 
