@@ -12,9 +12,7 @@ from numpy.typing import NDArray
 from cjt_gym.canbus.arm import CanArm
 from cjt_gym.canbus.config import HardwareConfig
 from cjt_gym.canbus.link import Link
-from cjt_gym.canbus.nodes import Nodes
-from cjt_gym.canbus.safety import Guard, State
-from cjt_gym.canbus.timing import Timing
+from cjt_gym.canbus.safety import State
 from cjt_gym.plant import Limits, Measurement
 
 Floats = NDArray[np.float64]
@@ -27,6 +25,7 @@ class CanPlant:
     Attributes:
         config: The joint on its bus.
         whole: The bus with its one joint, and the loop that runs it.
+        joint: That joint: latest values, safety, regularity.
     """
 
     def __init__(
@@ -46,8 +45,8 @@ class CanPlant:
         """
         self.config = config
         self.whole = CanArm([config], link, record)
-        (self._joint,) = self.whole.joints
-        self._joint.record.know(**facts)
+        (self.joint,) = self.whole.joints
+        self.joint.record.know(**facts)
 
     @property
     def dt(self) -> float:
@@ -57,7 +56,7 @@ class CanPlant:
     @property
     def limits(self) -> Limits:
         """What may be commanded and borne."""
-        return self._joint.limits
+        return self.joint.limits
 
     @property
     def link(self) -> Link:
@@ -69,29 +68,9 @@ class CanPlant:
         return self.whole.link
 
     @property
-    def nodes(self) -> Nodes:
-        """Latest values."""
-        return self._joint.nodes
-
-    @property
-    def guard(self) -> Guard:
-        """State, limits and faults."""
-        return self._joint.guard
-
-    @property
     def state(self) -> State:
         """State of the joint."""
-        return self._joint.state
-
-    @property
-    def timing(self) -> Timing:
-        """Regularity of the latest run."""
-        return self._joint.timing
-
-    @property
-    def sent(self) -> float:
-        """Motor torque that was commanded last [N m], 0 before a run and after a fault."""
-        return self._joint.sent
+        return self.joint.state
 
     def connect(self) -> None:
         """Open the bus, set the nodes up, and wait until every channel was heard."""
@@ -99,7 +78,7 @@ class CanPlant:
 
     def measured_delay(self) -> dict[str, float]:
         """Return the delays of bus and loop [s]; see `CanJoint.measured_delay`."""
-        return self._joint.measured_delay()
+        return self.joint.measured_delay()
 
     def arm(self) -> None:
         """Allow the joint to be moved; it still is not."""

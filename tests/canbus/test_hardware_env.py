@@ -96,8 +96,8 @@ def test_exception_within_takes_the_torque_away(tmp_path: Path) -> None:
 
     with pytest.raises(ZeroDivisionError):
         run()
-    assert env.plant.guard.fault is not None
-    assert env.plant.guard.fault.kind == "exception"
+    assert env.plant.joint.guard.fault is not None
+    assert env.plant.joint.guard.fault.kind == "exception"
     record = read_record(path)
     assert record.provenance["fault"]["kind"] == "exception"
     assert len(record) == 11

@@ -89,7 +89,7 @@ def test_command_and_its_rate_are_limited_and_begin_softly() -> None:
     seen = []
     for _ in range(100):
         plant.step(np.array([1000.0]))
-        seen.append(plant.sent)
+        seen.append(plant.joint.sent)
     steps = np.diff([0.0, *seen])
     assert max(seen) == pytest.approx(30.0)
     assert steps.max() <= 1000.0 * plant.dt + 1e-9
@@ -222,8 +222,8 @@ def test_ctrl_c_while_enabling_leaves_the_drive_disabled(within: bool) -> None:
     with pytest.raises(KeyboardInterrupt), plant if within else contextlib.nullcontext():
         plant.step(np.ones(1))
     assert emulator.drive.mode is Mode.DISABLED
-    assert plant.guard.fault is not None
-    assert plant.guard.fault.kind == "interrupt"
+    assert plant.joint.guard.fault is not None
+    assert plant.joint.guard.fault.kind == "interrupt"
     plant.close()
 
 
@@ -274,7 +274,7 @@ def test_full_disk_takes_the_torque_away_and_leaves_a_record(
     for _ in range(30):
         plant.step(np.array([5.0]))
     assert isinstance(plant.link, VirtualLink)
-    off = [bytes(frame.data) for frame in plant.nodes.drive.master.disable()][-1]
+    off = [bytes(frame.data) for frame in plant.joint.nodes.drive.master.disable()][-1]
     plant.link.sent = lambda t, frame: idle.append(t) if bytes(frame.data) == off else None
     left[0] = room
 
