@@ -42,8 +42,9 @@ def carry_out(
         watcher: Shown what the record gets; None for nobody.
     """
     with CanArm(configs, link, run.path, watcher) as arm:
+        policies = [_policy(arm, k, job) for k, job in enumerate(run.jobs)]  # before the bus
         arm.connect()
-        laws = [_law(arm, k, job) for k, job in enumerate(run.jobs)]
+        laws = [policies[k] or _law(arm, k, job) for k, job in enumerate(run.jobs)]
         arm.arm()
         errors = _follow(arm, run.jobs, laws)
         arm.stop()
@@ -66,15 +67,18 @@ def _rms(errors: Floats) -> float:
     return float(np.sqrt(np.mean(np.square(errors))))
 
 
-def _law(arm: CanArm, k: int, job: Job) -> Law | None:
-    """Return what commands a joint, None for the reference itself; note it in the record to come.
+def _policy(arm: CanArm, k: int, job: Job) -> Law | None:
+    """Return the policy of a joint, None where it has none; note the job in the record to come."""
+    arm.joints[k].record.know(**job.facts)
+    return None if job.policy is None else PolicyLaw(job.policy, arm, k, job.reference)
 
-    Gains are designed for the delay that is measured now.
+
+def _law(arm: CanArm, k: int, job: Job) -> Law | None:
+    """Return the controller of a joint, None for the reference itself; note its gains.
+
+    They are designed for the delay that is measured now.
     """
     joint = arm.joints[k]
-    joint.record.know(**job.facts)
-    if job.policy is not None:
-        return PolicyLaw(job.policy, arm, k, job.reference)
     if job.controller == NONE:
         return None
     delays = joint.measured_delay()

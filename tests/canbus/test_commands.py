@@ -99,6 +99,7 @@ def test_dry_run_shows_frames_and_touches_no_bus(
         (["--emulated", "--out", "x.csv", "--reference", "nothing"], "Unknown signal"),
         (["--emulated", "--out", "x.csv", "--duration", "0"], "--duration"),
         (["--emulated", "--out", "x", "--experiment", "dance"], "Unknown experiment"),
+        (["--arm", "--out", "x.csv", "--policy", "orange_residual"], "trained at dt_control"),
         ([], "Nobody serves socketcand"),
     ],
 )
