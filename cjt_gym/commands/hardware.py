@@ -26,7 +26,7 @@ from cjt_gym.commands.hardware_jobs import NONE, TRACKING, of_joint, runs_of
 from cjt_gym.commands.hardware_run import carry_out
 from cjt_gym.errors import ConfigurationError
 
-EACH = "one for all joints, or one for each"
+EACH = "give it once for all joints, or once for each"
 LIVE = 8765
 """TCP port of the live view, where none is given: the one at which Foxglove looks first."""
 
@@ -38,9 +38,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--joint", metavar="NAME", help="which of the joints that it lists")
     who = parser.add_mutually_exclusive_group()
     text = f"{CONTROLLER_HELP}; a gain file; or {NONE}: the reference is the motor torque"
-    who.add_argument("--controller", nargs="+", metavar="C", help=f"{text}; {EACH}")
+    who.add_argument("--controller", action="append", metavar="C", help=f"{text}; {EACH}")
     text = "run folder, policy of  cjt-gym export --to numpy, or name of  cjt-gym policies"
-    who.add_argument("--policy", nargs="+", metavar="RUN", help=f"{text}; {EACH}")
+    who.add_argument("--policy", action="append", metavar="RUN", help=f"{text}; {EACH}")
     text = f"identification experiments, all or: {', '.join(EXPERIMENTS)}; --out is a folder then"
     who.add_argument("--experiment", nargs="+", metavar="E", help=text)
     text = "step, chirp, multisine, smooth, or a record: its tau_ref is tracked, without one its "

@@ -113,8 +113,8 @@ def of_joint(
         if words is not None and len(words) not in (1, len(configs)):
             joints = ", ".join(config.name for config in configs) or "the only joint"
             raise ConfigurationError(
-                f"--{name} takes one word for all joints, or one for each of {joints}, got "
-                f"{len(words)}."
+                f"--{name} must be given once for all joints, or once for each of {joints}, got "
+                f"{len(words)} of them."
             )
         own[name] = words and words[k % len(words)]
     return argparse.Namespace(**own)

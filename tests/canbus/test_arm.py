@@ -225,8 +225,8 @@ def test_command_runs_all_joints_and_each_can_be_diagnosed(
     assert part.provenance["delays_s"]["measurement_delay.delay"] > 0.0
     assert main(["convert", str(out), "--joint", "joint_2", "--out", str(tmp_path / "x.csv")]) == 2
     assert main(["convert", str(own), "--joint", "joint_1", "--out", str(tmp_path / "x.csv")]) == 2
-    assert main([*words, "--controller", "pd", "pd", "lqg", "--out", str(tmp_path / "x.csv")]) == 2
-    assert "one for each of joint_0, joint_1, got 3" in capsys.readouterr().err
+    assert main([*words, *3 * ["--controller", "pd"], "--out", str(tmp_path / "x.csv")]) == 2
+    assert "once for each of joint_0, joint_1, got 3" in capsys.readouterr().err
     assert main([*words[:2], "--dry-run", "--duration", "0.02"]) == 0
 
 
@@ -276,7 +276,7 @@ def test_each_joint_of_the_benchmark_has_a_policy_of_its_own(
     other.write_bytes(policy_path("orange_residual").read_bytes())
     words = ["hardware", str(path), "--emulated", "--benchmark", "smooth", "--duration", "3"]
     words += ["--amplitude", "5", "--out", str(out), "--json"]
-    assert main([*words, "--policy", "orange_residual", str(other)]) == 0
+    assert main([*words, "--policy", "orange_residual", "--policy", str(other)]) == 0
     rows = json.loads(capsys.readouterr().out)["rows"]
     assert [row["where"] for row in rows] == [
         f"joint_{k}: {where}" for k in range(2) for where in ("real", "nominal")

@@ -143,7 +143,7 @@ def test_joints_of_a_list_are_one_environment_with_an_action_each(tmp_path: Path
         _, _, terminated, truncated, info = env.step(np.array([0.0, 1.5, 0.0]))
         assert terminated
         assert not truncated
-        assert info["fault"]["kind"] == "command"
+        assert (info["fault"]["kind"], info["fault"]["joint"]) == ("command", "joint_1")
         assert info["tau_command"].tolist() == [0.0] * 3
     record = read_record(out)
     assert len(record) > 100
