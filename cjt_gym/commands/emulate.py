@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from cjt_gym.canbus.config import HardwareConfig, load_joints
-from cjt_gym.canbus.emulated_arm import EmulatedArm
-from cjt_gym.canbus.emulator import Emulator, emulated_joint, serve
+from cjt_gym.canbus.emulated_arm import emulator_of
+from cjt_gym.canbus.emulator import emulated_joint, serve
 from cjt_gym.canbus.hidden import draw_hidden
 from cjt_gym.canbus.link import quiet_machine
 from cjt_gym.canbus.ports import open_port
@@ -73,8 +73,7 @@ def run(options: argparse.Namespace) -> None:
             for each, joint in zip(configs, joints, strict=True)
         ]
         _announce(options, facts)
-        is_alone = len(configs) == 1
-        emulator = Emulator(config, joints[0]) if is_alone else EmulatedArm(configs, joints)
+        emulator = emulator_of(configs, joints)
         stopped = _until(options.seconds)
         emulator.advance(WARM_UP)
         with quiet_machine(config.priority):

@@ -3,38 +3,32 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import logging
 import sys
-import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from cjt_gym.baselines import Controller
+from cjt_gym.canbus.arm import CanArm
 from cjt_gym.canbus.config import HardwareConfig, load_joints
 from cjt_gym.canbus.dry_run import Frames
-from cjt_gym.canbus.emulator import Emulator, emulated_joint
+from cjt_gym.canbus.emulated_arm import emulator_of
+from cjt_gym.canbus.emulator import emulated_joint
 from cjt_gym.canbus.experiments import EXPERIMENTS
-from cjt_gym.canbus.link import Link
-from cjt_gym.canbus.plant import CanPlant
+from cjt_gym.canbus.journal import Watcher
 from cjt_gym.canbus.protocols.contract import CHANNELS
-from cjt_gym.canbus.safety import HardwareFault
 from cjt_gym.canbus.virtual import VirtualLink
 from cjt_gym.commands.controllers import CONTROLLER_HELP
 from cjt_gym.commands.endings import in_order
-from cjt_gym.commands.hardware_arm import look_at, run_arm
-from cjt_gym.commands.hardware_jobs import NONE, TRACKING, Job, jobs_of
-from cjt_gym.commands.hardware_law import law_for
-from cjt_gym.commands.simulate import GAINS
-from cjt_gym.errors import CjtGymWarning, ConfigurationError
-from cjt_gym.signals import sampled_signal
-from cjt_gym.training.gains import choose
+from cjt_gym.commands.hardware_jobs import NONE, TRACKING, of_joint, runs_of
+from cjt_gym.commands.hardware_run import carry_out
+from cjt_gym.errors import ConfigurationError
 
-Floats = NDArray[np.float64]
+EACH = "give it once for all joints, or once for each"
+LIVE = 8765
+"""TCP port of the live view, where none is given: the one at which Foxglove looks first."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -44,12 +38,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--joint", metavar="NAME", help="which of the joints that it lists")
     who = parser.add_mutually_exclusive_group()
     text = f"{CONTROLLER_HELP}; a gain file; or {NONE}: the reference is the motor torque"
-    who.add_argument("--controller", metavar="C", help=text)
-    who.add_argument(
-        "--policy",
-        metavar="RUN",
-        help="run folder, policy of  cjt-gym export --to numpy, or name of  cjt-gym policies",
-    )
+    who.add_argument("--controller", action="append", metavar="C", help=f"{text}; {EACH}")
+    text = "run folder, policy of  cjt-gym export --to numpy, or name of  cjt-gym policies"
+    who.add_argument("--policy", action="append", metavar="RUN", help=f"{text}; {EACH}")
     text = f"identification experiments, all or: {', '.join(EXPERIMENTS)}; --out is a folder then"
     who.add_argument("--experiment", nargs="+", metavar="E", help=text)
     text = "step, chirp, multisine, smooth, or a record: its tau_ref is tracked, without one its "
@@ -72,6 +63,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--dry-run", action="store_true", help=text)
     text = "run against an emulated joint in this process, as fast as it goes; no bus is touched"
     add("--emulated", action="store_true", help=text)
+    text = "show the run in Foxglove while it goes on; PORT of this machine, default "
+    add("--live", nargs="?", type=int, const=LIVE, metavar="PORT", help=f"{text}{LIVE}")
 
 
 def run(options: argparse.Namespace) -> None:
@@ -81,166 +74,82 @@ def run(options: argparse.Namespace) -> None:
     if options.dry_run and options.emulated:
         raise ConfigurationError("Give --dry-run or --emulated, not both.")
     moves = options.arm or options.dry_run or options.emulated
+    if options.live is not None and (options.dry_run or not moves):
+        raise ConfigurationError("--live shows a run: give --arm or --emulated, too.")
     if not moves:
         _tell(options, _look(configs))
         return
     if options.out is None and not options.dry_run:
         raise ConfigurationError("--out must name the record to write, such as run.csv.")
     frames = Frames() if options.dry_run else None
-    config = configs[0]
-    with in_order():
-        if len(configs) > 1:
-            results = [run_arm(configs, options, frames)]
-        else:
-            results = [_run_one(config, options, job, frames) for job in jobs_of(config, options)]
+    with in_order(), _watched(options, configs) as watcher:
+        results = [
+            carry_out(one, configs, _link(configs, options, frames), watcher)
+            for one in runs_of(configs, options)
+        ]
     if frames is not None:
         text = ", ".join(f"{n} of {identifier:#x}" for identifier, n in frames.by_id.items())
         _tell(options, {"frames": frames.count, "by_id": text})
-        return
-    if options.benchmark is not None:
-        _tell(options, {"records": results, "rows": _compare(config, options)})
-        return
-    _tell(options, results[0] if options.experiment is None else {"records": results})
+    elif options.benchmark is not None:
+        _tell(options, {"records": results, "rows": _compare(configs, options)})
+    else:
+        _tell(options, results[0] if options.experiment is None else {"records": results})
 
 
-def _compare(config: HardwareConfig, options: argparse.Namespace) -> list[dict[str, Any]]:
+@contextlib.contextmanager
+def _watched(
+    options: argparse.Namespace, configs: Sequence[HardwareConfig]
+) -> Iterator[Watcher | None]:
+    """Serve the live view while runs go on, where it is asked for."""
+    if options.live is None:
+        yield None
+        return
+    from cjt_gym.canbus.live import LiveView
+
+    with LiveView(configs, options.live) as view:
+        sys.stderr.write(f"Live at {view.address}; open it in Foxglove: {view.link}\n")
+        yield view
+
+
+def _compare(
+    configs: Sequence[HardwareConfig], options: argparse.Namespace
+) -> list[dict[str, Any]]:
     """Write and return the figures of the records beside those of simulations."""
-    from cjt_gym.commands.hardware_benchmark import runs_of, side_by_side
+    from cjt_gym.commands.hardware_benchmark import side_by_side, tasks_of
     from cjt_gym.training.benchmark import write_rows
 
-    paths = {name: options.out / f"{name}.csv" for name in runs_of(options.benchmark)}
-    controller = options.controller or TRACKING
-    rows = side_by_side(config, controller, options.policy, paths, options.against, options.seed)
+    paths = {name: options.out / f"{name}.csv" for name in tasks_of(options.benchmark)}
+    rows = []
+    for k, config in enumerate(configs):
+        own = of_joint(options, k, configs)
+        controller = own.controller or TRACKING
+        found = side_by_side(config, controller, own.policy, paths, options.against, options.seed)
+        mark = f"{config.name}: " if len(configs) > 1 else ""
+        rows += [{**row, "where": mark + row["where"]} for row in found]
     write_rows(rows, options.out)
     return rows
 
 
 def _link(
-    config: HardwareConfig, options: argparse.Namespace, frames: Frames | None
-) -> Link | None:
+    configs: Sequence[HardwareConfig], options: argparse.Namespace, frames: Frames | None
+) -> VirtualLink | None:
     """Return a link to an emulator in this process, or None for the bus."""
     if not (options.dry_run or options.emulated):
         return None
-    link = VirtualLink(Emulator(config, emulated_joint(config, {} if options.dry_run else None)))
+    joints = [emulated_joint(config, {} if options.dry_run else None) for config in configs]
+    link = VirtualLink(emulator_of(configs, joints))
     link.sent = frames
     return link
 
 
-def _run_one(
-    config: HardwareConfig, options: argparse.Namespace, job: Job, frames: Frames | None
-) -> dict[str, Any]:
-    """Run one job and return what came out."""
-    if job.policy is None and job.controller != NONE:
-        choose(job.controller)  # a wrong name is told before the bus is touched
-    path = None if frames is not None else job.path
-    plant = CanPlant(config, _link(config, options, frames), path, **job.facts)
-    with plant:
-        plant.connect()
-        law = None
-        if job.policy is None and job.controller != NONE:
-            law = _law(plant, job)
-        plant.arm()
-        error = _follow(plant, job, law) if job.policy is None else _follow_policy(plant, job)
-        plant.stop()
-        timing = plant.timing
-    return {
-        "record": None if path is None else str(path),
-        "samples": len(job.reference),
-        "rmse": float(np.sqrt(np.mean(np.square(error)))) if error else None,
-        "timing_us": timing.summary(),
-        "delays_s": timing.delay(plant.dt),
-    }
-
-
-def _law(plant: CanPlant, job: Job) -> Controller:
-    """Return the controller of a job, its gains for the delay that is measured now."""
-    delays = plant.measured_delay()
-    law = law_for(job.controller, plant.config.joint, plant.dt, delays)
-    gains = {name: getattr(law, name) for name in GAINS if hasattr(law, name)}
-    plant.note(designed_for_s=delays, **gains)
-    return law
-
-
-def _follow(plant: CanPlant, job: Job, law: Any) -> list[float]:
-    """Run a controller, or command the reference itself; return the tracking errors [N m]."""
-    reference = job.reference
-    measured = plant.reset()
-    if law is None:
-        for torque in reference:
-            plant.step(np.array([torque]))
-        return []
-    law.act(measured, reference[:1])  # what is compiled on first use is compiled now
-    law.reset()
-    errors = []
-    for k in range(len(reference)):
-        wanted = reference[k : k + 1]
-        errors.append(float(wanted[0] - measured.tau[0]))
-        measured = plant.step(law.act(measured, wanted), float(wanted[0]))
-    return errors
-
-
-def _follow_policy(plant: CanPlant, job: Job) -> list[float]:
-    """Run a policy; return the tracking errors [N m]."""
-    from cjt_gym.envs.hardware import HardwareEnv
-    from cjt_gym.training.conditions import Conditions
-    from cjt_gym.training.deploy.exported import Exported
-    from cjt_gym.training.load_agent import load_agent
-
-    assert job.policy is not None
-    agent = load_agent(job.policy)
-    config = plant.config
-    _warn_of_another_joint(agent, config)
-    conditions = Conditions(config.joint_name, config.joint.structure, dt_control=config.dt)
-    t = np.arange(len(job.reference), dtype=np.float64) * config.dt
-    arguments = agent.arguments(conditions) | {"reference": sampled_signal(t, job.reference)}
-    arguments["episode_steps"] = len(job.reference) + 1
-    act = agent.network.act if isinstance(agent, Exported) else _without_torch(agent)
-    with HardwareEnv(plant=plant, **arguments) as env:
-        act(env.reset()[0])  # once before it counts
-        observation, _ = env.reset()
-        errors = []
-        for _ in job.reference:
-            observation, _, terminated, _, info = env.step(act(observation))
-            if terminated and plant.guard.fault is not None:
-                raise HardwareFault(plant.guard.fault)
-            errors.append(info["tau_reference"] - info["tau"])
-    return errors
-
-
-def _warn_of_another_joint(agent: Any, config: HardwareConfig) -> None:
-    """Warn where a policy was trained on one joint, or structure, and is to move another.
-
-    A file that it was trained on may well describe this joint, as that of a diagnosis does.
-    """
-    if agent.config.env.get("observe_joint"):
-        return
-    (name, structure), joint = agent.trained_on, config.joint
-    names = (joint.file.name, Path(joint.parameters.origin).stem)
-    same = bool(Path(name).suffix) or name in names
-    if not (same and structure == joint.structure):
-        warnings.warn(
-            f"The policy {agent.name} was trained on {name}, {structure}, and is used on "
-            f"{joint.file.name}, {joint.structure}, where it may fail. Try it with --emulated "
-            "first, or train one:  cjt-gym train --joint.",
-            CjtGymWarning,
-            stacklevel=2,
-        )
-
-
-def _without_torch(agent: Any) -> Any:
-    from cjt_gym.training.fast_policy import fast_policy
-
-    return fast_policy(agent)
-
-
 def _look(configs: Sequence[HardwareConfig]) -> dict[str, Any]:
-    """Return what the joint shows, or the joints, without moving anything."""
+    """Return what the joints show, without moving anything."""
+    with CanArm(configs) as arm:
+        arm.connect()
+        values = {joint.config.name: joint.nodes.values() for joint in arm.joints}
     if len(configs) > 1:
-        return {"armed": False, "joints": look_at(configs)}
-    with CanPlant(configs[0]) as plant:
-        plant.connect()
-        values = plant.nodes.values()
-    return {"armed": False, "values": values}
+        return {"armed": False, "joints": values}
+    return {"armed": False, "values": values[configs[0].name]}
 
 
 def _tell(options: argparse.Namespace, result: dict[str, Any]) -> None:

@@ -17,8 +17,9 @@ from cjt_gym.canbus.hidden import draw_hidden
 from cjt_gym.canbus.lock import NodeLock
 from cjt_gym.cli import main
 from cjt_gym.errors import CjtGymWarning
+from cjt_gym.commands.hardware_benchmark import side_by_side
 from cjt_gym.joint import load_joint
-from cjt_gym.records import Record, read_record
+from cjt_gym.records import Record, read_record, write_record
 from cjt_gym.training.gains import write_gains
 from tests.canbus.bench import config, document, toml
 from tests.canbus.soak import emulator, free_port
@@ -130,6 +131,7 @@ def test_dry_run_shows_frames_and_touches_no_bus(
         (["--emulated", "--out", "x.csv", "--reference", "nothing"], "Unknown signal"),
         (["--emulated", "--out", "x.csv", "--duration", "0"], "--duration"),
         (["--emulated", "--out", "x", "--experiment", "dance"], "Unknown experiment"),
+        (["--arm", "--out", "x.csv", "--policy", "orange_residual"], "trained at dt_control"),
         ([], "No socketcand server"),
     ],
 )
@@ -207,6 +209,22 @@ def test_lock_is_given_back_when_a_process_dies() -> None:
         holder.wait()
         holder.stdout.close() if holder.stdout else None
     NodeLock("bus", 9).release()
+
+
+def test_simulated_rows_have_the_gains_that_the_real_loop_had(tmp_path: Path) -> None:
+    given, rmse = config(control={"rate_hz": 1000}), []
+    t = np.arange(3000) * 1e-3
+    wanted = 5.0 * np.sin(20.0 * t)
+    columns = {"t": t, "tau_ref": wanted, "tau": wanted, "tau_cmd": wanted}
+    for late in (0.0, 4e-3):
+        path = tmp_path / f"{late}.csv"
+        facts = {"designed_for_s": {"measurement_delay.delay": late}}
+        units = {"t": "s"} | dict.fromkeys(("tau_ref", "tau", "tau_cmd"), "N m")
+        write_record(Record(columns, units, provenance=facts), path)
+        rows = side_by_side(given, "pd_feedforward", None, {"smooth": path}, [], 0)
+        rmse.append({row["where"]: row["rmse"] for row in rows})
+    assert rmse[0]["real"] == rmse[1]["real"]
+    assert rmse[0]["nominal"] < 0.8 * rmse[1]["nominal"]
 
 
 def test_figures_of_the_joint_beside_those_of_the_simulation(
