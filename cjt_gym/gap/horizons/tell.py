@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -278,7 +279,7 @@ def _of_torque(judged: Judgement, excluded: Mapping[str, str]) -> tuple[NamedEff
         symbol, body = SPENT_ON[one.name]
         value, deviation = one.values[0], max(one.deviations)
         if one.name == "gravity":
-            value = float(np.hypot(*one.values))
+            value = math.hypot(*one.values)
         elif one.name != "torque_offset" and value < 0.0:
             continue
         parameter = EFFECTS[one.name].parameter(symbol)

@@ -1,0 +1,82 @@
+"""A joint whose motion a controller holds: its torque still shows what it is spent on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from cjt_gym.gap import diagnose
+from cjt_gym.gap.horizons.inverse import inverse, spent
+from cjt_gym.gap.horizons.judge import make_case
+from cjt_gym.joint import JointFile, get_structure, load_joint_file
+from cjt_gym.records import Record
+
+ARM = """
+name = "arm"
+source = "made up"
+
+[parameters]
+I_m = { value = 0.5, unit = "kg m^2", source = "guess", tolerance = 0.5 }
+I_g = { value = 0.0, unit = "kg m^2", source = "within I_m" }
+I_l = { value = 0.0, unit = "kg m^2", source = "none" }
+d_m = { value = 0.0, unit = "N m s/rad", source = "not stated" }
+n = { value = 100.0, unit = "-", source = "gear" }
+k_t = { value = 0.1, unit = "N m/A", source = "datasheet", tolerance = 0.05 }
+"""
+INERTIA, DAMPING, DRY, WEIGHT = 0.4, 2.0, 4.0, 3.0
+DT = 0.01
+
+
+@pytest.fixture
+def arm(tmp_path: Path) -> JointFile:
+    path = tmp_path / "arm.toml"
+    path.write_text(ARM)
+    return load_joint_file(path)
+
+
+def held_record(seed: int, disturbance: float = 1.0) -> Record:
+    """Return slow motion that is followed exactly, whatever disturbs the torque [N m rms]."""
+    rng = np.random.default_rng(seed)
+    t = DT * np.arange(4000)
+    w = 2.0 * np.pi * np.array([0.06, 0.13, 0.21, 0.37])
+    size, phase = np.array([0.8, 0.3, 0.2, 0.1]), rng.uniform(0.0, 2.0 * np.pi, 4)
+    angle = np.outer(t, w) + phase
+    q, dq = np.sin(angle) @ size, np.cos(angle) @ (size * w)
+    ddq = -np.sin(angle) @ (size * w**2)
+    shaken = lfilter([0.6], [1.0, -0.8], rng.standard_normal(len(t))) * disturbance
+    torque = INERTIA * ddq + DAMPING * dq + DRY * np.sign(dq) + WEIGHT * np.sin(q) + shaken
+    columns = {"t": t, "q_m": np.round(q / 1e-4) * 1e-4, "i": torque / 10.0}
+    return Record(columns, {"t": "s", "q_m": "rad", "i": "A"}, structure="rigid")
+
+
+def test_inverse_dynamics_find_what_moves_without_a_disturbance(arm: JointFile) -> None:
+    case = make_case([held_record(0, 0.02)], [], arm, get_structure("rigid"))
+    found = inverse(case.joint, case.logs)[-1]
+    assert found.inertia == pytest.approx(INERTIA, rel=0.1)
+    assert found.damping == pytest.approx(DAMPING, rel=0.05)
+    assert found.effects["coulomb"] == pytest.approx((DRY,), rel=0.05)
+    assert found.effects["gravity"] == pytest.approx((0.0, WEIGHT), abs=0.15)
+
+
+def test_what_is_not_there_is_not_seen(arm: JointFile) -> None:
+    case = make_case([held_record(1)], [], arm, get_structure("rigid"))
+    seen = spent(case.joint, case.logs, ["damping", "coulomb", "torque_offset", "gravity"])
+    assert {one.name for one in seen} >= {"coulomb", "gravity"}
+    assert "torque_offset" not in {one.name for one in seen}
+
+
+def test_friction_and_weight_are_named_where_the_torque_hardly_tells_the_motion(
+    arm: JointFile,
+) -> None:
+    found = diagnose([held_record(0)], arm, validate=[held_record(50)])
+    named = {effect.name: effect for effect in found.effects}
+    assert named.keys() >= {"coulomb", "gravity"}
+    assert named.keys() <= {"coulomb", "gravity", "damping"}  # no inertia of many times the guess
+    assert {effect.status for effect in found.effects} == {"tentative"}
+    dry, weight = named["coulomb"].parameters["d_cm"], named["gravity"].parameters["torque"]
+    assert dry.value == pytest.approx(DRY, rel=0.2)
+    assert weight.low < WEIGHT < weight.high
+    assert "regression of the torque" in found.unexplained.text
