@@ -156,7 +156,20 @@ def _effects(judged: Judgement, excluded: Mapping[str, str]) -> tuple[NamedEffec
             continue
         named.append(_named(judged, problem, spread, k, term))
     named += [e for e in _of_drive(judged) if e.name not in {n.name for n in named}]
-    return tuple(sorted(named, key=lambda e: (e.status != "confirmed", -e.gap_removed)))
+    return tuple(sorted(_folded(named), key=lambda e: (e.status != "confirmed", -e.gap_removed)))
+
+
+def _folded(named: Sequence[NamedEffect]) -> list[NamedEffect]:
+    """Return effects with dry friction as a part of presliding, where that explains much."""
+    whole = {e.body: e for e in named if e.name == "presliding" and e.gap_removed > MUCH}
+    parts = {e.body: e for e in named if e.name == "coulomb" and e.body in whole}
+    rest = [e for e in named if e not in parts.values()]
+    return [
+        replace(e, parameters={**parts[e.body].parameters, **e.parameters})
+        if e.body in parts and e.name == "presliding"
+        else e
+        for e in rest
+    ]
 
 
 def _deserves(judged: Judgement, index: int, term: Term) -> bool:
@@ -167,7 +180,8 @@ def _deserves(judged: Judgement, index: int, term: Term) -> bool:
     if not worth.enough:
         return False
     values = found.fit.model.values(found.fit.z)[index]
-    number = term.numbers[0]
+    as_given = {t.key: t for t in found.base.model.terms}  # the last fit holds the inertia
+    number = as_given.get(term.key, term).numbers[0]
     if number.prior:
         known = judged.case.joint.file.parameters.quantities
         stated = known[number.symbol].tolerance if number.symbol in known else None

@@ -147,3 +147,9 @@ def test_it_names_the_friction_and_not_the_guess(told: Diagnosis) -> None:
     own = told.joint.effects.get("inertia", {}).get("I_m")
     found = told.joint.parameters.I_m if own is None else own.number  # type: ignore[union-attr]
     assert found == pytest.approx(INERTIA, rel=0.3)
+
+
+def test_a_guess_that_is_far_off_is_corrected_and_not_named() -> None:
+    found = diagnose(record(), datasheet(12.0), "rigid")
+    assert {effect.name for effect in found.effects} == {"coulomb", "damping"}
+    assert found.joint.effects["inertia"]["I_m"].value == pytest.approx(0.02, rel=0.1)
