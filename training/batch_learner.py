@@ -12,7 +12,7 @@ from skrl.models.torch import DeterministicMixin, GaussianMixin, Model
 from skrl.trainers.torch import SequentialTrainer
 from torch import nn
 
-from cjt_gym.gpu import HostEpisodes
+from cjt_gym.training.gpu import HostEpisodes
 
 Transition = tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor, dict[str, Any]]
 

@@ -63,7 +63,7 @@ def with_attributes() -> None:
 if __name__ == "__main__":
     warnings.simplefilter("ignore")  # whole numbers of 64 bits overflow on purpose
     with_attributes()
-    from cjt_gym.gpu.device import DeviceEpisodes
+    from cjt_gym.training.gpu.device import DeviceEpisodes
 
     device = DeviceEpisodes(NUM, episode_steps=EPISODE, **CASES[sys.argv[1]])
     np.savez(sys.argv[2], **run(device, lambda: device.state))

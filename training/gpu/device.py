@@ -14,9 +14,9 @@ from cjt_gym.baselines.pd_feedforward import PdFeedForward
 from cjt_gym.envs.arguments import complete
 from cjt_gym.envs.core import Episodes
 from cjt_gym.errors import ConfigurationError, SimulationError
-from cjt_gym.gpu.host import Step
-from cjt_gym.gpu.kernels import begin_episodes, cuda, step_episodes
-from cjt_gym.gpu.law import TorchLaw
+from cjt_gym.training.gpu.host import Step
+from cjt_gym.training.gpu.kernels import begin_episodes, cuda, step_episodes
+from cjt_gym.training.gpu.law import TorchLaw
 
 THREADS = 64
 CHECKED_EVERY = 100

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from cjt_gym.gpu.host import HostEpisodes
+from cjt_gym.training.gpu.host import HostEpisodes
 
 __all__ = ["HostEpisodes", "make_episodes"]
 
@@ -30,6 +30,6 @@ def make_episodes(num_envs: int, device: str = "cpu", **arguments: Any) -> Any:
         return HostEpisodes(num_envs, **arguments)
     if device != "cuda":
         raise unknown_name("device", device, ("cpu", "cuda"))
-    from cjt_gym.gpu.device import DeviceEpisodes
+    from cjt_gym.training.gpu.device import DeviceEpisodes
 
     return DeviceEpisodes(num_envs, **arguments)

@@ -1,0 +1,65 @@
+"""Modules that have moved: what outside code imports by an old name is the module of today.
+
+A table and not files: an old name costs a row, and a class has one home however it is imported, so
+policies that were saved under the old name load.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+from importlib.abc import InspectLoader, MetaPathFinder
+from importlib.machinery import ModuleSpec
+from importlib.util import find_spec
+from types import CodeType, ModuleType
+
+MOVED = {
+    "cjt_gym.gpu": "cjt_gym.training.gpu",
+}
+"""New name by old one; what lies within a package has moved with it."""
+
+
+def name_of_today(name: str) -> str | None:
+    """Return the name of a module that has moved, None where it has not."""
+    for old, new in MOVED.items():
+        if name == old or name.startswith(f"{old}."):
+            return new + name.removeprefix(old)
+    return None
+
+
+class Moved(MetaPathFinder, InspectLoader):
+    """Finds modules by the names that they had."""
+
+    def find_spec(
+        self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        """Return what leads from an old name to the module."""
+        new = name_of_today(name)
+        found = find_spec(new) if new else None
+        return ModuleSpec(name, self, origin=found.origin) if found else None
+
+    def create_module(self, spec: ModuleSpec) -> ModuleType:
+        """Return the module itself."""
+        module = import_module(str(name_of_today(spec.name)))
+        self._own = module.__spec__
+        return module
+
+    def exec_module(self, module: ModuleType) -> None:
+        """Leave the module as it is: it has been run under its own name."""
+        module.__spec__ = self._own
+
+    def get_code(self, name: str) -> CodeType | None:
+        """Return the code for `python -m` with the old name."""
+        found = find_spec(str(name_of_today(name)))
+        code: CodeType | None = found.loader.get_code(found.name)  # type: ignore[union-attr]
+        return code
+
+    def get_source(self, name: str) -> str | None:
+        """Return nothing: whoever wants to read the source finds it under the new name."""
+        return None
+
+
+def install() -> None:
+    """Let old names be imported."""
+    sys.meta_path.insert(0, Moved())
