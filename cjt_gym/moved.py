@@ -16,6 +16,7 @@ from types import CodeType, ModuleType
 
 MOVED = {
     "cjt_gym.gpu": "cjt_gym.training.gpu",
+    "cjt_gym.training.batch_learner": "cjt_gym.training.gpu.batch_learner",
 }
 """New name by old one; what lies within a package has moved with it."""
 
