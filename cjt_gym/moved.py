@@ -17,6 +17,8 @@ from types import CodeType, ModuleType
 MOVED = {
     "cjt_gym.gpu": "cjt_gym.training.gpu",
     "cjt_gym.training.batch_learner": "cjt_gym.training.gpu.batch_learner",
+    "cjt_gym.training.gains": "cjt_gym.training.tuning.gains",
+    "cjt_gym.training.tune": "cjt_gym.training.tuning.tune",
 }
 """New name by old one; what lies within a package has moved with it."""
 

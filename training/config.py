@@ -12,7 +12,7 @@ from typing import Any
 from cjt_gym.disk import read_toml
 from cjt_gym.envs.arguments import complete
 from cjt_gym.errors import ConfigurationError, MissingFileError, unknown_name
-from cjt_gym.training.gains import Choice, choose_listed
+from cjt_gym.training.tuning.gains import Choice, choose_listed
 
 ALGORITHMS = ("PPO", "SAC", "TQC", "RecurrentPPO")
 ACTIVATIONS = ("tanh", "relu", "elu")

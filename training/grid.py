@@ -35,7 +35,6 @@ from cjt_gym.training.conditions import (
     realistic_conditions,
 )
 from cjt_gym.training.evaluate import Evaluation, check_episodes, evaluate
-from cjt_gym.training.gains import files_of
 from cjt_gym.training.metrics import (
     command_above,
     command_change,
@@ -46,7 +45,8 @@ from cjt_gym.training.metrics import (
 from cjt_gym.training.rollout import Agent, ControllerAgent, Traces, joint_of
 from cjt_gym.training.shipped import policy_path
 from cjt_gym.training.tasks import get_task
-from cjt_gym.training.tune_limits import port_resistance
+from cjt_gym.training.tuning.gains import files_of
+from cjt_gym.training.tuning.limits import port_resistance
 
 BACKENDS = ("loky", "ray", "dask")
 SHOWN_POINTS = 500

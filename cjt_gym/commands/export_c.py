@@ -19,7 +19,7 @@ from cjt_gym.envs.settings import default_load
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.export.c_files import Header, controller_to_c, observer_to_c
 from cjt_gym.joint import Joint, load_joint
-from cjt_gym.training.gains import choose, files_of
+from cjt_gym.training.tuning.gains import choose, files_of
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -31,7 +31,7 @@ from cjt_gym.commands.hardware_law import law_for
 from cjt_gym.commands.simulate import GAINS
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.signals import sampled_signal
-from cjt_gym.training.gains import choose
+from cjt_gym.training.tuning.gains import choose
 
 Floats = NDArray[np.float64]
 

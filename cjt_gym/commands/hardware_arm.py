@@ -19,7 +19,7 @@ from cjt_gym.commands.hardware_jobs import NONE, Job, tracking
 from cjt_gym.commands.hardware_law import law_for
 from cjt_gym.commands.simulate import GAINS
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.training.gains import choose
+from cjt_gym.training.tuning.gains import choose
 
 APART = 1000
 """Between the seeds of two joints' references."""

@@ -14,7 +14,7 @@ from cjt_gym.baselines.robust import SPARE_DELAY, is_stable
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import Joint
 from cjt_gym.joint.configure import resolve_effects
-from cjt_gym.training.gains import choose
+from cjt_gym.training.tuning.gains import choose
 
 LEFT_TO_SPARE: Final = 0.5 * SPARE_DELAY
 """Rest of a delay that is no whole control step and need not become one more [s]: designed gains

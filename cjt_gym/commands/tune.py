@@ -25,11 +25,11 @@ from cjt_gym.commands.joint_options import (
     tell_effects,
 )
 from cjt_gym.errors import ConfigurationError, unknown_name
-from cjt_gym.training.gains import WITH, choose, read_gains, write_gains
 from cjt_gym.training.grid import BACKENDS, cluster
 from cjt_gym.training.rollout import joint_of
-from cjt_gym.training.tune import Outcome, Search, tune
-from cjt_gym.training.tune_limits import Limits
+from cjt_gym.training.tuning.gains import WITH, choose, read_gains, write_gains
+from cjt_gym.training.tuning.limits import Limits
+from cjt_gym.training.tuning.tune import Outcome, Search, tune
 
 LIMITS = {
     "gain_margin": "smallest gain margin, a factor",

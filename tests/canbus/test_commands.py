@@ -17,7 +17,7 @@ from cjt_gym.canbus.lock import NodeLock
 from cjt_gym.cli import main
 from cjt_gym.joint import load_joint
 from cjt_gym.records import Record, read_record
-from cjt_gym.training.gains import write_gains
+from cjt_gym.training.tuning.gains import write_gains
 from tests.canbus.bench import config, document, toml
 from tests.canbus.soak import emulator, free_port
 from tests.canbus.test_buses import PATIENT

@@ -19,7 +19,7 @@ from cjt_gym.cli import main
 from cjt_gym.commands.hardware_law import law_for
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.records import read_record
-from cjt_gym.training.gains import write_gains
+from cjt_gym.training.tuning.gains import write_gains
 from tests.canbus.bench import config, document, toml
 
 CONTROLLERS = ("pd", "pd_feedforward", "pid_feedforward", "lqg", "open_loop")

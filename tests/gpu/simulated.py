@@ -14,7 +14,7 @@ import numpy as np
 import torch
 
 from cjt_gym.joint import Joint
-from cjt_gym.training.gains import choose
+from cjt_gym.training.tuning.gains import choose
 
 NUM, STEPS, EPISODE, SEED = 3, 9, 6, 3
 PD: Any = {"base_controller": choose("pd_feedforward").make}

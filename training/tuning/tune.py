@@ -33,11 +33,11 @@ from cjt_gym.errors import ConfigurationError, SimulationError
 from cjt_gym.joint import Joint
 from cjt_gym.joint.effect_words import parse_effects
 from cjt_gym.training.conditions import TASKS, Conditions, realistic_conditions
-from cjt_gym.training.gains import Choice
 from cjt_gym.training.metrics import squared_errors
 from cjt_gym.training.rollout import Agent, ControllerAgent, joint_of, run_episodes
 from cjt_gym.training.tasks import Setting, get_task
-from cjt_gym.training.tune_limits import Assessment, Limits, assess
+from cjt_gym.training.tuning.gains import Choice
+from cjt_gym.training.tuning.limits import Assessment, Limits, assess
 
 Floats = NDArray[np.float64]
 TUNING_SEEDS = 600_000
