@@ -8,9 +8,9 @@ from pathlib import Path
 
 from cjt_gym.disk import write_text
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.training.conditions import TASKS, Conditions
-from cjt_gym.training.evaluate import Evaluation, Row, evaluate
-from cjt_gym.training.rollout import Agent, ControllerAgent
+from cjt_gym.training.evaluation.conditions import TASKS, Conditions
+from cjt_gym.training.evaluation.evaluate import Evaluation, Row, evaluate
+from cjt_gym.training.evaluation.rollout import Agent, ControllerAgent
 
 COLUMNS = (
     ("controller", "controller", "{}"),

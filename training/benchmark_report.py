@@ -9,8 +9,8 @@ from typing import Any
 
 from cjt_gym.training import benchmark_figures as figures
 from cjt_gym.training import report
-from cjt_gym.training.ranking import Place
-from cjt_gym.training.tasks import BENCHMARK_TASKS
+from cjt_gym.training.evaluation.ranking import Place
+from cjt_gym.training.evaluation.tasks import BENCHMARK_TASKS
 
 Result = Mapping[str, Any]
 CHARACTER = (

@@ -14,10 +14,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from cjt_gym.datasheet.notation import drawn
-from cjt_gym.training.conditions import BANDWIDTH_HIGH, BANDWIDTH_LOW
 from cjt_gym.training.emps import UNITS, Replay
-from cjt_gym.training.metrics import frequency_response
-from cjt_gym.training.rollout import Traces
+from cjt_gym.training.evaluation.conditions import BANDWIDTH_HIGH, BANDWIDTH_LOW
+from cjt_gym.training.evaluation.metrics import frequency_response
+from cjt_gym.training.evaluation.rollout import Traces
 
 COLOURS = ("#9a9a9a", "#d07c2e", "#1f5fa8", "#3d8f5f", "#8d4fa8")
 INK, FAINT = "#202020", "#dddddd"

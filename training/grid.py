@@ -28,23 +28,23 @@ from cjt_gym.joint import get_structure, load_joint_file
 from cjt_gym.joint.effect_words import parse_effects
 from cjt_gym.training.benchmark import make_agents
 from cjt_gym.training.code_hash import code_hash
-from cjt_gym.training.conditions import (
+from cjt_gym.training.evaluation.conditions import (
     BANDWIDTH_HIGH,
     BANDWIDTH_LOW,
     Conditions,
     realistic_conditions,
 )
-from cjt_gym.training.evaluate import Evaluation, check_episodes, evaluate
-from cjt_gym.training.metrics import (
+from cjt_gym.training.evaluation.evaluate import Evaluation, check_episodes, evaluate
+from cjt_gym.training.evaluation.metrics import (
     command_above,
     command_change,
     effort_rms,
     frequency_response,
     squared_errors,
 )
-from cjt_gym.training.rollout import Agent, ControllerAgent, Traces, joint_of
+from cjt_gym.training.evaluation.rollout import Agent, ControllerAgent, Traces, joint_of
+from cjt_gym.training.evaluation.tasks import get_task
 from cjt_gym.training.shipped import policy_path
-from cjt_gym.training.tasks import get_task
 from cjt_gym.training.tuning.gains import files_of
 from cjt_gym.training.tuning.limits import port_resistance
 

@@ -20,9 +20,9 @@ from cjt_gym.training.algorithms import (
     make_model,
     observation_scaling,
 )
-from cjt_gym.training.conditions import Conditions
 from cjt_gym.training.config import DatasheetsConfig, TrainConfig, environment_arguments
 from cjt_gym.training.deploy.layout import Layout, layout_of
+from cjt_gym.training.evaluation.conditions import Conditions
 from cjt_gym.training.policy_arguments import kind_of, policy_arguments, trained_on
 from cjt_gym.training.run_folder import open_run
 

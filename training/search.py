@@ -24,11 +24,11 @@ from optuna.trial import FrozenTrial
 
 from cjt_gym.disk import to_toml, write_text
 from cjt_gym.errors import CjtGymError, ConfigurationError
-from cjt_gym.training.conditions import TASKS, realistic_conditions
 from cjt_gym.training.config import BASE_GAINS, TrainConfig, from_dict, load_config
-from cjt_gym.training.evaluate import evaluate
+from cjt_gym.training.evaluation.conditions import TASKS, realistic_conditions
+from cjt_gym.training.evaluation.evaluate import evaluate
+from cjt_gym.training.evaluation.rollout import Agent, ControllerAgent
 from cjt_gym.training.policy import load_policy
-from cjt_gym.training.rollout import Agent, ControllerAgent
 from cjt_gym.training.train import train
 
 VALIDATION: Final = 1

@@ -11,8 +11,8 @@ import numpy as np
 from cjt_gym.envs.core import Episodes
 from cjt_gym.training.config import VALIDATION_SEEDS, TrainConfig, environment_arguments
 from cjt_gym.training.datasheets import datasheets
-from cjt_gym.training.metrics import rmse
-from cjt_gym.training.rollout import Agent, run_episodes
+from cjt_gym.training.evaluation.metrics import rmse
+from cjt_gym.training.evaluation.rollout import Agent, run_episodes
 
 JOINTS = 8
 

@@ -21,9 +21,9 @@ from cjt_gym.commands.joint_options import (
 )
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint.effect_words import parse_effects
+from cjt_gym.training.evaluation.rollout import joint_of
+from cjt_gym.training.evaluation.tasks import BENCHMARK_TASKS
 from cjt_gym.training.grid import BACKENDS, Cell, make_cells, run_grid
-from cjt_gym.training.rollout import joint_of
-from cjt_gym.training.tasks import BENCHMARK_TASKS
 
 ALL = "all"
 

@@ -181,8 +181,8 @@ def _follow(plant: CanPlant, job: Job, law: Any) -> list[float]:
 def _follow_policy(plant: CanPlant, job: Job) -> list[float]:
     """Run a policy; return the tracking errors [N m]."""
     from cjt_gym.envs.hardware import HardwareEnv
-    from cjt_gym.training.conditions import Conditions
     from cjt_gym.training.deploy.exported import Exported
+    from cjt_gym.training.evaluation.conditions import Conditions
     from cjt_gym.training.load_agent import load_agent
 
     assert job.policy is not None

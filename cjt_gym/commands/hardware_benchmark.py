@@ -13,9 +13,9 @@ from cjt_gym.canbus.config import HardwareConfig
 from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.records import Record, read_record
 from cjt_gym.signals import sampled_signal
-from cjt_gym.training import metrics
 from cjt_gym.training.benchmark import make_agents
-from cjt_gym.training.conditions import (
+from cjt_gym.training.evaluation import metrics
+from cjt_gym.training.evaluation.conditions import (
     BANDWIDTH_HIGH,
     BANDWIDTH_LOW,
     SWEEP,
@@ -24,8 +24,8 @@ from cjt_gym.training.conditions import (
     bandwidth_reference,
     task_reference,
 )
-from cjt_gym.training.evaluate import Row
-from cjt_gym.training.rollout import Agent, Traces, run_episodes
+from cjt_gym.training.evaluation.evaluate import Row
+from cjt_gym.training.evaluation.rollout import Agent, Traces, run_episodes
 
 Floats = NDArray[np.float64]
 SWEEP_NAME = "sweep"

@@ -20,8 +20,8 @@ from cjt_gym.records import Record
 
 if TYPE_CHECKING:  # environments and controllers load only where a closed loop is asked for
     from cjt_gym.gap.closed_loop import Law
-    from cjt_gym.training.performance import Performance, PerformanceGap
-    from cjt_gym.training.rollout import Agent
+    from cjt_gym.training.evaluation.performance import Performance, PerformanceGap
+    from cjt_gym.training.evaluation.rollout import Agent
 
 DRIVE = "current"
 REPEATED = 0.2
@@ -86,7 +86,7 @@ def agents_for(
     if not (controllers or policies):
         return ()
     from cjt_gym.training.benchmark import make_agents
-    from cjt_gym.training.conditions import Conditions
+    from cjt_gym.training.evaluation.conditions import Conditions
 
     agents = make_agents(controllers, policies)
     record = _tracking(records)
@@ -133,7 +133,7 @@ def in_the_loop(
     except CjtGymError as error:
         notes.append(f"Not replayed in a closed loop: {error}")
     for agent in agents:
-        from cjt_gym.training.performance import performance_gap
+        from cjt_gym.training.evaluation.performance import performance_gap
 
         try:
             gaps.append(performance_gap(record, one, two, agent))

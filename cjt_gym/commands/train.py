@@ -20,8 +20,8 @@ from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.joint import load_joint
 from cjt_gym.joint.current_loop import with_current_loop
 from cjt_gym.plant.simulated import DT_PHYSICS
-from cjt_gym.training.conditions import transferred
 from cjt_gym.training.config import config_names, load_config
+from cjt_gym.training.evaluation.conditions import transferred
 
 if TYPE_CHECKING:
     from cjt_gym.training.run_folder import RunFolder

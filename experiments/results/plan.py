@@ -10,8 +10,8 @@ from typing import Any, Final
 from joblib import Parallel, delayed
 
 from cjt_gym.joint import get_structure, joint_names, load_joint_file
-from cjt_gym.training.conditions import realistic_effects
 from cjt_gym.training.config import TrainConfig, load_config
+from cjt_gym.training.evaluation.conditions import realistic_effects
 from cjt_gym.training.train import train
 from cjt_gym.training.tuning.gains import choose
 

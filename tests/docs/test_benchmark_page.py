@@ -14,7 +14,7 @@ import pytest
 
 from cjt_gym.analysis import Figures
 from cjt_gym.cli import COMMANDS, Parser
-from cjt_gym.training.tasks import BENCHMARK_TASKS
+from cjt_gym.training.evaluation.tasks import BENCHMARK_TASKS
 from cjt_gym.training.tuning.limits import Limits
 
 PAGE = (Path(__file__).parents[2] / "docs" / "benchmark.md").read_text(encoding="utf-8")

@@ -10,14 +10,14 @@ import pytest
 
 from cjt_gym.errors import ConfigurationError, UnknownNameError
 from cjt_gym.training.benchmark import benchmark, make_agents, rows_of, write_rows
-from cjt_gym.training.conditions import (
+from cjt_gym.training.config import VALIDATION_SEEDS
+from cjt_gym.training.evaluation.conditions import (
     EVALUATION_SEEDS,
     TASKS,
     realistic_conditions,
     task_reference,
 )
-from cjt_gym.training.config import VALIDATION_SEEDS
-from cjt_gym.training.rollout import ControllerAgent, rollout
+from cjt_gym.training.evaluation.rollout import ControllerAgent, rollout
 from cjt_gym.training.run_folder import RunFolder
 
 KEYS = {

@@ -13,9 +13,9 @@ from cjt_gym.cli import main
 from cjt_gym.errors import CjtGymError
 from cjt_gym.training.algorithms import make_environment, make_model
 from cjt_gym.training.config import VALIDATION_SEEDS, TrainConfig, environment_arguments
-from cjt_gym.training.metrics import rmse
+from cjt_gym.training.evaluation.metrics import rmse
+from cjt_gym.training.evaluation.rollout import ControllerAgent, run_episodes
 from cjt_gym.training.policy import load_policy
-from cjt_gym.training.rollout import ControllerAgent, run_episodes
 from cjt_gym.training.run_folder import RunFolder
 from cjt_gym.training.run_page import write_run_page
 from cjt_gym.training.train import start_from, train

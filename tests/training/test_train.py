@@ -18,10 +18,10 @@ from cjt_gym.disk import to_toml
 from cjt_gym.errors import ConfigurationError, MissingFileError
 from cjt_gym.training.algorithms import make_environment, make_model
 from cjt_gym.training.callbacks import load_replay, restore, save_replay
-from cjt_gym.training.conditions import Conditions
 from cjt_gym.training.config import PolicyConfig, TrainConfig
+from cjt_gym.training.evaluation.conditions import Conditions
+from cjt_gym.training.evaluation.rollout import run_episodes
 from cjt_gym.training.policy import load_policy
-from cjt_gym.training.rollout import run_episodes
 from cjt_gym.training.run_folder import RunFolder, TrainingError, open_run
 from cjt_gym.training.seeds import train_seeds
 from cjt_gym.training.train import train
@@ -99,7 +99,7 @@ def test_the_policy_of_a_run_is_batched_and_deterministic(finished: RunFolder) -
 
 def test_the_best_model_is_the_one_that_validated_best(finished: RunFolder) -> None:
     from cjt_gym.training.config import VALIDATION_SEEDS, environment_arguments
-    from cjt_gym.training.metrics import rmse
+    from cjt_gym.training.evaluation.metrics import rmse
 
     policy = load_policy(finished.path)
     arguments = environment_arguments(finished.config.env)

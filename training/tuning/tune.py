@@ -32,10 +32,10 @@ from cjt_gym.envs.core import Episodes
 from cjt_gym.errors import ConfigurationError, SimulationError
 from cjt_gym.joint import Joint
 from cjt_gym.joint.effect_words import parse_effects
-from cjt_gym.training.conditions import TASKS, Conditions, realistic_conditions
-from cjt_gym.training.metrics import squared_errors
-from cjt_gym.training.rollout import Agent, ControllerAgent, joint_of, run_episodes
-from cjt_gym.training.tasks import Setting, get_task
+from cjt_gym.training.evaluation.conditions import TASKS, Conditions, realistic_conditions
+from cjt_gym.training.evaluation.metrics import squared_errors
+from cjt_gym.training.evaluation.rollout import Agent, ControllerAgent, joint_of, run_episodes
+from cjt_gym.training.evaluation.tasks import Setting, get_task
 from cjt_gym.training.tuning.gains import Choice
 from cjt_gym.training.tuning.limits import Assessment, Limits, assess
 

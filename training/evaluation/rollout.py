@@ -15,8 +15,8 @@ from cjt_gym.envs.core import Episodes
 from cjt_gym.joint import Joint
 from cjt_gym.joint.arrays import DQ_L, Q_L, TAU
 from cjt_gym.signals import Signal
-from cjt_gym.training.conditions import Conditions
-from cjt_gym.training.tasks import Rendering, Setting
+from cjt_gym.training.evaluation.conditions import Conditions
+from cjt_gym.training.evaluation.tasks import Rendering, Setting
 from cjt_gym.training.tuning.gains import Choice, choose
 
 Floats = NDArray[np.float64]

@@ -19,8 +19,8 @@ from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import Joint
 from cjt_gym.records import Record
 from cjt_gym.signals import Signal
-from cjt_gym.training.conditions import EVALUATION_SEEDS, Conditions
-from cjt_gym.training.rollout import Agent, ControllerAgent, Traces, run_episodes
+from cjt_gym.training.evaluation.conditions import EVALUATION_SEEDS, Conditions
+from cjt_gym.training.evaluation.rollout import Agent, ControllerAgent, Traces, run_episodes
 
 Floats = NDArray[np.float64]
 EPISODES = 8

@@ -12,10 +12,10 @@ from cjt_gym.errors import unknown_name
 from cjt_gym.joint import Joint, get_structure
 from cjt_gym.plugins import installed_rows
 from cjt_gym.signals import Signal
-from cjt_gym.training.conditions import STEP_HOLD, TASKS, Conditions, task_reference
+from cjt_gym.training.evaluation.conditions import STEP_HOLD, TASKS, Conditions, task_reference
 
 if TYPE_CHECKING:
-    from cjt_gym.training.rollout import Agent
+    from cjt_gym.training.evaluation.rollout import Agent
 
 # What is asked for is part of the benchmark: other numbers make another task, and old results do
 # not compare with new ones.

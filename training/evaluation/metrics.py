@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.training.rollout import Traces
+from cjt_gym.training.evaluation.rollout import Traces
 
 Floats = NDArray[np.float64]
 Complex = NDArray[np.complex128]

@@ -9,8 +9,8 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.training import metrics
-from cjt_gym.training.conditions import (
+from cjt_gym.training.evaluation import metrics
+from cjt_gym.training.evaluation.conditions import (
     BANDWIDTH_HIGH,
     BANDWIDTH_LOW,
     EVALUATION_SEEDS,
@@ -22,8 +22,8 @@ from cjt_gym.training.conditions import (
     task_reference,
     zero_reference,
 )
-from cjt_gym.training.rollout import Agent, Traces, joint_of, rollout, run_task
-from cjt_gym.training.tasks import BENCHMARK_TASKS, get_task
+from cjt_gym.training.evaluation.rollout import Agent, Traces, joint_of, rollout, run_task
+from cjt_gym.training.evaluation.tasks import BENCHMARK_TASKS, get_task
 
 NOISE_DURATION = 1.0
 CHARACTER_EPISODES = 8
