@@ -18,13 +18,20 @@ MOVED = {
     "cjt_gym.gpu": "cjt_gym.training.gpu",
     "cjt_gym.training.batch_learner": "cjt_gym.training.gpu.batch_learner",
     "cjt_gym.training.conditions": "cjt_gym.training.evaluation.conditions",
+    "cjt_gym.training.config": "cjt_gym.training.learning.config",
+    "cjt_gym.training.distributed": "cjt_gym.training.learning.distributed",
     "cjt_gym.training.evaluate": "cjt_gym.training.evaluation.evaluate",
     "cjt_gym.training.gains": "cjt_gym.training.tuning.gains",
     "cjt_gym.training.metrics": "cjt_gym.training.evaluation.metrics",
     "cjt_gym.training.performance": "cjt_gym.training.evaluation.performance",
+    "cjt_gym.training.policy": "cjt_gym.training.learning.policy",
+    "cjt_gym.training.quiet": "cjt_gym.training.learning.quiet",
     "cjt_gym.training.rollout": "cjt_gym.training.evaluation.rollout",
+    "cjt_gym.training.search": "cjt_gym.training.learning.search",
     "cjt_gym.training.tasks": "cjt_gym.training.evaluation.tasks",
+    "cjt_gym.training.train": "cjt_gym.training.learning.train",
     "cjt_gym.training.tune": "cjt_gym.training.tuning.tune",
+    "cjt_gym.training.zoo": "cjt_gym.training.learning.zoo",
 }
 """New name by old one; what lies within a package has moved with it."""
 

@@ -19,15 +19,15 @@ from cjt_gym.disk import write_text
 from cjt_gym.errors import CjtGymError
 from cjt_gym.training import figures, report
 from cjt_gym.training.benchmark import align, benchmark, cells_of, make_agents
-from cjt_gym.training.config import TrainConfig, environment_arguments, load_config
 from cjt_gym.training.emps import Replay, replay, summary
 from cjt_gym.training.evaluation.conditions import Conditions
 from cjt_gym.training.evaluation.evaluate import Evaluation
 from cjt_gym.training.evaluation.metrics import bootstrap_ratio
 from cjt_gym.training.evaluation.rollout import ControllerAgent
-from cjt_gym.training.run_folder import RunFolder
-from cjt_gym.training.train import train
-from cjt_gym.training.validation import validation_error
+from cjt_gym.training.learning.config import TrainConfig, environment_arguments, load_config
+from cjt_gym.training.learning.run_folder import RunFolder
+from cjt_gym.training.learning.train import train
+from cjt_gym.training.learning.validation import validation_error
 
 EPISODES = 64
 RUN = "residual_policy"

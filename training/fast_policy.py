@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from cjt_gym.envs.core import Episodes
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.plant import limits_of
-from cjt_gym.training.algorithms import observation_scaling
-from cjt_gym.training.config import environment_arguments
 from cjt_gym.training.deploy.base import base_law
 from cjt_gym.training.deploy.exported import Exported
 from cjt_gym.training.deploy.network import Layer, Network
-from cjt_gym.training.policy import PolicyAgent
+from cjt_gym.training.learning.algorithms import observation_scaling
+from cjt_gym.training.learning.config import environment_arguments
+from cjt_gym.training.learning.policy import PolicyAgent
 
 Floats = NDArray[np.float32]
 NAMES: dict[type[torch.nn.Module], str] = {

@@ -9,7 +9,7 @@ from cjt_gym.training.deploy.exported import Exported, load_exported
 from cjt_gym.training.shipped import policy_path
 
 if TYPE_CHECKING:  # torch is only loaded for a run folder
-    from cjt_gym.training.policy import PolicyAgent
+    from cjt_gym.training.learning.policy import PolicyAgent
 
 
 def load_agent(word: str | Path) -> PolicyAgent | Exported:
@@ -23,6 +23,6 @@ def load_agent(word: str | Path) -> PolicyAgent | Exported:
     path = policy_path(word)
     if path.suffix == ".npz":
         return load_exported(path)
-    from cjt_gym.training.policy import load_policy
+    from cjt_gym.training.learning.policy import load_policy
 
     return load_policy(path)

@@ -7,7 +7,7 @@ import json
 import sys
 
 from cjt_gym.training.benchmark import align
-from cjt_gym.training.runs import cells, compared, find_runs
+from cjt_gym.training.learning.runs import cells, compared, find_runs
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -23,7 +23,7 @@ def run(options: argparse.Namespace) -> None:
     found = find_runs(options.folders)
     rows = compared(found)
     if options.page:
-        from cjt_gym.training.run_page import write_run_page
+        from cjt_gym.training.learning.run_page import write_run_page
 
         pages = {str(one.path): str(write_run_page(one)) for one in found}
         for row in rows:

@@ -85,12 +85,12 @@ def _environments() -> None:
 
 
 def _policies() -> None:
-    from cjt_gym.training.config import TrainConfig
     from cjt_gym.training.deploy.base import base_law
     from cjt_gym.training.deploy.exported import Exported
     from cjt_gym.training.deploy.layout import layout_of
     from cjt_gym.training.deploy.network import Layer, Network
     from cjt_gym.training.deploy.stepper import Stepper
+    from cjt_gym.training.learning.config import TrainConfig
 
     config = TrainConfig(env={"joint": JOINT, "base_controller": "pd_feedforward"})
     settings = gym.make("CJT/TorqueTracking-v0", joint=JOINT).unwrapped.episodes.settings  # type: ignore[attr-defined]

@@ -29,8 +29,8 @@ print(f"this episode: k_b = {info['parameters']['k_b']:.0f} N m/rad")
 # A training is a configuration, on the command line a TOML file: `cjt-gym train ppo_residual`.
 
 # %%
-from cjt_gym.training.config import EvaluationConfig, load_config
-from cjt_gym.training.train import train
+from cjt_gym.training.learning.config import EvaluationConfig, load_config
+from cjt_gym.training.learning.train import train
 
 usual = load_config("ppo_residual")
 config = replace(

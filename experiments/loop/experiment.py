@@ -21,7 +21,6 @@ from cjt_gym.joint import JointFile, load_joint_file, to_toml
 from cjt_gym.records import Record, default_units
 from cjt_gym.signals import Signal
 from cjt_gym.training.code_hash import COUNTED, code_hash
-from cjt_gym.training.config import TrainConfig, environment_arguments, load_config
 from cjt_gym.training.evaluation.conditions import (
     EVALUATION_SEEDS,
     TASKS,
@@ -30,8 +29,9 @@ from cjt_gym.training.evaluation.conditions import (
 )
 from cjt_gym.training.evaluation.metrics import noise_amplification, nrmse
 from cjt_gym.training.evaluation.rollout import Agent, ControllerAgent, Traces
-from cjt_gym.training.policy import load_policy
-from cjt_gym.training.train import train
+from cjt_gym.training.learning.config import TrainConfig, environment_arguments, load_config
+from cjt_gym.training.learning.policy import load_policy
+from cjt_gym.training.learning.train import train
 from experiments.loop.drive import drive
 from experiments.loop.joints import HiddenJoint, as_sensed, hidden_joints
 from experiments.loop.wide import wide_randomization, with_room

@@ -14,9 +14,9 @@ import pytest
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.training.config import TrainConfig, from_dict
-from cjt_gym.training.distributed import join_cluster, train_on_ray
-from cjt_gym.training.seeds import STRIDE
+from cjt_gym.training.learning.config import TrainConfig, from_dict
+from cjt_gym.training.learning.distributed import join_cluster, train_on_ray
+from cjt_gym.training.learning.seeds import STRIDE
 
 CONFIG: dict[str, Any] = {
     "total_steps": 24_000,

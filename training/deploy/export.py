@@ -17,7 +17,7 @@ from cjt_gym.training.deploy.check import TOLERANCE, Checked, check
 from cjt_gym.training.deploy.exported import save_exported
 from cjt_gym.training.deploy.onnx_file import write_onnx
 from cjt_gym.training.fast_policy import exported
-from cjt_gym.training.policy import load_policy
+from cjt_gym.training.learning.policy import load_policy
 
 
 class ExportError(CjtGymError, RuntimeError):

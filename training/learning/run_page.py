@@ -9,14 +9,14 @@ from typing import Any
 from cjt_gym.disk import to_toml
 from cjt_gym.training import figures, report
 from cjt_gym.training.benchmark import cells_of
-from cjt_gym.training.config import base_of, environment_arguments
 from cjt_gym.training.evaluation.conditions import TASKS, Conditions
 from cjt_gym.training.evaluation.evaluate import evaluate
 from cjt_gym.training.evaluation.rollout import Agent, ControllerAgent
-from cjt_gym.training.policy import load_policy
-from cjt_gym.training.policy_arguments import CONDITIONS
-from cjt_gym.training.run_folder import RunFolder
-from cjt_gym.training.validation import validation_error
+from cjt_gym.training.learning.config import base_of, environment_arguments
+from cjt_gym.training.learning.policy import load_policy
+from cjt_gym.training.learning.policy_arguments import CONDITIONS
+from cjt_gym.training.learning.run_folder import RunFolder
+from cjt_gym.training.learning.validation import validation_error
 
 EPISODES = 16
 SHOWN = ("step", "chirp")

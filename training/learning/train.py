@@ -12,15 +12,15 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from cjt_gym.envs.core import Episodes
 from cjt_gym.errors import CjtGymError, ConfigurationError
-from cjt_gym.training.algorithms import (
+from cjt_gym.training.learning.algorithms import (
     load_normalization,
     load_weights,
     make_environment,
     make_model,
 )
-from cjt_gym.training.callbacks import Companion, restore
-from cjt_gym.training.config import TrainConfig, environment_arguments
-from cjt_gym.training.run_folder import RunFolder, TrainingError, begin_run, open_run
+from cjt_gym.training.learning.callbacks import Companion, restore
+from cjt_gym.training.learning.config import TrainConfig, environment_arguments
+from cjt_gym.training.learning.run_folder import RunFolder, TrainingError, begin_run, open_run
 
 
 def train(config: TrainConfig, out: str | Path, quiet: bool = False) -> RunFolder:

@@ -8,9 +8,9 @@ from multiprocessing import get_context
 from pathlib import Path
 
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.training.config import TrainConfig
-from cjt_gym.training.run_folder import RunFolder
-from cjt_gym.training.train import train
+from cjt_gym.training.learning.config import TrainConfig
+from cjt_gym.training.learning.run_folder import RunFolder
+from cjt_gym.training.learning.train import train
 
 STRIDE = 1000
 """Between the seeds of two trainings, so that their environments share none."""

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from cjt_gym.errors import ConfigurationError, MissingFileError
-from cjt_gym.training.run_folder import MARKER, RunFolder, open_run
+from cjt_gym.training.learning.run_folder import MARKER, RunFolder, open_run
 
 COLUMNS = (
     ("run", "run", "{}"),

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from cjt_gym.envs.core import Episodes
-from cjt_gym.training.config import VALIDATION_SEEDS, TrainConfig, environment_arguments
-from cjt_gym.training.datasheets import datasheets
 from cjt_gym.training.evaluation.metrics import rmse
 from cjt_gym.training.evaluation.rollout import Agent, run_episodes
+from cjt_gym.training.learning.config import VALIDATION_SEEDS, TrainConfig, environment_arguments
+from cjt_gym.training.learning.joint_families import datasheets
 
 JOINTS = 8
 

@@ -32,8 +32,8 @@ from cjt_gym.envs.observe import SIGNALS_PER_SAMPLE
 from cjt_gym.envs.settings import Settings
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.signals import Signal
-from cjt_gym.training.config import TrainConfig
-from cjt_gym.training.datasheets import arguments_of
+from cjt_gym.training.learning.config import TrainConfig
+from cjt_gym.training.learning.joint_families import arguments_of
 
 EPISODES, FEWEST, SETTLE, STEPS, SEED = 64, 4, 50, 256, 0
 """Of the recorded rest: episodes in all and at least per joint, control steps that do not count and

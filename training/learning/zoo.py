@@ -1,4 +1,4 @@
-"""Hyperparameters for rl-zoo3: `python -m rl_zoo3.train --algo ppo -conf cjt_gym.training.zoo`.
+"""Hyperparameters for rl-zoo3: `python -m rl_zoo3.train --algo ppo -conf cjt_gym.training.learning.zoo`.
 
 What it reads is `hyperparams`: the recipe `quiet_residual` in the words of rl-zoo3, so that there
 is one place for the values. `--env CJT/TorqueTracking-v0 --gym-packages cjt_gym` go with it. The
@@ -11,8 +11,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from cjt_gym.training.algorithms import ACTIVATIONS
-from cjt_gym.training.config import TrainConfig, environment_arguments, load_config
+from cjt_gym.training.learning.algorithms import ACTIVATIONS
+from cjt_gym.training.learning.config import TrainConfig, environment_arguments, load_config
 
 ENVIRONMENT = "CJT/TorqueTracking-v0"
 RECIPE = "quiet_residual"

@@ -19,9 +19,9 @@ import numpy as np
 from cjt_gym.envs.core import Episodes
 from cjt_gym.envs.settings import AMPLITUDE_SHARE, FRICTION_FACTOR, Settings
 from cjt_gym.joint import Joint
-from cjt_gym.training.config import TrainConfig, environment_arguments
 from cjt_gym.training.deploy.layout import layout_of
-from cjt_gym.training.policy_arguments import scales_on
+from cjt_gym.training.learning.config import TrainConfig, environment_arguments
+from cjt_gym.training.learning.policy_arguments import scales_on
 
 MOTOR_SHARE = (0.2, 0.6)
 """Between which limits the motor's share of the friction is."""

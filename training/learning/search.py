@@ -1,4 +1,4 @@
-"""Hyperparameters by a stated search: `python -m cjt_gym.training.search RECIPE --trials N`.
+"""Hyperparameters by a stated search: `python -m cjt_gym.training.learning.search RECIPE --trials N`.
 
 Optuna's TPE (Akiba et al., 2019, Optuna: A Next-generation Hyperparameter Optimization Framework)
 tries values of `SPACE` in a recipe. A trial trains briefly and runs the kinds of references that
@@ -24,12 +24,12 @@ from optuna.trial import FrozenTrial
 
 from cjt_gym.disk import to_toml, write_text
 from cjt_gym.errors import CjtGymError, ConfigurationError
-from cjt_gym.training.config import BASE_GAINS, TrainConfig, from_dict, load_config
 from cjt_gym.training.evaluation.conditions import TASKS, realistic_conditions
 from cjt_gym.training.evaluation.evaluate import evaluate
 from cjt_gym.training.evaluation.rollout import Agent, ControllerAgent
-from cjt_gym.training.policy import load_policy
-from cjt_gym.training.train import train
+from cjt_gym.training.learning.config import BASE_GAINS, TrainConfig, from_dict, load_config
+from cjt_gym.training.learning.policy import load_policy
+from cjt_gym.training.learning.train import train
 
 VALIDATION: Final = 1
 """Which block of held-out episodes the search sees; comparisons take block 0."""

@@ -21,7 +21,7 @@ from cjt_gym.errors import CjtGymError, ConfigurationError, MissingFileError
 from cjt_gym.joint import Joint, load_joint_file
 from cjt_gym.joint.effect_words import plain_effects
 from cjt_gym.plant.randomization import resolve_randomization
-from cjt_gym.training.config import (
+from cjt_gym.training.learning.config import (
     VALIDATION_SEEDS,
     TrainConfig,
     environment_arguments,

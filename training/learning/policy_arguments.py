@@ -7,9 +7,9 @@ from typing import Any
 
 from cjt_gym.envs.core import Episodes
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.training.config import TrainConfig, environment_arguments
 from cjt_gym.training.deploy.layout import Layout, layout_of
 from cjt_gym.training.evaluation.conditions import Conditions
+from cjt_gym.training.learning.config import TrainConfig, environment_arguments
 
 CONDITIONS = ("joint", "structure", "drive", "effects", "randomization", "dt_physics")
 SCALES = {"torque_amplitude": "torque", "velocity_scale": "velocity", "action_scale": "action"}

@@ -21,9 +21,9 @@ from cjt_gym.disk.arrays import read_arrays
 from cjt_gym.envs.sb3 import JointsVecEnv, TorqueTrackingVecEnv
 from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.joint.border import checked_array
-from cjt_gym.training.config import TrainConfig
-from cjt_gym.training.datasheets import arguments_of
-from cjt_gym.training.quiet import QuietPolicy, sensor_noise
+from cjt_gym.training.learning.config import TrainConfig
+from cjt_gym.training.learning.joint_families import arguments_of
+from cjt_gym.training.learning.quiet import QuietPolicy, sensor_noise
 
 Floats = NDArray[np.float64]
 CLASSES: dict[str, type[BaseAlgorithm]] = {

@@ -20,11 +20,15 @@ from tqdm import tqdm
 from cjt_gym.disk import parsing, read_json, whole, write_text
 from cjt_gym.disk.arrays import read_arrays
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.training.algorithms import load_normalization, load_weights, save_normalization
-from cjt_gym.training.config import TrainConfig
-from cjt_gym.training.policy import agent_of
-from cjt_gym.training.run_folder import RunFolder, TrainingError
-from cjt_gym.training.validation import validation_error
+from cjt_gym.training.learning.algorithms import (
+    load_normalization,
+    load_weights,
+    save_normalization,
+)
+from cjt_gym.training.learning.config import TrainConfig
+from cjt_gym.training.learning.policy import agent_of
+from cjt_gym.training.learning.run_folder import RunFolder, TrainingError
+from cjt_gym.training.learning.validation import validation_error
 
 RECENT = 100
 BUFFER_ARRAYS = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")

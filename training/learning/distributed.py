@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.training.config import TrainConfig
-from cjt_gym.training.run_folder import RunFolder
-from cjt_gym.training.seeds import runs_of
+from cjt_gym.training.learning.config import TrainConfig
+from cjt_gym.training.learning.run_folder import RunFolder
+from cjt_gym.training.learning.seeds import runs_of
 
 RETRIES = 3
 
@@ -51,7 +51,7 @@ def train_on_ray(
             f"retries must be >= 0 and workers >= 1, got {retries} and {workers}."
         )
     ray = join_cluster(workers)
-    from cjt_gym.training.train import train
+    from cjt_gym.training.learning.train import train
 
     def run(changed: TrainConfig, path: str) -> None:
         train(changed, path, quiet=True)

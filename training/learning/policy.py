@@ -13,18 +13,18 @@ from stable_baselines3.common.vec_env import VecNormalize
 
 from cjt_gym.envs.core import Episodes
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.training.algorithms import (
+from cjt_gym.training.deploy.layout import Layout, layout_of
+from cjt_gym.training.evaluation.conditions import Conditions
+from cjt_gym.training.learning.algorithms import (
     load_normalization,
     load_weights,
     make_environment,
     make_model,
     observation_scaling,
 )
-from cjt_gym.training.config import DatasheetsConfig, TrainConfig, environment_arguments
-from cjt_gym.training.deploy.layout import Layout, layout_of
-from cjt_gym.training.evaluation.conditions import Conditions
-from cjt_gym.training.policy_arguments import kind_of, policy_arguments, trained_on
-from cjt_gym.training.run_folder import open_run
+from cjt_gym.training.learning.config import DatasheetsConfig, TrainConfig, environment_arguments
+from cjt_gym.training.learning.policy_arguments import kind_of, policy_arguments, trained_on
+from cjt_gym.training.learning.run_folder import open_run
 
 
 @dataclass(frozen=True)
