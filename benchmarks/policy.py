@@ -19,8 +19,8 @@ def table() -> Table | None:
     """Measure the policy of the shipped recipe, untrained; None without torch."""
     try:
         from cjt_gym.training.deploy.exported import load_exported, save_exported
+        from cjt_gym.training.deploy.fast_policy import exported
         from cjt_gym.training.deploy.stepper import Stepper
-        from cjt_gym.training.fast_policy import exported
         from cjt_gym.training.learning.algorithms import make_environment, make_model
         from cjt_gym.training.learning.config import load_config
         from cjt_gym.training.learning.policy import agent_of

@@ -28,6 +28,7 @@ from cjt_gym.joint import get_structure, load_joint_file
 from cjt_gym.joint.effect_words import parse_effects
 from cjt_gym.training.benchmark import make_agents
 from cjt_gym.training.code_hash import code_hash
+from cjt_gym.training.deploy.shipped import policy_path
 from cjt_gym.training.evaluation.conditions import (
     BANDWIDTH_HIGH,
     BANDWIDTH_LOW,
@@ -44,7 +45,6 @@ from cjt_gym.training.evaluation.metrics import (
 )
 from cjt_gym.training.evaluation.rollout import Agent, ControllerAgent, Traces, joint_of
 from cjt_gym.training.evaluation.tasks import get_task
-from cjt_gym.training.shipped import policy_path
 from cjt_gym.training.tuning.gains import files_of
 from cjt_gym.training.tuning.limits import port_resistance
 
@@ -120,7 +120,7 @@ class Cell:
     def load(self) -> Agent:
         """Return the agent."""
         if self.is_policy:
-            from cjt_gym.training.load_agent import load_agent
+            from cjt_gym.training.deploy.load_agent import load_agent
 
             return load_agent(self.agent)
         return ControllerAgent(self.agent)

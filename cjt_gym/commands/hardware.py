@@ -182,8 +182,8 @@ def _follow_policy(plant: CanPlant, job: Job) -> list[float]:
     """Run a policy; return the tracking errors [N m]."""
     from cjt_gym.envs.hardware import HardwareEnv
     from cjt_gym.training.deploy.exported import Exported
+    from cjt_gym.training.deploy.load_agent import load_agent
     from cjt_gym.training.evaluation.conditions import Conditions
-    from cjt_gym.training.load_agent import load_agent
 
     assert job.policy is not None
     agent = load_agent(job.policy)
@@ -206,7 +206,7 @@ def _follow_policy(plant: CanPlant, job: Job) -> list[float]:
 
 
 def _without_torch(agent: Any) -> Any:
-    from cjt_gym.training.fast_policy import fast_policy
+    from cjt_gym.training.deploy.fast_policy import fast_policy
 
     return fast_policy(agent)
 

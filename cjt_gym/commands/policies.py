@@ -8,7 +8,7 @@ import sys
 import textwrap
 from dataclasses import asdict
 
-from cjt_gym.training.shipped import Card, policy_card, policy_names
+from cjt_gym.training.deploy.shipped import Card, policy_card, policy_names
 
 WIDTH = 96
 

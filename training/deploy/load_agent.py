@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cjt_gym.training.deploy.exported import Exported, load_exported
-from cjt_gym.training.shipped import policy_path
+from cjt_gym.training.deploy.shipped import policy_path
 
 if TYPE_CHECKING:  # torch is only loaded for a run folder
     from cjt_gym.training.learning.policy import PolicyAgent
