@@ -31,7 +31,8 @@ class PolicyConfig:
         log_std_init: Logarithm of the first standard deviation of actions (PPO, RecurrentPPO).
         lstm_hidden_size: Units of the recurrent layer (RecurrentPPO).
         noise_weight: Weight of the penalty on what the noise of the sensors does to the action,
-            see `cjt_gym.training.learning.quiet` (PPO); it takes the place of the entropy's, `ent_coef`.
+            see `cjt_gym.training.learning.quiet` (PPO); it takes the place of the entropy's,
+            `ent_coef`.
     """
 
     net_arch: tuple[int, ...] = (64, 64)
@@ -80,7 +81,7 @@ class EvaluationConfig:
 
 @dataclass(frozen=True)
 class DatasheetsConfig:
-    """Joints of other datasheets, section [datasheets]; see `cjt_gym.training.learning.joint_families`.
+    """Joints of other datasheets, section [datasheets]; see `joint_families`.
 
     Attributes:
         count: How many; 0 trains on the joint of [env] alone.

@@ -1,4 +1,6 @@
-"""Hyperparameters by a stated search: `python -m cjt_gym.training.learning.search RECIPE --trials N`.
+"""Hyperparameters by a stated search.
+
+    python -m cjt_gym.training.learning.search RECIPE --trials N
 
 Optuna's TPE (Akiba et al., 2019, Optuna: A Next-generation Hyperparameter Optimization Framework)
 tries values of `SPACE` in a recipe. A trial trains briefly and runs the kinds of references that

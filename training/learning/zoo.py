@@ -1,4 +1,6 @@
-"""Hyperparameters for rl-zoo3: `python -m rl_zoo3.train --algo ppo -conf cjt_gym.training.learning.zoo`.
+"""Hyperparameters for rl-zoo3.
+
+    python -m rl_zoo3.train --algo ppo -conf cjt_gym.training.learning.zoo
 
 What it reads is `hyperparams`: the recipe `quiet_residual` in the words of rl-zoo3, so that there
 is one place for the values. `--env CJT/TorqueTracking-v0 --gym-packages cjt_gym` go with it. The
