@@ -9,7 +9,7 @@ import matplotlib
 import numpy as np
 
 from cjt_gym.datasheet.notation import drawn
-from cjt_gym.training.figures import INK, STYLE, new_figure, to_svg
+from cjt_gym.training.report.figures import INK, STYLE, new_figure, to_svg
 
 Result = Mapping[str, Any]
 BRIGHT = ("#1f5fa8", "#d07c2e", "#3d8f5f", "#8d4fa8", "#b03a48", "#5b8fb9")

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from cjt_gym.disk import write_text
 from cjt_gym.errors import CjtGymError
-from cjt_gym.training import figures, report
+from cjt_gym.training import report
 from cjt_gym.training.benchmark import align, benchmark, cells_of, make_agents
 from cjt_gym.training.emps import Replay, replay, summary
 from cjt_gym.training.evaluation.conditions import Conditions
@@ -28,6 +28,7 @@ from cjt_gym.training.learning.config import TrainConfig, environment_arguments,
 from cjt_gym.training.learning.run_folder import RunFolder
 from cjt_gym.training.learning.train import train
 from cjt_gym.training.learning.validation import validation_error
+from cjt_gym.training.report import figures
 
 EPISODES = 64
 RUN = "residual_policy"

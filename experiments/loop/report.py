@@ -15,8 +15,8 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from cjt_gym.disk import write_text
 from cjt_gym.errors import MissingFileError
 from cjt_gym.training import report
-from cjt_gym.training.figures import COLOURS, INK, STYLE, new_figure, to_svg
 from cjt_gym.training.learning.run_folder import versions
+from cjt_gym.training.report.figures import COLOURS, INK, STYLE, new_figure, to_svg
 from experiments.loop.experiment import ARMS, Outcome, Plan
 from experiments.marks import fill, markdown
 

@@ -7,7 +7,7 @@ from typing import Any
 import matplotlib
 import numpy as np
 
-from cjt_gym.training.figures import COLOURS, STYLE, new_figure, to_svg
+from cjt_gym.training.report.figures import COLOURS, STYLE, new_figure, to_svg
 from experiments.results.score import THRESHOLDS
 from experiments.results.tables import Found, ranked
 

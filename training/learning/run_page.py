@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from cjt_gym.disk import to_toml
-from cjt_gym.training import figures, report
+from cjt_gym.training import report
 from cjt_gym.training.benchmark import cells_of
 from cjt_gym.training.evaluation.conditions import TASKS, Conditions
 from cjt_gym.training.evaluation.evaluate import evaluate
@@ -17,6 +17,7 @@ from cjt_gym.training.learning.policy import load_policy
 from cjt_gym.training.learning.policy_arguments import CONDITIONS
 from cjt_gym.training.learning.run_folder import RunFolder
 from cjt_gym.training.learning.validation import validation_error
+from cjt_gym.training.report import figures
 
 EPISODES = 16
 SHOWN = ("step", "chirp")
