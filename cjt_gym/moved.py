@@ -22,6 +22,7 @@ MOVED = {
     "cjt_gym.training.distributed": "cjt_gym.training.learning.distributed",
     "cjt_gym.training.evaluate": "cjt_gym.training.evaluation.evaluate",
     "cjt_gym.training.gains": "cjt_gym.training.tuning.gains",
+    "cjt_gym.training.grid": "cjt_gym.training.benchmark.grid",
     "cjt_gym.training.metrics": "cjt_gym.training.evaluation.metrics",
     "cjt_gym.training.performance": "cjt_gym.training.evaluation.performance",
     "cjt_gym.training.policy": "cjt_gym.training.learning.policy",

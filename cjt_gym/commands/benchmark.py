@@ -21,9 +21,9 @@ from cjt_gym.commands.joint_options import (
 )
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint.effect_words import parse_effects
+from cjt_gym.training.benchmark.grid import BACKENDS, Cell, make_cells, run_grid
 from cjt_gym.training.evaluation.rollout import joint_of
 from cjt_gym.training.evaluation.tasks import BENCHMARK_TASKS
-from cjt_gym.training.grid import BACKENDS, Cell, make_cells, run_grid
 
 ALL = "all"
 
@@ -61,7 +61,7 @@ def run(options: argparse.Namespace) -> None:
     cells = _cells(options)
     for conditions in {(c.joint, c.structure): c.conditions() for c in cells}.values():
         tell_effects(joint_of(conditions))
-    from cjt_gym.training.benchmark_results import merge, write_benchmark
+    from cjt_gym.training.benchmark.results import merge, write_benchmark
 
     progress = Progress(len(cells))
     kept = options.out / "cells"
@@ -144,7 +144,7 @@ def _tell(results: list[dict[str, Any]]) -> None:
 
 
 def _facts(options: argparse.Namespace, results: list[dict[str, Any]]) -> list[str]:
-    from cjt_gym.training.benchmark_results import effects_in_force
+    from cjt_gym.training.benchmark.results import effects_in_force
 
     seeds = f"seed {options.seed}" if options.seeds == 1 else f"{options.seeds} seeds"
     done = [r for r in results if r["status"] == "done"]

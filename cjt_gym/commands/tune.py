@@ -25,8 +25,8 @@ from cjt_gym.commands.joint_options import (
     tell_effects,
 )
 from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.training.benchmark.grid import BACKENDS, cluster
 from cjt_gym.training.evaluation.rollout import joint_of
-from cjt_gym.training.grid import BACKENDS, cluster
 from cjt_gym.training.tuning.gains import WITH, choose, read_gains, write_gains
 from cjt_gym.training.tuning.limits import Limits
 from cjt_gym.training.tuning.tune import Outcome, Search, tune

@@ -20,7 +20,7 @@ from cjt_gym.gap import diagnose
 from cjt_gym.joint import JointFile, load_joint_file, to_toml
 from cjt_gym.records import Record, default_units
 from cjt_gym.signals import Signal
-from cjt_gym.training.code_hash import COUNTED, code_hash
+from cjt_gym.training.benchmark.code_hash import COUNTED, code_hash
 from cjt_gym.training.evaluation.conditions import (
     EVALUATION_SEEDS,
     TASKS,

@@ -17,11 +17,11 @@ from cjt_gym.envs.core import Episodes
 from cjt_gym.errors import ConfigurationError, MissingFileError
 from cjt_gym.plant import SimulatedPlant
 from cjt_gym.signals import Signal
+from cjt_gym.training.benchmark.grid import Cell
 from cjt_gym.training.evaluation.conditions import Conditions, realistic_conditions
 from cjt_gym.training.evaluation.metrics import nrmse
 from cjt_gym.training.evaluation.rollout import ControllerAgent, joint_of, run_task
 from cjt_gym.training.evaluation.tasks import get_task
-from cjt_gym.training.grid import Cell
 from cjt_gym.training.learning.config import load_config
 from cjt_gym.training.learning.policy_arguments import policy_arguments
 from cjt_gym.training.learning.run_folder import RunFolder

@@ -27,7 +27,7 @@ from cjt_gym.errors import ConfigurationError, SimulationError, unknown_name
 from cjt_gym.joint import get_structure, load_joint_file
 from cjt_gym.joint.effect_words import parse_effects
 from cjt_gym.training.benchmark import make_agents
-from cjt_gym.training.code_hash import code_hash
+from cjt_gym.training.benchmark.code_hash import code_hash
 from cjt_gym.training.deploy.shipped import policy_path
 from cjt_gym.training.evaluation.conditions import (
     BANDWIDTH_HIGH,

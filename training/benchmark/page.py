@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from cjt_gym.training import benchmark_figures as figures
 from cjt_gym.training import report
+from cjt_gym.training.benchmark import figures
 from cjt_gym.training.evaluation.ranking import Place
 from cjt_gym.training.evaluation.tasks import BENCHMARK_TASKS
 

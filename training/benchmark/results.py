@@ -12,7 +12,7 @@ import numpy as np
 
 from cjt_gym.disk import write_text
 from cjt_gym.training.benchmark import align, table, write_rows
-from cjt_gym.training.benchmark_report import ranking_cells, write_benchmark_report
+from cjt_gym.training.benchmark.page import ranking_cells, write_benchmark_report
 from cjt_gym.training.evaluation.metrics import bootstrap_rms
 from cjt_gym.training.evaluation.ranking import Place, rank
 
