@@ -20,6 +20,7 @@ MOVED = {
     "cjt_gym.training.conditions": "cjt_gym.training.evaluation.conditions",
     "cjt_gym.training.config": "cjt_gym.training.learning.config",
     "cjt_gym.training.distributed": "cjt_gym.training.learning.distributed",
+    "cjt_gym.training.emps": "cjt_gym.training.demo.emps",
     "cjt_gym.training.evaluate": "cjt_gym.training.evaluation.evaluate",
     "cjt_gym.training.gains": "cjt_gym.training.tuning.gains",
     "cjt_gym.training.grid": "cjt_gym.training.benchmark.grid",

@@ -14,7 +14,6 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from cjt_gym.datasheet.notation import drawn
-from cjt_gym.training.emps import UNITS, Replay
 from cjt_gym.training.evaluation.conditions import BANDWIDTH_HIGH, BANDWIDTH_LOW
 from cjt_gym.training.evaluation.metrics import frequency_response
 from cjt_gym.training.evaluation.rollout import Traces
@@ -37,7 +36,6 @@ STYLE: Any = {
     "svg.hashsalt": "cjt-gym",
 }
 WIDTH = 7.2
-FULL_SPAN = 8.0
 
 
 def new_figure(height: float) -> Figure:
@@ -53,30 +51,6 @@ def to_svg(figure: Figure) -> str:
         figure.savefig(buffer, format="svg", metadata={"Date": None})
     text = buffer.getvalue()
     return text[text.index("<svg") :]
-
-
-def emps_figure(replay: Replay) -> str:
-    """Return measured and simulated force, velocity and position, and their differences."""
-    figure = new_figure(5.6)
-    with matplotlib.rc_context(STYLE):
-        axes = figure.subplots(3, 2, sharex=True, width_ratios=(1.5, 1.0))
-        rows = replay.t <= FULL_SPAN
-        t = replay.t[rows]
-        for (left, right), (name, unit) in zip(axes, UNITS.items(), strict=True):
-            measured, simulated = replay.measured[name][rows], replay.simulated[name][rows]
-            left.plot(t, measured, color=INK, linewidth=1.4, label="measured")
-            left.plot(t, simulated, color=COLOURS[1], linewidth=0.8, label="simulated")
-            left.set_ylabel(f"{name} [{unit}]")
-            scale, prefix = (1e6, "µ") if name == "position" else (1.0, "")
-            scale, prefix = (1e3, "m") if name == "velocity" else (scale, prefix)
-            right.plot(t, scale * (measured - simulated), color=COLOURS[1], linewidth=0.6)
-            right.set_ylabel(f"[{prefix}{unit}]")
-        figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper right", ncols=2)
-        axes[0, 0].set_title("signal", fontsize=9)
-        axes[0, 1].set_title("measured minus simulated", fontsize=9)
-        for axis in axes[-1]:
-            axis.set_xlabel("time [s]")
-    return to_svg(figure)
 
 
 def learning_figure(

@@ -1,4 +1,4 @@
-"""The real EMPS drive, replayed in closed loop: `python -m cjt_gym.training.emps`.
+"""The real EMPS drive, replayed in closed loop: `python -m cjt_gym.training.demo.emps`.
 
 The recorded reference drives the recorded position controller around the simulated drive, which
 has the published parameters; nothing is fitted. The errors of drive force, velocity and position
