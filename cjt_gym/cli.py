@@ -15,8 +15,8 @@ from collections.abc import Sequence
 from importlib import import_module
 from typing import Any, NoReturn
 
-from cjt_gym.commands.alive import WORKING, Alive
-from cjt_gym.commands.early import check_words
+from cjt_gym.console.alive import WORKING, Alive
+from cjt_gym.console.known_names import check_words
 from cjt_gym.errors import CjtGymError, unknown_name
 
 COMMANDS: dict[str, str] = {

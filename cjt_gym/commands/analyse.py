@@ -12,15 +12,15 @@ from pathlib import Path
 from cjt_gym.analysis import identify
 from cjt_gym.analysis.open_loop import INPUTS
 from cjt_gym.baselines import make_controller
-from cjt_gym.commands.joint_options import (
+from cjt_gym.console.options import (
     add_conditions,
     add_joint,
     check_joint,
+    check_seed,
     chosen_joint,
     structures_of,
     tell_effects,
 )
-from cjt_gym.commands.numbers import check_seed
 from cjt_gym.datasheet import FORMATS, check_format, write_sheet
 from cjt_gym.datasheet.linear import Case, analyse_case, linear_sheet
 from cjt_gym.errors import ConfigurationError

@@ -7,7 +7,7 @@ import json
 import sys
 from pathlib import Path
 
-from cjt_gym.commands.joint_options import add_joint, check_joint
+from cjt_gym.console.options import add_joint, check_joint
 from cjt_gym.datasheet import FORMATS, check_format, make_sheet, quantities, write_sheet
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import load_joint_file

@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from cjt_gym.commands.in_the_loop import InTheLoop, agents_for, in_the_loop
-from cjt_gym.commands.joint_options import asked_effects
+from cjt_gym.console.options import asked_effects
 from cjt_gym.disk import refuse_inputs, write_text
 from cjt_gym.errors import ConfigurationError, RecordError
 from cjt_gym.gap import Diagnosis, diagnose

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from cjt_gym.baselines.observers import OBSERVERS
 from cjt_gym.commands import export_c
-from cjt_gym.commands.joint_options import add_conditions, chosen_joint, tell_effects
+from cjt_gym.console.options import add_conditions, chosen_joint, tell_effects
 from cjt_gym.disk import refuse_inputs, write_text
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.export import TARGETS, Export, to_isaaclab, to_mujoco

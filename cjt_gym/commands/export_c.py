@@ -13,7 +13,7 @@ from cjt_gym.baselines.compose import is_composed
 from cjt_gym.baselines.observers import OBSERVERS, make_observer
 from cjt_gym.baselines.own import is_own
 from cjt_gym.baselines.plant_model import SampledJoint
-from cjt_gym.commands.joint_options import asked_effects, structure_of, tell_effects
+from cjt_gym.console.options import asked_effects, structure_of, tell_effects
 from cjt_gym.disk import refuse_inputs, write_text
 from cjt_gym.envs.settings import default_load
 from cjt_gym.errors import ConfigurationError

@@ -20,7 +20,7 @@ from cjt_gym.canbus.experiments import (
     experiment_torque,
     fitting_share,
 )
-from cjt_gym.commands.numbers import check_seed
+from cjt_gym.console.options import check_seed
 from cjt_gym.envs.settings import default_amplitude
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.records import Record, read_record, record_names

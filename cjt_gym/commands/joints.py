@@ -9,7 +9,7 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from cjt_gym.commands.joints_text import TABLES, detail_lines, summary_lines
+from cjt_gym.console.joint_tables import TABLES, detail_lines, summary_lines
 from cjt_gym.errors import unknown_name
 from cjt_gym.joint import (
     DRIVES,

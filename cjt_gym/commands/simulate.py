@@ -14,18 +14,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.baselines import CONTROLLERS
-from cjt_gym.commands.controllers import CONTROLLER_HELP
-from cjt_gym.commands.joint_options import (
+from cjt_gym.console.options import (
+    CONTROLLER_HELP,
     USUAL,
     add_conditions,
     add_joint,
     asked_effects,
     check_joint,
     check_randomize,
+    check_seed,
+    check_time,
     structure_of,
     tell_effects,
 )
-from cjt_gym.commands.numbers import check_seed, check_time
 from cjt_gym.disk import refuse_inputs
 from cjt_gym.envs.settings import default_amplitude, default_load
 from cjt_gym.errors import ConfigurationError

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cjt_gym.commands.joint_options import (
+from cjt_gym.console.options import (
     add_conditions,
     asked_effects,
     check_randomize,

@@ -1,4 +1,4 @@
-"""The arguments by which every command is told which joint is meant, and how it answers.
+"""The options that commands share: which joint is meant, which controller, which numbers.
 
 A command takes JOINT or --joint, --structure, --drive, --effect and, where episodes are drawn,
 --randomize. What is not given is what the joint file says; what it does not say is usual.
@@ -11,6 +11,8 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
+from cjt_gym.baselines import CONTROLLERS
+from cjt_gym.baselines.parts import PARTS
 from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.joint import DRIVES, EFFECTS, STRUCTURES, Joint, load_joint, load_joint_file
 from cjt_gym.joint.effect_words import effects_in_words, parse_effects
@@ -19,6 +21,10 @@ from cjt_gym.plant.randomization import PRESETS
 USUAL = "output_fixed_rigid_gearbox"
 """Structure where neither the command nor the joint file says one."""
 USUAL_DRIVE = "current"
+CONTROLLER_HELP = (
+    f"{', '.join(CONTROLLERS)}; parts joined by +, as pid+reference+momentum_dob, of "
+    f"{', '.join(PARTS)}; or PATH.py:NAME, code of your own, which is imported"
+)
 
 
 def add_joint(parser: argparse.ArgumentParser, *, several: bool = False) -> None:
@@ -115,3 +121,20 @@ def chosen_joint(options: argparse.Namespace, name: str, structure: str | None =
 def tell_effects(joint: Joint) -> None:
     """Say on standard error which effects are in force, and which the joint knows besides."""
     sys.stderr.write(f"{effects_in_words(joint)}\n")
+
+
+def check_seed(seed: int | None) -> None:
+    """Raise ConfigurationError if a seed is negative."""
+    if seed is not None and seed < 0:
+        raise ConfigurationError(f"--seed must be >= 0, got {seed}.")
+
+
+def check_time(name: str, value: float | None) -> None:
+    """Raise ConfigurationError if a time is not > 0 s.
+
+    Args:
+        name: Of the option, without its dashes.
+        value: The time [s]; None where it was not given.
+    """
+    if value is not None and not value > 0.0:
+        raise ConfigurationError(f"--{name} must be > 0 s, got {value:g}.")
