@@ -10,8 +10,8 @@ from typing import Any
 
 from cjt_gym import __version__
 from cjt_gym.baselines import CONTROLLERS
+from cjt_gym.console.controllers import CONTROLLER_HELP
 from cjt_gym.console.options import (
-    CONTROLLER_HELP,
     add_conditions,
     check_randomize,
     drive_of,

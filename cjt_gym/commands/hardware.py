@@ -27,8 +27,8 @@ from cjt_gym.commands.hardware_arm import look_at, run_arm
 from cjt_gym.commands.hardware_jobs import NONE, TRACKING, Job, jobs_of
 from cjt_gym.commands.hardware_law import law_for
 from cjt_gym.commands.simulate import GAINS
+from cjt_gym.console.controllers import CONTROLLER_HELP
 from cjt_gym.console.endings import in_order
-from cjt_gym.console.options import CONTROLLER_HELP
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.signals import sampled_signal
 from cjt_gym.training.tuning.gains import choose

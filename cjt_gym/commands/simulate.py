@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.baselines import CONTROLLERS
+from cjt_gym.console.controllers import CONTROLLER_HELP
 from cjt_gym.console.options import (
-    CONTROLLER_HELP,
     USUAL,
     add_conditions,
     add_joint,

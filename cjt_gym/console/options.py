@@ -1,4 +1,4 @@
-"""The options that commands share: which joint is meant, which controller, which numbers.
+"""The options that commands share: which joint is meant, which numbers are allowed.
 
 A command takes JOINT or --joint, --structure, --drive, --effect and, where episodes are drawn,
 --randomize. What is not given is what the joint file says; what it does not say is usual.
@@ -11,8 +11,6 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from cjt_gym.baselines import CONTROLLERS
-from cjt_gym.baselines.parts import PARTS
 from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.joint import DRIVES, EFFECTS, STRUCTURES, Joint, load_joint, load_joint_file
 from cjt_gym.joint.effect_words import effects_in_words, parse_effects
@@ -21,10 +19,6 @@ from cjt_gym.plant.randomization import PRESETS
 USUAL = "output_fixed_rigid_gearbox"
 """Structure where neither the command nor the joint file says one."""
 USUAL_DRIVE = "current"
-CONTROLLER_HELP = (
-    f"{', '.join(CONTROLLERS)}; parts joined by +, as pid+reference+momentum_dob, of "
-    f"{', '.join(PARTS)}; or PATH.py:NAME, code of your own, which is imported"
-)
 
 
 def add_joint(parser: argparse.ArgumentParser, *, several: bool = False) -> None:
