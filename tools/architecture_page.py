@@ -17,6 +17,7 @@ TABLE = re.compile(r"(<!-- rooms -->\n).*?(\n<!-- end -->)", re.DOTALL)
 TEXTS = {
     "cli": "the command `cjt-gym`",
     "commands": "one file per command",
+    "hardware": "runs on joints on a bus: one or several, and their figures",
     "console": "what commands share: options, signs of life, tables",
     "training": "training, tuning, evaluation, benchmark, export of policies",
     "envs": "Gymnasium environments: single, batched, hardware, robots",

@@ -22,8 +22,8 @@ from cjt_gym.blind.mix import BLOCKS, Recipe, recipe
 from cjt_gym.blind.plant import STRUCTURES
 from cjt_gym.blind.score import score_case, summarise
 from cjt_gym.blind.table import table
-from cjt_gym.commands.blind_case import diagnose_case, warm_up
 from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.gap.blind_case import diagnose_case, warm_up
 
 SETTINGS = ("seed", "structure", "strength", "duration", "logs")
 """Options that a test keeps when it goes on."""

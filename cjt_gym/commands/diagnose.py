@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from cjt_gym.commands.in_the_loop import InTheLoop, agents_for, in_the_loop
 from cjt_gym.console.options import asked_effects
 from cjt_gym.disk import refuse_inputs, write_text
 from cjt_gym.errors import ConfigurationError, RecordError
@@ -27,6 +26,7 @@ from cjt_gym.joint import (
 )
 from cjt_gym.joint.build import file_of
 from cjt_gym.records import Record, Repair, read_log, record_names
+from cjt_gym.training.evaluation.after_diagnosis import InTheLoop, agents_for, in_the_loop
 
 SECONDS, WINDOW = 60.0, 10.0
 """Length of a log beyond which only its most informative windows are used, and theirs [s]."""

@@ -34,7 +34,7 @@ def run(options: argparse.Namespace) -> None:
             f"--out must end in {', '.join(SUFFIXES)}, got {options.out}. The ending says what is "
             "written."
         )
-    from cjt_gym.commands.plot_figure import Trace, write_plot  # loads matplotlib
+    from cjt_gym.datasheet.record_plot import Trace, write_plot  # loads matplotlib
 
     refuse_inputs([options.out], options.records)
     traces = [

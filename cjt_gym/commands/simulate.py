@@ -38,7 +38,7 @@ from cjt_gym.plant import SimulatedPlant
 from cjt_gym.plant.randomization import Randomization
 from cjt_gym.records import FORMATS, Record, read_record, record_names, write_record
 from cjt_gym.signals import Signal, make_signals, sampled_signal, signal_from_file
-from cjt_gym.training.tuning.gains import choose, files_of
+from cjt_gym.training.tuning.gains import choose, files_of, gains_of
 
 Floats = NDArray[np.float64]
 TRACKING, NONE = "pd_feedforward", "none"
@@ -47,8 +47,6 @@ COMMANDS = ("i_cmd", "tau_cmd")
 DT_PHYSICS = 1e-4
 MOST_SAMPLES = 20_000_000
 """Samples of a record, of which each takes some 300 bytes."""
-GAINS = ("kp", "kd", "derivative")
-"""What a controller is known by, where it has it."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -247,10 +245,9 @@ def simulate(
     if controller == NONE:
         del rows["tau_ref"]
     rows["i_cmd"] = rows["tau_cmd"] / (joint.parameters.k_t * joint.parameters.n)
-    gains = {name: getattr(law, name) for name in GAINS if hasattr(law, name)}
     known: dict[str, Any] = {
         "controller": NONE if controller == NONE else choice.controller,
-        **gains,
+        **gains_of(law),
     }
     if drawn:
         known["drawn"] = drawn

@@ -16,8 +16,8 @@ from cjt_gym.canbus.plant import CanPlant
 from cjt_gym.canbus.protocols.contract import SLOW
 from cjt_gym.canbus.virtual import VirtualLink
 from cjt_gym.cli import main
-from cjt_gym.commands.hardware_law import law_for
 from cjt_gym.errors import ConfigurationError
+from cjt_gym.hardware.delayed_law import law_for
 from cjt_gym.records import read_record
 from cjt_gym.training.tuning.gains import write_gains
 from tests.canbus.bench import config, document, toml

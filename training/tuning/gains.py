@@ -28,6 +28,8 @@ from cjt_gym.joint import Joint
 
 KEYS = ("controller", "gains", "tuned")
 ENDING, WITH = ".toml", "@"
+KNOWN_BY = ("kp", "kd", "derivative")
+"""What a controller is known by in the provenance of a record, where it has it."""
 
 
 @dataclass(frozen=True)
@@ -210,3 +212,8 @@ def _read(path: str | Path, own: str | None) -> Choice:
         gains[name] = float(number)
     row.check_gains(gains)
     return Choice(file.stem, controller, gains, data.get("tuned", {}))
+
+
+def gains_of(law: object) -> dict[str, Any]:
+    """Return what the provenance of a record tells of a controller."""
+    return {name: getattr(law, name) for name in KNOWN_BY if hasattr(law, name)}

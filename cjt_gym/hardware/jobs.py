@@ -85,7 +85,7 @@ def _missing(jobs: Sequence[Job]) -> Sequence[Job]:
 
 def _tasks(config: HardwareConfig, options: argparse.Namespace) -> Sequence[Job]:
     """Return the runs of the benchmark."""
-    from cjt_gym.commands.hardware_benchmark import SECONDS, reference_of, runs_of
+    from cjt_gym.hardware.beside_simulation import SECONDS, reference_of, runs_of
 
     if options.experiment is not None or options.controller == NONE:
         raise ConfigurationError("--benchmark needs a --controller or a --policy.")

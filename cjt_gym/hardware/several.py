@@ -15,11 +15,10 @@ from cjt_gym.canbus.dry_run import Frames
 from cjt_gym.canbus.emulated_arm import EmulatedArm
 from cjt_gym.canbus.emulator import emulated_joint
 from cjt_gym.canbus.virtual import VirtualLink
-from cjt_gym.commands.hardware_jobs import NONE, Job, tracking
-from cjt_gym.commands.hardware_law import law_for
-from cjt_gym.commands.simulate import GAINS
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.training.tuning.gains import choose
+from cjt_gym.hardware.delayed_law import law_for
+from cjt_gym.hardware.jobs import NONE, Job, tracking
+from cjt_gym.training.tuning.gains import choose, gains_of
 
 APART = 1000
 """Between the seeds of two joints' references."""
@@ -77,7 +76,7 @@ def _law(job: Job, config: HardwareConfig, late: Mapping[str, float]) -> Control
         return None
     law = law_for(job.controller, config.joint, config.dt, late)
     job.facts["designed_for_s"] = late
-    job.facts.update({name: getattr(law, name) for name in GAINS if hasattr(law, name)})
+    job.facts.update(gains_of(law))
     return law
 
 
