@@ -13,7 +13,7 @@ import math
 from typing import Any
 
 from cjt_gym.joint.compiled import inlined
-from cjt_gym.joint.vectors import choose, has_bit, least, madd, power_of_two, size
+from cjt_gym.joint.lanes.vectors import choose, has_bit, least, madd, power_of_two, size
 
 # 1.5 * 2^52: adding it leaves the nearest whole number in the low bits.
 MAGIC = 6755399441055744.0

@@ -29,7 +29,7 @@ from cjt_gym.joint.compiled import inlined, lean, threaded
 from cjt_gym.joint.drives import clip
 from cjt_gym.joint.effects import EFFECTS
 from cjt_gym.joint.kernel import LARGEST
-from cjt_gym.joint.lanes import (
+from cjt_gym.joint.lanes.substeps import (
     AFTER,
     BEFORE,
     CLOSE,
@@ -62,11 +62,11 @@ from cjt_gym.joint.lanes import (
     coordinate,
     run,
 )
-from cjt_gym.joint.lanes import LATE_SUB as COMMAND_SUB
-from cjt_gym.joint.lanes import X as STATES
+from cjt_gym.joint.lanes.substeps import LATE_SUB as COMMAND_SUB
+from cjt_gym.joint.lanes.substeps import X as STATES
+from cjt_gym.joint.lanes.vectors import WIDTH
 from cjt_gym.joint.ripple import COGGING, KIND
 from cjt_gym.joint.sensing import distorts, is_late, lateness, measure, plan_lateness, sensor
-from cjt_gym.joint.vectors import WIDTH
 
 if TYPE_CHECKING:
     from cjt_gym.joint.joint import Joint

@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 
 from cjt_gym.joint.arrays import Floats
 from cjt_gym.joint.compiled import inlined, lean
-from cjt_gym.joint.vector_math import decay, sine_cosine
-from cjt_gym.joint.vectors import (
+from cjt_gym.joint.lanes.vector_math import decay, sine_cosine
+from cjt_gym.joint.lanes.vectors import (
     both,
     choose,
     either,
