@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from benchmarks.report import Table
 from benchmarks.timing import best_in_turns
 from cjt_gym.joint import load_joint
-from cjt_gym.joint.lanes.blocks import advance_blocks
+from cjt_gym.joint.lanes import advance_blocks
 from cjt_gym.joint.lanes.vectors import WIDTH
 from cjt_gym.plant import SimulatedPlant
 

@@ -21,8 +21,7 @@ from cjt_gym.envs.control import Control
 from cjt_gym.envs.observe import Task
 from cjt_gym.joint.arrays import Batch, Setup
 from cjt_gym.joint.configure import PARAMETER_DTYPE
-from cjt_gym.joint.lanes.blocks import Blocks
-from cjt_gym.joint.lanes.substeps import Kind
+from cjt_gym.joint.lanes import Blocks, Kind
 from cjt_gym.joint.lanes.vectors import cgutils, intrinsic, ir, types
 
 populate_array: Any = arrayobj.populate_array

@@ -18,8 +18,7 @@ from cjt_gym.joint.current_loop import check_loop, longest_sample
 from cjt_gym.joint.discretize import SCRATCH, discretize
 from cjt_gym.joint.drives import get_drive
 from cjt_gym.joint.kernel import restart, step_batch
-from cjt_gym.joint.lanes.blocks import Blocks, advance_blocks, kind_of, make_blocks
-from cjt_gym.joint.lanes.substeps import Kind
+from cjt_gym.joint.lanes import Blocks, Kind, advance_blocks, kind_of, make_blocks
 from cjt_gym.joint.random_stream import seed_state
 from cjt_gym.joint.spring_table import spring_rows
 

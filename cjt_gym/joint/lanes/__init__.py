@@ -1,7 +1,7 @@
 """The fast lanes: the most common joints, sixteen side by side in vector registers.
 
 `advance` moves joints by one control step. What it cannot move it leaves, and says how many: these
-take `cjt_gym.joint.kernel`, which moves every joint there is. That kernel is the reference: the fast
+take `cjt_gym.joint.kernel`, which moves every joint there is. That kernel is the reference: the
 lanes solve the same equations by the same scheme, and `tests/physics/test_blocks.py` compares them.
 
 ==============  ====================================================================

@@ -1,4 +1,4 @@
-"""Blocks of joints: between the arrays of a batch and the vector registers of `lanes`.
+"""Blocks of joints: between the arrays of a batch and the vector registers of `substeps`.
 
 A block keeps the parameters of its joints from step to step, and reads them anew when they have
 changed. What it cannot do it leaves to the general kernel: joints with other effects, measurements
