@@ -15,6 +15,7 @@ from importlib.util import find_spec
 from types import CodeType, ModuleType
 
 MOVED = {
+    "cjt_gym.characteristics.reflect": "cjt_gym.characteristics.reflection",
     "cjt_gym.gpu": "cjt_gym.training.gpu",
     "cjt_gym.training.batch_learner": "cjt_gym.training.gpu.batch_learner",
     "cjt_gym.training.conditions": "cjt_gym.training.evaluation.conditions",

@@ -16,14 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.canbus.arm_record import ArmRecord
+from cjt_gym.canbus.bus_identity import bus_identity
 from cjt_gym.canbus.config import HardwareConfig
 from cjt_gym.canbus.dialogue import AFTERWARDS
-from cjt_gym.canbus.identity import bus_identity
 from cjt_gym.canbus.link import BusLink, Link, open_bus, quiet_machine
 from cjt_gym.canbus.lock import NodeLock
 from cjt_gym.canbus.plant import CanPlant
 from cjt_gym.canbus.safety import Fault, HardwareFault, State
-from cjt_gym.canbus.shared import SharedLink
+from cjt_gym.canbus.shared_bus import SharedLink
 from cjt_gym.errors import HardwareError
 from cjt_gym.plant import Measurement
 

@@ -15,15 +15,15 @@ from typing import Any, Self, final
 import numpy as np
 from numpy.typing import NDArray
 
+from cjt_gym.canbus.bus_identity import bus_identity
 from cjt_gym.canbus.config import HardwareConfig
 from cjt_gym.canbus.dialogue import LOOKS, Dialogue
-from cjt_gym.canbus.identity import bus_identity
 from cjt_gym.canbus.link import BusLink, Link, open_bus, quiet_machine
 from cjt_gym.canbus.lock import NodeLock
+from cjt_gym.canbus.measuring import Sense
 from cjt_gym.canbus.nodes import Nodes
 from cjt_gym.canbus.run_record import Beginning, BeginRecord, Recorder, RunRecord, Sample, versions
 from cjt_gym.canbus.safety import Fault, Guard, HardwareFault, Seen, State
-from cjt_gym.canbus.sense import Sense
 from cjt_gym.canbus.timing import Timing
 from cjt_gym.errors import HardwareError, ProtocolError
 from cjt_gym.plant import Limits, Measurement

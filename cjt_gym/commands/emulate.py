@@ -15,7 +15,7 @@ from typing import Any
 from cjt_gym.canbus.config import HardwareConfig, load_joints
 from cjt_gym.canbus.emulated_arm import EmulatedArm
 from cjt_gym.canbus.emulator import Emulator, emulated_joint, serve
-from cjt_gym.canbus.hidden import draw_hidden
+from cjt_gym.canbus.hidden_effects import draw_hidden
 from cjt_gym.canbus.link import quiet_machine
 from cjt_gym.canbus.ports import open_port
 from cjt_gym.canbus.ports.port import Port

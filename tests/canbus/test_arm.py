@@ -18,7 +18,7 @@ from cjt_gym.canbus.link import Arrival
 from cjt_gym.canbus.protocols.contract import Fault as DriveFault
 from cjt_gym.canbus.protocols.contract import Mode
 from cjt_gym.canbus.safety import HardwareFault, State
-from cjt_gym.canbus.shared import SharedLink
+from cjt_gym.canbus.shared_bus import SharedLink
 from cjt_gym.canbus.virtual import VirtualLink
 from cjt_gym.cli import main
 from cjt_gym.errors import ConfigurationError, HardwareError

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from cjt_gym.canbus.experiments import EXPERIMENTS, experiment_torque
-from cjt_gym.canbus.hidden import draw_hidden
+from cjt_gym.canbus.hidden_effects import draw_hidden
 from cjt_gym.canbus.lock import NodeLock
 from cjt_gym.cli import main
 from cjt_gym.joint import load_joint
