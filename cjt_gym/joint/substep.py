@@ -2,8 +2,8 @@
 
 The linear joint advances exactly for forces that are constant over the substep. Forces that
 resist motion are taken at the mean velocity (see `implicit_solver`), forces of position at the
-middle of the motion. Currents of drives with inductance advance exactly for half a substep on either
-side of the mechanics. The order of convergence is two.
+middle of the motion. Currents of drives with inductance advance exactly for half a substep on
+either side of the mechanics. The order of convergence is two.
 """
 
 from __future__ import annotations
