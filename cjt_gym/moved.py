@@ -9,7 +9,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from importlib import import_module
-from importlib.abc import InspectLoader, MetaPathFinder
+from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec
 from importlib.util import find_spec
 from types import CodeType, ModuleType
@@ -47,7 +47,7 @@ def name_of_today(name: str) -> str | None:
     return None
 
 
-class Moved(MetaPathFinder, InspectLoader):
+class Moved(MetaPathFinder, Loader):
     """Finds modules by the names that they had."""
 
     def find_spec(
@@ -73,10 +73,6 @@ class Moved(MetaPathFinder, InspectLoader):
         found = find_spec(str(name_of_today(name)))
         code: CodeType | None = found.loader.get_code(found.name)  # type: ignore[union-attr]
         return code
-
-    def get_source(self, name: str) -> str | None:
-        """Return nothing: whoever wants to read the source finds it under the new name."""
-        return None
 
 
 def install() -> None:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from pathlib import Path
 from typing import Any
 
 from cjt_gym import __version__
 from cjt_gym.baselines import CONTROLLERS
+from cjt_gym.console import Answer
 from cjt_gym.console.controllers import CONTROLLER_HELP
 from cjt_gym.console.options import (
     add_conditions,
@@ -56,7 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--out", type=Path, required=True, metavar="DIR", help=text)
 
 
-def run(options: argparse.Namespace) -> None:
+def run(options: argparse.Namespace) -> Answer:
     """Compare; write rows, ranking and report; print the table."""
     cells = _cells(options)
     for conditions in {(c.joint, c.structure): c.conditions() for c in cells}.values():
@@ -69,8 +69,7 @@ def run(options: argparse.Namespace) -> None:
     progress.bar.close()
     _tell(results)
     text = write_benchmark(results, options.out, _facts(options, results))
-    rows = merge(results)
-    sys.stdout.write((json.dumps(rows, indent=1) if options.json else text) + "\n")
+    return merge(results), text
 
 
 def _cells(options: argparse.Namespace) -> list[Cell]:

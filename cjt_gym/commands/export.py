@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,6 +11,7 @@ from cjt_gym.baselines.compose import is_composed
 from cjt_gym.baselines.observers import OBSERVERS, make_observer
 from cjt_gym.baselines.own import is_own
 from cjt_gym.baselines.plant_model import SampledJoint
+from cjt_gym.console import Answer
 from cjt_gym.console.options import (
     add_conditions,
     asked_effects,
@@ -51,23 +50,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--out", type=Path, required=True, metavar="FILE", help="file to write")
 
 
-def run(options: argparse.Namespace) -> None:
+def run(options: argparse.Namespace) -> Answer:
     """Write the file; say what it holds and what it cannot."""
     refuse_inputs([options.out], [options.source, *options.check])
     if options.check and (options.to not in FORMS or is_classical(options.source)):
         raise ConfigurationError("--check is for policies; controllers are always tried.")
     options.out.parent.mkdir(parents=True, exist_ok=True)
     if options.to == "c" and is_classical(options.source):
-        _write_law(options)
-        return
+        return _write_law(options)
     if options.to in FORMS:
         records = [read_record(path) for path in options.check]
         from cjt_gym.training.deploy.export import export_policy
 
         result = export_policy(options.source, options.to, options.out, records)
-        text = json.dumps(result.to_dict()) if options.json else result.summary()
-        sys.stdout.write(text + "\n")
-        return
+        return result.to_dict(), result.summary()
     joint = chosen_joint(options, options.source)
     step = {} if options.timestep is None else {"timestep": options.timestep}
     if options.to == "mujoco":
@@ -76,10 +72,7 @@ def run(options: argparse.Namespace) -> None:
         found = to_isaaclab(joint, **step)
     write_text(options.out, found.text)
     tell_effects(joint)
-    if options.json:
-        sys.stdout.write(json.dumps({"file": str(options.out), **found.to_dict()}) + "\n")
-    else:
-        sys.stdout.write(_summary(options.out, found))
+    return {"file": str(options.out), **found.to_dict()}, _summary(options.out, found)
 
 
 def _summary(path: Path, found: Export) -> str:
@@ -90,7 +83,7 @@ def _summary(path: Path, found: Export) -> str:
         ("left out", found.missing),
     ):
         lines += [f"  {title}: {name} ({text})" for name, text in rows.items()]
-    return "\n".join(lines) + "\n"
+    return "\n".join(lines)
 
 
 def _add_arguments_of_laws(parser: argparse.ArgumentParser) -> None:
@@ -109,7 +102,7 @@ def is_classical(word: str) -> bool:
     return named or word.endswith(".toml")
 
 
-def _write_law(options: argparse.Namespace) -> None:
+def _write_law(options: argparse.Namespace) -> Answer:
     """Write a controller or an observer as a C header; say how it compares with Python."""
     if options.joint is None:
         raise ConfigurationError(f"--joint must name the joint that {options.source} is for.")
@@ -131,7 +124,7 @@ def _write_law(options: argparse.Namespace) -> None:
     known = {"error": checked.error if checked.steps else None, "note": checked.note}
     told = f"as in Python to {checked.error:.1e} of its largest output, {checked.steps} steps"
     line = f"{options.out}: {told if checked.steps else f'not tried. {checked.note}'}"
-    sys.stdout.write((json.dumps(result | known) if options.json else line) + "\n")
+    return result | known, line
 
 
 def _observer_header(

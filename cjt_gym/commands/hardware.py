@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import argparse
-import json
 import logging
-import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -15,6 +13,7 @@ from cjt_gym.canbus.dry_run import Frames
 from cjt_gym.canbus.experiments import EXPERIMENTS
 from cjt_gym.canbus.plant import CanPlant
 from cjt_gym.canbus.protocols.contract import CHANNELS
+from cjt_gym.console import Answer
 from cjt_gym.console.controllers import CONTROLLER_HELP
 from cjt_gym.console.endings import in_order
 from cjt_gym.errors import ConfigurationError
@@ -60,16 +59,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--emulated", action="store_true", help=text)
 
 
-def run(options: argparse.Namespace) -> None:
+def run(options: argparse.Namespace) -> Answer:
     """Run, write the record and say what came out."""
+    result = _run(options)
+    return result, _words(result)
+
+
+def _run(options: argparse.Namespace) -> dict[str, Any]:
     logging.getLogger("can").setLevel(logging.ERROR)  # which warns of frames that come in pieces
     configs = load_joints(options.config, options.joint)
     if options.dry_run and options.emulated:
         raise ConfigurationError("Give --dry-run or --emulated, not both.")
     moves = options.arm or options.dry_run or options.emulated
     if not moves:
-        _tell(options, _look(configs))
-        return
+        return _look(configs)
     if options.out is None and not options.dry_run:
         raise ConfigurationError("--out must name the record to write, such as run.csv.")
     frames = Frames() if options.dry_run else None
@@ -81,12 +84,10 @@ def run(options: argparse.Namespace) -> None:
             results = [run_one(config, options, job, frames) for job in jobs_of(config, options)]
     if frames is not None:
         text = ", ".join(f"{n} of {identifier:#x}" for identifier, n in frames.by_id.items())
-        _tell(options, {"frames": frames.count, "by_id": text})
-        return
+        return {"frames": frames.count, "by_id": text}
     if options.benchmark is not None:
-        _tell(options, {"records": results, "rows": _compare(config, options)})
-        return
-    _tell(options, results[0] if options.experiment is None else {"records": results})
+        return {"records": results, "rows": _compare(config, options)}
+    return results[0] if options.experiment is None else {"records": results}
 
 
 def _compare(config: HardwareConfig, options: argparse.Namespace) -> list[dict[str, Any]]:
@@ -111,25 +112,19 @@ def _look(configs: Sequence[HardwareConfig]) -> dict[str, Any]:
     return {"armed": False, "values": values}
 
 
-def _tell(options: argparse.Namespace, result: dict[str, Any]) -> None:
-    if options.json:
-        sys.stdout.write(json.dumps(result) + "\n")
-    elif "armed" in result:
-        sys.stdout.write("Not armed, nothing was moved (--arm moves it). ")
-        if "values" in result:
-            sys.stdout.write(_shown(result["values"]) + "\n")
-        else:
-            lines = [f"{name}: {_shown(values)}" for name, values in result["joints"].items()]
-            sys.stdout.write("\n" + "\n".join(lines) + "\n")
-    elif "frames" in result:
-        sys.stdout.write(f"{result['frames']} frames would be sent: {result['by_id']}\n")
-    else:
-        for one in result.get("records", [result]):
-            sys.stdout.write(_line(one) + "\n")
-        if "rows" in result:
-            from cjt_gym.training.benchmark import table
+def _words(result: dict[str, Any]) -> str:
+    if "armed" in result:
+        lines = [f"\n{name}: {_shown(values)}" for name, values in result.get("joints", {}).items()]
+        seen = _shown(result["values"]) if "values" in result else "".join(lines)
+        return f"Not armed, nothing was moved (--arm moves it). {seen}"
+    if "frames" in result:
+        return f"{result['frames']} frames would be sent: {result['by_id']}"
+    lines = [_line(one) for one in result.get("records", [result])]
+    if "rows" in result:
+        from cjt_gym.training.benchmark import table
 
-            sys.stdout.write(table(result["rows"]) + "\n")
+        lines.append(table(result["rows"]))
+    return "\n".join(lines)
 
 
 def _shown(values: Mapping[str, float]) -> str:

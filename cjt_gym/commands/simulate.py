@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 from dataclasses import dataclass
 from math import ceil
 from pathlib import Path
@@ -14,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.baselines import CONTROLLERS
+from cjt_gym.console import Answer
 from cjt_gym.console.controllers import CONTROLLER_HELP
 from cjt_gym.console.options import (
     USUAL,
@@ -70,7 +69,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--out", type=Path, required=True, metavar="RECORD", help=f"file to write ({endings})")
 
 
-def run(options: argparse.Namespace) -> None:
+def run(options: argparse.Namespace) -> Answer:
     """Simulate, write the record and say what came out."""
     check_joint(options.joint)
     check_seed(options.seed)
@@ -110,13 +109,9 @@ def run(options: argparse.Namespace) -> None:
         "rmse": rmse if tracks else None,
         "peak_torque": float(np.abs(record["true_tau"]).max()),
     }
-    if options.json:
-        sys.stdout.write(json.dumps(result) + "\n")
-    else:
-        how = f"tracking error {rmse:.4g} N m rms" if tracks else "command replayed in open loop"
-        sys.stdout.write(
-            f"{path}: {len(record)} samples, {how}, peak torque {result['peak_torque']:.4g} N m\n"
-        )
+    how = f"tracking error {rmse:.4g} N m rms" if tracks else "command replayed in open loop"
+    peak = f"peak torque {result['peak_torque']:.4g} N m"
+    return result, f"{path}: {len(record)} samples, {how}, {peak}"
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import shlex
 import sys
 import time
@@ -15,6 +14,7 @@ from typing import Any
 from cjt_gym import __version__
 from cjt_gym.baselines import get_entry
 from cjt_gym.baselines.own import is_own
+from cjt_gym.console import Answer
 from cjt_gym.console.controllers import CONTROLLER_HELP
 from cjt_gym.console.options import (
     add_conditions,
@@ -73,7 +73,7 @@ def _workers(backend: str, jobs: int) -> AbstractContextManager[Any]:
     return nullcontext()
 
 
-def run(options: argparse.Namespace) -> None:
+def run(options: argparse.Namespace) -> Answer:
     """Search, write the gain file, and say what came out. A stopped search goes on."""
     options.structure = structure_of(options.joint, options.structure)
     check_out(options)
@@ -105,7 +105,7 @@ def run(options: argparse.Namespace) -> None:
         "gains": outcome.best.gains,
         **facts,
     }
-    sys.stdout.write((json.dumps(result, indent=1) if options.json else words(outcome)) + "\n")
+    return result, words(outcome)
 
 
 def check_out(options: argparse.Namespace) -> None:

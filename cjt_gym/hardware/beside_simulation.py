@@ -14,17 +14,14 @@ from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.records import Record, read_record
 from cjt_gym.signals import sampled_signal
 from cjt_gym.training.benchmark import make_agents
-from cjt_gym.training.evaluation import metrics
 from cjt_gym.training.evaluation.conditions import (
-    BANDWIDTH_HIGH,
-    BANDWIDTH_LOW,
     SWEEP,
     TASKS,
     Conditions,
     bandwidth_reference,
     task_reference,
 )
-from cjt_gym.training.evaluation.evaluate import Row
+from cjt_gym.training.evaluation.evaluate import character_of, row_of
 from cjt_gym.training.evaluation.rollout import Agent, Traces, run_episodes
 
 Floats = NDArray[np.float64]
@@ -128,32 +125,13 @@ def _simulated(
 def _rows(
     where: str, agent: Agent, conditions: Conditions, runs: Mapping[str, Traces]
 ) -> list[dict[str, Any]]:
-    nan = float("nan")
-    cut = {name: _pieces(run) for name, run in runs.items()}
-    rows = []
-    for task in (name for name in TASKS if name in runs):
-        run = cut[task]
-        row = Row(
-            controller=agent.name,
-            kind=agent.kind,
-            joint=conditions.joint,
-            structure=conditions.structure,
-            task=task,
-            rmse=metrics.rmse(run),
-            nrmse=metrics.nrmse(run),
-            bandwidth_hz=metrics.bandwidth(runs[SWEEP_NAME], BANDWIDTH_LOW, BANDWIDTH_HIGH)
-            if SWEEP_NAME in runs
-            else nan,
-            overshoot=metrics.overshoot(runs["step"]) if "step" in runs else nan,
-            settling_s=metrics.settling_time(runs["step"]) if "step" in runs else nan,
-            effort_rms=metrics.effort_rms(run),
-            noise_amplification=nan,
-            episodes=len(run.tau),
-            ci95=metrics.bootstrap_rmse(run),
-            terminated=float(np.mean(run.terminated.any(axis=1))),
-        )
-        rows.append({"where": where, **row.to_json()})
-    return rows
+    character = character_of(runs)
+    rows = [
+        row_of(agent, conditions, task, _pieces(runs[task]), character)
+        for task in TASKS
+        if task in runs
+    ]
+    return [{"where": where, **row.to_json()} for row in rows]
 
 
 def _pieces(run: Traces) -> Traces:

@@ -20,6 +20,7 @@ from cjt_gym.canbus.experiments import (
     experiment_torque,
     fitting_share,
 )
+from cjt_gym.canbus.timing import Timing
 from cjt_gym.console.options import check_seed
 from cjt_gym.envs.settings import default_amplitude
 from cjt_gym.errors import ConfigurationError
@@ -50,6 +51,27 @@ class Job:
     controller: str
     policy: str | None
     facts: dict[str, Any]
+
+
+def outcome(
+    job: Job, path: Path | None, errors: Floats, timing: Timing, dt: float
+) -> dict[str, Any]:
+    """Return what came out of a run, as plain data.
+
+    Args:
+        job: What was asked for.
+        path: Its record, None for none.
+        errors: Of the joint torque, empty where nothing was tracked [N m].
+        timing: How regular the loop was.
+        dt: Control step [s].
+    """
+    return {
+        "record": None if path is None else str(path),
+        "samples": len(job.reference),
+        "rmse": float(np.sqrt(np.mean(np.square(errors)))) if errors.size else None,
+        "timing_us": timing.summary(),
+        "delays_s": timing.delay(dt),
+    }
 
 
 def jobs_of(config: HardwareConfig, options: argparse.Namespace) -> Sequence[Job]:

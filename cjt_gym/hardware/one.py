@@ -16,7 +16,7 @@ from cjt_gym.canbus.plant import CanPlant
 from cjt_gym.canbus.safety import HardwareFault
 from cjt_gym.canbus.virtual import VirtualLink
 from cjt_gym.hardware.delayed_law import law_for
-from cjt_gym.hardware.jobs import NONE, Job
+from cjt_gym.hardware.jobs import NONE, Job, outcome
 from cjt_gym.signals import sampled_signal
 from cjt_gym.training.tuning.gains import choose, gains_of
 
@@ -38,13 +38,7 @@ def run_one(
         error = _follow(plant, job, law) if job.policy is None else _follow_policy(plant, job)
         plant.stop()
         timing = plant.timing
-    return {
-        "record": None if path is None else str(path),
-        "samples": len(job.reference),
-        "rmse": float(np.sqrt(np.mean(np.square(error)))) if error else None,
-        "timing_us": timing.summary(),
-        "delays_s": timing.delay(plant.dt),
-    }
+    return outcome(job, path, np.array(error), timing, plant.dt)
 
 
 def _link(

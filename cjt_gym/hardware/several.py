@@ -17,7 +17,7 @@ from cjt_gym.canbus.emulator import emulated_joint
 from cjt_gym.canbus.virtual import VirtualLink
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.hardware.delayed_law import law_for
-from cjt_gym.hardware.jobs import NONE, Job, tracking
+from cjt_gym.hardware.jobs import NONE, Job, outcome, tracking
 from cjt_gym.training.tuning.gains import choose, gains_of
 
 APART = 1000
@@ -57,17 +57,11 @@ def run_arm(
         errors = _follow(arm, jobs, laws)
         arm.stop()
         timing = arm.joints[0].timing
-    return {
-        "record": None if path is None else str(path),
-        "samples": len(jobs[0].reference),
-        "rmse": float(np.sqrt(np.mean(np.square(errors)))) if errors.size else None,
-        "joints": {
-            config.name: None if law is None else float(np.sqrt(np.mean(np.square(error))))
-            for config, law, error in zip(configs, laws, errors.T, strict=True)
-        },
-        "timing_us": timing.summary(),
-        "delays_s": timing.delay(arm.dt),
+    rmse = {
+        config.name: None if law is None else float(np.sqrt(np.mean(np.square(error))))
+        for config, law, error in zip(configs, laws, errors.T, strict=True)
     }
+    return {**outcome(jobs[0], path, errors, timing, arm.dt), "joints": rmse}
 
 
 def _law(job: Job, config: HardwareConfig, late: Mapping[str, float]) -> Controller | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
@@ -177,27 +177,46 @@ def evaluate(
     sweep = _run(agent, conditions, "sweep", first)
     stepped = traces["step"] if "step" in traces else _run(agent, conditions, "step", first)
     quiet = _run(agent, conditions, "zero", first)
-    rows = tuple(
-        Row(
-            controller=agent.name,
-            kind=agent.kind,
-            joint=conditions.joint,
-            structure=conditions.structure,
-            task=task,
-            rmse=metrics.rmse(run),
-            nrmse=metrics.nrmse(run),
-            bandwidth_hz=metrics.bandwidth(sweep, BANDWIDTH_LOW, BANDWIDTH_HIGH),
-            overshoot=metrics.overshoot(stepped),
-            settling_s=metrics.settling_time(stepped),
-            effort_rms=metrics.effort_rms(run),
-            noise_amplification=metrics.noise_amplification(quiet),
-            episodes=episodes,
-            ci95=metrics.bootstrap_rmse(run),
-            terminated=float(np.mean(run.terminated.any(axis=1))),
-        )
-        for task, run in traces.items()
-    )
+    character = character_of({"sweep": sweep, "step": stepped, "zero": quiet})
+    rows = tuple(row_of(agent, conditions, task, run, character) for task, run in traces.items())
     return Evaluation(agent.name, rows, traces, sweep)
+
+
+CHARACTER: dict[str, tuple[str, Callable[[Traces], float]]] = {
+    "bandwidth_hz": ("sweep", lambda run: metrics.bandwidth(run, BANDWIDTH_LOW, BANDWIDTH_HIGH)),
+    "overshoot": ("step", metrics.overshoot),
+    "settling_s": ("step", metrics.settling_time),
+    "noise_amplification": ("zero", metrics.noise_amplification),
+}
+"""What experiments tell of an agent, whatever its task."""
+
+
+def character_of(runs: Mapping[str, Traces]) -> dict[str, float]:
+    """Return the figures that all tasks share; NaN where the experiment for one was not run."""
+    return {
+        name: measure(runs[of]) if of in runs else math.nan
+        for name, (of, measure) in CHARACTER.items()
+    }
+
+
+def row_of(
+    agent: Agent, conditions: Conditions, task: str, run: Traces, character: Mapping[str, float]
+) -> Row:
+    """Return what the episodes of a task come to, beside the figures that all tasks share."""
+    return Row(
+        controller=agent.name,
+        kind=agent.kind,
+        joint=conditions.joint,
+        structure=conditions.structure,
+        task=task,
+        rmse=metrics.rmse(run),
+        nrmse=metrics.nrmse(run),
+        effort_rms=metrics.effort_rms(run),
+        episodes=len(run.tau),
+        ci95=metrics.bootstrap_rmse(run),
+        terminated=float(np.mean(run.terminated.any(axis=1))),
+        **character,
+    )
 
 
 def _run(agent: Agent, conditions: Conditions, what: str, seed: int) -> Traces:
