@@ -61,12 +61,19 @@ def run(options: argparse.Namespace) -> Answer:
     cells = _cells(options)
     for conditions in {(c.joint, c.structure): c.conditions() for c in cells}.values():
         tell_effects(joint_of(conditions))
+    from tqdm import tqdm
+
     from cjt_gym.training.benchmark.results import merge, write_benchmark
 
-    progress = Progress(len(cells))
-    kept = options.out / "cells"
-    results = run_grid(cells, kept, options.jobs, options.backend, progress)
-    progress.bar.close()
+    with tqdm(total=len(cells), file=sys.stderr, unit="cell") as bar:
+
+        def count(result: dict[str, Any]) -> None:
+            cell = result["cell"]
+            bar.set_postfix_str(f"{result['agent']}, {cell['joint']}, {cell['structure']}")
+            bar.update()
+
+        kept = options.out / "cells"
+        results = run_grid(cells, kept, options.jobs, options.backend, count)
     _tell(results)
     text = write_benchmark(results, options.out, _facts(options, results))
     return merge(results), text
@@ -111,22 +118,6 @@ def _tasks(options: argparse.Namespace, structures: list[str], has_controllers: 
     if has_controllers:
         return tasks
     return [name for name in tasks if not BENCHMARK_TASKS[name].classical_only]
-
-
-class Progress:
-    """A progress bar on standard error."""
-
-    def __init__(self, total: int) -> None:
-        """Begin the bar."""
-        from tqdm import tqdm
-
-        self.bar = tqdm(total=total, file=sys.stderr, unit="cell")
-
-    def __call__(self, result: dict[str, Any]) -> None:
-        """Count a cell."""
-        cell = result["cell"]
-        self.bar.set_postfix_str(f"{result['agent']}, {cell['joint']}, {cell['structure']}")
-        self.bar.update()
 
 
 def _tell(results: list[dict[str, Any]]) -> None:

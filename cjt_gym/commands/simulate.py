@@ -37,7 +37,7 @@ from cjt_gym.plant import SimulatedPlant
 from cjt_gym.plant.randomization import Randomization
 from cjt_gym.records import FORMATS, Record, read_record, record_names, write_record
 from cjt_gym.signals import Signal, make_signals, sampled_signal, signal_from_file
-from cjt_gym.training.tuning.gains import choose, files_of, gains_of
+from cjt_gym.training.tuning.gains import choose, files_of, gains_in_record
 
 Floats = NDArray[np.float64]
 TRACKING, NONE = "pd_feedforward", "none"
@@ -242,7 +242,7 @@ def simulate(
     rows["i_cmd"] = rows["tau_cmd"] / (joint.parameters.k_t * joint.parameters.n)
     known: dict[str, Any] = {
         "controller": NONE if controller == NONE else choice.controller,
-        **gains_of(law),
+        **gains_in_record(law),
     }
     if drawn:
         known["drawn"] = drawn

@@ -18,7 +18,7 @@ from cjt_gym.canbus.virtual import VirtualLink
 from cjt_gym.hardware.delayed_law import law_for
 from cjt_gym.hardware.jobs import NONE, Job, outcome
 from cjt_gym.signals import sampled_signal
-from cjt_gym.training.tuning.gains import choose, gains_of
+from cjt_gym.training.tuning.gains import choose, gains_in_record
 
 
 def run_one(
@@ -56,7 +56,7 @@ def _law(plant: CanPlant, job: Job) -> Controller:
     """Return the controller of a job, its gains for the delay that is measured now."""
     delays = plant.measured_delay()
     law = law_for(job.controller, plant.config.joint, plant.dt, delays)
-    plant.note(designed_for_s=delays, **gains_of(law))
+    plant.note(designed_for_s=delays, **gains_in_record(law))
     return law
 
 

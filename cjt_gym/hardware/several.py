@@ -18,7 +18,7 @@ from cjt_gym.canbus.virtual import VirtualLink
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.hardware.delayed_law import law_for
 from cjt_gym.hardware.jobs import NONE, Job, outcome, tracking
-from cjt_gym.training.tuning.gains import choose, gains_of
+from cjt_gym.training.tuning.gains import choose, gains_in_record
 
 APART = 1000
 """Between the seeds of two joints' references."""
@@ -70,7 +70,7 @@ def _law(job: Job, config: HardwareConfig, late: Mapping[str, float]) -> Control
         return None
     law = law_for(job.controller, config.joint, config.dt, late)
     job.facts["designed_for_s"] = late
-    job.facts.update(gains_of(law))
+    job.facts.update(gains_in_record(law))
     return law
 
 

@@ -8,8 +8,9 @@ from typing import Any
 import matplotlib
 import numpy as np
 
+from cjt_gym.datasheet.drawing import INK, canvas
 from cjt_gym.datasheet.notation import drawn
-from cjt_gym.training.report.figures import INK, STYLE, new_figure, to_svg
+from cjt_gym.training.report.figures import WIDTH
 
 Result = Mapping[str, Any]
 BRIGHT = ("#1f5fa8", "#d07c2e", "#3d8f5f", "#8d4fa8", "#b03a48", "#5b8fb9")
@@ -35,9 +36,8 @@ def trace_figure(results: Sequence[Result], tasks: Sequence[str], count: int = 3
         count: How many of the best.
     """
     rows = -(-len(tasks) // COLUMNS_OF_TASKS)
-    figure = new_figure(1.9 * rows + 0.4)
     chosen = [*results[:count], *results[count:][-1:]]
-    with matplotlib.rc_context(STYLE):
+    with canvas(WIDTH, 1.9 * rows + 0.4) as (figure, written):
         axes = figure.subplots(rows, COLUMNS_OF_TASKS, squeeze=False).ravel()
         for axis, task in zip(axes, tasks, strict=False):
             for place, result in enumerate(chosen):
@@ -59,7 +59,7 @@ def trace_figure(results: Sequence[Result], tasks: Sequence[str], count: int = 3
             axis.set_xlabel("time [s]")
         handles, labels = axes[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=4)
-    return to_svg(figure)
+        return written()
 
 
 def bode_figure(results: Sequence[Result]) -> str:
@@ -68,8 +68,7 @@ def bode_figure(results: Sequence[Result]) -> str:
     Args:
         results: Cells of one joint, structure and seed, the best first.
     """
-    figure = new_figure(4.2)
-    with matplotlib.rc_context(STYLE):
+    with canvas(WIDTH, 4.2) as (figure, written):
         upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1.5, 1.0))
         for place, result in reversed(list(enumerate(results))):
             named = place < len(BRIGHT)
@@ -92,14 +91,13 @@ def bode_figure(results: Sequence[Result]) -> str:
         lower.set_xlabel("frequency [Hz]")
         handles, labels = upper.get_legend_handles_labels()
         figure.legend(handles[::-1], labels[::-1], loc="outside lower center", ncols=3)
-    return to_svg(figure)
+        return written()
 
 
 def spectrum_figure(results: Sequence[Result], tasks: Sequence[str]) -> str:
     """Return the spectrum of the error of the best agents and the last, in bands."""
-    figure = new_figure(2.8)
     shown = [task for task in tasks if all(task in r["spectra"] for r in results)][:3]
-    with matplotlib.rc_context(STYLE):
+    with canvas(WIDTH, 2.8) as (figure, written):
         axes = figure.subplots(1, max(len(shown), 1), sharey=True, squeeze=False)[0]
         for axis, task in zip(axes, shown, strict=False):
             for place, result in reversed(list(enumerate(results))):
@@ -113,7 +111,7 @@ def spectrum_figure(results: Sequence[Result], tasks: Sequence[str]) -> str:
         axes[0].set_ylabel("error in band, rms [N m]")
         handles, labels = axes[0].get_legend_handles_labels()
         figure.legend(handles[::-1], labels[::-1], loc="outside lower center", ncols=3)
-    return to_svg(figure)
+        return written()
 
 
 def heat_figure(
@@ -135,8 +133,7 @@ def heat_figure(
         if len(finite):
             ratio = finite.max() / column if high else column / finite.min()
             worse[:, j] = np.log(np.clip(ratio, 1.0, WORST)) / np.log(WORST)
-    figure = new_figure(0.8 + 0.24 * len(names))
-    with matplotlib.rc_context(STYLE | {"axes.grid": False}):
+    with canvas(WIDTH, 0.8 + 0.24 * len(names)) as (figure, written):
         axis: Any = figure.subplots()
         shades = matplotlib.colormaps["Blues"].with_extremes(bad="#f4f4f4")
         axis.imshow(worse, aspect="auto", cmap=shades, vmin=0.0, vmax=1.25)
@@ -149,9 +146,10 @@ def heat_figure(
         axis.set_xticks(range(len(columns)), columns, rotation=35, ha="right", fontsize=8)
         axis.set_yticks(range(len(names)), [n.replace("_", " ") for n in names], fontsize=8)
         axis.tick_params(length=0)
+        axis.grid(visible=False)
         for side in axis.spines.values():
             side.set_visible(False)
-    return to_svg(figure)
+        return written()
 
 
 def _label(result: Result) -> str:

@@ -15,8 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import matplotlib
-
+from cjt_gym.datasheet.drawing import INK, canvas
 from cjt_gym.disk import write_text
 from cjt_gym.errors import CjtGymError
 from cjt_gym.training import report
@@ -172,14 +171,13 @@ def _replay_part(result: Replay) -> list[str]:
 
 def _emps_figure(result: Replay) -> str:
     """Return measured and simulated force, velocity and position, and their differences."""
-    figure = figures.new_figure(5.6)
-    with matplotlib.rc_context(figures.STYLE):
+    with canvas(figures.WIDTH, 5.6) as (figure, written):
         axes = figure.subplots(3, 2, sharex=True, width_ratios=(1.5, 1.0))
         rows = result.t <= FULL_SPAN
         t = result.t[rows]
         for (left, right), (name, unit) in zip(axes, UNITS.items(), strict=True):
             measured, simulated = result.measured[name][rows], result.simulated[name][rows]
-            left.plot(t, measured, color=figures.INK, linewidth=1.4, label="measured")
+            left.plot(t, measured, color=INK, linewidth=1.4, label="measured")
             left.plot(t, simulated, color=figures.COLOURS[1], linewidth=0.8, label="simulated")
             left.set_ylabel(f"{name} [{unit}]")
             scale, prefix = (1e6, "µ") if name == "position" else (1.0, "")
@@ -191,7 +189,7 @@ def _emps_figure(result: Replay) -> str:
         axes[0, 1].set_title("measured minus simulated", fontsize=9)
         for axis in axes[-1]:
             axis.set_xlabel("time [s]")
-    return figures.to_svg(figure)
+        return written()
 
 
 def _training_part(outcome: Outcome, config: TrainConfig) -> list[str]:

@@ -2,55 +2,19 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import matplotlib
-
-matplotlib.use("Agg")
-
 import numpy as np
-from matplotlib.figure import Figure
 
+from cjt_gym.datasheet.drawing import INK, canvas
 from cjt_gym.datasheet.notation import drawn
 from cjt_gym.training.evaluation.conditions import BANDWIDTH_HIGH, BANDWIDTH_LOW
 from cjt_gym.training.evaluation.metrics import frequency_response
 from cjt_gym.training.evaluation.rollout import Traces
 
 COLOURS = ("#9a9a9a", "#d07c2e", "#1f5fa8", "#3d8f5f", "#8d4fa8")
-INK, FAINT = "#202020", "#dddddd"
-STYLE: Any = {
-    "font.family": "serif",
-    "font.size": 9,
-    "axes.edgecolor": INK,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.linewidth": 0.6,
-    "axes.grid": True,
-    "grid.color": FAINT,
-    "grid.linewidth": 0.5,
-    "lines.linewidth": 1.0,
-    "legend.frameon": False,
-    "svg.fonttype": "path",
-    "svg.hashsalt": "cjt-gym",
-}
 WIDTH = 7.2
-
-
-def new_figure(height: float) -> Figure:
-    """Return an empty figure of the usual width."""
-    with matplotlib.rc_context(STYLE):
-        return Figure(figsize=(WIDTH, height), layout="constrained")
-
-
-def to_svg(figure: Figure) -> str:
-    """Return a figure as SVG text."""
-    buffer = io.StringIO()
-    with matplotlib.rc_context(STYLE):
-        figure.savefig(buffer, format="svg", metadata={"Date": None})
-    text = buffer.getvalue()
-    return text[text.index("<svg") :]
 
 
 def learning_figure(
@@ -63,8 +27,7 @@ def learning_figure(
         levels: By name of a controller its error on the validation episodes.
         unit: Of the errors.
     """
-    figure = new_figure(2.8)
-    with matplotlib.rc_context(STYLE):
+    with canvas(WIDTH, 2.8) as (figure, written):
         axis: Any = figure.subplots()
         steps = np.array([row["steps"] for row in progress]) / 1e3
         names = {"validation_rmse": "policy, validation", "rmse": "policy, while exploring"}
@@ -84,7 +47,7 @@ def learning_figure(
         axis.set_xlabel("training steps [thousands]")
         axis.set_ylabel(f"tracking error, rms [{unit}]")
         axis.legend(ncols=2)
-    return to_svg(figure)
+        return written()
 
 
 def traces_figure(tasks: Mapping[str, Mapping[str, Traces]], episode: int = 0) -> str:
@@ -94,8 +57,7 @@ def traces_figure(tasks: Mapping[str, Mapping[str, Traces]], episode: int = 0) -
         tasks: By task, by agent, what happened.
         episode: Which episode.
     """
-    figure = new_figure(4.4)
-    with matplotlib.rc_context(STYLE):
+    with canvas(WIDTH, 4.4) as (figure, written):
         axes = figure.subplots(2, len(tasks), sharex=True, squeeze=False, height_ratios=(1.5, 1.0))
         for column, (task, agents) in enumerate(tasks.items()):
             upper, lower = axes[:, column]
@@ -110,13 +72,12 @@ def traces_figure(tasks: Mapping[str, Mapping[str, Traces]], episode: int = 0) -
         axes[0, 0].set_ylabel("joint torque [N m]")
         axes[1, 0].set_ylabel("error [N m]")
         figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
-    return to_svg(figure)
+        return written()
 
 
 def response_figure(sweeps: Mapping[str, Traces]) -> str:
     """Return gain and phase from reference to joint torque of every agent."""
-    figure = new_figure(3.6)
-    with matplotlib.rc_context(STYLE):
+    with canvas(WIDTH, 3.6) as (figure, written):
         upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1.5, 1.0))
         for (name, run), colour in zip(sweeps.items(), COLOURS, strict=False):
             f, response = frequency_response(run, BANDWIDTH_LOW, BANDWIDTH_HIGH)
@@ -129,4 +90,4 @@ def response_figure(sweeps: Mapping[str, Traces]) -> str:
         upper.legend(loc="lower left")
         lower.set_ylabel("phase [deg]")
         lower.set_xlabel("frequency [Hz]")
-    return to_svg(figure)
+        return written()

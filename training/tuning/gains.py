@@ -214,6 +214,6 @@ def _read(path: str | Path, own: str | None) -> Choice:
     return Choice(file.stem, controller, gains, data.get("tuned", {}))
 
 
-def gains_of(law: object) -> dict[str, Any]:
+def gains_in_record(law: object) -> dict[str, Any]:
     """Return what the provenance of a record tells of a controller."""
     return {name: getattr(law, name) for name in KNOWN_BY if hasattr(law, name)}
