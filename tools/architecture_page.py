@@ -19,7 +19,7 @@ TEXTS = {
     "commands": "one file per command",
     "hardware": "runs on joints on a bus: one or several, and their figures",
     "console": "what commands share: options, signs of life, tables",
-    "training": "training, tuning, evaluation, benchmark, export of policies",
+    "training": "learning, tuning, evaluation, benchmark, deployment, GPU, demo",
     "envs": "Gymnasium environments: single, batched, hardware, robots",
     "gap": "the diagnosis",
     "export": "joints for MuJoCo and Isaac Lab, controllers in C",

@@ -21,7 +21,8 @@ from cjt_gym.console.options import (
 )
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint.effect_words import parse_effects
-from cjt_gym.training.benchmark.grid import BACKENDS, Cell, make_cells, run_grid
+from cjt_gym.training.benchmark.cluster import BACKENDS
+from cjt_gym.training.benchmark.grid import Cell, make_cells, run_grid
 from cjt_gym.training.evaluation.rollout import joint_of
 from cjt_gym.training.evaluation.tasks import BENCHMARK_TASKS
 

@@ -25,7 +25,7 @@ from cjt_gym.console.options import (
     tell_effects,
 )
 from cjt_gym.errors import ConfigurationError, unknown_name
-from cjt_gym.training.benchmark.grid import BACKENDS, cluster
+from cjt_gym.training.benchmark.cluster import BACKENDS, cluster
 from cjt_gym.training.evaluation.rollout import joint_of
 from cjt_gym.training.tuning.gains import WITH, choose, read_gains, write_gains
 from cjt_gym.training.tuning.limits import Limits

@@ -10,11 +10,8 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import os
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +24,7 @@ from cjt_gym.errors import ConfigurationError, SimulationError, unknown_name
 from cjt_gym.joint import get_structure, load_joint_file
 from cjt_gym.joint.effect_words import parse_effects
 from cjt_gym.training.benchmark import make_agents
+from cjt_gym.training.benchmark.cluster import BACKENDS, cluster
 from cjt_gym.training.benchmark.code_hash import code_hash
 from cjt_gym.training.deploy.shipped import policy_path
 from cjt_gym.training.evaluation.conditions import (
@@ -48,7 +46,6 @@ from cjt_gym.training.evaluation.tasks import get_task
 from cjt_gym.training.tuning.gains import files_of
 from cjt_gym.training.tuning.limits import port_resistance
 
-BACKENDS = ("loky", "ray", "dask")
 SHOWN_POINTS = 500
 BODE_HZ = np.geomspace(0.5, 400.0, 120)
 SPECTRUM_BANDS = np.geomspace(1.0, 450.0, 28)
@@ -308,35 +305,6 @@ def run_grid(
 
 def _numbered(k: int, cell: Cell, folder: Path) -> tuple[int, dict[str, Any]]:
     return k, _run_and_keep(cell, folder)
-
-
-def cluster(backend: str, jobs: int) -> AbstractContextManager[Any]:
-    """Return joblib's context for a backend, with its cluster.
-
-    Raises:
-        ConfigurationError: The backend is not installed.
-    """
-    from joblib import parallel_config
-
-    count = (os.cpu_count() or 1) if jobs < 1 else jobs
-    try:
-        if backend == "ray":
-            ray = import_module("ray")
-            import_module("ray.util.joblib").register_ray()
-            if not ray.is_initialized():
-                here: dict[str, Any] = {} if "RAY_ADDRESS" in os.environ else {"num_cpus": count}
-                ray.init(include_dashboard=False, log_to_driver=False, **here)
-        elif backend == "dask":
-            address = os.environ.get("DASK_SCHEDULER_ADDRESS")
-            here = {} if address else {"n_workers": count, "threads_per_worker": 1}
-            import_module("distributed").Client(address, dashboard_address=None, **here)
-    except ModuleNotFoundError as error:
-        raise ConfigurationError(
-            f'--backend {backend} needs {error.name}: pip install "cjt-gym[{backend}]".'
-        ) from None
-    threads: dict[str, Any] = {"inner_max_num_threads": 1} if backend == "loky" else {}
-    context: AbstractContextManager[Any] = parallel_config(backend, **threads)
-    return context
 
 
 def make_cells(

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import os
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from cjt_gym.errors import ConfigurationError
+from cjt_gym.training.benchmark.cluster import join_ray
 from cjt_gym.training.learning.config import TrainConfig
 from cjt_gym.training.learning.run_folder import RunFolder
 from cjt_gym.training.learning.seeds import runs_of
@@ -50,7 +49,10 @@ def train_on_ray(
         raise ConfigurationError(
             f"retries must be >= 0 and workers >= 1, got {retries} and {workers}."
         )
-    ray = join_cluster(workers)
+    try:
+        ray = join_ray(workers)
+    except ModuleNotFoundError:
+        raise ConfigurationError('This needs Ray: pip install "cjt-gym[ray,train]".') from None
     from cjt_gym.training.learning.train import train
 
     def run(changed: TrainConfig, path: str) -> None:
@@ -59,25 +61,6 @@ def train_on_ray(
     task = ray.remote(num_cpus=config.threads, max_retries=retries)(run)
     jobs = [task.options(name=path.name).remote(changed, str(path)) for changed, path in runs]
     return [_outcome(ray, job, RunFolder(path)) for job, (_, path) in zip(jobs, runs, strict=True)]
-
-
-def join_cluster(workers: int | None = None) -> Any:
-    """Return Ray, connected to a cluster.
-
-    Args:
-        workers: Cores of a cluster that is started here; all of this machine if absent.
-
-    Raises:
-        ConfigurationError: Ray is not installed.
-    """
-    try:
-        ray = import_module("ray")
-    except ModuleNotFoundError:
-        raise ConfigurationError('This needs Ray: pip install "cjt-gym[ray,train]".') from None
-    if not ray.is_initialized():
-        here = {} if "RAY_ADDRESS" in os.environ else {"num_cpus": workers or os.cpu_count()}
-        ray.init(include_dashboard=False, log_to_driver=False, **here)
-    return ray
 
 
 def _outcome(ray: Any, job: Any, run: RunFolder) -> RunFolder:
