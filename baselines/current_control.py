@@ -1,4 +1,4 @@
-"""The current controller of a voltage drive, for those who command voltages themselves.
+"""The current controller of a voltage drive, for use with voltage commands.
 
 Plants and environments have it inside (effect `current_control`); the law is the same and stands in
 `cjt_gym.joint.current_loop`. The inverter holds the voltage over a sample, so w dt should stay well

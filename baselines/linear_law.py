@@ -14,11 +14,16 @@ from scipy.linalg import block_diag
 from cjt_gym.baselines.controller import Controller, Floats, Mask, check_sampling
 from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.plant import Measurement
+from cjt_gym.records import COLUMNS
 
 Complex = NDArray[np.complex128]
 
 MEASURED = ("tau", "q_m", "q_g", "q_l", "dq_m", "dq_g", "dq_l")
 SIGNALS = ("reference", *MEASURED, "command")
+INPUTS = {
+    "reference": ("N m", "wanted joint torque; in an array, now and at the next control steps")
+} | {name: (COLUMNS[name].units[0], COLUMNS[name].description) for name in MEASURED}
+"""Unit and meaning of what a controller takes."""
 SLOWEST, FASTEST = 1e-5, 0.5
 """Shares of the command's excess over a limit that integrals give back per sample."""
 

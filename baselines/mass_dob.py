@@ -58,15 +58,7 @@ def mass_observer(model: SampledJoint, cutoff_hz: float) -> Block:
 def mass_dob_law(
     model: SampledJoint, kp: float, kd: float, dob_hz: float, lead: float = 0.0
 ) -> LinearLaw:
-    """Return the law; see the module.
-
-    Args:
-        model: The joint.
-        kp: Proportional gain [-].
-        kd: Derivative gain [s].
-        dob_hz: Cut-off of Q [Hz].
-        lead: With at least 0.5 the derivative is that of the error.
-    """
+    """Return the law; see the module, and `cjt_gym.baselines.pid` for its gains."""
     return pd_law(kp, kd, model.dt, mass_observer(model, dob_hz), lead=lead)
 
 
@@ -75,12 +67,7 @@ ROW = linear_row(
     summary="Feed-forward and PD, with a disturbance observer around the motor's mass.",
     source="Ohnishi, Shibata, Murakami (1996), IEEE/ASME Transactions on Mechatronics 1(1); Kong, "
     "Bae, Tomizuka (2009), IEEE/ASME Transactions on Mechatronics 14(1)",
-    tunable=(
-        KP,
-        KD,
-        DOB_HZ,
-        LATE,
-    ),
+    tunable=(KP, KD, DOB_HZ, LATE),
     law=mass_dob_law,
     candidates=dob_candidates,
     structures=SPRUNG,

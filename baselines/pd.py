@@ -16,14 +16,7 @@ from cjt_gym.baselines.plant_model import SampledJoint
 
 
 def pd_law(model: SampledJoint, kp: float, kd: float, lead: float = 1.0) -> LinearLaw:
-    """Return the law; see the module.
-
-    Args:
-        model: The joint.
-        kp: Proportional gain [-].
-        kd: Derivative gain [s].
-        lead: With at least 0.5 the derivative is that of the error.
-    """
+    """Return the law; see the module, and `cjt_gym.baselines.pid` for its gains."""
     return assemble(model.dt, pid(kp, 0.0, kd, model.dt, lead))
 
 

@@ -19,15 +19,7 @@ from cjt_gym.baselines.plant_model import SampledJoint
 def pid_compensation_law(
     model: SampledJoint, kp: float, ki: float, kd: float, lead: float = 0.0
 ) -> LinearLaw:
-    """Return the law; see the module.
-
-    Args:
-        model: The joint.
-        kp: Proportional gain [-].
-        ki: Integral gain [1/s].
-        kd: Derivative gain [s].
-        lead: With at least 0.5 the derivative is that of the error.
-    """
+    """Return the law; see the module, and `cjt_gym.baselines.pid` for its gains."""
     return assemble(model.dt, static(tau=1.0), pid(kp, ki, kd, model.dt, lead))
 
 
@@ -40,12 +32,7 @@ ROW = linear_row(
     name="pid_compensation",
     summary="Compensation of the measured torque and PID on the torque error.",
     source="Readman (1994), Flexible Joint Robots, CRC Press",
-    tunable=(
-        KP,
-        KI,
-        KD,
-        LATE,
-    ),
+    tunable=(KP, KI, KD, LATE),
     law=pid_compensation_law,
     candidates=_candidates,
     structures=FIXED,

@@ -17,15 +17,7 @@ from cjt_gym.baselines.plant_model import SampledJoint
 def pid_feedforward_law(
     model: SampledJoint, kp: float, ki: float, kd: float, lead: float = 1.0
 ) -> LinearLaw:
-    """Return the law; see the module.
-
-    Args:
-        model: The joint.
-        kp: Proportional gain [-].
-        ki: Integral gain [1/s].
-        kd: Derivative gain [s].
-        lead: With at least 0.5 the derivative is that of the error.
-    """
+    """Return the law; see the module, and `cjt_gym.baselines.pid` for its gains."""
     return assemble(model.dt, pid(kp, ki, kd, model.dt, lead, forward=1.0))
 
 
@@ -39,12 +31,7 @@ ROW = linear_row(
     summary="Feed-forward and PID on the torque error.",
     source="Readman (1994), Flexible Joint Robots, CRC Press; Vischer, Khatib (1995), IEEE "
     "Transactions on Robotics and Automation 11(4)",
-    tunable=(
-        KP,
-        KI,
-        KD,
-        LEAD,
-    ),
+    tunable=(KP, KI, KD, LEAD),
     law=pid_feedforward_law,
     candidates=_candidates,
     structures=FIXED,

@@ -24,14 +24,7 @@ from cjt_gym.baselines.plant_model import SampledJoint
 def inner_dob_law(
     model: SampledJoint, kp: float, kd: float, dob_hz: float, lead: float = 0.0
 ) -> LinearLaw:
-    """Return the law; see the module.
-
-    Args:
-        model: The joint.
-        kp: Proportional gain [-].
-        kd: Derivative gain [s].
-        dob_hz: Cut-off of Q [Hz].
-        lead: With at least 0.5 the derivative is that of the error.
+    """Return the law; see the module, and `cjt_gym.baselines.pid` for its gains.
 
     Raises:
         ConfigurationError: The joint cannot be inverted.
@@ -50,12 +43,7 @@ ROW = linear_row(
     summary="Feed-forward and PD, with an open-loop disturbance observer of the joint.",
     source="Lee, Tomizuka (1996), IEEE Transactions on Industrial Electronics 43(1); Hopkins et "
     "al. (2015), IEEE/ASME Transactions on Mechatronics 20(6); Roozing et al. (2016), IROS",
-    tunable=(
-        KP,
-        KD,
-        DOB_HZ,
-        LATE,
-    ),
+    tunable=(KP, KD, DOB_HZ, LATE),
     law=inner_dob_law,
     candidates=dob_candidates,
     structures=FIXED,

@@ -22,7 +22,7 @@ EFFECTS = {"common": ["coulomb"], "general": {"stribeck": {"d_sm": 1.0, "v_s": 0
 def cpu_seconds(code: str, cache: str) -> float:
     """Return the CPU time of a Python process that runs some code [s].
 
-    Python keeps the bytecode that it makes, as it does where nobody forbids it.
+    Python keeps the bytecode that it makes, as it does by default.
     """
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     environment = {**os.environ, "NUMBA_CACHE_DIR": cache, "PYTHONDONTWRITEBYTECODE": ""}

@@ -47,6 +47,7 @@ GOING_ON = ("emulate", "hardware")
 """Commands that give no sign of life between their words, as they run in real time or wait."""
 EXTRAS = {
     "can": "can",
+    "foxglove": "live",
     "torch": "train",
     "stable_baselines3": "train",
     "tensorboard": "train",

@@ -17,8 +17,6 @@ from cjt_gym.joint import Joint
 from cjt_gym.plant.randomization import Randomization
 
 Class = TypeVar("Class", bound=type)
-PLACE = "{arguments}"
-"""Where the table stands in a docstring."""
 
 
 def _told(text: str, shown: str | None = None) -> dict[str, str | None]:
@@ -119,18 +117,18 @@ def complete(arguments: Mapping[str, Any]) -> dict[str, Any]:
     return filled | stated_by_joint(filled)
 
 
-def argument_table(indent: str = "") -> str:
-    """Return the table of the documentation, its lines behind an indent."""
+def argument_table() -> str:
+    """Return the table of the documentation."""
     rows = ["| Argument | Default | Meaning |", "|---|---|---|"]
     for one in fields(TaskArguments):
         default = f'"{one.default}"' if isinstance(one.default, str) else str(one.default)
         shown = one.metadata["shown"] or default
         rows.append(f"| `{one.name}` | {shown} | {one.metadata['text']} |")
-    return f"\n{indent}".join(rows)
+    return "\n".join(rows)
 
 
 def takes_arguments(target: Class) -> Class:
-    """Give a class the signature and the table of `TaskArguments`.
+    """Give a class the signature of `TaskArguments`.
 
     Its `__init__` takes `self`, arguments of its own, and `**arguments`.
     """
@@ -143,6 +141,4 @@ def takes_arguments(target: Class) -> Class:
         for one in fields(TaskArguments)
     ]
     init.__signature__ = inspect.Signature([*own, *task])  # type: ignore[attr-defined]
-    if target.__doc__:
-        target.__doc__ = target.__doc__.replace(PLACE, argument_table("    "))
     return target

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from cjt_gym.envs.arguments import TaskArguments, complete
 from cjt_gym.envs.control import REPORT, make_control
 from cjt_gym.envs.handover import table_of
-from cjt_gym.envs.observe import CLIP, SIGNALS_PER_SAMPLE, TERMS, Task, draw_episodes
+from cjt_gym.envs.observation import CLIP
+from cjt_gym.envs.observe import TERMS, Task, draw_episodes
 from cjt_gym.envs.settings import BaseController, ControllerOrFactory, Settings, make_settings
 from cjt_gym.envs.step import BAD_ACTION, begin_some, command_all, step_blocks, tell_some
 from cjt_gym.envs.threads import side_by_side, threads_for
@@ -49,14 +50,14 @@ class Episodes:
                 f"reward must be a function of what a step reports, got {given.reward!r}."
             )
         self.num, self.reward = num, given.reward
-        self.plant = SimulatedPlant(s.joint, num, s.dt, s.dt_physics, s.randomization)
-        self.controller = make_base(given.base_controller, s.joint, s.dt)
+        self.plant = SimulatedPlant(s.joint, num, s.layout.dt, s.dt_physics, s.randomization)
+        self.controller = make_base(given.base_controller, s.joint, s.layout.dt)
         self.task = _make_task(s, num, self.plant)
         size = self.task.observation.shape[1]
         self.observation_space = spaces.Box(-CLIP, CLIP, (size,), np.float32)
         self.action_space = spaces.Box(-1.0, 1.0, (1,), np.float32)
         limit, per_ampere = self.plant.limits.tau, s.joint.parameters.k_t * s.joint.parameters.n
-        self.control = make_control(num, s.action_scale, limit, per_ampere)
+        self.control = make_control(num, s.layout.action, limit, per_ampere)
         self.base, self.residual = self.control.base, self.control.residual
         self.plant.batch.use_blocks(s.joint, threads_for(num))
         self._connect()
@@ -223,7 +224,7 @@ class Episodes:
         action = np.asarray(action, dtype=np.float64)
         if action.shape != (self.num, 1) or not np.isfinite(action).all():
             raise self._bad_action(action)
-        self.residual[:] = np.clip(action[:, 0], -1.0, 1.0) * self.settings.action_scale
+        self.residual[:] = np.clip(action[:, 0], -1.0, 1.0) * self.settings.layout.action
         if self.controller is not None:
             self.base[:] = self.controller.act(measured, self.task.reference.copy())
         limit = self.plant.limits.tau
@@ -287,14 +288,11 @@ def make_base(given: ControllerOrFactory | None, joint: Joint, dt: float) -> Bas
 
 
 def _make_task(s: Settings, num: int, plant: SimulatedPlant) -> Task:
-    size = s.preview + 4 + SIGNALS_PER_SAMPLE * s.history
-    observation = np.zeros((num, size + len(s.joint_numbers)), dtype=np.float32)
-    observation[:, size:] = np.clip(s.joint_numbers, -CLIP, CLIP)  # no step touches these
+    layout, limits, size = s.layout, plant.limits, s.layout.size
+    observation = np.zeros((num, size + len(layout.joint_numbers)), dtype=np.float32)
+    observation[:, size:] = np.clip(layout.joint_numbers, -CLIP, CLIP)  # no step touches these
     reference_tables, reference_spans = _stack(s.references)
     disturbance_tables, disturbance_spans = _stack(s.disturbances)
-    limits = plant.limits
-    scales = [s.torque_amplitude, s.velocity_scale, s.action_scale, limits.tau]
-    scales += [limits.dq_m, limits.tau_joint, s.dt, s.joint.parameters.n]
     return Task(
         reference_rows=np.array([signal.row() for signal in s.references]),
         disturbance_rows=np.array([signal.row() for signal in s.disturbances]),
@@ -310,16 +308,21 @@ def _make_task(s: Settings, num: int, plant: SimulatedPlant) -> Task:
         load=np.zeros(num),
         reference=np.zeros(num),
         command=np.zeros(num),
-        history=np.zeros((num, s.history * SIGNALS_PER_SAMPLE), dtype=np.float32),
         observation=observation,
         reward=np.zeros(num),
         terms=np.zeros((num, len(TERMS))),
         terminated=np.zeros(num, dtype=np.bool_),
         truncated=np.zeros(num, dtype=np.bool_),
         weights=np.array([s.reward_weights[name] for name in TERMS]),
-        scales=np.array(scales),
+        divisors=layout.divisors,
+        amplitude=layout.torque,
+        most_speed=limits.dq_m,
+        most_torque=limits.tau_joint,
+        dt=layout.dt,
+        n=layout.n,
+        size=size,
         episode_steps=s.episode_steps,
-        preview=s.preview,
+        preview=layout.preview,
     )
 
 

@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Annotated, Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.envs.strip_chart import StripChart
+from cjt_gym.envs.observation import Row, divisors, observes
+from cjt_gym.envs.strip_chart import RENDER_MODES, StripChart
 from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.joint import Joint, load_joint
 from cjt_gym.joint.arrays import VOLTS
 from cjt_gym.joint.batch import JointBatch
+from cjt_gym.joint.border import checked_array
 from cjt_gym.joint.configure import EffectSpec
 from cjt_gym.signals import Signal, make_signals
 
 Observation = NDArray[np.float32]
 Action = NDArray[np.float32]
-RENDER_MODES = ("human", "rgb_array")
 SPEED_SHARE, LEVEL_SHARE, HOLD = 0.5, 0.7, 0.01
 HEAVY = 1e9
 VIOLATION = -10.0
@@ -27,6 +28,18 @@ LABELS = ("reference", "motor torque")
 AT_LIMIT = 1.0 - 1e-9
 
 
+class Observed(NamedTuple):
+    """What is observed, in this order."""
+
+    dq_m: Annotated[float, Row("motor velocity", "rad/s", "speed")]
+    i_q: Annotated[float, Row("current i_q", "A", "i_p")]
+    i_d: Annotated[float, Row("current i_d", "A", "i_p")]
+    v_q: Annotated[float, Row("voltage v_q of the last step", "V", "v_0")]
+    v_d: Annotated[float, Row("voltage v_d of the last step", "V", "v_0")]
+    tau_reference: Annotated[float, Row("reference of the motor's torque", "N m", "peak")]
+
+
+@observes(Observed)
 class CurrentControlEnv(gym.Env[Observation, Action]):
     """Make the torque of a motor follow a reference by commanding its voltages.
 
@@ -43,14 +56,9 @@ class CurrentControlEnv(gym.Env[Observation, Action]):
 
     ## Observation space
 
-    `Box(-2, 2, (6,), float32)`, each number divided by its limit, clipped.
+    `Box(-2, 2, (6,), float32)`, each number divided by its limit, clipped; `peak` is k_t n i_p.
 
-    | Index | Observation | Divided by |
-    |---|---|---|
-    | 0 | motor velocity dq_m | `speed` |
-    | 1, 2 | currents i_q, i_d | i_p |
-    | 3, 4 | voltages v_q, v_d of the last step | v_0 |
-    | 5 | reference of the motor's torque | k_t n i_p |
+    {observation}
 
     ## Reward
 
@@ -112,8 +120,6 @@ class CurrentControlEnv(gym.Env[Observation, Action]):
         dt_physics: float = 2.5e-5,
         render_mode: str | None = None,
     ) -> None:
-        if render_mode is not None and render_mode not in RENDER_MODES:
-            raise unknown_name("render mode", render_mode, RENDER_MODES)
         if not isinstance(joint, Joint):
             held = {**(parameters or {}), "I_l": HEAVY}
             joint = load_joint(joint, "rigid", drive, effects, held)
@@ -127,13 +133,15 @@ class CurrentControlEnv(gym.Env[Observation, Action]):
         p = joint.parameters
         emf = p.k_t * p.n * (2.0 / 3.0 if joint.drive == "dq" else 1.0)
         self.joint, self.episode_steps, self.render_mode = joint, episode_steps, render_mode
-        self._chart = StripChart(dt_control, LABELS) if render_mode else None
+        self._chart = StripChart(render_mode, dt_control, LABELS)
         self.peak = joint.torque_limit
         if not np.isfinite(self.peak):
             raise ConfigurationError(f"i_p [A] of {p.origin} is needed: the limit of the current.")
         self.speed = SPEED_SHARE * p.v_0 / emf if speed is None else float(speed)
         if not (np.isfinite(self.speed) and self.speed > 0.0):
             raise ConfigurationError(f"speed must be finite and > 0 rad/s, got {speed}.")
+        self.i_p, self.v_0 = float(p.i_p), float(p.v_0)
+        self._divisors = divisors(Observed, self)
         usual = Signal("step", amplitude=LEVEL_SHARE * self.peak, period=HOLD)
         self.references = make_signals(usual if reference is None else reference, usual.amplitude)
         self.batch = JointBatch(joint, 1, dt_control, dt_physics, voltage=True)
@@ -159,8 +167,7 @@ class CurrentControlEnv(gym.Env[Observation, Action]):
         self.batch.seed(0, int(rng.integers(2**62)))
         self.batch.restart(np.ones(1, dtype=np.bool_), np.zeros(1))
         self._k = 0
-        if self._chart is not None:
-            self._chart.clear()
+        self._chart.clear()
         return self._observe(), self._info()
 
     def step(self, action: Action) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
@@ -170,37 +177,24 @@ class CurrentControlEnv(gym.Env[Observation, Action]):
             ConfigurationError: The action has the wrong shape or is not finite.
             SimulationError: The state ceased to be finite.
         """
-        given = np.asarray(action, dtype=np.float64)
-        if given.shape != (2,) or not np.isfinite(given).all():
-            raise ConfigurationError(f"The action must be two finite numbers, got {action}.")
-        volts = np.clip(given, -1.0, 1.0) * self.joint.parameters.v_0
+        volts = np.clip(checked_array("The action", action, (2,)), -1.0, 1.0) * self.v_0
         self.batch.step(volts[None], np.zeros(1))
         self._k += 1
         info = self._info()
-        terminated = bool(np.hypot(info["i_q"], info["i_d"]) >= AT_LIMIT * self._i_p)
+        terminated = bool(np.hypot(info["i_q"], info["i_d"]) >= AT_LIMIT * self.i_p)
         error = abs(info["tau_reference"] - info["tau"]) / (2.0 * self.peak)
         reward = VIOLATION if terminated else -error
-        if self._chart is not None:
-            self._chart.add(info["tau_reference"], info["tau"])
-            if self.render_mode == "human":
-                self._chart.show()
+        self._chart.add(info["tau_reference"], info["tau"])
         truncated = self._k >= self.episode_steps and not terminated
         return self._observe(), float(reward), terminated, truncated, info
 
     def render(self) -> Any:
         """Return the strip chart as an image, shape (height, width, 3), for "rgb_array"."""
-        if self._chart is not None and self.render_mode == "rgb_array":
-            return self._chart.image()
-        return None
+        return self._chart.render()
 
     def close(self) -> None:
         """Close the strip chart."""
-        if self._chart is not None:
-            self._chart.close()
-
-    @property
-    def _i_p(self) -> float:
-        return float(self.joint.parameters.i_p)
+        self._chart.close()
 
     def _info(self) -> dict[str, Any]:
         arrays, p = self.batch.arrays, self.joint.parameters
@@ -217,7 +211,6 @@ class CurrentControlEnv(gym.Env[Observation, Action]):
         }
 
     def _observe(self) -> Observation:
-        info, p = self._info(), self.joint.parameters
-        scaled = [info["dq_m"] / self.speed, info["i_q"] / self._i_p, info["i_d"] / self._i_p]
-        scaled += [info["v_q"] / p.v_0, info["v_d"] / p.v_0, info["tau_reference"] / self.peak]
-        return np.asarray(np.clip(scaled, -2.0, 2.0), dtype=np.float32)
+        info = self._info()
+        scaled = np.array([info[name] for name in Observed._fields]) / self._divisors
+        return np.clip(scaled, -2.0, 2.0).astype(np.float32)

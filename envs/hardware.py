@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from cjt_gym.canbus.arm import CanArm
 from cjt_gym.canbus.config import HardwareConfig, load_joints
-from cjt_gym.canbus.emulated_arm import EmulatedArm
-from cjt_gym.canbus.emulator import Emulator
+from cjt_gym.canbus.emulated_arm import emulator_of
 from cjt_gym.canbus.plant import CanPlant
 from cjt_gym.canbus.safety import Fault, HardwareFault, check_action
 from cjt_gym.canbus.virtual import VirtualLink
@@ -81,7 +80,7 @@ class HardwareEnv(gym.Env[Observation, Action]):
     | `arm` | False | whether the joint may move |
     | `record` | None | file for the record of what happens |
     | `emulated` | False | an emulated joint in this process, in its own time, instead of the bus |
-    | `plant` | None | a connected and armed `CanPlant` instead of all of these |
+    | `plant` | None | a connected and armed `CanPlant` or `CanArm` instead of all of these |
 
     and of `TorqueTrackingEnv`: `base_controller`, `reference`, `torque_amplitude`,
     `velocity_scale`, `action_scale`, `preview`, `history`, `episode_steps`, `reward_weights`.
@@ -105,7 +104,7 @@ class HardwareEnv(gym.Env[Observation, Action]):
         arm: bool = False,
         record: str | Path | None = None,
         emulated: bool = False,
-        plant: CanPlant | None = None,
+        plant: CanPlant | CanArm | None = None,
         render_mode: str | None = None,
         **arguments: Any,
     ) -> None:
@@ -114,11 +113,9 @@ class HardwareEnv(gym.Env[Observation, Action]):
         if (config is None) == (plant is None):
             raise ConfigurationError("Give either config or plant to HardwareEnv.")
         self.render_mode = None
-        self.plant: CanPlant | CanArm = plant or _prepared(config, record, emulated)
-        self._configs = (
-            self.plant.configs if isinstance(self.plant, CanArm) else (self.plant.config,)
-        )
-        batches = [Episodes(1, **complete_for(arguments, each)) for each in self._configs]
+        self.plant = plant or _prepared(config, record, emulated)
+        self._arm = self.plant.whole if isinstance(self.plant, CanPlant) else self.plant
+        batches = [Episodes(1, **complete_for(arguments, each)) for each in self._arm.configs]
         high = np.concatenate([batch.observation_space.high for batch in batches])
         self.observation_space = spaces.Box(-high, high, dtype=np.float32)
         self.action_space = spaces.Box(-1.0, 1.0, (len(batches),), np.float32)
@@ -127,11 +124,6 @@ class HardwareEnv(gym.Env[Observation, Action]):
             task.rehearse()
         if plant is None:
             _connect(self.plant, arm)
-
-    @property
-    def joints(self) -> tuple[CanPlant, ...]:
-        """The joints, in the order of the configuration."""
-        return self.plant.joints if isinstance(self.plant, CanArm) else (self.plant,)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -148,8 +140,8 @@ class HardwareEnv(gym.Env[Observation, Action]):
         for k, task in enumerate(self.tasks):
             own = None if seed is None else seed + SPREAD * k
             task.episodes.seed(own, self.np_random if first else None)
-        measured = self.plant.reset()
-        for task, config, seen in zip(self.tasks, self._configs, each(measured), strict=True):
+        measured = self._arm.reset()
+        for task, config, seen in zip(self.tasks, self._arm.configs, measured, strict=True):
             check_measured(seen, config)
             task.begin(seen)
         return self._observation(), {"parameters": {}}
@@ -163,16 +155,12 @@ class HardwareEnv(gym.Env[Observation, Action]):
             pairs = zip(self.tasks, wanted, strict=True)
             commands = np.array([task.choose(one[None])[0] for task, one in pairs])
             references = np.array([task.task.reference[0] for task in self.tasks])
-            measured = (
-                self.plant.step(commands, references)
-                if isinstance(self.plant, CanArm)
-                else self.plant.step(commands, float(references[0]))
-            )
-            for task, seen in zip(self.tasks, each(measured), strict=True):
+            measured = self._arm.step(commands, references)
+            for task, seen in zip(self.tasks, measured, strict=True):
                 task.advance(seen)
         except HardwareFault as error:
             fault = error.fault
-        for task, joint in zip(self.tasks, self.joints, strict=True):
+        for task, joint in zip(self.tasks, self._arm.joints, strict=True):
             task.conclude(joint.sent)
             if fault is not None:
                 end_with_fault(task.task)
@@ -184,10 +172,10 @@ class HardwareEnv(gym.Env[Observation, Action]):
 
     def _refuse(self, action: NDArray[np.float64]) -> None:
         """End the run where an action is out of its range."""
-        for value in action.ravel().tolist():
+        for k, value in enumerate(action.ravel().tolist()):
             trouble = check_action(value)
             if trouble is not None:
-                self.plant.fail(trouble.kind, trouble.text)
+                self._arm.fail(trouble.kind, trouble.text, k)
 
     def _observation(self) -> Observation:
         return np.concatenate([task.task.observation[0] for task in self.tasks])
@@ -195,27 +183,22 @@ class HardwareEnv(gym.Env[Observation, Action]):
     def _info(self, fault: Fault | None) -> dict[str, Any]:
         rows = [
             {**task.info(), "age": joint.age(), "lateness": joint.lateness}
-            for task, joint in zip(self.tasks, self.joints, strict=True)
+            for task, joint in zip(self.tasks, self._arm.joints, strict=True)
         ]
-        several = isinstance(self.plant, CanArm)
+        several = len(rows) > 1
         info: dict[str, Any] = {
             name: np.array([row[name] for row in rows]) if several else rows[0][name]
             for name in rows[0]
         }
         if fault is not None:
             info["fault"] = {"kind": fault.kind, "text": fault.text}
-            if isinstance(self.plant, CanArm):
-                info["fault"]["joint"] = self.plant.fault[0] if self.plant.fault else ""
+            if several and self._arm.fault is not None:
+                info["fault"]["joint"] = self._arm.fault[0]
         return info
 
     def close(self) -> None:
         """End the run, at once while an exception is on its way, softly otherwise."""
         self.plant.close()
-
-
-def each(measured: Measurement | list[Measurement]) -> list[Measurement]:
-    """Return what each joint measured."""
-    return measured if isinstance(measured, list) else [measured]
 
 
 def end_with_fault(task: Task) -> None:
@@ -231,9 +214,10 @@ def _prepared(
     """Return what runs the joint, or the joints, that a configuration describes."""
     assert config is not None
     configs = [config] if isinstance(config, HardwareConfig) else load_joints(config)
+    link = VirtualLink(emulator_of(configs)) if emulated else None
     if len(configs) > 1:
-        return CanArm(configs, VirtualLink(EmulatedArm(configs)) if emulated else None, record)
-    return CanPlant(configs[0], VirtualLink(Emulator(configs[0])) if emulated else None, record)
+        return CanArm(configs, link, record)
+    return CanPlant(configs[0], link, record)
 
 
 def _connect(plant: CanPlant | CanArm, arm: bool) -> None:

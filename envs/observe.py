@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cjt_gym.envs.observation import CLIP, PAST, PRESENT, Observed
 from cjt_gym.joint.compiled import compiled, inlined
 from cjt_gym.joint.random_stream import mix, uniform
 from cjt_gym.signals.evaluate import evaluate
@@ -20,13 +21,10 @@ Floats = NDArray[np.float64]
 Masks = NDArray[np.bool_]
 Words = NDArray[np.uint64]
 
-CLIP = 5.0
-"""Bound of observations, which tracking keeps below 1 or so."""
 TERMS = ("tracking", "precision", "smoothness", "effort", "safety")
 TRACKING, PRECISION, SMOOTHNESS, EFFORT, SAFETY = range(len(TERMS))
 FINE = 0.05
 """Error over the torque amplitude up to which the term `precision` grows about linearly."""
-SIGNALS_PER_SAMPLE = 4  # torque, motor velocity, load velocity, command
 
 
 class Task(NamedTuple):
@@ -47,15 +45,19 @@ class Task(NamedTuple):
         load: Load input at the present time, shape (n,).
         reference: Reference at the present time, shape (n,) [N m].
         command: Last motor torque commanded, shape (n,) [N m].
-        history: Scaled samples [tau, dq_m, dq_l, command], newest first, shape (n, 4 history).
-        observation: Shape (n, size), float32.
+        observation: Shape (n, size), float32; the past in it is that of the next one, too.
         reward: Shape (n,).
         terms: Weighted reward terms, shape (n, 5).
         terminated: Shape (n,).
         truncated: Shape (n,).
         weights: Of the reward terms, shape (5,).
-        scales: [torque amplitude, velocity scale, action scale, torque limit, speed limit,
-            joint torque limit, control step, n (gear ratio)], shape (8,).
+        divisors: Of the fields of `Observed`, shape (7,).
+        amplitude: Torque that references and rewards are divided by [N m].
+        most_speed: Speed of the motor beyond which an episode ends [rad/s].
+        most_torque: Joint torque beyond which it ends [N m].
+        dt: Control step [s].
+        n: Gear ratio.
+        size: Numbers of an observation up to its past.
         episode_steps: Control steps after which an episode is truncated.
         preview: Future samples of the reference in the observation.
     """
@@ -74,14 +76,19 @@ class Task(NamedTuple):
     load: Floats
     reference: Floats
     command: Floats
-    history: NDArray[np.float32]
     observation: NDArray[np.float32]
     reward: Floats
     terms: Floats
     terminated: Masks
     truncated: Masks
     weights: Floats
-    scales: Floats
+    divisors: Floats
+    amplitude: float
+    most_speed: float
+    most_torque: float
+    dt: float
+    n: float
+    size: int
     episode_steps: int
     preview: int
 
@@ -150,7 +157,7 @@ def draw_episodes(rng: Words, task: Task, mask: Masks) -> None:
 
 
 @inlined
-def limit(x: float) -> float:
+def limited(x: float) -> float:
     """Clip an observation to its finite box."""
     return min(max(x, -CLIP), CLIP)
 
@@ -158,7 +165,7 @@ def limit(x: float) -> float:
 @inlined
 def look_up(task: Task, i: int, k: int) -> None:
     """Set reference and load of episode i after k control steps."""
-    t = k * task.scales[6]
+    t = k * task.dt
     task.reference[i] = reference_at(task, i, t)
     task.load[i] = load_at(task, i, t)
 
@@ -166,12 +173,12 @@ def look_up(task: Task, i: int, k: int) -> None:
 @inlined
 def reward(task: Task, i: int, now: Seen, command: float) -> None:
     """Reward the step of episode i in which a motor torque was commanded [N m], and say its end."""
-    scales, weights = task.scales, task.weights
-    error = (task.reference[i] - now.true_tau) / scales[0]
-    change = (command - task.command[i]) / scales[0]
+    weights = task.weights
+    error = (task.reference[i] - now.true_tau) / task.amplitude
+    change = (command - task.command[i]) / task.amplitude
     task.command[i] = command
-    too_fast = abs(now.true_dq_m) > scales[4]
-    too_strong = abs(now.true_tau) > scales[5]
+    too_fast = abs(now.true_dq_m) > task.most_speed
+    too_strong = abs(now.true_tau) > task.most_torque
     task.terminated[i] = too_fast or too_strong
     task.truncated[i] = now.k >= task.episode_steps and not task.terminated[i]
     terms = task.terms[i]
@@ -181,7 +188,7 @@ def reward(task: Task, i: int, now: Seen, command: float) -> None:
         fine = math.log1p(abs(error) / FINE) / math.log1p(1.0 / FINE)
         terms[PRECISION] = -weights[PRECISION] * fine
     terms[SMOOTHNESS] = -weights[SMOOTHNESS] * change * change
-    terms[EFFORT] = -weights[EFFORT] * (command / scales[0]) ** 2
+    terms[EFFORT] = -weights[EFFORT] * (command / task.amplitude) ** 2
     terms[SAFETY] = -weights[SAFETY] if task.terminated[i] else 0.0
     total = 0.0
     for j in range(SAFETY + 1):
@@ -192,33 +199,47 @@ def reward(task: Task, i: int, now: Seen, command: float) -> None:
 @inlined
 def rotor_angle(task: Task, q_m: float) -> float:
     """Return the angle of the rotor for one of the motor on the link side [rad]."""
-    return float(task.scales[7] * q_m)
+    return float(task.n * q_m)
 
 
 @inlined
-def remember(task: Task, i: int, now: Seen) -> None:
-    """Put the scaled newest sample [tau, dq_m, dq_l, command] before those of the past."""
-    scales, past = task.scales, task.history[i]
-    for at in range(past.shape[0] - 1, SIGNALS_PER_SAMPLE - 1, -1):
-        past[at] = past[at - SIGNALS_PER_SAMPLE]
-    past[0] = limit(now.tau / scales[0])
-    past[1] = limit(now.dq_m / scales[1])
-    past[2] = limit(now.dq_l / scales[1])
-    past[3] = limit(task.command[i] / scales[0])
+def observe(task: Task, i: int, now: Seen, rotor: tuple[float, float], begun: bool) -> None:
+    """Write the observation of episode i, which has begun before or begins.
 
-
-@inlined
-def observe(task: Task, i: int, now: Seen, sine: float, cosine: float) -> None:
-    """Write the observation of episode i, with sine and cosine of its rotor."""
-    out, scales, past = task.observation[i], task.scales, task.history[i]
-    t = now.k * scales[6]
-    at = 0
+    Args:
+        task: The task.
+        i: Which episode.
+        now: What is seen of its joint.
+        rotor: Sine and cosine of the measured angle of the rotor.
+        begun: Whether it goes on from an observation before.
+    """
+    out, t = task.observation[i], now.k * task.dt
     for ahead in range(task.preview + 1):
-        value = task.reference[i] if ahead == 0 else reference_at(task, i, t + ahead * scales[6])
-        out[at] = limit(value / scales[0])
-        at += 1
-    out[at] = limit((task.reference[i] - now.tau) / scales[0])
-    out[at + 1], out[at + 2] = sine, cosine
-    at += 3
-    for k in range(past.shape[0]):
-        out[at + k] = past[k]
+        value = task.reference[i] if ahead == 0 else reference_at(task, i, t + ahead * task.dt)
+        out[ahead] = limited(value / task.amplitude)
+    error = task.reference[i] - now.tau
+    sample = Observed(error, rotor[0], rotor[1], now.tau, now.dq_m, now.dq_l, task.command[i])
+    put_sample(out[task.preview + 1 : task.size], sample, task.divisors, begun)
+
+
+@inlined
+def put_sample(out: NDArray[np.float32], sample: Observed, divisors: Floats, begun: bool) -> None:
+    """Put a sample into an observation, before those of the past.
+
+    Args:
+        out: What follows the reference in the observation before, shape (3 + 4 history,).
+        sample: The sample.
+        divisors: What divides it, shape (7,).
+        begun: Whether there is a past; the first sample stands for all of it.
+    """
+    for j in range(PRESENT):
+        out[j] = limited(sample[j] / divisors[j])
+    past = out[PRESENT:]
+    if begun:
+        for k in range(past.shape[0] - 1, PAST - 1, -1):
+            past[k] = past[k - PAST]
+    for j in range(PAST):
+        past[j] = limited(sample[PRESENT + j] / divisors[PRESENT + j])
+    if not begun:
+        for k in range(PAST, past.shape[0]):
+            past[k] = past[k - PAST]

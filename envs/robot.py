@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Annotated, Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
@@ -12,9 +12,11 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from cjt_gym.envs.core import make_base
+from cjt_gym.envs.observation import CLIP, Row, divisors, observes
 from cjt_gym.envs.settings import BaseController
 from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.joint import Joint, load_joint
+from cjt_gym.joint.border import checked_array
 from cjt_gym.plant import Measurement
 from cjt_gym.plant.randomization import Randomization
 from cjt_gym.robots import CoupledRobot, get_robot, load_model
@@ -22,12 +24,23 @@ from cjt_gym.robots.models import mujoco
 
 Floats = NDArray[np.float64]
 Observation = NDArray[np.float32]
-CLIP, ERROR_SCALE, SPEED_SCALE = 5.0, 0.5, 5.0
+ERROR_SCALE, SPEED_SCALE = 0.5, 5.0
 PERIODS = (1.0, 3.0)
 SMOOTHNESS = 0.05
-SIGNALS = 6
 
 
+class Observed(NamedTuple):
+    """What is observed of the actuators, in this order, each of shape (actuators,)."""
+
+    q: Annotated[Floats, Row("measured load angle", "rad", math.pi)]
+    error: Annotated[Floats, Row("wanted angle minus it", "rad", ERROR_SCALE)]
+    rate: Annotated[Floats, Row("wanted velocity", "rad/s", SPEED_SCALE)]
+    dq: Annotated[Floats, Row("measured load velocity", "rad/s", SPEED_SCALE)]
+    tau: Annotated[Floats, Row("measured joint torque", "N m", "action_scale")]
+    action: Annotated[Floats, Row("action before", "-")]
+
+
+@observes(Observed)
 class RobotEnv(gym.Env[Observation, NDArray[np.float32]]):
     """Make the actuated joints of a robot follow angles, through their springs.
 
@@ -43,16 +56,10 @@ class RobotEnv(gym.Env[Observation, NDArray[np.float32]]):
 
     ## Observation space
 
-    `Box(-5, 5, (6 actuators,), float32)`, for each actuator in turn:
+    `Box(-5, 5, (6 actuators,), float32)`, for each actuator in turn, divided by its scale and
+    clipped:
 
-    | Index | Observation | Unit before scaling | Scale |
-    |---|---|---|---|
-    | 0 | measured load angle | rad | pi |
-    | 1 | wanted angle minus it | rad | 0.5 |
-    | 2 | wanted velocity | rad/s | 5 |
-    | 3 | measured load velocity | rad/s | 5 |
-    | 4 | measured joint torque | N m | `action_scale` |
-    | 5 | action before | - | 1 |
+    {observation}
 
     ## Reward
 
@@ -136,7 +143,9 @@ class RobotEnv(gym.Env[Observation, NDArray[np.float32]]):
         self.action_scale, self.decimation = action_scale, decimation
         self.episode_steps, self.render_mode = episode_steps, render_mode
         self.action_space = spaces.Box(-1.0, 1.0, (len(names),), np.float32)
-        self.observation_space = spaces.Box(-CLIP, CLIP, (SIGNALS * len(names),), np.float32)
+        self._divisors = divisors(Observed, self)
+        size = len(names) * len(self._divisors)
+        self.observation_space = spaces.Box(-CLIP, CLIP, (size,), np.float32)
         self._renderer: Any = None
         span = np.array(list(self.robot.posture.values()))
         self._middle, self._half = span.mean(axis=1), 0.5 * np.diff(span)[:, 0]
@@ -171,12 +180,7 @@ class RobotEnv(gym.Env[Observation, NDArray[np.float32]]):
             ConfigurationError: The action has the wrong shape or is not finite.
             SimulationError: A state ceased to be finite.
         """
-        chosen = np.asarray(action, dtype=np.float64)
-        if chosen.shape != self._before.shape or not np.isfinite(chosen).all():
-            raise ConfigurationError(
-                f"The action must hold {len(self._before)} finite numbers, got {action!r}."
-            )
-        chosen = np.clip(chosen, -1.0, 1.0)
+        chosen = np.clip(checked_array("The action", action, self._before.shape), -1.0, 1.0)
         command = self.action_scale * chosen
         for _ in range(self.decimation):
             command = self._command(self.action_scale * chosen)
@@ -222,10 +226,8 @@ class RobotEnv(gym.Env[Observation, NDArray[np.float32]]):
         m = self._measured
         q, dq = np.array([[float(k.q_l[0]), float(k.dq_l[0])] for k in m]).T
         tau = np.array([float(k.tau[0]) for k in m])
-        rows = [q / math.pi, (wanted - q) / ERROR_SCALE, rate / SPEED_SCALE, dq / SPEED_SCALE]
-        rows += [tau / self.action_scale, self._before]
-        found = np.clip(np.stack(rows, axis=1).ravel(), -CLIP, CLIP)
-        return np.asarray(found, dtype=np.float32)
+        seen = np.stack(Observed(q, wanted - q, rate, dq, tau, self._before), axis=1)
+        return np.clip(seen / self._divisors, -CLIP, CLIP).ravel().astype(np.float32)
 
     def render(self) -> Any:
         """Return a picture, shape (640, 960, 3), for "rgb_array"."""

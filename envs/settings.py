@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cjt_gym.envs.observation import Layout
 from cjt_gym.envs.observe import TERMS
 from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.joint import Joint, get_structure, load_joint, load_joint_file
@@ -70,14 +71,8 @@ class Settings:
         joint: The joint.
         references: Signals of which each episode draws one [N m].
         disturbances: Likewise for the load input [N m] or, with a fixed output, [rad/s].
-        torque_amplitude: Torque that observations and rewards are scaled by [N m].
-        velocity_scale: Velocity that observations are scaled by [rad/s].
-        action_scale: Motor torque of an action of 1 [N m].
-        preview: Future samples of the reference in the observation.
-        history: Past samples of every measured signal in the observation.
-        joint_numbers: What of the joint's datasheet ends the observation; see `joint_numbers`.
+        layout: What is observed, and the unit of an action.
         episode_steps: Control steps after which an episode is truncated.
-        dt: Control step [s].
         dt_physics: Substep [s].
         reward_weights: Weight of each reward term.
         randomization: What varies and how, fully spelt out.
@@ -86,14 +81,8 @@ class Settings:
     joint: Joint
     references: tuple[Signal, ...]
     disturbances: tuple[Signal, ...]
-    torque_amplitude: float
-    velocity_scale: float
-    action_scale: float
-    preview: int
-    history: int
-    joint_numbers: tuple[float, ...]
+    layout: Layout
     episode_steps: int
-    dt: float
     dt_physics: float
     reward_weights: Mapping[str, float]
     randomization: Mapping[str, Variation] = field(default_factory=dict)
@@ -188,47 +177,41 @@ def make_settings(given: TaskArguments) -> Settings:
         loaded = default_load(str(joint), structure, parameters or {})
         joint = load_joint(joint, structure, drive, effects, loaded)
     joint = with_current_loop(joint, dt_physics)
-    limit = joint.torque_limit
-    amplitude = given.torque_amplitude
-    if amplitude is None:
-        amplitude = default_amplitude(joint.parameters)
-    _positive("torque_amplitude", amplitude, "N m")
+    if given.episode_steps < 1:
+        raise ConfigurationError(f"episode_steps must be >= 1, got {given.episode_steps}.")
     load = "zero" if given.disturbance is None else given.disturbance
     disturbances = make_signals(load, 1.0, high=5.0)
-    velocity_scale = given.velocity_scale
-    if velocity_scale is None:
-        velocity_scale = _velocity_scale(joint, amplitude, disturbances)
-    _positive("velocity_scale", velocity_scale, "rad/s")
-    action_scale = given.action_scale
-    if action_scale is None:
-        share = ACTION_SHARE if given.base_controller is None else RESIDUAL_SHARE
-        action_scale = min(share * amplitude, limit)
-    _positive("action_scale", action_scale, "N m")
-    if given.preview < 0 or given.episode_steps < 1:
-        raise ConfigurationError(
-            "preview must be >= 0 and episode_steps >= 1, got "
-            f"{given.preview} and {given.episode_steps}."
-        )
-    variations = resolve_randomization(joint, given.randomization, given.dt_control)
+    layout = _layout(joint, given, disturbances)
+    variations = resolve_randomization(joint, given.randomization, layout.dt)
+    layout = replace(layout, history=_history(joint, given, variations))
+    steps = given.episode_steps + layout.preview + 1
     return Settings(
         joint=joint,
-        references=make_signals(
-            _sampled(given.reference, given.episode_steps + given.preview + 1, given.dt_control),
-            amplitude,
-        ),
+        references=make_signals(_sampled(given.reference, steps, layout.dt), layout.torque),
         disturbances=disturbances,
-        torque_amplitude=float(amplitude),
-        velocity_scale=float(velocity_scale),
-        action_scale=float(action_scale),
-        preview=given.preview,
-        history=_history(joint, given, variations),
-        joint_numbers=joint_numbers(joint, amplitude) if given.observe_joint else (),
+        layout=layout,
         episode_steps=given.episode_steps,
-        dt=given.dt_control,
         dt_physics=dt_physics,
         reward_weights=_weights(given.reward_weights),
         randomization=variations,
     )
+
+
+def _layout(joint: Joint, given: TaskArguments, disturbances: tuple[Signal, ...]) -> Layout:
+    """Return what is observed but its history, with usual scales where none are given."""
+    torque, velocity, action = given.torque_amplitude, given.velocity_scale, given.action_scale
+    if torque is None:
+        torque = default_amplitude(joint.parameters)
+    if velocity is None:
+        velocity = _velocity_scale(joint, torque, disturbances)
+    if action is None:
+        share = ACTION_SHARE if given.base_controller is None else RESIDUAL_SHARE
+        action = min(share * torque, joint.torque_limit)
+    n, dt = float(joint.parameters.n), given.dt_control
+    layout = Layout(given.preview, 1, torque, velocity, action, n, dt)
+    if not given.observe_joint:
+        return layout
+    return replace(layout, joint_numbers=joint_numbers(joint, layout.torque))
 
 
 def _sampled(reference: Any, steps: int, dt: float) -> Any:
@@ -238,7 +221,7 @@ def _sampled(reference: Any, steps: int, dt: float) -> Any:
         reference: Values [N m], one per control step, shape (n,), the last of which holds from
             there on; a function of the time since the episode began [s]; whatever else
             `make_signals` takes; or a list of these.
-        steps: Control steps for which a function is asked.
+        steps: Control steps for which it is asked, that of the preview included.
         dt: Control step [s].
 
     Raises:
@@ -248,6 +231,7 @@ def _sampled(reference: Any, steps: int, dt: float) -> Any:
         return [_sampled(each, steps, dt) for each in reference]
     if isinstance(reference, np.ndarray):
         values = checked_array("reference", reference, (None,))
+        values = np.pad(values, (0, max(0, steps - len(values))), "edge")
     elif callable(reference) and not isinstance(reference, Signal):
         found = [reference(k * dt) for k in range(steps)]
         values = checked_array("values of the function that is the reference", found, (steps,))
@@ -273,11 +257,6 @@ def _history(joint: Joint, given: TaskArguments, variations: Mapping[str, Variat
             f"on its way stays in the observation; got {given.history}."
         )
     return max(1, given.history)
-
-
-def _positive(name: str, value: float, unit: str) -> None:
-    if not (math.isfinite(value) and value > 0.0):
-        raise ConfigurationError(f"{name} must be finite and > 0 {unit}, got {value}.")
 
 
 def _weights(given: Mapping[str, float] | None) -> dict[str, float]:

@@ -8,7 +8,7 @@ An episode goes through these calls, in this order:
    (`cjt_gym.joint.kernel`), which `Episodes` calls;
 3. `seen`: what the task gets to see of the joint, the only thing that it knows of it;
 4. `look_up` and `reward`: the reference now, the reward, and whether the episode ends;
-5. `remember` and `observe`: the observation.
+5. `observe`: the observation.
 
 `step_blocks` and `tell_some` are the step for joints in blocks and for those that were left.
 """
@@ -22,17 +22,7 @@ from numpy.typing import NDArray
 
 from cjt_gym.envs.control import Control
 from cjt_gym.envs.handover import opened
-from cjt_gym.envs.observe import (
-    SAFETY,
-    SIGNALS_PER_SAMPLE,
-    Seen,
-    Task,
-    look_up,
-    observe,
-    remember,
-    reward,
-    rotor_angle,
-)
+from cjt_gym.envs.observe import SAFETY, Seen, Task, look_up, observe, reward, rotor_angle
 from cjt_gym.joint.arrays import DQ_L, DQ_M, Q_M, TAU, Batch
 from cjt_gym.joint.compiled import compiled, inlined, threaded
 from cjt_gym.joint.lanes import advance
@@ -139,8 +129,7 @@ def conclude(task: Task, i: int, now: Seen, command: float, sine: float, cosine:
     """
     look_up(task, i, now.k)
     reward(task, i, now, command)
-    remember(task, i, now)
-    observe(task, i, now, sine, cosine)
+    observe(task, i, now, (sine, cosine), True)
 
 
 @inlined
@@ -163,10 +152,8 @@ def begin(task: Task, i: int, now: Seen) -> None:
     """Observe episode i for the first time; its past is as if it had always been like this."""
     task.command[i] = 0.0
     look_up(task, i, 0)
-    for _ in range(task.history.shape[1] // SIGNALS_PER_SAMPLE):
-        remember(task, i, now)
     angle = rotor_angle(task, now.q_m)
-    observe(task, i, now, math.sin(angle), math.cos(angle))
+    observe(task, i, now, (math.sin(angle), math.cos(angle)), False)
 
 
 @compiled

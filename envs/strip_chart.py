@@ -8,22 +8,35 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.errors import ConfigurationError
+from cjt_gym.errors import ConfigurationError, unknown_name
 
+RENDER_MODES = ("human", "rgb_array")
 LENGTH = 1000
 LABELS = ("reference", "joint torque", "motor command")
 COLOURS = ("#888888", "#0b6fb8", "#d9822b")
 
 
 class StripChart:
-    """The last second of an episode.
+    """The last second of an episode, where it is to be drawn.
 
     Raises:
+        UnknownNameError: There is no such mode.
         ConfigurationError: matplotlib is not installed.
     """
 
-    def __init__(self, dt: float, labels: tuple[str, ...] = LABELS) -> None:
-        """Prepare an empty chart of the torques with these labels, sampled every dt [s]."""
+    def __init__(self, mode: str | None, dt: float, labels: tuple[str, ...] = LABELS) -> None:
+        """Prepare an empty chart.
+
+        Args:
+            mode: "human" for a window, "rgb_array" for images, None to draw nothing.
+            dt: Time between two samples [s].
+            labels: What the torques are.
+        """
+        self.mode = mode
+        if mode is None:
+            return
+        if mode not in RENDER_MODES:
+            raise unknown_name("render mode", mode, RENDER_MODES)
         try:
             from matplotlib.figure import Figure
         except ImportError:
@@ -46,13 +59,18 @@ class StripChart:
 
     def clear(self) -> None:
         """Forget all samples."""
-        self.rows.clear()
-        self.count = 0
+        if self.mode is not None:
+            self.rows.clear()
+            self.count = 0
 
     def add(self, *torques: float) -> None:
-        """Add a sample, a value for each label [N m]."""
+        """Add a sample, a value for each label [N m], and draw it where there is a window."""
+        if self.mode is None:
+            return
         self.rows.append(torques)
         self.count += 1
+        if self.mode == "human":
+            self._show()
 
     def _update(self) -> None:
         data = np.array(self.rows).reshape(-1, len(self.lines))
@@ -61,6 +79,10 @@ class StripChart:
             line.set_data(t, data[:, j])
         self.axes.relim()
         self.axes.autoscale_view()
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """Return the chart for "rgb_array", None for other modes."""
+        return self.image() if self.mode == "rgb_array" else None
 
     def image(self) -> NDArray[np.uint8]:
         """Return the chart, shape (height, width, 3)."""
@@ -71,7 +93,7 @@ class StripChart:
         canvas.draw()
         return np.asarray(canvas.buffer_rgba())[:, :, :3].copy()
 
-    def show(self) -> None:
+    def _show(self) -> None:
         """Show the chart in a window, redrawn every 50 samples."""
         import matplotlib.pyplot as plt
 
@@ -86,7 +108,7 @@ class StripChart:
 
     def close(self) -> None:
         """Close the window."""
-        if self._window is not None:
+        if self.mode is not None and self._window is not None:
             import matplotlib.pyplot as plt
 
             plt.close(self._window)

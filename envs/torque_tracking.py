@@ -8,18 +8,25 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.envs.arguments import complete, takes_arguments
+from cjt_gym.envs.arguments import argument_table, complete, takes_arguments
 from cjt_gym.envs.control import REPORT
 from cjt_gym.envs.core import Episodes
-from cjt_gym.envs.strip_chart import StripChart
-from cjt_gym.errors import unknown_name
+from cjt_gym.envs.observation import PAST, PRESENT, ROWS, observation_table, with_tables
+from cjt_gym.envs.strip_chart import RENDER_MODES, StripChart
 
 Observation = NDArray[np.float32]
 Action = NDArray[np.float32]
-RENDER_MODES = ("human", "rgb_array")
+PLACES = (
+    *("0 .. preview", *(f"preview + {k + 1}" for k in range(PRESENT))),
+    *("then, newest first, `history` times", *[""] * (PAST - 1)),
+)
 __all__ = ["TorqueTrackingEnv"]
 
 
+@with_tables(
+    arguments=argument_table(),
+    observation=observation_table(PLACES, ROWS),
+)
 @takes_arguments
 class TorqueTrackingEnv(gym.Env[Observation, Action]):
     """Make the torque of a compliant joint follow a reference.
@@ -40,19 +47,9 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
     ## Observation space
 
     `Box(-5, 5, (preview + 4 + 4 history,), float32)`, made only of what a real joint
-    measures, and four more with `observe_joint`. Torques are divided by `torque_amplitude`,
-    velocities by `velocity_scale`, and clipped.
+    measures, and four more with `observe_joint`; each divided by its scale and clipped.
 
-    | Index | Observation | Unit before scaling |
-    |---|---|---|
-    | 0 | reference now | N m |
-    | 1 .. preview | reference at the next control steps | N m |
-    | preview + 1 | reference minus measured torque | N m |
-    | preview + 2, + 3 | sine and cosine of the measured rotor angle n q_m | - |
-    | then, newest first, `history` times | measured torque | N m |
-    | | measured motor velocity | rad/s |
-    | | measured load velocity | rad/s |
-    | | motor torque that was commanded | N m |
+    {observation}
 
     With `observe_joint`, what of the joint's datasheet tells it from others ends the observation,
     for policies that suit many joints: ln(f / 20 Hz) and (20 Hz / f)^2 with the frequency f of
@@ -134,13 +131,11 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 20}  # noqa: RUF012
 
     def __init__(self, render_mode: str | None = None, **arguments: Any) -> None:
-        if render_mode is not None and render_mode not in RENDER_MODES:
-            raise unknown_name("render mode", render_mode, RENDER_MODES)
         self.episodes = Episodes(1, **complete(arguments))
         self.observation_space = self.episodes.observation_space
         self.action_space = self.episodes.action_space
         self.render_mode = render_mode
-        self._chart = StripChart(self.episodes.settings.dt) if render_mode else None
+        self._chart = StripChart(render_mode, self.episodes.settings.layout.dt)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -150,8 +145,7 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
         super().reset(seed=seed)
         self.episodes.seed(seed, self.np_random if first else None)
         self.episodes.reset(options)
-        if self._chart is not None:
-            self._chart.clear()
+        self._chart.clear()
         return self.episodes.task.observation[0].copy(), {"parameters": self._parameters()}
 
     def step(self, action: Action) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
@@ -167,10 +161,8 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
         else:
             episodes.step(np.asarray(action).reshape(1, -1))
         info: dict[str, Any] = dict(zip(REPORT, episodes.control.report[0].tolist()))  # noqa: B905
-        if self._chart is not None:
+        if self.render_mode is not None:
             self._chart.add(info["tau_reference"], info["tau"], info["tau_command"])
-            if self.render_mode == "human":
-                self._chart.show()
         if episodes.redrawn[0]:
             info["parameters"] = self._parameters()
         return (
@@ -186,11 +178,8 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
 
     def render(self) -> Any:
         """Return the strip chart as an image, shape (height, width, 3), for "rgb_array"."""
-        if self._chart is not None and self.render_mode == "rgb_array":
-            return self._chart.image()
-        return None
+        return self._chart.render()
 
     def close(self) -> None:
         """Close the strip chart."""
-        if self._chart is not None:
-            self._chart.close()
+        self._chart.close()

@@ -72,8 +72,8 @@ class TorqueTrackingVectorEnv(VectorEnv[Observation, Action, NDArray[Any]]):
         self._waits = autoreset == "next_step"
         self._ended = np.zeros(num_envs, dtype=np.bool_)
         self.episodes = Episodes(num_envs, **complete(arguments))
-        dt, drawn = self.episodes.settings.dt, num_envs if render_mode else 0
-        self._charts = [StripChart(dt) for _ in range(drawn)]
+        dt, drawn = self.episodes.settings.layout.dt, num_envs if render_mode else 0
+        self._charts = [StripChart(RENDER_MODE, dt) for _ in range(drawn)]
         self.single_observation_space = self.episodes.observation_space
         self.single_action_space = self.episodes.action_space
         self.observation_space = batch_space(self.single_observation_space, num_envs)

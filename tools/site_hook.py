@@ -1,42 +1,34 @@
-"""What the site has beside its pages: examples as files, the tour, the page of the joints."""
+"""What the site has beside its pages: examples, the tour, the page of the joints, MathML."""
 
 from __future__ import annotations
 
+import html
 import re
-from concurrent.futures import ProcessPoolExecutor
-from functools import cache
-from multiprocessing import get_context
 from pathlib import Path
-from site import addsitedir
 
 import tour
 from joints_page import joints_page
+from latex2mathml.converter import convert
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
 ROOT = Path(__file__).resolve().parent.parent
-WORKERS = 2
 TABLE = re.compile(r"<!-- tour -->\n.*?<!-- end -->\n", re.DOTALL)
-OPENED = "[Notebook](%s.ipynb){ download } · [script](../../examples/tour/%s.py)"
+FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
+OPENED = (
+    "[Notebook](../../examples/tour/%s.ipynb){ download } · [script](../../examples/tour/%s.py)"
+)
 
 
-@cache
-def _tour(_: tuple[float, ...]) -> tuple[tour.Page, ...]:
-    """Run the tour, once for every state of its scripts."""
-    tools = (str(ROOT / "tools"),)
-    with ProcessPoolExecutor(WORKERS, get_context("spawn"), addsitedir, tools) as pool:
-        return tuple(pool.map(tour.run, tour.scripts()))
-
-
-def _pages() -> tuple[tour.Page, ...]:
-    return _tour(tuple(path.stat().st_mtime for path in tour.scripts()))
+def _pages() -> list[tour.Page]:
+    return [tour.page_of(path.with_suffix(".ipynb")) for path in tour.scripts()]
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add every example as a file of the site, the tour, and the page of the joints."""
 
-    def add(uri: str, content: str) -> None:
+    def add(uri: str, content: str | bytes) -> None:
         files.append(File.generated(config, uri, content=content))
 
     joints, pictures = joints_page()
@@ -47,11 +39,10 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
         opened = OPENED % (page.name, page.name)
         head, _, rest = page.markdown.partition("\n")
         add(f"tour/{page.name}.md", f"{head}\n\n{opened}\n{rest}")
-        add(f"tour/{page.name}.ipynb", page.notebook)
-        for name, svg in page.pictures.items():
-            add(f"tour/{name}", svg)
+        for name, picture in page.pictures.items():
+            add(f"tour/{name}", picture)
     for path in sorted((ROOT / "examples").rglob("*.*")):
-        if path.suffix in (".py", ".toml"):
+        if path.suffix in (".py", ".toml", ".ipynb"):
             uri = path.relative_to(ROOT).as_posix()
             files.append(File.generated(config, uri, abs_src_path=str(path)))
     return files
@@ -62,7 +53,20 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     if page.file.src_uri == "examples.md":
         cards = "\n".join(_card(one) for one in _pages())
         markdown = TABLE.sub(f'<div class="grid cards" markdown>\n\n{cards}\n\n</div>\n', markdown)
+    if page.file.src_uri.startswith("tour/"):
+        markdown = markdown.replace("](../../docs/", "](../")
+        markdown = re.sub(r"\]\((\d\d_\w+)\.ipynb\)", r"](\1.md)", markdown)
     return re.sub(r"\]\(((?:\.\./)*)\.\./examples/", r"](\1examples/", markdown)
+
+
+def on_page_content(content: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Turn formulas into MathML, which browsers draw without a script."""
+    return FORMULA.sub(_mathml, content)
+
+
+def _mathml(found: re.Match[str]) -> str:
+    display = "block" if found[1] == "div" else "inline"
+    return convert(html.unescape(found[2]).strip(), display=display)
 
 
 def _card(page: tour.Page) -> str:

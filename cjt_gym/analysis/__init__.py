@@ -5,7 +5,7 @@ equations, closes the loop, and gives its `Loop` for responses and `figures_of` 
 bandwidth, steps, noise and the passivity of the port. `identify` measures the response of the
 nonlinear loop with multisines, for controllers and effects that are not linear.
 
-`cjt_gym.analysis.open_loop` is the joint by itself: responses, poles and zeros, steps.
+`cjt_gym.analysis.open_loop` is the joint without a controller: responses, poles and zeros, steps.
 """
 
 from cjt_gym.analysis.figures import (

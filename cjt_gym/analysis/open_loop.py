@@ -1,4 +1,4 @@
-"""The joint by itself, linear: from any input to any output, its modes and its step.
+"""The joint without a controller, linear: from any input to any output, its modes and its step.
 
 Inputs are those of `Joint.state_space` with the motor torque, or in its place the motor current "i"
 (tau_m = k i with k = k_t n), or the voltage "v" at the drive of the joint: with "static"

@@ -1,4 +1,4 @@
-"""Several joints on one bus, run in step by one loop."""
+"""The joints of a bus, one or several, run in step by one loop."""
 
 from __future__ import annotations
 
@@ -10,18 +10,20 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Self, final
+from typing import Self, final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.canbus.arm_record import ArmRecord
 from cjt_gym.canbus.bus_identity import bus_identity
+from cjt_gym.canbus.can_joint import CanJoint
 from cjt_gym.canbus.config import HardwareConfig
 from cjt_gym.canbus.dialogue import AFTERWARDS
-from cjt_gym.canbus.link import BusLink, Link, open_bus, quiet_machine
+from cjt_gym.canbus.journal import Watcher
+from cjt_gym.canbus.link import BusLink, Link, open_link, quiet_machine
 from cjt_gym.canbus.lock import NodeLock
-from cjt_gym.canbus.plant import CanPlant
+from cjt_gym.canbus.run_record import BeginRecord, RunRecord
 from cjt_gym.canbus.safety import Fault, HardwareFault, State
 from cjt_gym.canbus.shared_bus import SharedLink
 from cjt_gym.errors import HardwareError
@@ -32,13 +34,20 @@ Floats = NDArray[np.float64]
 
 @final
 class CanArm:
-    """Joints on one CAN bus.
+    """The joints of one CAN bus.
 
-    Every joint is a `CanPlant` with its own limits, states and watchdog. In each control step the
-    commands of all go out together, then the loop waits once for the deadline and takes what has
-    arrived; it never waits for one joint. A fault of one takes the torque of all away.
+    Nothing moves before `arm`. A run begins with `reset`, which measures, and the first `step`,
+    which switches the drives on; it goes on with one `step` per control step, at absolute
+    deadlines. Every joint is a `CanJoint` with its own limits, states and watchdog. In each control
+    step the commands of all go out together, then the loop waits once for the deadline and takes
+    what has arrived; it never waits for one joint. A fault of one takes the torque of all away,
+    switches off, completes the record and raises `HardwareFault`. Used as a context manager it also
+    does so when the code within raises, or is interrupted; an interrupt while the drives are
+    switched on does so anyway.
 
     Attributes:
+        configs: One for each joint.
+        dt: Control step [s].
         joints: The joints, in the order of the configuration.
         fault: Name of the joint that ended a run with a fault, and the fault; or None.
     """
@@ -48,7 +57,7 @@ class CanArm:
         configs: Sequence[HardwareConfig],
         link: Link | None = None,
         record: str | Path | None = None,
-        **facts: Any,
+        watcher: Watcher | None = None,
     ) -> None:
         """Prepare, without touching the bus.
 
@@ -56,28 +65,38 @@ class CanArm:
             configs: One for each joint, as `load_joints` returns them.
             link: The way to the bus; by default python-can's bus as configured.
             record: Where the record of all joints is written; None for none.
-            **facts: What else belongs to its provenance.
+            watcher: Shown what the record gets, while the run goes on; None for nobody.
         """
         self.configs = tuple(configs)
         self.dt = configs[0].dt
         self.fault: tuple[str, Fault] | None = None
-        self._given, self._path, self._facts = link, record, facts
-        self._lock = threading.RLock()
+        self._given, self._lock = link, threading.RLock()
         self._held: list[NodeLock] = []
-        self._shared: SharedLink | None = None
-        self._quiet: contextlib.ExitStack | None = None
-        self.joints: tuple[CanPlant, ...] = ()
+        self._quiet = contextlib.ExitStack()
+        self._shared = SharedLink(len(configs), self.dt, link)
+        begin = None if record is None else self._record(record, watcher)
+        self.joints = tuple(
+            CanJoint(config, tap, self._lock, begin)
+            for config, tap in zip(configs, self._shared.taps, strict=True)
+        )
+        for joint, tap in zip(self.joints, self._shared.taps, strict=True):
+            tap.claims = joint.nodes.claims
+            joint.on_fault = partial(self._spread, joint.config.name)
+
+    def _record(self, path: str | Path, watcher: Watcher | None) -> BeginRecord:
+        """Return what begins the record: that of one joint has its columns without its name."""
+        if len(self.configs) == 1:
+            return partial(RunRecord, path, watcher=watcher)
+        return ArmRecord(path, len(self.configs), self.dt, watcher).begin
 
     @property
-    def shared(self) -> SharedLink:
-        """The bus.
+    def link(self) -> Link:
+        """The way to the bus.
 
         Raises:
             HardwareError: It is not connected.
         """
-        if self._shared is None:
-            raise HardwareError("The joints are not connected. Call connect() first.")
-        return self._shared
+        return self._shared.link
 
     # ---- before a run
     def connect(self) -> None:
@@ -88,45 +107,34 @@ class CanArm:
             ConfigurationError: The bus cannot be opened.
         """
         bus = self.configs[0].bus
+        self.fault = None
         try:
             if self._given is None:
                 for config in self.configs:
-                    node = config.drive.settings.node
-                    self._held.append(NodeLock(bus_identity(bus), node))
-            link = self._given or BusLink(open_bus(bus))
-            self._shared = SharedLink(link, len(self.configs), self.dt)
-            self._make_joints()
+                    self._held.append(NodeLock(bus_identity(bus), config.drive.settings.node))
+                self._shared.open(open_link(bus))
             for joint in self.joints:
                 joint.connect()
         except BaseException:
             self._release()
             raise
 
-    def _make_joints(self) -> None:
-        begin = None
-        if self._path is not None:
-            record = ArmRecord(self._path, len(self.configs), self.dt, self._facts)
-            begin = record.begin
-        self.joints = tuple(
-            CanPlant(config, tap, begin, self._lock)
-            for config, tap in zip(self.configs, self.shared.taps, strict=True)
-        )
-        for joint, tap in zip(self.joints, self.shared.taps, strict=True):
-            tap.claims = joint.nodes.claims
-            joint.on_fault = partial(self._spread, joint.config.name)
-
     def measured_delay(self) -> list[dict[str, float]]:
-        """Return the delays of bus and loop for each joint; see `CanPlant.measured_delay`."""
+        """Return the delays of bus and loop for each joint; see `CanJoint.measured_delay`."""
         return [joint.measured_delay() for joint in self.joints]
 
     def arm(self) -> None:
-        """Allow the joints to be moved, each after its drive has shown that it stops by itself.
+        """Allow the joints to be moved, one after the other; they still are not.
+
+        Each drive is switched on once, with zero torque, to show that it stops by itself where no
+        command comes, unless the configuration says that it is unwatched.
 
         Raises:
-            HardwareError: See `CanPlant.arm`.
+            HardwareError: They are not connected, what one shows is not within its limits, or its
+                torque might outlive this program.
         """
-        if isinstance(self.shared.link, BusLink):
-            gc.collect()
+        if isinstance(self.link, BusLink):
+            gc.collect()  # now, for it is kept out of the run
         for joint in self.joints:
             joint.arm()
 
@@ -149,7 +157,8 @@ class CanArm:
         The first step after `reset` switches the drives on.
 
         Args:
-            commands: Motor torque of each joint [N m], shape (joints,).
+            commands: Motor torque of each joint [N m], shape (joints,); they are limited, and so
+                are their rates.
             tau_ref: Joint torque that was wanted of each [N m], for the record.
 
         Raises:
@@ -178,31 +187,35 @@ class CanArm:
                 self._hear()
             for joint in self.joints:
                 joint.end()
-        self._end_quiet()
+        self._quiet.close()
 
-    def fail(self, kind: str, text: str) -> None:
-        """End the run with a fault that was found elsewhere.
+    def fail(self, kind: str, text: str, k: int = 0) -> None:
+        """End the run with a fault of the k-th joint that was found elsewhere.
 
         Raises:
             HardwareFault: Always, where a run was on.
         """
         with self._all_off_on_fault():
-            self.joints[0].fail(kind, text)
+            self.joints[k].fail(kind, text)
 
     def close(self) -> None:
         """End a run, complete the record and release the bus.
 
         The run ends softly; while an exception is on its way it ends at once, as with any fault.
         """
+        error = sys.exc_info()[1]
         try:
-            if sys.exc_info()[1] is None and self.fault is None:
+            if error is None and self.fault is None:
                 self.stop()
+        except BaseException as raised:
+            error = raised
+            raise
         finally:
-            self._end_quiet()
+            self._quiet.close()
             with contextlib.ExitStack() as closing:
                 closing.callback(self._release)
                 for joint in self.joints:
-                    closing.callback(joint.close)
+                    closing.callback(joint.close, error)
 
     def __enter__(self) -> Self:
         return self
@@ -213,35 +226,42 @@ class CanArm:
     # ---- within a run
     def _start(self, wanted: Floats) -> None:
         """Switch the drives on one by one, keeping alive those that are on already."""
-        self._quiet = contextlib.ExitStack()
-        if isinstance(self.shared.link, BusLink):
+        if isinstance(self.link, BusLink):
             self._quiet.enter_context(quiet_machine(self.configs[0].priority))
         try:
             for joint, tau_ref in zip(self.joints, wanted.tolist(), strict=True):
                 joint.start(tau_ref)
-                self.shared.keep_alive(partial(joint.nodes.command, 0.0))
-            begin = self.shared.link.now()
+                self._shared.keep_alive(partial(joint.nodes.command, 0.0))
+            begin = self.link.now()
             for joint in self.joints:
                 joint.begin(begin)
         except BaseException as error:
+            self._quiet.close()
             if not isinstance(error, HardwareFault):
-                self._abandon(error)
+                for joint in self.joints:
+                    joint.abandon(error)
             raise
         finally:
-            self.shared.let_go()
+            self._shared.let_go()
 
-    def _send(self, each: Callable[[CanPlant, int], None]) -> None:
+    def _send(self, each: Callable[[CanJoint, int], None]) -> None:
         """Let every joint send, all frames together."""
         with self._lock:  # nobody else may send between them
-            self.shared.gather()
+            self._shared.gather()
             try:
                 for k, joint in enumerate(self.joints):
                     each(joint, k)
             finally:
                 try:
-                    self.shared.flush()
+                    self._shared.flush()
                 except HardwareError as error:
                     self.joints[0].fail("bus_off", str(error))
+            for joint in self.joints:
+                joint.went_out()
+
+    def _hear(self) -> list[Measurement]:
+        self._shared.wait_until(self.joints[0].due)
+        return [joint.hear() for joint in self.joints]
 
     @contextlib.contextmanager
     def _all_off_on_fault(self) -> Iterator[None]:
@@ -252,38 +272,24 @@ class CanArm:
             for _ in range(AFTERWARDS):
                 for joint in self.joints:
                     joint.switch_off()
-                self.shared.wait_until(self.shared.link.now() + self.dt)
+                self._shared.wait_until(self.link.now() + self.dt)
             if self.fault is None:
                 raise
             name, fault = self.fault
-            raise HardwareFault(replace(fault, text=f"{name}: {fault.text}")) from None
-
-    def _hear(self) -> list[Measurement]:
-        self.shared.wait_until(self.joints[0].due)
-        return [joint.hear() for joint in self.joints]
+            text = f"{name}: {fault.text}" if name else fault.text
+            raise HardwareFault(replace(fault, text=text)) from None
 
     def _spread(self, name: str, fault: Fault) -> None:
         """Take the torque of all joints away because of a fault of one."""
         if self.fault is not None:
             return
         self.fault = name, fault
-        self.shared.let_go()  # for many a drive a command of zero torque switches it on
+        self._shared.let_go()  # for many a drive a command of zero torque switches it on
         for joint in self.joints:
             joint.trip(Fault("neighbour", f"{name}: {fault.text}", fault.t))
 
-    def _abandon(self, error: BaseException) -> None:
-        """End a run at once because of an exception from elsewhere."""
-        for joint in self.joints:
-            joint.abandon(error)
-
-    def _end_quiet(self) -> None:
-        if self._quiet is not None:
-            quiet, self._quiet = self._quiet, None
-            quiet.close()
-
     def _release(self) -> None:
-        if self._shared is not None and self._given is None:
-            self._shared.link.close()
-        self._shared = None
+        if self._given is None:
+            self._shared.close()
         while self._held:
             self._held.pop().release()

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, final
 
-from cjt_gym.canbus.journal import Journal
+from cjt_gym.canbus.journal import Journal, Watcher
 from cjt_gym.canbus.run_record import Beginning, Sample, versions
 from cjt_gym.canbus.timing import Timing
 from cjt_gym.records.columns import JOINT_MARK
@@ -27,17 +27,19 @@ class ArmRecord:
         dt: Control step [s].
     """
 
-    def __init__(self, path: str | Path, joints: int, dt: float, facts: Mapping[str, Any]) -> None:
+    def __init__(
+        self, path: str | Path, joints: int, dt: float, watcher: Watcher | None = None
+    ) -> None:
         """Prepare it; the file is made with the last joint.
 
         Args:
             path: Where it is to be, in any format that records are written in.
             joints: How many there are.
             dt: Control step [s].
-            facts: What else belongs to its provenance.
+            watcher: Shown what it gets; None for nobody.
         """
         self.path = self.rows_path = Path(path)
-        self._joints, self.dt, self._facts = joints, dt, dict(facts)
+        self._joints, self.dt, self._watcher = joints, dt, watcher
         self._parts: list[JointRows] = []
         self._journal: Journal | None = None
         self._rows = 0
@@ -58,9 +60,9 @@ class ArmRecord:
         facts = {
             "versions": versions(),
             "sensors": sensors,
-            "provenance": {"kind": "hardware", "joints": joints, **self._facts},
+            "provenance": {"kind": "hardware", "joints": joints},
         }
-        self._journal = Journal(self.path, columns, self.dt, facts)
+        self._journal = Journal(self.path, columns, self.dt, facts, self._watcher)
         self.path, self.rows_path = self._journal.wanted, self._journal.path
 
     def fill(self, is_last: bool = False) -> None:

@@ -202,11 +202,6 @@ def parse_hardware(document: Table, origin: str, folder: Path) -> HardwareConfig
             f"overrun of {control.owner} must be <= watchdog, {watchdog:.4g} s, after which the "
             f"drive stops by itself, got {overrun:g} s. Give a longer watchdog, too."
         )
-    torque = control.text("torque", "auto")
-    if torque not in TORQUES:
-        raise ConfigurationError(
-            f"torque of {control.owner} must be one of {TORQUES}, got {torque!r}."
-        )
     limits = read_limits(document.get("limits", {}), f"[limits] of {origin}", joint)
     emulator = read_emulator(document.get("emulator", {}), f"[emulator] of {origin}")
     reader = NodeReader(folder, joint, dt, watchdog, emulator.watchdog)
@@ -224,7 +219,7 @@ def parse_hardware(document: Table, origin: str, folder: Path) -> HardwareConfig
         missed=control.whole("missed", 0, 100, default=1),
         overrun=overrun,
         soft=control.quantity("soft", "s", low=0.0, high=10.0, default=0.1),
-        torque=torque,
+        torque=control.choice("torque", TORQUES),
         limits=limits,
         emulator=emulator,
         origin=origin,

@@ -9,10 +9,13 @@ from typing import final
 from cjt_gym.canbus.link import Arrival, Link
 from cjt_gym.canbus.nodes import Node, Nodes
 from cjt_gym.canbus.protocols.contract import Mode, Step
+from cjt_gym.canbus.timing import Timing
 from cjt_gym.errors import HardwareError, ProtocolError
 
 PATIENCE = 0.5
 """Time for which a first report of every channel is awaited [s]."""
+REHEARSAL = 100
+"""Control steps for which the delay of the loop is measured before a run."""
 GRACE = 0.005
 """Time by which bus and computers may make a drive's stop seem later than it was [s]."""
 PROOFS = 3
@@ -53,6 +56,39 @@ class Dialogue:
                     "it is powered, and its protocol, number and bit rate."
                 )
 
+    def set_up(self) -> None:
+        """Set all nodes up, and wait until every channel was heard.
+
+        Raises:
+            HardwareError: One does not answer.
+        """
+        for node in self._nodes.all:
+            self.perform(node, node.master.configure())
+        self.listen()
+
+    def make_ready(self, watchdog: float) -> None:
+        """Clear faults, have the drive prove its watchdog unless it is unwatched, and listen.
+
+        Raises:
+            HardwareError: A node does not answer, or the drive does not stop by itself.
+        """
+        drive = self._nodes.drive
+        for node in self._nodes.all:
+            self.perform(node, node.master.clear())
+        if not drive.is_unwatched:
+            self.prove_watchdog(watchdog)
+            self.perform(drive, drive.master.clear())
+        self.listen()
+
+    def switch_on(self) -> None:
+        """Switch the drive on.
+
+        Raises:
+            HardwareError: It refuses.
+        """
+        drive = self._nodes.drive
+        self.perform(drive, [*drive.master.clear(), *drive.master.enable()])
+
     def listen(self) -> None:
         """Poll until every channel is fresh.
 
@@ -60,7 +96,7 @@ class Dialogue:
             HardwareError: One stays away.
         """
         link, nodes = self.link, self._nodes
-        nodes.hear(link.receive())  # what came while nobody listened
+        nodes.hear(link.receive())  # what arrived before now
         end = link.now() + PATIENCE
         missing = [""]
         while missing and link.now() < end:
@@ -74,6 +110,22 @@ class Dialogue:
                 f"Nothing fresh was heard of {', '.join(missing)} within {PATIENCE:g} s. Check "
                 "that the nodes are powered, and what they are set to report."
             )
+
+    def rehearse(self) -> Timing:
+        """Ask the nodes for `REHEARSAL` control steps as in a run, and return its regularity."""
+        timing, link, nodes = Timing(), self.link, self._nodes
+        due = link.now()
+        for _ in range(REHEARSAL):
+            link.send(nodes.poll())
+            sent = link.now()
+            timing.lateness.append(max(sent - due, 0.0))
+            due += nodes.dt
+            link.wait_until(due)
+            arrivals = link.receive()
+            timing.answered(sent, arrivals)
+            nodes.hear(arrivals)
+            timing.ages.append(link.now() - nodes.latest["q_m"].t)
+        return timing
 
     def prove_watchdog(self, watchdog: float) -> None:
         """Have the drive show that it stops by itself where no command comes.
@@ -105,7 +157,7 @@ class Dialogue:
         link, nodes = self.link, self._nodes
         try:
             try:
-                self.perform(node, [*node.master.clear(), *node.master.enable()])
+                self.switch_on()
             except HardwareError:
                 if is_last:
                     raise

@@ -94,3 +94,12 @@ class EmulatedArm:
         found = [due for emulator in self.emulators for due in emulator.receive()]
         for due in sorted(found, key=lambda due: due.t):
             self._out.put(due.t, due.message)
+
+
+def emulator_of(
+    configs: Sequence[HardwareConfig], joints: Sequence[Joint] | None = None
+) -> Emulator | EmulatedArm:
+    """Return what emulates the joints of a configuration, one or several; see `EmulatedArm`."""
+    if len(configs) > 1:
+        return EmulatedArm(configs, joints)
+    return Emulator(configs[0], None if joints is None else joints[0])

@@ -28,11 +28,11 @@ TICK = 2.5e-4
 """Time between two looks of a drive at its joint [s]; its torque is constant in between."""
 SUBSTEPS = 2
 WAKE = 1e-3
-"""Time after which an emulator that nobody calls looks at its nodes by itself [s]."""
+"""Longest time after which an idle emulator looks at its nodes [s]."""
 SLOWEST = 0.02
 """Time that an emulator may fall behind [s]; beyond, its time stands still instead.
 
-A drive never sends in one go what it did not send for a long time.
+A drive never sends a burst of old frames.
 """
 AMBIENT = 25.0
 

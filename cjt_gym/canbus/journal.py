@@ -8,7 +8,7 @@ import os
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, final
+from typing import Any, Protocol, final
 
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.records import Record, default_units, read_record, write_record
@@ -17,6 +17,19 @@ from cjt_gym.records.metadata import write_metadata
 SUFFIX = ".csv"
 RESERVE = 1 << 16
 """Bytes of disk that are kept until the end, so that a full disk still takes how a run ended."""
+
+
+class Watcher(Protocol):
+    """Who looks at a record while it is written."""
+
+    def begin(self, columns: Sequence[str], facts: Mapping[str, Any]) -> None:
+        """See that a record begins: its columns, and what is known of it."""
+
+    def see(self, row: Sequence[float]) -> None:
+        """See a row."""
+
+    def end(self, known: Mapping[str, Any]) -> None:
+        """See that it ends, and what is known then, such as the fault that ended it."""
 
 
 @final
@@ -34,7 +47,12 @@ class Journal:
     """
 
     def __init__(
-        self, path: str | Path, columns: Sequence[str], dt: float, facts: Mapping[str, Any]
+        self,
+        path: str | Path,
+        columns: Sequence[str],
+        dt: float,
+        facts: Mapping[str, Any],
+        watcher: Watcher | None = None,
     ) -> None:
         """Begin a record.
 
@@ -43,6 +61,7 @@ class Journal:
             columns: Names of its columns, "t" first.
             dt: Control step [s].
             facts: Joint, structure, versions, provenance, sensors, as a `Record` takes them.
+            watcher: Shown what it gets; None for nobody.
 
         Raises:
             ConfigurationError: The file cannot be written, or the record is there already.
@@ -50,12 +69,13 @@ class Journal:
         self.wanted = Path(path)
         self.path = self.wanted.with_suffix(SUFFIX)
         self.rows = 0
+        self._watcher = watcher
         self._columns, self._dt, self._facts = tuple(columns), dt, dict(facts)
         self._format = ",".join(["%.10g"] * len(columns)) + "\n"
         for there in (self.wanted, self.path):
             if there.exists():
                 raise ConfigurationError(
-                    f"The record {there} is there already, and is not written over. Give another "
+                    f"The record {there} already exists and is not overwritten. Give another "
                     "name, or move it away."
                 )
         self._file, self._size = -1, 0
@@ -71,6 +91,8 @@ class Journal:
             raise ConfigurationError(
                 f"The record {self.path} cannot be written: {error}."
             ) from error
+        if watcher is not None:
+            watcher.begin(columns, facts)
 
     def write(self, row: Sequence[float]) -> None:
         """Append a sample, its values in the order of the columns.
@@ -80,6 +102,8 @@ class Journal:
         """
         self._append(self._format % tuple(row))
         self.rows += 1
+        if self._watcher is not None:
+            self._watcher.see(row)
 
     def _append(self, line: str) -> None:
         data = line.encode()
@@ -115,6 +139,8 @@ class Journal:
         if self._file < 0:
             return self.path if self.rows else None
         file, self._file = self._file, -1
+        if self._watcher is not None:
+            self._watcher.end(known)
         os.close(self._reserve)
         try:
             os.fsync(file)

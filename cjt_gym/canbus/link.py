@@ -17,6 +17,7 @@ import can
 from threadpoolctl import threadpool_limits
 
 from cjt_gym.canbus.settings import BusSettings
+from cjt_gym.canbus.stamps import RECEPTION, StampClock, clock_of
 from cjt_gym.errors import ConfigurationError, HardwareError
 
 SPIN = 1e-4
@@ -39,6 +40,11 @@ class Arrival(NamedTuple):
 
 class Link(Protocol):
     """A bus and the clock by which it is used."""
+
+    @property
+    def stamps(self) -> str:
+        """Whose clock tells when frames arrived."""
+        ...
 
     def now(self) -> float:
         """Return the time [s]."""
@@ -78,11 +84,19 @@ class BusLink:
     """A link over a python-can bus, with a thread that receives and the machine's clock.
 
     The thread takes every frame as soon as it arrives and notes the time, so that none is lost
-    and none seems younger than it is while the loop computes.
+    and none seems younger than it is while the loop computes. Where the interface stamps frames,
+    its stamp tells when that was.
     """
 
-    def __init__(self, bus: can.BusABC) -> None:
+    def __init__(self, bus: can.BusABC, clock: StampClock | None = None) -> None:
+        """Begin to receive.
+
+        Args:
+            bus: The bus.
+            clock: That of its stamps; None for frames that arrive when they are received.
+        """
         self._bus = bus
+        self._clock = clock or StampClock(RECEPTION)
         self._inbox: deque[Arrival] = deque(maxlen=KEPT)
         self._failure: Exception | None = None
         self._supervise: Callable[[float], None] | None = None
@@ -90,6 +104,11 @@ class BusLink:
         self._stopped = threading.Event()
         self._thread = threading.Thread(target=self._run, name="can-receive", daemon=True)
         self._thread.start()
+
+    @property
+    def stamps(self) -> str:
+        """Whose clock tells when frames arrived, by what has come so far."""
+        return self._clock.kind
 
     def now(self) -> float:
         """Return the machine's monotonic time [s]."""
@@ -148,9 +167,14 @@ class BusLink:
                 self._stopped.wait(self._every)
             now = time.perf_counter()
             if message is not None:
-                self._inbox.append(Arrival(now, message))
+                self._inbox.append(Arrival(self._clock.arrived(message.timestamp, now), message))
             if self._supervise is not None:
                 self._supervise(now)
+
+
+def open_link(settings: BusSettings) -> BusLink:
+    """Return the link over the bus that a configuration describes; see `open_bus`."""
+    return BusLink(open_bus(settings), clock_of(settings.interface, settings.stamps))
 
 
 def open_bus(settings: BusSettings) -> can.BusABC:
@@ -192,7 +216,7 @@ def _probe(host: str, port: int) -> None:
         socket.create_connection((host, port), timeout=2.0).close()
     except OSError as error:
         raise ConfigurationError(
-            f"Nobody serves socketcand at {host}:{port}: {error}. Start the daemon, or  "
+            f"No socketcand server answers at {host}:{port}: {error}. Start the daemon, or  "
             "cjt-gym emulate CONFIG.toml  in another terminal."
         ) from error
 

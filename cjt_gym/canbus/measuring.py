@@ -20,7 +20,7 @@ class Sense:
 
     A rigid gearbox has its motor's angle, a fixed output stands still, and where no sensor reports
     the joint torque it is the spring's, k_b times its deflection, zero where a run begins. What
-    nobody knows is NaN.
+    is unknown is NaN.
 
     Attributes:
         measured: Names of the measurement's channels that a sensor reports.

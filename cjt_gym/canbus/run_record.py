@@ -11,12 +11,10 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol, final
 
 from cjt_gym.canbus.config import HardwareConfig
-from cjt_gym.canbus.journal import Journal
+from cjt_gym.canbus.journal import Journal, Watcher
 from cjt_gym.canbus.measuring import Sense
 from cjt_gym.canbus.timing import Timing
-
-STAMPS = "reception"
-"""Whose clock tells when a frame arrived: the machine's, as it is received."""
+from cjt_gym.errors import HardwareError
 
 
 @cache
@@ -35,6 +33,7 @@ class Sample(NamedTuple):
         tau_ref: Joint torque that is wanted [N m].
         age: Of the motor's angle [s].
         lateness: Of the command behind its deadline [s].
+        round_trip: From the command before to the first report after it [s], 0 where none came.
     """
 
     k: int
@@ -43,6 +42,7 @@ class Sample(NamedTuple):
     tau_ref: float
     age: float
     lateness: float
+    round_trip: float
 
 
 @dataclass(frozen=True)
@@ -54,6 +54,7 @@ class Beginning:
         sense: What is measured.
         tau_ref: First joint torque that is wanted [N m], NaN where the run has none.
         shows_temperature: Whether some node reports its temperature.
+        stamps: Whose clock tells when a frame arrived.
         facts: What else belongs to its provenance.
     """
 
@@ -61,13 +62,14 @@ class Beginning:
     sense: Sense
     tau_ref: float
     shows_temperature: bool
+    stamps: str
     facts: Mapping[str, Any]
 
     @property
     def columns(self) -> list[str]:
         """The columns."""
         optional = {"tau_ref": math.isfinite(self.tau_ref), "temperature": self.shows_temperature}
-        columns = ["t", "i_cmd", "tau_cmd", *self.sense.measured, "age", "lateness"]
+        columns = ["t", "i_cmd", "tau_cmd", *self.sense.measured, "age", "lateness", "round_trip"]
         return columns + [name for name, there in optional.items() if there]
 
     @property
@@ -86,7 +88,7 @@ class Beginning:
                 "node": drive.settings.node,
                 "bus": self.config.bus.identity,
                 "torque": self.sense.torque,
-                "stamps": STAMPS,
+                "stamps": self.stamps,
                 **self.facts,
             },
         }
@@ -102,6 +104,7 @@ class Beginning:
             "tau_ref": sample.tau_ref,
             "age": sample.age,
             "lateness": sample.lateness,
+            "round_trip": sample.round_trip,
         }
 
 
@@ -128,22 +131,82 @@ BeginRecord = Callable[[Beginning], Recorder]
 
 
 @final
+class RunLog:
+    """The record of a joint's first run, if there is one; see `Recorder`."""
+
+    def __init__(self, config: HardwareConfig, sense: Sense, begin: BeginRecord | None) -> None:
+        """Prepare it.
+
+        Args:
+            config: The joint on its bus.
+            sense: What is measured.
+            begin: Begins the record; None for none.
+        """
+        versions()
+        self._config, self._sense, self._begin = config, sense, begin
+        self._facts: dict[str, Any] = {}
+        self._record: Recorder | None = None
+
+    def know(self, **facts: Any) -> None:
+        """Add what is known to the provenance of a record that is not begun yet."""
+        self._facts |= facts
+
+    def begin(self, tau_ref: float, shows_temperature: bool, stamps: str) -> None:
+        """Begin it, see `Beginning`.
+
+        Raises:
+            ConfigurationError: The file cannot be written, or the record is there already.
+        """
+        if self._begin is not None and self._record is None:
+            self._record = self._begin(
+                Beginning(
+                    self._config, self._sense, tau_ref, shows_temperature, stamps, self._facts
+                )
+            )
+
+    def note(self, sample: Sample) -> None:
+        """Append a row."""
+        if self._record is not None:
+            self._record.note(sample)
+
+    def end(self, timing: Timing, **known: Any) -> None:
+        """Complete it.
+
+        Raises:
+            HardwareError: It does not fit on the disk.
+        """
+        if self._record is None:
+            return
+        record, self._record, self._begin = self._record, None, None
+        try:
+            record.close(timing, **known)
+        except OSError as error:
+            raise HardwareError(
+                f"The record {record.path} could not be completed: {error}. Its rows are there, "
+                f"as far as they were written, in {record.rows_path}."
+            ) from error
+
+
+@final
 class RunRecord:
     """A record that is on disk up to the latest control step; see `Recorder`."""
 
-    def __init__(self, path: str | Path, beginning: Beginning) -> None:
+    def __init__(
+        self, path: str | Path, beginning: Beginning, watcher: Watcher | None = None
+    ) -> None:
         """Begin it.
 
         Args:
             path: Where it is to be, in any format that records are written in.
             beginning: What it begins with.
+            watcher: Shown what it gets; None for nobody.
 
         Raises:
             ConfigurationError: The file cannot be written, or the record is there already.
         """
         self._beginning, self._columns = beginning, beginning.columns
         self._dt = beginning.config.dt
-        self._journal = Journal(path, self._columns, self._dt, beginning.known)
+        self._journal = Journal(path, self._columns, self._dt, beginning.known, watcher)
         self.path, self.rows_path = self._journal.wanted, self._journal.path
 
     def note(self, sample: Sample) -> None:

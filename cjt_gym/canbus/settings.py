@@ -12,13 +12,14 @@ from cjt_gym.canbus.protocols import protocol_of, settings_of
 from cjt_gym.canbus.protocols.contract import Limits as DriveLimits
 from cjt_gym.canbus.protocols.contract import Settings
 from cjt_gym.canbus.safety import SafetyLimits
+from cjt_gym.canbus.stamps import STAMPS
 from cjt_gym.canbus.tables import Section
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import Joint, load_joint, load_joint_file
 from cjt_gym.joint.configure import EffectSpec
 from cjt_gym.plant import limits_of
 
-BUS = ("interface", "channel", "host", "port", "bitrate", "fd", "options")
+BUS = ("interface", "channel", "host", "port", "bitrate", "fd", "stamps", "options")
 JOINT = ("file", "structure", "effects")
 LIMITS = ("tau", "tau_rate", "dq_m", "q_m", "tau_joint", "deflection", "temperature", "current")
 EMULATOR = ("latency", "jitter", "loss", "load", "speed", "seed", "watchdog")
@@ -39,6 +40,7 @@ class BusSettings:
         port: Its TCP port.
         bitrate: [bit/s]; None leaves it to the interface.
         fd: Whether frames may be CAN FD.
+        stamps: Whose clock tells when a frame arrived; one of `STAMPS`.
         options: Whatever else python-can's interface takes.
         owner: What messages call the table.
     """
@@ -49,6 +51,7 @@ class BusSettings:
     port: int = 29536
     bitrate: int | None = None
     fd: bool = False
+    stamps: str = STAMPS[0]
     options: Mapping[str, Any] = field(default_factory=dict)
     owner: str = "[bus]"
 
@@ -82,7 +85,7 @@ class EmulatorSettings:
         latency: Time that a frame takes [s].
         jitter: Mean of a further random time, exponentially distributed [s].
         loss: Share of frames that are lost.
-        load: Share of the bus that others take, who let a frame wait.
+        load: Fraction of the bus that other nodes occupy, for which frames wait.
         speed: Time of the joint over that of the clock on the wall.
         seed: Of the sensors' noise and of latency and loss.
         watchdog: Time without a command after which the drive stops, as set in it beforehand [s];
@@ -109,6 +112,7 @@ def read_bus(table: object, owner: str) -> BusSettings:
         port=given.whole("port", 1, 65535, default=BusSettings.port),
         bitrate=given.whole("bitrate", 10_000, 8_000_000, default=None),
         fd=given.flag("fd", BusSettings.fd),
+        stamps=given.choice("stamps", STAMPS),
         options=dict(options.table),
         owner=owner,
     )

@@ -9,6 +9,7 @@ from typing import final
 import can
 
 from cjt_gym.canbus.link import KEPT, Arrival, Link
+from cjt_gym.errors import HardwareError
 
 Frames = Sequence[can.Message]
 
@@ -18,19 +19,18 @@ class SharedLink:
     """The bus of several joints.
 
     Attributes:
-        link: The way to it.
         taps: A link for each joint.
     """
 
-    def __init__(self, link: Link, joints: int, dt: float) -> None:
+    def __init__(self, joints: int, dt: float, link: Link | None = None) -> None:
         """Share a link.
 
         Args:
-            link: The way to the bus.
             joints: How many share it.
             dt: Control step [s].
+            link: The way to the bus, where it is open already.
         """
-        self.link = link
+        self._link = link
         self.taps = tuple(Tap(self) for _ in range(joints))
         self._dt = dt
         self._owners: dict[tuple[int, bool, bytes], tuple[Tap, ...]] = {}
@@ -38,6 +38,28 @@ class SharedLink:
         self._kept: list[Callable[[], Frames]] = []
         self._fed = -float("inf")
         self._waiting: list[can.Message] | None = None
+
+    @property
+    def link(self) -> Link:
+        """The way to the bus.
+
+        Raises:
+            HardwareError: It is not open.
+        """
+        if self._link is None:
+            raise HardwareError("The joint is not connected. Call connect() first.")
+        return self._link
+
+    def open(self, link: Link) -> None:
+        """Share a link from now on."""
+        self._link = link
+
+    def close(self) -> None:
+        """Close the link that is shared, if there is one."""
+        if self._link is not None:
+            self._link.close()
+        self._link = None
+        self._watching.clear()
 
     def keep_alive(self, frames: Callable[[], Frames]) -> None:
         """Send these frames once in every control step while somebody waits, until `let_go`."""
@@ -84,7 +106,7 @@ class SharedLink:
 
     def _takers(self, message: can.Message) -> tuple[Tap, ...]:
         """Return whose frames these are; some protocols tell drives by the first byte alone."""
-        if message.is_error_frame:
+        if message.is_error_frame or len(self.taps) == 1:
             return self.taps
         key = (message.arbitration_id, message.is_extended_id, bytes(message.data[:1]))
         known = self._owners.get(key)
@@ -118,6 +140,11 @@ class Tap:
         self._shared = shared
         self.inbox: deque[Arrival] = deque(maxlen=KEPT)
         self.claims: Callable[[can.Message], bool] = lambda message: True
+
+    @property
+    def stamps(self) -> str:
+        """Whose clock tells when frames arrived."""
+        return self._shared.link.stamps
 
     def now(self) -> float:
         """Return the time [s]."""

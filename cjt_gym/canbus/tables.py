@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from cjt_gym.errors import ConfigurationError, ParameterError, did_you_mean
@@ -66,6 +66,15 @@ class Section:
         if not isinstance(value, str) or not value:
             raise ConfigurationError(f"{key} of {self.owner} must be a text, got {value!r}.")
         return value
+
+    def choice(self, key: str, allowed: Sequence[str]) -> str:
+        """Return one of some texts, the first of them where none is given."""
+        value = self.table.get(key, allowed[0])
+        if value not in allowed:
+            raise ConfigurationError(
+                f"{key} of {self.owner} must be one of {', '.join(allowed)}, got {value!r}."
+            )
+        return str(value)
 
     def flag(self, key: str, default: bool) -> bool:
         """Return true or false."""

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cjt_gym.canbus.link import Arrival
+
 PERCENTILES = (50.0, 90.0, 99.0, 99.9, 99.99, 100.0)
 
 
@@ -27,15 +29,17 @@ class Timing:
     ages: array[float] = field(default_factory=lambda: array("d"))
     answers: array[float] = field(default_factory=lambda: array("d"))
 
-    def answered(self, sent: float, arrivals: Sequence[float]) -> None:
-        """Note how long the first frame after a command took, if there is one.
+    def answered(self, sent: float, arrivals: Sequence[Arrival]) -> float:
+        """Note and return how long the first frame after a command took [s], 0 where none came.
 
         Args:
             sent: When the command was sent [s].
-            arrivals: When the first frame that was heard since then arrived [s], or nothing.
+            arrivals: What was heard at the end of its control step.
         """
-        if arrivals and arrivals[0] >= sent:
-            self.answers.append(arrivals[0] - sent)
+        took = next((t - sent for t, _ in arrivals if t >= sent), None)
+        if took is not None:
+            self.answers.append(took)
+        return took or 0.0
 
     def summary(self) -> dict[str, Any]:
         """Return percentiles of each in microseconds, as plain data; empty without samples."""

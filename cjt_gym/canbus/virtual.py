@@ -10,6 +10,7 @@ import can
 from cjt_gym.canbus.emulated_arm import EmulatedArm
 from cjt_gym.canbus.emulator import Emulator
 from cjt_gym.canbus.link import Arrival
+from cjt_gym.canbus.stamps import RECEPTION
 from cjt_gym.errors import HardwareError
 
 
@@ -21,7 +22,10 @@ class VirtualLink:
         emulator: The emulator.
         is_off: Whether the bus is lost; set it to try that.
         sent: Called with every frame that is sent and the time, or None.
+        stamps: Frames arrive when they are received.
     """
+
+    stamps = RECEPTION
 
     def __init__(self, emulator: Emulator | EmulatedArm) -> None:
         self.emulator = emulator

@@ -1,4 +1,4 @@
-"""The impedance at the output: what the joint has by itself, and what its motor can make of it.
+"""The impedance at the output: passive, and what the motor can render.
 
 The load moves with velocity dq_l and the joint answers with -Z dq_l + G tau_m. A motor torque can
 thus turn Z into any impedance within a disc, whose radius is what torque and voltage allow over the

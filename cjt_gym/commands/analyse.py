@@ -40,12 +40,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_conditions(parser, several=True, draws=False)
     add("--input", default="tau_m", help=f"{', '.join(INPUTS)}; default: tau_m")
     add("--output", default="tau", help=f"{', '.join(OUTPUTS)}; default: tau")
-    add("--dt", type=float, help="sample time of an input that is held [s]; default: continuous")
+    add(
+        "--dt",
+        type=float,
+        help="sample time of a zero-order hold at the input [s]; default: continuous",
+    )
     text = "measure the response of the joint with its effects, too: rms of the multisine of motor "
     text += f"torque [N m]; torques are held for --dt, {DT:g} s unless given"
     add("--identify", type=float, metavar="RMS", help=text)
-    add("--seed", type=int, default=0, help="of the multisine and the noise, default 0")
-    text = f"file to write ({', '.join(FORMATS)}); may be left out with --json"
+    add("--seed", type=int, default=0, help="seed of the multisine and the noise, default 0")
+    text = f"file to write ({', '.join(FORMATS)}); optional with --json"
     add("--out", type=Path, metavar="FILE", help=text)
 
 
@@ -55,7 +59,7 @@ def run(options: argparse.Namespace) -> Answer:
     check_seed(options.seed)
     if options.out is None and not options.json:
         raise ConfigurationError(
-            f"--out FILE is needed ({', '.join(FORMATS)}), or --json for the figures alone."
+            f"--out FILE is needed ({', '.join(FORMATS)}), or --json for the numbers only."
         )
     if options.out is not None:
         check_format(options.out)
@@ -71,7 +75,7 @@ def run(options: argparse.Namespace) -> Answer:
     cases = list(_cases(options, dt or DT))
     labels = [case.label for case in cases]
     if repeated := [label for label in labels if labels.count(label) > 1]:
-        raise ConfigurationError(f"Every joint must be there once, got {repeated[0]} twice.")
+        raise ConfigurationError(f"Every joint must be given once, got {repeated[0]} twice.")
     written: tuple[Path, ...] = ()
     if options.out is not None:
         sheet = linear_sheet(cases, options.input, options.output, dt)

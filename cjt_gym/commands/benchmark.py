@@ -46,14 +46,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     text = f"{', '.join(BENCHMARK_TASKS)}; default: all for the structure but current_loop"
     add("--task", nargs="+", metavar="T", help=text)
-    add("--amplitude", type=float, help="of the references [N m]; default: from the peak torque")
-    add("--episodes", type=int, default=32, help="per task and seed, default 32")
-    add("--seed", type=int, default=0, help="of the episodes, default 0")
-    add("--seeds", type=int, default=1, help="how many seeds from there on, default 1")
-    add("--jobs", type=int, default=1, help="processes side by side, -1 for one per core")
+    add(
+        "--amplitude",
+        type=float,
+        help="amplitude of the references [N m]; default: from the peak torque",
+    )
+    add("--episodes", type=int, default=32, help="episodes per task and seed, default 32")
+    add("--seed", type=int, default=0, help="first seed of the episodes, default 0")
+    add("--seeds", type=int, default=1, help="number of consecutive seeds, default 1")
+    add("--jobs", type=int, default=1, help="parallel processes, -1 for one per core")
     text = "where cells run: processes here, or a cluster; default loky"
     add("--backend", default="loky", metavar="B", help=f"{', '.join(BACKENDS)}: {text}")
-    text = "folder for the results; a benchmark that was stopped goes on"
+    text = "folder for the results; an interrupted benchmark is resumed"
     add("--out", type=Path, required=True, metavar="DIR", help=text)
 
 
@@ -101,7 +105,7 @@ def _cells(options: argparse.Namespace) -> list[Cell]:
             _tasks(options, structures, bool(controllers)),
             range(options.seed, options.seed + options.seeds),
             options.episodes,
-            options.amplitude,
+            amplitude=options.amplitude,
             drive=drive_of(joint, options.drive),
             **asked,
         )

@@ -27,18 +27,32 @@ from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.gap.blind_case import diagnose_case, warm_up
 
 SETTINGS = ("seed", "structure", "strength", "duration", "logs")
-"""Options that a test keeps when it goes on."""
+"""Options that a test keeps when it is resumed."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add how many cases, of what kind, and where to write them."""
     add = parser.add_argument
     add("--cases", type=int, required=True, metavar="N", help="number of joints to draw")
-    add("--out", type=Path, required=True, metavar="DIR", help="folder; a stopped test goes on")
-    add("--seed", type=int, default=0, help="of all joints, default 0")
-    add("--structure", help=f"of all joints; default: mixed. One of {', '.join(STRUCTURES)}")
-    add("--strength", type=float, default=1.0, help="factor on all effects, such as 0.1; default 1")
-    add("--duration", type=float, default=10.0, help="of each record [s], default 10")
+    add(
+        "--out",
+        type=Path,
+        required=True,
+        metavar="DIR",
+        help="folder; an interrupted test is resumed",
+    )
+    add("--seed", type=int, default=0, help="seed of all joints, default 0")
+    add(
+        "--structure",
+        help=f"structure of all joints; default: mixed. One of {', '.join(STRUCTURES)}",
+    )
+    add(
+        "--strength",
+        type=float,
+        default=1.0,
+        help="scale factor for all effects, such as 0.1; default 1",
+    )
+    add("--duration", type=float, default=10.0, help="duration of each record [s], default 10")
     add("--logs", default="clean", help="clean, or rough as real ones are; default clean")
     add("--workers", type=int, default=2, help="processes, default 2")
 
@@ -81,7 +95,7 @@ def _check(options: argparse.Namespace) -> None:
 
 
 def _settle(settings: dict[str, Any], path: Path) -> None:
-    """Keep the settings of a test beside it; a test that goes on must have the same."""
+    """Keep the settings of a test beside it; a resumed test must have the same."""
     if path.is_file() and (other := {"logs": "clean"} | _read(path)) != settings:
         raise ConfigurationError(
             f"{path.parent} holds a blind test with other settings, {other}, not {settings}. "

@@ -21,7 +21,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("config", type=Path, metavar="CONFIG.toml", help="the joints on their bus, as for hardware")
     text = f"[bit/s]; default: bitrate of [bus], or {BITRATE:g}"
     add("--bitrate", type=float, help=text)
-    text = f"of CAN FD's data phase [bit/s]; default: options.data_bitrate, or {DATA_BITRATE:g}"
+    text = "bitrate of CAN FD's data phase [bit/s]; default: options.data_bitrate, or "
+    text += f"{DATA_BITRATE:g}"
     add("--data-bitrate", type=float, help=text)
 
 
@@ -61,7 +62,7 @@ def _words(load: BusLoad) -> str:
     )
     if load.saturating:
         text += (
-            f" Too much: {', '.join(load.saturating)} find no room. Lower rate_hz, take a faster "
+            f" Too much: {', '.join(load.saturating)} do not fit. Lower rate_hz, use a faster "
             "bus, or spread the joints over several."
         )
     return text

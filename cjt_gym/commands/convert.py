@@ -57,6 +57,12 @@ def run(options: argparse.Namespace) -> Answer:
 
 
 def _write_joint(options: argparse.Namespace) -> Answer:
+    for name in ("bus", "joint", "mapping"):
+        if getattr(options, name) is not None:
+            raise ConfigurationError(
+                f"--{name} is for a log, got the joint {options.log}, which has one name and no "
+                "bus. Leave it out."
+            )
     if options.out.suffix != ".toml":
         raise ConfigurationError(f"--out of a joint must end in .toml, got {options.out}.")
     file = read_toolbox(options.log, options.defaults)

@@ -24,7 +24,7 @@ def run(options: argparse.Namespace) -> Answer:
     check_joint(options.joints)
     if options.out is None and not options.json:
         raise ConfigurationError(
-            f"--out FILE is needed ({', '.join(FORMATS)}), or --json for the numbers alone."
+            f"--out FILE is needed ({', '.join(FORMATS)}), or --json for the numbers only."
         )
     if options.out is not None:
         check_format(options.out)

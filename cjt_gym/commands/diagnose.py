@@ -152,7 +152,7 @@ def _make(folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ConfigurationError(
-            f"The folder {folder} cannot be made: {error.strerror}. Give another one with --out."
+            f"The folder {folder} cannot be created: {error.strerror}. Give another one with --out."
         ) from error
 
 
@@ -166,8 +166,8 @@ def joint_text(diagnosis: Diagnosis, name: str) -> str:
         f"Verdict: {diagnosis.verdict}.",
         'low and high are 95 % intervals; randomization = "identified" draws '
         + ("as found.covariance says." if "covariance" in joint.found else "within them."),
-        "Values within their datasheet tolerance are refined where the record tells them better;",
-        "their sources say from what.",
+        "Values are refined within their datasheet tolerance where the record determines them",
+        "better; their sources give the original values.",
     ]
     if doubtful:
         lines.append(f"Tentative: {', '.join(doubtful)}.")

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from cjt_gym.canbus.config import HardwareConfig, load_joints
-from cjt_gym.canbus.emulated_arm import EmulatedArm
-from cjt_gym.canbus.emulator import Emulator, emulated_joint, serve
+from cjt_gym.canbus.emulated_arm import emulator_of
+from cjt_gym.canbus.emulator import emulated_joint, serve
 from cjt_gym.canbus.hidden_effects import draw_hidden
 from cjt_gym.canbus.link import quiet_machine
 from cjt_gym.canbus.ports import open_port
@@ -34,20 +34,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("config", type=Path, metavar="CONFIG.toml", help="the joint on its bus, as for hardware")
     add("--joint", metavar="NAME", help="which of the joints that it lists")
-    text = "draw the joint's effects by this number and do not show them, for a blind diagnosis"
+    text = "seed from which hidden effects are drawn, for a blind diagnosis"
     add("--hidden-seed", type=int, metavar="N", help=text)
     text = "write what the joint really has to this JSON file, to look at afterwards"
     add("--truth", type=Path, metavar="FILE", help=text)
     text = "effects instead of the file's: name, name=typical or name.parameter=value "
     text += f"({', '.join(EFFECTS)})"
     add("--effect", nargs="+", metavar="E", help=text)
-    add("--speed", type=float, help="time of the joint over that of the clock, default 1")
-    add("--latency", type=float, help="time that a frame takes [s], default 0")
-    add("--jitter", type=float, help="mean of a further random time [s], default 0")
-    add("--loss", type=float, help="share of frames that are lost, default 0")
-    add("--load", type=float, help="share of the bus that other nodes take, default 0")
-    add("--seed", type=int, help="of the sensors' noise, latency and loss, default 0")
-    add("--seconds", type=float, help="end after so long; default: on Ctrl-C")
+    add("--speed", type=float, help="speed of simulated time relative to the clock, default 1")
+    add("--latency", type=float, help="latency of every frame [s], default 0")
+    add("--jitter", type=float, help="mean of an additional random latency [s], default 0")
+    add("--loss", type=float, help="fraction of frames that are lost, default 0")
+    add("--load", type=float, help="fraction of the bus that other nodes occupy, default 0")
+    add("--seed", type=int, help="seed of sensor noise, latency and loss, default 0")
+    add("--seconds", type=float, help="stop after this time [s]; default: on Ctrl-C")
 
 
 def run(options: argparse.Namespace) -> None:
@@ -72,8 +72,7 @@ def run(options: argparse.Namespace) -> None:
             for each, joint in zip(configs, joints, strict=True)
         ]
         _announce(options, facts)
-        is_alone = len(configs) == 1
-        emulator = Emulator(config, joints[0]) if is_alone else EmulatedArm(configs, joints)
+        emulator = emulator_of(configs, joints)
         stopped = _until(options.seconds)
         emulator.advance(WARM_UP)
         with quiet_machine(config.priority):
@@ -134,7 +133,7 @@ def _announce(options: argparse.Namespace, joints: Sequence[dict[str, Any]]) -> 
             what = "hidden" if known is None else ", ".join(known) or "none"
             sys.stdout.write(
                 f"{facts['joint']} behind {facts['protocol']} node {facts['node']} on "
-                f"{facts['address']}; effects: {what}. Ctrl-C ends it.\n"
+                f"{facts['address']}; effects: {what}. Press Ctrl-C to stop.\n"
             )
     sys.stdout.flush()
 

@@ -41,11 +41,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = f"simulator for a joint: {', '.join(TARGETS)}; form of a policy: {', '.join(FORMS)}"
     add("--to", required=True, choices=[*TARGETS, *FORMS], help=text)
     add_conditions(parser, draws=False)
-    add("--timestep", type=float, help="of the simulation that will use it [s]")
-    text = "mujoco: leave out the dcmotor, which versions before 4 lack"
+    add("--timestep", type=float, help="time step of the simulation that will use it [s]")
+    text = "mujoco: do without dcmotor, which versions before 4 lack"
     add("--without-dcmotor", action="store_true", help=text)
     _add_arguments_of_laws(parser)
-    text = "policy: compare the file with the run on the signals of these records, too"
+    text = "policy: also compare the file with the run on the signals of these records"
     add("--check", nargs="+", default=[], metavar="RECORD", help=text)
     add("--out", type=Path, required=True, metavar="FILE", help="file to write")
 
@@ -54,7 +54,7 @@ def run(options: argparse.Namespace) -> Answer:
     """Write the file; say what it holds and what it cannot."""
     refuse_inputs([options.out], [options.source, *options.check])
     if options.check and (options.to not in FORMS or is_classical(options.source)):
-        raise ConfigurationError("--check is for policies; controllers are always tried.")
+        raise ConfigurationError("--check is for policies; controllers are always checked.")
     options.out.parent.mkdir(parents=True, exist_ok=True)
     if options.to == "c" and is_classical(options.source):
         return _write_law(options)
@@ -89,11 +89,11 @@ def _summary(path: Path, found: Export) -> str:
 def _add_arguments_of_laws(parser: argparse.ArgumentParser) -> None:
     """Add what a controller or an observer is written for."""
     add = parser.add_argument
-    add("--joint", metavar="J", help="joint of a controller or an observer, or path of its file")
-    text = "of a controller, instead of its own, or of an observer: drift=0.05 torque_noise=0.1"
+    add("--joint", metavar="J", help="joint of a controller or an observer: name or path of a file")
+    text = "gains of a controller or an observer that replace its own: drift=0.05 torque_noise=0.1"
     add("--gain", nargs="+", default=[], metavar="NAME=VALUE", help=text)
-    add("--output", nargs="+", metavar="SIGNAL", help="measured signals of an observer")
-    add("--dt", type=float, default=1e-3, help="control step of both [s], default 0.001")
+    add("--output", nargs="+", metavar="SIGNAL", help="signals that an observer measures")
+    add("--dt", type=float, default=1e-3, help="control step [s], default 0.001")
 
 
 def is_classical(word: str) -> bool:

@@ -18,7 +18,7 @@ SUFFIXES = (".html", ".png", ".svg", ".pdf")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the records, what of them, and where to."""
     add = parser.add_argument
-    text = "records, by file or by the name of one that ships; drawn over each other"
+    text = "records, by file or by the name of one that ships; drawn in the same axes"
     add("records", nargs="+", metavar="RECORD", help=text)
     add("--out", type=Path, required=True, metavar="FILE", help=f"{', '.join(SUFFIXES)}")
     add("--columns", nargs="+", metavar="C", help="what to draw; default: every column")
@@ -30,8 +30,8 @@ def run(options: argparse.Namespace) -> Answer:
     """Draw, write and say where."""
     if options.out.suffix.lower() not in SUFFIXES:
         raise ConfigurationError(
-            f"--out must end in {', '.join(SUFFIXES)}, got {options.out}. The ending says what is "
-            "written."
+            f"--out must end in {', '.join(SUFFIXES)}, got {options.out}. The suffix selects the "
+            "format."
         )
     from cjt_gym.datasheet.record_plot import Trace, write_plot  # loads matplotlib
 

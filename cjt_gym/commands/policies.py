@@ -14,7 +14,7 @@ WIDTH = 96
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add whose card to show."""
-    text = "policy whose card is shown; default: a line for each"
+    text = "policy to describe in full; default: one line for each"
     parser.add_argument("name", nargs="?", metavar="NAME", help=text)
 
 
@@ -26,7 +26,9 @@ def run(options: argparse.Namespace) -> Answer:
     if options.name is None:
         width = max(map(len, names), default=0)
         lines = [f"{card.name:<{width}}  {card.summary}" for card in cards]
-        lines.append("Use one by name: cjt-gym benchmark --policy NAME, hardware --policy NAME.")
+        lines.append(
+            "Use one by name:  cjt-gym benchmark --policy NAME  or  cjt-gym hardware --policy NAME"
+        )
         text = "\n".join(lines)
     return [asdict(card) for card in cards], text
 

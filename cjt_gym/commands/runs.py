@@ -12,9 +12,9 @@ from cjt_gym.training.learning.runs import cells, compared, find_runs
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add where to look and what to write."""
     add = parser.add_argument
-    text = "folders with runs in them or below, or run folders; default: runs"
+    text = "run folders, or folders that contain runs; default: runs"
     add("folders", nargs="*", default=["runs"], metavar="FOLDER", help=text)
-    add("--page", action="store_true", help="write page.html into every run that is listed")
+    add("--page", action="store_true", help="write page.html into every listed run")
 
 
 def run(options: argparse.Namespace) -> Answer:

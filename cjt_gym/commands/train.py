@@ -34,17 +34,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     names = ", ".join(config_names())
     add("config", metavar="CONFIG.toml", help=f"a file, or one that ships: {names}")
-    add("--out", type=Path, required=True, metavar="RUN", help="run folder; a stopped run goes on")
+    add(
+        "--out",
+        type=Path,
+        required=True,
+        metavar="RUN",
+        help="run folder; an interrupted run is resumed",
+    )
     text = "joint that replaces the configuration's; it brings its own effects, or takes over "
     text += "those of the configuration as far as it knows the numbers"
     add("--joint", metavar="JOINT|FILE.toml", help=text)
     here = "that of the joint file with --joint, or of the configuration"
     add_conditions(parser, effects=here, structure=here)
-    add("--seed", type=int, help="replaces the seed of the configuration")
+    add("--seed", type=int, help="seed that replaces that of the configuration")
     add("--steps", type=int, help="replaces its total_steps")
     text = "train from N seeds into the folders RUN_0, RUN_1 ..., instead of once into RUN"
     add("--seeds", type=int, metavar="N", help=text)
-    add("--jobs", type=int, default=1, help="trainings side by side with --seeds, default 1")
+    add("--jobs", type=int, default=1, help="parallel trainings with --seeds, default 1")
     text = "where they train: loky for processes here, or ray, with RAY_ADDRESS or a cluster here"
     add("--backend", default="loky", metavar="B", help=text)
     add("--quiet", action="store_true", help="no progress bar")

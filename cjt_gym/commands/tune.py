@@ -32,9 +32,9 @@ from cjt_gym.training.tuning.limits import Limits
 from cjt_gym.training.tuning.tune import Outcome, Search, tune
 
 LIMITS = {
-    "gain_margin": "smallest gain margin, a factor",
+    "gain_margin": "smallest gain margin [-]",
     "phase_margin": "smallest phase margin [deg]",
-    "delay_margin": "shortest delay to be borne on top [s]",
+    "delay_margin": "smallest delay margin [s]",
     "sensitivity_peak": "largest sensitivity Ms",
     "noise_amplification": "largest command for the sensors' noise, over that of the torque sensor",
     "port_share": "damping of the environment with which the output must be passive, as a share "
@@ -51,9 +51,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_conditions(parser, effects=text)
     add("--out", type=Path, required=True, metavar="FILE.toml", help="gain file to write")
     add("--budget", type=int, default=200, help="candidates to try, default 200")
-    add("--seed", type=int, default=0, help="of the search and its draws, 0 to 99, default 0")
-    add("--episodes", type=int, default=32, help="side by side per candidate, default 32")
-    add("--jobs", type=int, default=1, help="processes side by side, default 1")
+    add("--seed", type=int, default=0, help="seed of the search and its draws, 0 to 99, default 0")
+    add("--episodes", type=int, default=32, help="parallel episodes per candidate, default 32")
+    add("--jobs", type=int, default=1, help="parallel processes, default 1")
     text = "where candidates run: processes here, or a cluster; default loky"
     add("--backend", default="loky", metavar="B", help=f"{', '.join(BACKENDS)}: {text}")
     for limit in fields(Limits):
@@ -74,7 +74,7 @@ def _workers(backend: str, jobs: int) -> AbstractContextManager[Any]:
 
 
 def run(options: argparse.Namespace) -> Answer:
-    """Search, write the gain file, and say what came out. A stopped search goes on."""
+    """Search, write the gain file, and say what came out. An interrupted search is resumed."""
     options.structure = structure_of(options.joint, options.structure)
     check_out(options)
     asked = effect_words(options)
@@ -182,12 +182,14 @@ def words(outcome: Outcome) -> str:
         f"{a.noise_amplification:.3g}, damping that the port lacks, of sqrt(k I), {port}",
     ]
     if not a.linear:
-        lines.append("The law is not linear: its margins come from multisines on the simulator.")
+        lines.append(
+            "The controller is not linear; its margins are measured with multisines in simulation."
+        )
     if not outcome.feasible:
-        lines.append("No candidate keeps all limits; this one breaks them least.")
+        lines.append("No candidate meets all limits; this one violates them least.")
     elif outcome.best == outcome.start:
         lines.append("No candidate is better than the designed gains; the file holds those.")
     elif held["low"] > 1.0:
-        breaks = ", but break the limits" if outcome.start.violation > 0.0 else ""
+        breaks = ", but violate the limits" if outcome.start.violation > 0.0 else ""
         lines.append(f"The designed gains are better on unseen draws{breaks}.")
     return "\n".join(lines)

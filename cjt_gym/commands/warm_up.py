@@ -41,7 +41,7 @@ def run(options: argparse.Namespace) -> Answer:
         seconds[name] = round(time.monotonic() - start, 2)
     total = time.monotonic() - begun
     lines = [f"  {name}: {number:.1f} s" for name, number in seconds.items()]
-    text = "\n".join([f"All is compiled, in {total:.0f} s:", *lines])
+    text = "\n".join([f"Everything is compiled, after {total:.0f} s:", *lines])
     return {"seconds": seconds, "total": round(total, 2)}, text
 
 
@@ -85,18 +85,17 @@ def _environments() -> None:
 def _policies() -> None:
     from cjt_gym.training.deploy.base import base_law
     from cjt_gym.training.deploy.exported import Exported
-    from cjt_gym.training.deploy.layout import layout_of
     from cjt_gym.training.deploy.network import Layer, Network
     from cjt_gym.training.deploy.stepper import Stepper
     from cjt_gym.training.learning.config import TrainConfig
 
     config = TrainConfig(env={"joint": JOINT, "base_controller": "pd_feedforward"})
     settings = gym.make("CJT/TorqueTracking-v0", joint=JOINT).unwrapped.episodes.settings  # type: ignore[attr-defined]
-    layout = layout_of(settings)
+    layout = settings.layout
     size = layout.size
     layers = (Layer(np.zeros((1, size), np.float32), np.zeros(1, np.float32), "tanh"),)
     network = Network(layers, np.zeros(size, np.float32), np.ones(size, np.float32), 10.0)
-    policy = Exported("warm-up", config, network, layout, base_law(config, settings))
+    policy = Exported("warm-up", config, layout, network, base_law(config, settings))
     policy.network.act(np.zeros(size, np.float32))
     Stepper(policy).step([0.0] * (layout.preview + 1), *[0.0] * 7)
 

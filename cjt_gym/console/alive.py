@@ -15,7 +15,7 @@ from typing import Any, Final
 SILENCE: Final = 1.5
 """How long a command says nothing [s]; code that cannot be interrupted adds up to a second."""
 LOADING, WORKING = "loading", "working"
-COMPILING: Final = "compiling, about {seconds} s, once: what is compiled is kept"
+COMPILING: Final = "compiling, about {seconds} s; compiled code is kept for later runs"
 ERASE: Final = "\r\x1b[K"
 
 

@@ -1,4 +1,4 @@
-"""NumPy archives out of files that nobody vouches for."""
+"""NumPy archives from files that are not trusted."""
 
 from __future__ import annotations
 

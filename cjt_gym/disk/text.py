@@ -1,4 +1,4 @@
-"""TOML and JSON out of files that nobody vouches for."""
+"""TOML and JSON from files that are not trusted."""
 
 from __future__ import annotations
 

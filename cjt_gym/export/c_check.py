@@ -15,6 +15,7 @@ from cjt_gym.baselines.linear_law import MEASURED
 from cjt_gym.baselines.observers import LinearObserver
 from cjt_gym.errors import CjtGymError, ConfigurationError
 from cjt_gym.export.c_library import compiled
+from cjt_gym.export.c_text import VALUES, parameters
 from cjt_gym.joint import Joint
 from cjt_gym.plant import Measurement, SimulatedPlant, limits_of
 
@@ -22,13 +23,11 @@ Floats = NDArray[np.float64]
 STEPS, HOLD, BEYOND = 600, 60, 1.5
 """Control steps, how long a torque is held, and how far it goes beyond the limit."""
 TOLERANCE: Final = 1e-12
-ARGUMENTS = ", ".join(f"double {name}" for name in MEASURED)
-VALUES = ", ".join(MEASURED)
 CONTROLLER: Final = f"""\
 #include "law.h"
 static law_state state;
 void reset(void) {{ law_reset(&state); }}
-double step(double reference, {ARGUMENTS}) {{
+double step(double reference, {parameters("double")}) {{
   return law_step(&state, reference, {VALUES});
 }}
 """
@@ -36,7 +35,7 @@ OBSERVER: Final = f"""\
 #include "law.h"
 static law_state state;
 void reset(void) {{ law_reset(&state); }}
-void step(double command, {ARGUMENTS}, double *found) {{
+void step(double command, {parameters("double")}, double *found) {{
   law_step(&state, command, {VALUES}, found);
 }}
 """

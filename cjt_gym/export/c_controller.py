@@ -88,7 +88,7 @@ TEMPLATE: Final = """\
  *
  *   @NAME@_state state;
  *   @NAME@_reset(&state);
- *   torque = @NAME@_step(&state, reference, tau, q_m, q_g, q_l, dq_m, dq_g, dq_l);
+ *   torque = @NAME@_step(&state, reference, @VALUES@);
  */
 #ifndef @GUARD@
 #define @GUARD@
@@ -113,20 +113,16 @@ static inline void @NAME@_reset(@NAME@_state *state) { state->begun = 0; }
 
 /* The motor torque to command until the next step [N m].
  *
- * reference:        wanted joint torque [N m]
- * tau:              measured joint torque [N m]
- * q_m, q_g, q_l:    measured angles of motor (rotor angle / n), gear and load [rad]
- * dq_m, dq_g, dq_l: their velocities [rad/s]
+@MEANINGS@
  */
-static inline @REAL@ @NAME@_step(@NAME@_state *state, @REAL@ reference, @REAL@ tau,
-                                 @REAL@ q_m, @REAL@ q_g, @REAL@ q_l,
-                                 @REAL@ dq_m, @REAL@ dq_g, @REAL@ dq_l) {
+static inline @REAL@ @NAME@_step(@NAME@_state *state, @REAL@ reference,
+                                 @PARAMETERS@) {
   const @REAL@ limit = @NAME@_LIMIT;
   @REAL@ next[@STATES@], command@LOCAL@;
   int i, j;
-@ADDITION@@RENDER@  @REAL@ w[@COUNT@] = {reference, tau, q_m, q_g, q_l, dq_m, dq_g, dq_l, 0.0};
+@ADDITION@@RENDER@  @REAL@ w[@COUNT@] = {reference, @VALUES@, 0.0};
   if (!state->begun) {
-    const @REAL@ still[@COUNT@] = {@START@, tau, q_m, q_g, q_l, dq_m, dq_g, dq_l, tau};
+    const @REAL@ still[@COUNT@] = {@START@, @VALUES@, tau};
     for (i = 0; i < @ORDER@; i++)
       for (state->x[i] = 0.0, j = 0; j < @COUNT@; j++)
         state->x[i] += @NAME@_rest[i * @COUNT@ + j] * still[j];

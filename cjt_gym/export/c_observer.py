@@ -60,7 +60,7 @@ TEMPLATE: Final = """\
  *   @NAME@_state state;
  *   @REAL@ found[@NAME@_ESTIMATES];
  *   @NAME@_reset(&state);
- *   @NAME@_step(&state, command, tau, q_m, q_g, q_l, dq_m, dq_g, dq_l, found);
+ *   @NAME@_step(&state, command, @VALUES@, found);
  */
 #ifndef @GUARD@
 #define @GUARD@
@@ -84,10 +84,9 @@ typedef struct {
 /* Forget the past: the first step takes the joint to have been at rest under its torque. */
 static inline void @NAME@_reset(@NAME@_state *state) { state->begun = 0; }
 
-static inline void @NAME@_step(@NAME@_state *state, @REAL@ command, @REAL@ tau,
-                               @REAL@ q_m, @REAL@ q_g, @REAL@ q_l,
-                               @REAL@ dq_m, @REAL@ dq_g, @REAL@ dq_l, @REAL@ *found) {
-  const @REAL@ seen[@COUNT@] = {0.0, tau, q_m, q_g, q_l, dq_m, dq_g, dq_l, 0.0};
+static inline void @NAME@_step(@NAME@_state *state, @REAL@ command,
+                               @PARAMETERS@, @REAL@ *found) {
+  const @REAL@ seen[@COUNT@] = {0.0, @VALUES@, 0.0};
   @REAL@ next[@STATES@];
   int i, j;
   if (state->begun) {
@@ -99,7 +98,7 @@ static inline void @NAME@_step(@NAME@_state *state, @REAL@ command, @REAL@ tau,
     }
     for (i = 0; i < @ORDER@; i++) state->x[i] = next[i];
   } else {
-    const @REAL@ still[@COUNT@] = {tau, tau, q_m, q_g, q_l, dq_m, dq_g, dq_l, tau};
+    const @REAL@ still[@COUNT@] = {tau, @VALUES@, tau};
     for (i = 0; i < @ORDER@; i++)
       for (state->x[i] = 0.0, j = 0; j < @COUNT@; j++)
         state->x[i] += @NAME@_rest[i * @COUNT@ + j] * still[j];

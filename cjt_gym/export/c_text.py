@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from importlib.metadata import version
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cjt_gym.baselines.linear_law import INPUTS, MEASURED
+
 PER_LINE = 4
+VALUES = ", ".join(MEASURED)
+"""What is measured, as a function is called with it."""
 
 
 def identifier(text: str, kind: str = "law") -> str:
@@ -46,9 +50,32 @@ def array(kind: str, name: str, values: NDArray[Any]) -> str:
     return f"static const {kind} {name}[{len(texts)}] = {{\n  {body}}};"
 
 
+def parameters(kind: str) -> str:
+    """Return what is measured as parameters of a function, in two lines."""
+    texts = [f"{kind} {name}" for name in MEASURED]
+    return f",\n{33 * ' '}".join(", ".join(texts[k : k + 4]) for k in (0, 4))
+
+
+def meanings(used: Container[str] = INPUTS) -> str:
+    """Return lines of a comment that say what the inputs are, and which are not used."""
+    return "\n".join(
+        f" * {name + ':':<11}{what} [{unit}]{'' if name in used else '; not used, may be 0'}"
+        for name, (unit, what) in INPUTS.items()
+    )
+
+
 def filled(template: str, values: Mapping[str, str]) -> str:
-    """Return a template with @KEY@ replaced; @VERSION@ is that of the package."""
+    """Return a template with @KEY@ replaced; some keys are the same everywhere."""
     text = template
-    for key, value in {"VERSION": version("cjt-gym"), **values}.items():
+    for key, value in {**EVERYWHERE, **values}.items():
         text = text.replace(f"@{key}@", value)
     return text
+
+
+EVERYWHERE = {
+    "VERSION": version("cjt-gym"),
+    "PARAMETERS": parameters("@REAL@"),
+    "VALUES": VALUES,
+    "MEANINGS": meanings(),
+}
+"""What a template need not be told."""

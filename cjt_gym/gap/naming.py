@@ -24,6 +24,8 @@ from cjt_gym.gap.unknown import status
 
 SHADOW = 0.25
 """Confidence below which an effect beside a cause outside the table is taken for its shadow."""
+LIKE_FRICTION = frozenset({"square_m", "square_l", "warm_up", "spot"})
+"""Causes outside the table that others of friction imitate together."""
 EVEN_CHANCE = 0.5
 """Confidence below which no effect counts as confirmed."""
 
@@ -31,7 +33,9 @@ EVEN_CHANCE = 0.5
 def name_effects(
     found: Explanation, spread: Covariance, unseen: Sequence[Setting]
 ) -> tuple[NamedEffect, ...]:
-    """Return the effects of an explanation that deserve a name, by the share of the gap.
+    """Return the effects of an explanation that deserve a name, confirmed ones first.
+
+    Beside friction outside the table none of that stage is confirmed: it may be what that leaves.
 
     Args:
         found: The explanation.
@@ -40,6 +44,7 @@ def name_effects(
     """
     problem, fit = found.problem, found.fit
     whole, dt = _whole(found), problem.stages.setting.series.dt
+    clouded = {effect.stage for effect in fit.model.effects if effect.name in LIKE_FRICTION}
     rows = []
     for index, (effect, need) in enumerate(zip(fit.model.effects, found.needs, strict=True)):
         if effect.outside:
@@ -62,7 +67,7 @@ def name_effects(
         beside = any(other.outside for other in fit.model.effects)
         if beside and chance < SHADOW and not undecided(problem.stages.setting, effect.name):
             continue
-        if chance < EVEN_CHANCE:
+        if chance < EVEN_CHANCE or effect.stage in clouded:
             state = "tentative"
         rows.append(
             NamedEffect(
@@ -80,7 +85,7 @@ def name_effects(
             )
         )
     rows += [_sensor_row(finding, problem.stages.setting) for finding in found.sensors]
-    return tuple(sorted(rows, key=lambda row: -row.gap_removed))
+    return tuple(sorted(rows, key=lambda row: (row.status != "confirmed", -row.gap_removed)))
 
 
 def doubted(effect: NamedEffect) -> NamedEffect:

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cjt_gym.baselines import Controller
 from cjt_gym.canbus.config import HardwareConfig
 from cjt_gym.errors import ConfigurationError, unknown_name
-from cjt_gym.records import Record, read_record
+from cjt_gym.hardware.delayed_law import law_for
+from cjt_gym.records import Record, part_of, read_record
 from cjt_gym.signals import sampled_signal
 from cjt_gym.training.benchmark import make_agents
 from cjt_gym.training.evaluation.conditions import (
@@ -36,7 +39,7 @@ PIECE = 1.0
 REAL, NOMINAL = "real", "nominal"
 
 
-def runs_of(names: Sequence[str]) -> tuple[str, ...]:
+def tasks_of(names: Sequence[str]) -> tuple[str, ...]:
     """Return the runs that are asked for, all where none is named.
 
     Raises:
@@ -81,7 +84,7 @@ def side_by_side(
     Raises:
         ConfigurationError: The joint torque was not measured, or a joint has no name of its own.
     """
-    records = {name: read_record(path) for name, path in paths.items()}
+    records = {name: part_of(read_record(path), config.name) for name, path in paths.items()}
     for record in records.values():
         if "tau" not in record:
             raise ConfigurationError(
@@ -90,9 +93,20 @@ def side_by_side(
             )
     (agent,) = make_agents([] if policy else [controller], [policy] if policy else [])
     conditions = Conditions(config.joint_name, config.joint.structure, dt_control=config.dt)
+
+    @cache
+    def law(late: tuple[tuple[str, float], ...]) -> Controller:
+        return law_for(controller, config.joint, config.dt, dict(late))
+
+    def laws(record: Record) -> Controller:
+        return law(tuple(record.provenance.get("designed_for_s", {}).items()))
+
     rows = _rows(REAL, agent, conditions, {n: _traces(r) for n, r in records.items()})
     for joint in (None, *joints):
-        simulated = {n: _simulated(agent, conditions, joint, r, seed) for n, r in records.items()}
+        simulated = {
+            n: _simulated(agent, conditions, joint, r, None if policy else laws(r), seed)
+            for n, r in records.items()
+        }
         rows += _rows(joint or NOMINAL, agent, conditions, simulated)
     return rows
 
@@ -105,11 +119,17 @@ def _traces(record: Record) -> Traces:
 
 
 def _simulated(
-    agent: Agent, conditions: Conditions, joint: str | None, record: Record, seed: int
+    agent: Agent,
+    conditions: Conditions,
+    joint: str | None,
+    record: Record,
+    law: Controller | None,
+    seed: int,
 ) -> Traces:
     """Return what the agent does in a simulated joint along the reference of a record.
 
-    It observes and acts in the units of the nominal joint, as on the real one.
+    It observes and acts in the units of the nominal joint, as on the real one; a controller has the
+    gains that it has there.
     """
     arguments = agent.arguments(conditions) | {
         "reference": sampled_signal(
@@ -117,6 +137,9 @@ def _simulated(
         ),
         "episode_steps": len(record) - 1,
     }
+    if law is not None:
+        law.reset()
+        arguments["base_controller"] = lambda joint, dt: law
     if joint is not None:
         arguments |= {"joint": joint, "effects": None}
     return run_episodes(agent, arguments, 1, seed, from_zero=True)

@@ -20,25 +20,27 @@ from cjt_gym.canbus.experiments import (
     experiment_torque,
     fitting_share,
 )
-from cjt_gym.canbus.timing import Timing
 from cjt_gym.console.options import check_seed
 from cjt_gym.envs.settings import default_amplitude
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.records import Record, read_record, record_names
-from cjt_gym.signals import make_signals, signal_from_file
+from cjt_gym.records import Record, part_of, read_record, record_names
+from cjt_gym.signals import make_signals, signal_of_record
+from cjt_gym.training.tuning.gains import choose
 
 Floats = NDArray[np.float64]
 NONE, TRACKING = "none", "pd_feedforward"
+APART = 1000
+"""Between the seeds of two joints' references."""
 DRY = 1.0
 """Length of a dry run where none is given [s]."""
 
 
 @dataclass(frozen=True)
 class Job:
-    """One run.
+    """What one joint does in a run.
 
     Attributes:
-        path: Its record, None for none.
+        name: The joint's, where the configuration lists several.
         reference: Joint torque that is wanted, or motor torque that is commanded [N m], by control
             step.
         controller: A row of `CONTROLLERS`, a gain file, or `NONE`.
@@ -46,83 +48,136 @@ class Job:
         facts: What else belongs to the record's provenance.
     """
 
-    path: Path | None
+    name: str
     reference: Floats
     controller: str
     policy: str | None
     facts: dict[str, Any]
 
 
-def outcome(
-    job: Job, path: Path | None, errors: Floats, timing: Timing, dt: float
-) -> dict[str, Any]:
-    """Return what came out of a run, as plain data.
+@dataclass(frozen=True)
+class Run:
+    """One run of all joints.
 
-    Args:
-        job: What was asked for.
+    Attributes:
         path: Its record, None for none.
-        errors: Of the joint torque, empty where nothing was tracked [N m].
-        timing: How regular the loop was.
-        dt: Control step [s].
+        jobs: One for each joint.
     """
-    return {
-        "record": None if path is None else str(path),
-        "samples": len(job.reference),
-        "rmse": float(np.sqrt(np.mean(np.square(errors)))) if errors.size else None,
-        "timing_us": timing.summary(),
-        "delays_s": timing.delay(dt),
-    }
+
+    path: Path | None
+    jobs: tuple[Job, ...]
 
 
-def jobs_of(config: HardwareConfig, options: argparse.Namespace) -> Sequence[Job]:
-    """Return the runs that are asked for; of a series those that are not recorded yet."""
+def runs_of(configs: Sequence[HardwareConfig], options: argparse.Namespace) -> Sequence[Run]:
+    """Return the runs that are asked for; of a series those that are not recorded yet.
+
+    Raises:
+        ConfigurationError: An option is out of its range.
+    """
     check_seed(options.seed)
+    out = None if options.dry_run else options.out
+    each = [of_joint(options, k, configs) for k in range(len(configs))]
     if options.benchmark is not None:
-        return _missing(_tasks(config, options))
-    if options.experiment is None:
-        return [tracking(config, options)]
-    names = list(EXPERIMENTS) if options.experiment == ["all"] else options.experiment
-    jobs = []
+        from cjt_gym.hardware.beside_simulation import tasks_of
+
+        if options.experiment is not None or any(own.controller == NONE for own in each):
+            raise ConfigurationError("--benchmark needs a --controller or a --policy.")
+        names, make = list(tasks_of(options.benchmark)), _task
+    elif options.experiment is not None:
+        names = list(EXPERIMENTS) if options.experiment == ["all"] else options.experiment
+        make = _experiment
+    else:
+        run = Run(out, tuple(map(tracking, configs, each)))
+        _check_words([run])
+        return [run]
+    runs = []
     for name in names:
-        torque = experiment_torque(name, config.joint, config.limits, config.dt)
-        path = None if options.out is None else options.out / f"{name}.csv"
-        facts = {"excitation": name, "mode": "open loop"}
-        jobs.append(Job(path, torque, NONE, None, facts))
-    return _missing(jobs)
+        path = None if out is None else out / f"{name}.csv"
+        jobs = (make(name, config, own) for config, own in zip(configs, each, strict=True))
+        runs.append(Run(path, tuple(jobs)))
+    _check_words(runs)
+    return _missing(runs)
 
 
-def _missing(jobs: Sequence[Job]) -> Sequence[Job]:
-    """Return the jobs of a series that have no complete record; move broken records away."""
+def of_joint(
+    options: argparse.Namespace, k: int, configs: Sequence[HardwareConfig]
+) -> argparse.Namespace:
+    """Return the options of the k-th joint: its controller or policy, and a reference of its own.
+
+    Raises:
+        ConfigurationError: There are neither one of them for all joints, nor one for each.
+    """
+    own = {**vars(options), "seed": options.seed + APART * k}
+    for name in ("controller", "policy"):
+        words = own[name]
+        if words is not None and len(words) not in (1, len(configs)):
+            joints = ", ".join(config.name for config in configs) or "the only joint"
+            raise ConfigurationError(
+                f"--{name} must be given once for all joints, or once for each of {joints}, got "
+                f"{len(words)} of them."
+            )
+        own[name] = words and words[k % len(words)]
+    return argparse.Namespace(**own)
+
+
+def _check_words(runs: Sequence[Run]) -> None:
+    """Refuse a controller that there is not, before the bus is touched."""
+    for job in (job for run in runs for job in run.jobs):
+        if job.policy is None and job.controller != NONE:
+            choose(job.controller)
+
+
+def _experiment(name: str, config: HardwareConfig, options: argparse.Namespace) -> Job:
+    """Return what a joint does in an identification experiment."""
+    torque = experiment_torque(name, config.joint, config.limits, config.dt)
+    return Job(config.name, torque, NONE, None, {"excitation": name, "mode": "open loop"})
+
+
+def _task(name: str, config: HardwareConfig, options: argparse.Namespace) -> Job:
+    """Return what a joint does in a run of the benchmark."""
+    from cjt_gym.hardware.beside_simulation import SECONDS, reference_of
+
+    seconds = SECONDS if options.duration is None else options.duration
+    controller = options.controller or TRACKING
+    make = partial(reference_of, name, dt=config.dt, duration=seconds, seed=options.seed)
+    amplitude, reference = _with_amplitude(config, options, make)
+    facts: dict[str, Any] = {"task": name, "amplitude": amplitude, "seed": options.seed}
+    facts |= {"policy": options.policy} if options.policy else {"controller": controller}
+    return Job(config.name, reference, controller, options.policy, facts)
+
+
+def _missing(runs: Sequence[Run]) -> Sequence[Run]:
+    """Return the runs of a series that have no complete record; move broken records away."""
     found = []
-    for job in jobs:
-        path = job.path
+    for run in runs:
+        path = run.path
         if path is not None and path.exists():
-            if _is_complete(path, job):
+            if _is_complete(path, run.jobs):
                 sys.stderr.write(f"{path.stem}: recorded already, skipped\n")
                 continue
             path.rename(path.with_suffix(".broken.csv"))
-        found.append(job)
+        found.append(run)
     return found
 
 
-def _tasks(config: HardwareConfig, options: argparse.Namespace) -> Sequence[Job]:
-    """Return the runs of the benchmark."""
-    from cjt_gym.hardware.beside_simulation import SECONDS, reference_of, runs_of
+def _is_complete(path: Path, jobs: Sequence[Job]) -> bool:
+    """Return whether a record is all of a run.
 
-    if options.experiment is not None or options.controller == NONE:
-        raise ConfigurationError("--benchmark needs a --controller or a --policy.")
-    seed = options.seed
-    seconds = SECONDS if options.duration is None else options.duration
-    controller = options.controller or TRACKING
-    jobs = []
-    for name in runs_of(options.benchmark):
-        make = partial(reference_of, name, dt=config.dt, duration=seconds, seed=seed)
-        amplitude, reference = _with_amplitude(config, options, make)
-        path = None if options.out is None else options.out / f"{name}.csv"
-        facts: dict[str, Any] = {"task": name, "amplitude": amplitude, "seed": seed}
-        facts |= {"policy": options.policy} if options.policy else {"controller": controller}
-        jobs.append(Job(path, reference, controller, options.policy, facts))
-    return jobs
+    Raises:
+        ConfigurationError: It is that of another one.
+    """
+    known = read_record(path).provenance
+    if "fault" in known or "timing_us" not in known:
+        return False
+    for job in jobs:
+        own = known if len(jobs) == 1 else known.get("joints", {}).get(job.name, {})
+        for name, value in job.facts.items():
+            if own.get(name) != value:
+                raise ConfigurationError(
+                    f"{path} has {name} {own.get(name)!r}, this run has {value!r}. Give another "
+                    "--out, or the same options as before."
+                )
+    return True
 
 
 def _with_amplitude(
@@ -148,32 +203,15 @@ def _with_amplitude(
     return share * usual, share * reference
 
 
-def _is_complete(path: Path, job: Job) -> bool:
-    """Return whether a record is all of a job.
-
-    Raises:
-        ConfigurationError: It is that of another one.
-    """
-    known = read_record(path).provenance
-    if "fault" in known or "timing_us" not in known:
-        return False
-    for name, value in job.facts.items():
-        if known.get(name) != value:
-            raise ConfigurationError(
-                f"{path} has {name} {known.get(name)!r}, this series has {value!r}. Give another "
-                "--out, or the same options as before."
-            )
-    return True
-
-
 def tracking(config: HardwareConfig, options: argparse.Namespace) -> Job:
-    """Return the run of a controller or policy along a reference.
+    """Return what a joint does along a reference, under a controller or a policy.
 
     Raises:
         ConfigurationError: An option is out of its range.
     """
     word = options.reference
     record = read_record(word) if Path(word).suffix or word in record_names() else None
+    record = record and part_of(record, config.name)
     tracked = record is None or "tau_ref" in record
     controller = options.controller or (TRACKING if tracked else NONE)
     length = 10.0 if record is None else record.t[-1] - record.t[0] + record.dt
@@ -195,12 +233,12 @@ def tracking(config: HardwareConfig, options: argparse.Namespace) -> Job:
     elif controller == NONE:
         reference = _commanded(record, config)(t)
     else:
-        reference = drawn(signal_from_file(word), 1.0)
+        reference = drawn(signal_of_record(record), 1.0)
     if options.policy is None:
         facts |= {"controller": controller} | ({"mode": "open loop"} if controller == NONE else {})
     else:
-        facts["policy"] = str(options.policy)
-    return Job(options.out, reference, controller, options.policy, facts)
+        facts["policy"] = options.policy
+    return Job(config.name, reference, controller, options.policy, facts)
 
 
 def _commanded(record: Record, config: HardwareConfig) -> Callable[[Floats], Floats]:

@@ -37,7 +37,7 @@ NAME = "current_control"
 FASTEST = 0.5
 """Largest bandwidth over the sample rate, w T: beyond it the sampled loop overshoots."""
 TYPICAL_RATE, TYPICAL_SHARE = 1e4, 0.05
-"""Of a loop that nobody describes: sample rate [Hz], and bandwidth [Hz] over it."""
+"""Default loop: sample rate [Hz], and ratio of sample rate to bandwidth [Hz]."""
 
 
 @lean

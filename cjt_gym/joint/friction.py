@@ -31,7 +31,7 @@ from cjt_gym.joint.compiled import lean
 
 MOTOR, GEAR, LOAD = 0, 1, 2
 LEAST = 1e-9  # level below which there is no friction [N m]
-NONE, COULOMB, SLIDING, BRISTLES = 0.0, 1.0, 2.0, 3.0  # laws, the dearer the higher
+NONE, COULOMB, SLIDING, BRISTLES = 0.0, 1.0, 2.0, 3.0  # laws; higher numbers cost more
 
 
 @lean

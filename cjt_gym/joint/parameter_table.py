@@ -35,7 +35,7 @@ _PRISMATIC: Mapping[str, str] = {
     "rad": "m",
     "rad/s": "m/s",
 }
-# What a current is where nobody knows it, because the amplifier takes volts.
+# Stands for a current where it is unknown, because the amplifier takes volts.
 _VOLTS: Mapping[str, str] = {"N m/A": "N m/V", "A": "V"}
 
 

@@ -72,7 +72,7 @@ def is_late(p: Any) -> bool:
 
 @lean
 def own_lateness(p: Any, channel: int) -> float:
-    """Return how late a channel is by itself [s]; a velocity comes with its angle."""
+    """Return the delay of a single channel [s]; a velocity shares that of its angle."""
     if channel == CURRENT_I:
         return float(p.late_i)
     if channel in (Q_M, DQ_M):

@@ -33,7 +33,7 @@ def spring_rows(effects: Mapping[str, Mapping[str, Any]], owner: str) -> NDArray
 
     Args:
         effects: Effects with their values.
-        owner: Who has them, for messages.
+        owner: Name of their owner, for messages.
 
     Raises:
         ParameterError: There are fewer than two points, or the deflections or torques do not rise.

@@ -354,7 +354,7 @@ class SimulatedPlant:
     def advance(self, command: Floats, load: Floats) -> None:
         """Do what `step` does with commands that are within the limits already."""
         self.redraw_within()
-        # The drive is told a current by someone who knows the nominal torque constant.
+        # The current command is computed with the nominal torque constant.
         self._commands[:, 0] = command / self._torque_per_ampere
         self.batch.step(self._commands, load)
 

@@ -8,7 +8,7 @@ from cjt_gym.records.checks import FloatArray
 from cjt_gym.records.columns import COLUMNS, TRUE_PREFIX, Column, default_units
 from cjt_gym.records.files import read_record, record_names, write_record
 from cjt_gym.records.formats import FORMATS
-from cjt_gym.records.joints import joints_of, one_joint
+from cjt_gym.records.joints import joints_of, one_joint, part_of
 from cjt_gym.records.logs import iter_record, read_log
 from cjt_gym.records.mapping import load_mapping
 from cjt_gym.records.record import Record, concat
@@ -36,6 +36,7 @@ __all__ = [
     "joints_of",
     "load_mapping",
     "one_joint",
+    "part_of",
     "read_log",
     "read_record",
     "record_names",

@@ -77,6 +77,11 @@ COLUMNS: Final[dict[str, Column]] = {
         Column("temperature", ("degC",), "hottest temperature that the drive reports"),
         Column("age", ("s",), "age of the motor angle where the control loop used it"),
         Column("lateness", ("s",), "of the command behind the deadline of its control step"),
+        Column(
+            "round_trip",
+            ("s",),
+            "from the command before to the first report after it; 0 where none came in time",
+        ),
     )
 }
 

@@ -186,8 +186,8 @@ def _lattice(y: FloatArray) -> tuple[float, bool]:
 def unwrapped(x: FloatArray, turn: float) -> tuple[FloatArray, int]:
     """Return an angle without the jumps of a counter that begins anew every turn, and their number.
 
-    Jumps are taken for those of a counter where each is a turn long and the angle stays within a
-    turn. Otherwise the angle comes back as it is.
+    Jumps are taken for those of a counter where each is a turn long, but for what the angle moves
+    between samples, and the angle stays within a turn. Otherwise the angle comes back as it is.
 
     Args:
         x: The angle, shape (n,); NaN where a sample is missing.
@@ -203,7 +203,8 @@ def unwrapped(x: FloatArray, turn: float) -> tuple[FloatArray, int]:
         return x, 0
     over = -np.sign(d) * jumps
     rest = np.abs(d[jumps] + turn * over[jumps])
-    if np.quantile(rest, 0.9) > 0.3 * turn:
+    usual = float(np.abs(d[~jumps]).max(initial=0.0))
+    if np.quantile(rest, 0.9) > min(max(2.0 * usual, 0.02 * turn), 0.3 * turn):
         return x, 0
     out = x.copy()
     out[known] = y + turn * np.concatenate([[0.0], np.cumsum(over)])

@@ -15,6 +15,11 @@ def joints_of(record: Record) -> tuple[str, ...]:
     return tuple(dict.fromkeys(name for name in names if name))
 
 
+def part_of(record: Record, name: str) -> Record:
+    """Return the part of one joint, see `one_joint`; of a record of one joint all of it."""
+    return one_joint(record, name) if joints_of(record) else record
+
+
 def one_joint(record: Record, name: str) -> Record:
     """Return the part of one joint, as a record of its own.
 
@@ -33,9 +38,8 @@ def one_joint(record: Record, name: str) -> Record:
     columns = {k.removeprefix(mark): v for k, v in record.columns.items() if k.startswith(mark)}
     units = {k.removeprefix(mark): v for k, v in record.units.items() if k.startswith(mark)}
     sensors = {k.removeprefix(mark): v for k, v in record.sensors.items() if k.startswith(mark)}
-    facts = {k: v for k, v in record.provenance.items() if k not in ("joints", "runs")}
+    facts = {k: v for k, v in record.provenance.items() if k != "joints"}
     own = dict(record.provenance.get("joints", {}).get(name, {}))
-    run = dict(record.provenance.get("runs", {}).get(name, {}))
     late = record.provenance.get("delays_s", {})
     facts |= {"delays_s": late[name]} if name in late else {}
     return replace(
@@ -46,5 +50,5 @@ def one_joint(record: Record, name: str) -> Record:
         joint=own.pop("joint", None),
         structure=own.pop("structure", None),
         parameter_hash=own.pop("parameter_hash", None),
-        provenance=facts | own | run,
+        provenance=facts | own,
     )

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.errors import RecordError
-from cjt_gym.records.checks import FloatArray
+from cjt_gym.records.checks import FloatArray, check_lengths
 from cjt_gym.records.columns import TRUE_PREFIX
 from cjt_gym.records.doubts import doubts
 from cjt_gym.records.glitches import glitches, held, stale, unwrapped
@@ -83,6 +83,7 @@ def make_records(
     owner = like.owner if isinstance(like, Record) else str(like.get("origin", "the log"))
     if not columns or not _length(columns):
         raise RecordError(f"{owner} has no samples. Check that it was recorded and copied whole.")
+    check_lengths(owner, columns)
     pieces, repairs = _in_order(columns, owner)
     marked = [_marked(piece, turns) for piece in pieces]
     repairs += _summed([repair for _, found in marked for repair in found])

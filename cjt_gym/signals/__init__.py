@@ -8,6 +8,7 @@ from cjt_gym.signals.signal import (
     make_signals,
     sampled_signal,
     signal_from_file,
+    signal_of_record,
 )
 
 __all__ = [
@@ -18,4 +19,5 @@ __all__ = [
     "make_signals",
     "sampled_signal",
     "signal_from_file",
+    "signal_of_record",
 ]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.joint.border import checked_array
-from cjt_gym.records import read_record
+from cjt_gym.records import Record, read_record
 from cjt_gym.signals import evaluate as ev
 
 Floats = NDArray[np.float64]
@@ -110,12 +110,20 @@ def signal_from_file(path: str | Path, amplitude: float = 1.0) -> Signal:
     Raises:
         ConfigurationError: The record has none of these columns.
     """
-    record = read_record(path)
+    return signal_of_record(read_record(path), amplitude)
+
+
+def signal_of_record(record: Record, amplitude: float = 1.0) -> Signal:
+    """Return the same for a record that has been read.
+
+    Raises:
+        ConfigurationError: It has none of these columns.
+    """
     for name in ("tau_ref", "tau_cmd", "tau_l"):
         if name in record:
             return sampled_signal(record.t, record[name], amplitude)
     raise ConfigurationError(
-        f"Record {path} must have a column tau_ref, tau_cmd or tau_l [N m] to serve as a "
+        f"Record {record.owner} must have a column tau_ref, tau_cmd or tau_l [N m] to serve as a "
         f"reference, got {', '.join(record.columns)}."
     )
 

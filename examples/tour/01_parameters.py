@@ -1,9 +1,10 @@
 # %% [markdown]
 # # A joint from its parameters
 #
-# A joint is a file of parameters; each has a unit and a source. This one is the example that the
+# A joint is a file of parameters, each with a unit and a source. This one is the example that the
 # article on the Compliant Joint Toolbox builds step by step (Malzahn, Roozing, Tsagarakis, 2019,
-# algorithm 1). What a file leaves out is zero, or missing, and then an error says what needs it.
+# algorithm 1). Parameters that a file leaves out are zero, or cause an error where they are
+# needed.
 
 # %%
 from pathlib import Path
@@ -31,8 +32,8 @@ Path("example.toml").write_text(text)
 print(text)
 
 # %% [markdown]
-# A joint has a structure, which says what of the three bodies is rigid or fixed, and effects, which
-# are what separates it from the linear one. Both are chosen when it is loaded.
+# The structure of a joint says which of its three bodies are joined rigidly or fixed. Its effects
+# are what makes it differ from a linear joint. Choose both when you load it.
 
 # %%
 joint = cjt_gym.load_joint(
@@ -45,7 +46,7 @@ for name, settings in joint.effects.items():
     print(name, dict(settings))
 
 # %% [markdown]
-# A mistake is an error that says how to mend it.
+# A mistake raises an error that says how to correct it.
 
 # %%
 from cjt_gym.errors import CjtGymError
@@ -59,8 +60,8 @@ for wrong in ({"k_b": -1.0}, {"k_bar": 21000.0}):
 # %% [markdown]
 # ## Many at once
 #
-# A table of parameter sets, structures and effects stands for all their combinations. On the
-# command line that is `cjt-gym build table.toml`.
+# A table of parameter sets, structures and effects gives a joint for every combination. On the
+# command line, use `cjt-gym build table.toml`.
 
 # %%
 from cjt_gym.joint.build import build_joints

@@ -1,8 +1,8 @@
 # %% [markdown]
 # # Linear analysis
 #
-# State space and transfer functions come in one line each, whatever the structure. Effects are left
-# out of them: friction has no linear model.
+# State-space models and transfer functions take one line each, for every structure. They leave
+# out the effects: friction has no linear model.
 
 # %%
 import numpy as np
@@ -27,8 +27,8 @@ print(np.roots(held.den[0][0]), "=", np.exp(poles_of_G * 1e-3))
 # %% [markdown]
 # ## Modes
 #
-# Poles and zeros have names by where their energy is. With a load that is free, the zeros of the
-# motor's speed are the load swinging against a motor that stands still.
+# Poles and zeros are named after the place of their energy. With a free load, the zeros of the
+# motor speed are the load swinging against a motor at rest.
 
 # %%
 from cjt_gym.analysis.open_loop import frequency_response, poles, step, zeros
@@ -43,8 +43,8 @@ for kind, modes in (("pole", poles(arm)), ("zero", zeros(arm, "tau_m", "dq_m")))
 # %% [markdown]
 # ## Structures over each other
 #
-# The gearbox of this joint is about three times as stiff as its torsion bar: taking it as rigid
-# moves the resonance by a few hertz, and the mode of the gearbox is lost.
+# The gearbox of this joint is about three times as stiff as its torsion bar. Treating it as rigid
+# moves the resonance by a few hertz and removes the gearbox mode.
 
 # %%
 f = np.geomspace(1.0, 500.0, 800)

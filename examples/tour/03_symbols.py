@@ -1,7 +1,7 @@
 # %% [markdown]
 # # The joint in symbols
 #
-# The same equations with symbols in the places of numbers (SymPy) show what a parameter does.
+# The same equations with symbols instead of numbers (SymPy) show what each parameter does.
 
 # %%
 from cjt_gym.symbolic import S, dynamics, lock_output, transfer_function

@@ -1,8 +1,8 @@
 # %% [markdown]
 # # What the joint can do
 #
-# Parameters decide what torque, speed, power and heat a joint allows before anyone controls it. The
-# data sheet says it on two pages; here are single quantities and two of its maps.
+# The parameters of a joint determine its torque, speed, power and heat limits. The data sheet
+# shows them on two pages; here are single quantities and two of its maps.
 
 # %%
 import numpy as np
@@ -36,8 +36,8 @@ figure.colorbar(shown, label="efficiency [%]")
 # %% [markdown]
 # ## Torque over frequency
 #
-# With its output locked, the joint gives what its current allows times the gain of the resonance;
-# at the resonance itself the supply is what limits it, and above it the inertia of the rotor.
+# With a locked output, the torque is limited by the current, times the gain of the resonance. At
+# the resonance itself the supply voltage is the limit, and above it the inertia of the rotor.
 
 # %%
 from cjt_gym.characteristics import torque_limits
@@ -54,8 +54,8 @@ axes.legend()
 # %% [markdown]
 # ## The sheet
 #
-# `cjt-gym datasheet avocado_100_21000 --out avocado.pdf` writes it; several joints may be compared,
-# and `--json` prints every number.
+# `cjt-gym datasheet avocado_100_21000 --out avocado.pdf` writes the data sheet. Several joints
+# can be compared, and `--json` prints every number.
 
 # %%
 from cjt_gym.datasheet import make_sheet, write_sheet

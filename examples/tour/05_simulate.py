@@ -1,7 +1,8 @@
 # %% [markdown]
 # # Friction, ripple, noise and delay
 #
-# `simulate` takes motor torques and gives a record: what the sensors say, and what is true.
+# `simulate` takes motor torques and returns a record with the sensor readings and the true
+# values.
 
 # %%
 import numpy as np
@@ -24,8 +25,8 @@ print(f"{linear['tau'].max():.2f} N m of {command.max():.2f} N m arrive")
 # %% [markdown]
 # ## Friction
 #
-# Coulomb friction takes a constant torque from whatever moves; below it nothing does. With Stribeck
-# friction it takes more to start than to go on.
+# Coulomb friction opposes motion with a constant torque; below that torque nothing moves. With
+# Stribeck friction it takes more torque to start moving than to keep moving.
 
 # %%
 runs = {
@@ -43,9 +44,9 @@ axes.legend(loc="lower left")
 # %% [markdown]
 # ## Ripple
 #
-# Cogging and the meshing of teeth are periodic in the motor's angle, so that their frequency rises
-# with the speed. Here the joint carries a free load and gathers speed: what ripple adds to the
-# torque is largest where it passes the resonance at 28 Hz.
+# Cogging and gear meshing are periodic in the motor angle, so their frequency rises with speed.
+# Here the joint accelerates a free load, and the ripple in the torque is largest as it passes the
+# resonance at 28 Hz.
 
 # %%
 push = 4.0 * np.minimum(2.0 * t, 1.0)
@@ -66,7 +67,7 @@ lower.set(xlabel="time [s]", ylabel="frequency of ripple [Hz]")
 # %% [markdown]
 # ## What the controller sees
 #
-# Noise, resolution and delay are between the joint and its controller.
+# Noise, resolution and delay lie between the joint and its controller.
 
 # %%
 record = simulated(noise={"tau": 0.1}, quantization={"tau": 0.2}, measurement_delay={"delay": 3e-3})
@@ -102,4 +103,4 @@ axes.set(xlabel="frequency [Hz]", ylabel="joint torque over motor torque")
 axes.legend()
 
 # %% [markdown]
-# All effects with their equations and parameters are on the page of [the effects](../effects.md).
+# Every effect, with its equation and parameters, is on the page [effects](../../docs/effects.md).

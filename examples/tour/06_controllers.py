@@ -1,8 +1,8 @@
 # %% [markdown]
 # # Controllers, with and without an observer
 #
-# A torque controller gets what the sensors say and a reference, and gives a motor torque. The loop
-# is short enough to be written out.
+# A torque controller takes measurements and a reference and returns a motor torque. The loop is
+# short enough to write out.
 
 # %%
 import numpy as np
@@ -33,8 +33,8 @@ def controlled(name, reference=wanted):
 
 # %% [markdown]
 # Open loop, a PD law with feed-forward, the same with a disturbance observer around it, and state
-# feedback on a Luenberger observer that sees the joint torque alone. Friction is a torque at the
-# motor that no law here knows; an observer finds it in what the joint does.
+# feedback on a Luenberger observer that sees the joint torque alone. None of these controllers
+# knows the friction at the motor; an observer infers it from the motion.
 
 # %%
 names = ("open_loop", "pd_feedforward", "pid_outer_dob", "observer_feedback")
@@ -53,8 +53,8 @@ for name, tau in runs.items():
 # %% [markdown]
 # ## What it costs
 #
-# The linear loop says how far each is from instability, how fast it is, how much of the sensor's
-# noise it puts on the motor, and whether the joint stays passive when it touches something.
+# The linear loop shows how far each controller is from instability, how fast it is, how much
+# sensor noise reaches the motor, and whether the joint stays passive in contact.
 
 # %%
 from cjt_gym.analysis import analyse, figures_of
@@ -70,8 +70,8 @@ for name in names[1:]:
 # %% [markdown]
 # ## An observer by itself
 #
-# Observers stand alone, too. The momentum observer gives the torque that opposes the motor, without
-# an acceleration; behind it is the friction that the simulation has.
+# Observers can also be used alone. The momentum observer estimates the torque that opposes the
+# motor without differentiating the speed; here that torque is the simulated friction.
 
 # %%
 from cjt_gym.baselines.observers import momentum_observer
@@ -95,5 +95,5 @@ axes.set(xlabel="time [s]", ylabel="torque [N m]", ylim=(-8.0, 11.0))
 axes.legend(loc="upper right", ncols=2)
 
 # %% [markdown]
-# The page of [the controllers](../controllers.md) has all controllers and observers, with their
-# laws and sources.
+# [The page on controllers](../../docs/controllers.md) lists all controllers and observers with
+# their equations and sources.

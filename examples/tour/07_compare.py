@@ -50,4 +50,4 @@ axes.legend(fontsize=8)
 
 # %% [markdown]
 # `cjt-gym benchmark` does this for more controllers, tasks and joints, adds bandwidth, noise,
-# margins and a ranking, and writes a report ([benchmark](../benchmark.md)).
+# margins and a ranking, and writes a report ([benchmark](../../docs/benchmark.md)).

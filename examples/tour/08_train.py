@@ -1,10 +1,9 @@
 # %% [markdown]
-# # Learn it
+# # Train a policy
 #
-# A joint is an environment, too. A policy learns here what to add to a PD controller with
-# feed-forward, on the joint of [the comparison](07_compare.md). It is a short training of a small
-# network, to see that it goes the right way (`pip install "cjt-gym[train]"`); `make demo` runs a
-# million steps.
+# A joint is also a Gymnasium environment. Here a policy learns what to add to a PD controller with
+# feed-forward, on the joint of [the comparison](07_compare.ipynb). The training is short and the
+# network small (`pip install "cjt-gym[train]"`); `make demo` trains for a million steps.
 
 # %%
 from dataclasses import replace
@@ -26,7 +25,8 @@ print(env.action_space, env.observation_space.shape)
 print(f"this episode: k_b = {info['parameters']['k_b']:.0f} N m/rad")
 
 # %% [markdown]
-# A training is a configuration, on the command line a TOML file: `cjt-gym train ppo_residual`.
+# A configuration defines a training; on the command line it is a TOML file:
+# `cjt-gym train ppo_residual`.
 
 # %%
 from cjt_gym.training.learning.config import EvaluationConfig, load_config
@@ -47,7 +47,7 @@ axes.plot([r["steps"] for r in progress], [r["validation_rmse"] for r in progres
 axes.set(xlabel="steps", ylabel="tracking error, rms [N m]", ylim=(0.0, None))
 
 # %% [markdown]
-# On joints that training has not seen, against the controller it stands on:
+# On joints not used for training, compared with its base controller:
 
 # %%
 from cjt_gym.training.benchmark import make_agents

@@ -1,8 +1,8 @@
 # %% [markdown]
 # # Randomise
 #
-# A policy that has seen one joint knows one joint. Every reset may draw another one: a parameter,
-# or the size of an effect, from a range, a distribution, or what its tolerance says.
+# A policy trained on one joint works on that joint only. Every reset can draw a different joint:
+# parameters and sizes of effects come from a range, a distribution or a tolerance.
 
 # %%
 import numpy as np
@@ -40,8 +40,9 @@ axes.legend()
 # %% [markdown]
 # ## Presets
 #
-# `"mild"` and `"wide"` vary all that acts in the joint, and `"identified"` what a joint file gives
-# an interval or a tolerance to, which is what [a diagnosis](10_diagnose.md) writes.
+# `"mild"` and `"wide"` vary everything that acts in the joint. `"identified"` varies the values
+# for which a joint file has an interval or a tolerance, as the files written by [a
+# diagnosis](10_diagnose.ipynb) do.
 
 # %%
 import gymnasium as gym
@@ -52,4 +53,4 @@ for seed in range(3):
     print({name: round(value, 5) for name, value in list(info["parameters"].items())[:4]})
 
 # %% [markdown]
-# Distributions, drifts and groups: [the model](../model.md#randomisation).
+# For distributions, drifts and groups see [the model](../../docs/model.md#randomisation).

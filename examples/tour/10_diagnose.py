@@ -1,9 +1,9 @@
 # %% [markdown]
 # # Find out why the real joint differs
 #
-# A record of the real joint and the nominal joint go in; where the gap is, which effect causes it
-# and what to record next come out. Here the real joint is a simulated one, so that the truth is
-# known: it has dry friction that its data sheet, the nominal joint, says nothing of.
+# A diagnosis compares a record of the real joint with the nominal joint and says where they
+# differ, which effect causes the difference, and what to record next. Here the real joint is
+# simulated, so the truth is known: it has dry friction that its data sheet does not mention.
 
 # %%
 import numpy as np
@@ -37,8 +37,8 @@ print(f"hidden {hidden:.2f} N m, found {named.value:.2f} ({named.low:.2f} to {na
 print(f"{100.0 * found.gap.removed:.0f} % of the gap on data that the fit has not seen")
 
 # %% [markdown]
-# The diagnosis writes a joint file with the effect and its interval. That is the joint to simulate,
-# to randomise and to train on next.
+# The diagnosis writes a joint file with the effect and its interval. Use that joint for
+# simulation, randomisation and training from now on.
 
 # %%
 from pathlib import Path
@@ -56,4 +56,4 @@ axes.legend(loc="lower right")
 
 # %% [markdown]
 # `cjt-gym diagnose record.npz --joint orange_80_6000 --out found` does the same and writes a report
-# ([diagnosis](../diagnosis.md)).
+# ([diagnosis](../../docs/diagnosis.md)).

@@ -1,9 +1,9 @@
 # %% [markdown]
 # # The article, reproduced
 #
-# Every figure and table of the article on the toolbox that shows a joint, with the printed numbers
-# beside those of this package. Figures 1, 2, 6 and 7 show software and hardware: the architecture,
-# a browser of examples, photos of actuators and the wiring of EtherCAT.
+# Every figure and table of the toolbox article that shows a joint, with the printed numbers next
+# to those of this package. Figures 1, 2, 6 and 7 show software and hardware: the architecture, a
+# browser of examples, photos of actuators and the wiring of EtherCAT.
 #
 # J. Malzahn, W. Roozing, N. Tsagarakis, "The Compliant Joint Toolbox for MATLAB", IEEE Robotics and
 # Automation Magazine 26(3), 2019.
@@ -11,8 +11,9 @@
 # %% [markdown]
 # ## Algorithm 1: a joint from a handful of deviations
 #
-# What is not given is a class default of the toolbox, which is the joint `generic`. Values of the
-# negative direction follow their partners, where the toolbox keeps those of another motor.
+# What is not given is a class default of the toolbox, which is the joint `generic`. Values for
+# the negative direction default to those of the positive one; the toolbox keeps those of another
+# motor.
 
 # %%
 import numpy as np
@@ -76,8 +77,8 @@ transfer_function("output_fixed_rigid_gearbox")
 # %% [markdown]
 # ## Table 1: the linear models
 #
-# Inertia, damping and stiffness of each structure are as printed. What the table has besides reads
-# otherwise in the text at hand, in print or by its scan:
+# Inertia, damping and stiffness of each structure are as printed. The table differs from the text
+# in these places, through a misprint or the scan:
 #
 # * B of the full dynamics is the stiffness matrix there; it is the input of the two torques.
 # * Signs are missing in A: in the row of the motor the entries are -k_g / I_m and k_g / I_m, and
@@ -135,7 +136,7 @@ for structure, parts in TABLE_1.items():
 #
 # ## Figures 3 and 4: masses, springs, and what is added to them
 #
-# ![](../figures/joint.svg)
+# ![](../../docs/figures/joint.svg)
 #
 # The nonlinear term g of Figure 4 is a torque on each body that depends on the state: here friction
 # of `example` over speed, as in Algorithm 1.

@@ -88,7 +88,7 @@ def drive(
     """Run an agent on a joint of the other simulator; the error counts by its true torque.
 
     Args:
-        agent: Who drives.
+        agent: Controller or policy to run.
         arguments: Of the environment that it was made for: its base controller suits that joint.
         world: The joint as it is.
         episodes: How many, each from rest.

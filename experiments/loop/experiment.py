@@ -40,11 +40,11 @@ Say = Callable[[str], None]
 AMPLITUDE_SHARE: Final = 0.2
 """Amplitude of the references over the peak torque of the motor [-]."""
 BASE: Final = "pd_feedforward"
-"""The base of the policies, and who is tried beside them."""
+"""The base of the policies, which is also run alone."""
 RECIPE: Final = "loop"
 """Configuration of all trainings."""
 ARMS: Final = ("controller", "nominal", "wide", "identified", "true")
-"""Who is tried on every joint."""
+"""What is run on every joint."""
 EPISODES: Final = 2
 """Of a second each, for every task."""
 RATE: Final = {"start": 3e-4, "end": 1e-5}
@@ -196,7 +196,7 @@ def _folder(plan: Plan, joint: HiddenJoint, arm: str) -> Path:
 
 
 def _try(plan: Plan, joint: HiddenJoint) -> Outcome:
-    """Diagnose a joint, go on training for it, and try everybody on it."""
+    """Diagnose a joint, continue training for it, and evaluate every arm on it."""
     place = plan.out / f"{joint.name}.json"
     if place.is_file():
         return Outcome(**json.loads(place.read_text(encoding="utf-8")))
@@ -254,8 +254,8 @@ def _train(
     p = load_joint_file(sheet).parameters
     env = dict(base.env) | {"joint": sheet, "structure": joint.structure}
     env["torque_amplitude"] = env["action_scale"] = AMPLITUDE_SHARE * p.k_t * p.n * p.i_p
-    scales = Episodes(1, **complete(environment_arguments(env))).settings
-    env |= {"velocity_scale": scales.velocity_scale, "joint": str(path)}
+    layout = Episodes(1, **complete(environment_arguments(env))).settings.layout
+    env |= {"velocity_scale": layout.velocity, "joint": str(path)}
     if randomization is not None:
         env["randomization"] = randomization
     changes: dict[str, Any] = {"env": env, "total_steps": steps, "seed": plan.seed}

@@ -66,7 +66,7 @@ def _median(values: Sequence[float]) -> dict[str, float] | None:
 
 
 def table_of(outcomes: Sequence[Outcome]) -> list[list[str]]:
-    """Return a line per joint: what it hides, what was found, and everybody's error."""
+    """Return a line per joint: what it hides, what was found, and the error of every arm."""
     head = ["joint", "hides", "found", *(NAMES[arm] for arm in ARMS), "recovered"]
     lines = [head]
     for o in outcomes:
@@ -77,7 +77,7 @@ def table_of(outcomes: Sequence[Outcome]) -> list[list[str]]:
 
 
 def noise_of(outcomes: Sequence[Outcome]) -> list[list[str]]:
-    """Return a line per datasheet: everybody's median amplification of the sensor's noise."""
+    """Return a line per datasheet: the median amplification of the sensor's noise."""
     lines = [["joints", "structure", *(NAMES[arm] for arm in ARMS)]]
     for group, members in groupby(outcomes, key=lambda o: o.joint[:-1]):
         same = list(members)

@@ -1,4 +1,4 @@
-"""Randomisation by somebody who does not diagnose, and knows what joints may hide and how much."""
+"""Randomisation without a diagnosis, with known kinds and sizes of hidden effects."""
 
 from __future__ import annotations
 

@@ -23,7 +23,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         description="Compare learned with classical controllers.",
     )
     add, usual = parser.add_argument, Plan(Path("results"))
-    add("--out", type=Path, default=usual.out, help="folder; what is in it is not done again")
+    add(
+        "--out",
+        type=Path,
+        default=usual.out,
+        help="folder; work that is already in it is not repeated",
+    )
     add("--joint", default=usual.joint)
     add(
         "--recipe",
@@ -37,7 +42,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     add("--steps", type=int, help="of a training, instead of the recipe's")
     add("--episodes", type=int, default=usual.episodes, help="of each task")
     add("--jobs", type=int, default=usual.jobs, help="processes")
-    add("--document", type=Path, help="Markdown document that gets the tables between its marks")
+    add(
+        "--document",
+        type=Path,
+        help="Markdown document whose tables, between marks with the name of --out, are rewritten",
+    )
     add("--write-only", action="store_true", help="run nothing: take results.json of --out")
     values = vars(parser.parse_args(arguments))
     document, write_only = values.pop("document"), values.pop("write_only")
@@ -50,7 +59,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             page = write_all(plan, run_results(plan, _say))
         data = read_results(plan.out)
         if document is not None:
-            write_document(document, data)
+            write_document(document, data, plan.out.name)
     except CjtGymError as error:
         sys.stderr.write(f"results: {error}\n")
         return 2

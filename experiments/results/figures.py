@@ -27,7 +27,7 @@ def _some(found: Found) -> dict[str, tuple[str, float]]:
 
 
 def noise_figure(found: Found) -> str:
-    """Return score against noise of everybody; whom nobody beats in both has a name."""
+    """Return score over noise of every agent; those that no other beats in both are named."""
     with canvas(WIDTH, 3.4) as (figure, written):
         axes: Any = figure.subplots()
         for name, score in found["score"].items():

@@ -23,15 +23,15 @@ NOTES: Final = {
     "from one millisecond to the next. P better: probability that a policy has the smaller error "
     "in an episode, with its 95 % interval.",
     "tasks": "nrmse by task.",
-    "joints": "Scores on joints that no training saw, policies as they are; controllers with "
-    "their own gains for each joint.",
-    "shifts": "Scores outside of the conditions of the training; the policies beside the best "
-    "controllers of the benchmark and their base.",
-    "worst": "nrmse at the middle of the box of parameters and at the worst place that CMA-ES "
-    "found, on episodes that the search did not see; of the policies the interquartile mean, and "
-    "the place of the worst.",
-    "port": "Damping that a mover of the output feels while the reference is zero, over the "
-    "square root of stiffness times inertia. Below zero the joint gives energy away.",
+    "joints": "Scores on joints that were not used for training: the policies unchanged, the "
+    "controllers with gains for each joint.",
+    "shifts": "Scores outside the training conditions, for the policies, the best controllers of "
+    "the benchmark, and the policies' base.",
+    "worst": "nrmse at the centre of the parameter box and at the worst point that CMA-ES found, "
+    "on episodes not used by the search; for the policies, the interquartile mean and the "
+    "worst point of the worst policy.",
+    "port": "Damping felt at the output while the reference is zero, divided by the square root "
+    "of stiffness times inertia. Below zero the joint feeds energy into whatever moves it.",
     "wins": "Where a classical controller is better than the policies.",
 }
 
@@ -72,8 +72,8 @@ def write_page(folder: Path, found: Sequence[Found]) -> Path:
         parts += [
             report.figure(
                 noise_figure(one),
-                "Everybody's error and what it costs in noise; named are the policies, the best "
-                "controllers, the base, and whom nobody beats in both.",
+                "Error and noise of every agent. Named are the policies, the best controllers, the "
+                "base, and every agent that no other beats in both.",
             ),
             report.figure(
                 profile_figure(one),
@@ -81,7 +81,7 @@ def write_page(folder: Path, found: Sequence[Found]) -> Path:
                 "95 % intervals over trainings and episodes.",
             ),
             report.figure(delay_figure(one), "Score against delay on top of that of the command."),
-            report.figure(port_figure(one), "Damping that a mover of the output feels."),
+            report.figure(port_figure(one), "Damping felt at the output."),
         ]
     return report.write_page(folder / "report.html", "Learned against classical", parts)
 
@@ -115,11 +115,17 @@ def facts(data: Found) -> str:
     )
 
 
-def write_document(path: Path, data: Found) -> Path:
+def write_document(path: Path, data: Found, label: str = "results") -> Path:
     """Write the tables between the marks of a Markdown document, and return its path.
 
-    A mark is `<!-- results: NAME -->`, its end `<!-- end of results: NAME -->`, with a name of
-    `tables.PARTS`, "summary" or "facts".
+    A mark is `<!-- LABEL: NAME -->`, its end `<!-- end of LABEL: NAME -->`, with a name of
+    `tables.PARTS`, "summary" or "facts". Error over noise goes to `figures/LABEL_STRUCTURE.svg`
+    beside the document.
+
+    Args:
+        path: The document.
+        data: What `results.json` holds.
+        label: Which of several comparisons in the document this one is.
 
     Raises:
         MissingFileError: There is no such document.
@@ -127,4 +133,9 @@ def write_document(path: Path, data: Found) -> Path:
     """
     names = ("summary", *tables.PARTS)
     parts = {name: part_markdown(name, data["structures"]) for name in names}
-    return fill(path, "results", {"facts": facts(data), **parts})
+    fill(path, label, {"facts": facts(data), **parts})
+    (path.parent / "figures").mkdir(exist_ok=True)
+    for one in data["structures"]:
+        name = f"{label}_{one['structure']}.svg"
+        write_text(path.parent / "figures" / name, noise_figure(one))
+    return path

@@ -7,7 +7,7 @@ and its angle q without drift,
     resistance = - (sum of tau dq) / (sum of dq^2 / dt)
 
 is the damping that the mover feels; for a linear loop it is the real part of the port's impedance.
-Where it is negative the joint gives energy away, and whatever touches it must take that up.
+Where it is negative, the joint feeds energy into whatever touches it.
 Colgate, Hogan (1988), Robust control of dynamically interacting systems, International Journal of
 Control 48.
 """

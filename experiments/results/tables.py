@@ -23,18 +23,18 @@ def label(found: Found) -> str:
 
 
 def sentence(found: Found) -> str:
-    """Return in words who is better on a structure, and at what price."""
+    """Return in words which agent is better on a structure, and at what cost."""
     best, noise = found["best"], [found["noise"][name] for name in ("policy", found["best"])]
     price = ""
     if None not in noise:
         price = (
-            f" At rest its command shakes {noise[0]:.1f} times as much as the torque sensor's "
-            f"noise, that of {best} {noise[1]:.1f} times."
+            f" At rest the noise of their command is {noise[0]:.1f} times that of the torque "
+            f"sensor; with {best} it is {noise[1]:.1f} times."
         )
     chance = "" if is_clear(found["ratio"]) else ", which could be chance"
     return (
-        f"{label(found)}: error of the policies over that of {best}, the best controller: "
-        f"{within(found['ratio'])}{chance}.{price}"
+        f"{label(found)}: the policies have {within(found['ratio'])} of the error of {best}, the "
+        f"best controller{chance}.{price}"
     )
 
 
@@ -61,7 +61,7 @@ def shown(found: Found) -> list[str]:
 
 
 def scores(found: Found) -> Cells:
-    """Return error, noise, command and probability of improvement of everybody."""
+    """Return error, noise, command and probability of improvement of every agent."""
     rows = [
         [
             "agent",
@@ -145,8 +145,8 @@ def shifts(found: Found) -> Cells:
 
 
 def worst(found: Found) -> Cells:
-    """Return the errors at the middle of the box and at its worst place."""
-    rows = [["agent", "middle", "worst", "worst / middle", "where"]]
+    """Return the errors at the centre of the box and at its worst point."""
+    rows = [["agent", "centre", "worst", "worst / centre", "where"]]
     agents = found["worst"]["agents"]
     for name in sorted(agents, key=lambda name: float(agents[name]["worst"])):
         row = agents[name]
@@ -157,7 +157,7 @@ def worst(found: Found) -> Cells:
 
 
 def port(found: Found, everybody: bool = False) -> Cells:
-    """Return the damping that a mover of the output feels, by frequency."""
+    """Return the damping felt at the output, by frequency."""
     agents = found["port"]["agents"]
     names = [n for n in (ranked(found) if everybody else shown(found)) if n in agents]
     frequencies = list(next(iter(agents.values()))["resistance"]) if agents else []
@@ -205,7 +205,7 @@ def _wins_of_others(found: Found) -> Iterator[tuple[str, str, float, float]]:
     if rivals and "policy" in agents:
         name = min(rivals, key=lambda name: float(agents[name]["worst"]))
         if agents[name]["worst"] < agents["policy"]["worst"]:
-            yield "worst place of the box", name, agents[name]["worst"], agents["policy"]["worst"]
+            yield "worst point of the box", name, agents[name]["worst"], agents["policy"]["worst"]
     agents, best = found["port"]["agents"], found["best"]
     if "policy" in agents and best in agents:
         for f, mine in agents["policy"]["least"].items():
@@ -227,24 +227,25 @@ def verdicts(found: Found) -> list[str]:
     texts = []
     if rows:
         texts.append(
-            f"Of {len(rows)} joints that no training saw the policies are better than the best "
+            f"On {len(rows)} joints not used for training, the policies beat the best "
             f"controller on {_better(rows, 'ratio')}"
-            + (f", and better than their base on {_better(over, 'over_base')}." if over else ".")
+            + (f" and their base on {_better(over, 'over_base')}." if over else ".")
         )
     if "policy" in agents:
         most = agents["policy"]
         texts.append(
-            f"At the worst place of the box their error is {most['worst'] / most['middle']:.2f} "
-            f"times that at its middle; the largest of all trainings is {most['most']:.3f}."
+            f"At the worst point of the parameter box their error is "
+            f"{most['worst'] / most['middle']:.2f} times that at its centre; the largest of any "
+            f"training is {most['most']:.3f}."
         )
     if "policy" in found["port"]["agents"]:
         least = found["port"]["agents"]["policy"]["least"]
         active = [f for f, value in least.items() if value < 0.0]
         texts.append(
-            f"The output gives energy to who moves it at {', '.join(active)} Hz in at least one "
-            "training."
+            f"In at least one training the joint feeds energy into its load at "
+            f"{', '.join(active)} Hz."
             if active
-            else "At no frequency does the output of any training give energy to who moves it."
+            else "No training feeds energy into the load at any of the frequencies."
         )
     return texts
 
@@ -252,7 +253,7 @@ def verdicts(found: Found) -> list[str]:
 def _better(rows: Sequence[Found], key: str) -> str:
     better = [row for row in rows if row[key]["value"] < 1.0]
     clear = [row for row in better if is_clear(row[key])]
-    return f"{len(better)} ({len(clear)} of them clearly)"
+    return f"{len(better)} ({len(clear)} clearly)"
 
 
 PARTS: Final[dict[str, Callable[[Found], Cells]]] = {

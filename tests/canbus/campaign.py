@@ -251,7 +251,7 @@ def inject(name: str, protocol: str, folder: Path, seed: int) -> Outcome:
     emulator.torque_changed = lambda t, torque: scene.torques.append((t, torque))
     steps = _run(scene, FAULTS[name][1])
     emulator.advance(emulator.now + AFTER * given.dt)
-    found = plant.guard.fault
+    found = plant.joint.guard.fault
     kind = "" if found is None else found.kind
     if found is None and name != "process killed":
         return Outcome(name, protocol, "", np.inf, False, False)

@@ -33,6 +33,8 @@ def client_of(settings: BusSettings, port: Port) -> can.BusABC:
 class PumpLink:
     """Carries frames between a client's bus and an emulator's port, one by one."""
 
+    stamps = "reception"
+
     def __init__(self, emulator: Emulator, port: Port, bus: can.BusABC) -> None:
         self.emulator, self.port, self.bus = emulator, port, bus
         self._inbox: list[Arrival] = []

@@ -182,7 +182,7 @@ class Tally:
 
     def add(self, began: float, plant: CanPlant, record: Path) -> None:
         """Add a run that has ended."""
-        given = {name: np.array(values) for name, values in vars(plant.timing).items()}
+        given = {name: np.array(values) for name, values in vars(plant.joint.timing).items()}
         given["at"] = began + plant.dt * np.arange(len(given["lateness"]))
         for name, values in given.items():
             self.times.setdefault(name, []).append(values)

@@ -11,6 +11,7 @@ import can
 import numpy as np
 import pytest
 
+from cjt_gym.canbus import protocols
 from cjt_gym.canbus.arm import CanArm
 from cjt_gym.canbus.config import parse_joints
 from cjt_gym.canbus.emulated_arm import EmulatedArm
@@ -22,7 +23,8 @@ from cjt_gym.canbus.shared_bus import SharedLink
 from cjt_gym.canbus.virtual import VirtualLink
 from cjt_gym.cli import main
 from cjt_gym.errors import ConfigurationError, HardwareError
-from cjt_gym.records import joints_of, read_record
+from cjt_gym.records import joints_of, one_joint, read_record
+from cjt_gym.training.deploy.shipped import policy_path
 from tests.canbus.soak import emulator, free_port
 from tests.canbus.test_bus_load import joints, listed
 from tests.canbus.test_buses import PATIENT
@@ -184,7 +186,7 @@ def test_frames_for_all_nodes_go_out_once_and_last() -> None:
         def receive(self) -> list[Arrival]:
             return []
 
-    shared = SharedLink(Bus(), 2, 1e-3)  # type: ignore[arg-type]
+    shared = SharedLink(2, 1e-3, Bus())  # type: ignore[arg-type]
     sync = can.Message(arbitration_id=0x80, is_extended_id=False)
     shared.gather()
     for k, tap in enumerate(shared.taps):
@@ -223,9 +225,69 @@ def test_command_runs_all_joints_and_each_can_be_diagnosed(
     assert part.provenance["delays_s"]["measurement_delay.delay"] > 0.0
     assert main(["convert", str(out), "--joint", "joint_2", "--out", str(tmp_path / "x.csv")]) == 2
     assert main(["convert", str(own), "--joint", "joint_1", "--out", str(tmp_path / "x.csv")]) == 2
-    assert main([*words, "--experiment", "chirp", "--out", str(tmp_path / "series")]) == 2
-    assert "Name it: --joint NAME" in capsys.readouterr().err
+    assert main([*words, *3 * ["--controller", "pd"], "--out", str(tmp_path / "x.csv")]) == 2
+    assert "once for each of joint_0, joint_1, got 3" in capsys.readouterr().err
     assert main([*words[:2], "--dry-run", "--duration", "0.02"]) == 0
+
+
+def test_an_experiment_moves_every_joint_and_is_not_repeated(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, out = tmp_path / "arm.toml", tmp_path / "series"
+    tables = joints("cia402", "moteus", control={"rate_hz": 200})
+    tables["emulator"]["watchdog"] = {"value": 0.008, "unit": "s"}
+    tables["joints"][1]["joint"] = {**tables["joints"][1]["joint"], "file": "orange_100_6000"}
+    path.write_text(listed(tables))
+    words = ["hardware", str(path), "--emulated", "--experiment", "steps", "--out", str(out)]
+    assert main(words) == 0
+    record = read_record(out / "steps.csv")
+    for name, joint in (("joint_0", "orange_80_6000"), ("joint_1", "orange_100_6000")):
+        assert record.provenance["joints"][name]["excitation"] == "steps"
+        assert np.ptp(record[f"{name}/tau_cmd"]) > 5.0
+        assert one_joint(record, name).joint == joint
+    assert np.abs(record["joint_0/tau_cmd"] - record["joint_1/tau_cmd"]).max() > 1.0
+    assert main(words) == 0
+    assert "steps: recorded already" in capsys.readouterr().err
+
+
+def with_torque_sensors(tables: dict[str, Any], folder: Path) -> str:
+    """Return tables of joints as TOML, each with a torque sensor of its own beside it."""
+    shipped = Path(protocols.__file__).parent / "data"
+    text = listed(tables)
+    for k in range(len(tables["joints"])):
+        dbc = (shipped / "joint_sensor.dbc").read_text()
+        (folder / f"own_{k}.dbc").write_text(dbc.replace("2415919872", str(2415919872 + 16 * k)))
+        mapping = (shipped / "torque_sensor.map.toml").read_text()
+        (folder / f"own_{k}.map.toml").write_text(mapping.replace("joint_sensor", f"own_{k}"))
+        sensor = f'[joints.sensors.torque]\nprotocol = "dbc"\nfile = "own_{k}.map.toml"\n'
+        head, mark, tail = text.partition(f'name = "joint_{k}"')
+        own, following, rest = tail.partition("[[joints]]")
+        text = head + mark + own + sensor + following + rest
+    return text
+
+
+def test_each_joint_of_the_benchmark_has_a_policy_of_its_own(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, out = tmp_path / "arm.toml", tmp_path / "series"
+    tables = joints("moteus", "moteus", control={"rate_hz": 1000})
+    path.write_text(with_torque_sensors(tables, tmp_path))
+    other = tmp_path / "other.npz"
+    other.write_bytes(policy_path("orange_residual").read_bytes())
+    words = ["hardware", str(path), "--emulated", "--benchmark", "smooth", "--duration", "3"]
+    words += ["--amplitude", "5", "--out", str(out), "--json"]
+    assert main([*words, "--policy", "orange_residual", "--policy", str(other)]) == 0
+    rows = json.loads(capsys.readouterr().out)["rows"]
+    assert [row["where"] for row in rows] == [
+        f"joint_{k}: {where}" for k in range(2) for where in ("real", "nominal")
+    ]
+    assert {row["kind"] for row in rows} == {"residual"}
+    record = read_record(out / "smooth.csv")
+    told = [own["policy"] for own in record.provenance["joints"].values()]
+    assert told == ["orange_residual", str(other)]
+    for row, name in zip(rows[::2], ("joint_0", "joint_1"), strict=True):
+        errors = record[f"{name}/tau_ref"] - record[f"{name}/tau"]
+        assert row["rmse"] == pytest.approx(np.sqrt(np.mean(errors[1000:3000] ** 2)), rel=0.05)
 
 
 @pytest.mark.slow  # in real time

@@ -125,7 +125,7 @@ def test_joints_that_find_no_room_are_named(
     assert told["most_hz"] == pytest.approx(500.0 / told["share"], rel=0.02)
     assert main(["bus", str(path), "--bitrate", "8e6"]) == 0
     shown = capsys.readouterr().out
-    assert "find no room" not in shown
+    assert "do not fit" not in shown
     assert "joint_6" in shown
     assert main(["bus", str(path), "--bitrate", "3"]) == 2
 

@@ -186,7 +186,7 @@ def test_nobody_there_is_one_clear_error() -> None:
     number = port.port
     port.close()
     given = replace(config(), bus=BusSettings("socketcand", "can0", port=number))
-    with pytest.raises(ConfigurationError, match="Nobody serves socketcand"):
+    with pytest.raises(ConfigurationError, match="No socketcand server"):
         CanPlant(given).connect()
 
 

@@ -6,6 +6,7 @@ import json
 import re
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +16,10 @@ from cjt_gym.canbus.experiments import EXPERIMENTS, experiment_torque
 from cjt_gym.canbus.hidden_effects import draw_hidden
 from cjt_gym.canbus.lock import NodeLock
 from cjt_gym.cli import main
+from cjt_gym.errors import CjtGymWarning
+from cjt_gym.hardware.beside_simulation import side_by_side
 from cjt_gym.joint import load_joint
-from cjt_gym.records import Record, read_record
+from cjt_gym.records import Record, read_record, write_record
 from cjt_gym.training.tuning.gains import write_gains
 from tests.canbus.bench import config, document, toml
 from tests.canbus.soak import emulator, free_port
@@ -51,6 +54,36 @@ def test_emulated_run_writes_a_record_for_the_diagnosis(
     assert record.structure == "output_fixed_rigid_gearbox"
     assert record.provenance["controller"] == "pd_feedforward"
     assert record.provenance["kp"] > 0.0
+
+
+def test_a_policy_by_name_says_where_it_was_not_trained(
+    path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    same = path.read_text().replace("rate_hz = 500", "rate_hz = 1000")
+    other = same.replace("orange_80_6000", "lemon_50_6000")
+    for name, text in (("same", same), ("other", other)):
+        config_file = path.with_name(f"{name}.toml")
+        config_file.write_text(text)
+        words = ["hardware", str(config_file), "--emulated", "--policy", "orange_residual"]
+        words += ["--duration", "0.05", "--out", str(path.with_name(f"{name}.csv"))]
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always", CjtGymWarning)
+            assert main(words) == 0
+        said = capsys.readouterr()
+        assert "50 samples, tracking error" in said.out
+        told = said.err + "".join(str(one.message) for one in caught)
+        assert ("was trained on orange_80_6000" in told) == (name == "other"), told
+
+
+def test_a_policy_says_which_rate_and_which_name_it_needs(
+    path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["hardware", str(path), "--emulated", "--out", str(path.with_name("run.csv"))]
+    assert main([*words, "--policy", "orange_residual"]) == 2
+    assert "rate_hz = 1000" in capsys.readouterr().err
+    assert main([*words, "--policy", "orange_residul"]) == 2
+    told = "Did you mean 'orange_residual'? Known: orange_residual. Or give the path"
+    assert told in capsys.readouterr().err
 
 
 def test_gain_files_run_and_amplitudes_keep_the_limits(
@@ -98,7 +131,8 @@ def test_dry_run_shows_frames_and_touches_no_bus(
         (["--emulated", "--out", "x.csv", "--reference", "nothing"], "Unknown signal"),
         (["--emulated", "--out", "x.csv", "--duration", "0"], "--duration"),
         (["--emulated", "--out", "x", "--experiment", "dance"], "Unknown experiment"),
-        ([], "Nobody serves socketcand"),
+        (["--arm", "--out", "x.csv", "--policy", "orange_residual"], "trained at dt_control"),
+        ([], "No socketcand server"),
     ],
 )
 def test_bad_input_is_one_line(
@@ -177,6 +211,22 @@ def test_lock_is_given_back_when_a_process_dies() -> None:
     NodeLock("bus", 9).release()
 
 
+def test_simulated_rows_have_the_gains_that_the_real_loop_had(tmp_path: Path) -> None:
+    given, rmse = config(control={"rate_hz": 1000}), []
+    t = np.arange(3000) * 1e-3
+    wanted = 5.0 * np.sin(20.0 * t)
+    columns = {"t": t, "tau_ref": wanted, "tau": wanted, "tau_cmd": wanted}
+    for late in (0.0, 4e-3):
+        path = tmp_path / f"{late}.csv"
+        facts = {"designed_for_s": {"measurement_delay.delay": late}}
+        units = {"t": "s"} | dict.fromkeys(("tau_ref", "tau", "tau_cmd"), "N m")
+        write_record(Record(columns, units, provenance=facts), path)
+        rows = side_by_side(given, "pd_feedforward", None, {"smooth": path}, [], 0)
+        rmse.append({row["where"]: row["rmse"] for row in rows})
+    assert rmse[0]["real"] == rmse[1]["real"]
+    assert rmse[0]["nominal"] < 0.8 * rmse[1]["nominal"]
+
+
 def test_figures_of_the_joint_beside_those_of_the_simulation(
     path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -196,5 +246,5 @@ def test_figures_of_the_joint_beside_those_of_the_simulation(
     assert "smooth: recorded already" in shown.err
     assert "nominal" in shown.out
     assert main([*words, "smooth", "--seed", "1"]) == 2
-    assert "has seed 0, this series has 1" in capsys.readouterr().err
+    assert "has seed 0, this run has 1" in capsys.readouterr().err
     assert main([*words, "dance"]) == 2

@@ -68,7 +68,7 @@ def test_delay_is_measured_as_it_is_in_a_run(drive: dict[str, Any]) -> None:
     plant.reset()
     for _ in range(100):
         plant.step(np.zeros(1))
-    during = sum(plant.timing.delay(plant.dt).values())
+    during = sum(plant.joint.timing.delay(plant.dt).values())
     plant.close()
     assert before == pytest.approx(during, abs=3e-4)
     if "cycle_ms" not in drive:

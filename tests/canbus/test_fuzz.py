@@ -57,7 +57,7 @@ def test_foreign_frames_in_a_run_end_in_a_fault_or_in_nothing(frames: list[can.M
         for _ in range(4):
             plant.step(np.array([5.0]))
     if plant.state is State.FAULT:
-        assert plant.guard.fault is not None
+        assert plant.joint.guard.fault is not None
         assert emulator.torque == 0.0
     plant.close()
     assert emulator.torque == 0.0

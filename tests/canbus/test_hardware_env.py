@@ -96,8 +96,8 @@ def test_exception_within_takes_the_torque_away(tmp_path: Path) -> None:
 
     with pytest.raises(ZeroDivisionError):
         run()
-    assert env.plant.guard.fault is not None
-    assert env.plant.guard.fault.kind == "exception"
+    assert env.plant.joint.guard.fault is not None
+    assert env.plant.joint.guard.fault.kind == "exception"
     record = read_record(path)
     assert record.provenance["fault"]["kind"] == "exception"
     assert len(record) == 11
@@ -143,7 +143,7 @@ def test_joints_of_a_list_are_one_environment_with_an_action_each(tmp_path: Path
         _, _, terminated, truncated, info = env.step(np.array([0.0, 1.5, 0.0]))
         assert terminated
         assert not truncated
-        assert info["fault"]["kind"] == "command"
+        assert (info["fault"]["kind"], info["fault"]["joint"]) == ("command", "joint_1")
         assert info["tau_command"].tolist() == [0.0] * 3
     record = read_record(out)
     assert len(record) > 100

@@ -89,7 +89,7 @@ def test_command_and_its_rate_are_limited_and_begin_softly() -> None:
     seen = []
     for _ in range(100):
         plant.step(np.array([1000.0]))
-        seen.append(plant.sent)
+        seen.append(plant.joint.sent)
     steps = np.diff([0.0, *seen])
     assert max(seen) == pytest.approx(30.0)
     assert steps.max() <= 1000.0 * plant.dt + 1e-9
@@ -120,6 +120,23 @@ def test_record_is_on_disk_at_every_step(tmp_path: Path) -> None:
     plant.close()
 
 
+def test_the_round_trip_of_every_exchange_is_in_the_record(tmp_path: Path) -> None:
+    path, late = tmp_path / "run.csv", {"latency": {"value": 3e-4, "unit": "s"}}
+    plant, emulator = virtual_plant(config(drive=DRIVES["moteus"], emulator=late), path)
+    plant.reset()
+    for _ in range(20):
+        plant.step(np.zeros(1))
+    emulator.nodes[0].alive = False
+    plant.step(np.zeros(1))
+    with pytest.raises(HardwareFault):
+        plant.step(np.zeros(1))
+    record = read_record(path)
+    assert record["round_trip"][0] == 0.0  # nothing was asked before
+    np.testing.assert_allclose(record["round_trip"][1:21], 6e-4, atol=2e-5)
+    assert record["round_trip"][21] == 0.0  # no answer
+    plant.close()
+
+
 def test_record_of_another_format_and_no_overwriting(tmp_path: Path) -> None:
     path = tmp_path / "run.npz"
     with virtual_plant(config(), path)[0] as plant:
@@ -130,7 +147,7 @@ def test_record_of_another_format_and_no_overwriting(tmp_path: Path) -> None:
     assert not path.with_suffix(".csv").exists()
     plant, emulator = virtual_plant(config(), path)
     plant.reset()
-    with pytest.raises(ConfigurationError, match="is there already"):
+    with pytest.raises(ConfigurationError, match="already exists"):
         plant.step(np.zeros(1))
     assert emulator.torque == 0.0
     plant.close()
@@ -205,8 +222,8 @@ def test_ctrl_c_while_enabling_leaves_the_drive_disabled(within: bool) -> None:
     with pytest.raises(KeyboardInterrupt), plant if within else contextlib.nullcontext():
         plant.step(np.ones(1))
     assert emulator.drive.mode is Mode.DISABLED
-    assert plant.guard.fault is not None
-    assert plant.guard.fault.kind == "interrupt"
+    assert plant.joint.guard.fault is not None
+    assert plant.joint.guard.fault.kind == "interrupt"
     plant.close()
 
 
@@ -257,7 +274,7 @@ def test_full_disk_takes_the_torque_away_and_leaves_a_record(
     for _ in range(30):
         plant.step(np.array([5.0]))
     assert isinstance(plant.link, VirtualLink)
-    off = [bytes(frame.data) for frame in plant.nodes.drive.master.disable()][-1]
+    off = [bytes(frame.data) for frame in plant.joint.nodes.drive.master.disable()][-1]
     plant.link.sent = lambda t, frame: idle.append(t) if bytes(frame.data) == off else None
     left[0] = room
 

@@ -103,7 +103,7 @@ def test_no_torque_is_commanded_while_it_is_proven(protocol: str) -> None:
     given = config(drive=DRIVES[protocol])
     link = VirtualLink(Emulator(given))
     plant = CanPlant(given, link)
-    master, commanded = plant.nodes.drive.master, []
+    master, commanded = plant.joint.nodes.drive.master, []
 
     def note(t: float, message: can.Message) -> None:
         torque = master.commanded(message)

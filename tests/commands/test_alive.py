@@ -116,7 +116,7 @@ def test_after_a_warm_up_nothing_is_left_to_compile(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["warm-up"]) == 0
-    assert "All is compiled" in capsys.readouterr().out
+    assert "Everything is compiled" in capsys.readouterr().out
     compiled: list[bool] = []
     while_compiling(compiled.append)
     record = str(tmp_path / "r.csv")

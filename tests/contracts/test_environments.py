@@ -19,7 +19,10 @@ from stable_baselines3.common.env_checker import check_env as check_env_sb3
 import cjt_gym
 from cjt_gym.envs import TorqueTrackingEnv, TorqueTrackingVectorEnv
 from cjt_gym.envs.arguments import DEFAULTS, complete
+from cjt_gym.envs.current_control import CurrentControlEnv
+from cjt_gym.envs.observation import ROWS
 from cjt_gym.envs.observe import TERMS
+from cjt_gym.envs.robot import RobotEnv
 from cjt_gym.envs.sb3 import TorqueTrackingVecEnv
 from cjt_gym.errors import ConfigurationError, ParameterError, UnknownNameError
 from cjt_gym.registry import ENVIRONMENTS
@@ -35,6 +38,7 @@ REAL = {
     "quantization": {},
     "velocity_differentiation": {"cutoff": 200.0},
 }
+BATCHED = [name for name, row in ENVIRONMENTS.items() if "vector_entry_point" in row]
 RANDOM = {"k_b": (0.8, 1.2), "coulomb.d_cm": (0.5, 2.0), "I_m": (0.9, 1.1)}
 
 
@@ -42,7 +46,7 @@ def make(name: str = "CJT/TorqueTracking-v0", **arguments: Any) -> gym.Env[Any, 
     return gym.make(name, **arguments)
 
 
-@pytest.mark.parametrize("name", ENVIRONMENTS)
+@pytest.mark.parametrize("name", BATCHED)
 def test_both_checkers_pass_without_a_warning(name: str) -> None:
     env = make(name, effects=REAL, render_mode="rgb_array")
     with warnings.catch_warnings():
@@ -51,7 +55,31 @@ def test_both_checkers_pass_without_a_warning(name: str) -> None:
         check_env_sb3(env.unwrapped)
 
 
-@pytest.mark.parametrize("name", ENVIRONMENTS)
+def test_what_is_observed_is_told_in_the_documentation() -> None:
+    env = make(preview=2, history=5).unwrapped
+    layout = env.episodes.settings.layout  # type: ignore[attr-defined]
+    names = layout.names()
+    assert len(names) == layout.size == env.reset(seed=0)[0].size
+    assert [names.count(name) for name in ROWS] == [3, 1, 1, 1, 5, 5, 5, 5]
+    for told in (TorqueTrackingEnv, CurrentControlEnv, RobotEnv):
+        assert "{observation}" not in (told.__doc__ or "")
+    for row in ROWS.values():
+        assert f"| {row.text} | {row.unit} |" in (TorqueTrackingEnv.__doc__ or "")
+
+
+def test_the_last_value_of_an_array_holds() -> None:
+    env = make(reference=np.linspace(0.0, 15.0, 20), preview=3, episode_steps=40)
+    seen, _ = env.reset(seed=0)
+    rows = [env.step(np.zeros(1, dtype=np.float32)) for _ in range(40)]
+    wanted = np.append(np.linspace(0.0, 15.0, 20), np.full(24, 15.0))
+    assert [row[4]["tau_reference"] for row in rows] == pytest.approx(wanted[1:41])
+    scale = env.unwrapped.episodes.settings.layout.torque  # type: ignore[attr-defined]
+    ahead = np.array([seen[:4], *(row[0][:4] for row in rows)]) * scale
+    expected = np.lib.stride_tricks.sliding_window_view(wanted, 4)[:41]
+    np.testing.assert_allclose(ahead, expected, atol=1e-5)
+
+
+@pytest.mark.parametrize("name", BATCHED)
 def test_a_member_of_a_batch_equals_a_single_environment_bit_for_bit(name: str) -> None:
     arguments = {"effects": REAL, "randomization": RANDOM, "episode_steps": 60}
     batch = gym.make_vec(name, num_envs=3, **arguments)
@@ -199,6 +227,8 @@ def test_nothing_hidden_is_observed() -> None:
         ({"effects": ["cogging"]}, ParameterError, "cogging.f"),
         ({"reference": "chrip"}, UnknownNameError, "chirp"),
         ({"dt_physics": 3e-4}, ConfigurationError, "whole multiple"),
+        ({"dt_control": 0.0}, ConfigurationError, "dt_control must be finite and > 0 s, got 0.0"),
+        ({"preview": 1.5}, ConfigurationError, "preview must be a whole number >= 0, got 1.5"),
         ({"torque_amplitude": -1.0}, ConfigurationError, "> 0 N m"),
         ({"effects": {"command_delay": {"delay": 8e-3}}, "history": 3}, ConfigurationError, ">= 8"),
         ({"randomization": {"k_b": (-1.0, 1.0)}}, ConfigurationError, "> 0"),

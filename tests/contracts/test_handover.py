@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numba import njit
 
 from cjt_gym.envs.core import Episodes
 from cjt_gym.envs.handover import opened, table_of
-from cjt_gym.joint.compiled import compiled
 
 
-@compiled
+@njit  # not kept on the disk, where it would outlive a change of the parts
 def look_and_write(address: int) -> Any:
     """Return some of what lies at an address, after a change."""
     batch, setup, kind, blocks, task, control = opened(address)

@@ -48,6 +48,18 @@ def test_the_rest_may_come_from_the_toolboxs_defaults(script: Path) -> None:
     assert p.quantities["I_g"].source == "toolbox class default"
 
 
+@pytest.mark.parametrize("option", ["--bus", "--joint", "--mapping"])
+def test_what_is_for_logs_is_refused_for_a_joint(
+    option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    script = tmp_path / "mine.m"
+    script.write_text("params.n = 80;\n")
+    words = ["convert", str(script), "--defaults", "generic", "--out", str(tmp_path / "x.toml")]
+    assert main([*words, option, "something"]) == 2
+    assert f"{option} is for a log" in capsys.readouterr().err
+    assert not (tmp_path / "x.toml").exists()
+
+
 def test_ripple_becomes_effects_by_its_type(script: Path) -> None:
     ripple = (
         "rip_types = [1 2, 1];\nrip_f = [1 2 3];\nrip_a1 = [0.1 0.2 0.3];\nrip_a2 = [0 -1 0];\n"

@@ -127,7 +127,7 @@ def commands() -> list[str]:
     return [line.split("  #")[0] for block in blocks for line in block.splitlines()]
 
 
-LONG = re.compile(r"cjt-gym (train|diagnose)|--policy|--benchmark|--experiment")
+LONG = re.compile(r"cjt-gym (train|diagnose|plot)|--policy|--benchmark|--experiment")
 
 
 def test_commands_run_one_after_the_other(

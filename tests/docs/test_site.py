@@ -39,6 +39,20 @@ def test_every_page_is_in_the_navigation() -> None:
     assert named == {page.as_posix() for page in PAGES} | GENERATED
 
 
+def test_the_example_of_the_start_page_prints_what_is_shown(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    start = (DOCS / "index.md").read_text("utf-8")
+    (code,) = re.findall(r"```python\n(.*?)```", start, re.DOTALL)
+    (shown,) = re.findall(r"```text\n(.*?)```", start, re.DOTALL)
+    exec(compile(code, "index.md", "exec"), {})
+    printed = capsys.readouterr().out.split()
+    assert printed[:2] == shown.split()[:2]
+    for told in ("EXPLAINED.", "confirmed", "Coulomb"):
+        assert told in shown.split()
+        assert told in printed
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("page", "text"), BLOCKS, ids=[f"{p.stem}" for p, _ in BLOCKS])
 def test_code_of_tutorials_runs(page: Path, text: str, tmp_path: Path) -> None:
@@ -62,6 +76,9 @@ def test_it_builds_without_a_warning(tmp_path: Path) -> None:
     assert run.returncode == 0, run.stderr
     joints = (tmp_path / "site/joints.html").read_text("utf-8")
     assert all(f'id="{name}"' in joints for name in joint_names())
+    assert (tmp_path / "site/effects.html").read_text("utf-8").count("<math ") >= 50
     for page in (tmp_path / "site").rglob("*.html"):
-        outside = re.findall(r'(?:src|<link[^>]*href)="(https?://[^"]+)', page.read_text("utf-8"))
+        text = page.read_text("utf-8")
+        outside = re.findall(r'(?:src|<link[^>]*href)="(https?://[^"]+)', text)
         assert not outside, (page, outside)
+        assert 'class="arithmatex"' not in text, page

@@ -180,6 +180,30 @@ def test_mcap_that_ends_early_is_read_as_far_as_it_goes(tmp_path: Path) -> None:
     assert np.allclose(record["q_m"], Q)
 
 
+def test_columns_of_unequal_lengths_are_told(tmp_path: Path) -> None:
+    h5py, path = pytest.importorskip("h5py"), tmp_path / "log.h5"
+    with h5py.File(path, "w") as file:
+        for name, samples in (("t", 12), ("q_m", 12), ("tau_ref", 8)):
+            file[name] = 0.1 * np.arange(samples)
+    with pytest.raises(RecordError, match="the same length, got .* 8 of 'tau_ref'"):
+        read_log(path)
+
+
+def test_a_schema_that_is_none_is_refused_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("mcap_ros2")
+    path = tmp_path / "log.mcap"
+    writer = pytest.importorskip("mcap.writer").Writer(str(path))
+    writer.start()
+    schema = writer.register_schema("p/A", "ros2msg", b"flnat64 y\n")
+    writer.add_message(writer.register_channel("/a", "cdr", schema), 0, b"\0\1\0\0" + bytes(8), 0)
+    writer.finish()
+    with pytest.raises(RecordError):
+        read_log(path)
+    assert capsys.readouterr().err == ""
+
+
 def test_mcap_in_another_encoding_is_refused(tmp_path: Path) -> None:
     path = write_json(tmp_path / "log.mcap", encoding="protobuf")
     with pytest.raises(RecordError, match=r"in JSON or of ROS 2 .* /motor \(protobuf\)"):

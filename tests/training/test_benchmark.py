@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cjt_gym.errors import ConfigurationError, UnknownNameError
-from cjt_gym.training.benchmark import benchmark, make_agents, rows_of, write_rows
+from cjt_gym.training.benchmark import benchmark, make_agents, write_rows
 from cjt_gym.training.evaluation.conditions import (
     EVALUATION_SEEDS,
     TASKS,
@@ -30,7 +30,8 @@ JOINT = "orange_80_6000"
 def test_the_json_has_the_agreed_keys(finished: RunFolder, tmp_path: Path) -> None:
     agents = make_agents(["open_loop"], [finished.path])
     results = benchmark(agents, realistic_conditions(JOINT), ("step", "smooth"), episodes=3)
-    rows = json.loads(write_rows([row.to_json() for row in rows_of(results)], tmp_path).read_text())
+    told = [row.to_json() for one in results for row in one.rows]
+    rows = json.loads(write_rows(told, tmp_path).read_text())
     assert len(rows) == 4
     assert {row["kind"] for row in rows} == {"classical", "residual"}
     for row in rows:
@@ -46,8 +47,8 @@ def test_the_json_has_the_agreed_keys(finished: RunFolder, tmp_path: Path) -> No
 def test_the_same_seed_repeats_and_feedback_helps() -> None:
     agents = make_agents(["open_loop", "pd_feedforward"], [])
     conditions = realistic_conditions(JOINT)
-    open_loop, feedback = rows_of(benchmark(agents, conditions, ("smooth",), 4))
-    assert rows_of(benchmark(agents[:1], conditions, ("smooth",), 4)) == [open_loop]
+    (open_loop,), (feedback,) = (e.rows for e in benchmark(agents, conditions, ("smooth",), 4))
+    assert benchmark(agents[:1], conditions, ("smooth",), 4)[0].rows == (open_loop,)
     assert feedback.rmse < 0.9 * open_loop.rmse
     assert open_loop.noise_amplification == 0.0
     assert feedback.bandwidth_hz > open_loop.bandwidth_hz

@@ -54,7 +54,7 @@ def test_the_checkpoint_before_is_tried(
     DAMAGES[damage](newer)
     assert train(tiny, stopped.path).facts["status"] == "finished"
     said = capsys.readouterr().err
-    assert "The one before is tried." in said
+    assert "Trying the checkpoint before it." in said
     assert str(newer) in said
     assert f"from step {int(older.name.split('_')[1])}" in said
 

@@ -63,18 +63,18 @@ def test_they_end_every_observation_and_change_nothing_else() -> None:
 def test_drawn_joints_are_what_was_drawn(tiny: TrainConfig) -> None:
     config = many(tiny, frequency=(10.0, 100.0), friction=(0.1, 0.3), noise=(0.004, 0.02))
     found = [Episodes(1, **arguments).settings for arguments in datasheets(config, 5, 6)]
-    frequencies = [20.0 * math.exp(s.joint_numbers[0]) for s in found]
+    frequencies = [20.0 * math.exp(s.layout.joint_numbers[0]) for s in found]
     edges = np.geomspace(10.0, 100.0, 7)
     assert all(a <= f <= b for f, a, b in zip(frequencies, edges, edges[1:], strict=False))
-    assert all(0.1 <= s.joint_numbers[2] <= 0.3 + 1e-9 for s in found)
-    assert all(0.004 - 1e-9 <= s.joint_numbers[3] <= 0.02 + 1e-9 for s in found)
+    assert all(0.1 <= s.layout.joint_numbers[2] <= 0.3 + 1e-9 for s in found)
+    assert all(0.004 - 1e-9 <= s.layout.joint_numbers[3] <= 0.02 + 1e-9 for s in found)
     own = Episodes(1, **arguments_of(tiny)[0]).settings
-    assert {s.torque_amplitude for s in found} == {own.torque_amplitude}
+    assert {s.layout.torque for s in found} == {own.layout.torque}
     for s in found:  # the speed that stretches the spring at 20 Hz, and what it resolves
-        assert s.velocity_scale * s.joint.parameters.k_b == pytest.approx(
-            own.velocity_scale * own.joint.parameters.k_b
+        assert s.layout.velocity * s.joint.parameters.k_b == pytest.approx(
+            own.layout.velocity * own.joint.parameters.k_b
         )
-        assert s.action_scale == pytest.approx(own.action_scale)
+        assert s.layout.action == pytest.approx(own.layout.action)
         assert s.joint.effects["noise"]["q_m"] * s.joint.parameters.k_b == pytest.approx(
             own.joint.effects["noise"]["q_m"] * own.joint.parameters.k_b
         )
@@ -86,7 +86,7 @@ def test_with_much_friction_the_references_grow(tiny: TrainConfig) -> None:
     config = many(tiny, friction=(0.5, 0.5))
     settings = Episodes(1, **datasheets(config, 0, 1)[0]).settings
     own = Episodes(1, **arguments_of(tiny)[0]).settings
-    assert settings.torque_amplitude == pytest.approx(1.5 * own.torque_amplitude)
+    assert settings.layout.torque == pytest.approx(1.5 * own.layout.torque)
     grown = [signal.amplitude for signal in settings.references]
     assert grown == pytest.approx([1.5 * signal.amplitude for signal in own.references])
 
@@ -160,5 +160,5 @@ def test_bad_settings_are_refused(tiny: TrainConfig) -> None:
 def test_the_recipe_for_many_joints_is_valid() -> None:
     config = load_config("universal_residual")
     assert config.datasheets.count > 1
-    joints = [Episodes(1, **a).settings.joint_numbers for a in datasheets(config, 0, 4)]
+    joints = [Episodes(1, **a).settings.layout.joint_numbers for a in datasheets(config, 0, 4)]
     assert len(set(joints)) == 4

@@ -184,7 +184,7 @@ def test_names_units_and_gains_are_in_the_file(finished: RunFolder, tmp_path: Pa
     assert facts["base"]["gains"]["kp"] > 0.0
     assert facts["output"]["limit"] == policy.limit
     text = c_header(policy)
-    for told in ("pd_feedforward", "dq_l:      measured load velocity [rad/s]; not used", "kp = "):
+    for told in ("pd_feedforward", "dq_l:      load velocity [rad/s]; not used", "kp = "):
         assert told in text
 
 

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cjt_gym.envs.observation import Layout
 from cjt_gym.errors import CjtGymError, ConfigurationError
 from cjt_gym.export.c_text import identifier
 from cjt_gym.training.deploy.c_header import c_header
 from cjt_gym.training.deploy.exported import Exported, load_exported, save_exported
-from cjt_gym.training.deploy.layout import Layout
 from cjt_gym.training.deploy.network import Layer, Network
 from cjt_gym.training.deploy.stepper import Stepper
 from cjt_gym.training.learning.config import TrainConfig
@@ -31,7 +31,7 @@ def policy() -> Exported:
         Layer(rng.normal(size=(1, WIDTH)), np.zeros(1), "none"),
     )
     network = Network(layers, np.zeros(SIZE), np.ones(SIZE), 10.0)
-    return Exported("one", TrainConfig(env={"joint": "orange_80_6000"}), network, LAYOUT)
+    return Exported("one", TrainConfig(env={"joint": "orange_80_6000"}), LAYOUT, network)
 
 
 def changed(path: Path, arrays: dict[str, Any], facts: dict[str, Any]) -> Path:

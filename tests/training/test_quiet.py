@@ -38,12 +38,12 @@ def one_joint(noise: SensorNoise) -> SimpleNamespace:
 
 def test_noise_is_that_of_the_sensors(tiny: TrainConfig) -> None:
     noise = one_joint(sensor_noise(tiny))
-    config = make_environment(tiny).get_attr("episodes")[0].settings
+    config = make_environment(tiny).get_attr("episodes")[0].settings.layout
     head = config.preview + 4
     assert noise.rows.shape[2] == head + 4 * config.history
     assert list(noise.commands) == list(range(head + 3, noise.rows.shape[2], 4))
     scatter = noise.rows.std(axis=(0, 1))
-    assert scatter[head] * config.torque_amplitude == pytest.approx(noise.torque, rel=0.05)
+    assert scatter[head] * config.torque == pytest.approx(noise.torque, rel=0.05)
     assert np.all(scatter[head::4] == pytest.approx(scatter[head], rel=0.1))
     assert scatter[0] == 0.0  # the reference
     shares = noise.amplitude / noise.action * noise.rows[1:, :, noise.commands[0]]
@@ -83,7 +83,7 @@ def test_the_penalty_is_how_much_a_joint_at_rest_shakes(tiny: TrainConfig, feedb
     )
     env = make_environment(config)
     policy, noise = policy_of(config), one_joint(sensor_noise(config))
-    held = env.get_attr("episodes")[0].settings
+    held = env.get_attr("episodes")[0].settings.layout
     with torch.no_grad():  # a linear law: the measured torque and the command before it
         gain, shrunk = 0.5 * noise.amplitude / noise.action, 1e-3
         for name, weights in policy.mlp_extractor.policy_net.named_parameters():

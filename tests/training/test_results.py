@@ -23,7 +23,6 @@ from cjt_gym.training.evaluation.metrics import nrmse
 from cjt_gym.training.evaluation.rollout import ControllerAgent, joint_of, run_task
 from cjt_gym.training.evaluation.tasks import get_task
 from cjt_gym.training.learning.config import load_config
-from cjt_gym.training.learning.policy_arguments import policy_arguments
 from cjt_gym.training.learning.run_folder import RunFolder
 from experiments.results import port, tables
 from experiments.results.__main__ import main
@@ -200,14 +199,14 @@ def test_scales_that_were_given_keep_their_ratio_on_another_joint(finished: RunF
     config = policy.config.with_changes(env={**policy.config.env, "action_scale": 3.0})
     other = Conditions("lime_50_21000", FIXED)
     layout = replace(policy.layout, action=3.0)
-    found = policy_arguments("p", config, layout, other)
+    found = replace(policy, config=config, layout=layout).arguments(other)
     share = other.amplitude / Conditions(config.env.get("joint", JOINT), FIXED).amplitude
     assert found["action_scale"] == pytest.approx(3.0 * share)
     usual = policy.arguments(other)
     assert usual["torque_amplitude"] == pytest.approx(other.amplitude)
     assert usual["action_scale"] == pytest.approx(0.5 * other.amplitude)
     made = Episodes(1, **{**usual, "disturbance": Signal("multisine", 9.0), "randomization": None})
-    assert made.settings.velocity_scale == pytest.approx(usual["velocity_scale"])
+    assert made.settings.layout.velocity == pytest.approx(usual["velocity_scale"])
     own = Conditions(JOINT, FIXED)
     assert policy.arguments(own)["velocity_scale"] == policy.layout.velocity
 
@@ -250,14 +249,14 @@ def test_where_a_controller_wins_the_table_says_so() -> None:
     rows = {row[0]: row[1:] for row in tables.wins(known(FIXED))[1:]}
     assert rows["noise amplification"] == ["pid", "3.000", "5.000"]
     assert rows["score, lime"] == ["pid", "0.200", "0.300"]
-    assert rows["worst place of the box"] == ["pid", "0.250", "0.300"]
+    assert rows["worst point of the box"] == ["pid", "0.250", "0.300"]
     assert rows["damping of the output at 1 Hz"][0] == "pid"
     assert "score" not in rows
     assert not any(name.startswith("task") for name in rows)
     words = " ".join(tables.verdicts(known(FIXED)))
-    assert "better than the best controller on 0 (0 of them clearly)" in words
-    assert "better than their base on 1 (1 of them clearly)" in words
-    assert "at 1 Hz in at least one" in words
+    assert "beat the best controller on 0 (0 clearly)" in words
+    assert "their base on 1 (1 clearly)" in words
+    assert "feeds energy into its load at 1 Hz." in words
 
 
 def test_tables_go_between_the_marks_of_a_document(
@@ -267,7 +266,7 @@ def test_tables_go_between_the_marks_of_a_document(
     names = ("facts", "summary", *tables.PARTS)
     marks = [f"<!-- results: {n} -->old<!-- end of results: {n} -->" for n in names]
     document.write_text("before\n" + "\n".join(marks) + "\nafter\n")
-    plan = Plan(tmp_path / "out", recipe={FIXED: "one", FREE: "two"}, steps=20_000)
+    plan = Plan(tmp_path / "results", recipe={FIXED: "one", FREE: "two"}, steps=20_000)
     page = write_all(plan, [known(FIXED)])
     assert page.read_text().count("<svg") == 4
     again = ["--out", str(plan.out), "--document", str(document), "--write-only"]
@@ -278,6 +277,7 @@ def test_tables_go_between_the_marks_of_a_document(
     assert "old" not in text
     assert "5 trainings of 20 000 steps of each structure by one, two, 32 episodes" in text
     assert text.count("| policy | 0.110 | 5.00 |") == 1
+    assert (tmp_path / "figures" / f"results_{FIXED}.svg").read_text().startswith("<svg")
     assert main(again) == 0
     assert document.read_text() == text
     capsys.readouterr()

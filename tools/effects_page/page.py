@@ -119,7 +119,7 @@ def _overview(stage: str) -> str:
 def _section(effect: Effect) -> str:
     plot = PLOTS[effect.name]
     figure = _figure_path(effect.name).relative_to(PAGE.parent).as_posix()
-    equation = "\n".join(f"    {line}" for line in plot.equation.splitlines())
+    equation = "\n\n".join(f"$$\n{line}\n$$" for line in plot.equation.splitlines())
     facts = [f"- Acts in {_place(effect)}."]
     if effect.bodies:
         facts.append(f"- Bodies: {', '.join(effect.bodies)}.")

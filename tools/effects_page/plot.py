@@ -14,7 +14,7 @@ class Plot:
 
     Attributes:
         name: Name of the effect.
-        equation: Its equation, one or more lines of plain text.
+        equation: Its equation, one or more lines of LaTeX.
         caption: What the figure shows and what to see in it.
         draw: Simulates and draws.
     """

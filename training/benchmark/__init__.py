@@ -5,9 +5,8 @@ from cjt_gym.training.benchmark.side_by_side import (
     benchmark,
     cells_of,
     make_agents,
-    rows_of,
     table,
     write_rows,
 )
 
-__all__ = ["align", "benchmark", "cells_of", "make_agents", "rows_of", "table", "write_rows"]
+__all__ = ["align", "benchmark", "cells_of", "make_agents", "table", "write_rows"]

@@ -1,7 +1,7 @@
 """The grid of the benchmark: joints x structures x agents x seeds, each cell run once and kept.
 
 A cell is one agent on one joint, structure and seed, through all tasks. Its result is a file, so
-that a benchmark which was stopped goes on, and cells run side by side through joblib: on this
+that an interrupted benchmark is resumed, and cells run in parallel through joblib: on this
 machine (loky), or on the workers of a Ray or Dask cluster.
 """
 
@@ -315,7 +315,6 @@ def make_cells(
     tasks: Sequence[str],
     seeds: Sequence[int],
     episodes: int,
-    amplitude: float | None = None,
     **others: Any,
 ) -> list[Cell]:
     """Return the cells of a grid.
@@ -328,8 +327,7 @@ def make_cells(
         tasks: Tasks; those that do not exist for a structure are left out there.
         seeds: Blocks of held-out episodes.
         episodes: Of each task and seed.
-        amplitude: Of the references [N m]; None for that of each joint.
-        **others: Drive, effects and randomization, see `Cell`.
+        **others: Amplitude, drive, effects and randomization, see `Cell`.
 
     Raises:
         ConfigurationError: There is no agent, two have the same name, or a task exists nowhere.
@@ -348,7 +346,7 @@ def make_cells(
             )
     check_episodes(episodes, min(seeds))
     return [
-        Cell(word, is_policy, joint, structure, kept_tasks, seed, episodes, amplitude, **others)
+        Cell(word, is_policy, joint, structure, kept_tasks, seed, episodes, **others)
         for joint in joints
         for structure in structures
         for (word, is_policy), agent in zip(words, agents, strict=True)

@@ -9,7 +9,7 @@ from pathlib import Path
 from cjt_gym.disk import write_text
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.training.evaluation.conditions import TASKS, Conditions
-from cjt_gym.training.evaluation.evaluate import Evaluation, Row, evaluate
+from cjt_gym.training.evaluation.evaluate import Evaluation, evaluate
 from cjt_gym.training.evaluation.rollout import Agent, ControllerAgent
 
 COLUMNS = (
@@ -48,7 +48,7 @@ def make_agents(controllers: Sequence[str], policies: Sequence[str | Path]) -> l
         raise ConfigurationError("Name at least one --controller or --policy to compare.")
     if repeated := [name for name in names if names.count(name) > 1]:
         raise ConfigurationError(
-            f"Every controller and policy must have a name of its own, got {repeated[0]!r} twice. "
+            f"Every controller and policy must have a different name, got {repeated[0]!r} twice. "
             "Leave one out, or rename the run folder."
         )
     return agents
@@ -64,11 +64,6 @@ def benchmark(
 ) -> list[Evaluation]:
     """Evaluate every agent on the same episodes."""
     return [evaluate(agent, conditions, tasks, episodes, seed, report) for agent in agents]
-
-
-def rows_of(evaluations: Sequence[Evaluation]) -> list[Row]:
-    """Return all rows."""
-    return [row for evaluation in evaluations for row in evaluation.rows]
 
 
 def write_rows(rows: Sequence[Mapping[str, object]], out: Path) -> Path:

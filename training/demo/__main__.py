@@ -116,9 +116,9 @@ def _verdict(evaluations: Sequence[Evaluation]) -> str:
     doubt = "" if high < 1.0 or low > 1.0 else ", which could be chance"
     noise = [e.rows[0].noise_amplification for e in (policy, base)]
     return (
-        f"Over all tasks the policy {gain}{doubt}, against its base controller. At rest its "
-        f"command shakes {noise[0]:.1f} times as much as the torque sensor's noise, that of the "
-        f"base {noise[1]:.1f} times."
+        f"Over all tasks the policy {gain}{doubt}, compared with its base controller. At rest the "
+        f"noise of its command is {noise[0]:.1f} times that of the torque sensor; for the base it "
+        f"is {noise[1]:.1f} times."
     )
 
 
@@ -223,7 +223,7 @@ def _comparison_part(outcome: Outcome, cells: list[list[str]]) -> list[str]:
     return [
         report.heading("3. Compared on held-out episodes"),
         report.paragraph(
-            f"Each task has {count} episodes of 1 s. Everyone meets the same joints, references "
+            f"Each task has {count} episodes of 1 s. All see the same joints, references "
             "and noise, none of which occurred in training. Intervals are bootstrapped over "
             "episodes, in pairs where two are compared; they say nothing about how much another "
             "training seed would change."

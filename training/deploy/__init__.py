@@ -2,7 +2,6 @@
 
 =============  ===============================================================
 `network`      a policy as matrices and biases, and what they act on
-`layout`       what makes an observation out of measurements
 `base`         the controller that it adds to
 `signals`      names and units of what goes in and out
 `exported`     all of it in one file of arrays (`.npz`), read back without torch

@@ -15,7 +15,7 @@ from cjt_gym.errors import ConfigurationError
 from cjt_gym.export.c_additions import NOTHING
 from cjt_gym.export.c_law import CLaw, law_of
 from cjt_gym.joint.border import checked_array
-from cjt_gym.joint.compiled import threaded
+from cjt_gym.joint.compiled import inlined
 from cjt_gym.training.learning.config import TrainConfig, base_of
 
 if TYPE_CHECKING:
@@ -75,10 +75,11 @@ def base_law(config: TrainConfig, settings: Settings) -> BaseLaw | None:
     choice = base_of(config.env)
     if choice is None:
         return None
+    joint, dt = settings.joint, settings.layout.dt
     gains = choice.entry.complete(choice.gains)
     if len(gains) < len(choice.entry.tunable):
-        gains = default_gains(choice.controller, settings.joint, settings.dt) | dict(choice.gains)
-    made = replace(choice, gains=gains).make(settings.joint, settings.dt)
+        gains = default_gains(choice.controller, joint, dt) | dict(choice.gains)
+    made = replace(choice, gains=gains).make(joint, dt)
     return BaseLaw(choice.name, gains, law_of(made, choice.name))
 
 
@@ -104,54 +105,44 @@ def read_base(facts: Mapping[str, Any] | None, arrays: Mapping[str, Any]) -> Bas
     return BaseLaw(str(facts["controller"]), gains, law)
 
 
-@threaded
-def run_law(
-    a: Floats,
-    b: Floats,
-    c: Floats,
-    d: Floats,
-    rest: Floats,
-    x: Floats,
-    w: Floats,
-    limit: float,
-    follows: bool,
-    begun: bool,
-) -> float:
-    """Return the command of a linear law, and go on with its state; see `LinearLaw`.
+Running = tuple[Floats, Floats, Floats, float, bool]
+"""A law for compiled code, with its state.
 
-    Args:
-        a: Matrix of the law, shape (order, order).
-        b: Likewise, shape (order, 9).
-        c: Likewise, shape (order,).
-        d: Likewise, shape (9,).
-        rest: From signals that stand still to the state, shape (order, 9).
-        x: The state, and scratch, shape (2, order).
-        w: The signals, shape (9,); the last one is overwritten with the command.
-        limit: Largest command [N m].
-        follows: See `CLaw`.
-        begun: Whether there was a step before.
-    """
-    order, count = c.shape[0], d.shape[0]
+Matrix [a b; c d] of a `LinearLaw`, shape (order + 1, order + 9). From signals that stand still to
+the state, shape (order, 9). State and signals, and scratch, shape (2, order + 9). Largest command
+[N m]. `follows` of a `CLaw`.
+"""
+
+
+def running(law: CLaw) -> Running:
+    """Return the linear part of a law within its limit, ready to begin."""
+    one = law.linear
+    matrix, z = np.block([[one.a, one.b], [one.c, one.d]]), np.zeros((2, len(one.c) + len(one.d)))
+    return matrix, one.at_rest(), z, law.limit, law.follows
+
+
+@inlined
+def run_law(law: Running, begun: bool) -> float:
+    """Return the command for the signals, the last of which it becomes; go on with the state."""
+    matrix, rest, z, limit, follows = law
+    order, count = rest.shape
+    w = z[0, order:]
     if not begun:
         for i in range(order):
-            x[0, i] = 0.0
+            z[0, i] = 0.0
             for j in range(count):
                 still = w[TAU] if j == COMMAND or (j == REFERENCE and not follows) else w[j]
-                x[0, i] += rest[i, j] * still
+                z[0, i] += rest[i, j] * still
     w[COMMAND] = 0.0
     command = 0.0
-    for i in range(order):
-        command += c[i] * x[0, i]
-    for j in range(count):
-        command += d[j] * w[j]
+    for j in range(order + count):
+        command += matrix[order, j] * z[0, j]
     command = min(max(command, -limit), limit)
     w[COMMAND] = command
     for i in range(order):
-        x[1, i] = 0.0
-        for j in range(order):
-            x[1, i] += a[i, j] * x[0, j]
-        for j in range(count):
-            x[1, i] += b[i, j] * w[j]
+        z[1, i] = 0.0
+        for j in range(order + count):
+            z[1, i] += matrix[i, j] * z[0, j]
     for i in range(order):
-        x[0, i] = x[1, i]
+        z[0, i] = z[1, i]
     return command

@@ -9,11 +9,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from cjt_gym.envs.observation import CLIP, PAST, PRESENT, Layout, Observed
 from cjt_gym.export.c_controller import controller_header
-from cjt_gym.export.c_text import comment, identifier, number
+from cjt_gym.export.c_text import VALUES, comment, identifier, meanings, number, parameters
 from cjt_gym.training.deploy.exported import Exported
-from cjt_gym.training.deploy.layout import LIMIT, PER_SAMPLE
-from cjt_gym.training.deploy.signals import INPUTS, used_inputs
+from cjt_gym.training.deploy.signals import used_inputs
 
 PER_LINE: Final = 8
 ACTIVATIONS: Final = {
@@ -51,22 +51,23 @@ def c_header(policy: Exported, prefix: str = "policy") -> str:
         else controller_header(base.law, own, base.name, joint, base.gains),
         "BASESTATE": f"  {own}_state base;\n" if own else "",
         "BASERESET": f"  {own}_reset(&state->base);\n" if own else "",
-        "BASESTEP": f"{own}_step(&state->base, reference[0], {', '.join(list(INPUTS)[1:])})"
-        if own
-        else "0.0",
-        "INPUTS": "\n".join(_inputs(policy)),
+        "BASESTEP": f"{own}_step(&state->base, reference[0], {VALUES})" if own else "0.0",
+        "MEANINGS": meanings(used_inputs(policy)),
+        "PARAMETERS": parameters("double"),
+        "VALUES": VALUES,
         "MOST": number(policy.limit),
         "DT": f"{layout.dt:g}",
         "COUNT": str(layout.preview + 1),
         "SIZE": str(layout.size),
         "HEAD": str(layout.head),
         "HISTORY": str(layout.history),
-        "SIGNALS": str(PER_SAMPLE),
+        "PRESENT": str(PRESENT),
+        "PAST": str(PAST),
+        "OBSERVED": "\n".join(_observed(layout, name)),
+        "FIELDS": str(PRESENT + PAST),
         "TORQUE": number(layout.torque),
-        "VELOCITY": number(layout.velocity),
         "ACTION": number(layout.action),
-        "GEAR": number(layout.n),
-        "LIMIT": _float(LIMIT),
+        "LIMIT": _float(CLIP),
         "CLIP": _float(network.clip),
         "WIDTH": str(max(len(layer.bias) for layer in network.layers)),
         "ARRAYS": "\n".join(_arrays(policy, name)),
@@ -75,12 +76,17 @@ def c_header(policy: Exported, prefix: str = "policy") -> str:
     return re.sub("@([A-Z]+)@", lambda found: values[found[1]], TEMPLATE)
 
 
-def _inputs(policy: Exported) -> list[str]:
-    used = used_inputs(policy)
-    return [
-        f" * {name + ':':<11}{what} [{unit}]{'' if name in used else '; not used, may be 0'}"
-        for name, (unit, what) in INPUTS.items()
-    ]
+def _observed(layout: Layout, prefix: str) -> list[str]:
+    made = {
+        "error": "(reference[0] - tau)",
+        "sine": f"sin({number(layout.n)} * q_m)",
+        "cosine": f"cos({number(layout.n)} * q_m)",
+        "command": "state->command",
+    }
+    rows = zip(Observed._fields, layout.divisors, strict=True)
+    scaled = [f"(float)({made.get(name, name)} / {number(by)})" for name, by in rows]
+    end = f"{_float(CLIP)});"
+    return [f"  now[{k}] = {prefix}_limit({x}, {end}" for k, x in enumerate(scaled)]
 
 
 def _arrays(policy: Exported, name: str) -> list[str]:
@@ -131,7 +137,7 @@ TEMPLATE: Final = """\
  *
  *   @NAME@_state state;
  *   @NAME@_reset(&state);
- *   torque = @NAME@_step(&state, reference, tau, q_m, q_g, q_l, dq_m, dq_g, dq_l);
+ *   torque = @NAME@_step(&state, reference, @VALUES@);
  */
 #ifndef @GUARD@
 #define @GUARD@
@@ -174,28 +180,22 @@ static inline float @NAME@_act(const float *observation) {
 
 /* The motor torque to command until the next step [N m].
  *
-@INPUTS@
+@MEANINGS@
  */
-static inline double @NAME@_step(@NAME@_state *state, const double *reference, double tau,
-                                 double q_m, double q_g, double q_l,
-                                 double dq_m, double dq_g, double dq_l) {
+static inline double @NAME@_step(@NAME@_state *state, const double *reference,
+                                 @PARAMETERS@) {
   const double limit = @NAME@_LIMIT;
-  float *out = state->observation, sample[@SIGNALS@];
+  float *out = state->observation, now[@FIELDS@];
   double torque = @BASESTEP@;
   int i, k;
   (void)q_g, (void)q_l, (void)dq_g;
   for (i = 0; i < @COUNT@; i++) out[i] = @NAME@_limit((float)(reference[i] / @TORQUE@), @LIMIT@);
-  out[@COUNT@] = @NAME@_limit((float)((reference[0] - tau) / @TORQUE@), @LIMIT@);
-  out[@COUNT@ + 1] = (float)sin(@GEAR@ * q_m);
-  out[@COUNT@ + 2] = (float)cos(@GEAR@ * q_m);
-  sample[0] = @NAME@_limit((float)(tau / @TORQUE@), @LIMIT@);
-  sample[1] = @NAME@_limit((float)(dq_m / @VELOCITY@), @LIMIT@);
-  sample[2] = @NAME@_limit((float)(dq_l / @VELOCITY@), @LIMIT@);
-  sample[3] = @NAME@_limit((float)(state->command / @TORQUE@), @LIMIT@);
+@OBSERVED@
+  for (i = 0; i < @PRESENT@; i++) out[@COUNT@ + i] = now[i];
   for (k = @HISTORY@ - 1; k >= 0; k--)
-    for (i = 0; i < @SIGNALS@; i++)
-      out[@HEAD@ + @SIGNALS@ * k + i] =
-          k > 0 && state->begun ? out[@HEAD@ + @SIGNALS@ * (k - 1) + i] : sample[i];
+    for (i = 0; i < @PAST@; i++)
+      out[@HEAD@ + @PAST@ * k + i] =
+          k > 0 && state->begun ? out[@HEAD@ + @PAST@ * (k - 1) + i] : now[@PRESENT@ + i];
   state->begun = 1;
   torque += (double)@ACTION@ * @NAME@_act(out);
   state->command = torque > limit ? limit : torque < -limit ? -limit : torque;

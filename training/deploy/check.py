@@ -14,13 +14,15 @@ from numpy.typing import NDArray
 
 from cjt_gym.baselines.linear_law import MEASURED
 from cjt_gym.envs.core import Episodes
+from cjt_gym.envs.foreign import ForeignEpisode
+from cjt_gym.envs.observation import Layout
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.export.c_library import compiled
+from cjt_gym.export.c_text import VALUES, parameters
 from cjt_gym.plant import Measurement
 from cjt_gym.records import Record
 from cjt_gym.training.deploy.exported import Exported, load_exported
 from cjt_gym.training.deploy.fast_policy import exported
-from cjt_gym.training.deploy.layout import LIMIT, Layout, observe
 from cjt_gym.training.deploy.onnx_file import OnnxStepper
 from cjt_gym.training.deploy.signals import used_inputs
 from cjt_gym.training.deploy.stepper import Stepper
@@ -35,13 +37,12 @@ TOLERANCE: Final = 2e-5
 REPEATS: Final = 2000
 UNDISTURBED: Final = 0.1
 """Quantile of the times that counts: other programs only ever add to a step."""
-ARGUMENTS: Final = ", ".join(f"double {name}" for name in MEASURED)
 SHIM: Final = f"""\
 #include "policy.h"
 static policy_state state;
 void reset(void) {{ policy_reset(&state); }}
-double step(const double *reference, {ARGUMENTS}) {{
-  return policy_step(&state, reference, {", ".join(MEASURED)});
+double step(const double *reference, {parameters("double")}) {{
+  return policy_step(&state, reference, {VALUES});
 }}
 """
 
@@ -173,33 +174,26 @@ def replayed(agent: PolicyAgent, record: Record) -> Run:
         ConfigurationError: The record does not have the control step of the policy, or a signal
             that it needs.
     """
-    task = Episodes(1, **environment_arguments(agent.config.env))
-    layout, base, limit = agent.layout, task.controller, task.plant.limits.tau
+    layout = agent.layout
     columns = _columns(record, exported(agent), layout)
-    scales, wanted, inputs = np.array([layout.torque, layout.velocity, layout.n]), [], []
-    observation, command = np.zeros((1, layout.size), np.float32), 0.0
-    numbers = np.clip(np.array([layout.joint_numbers], np.float32), -LIMIT, LIMIT)
+    count, ahead = len(record), np.arange(layout.preview + 1)
+    wanted = np.append(columns["tau_ref"], np.full(len(ahead), columns["tau_ref"][-1]))
+    arguments = environment_arguments(agent.config.env) | {"reference": wanted}
+    episode, zero = ForeignEpisode(Episodes(1, **arguments)), np.zeros(1)
     agent.begin()
-    if base is not None:
-        base.reset()
-    count = len(columns["tau"])
+    inputs: list[tuple[Any, ...]] = []
+    commands: list[float] = []
     for k in range(count):
-        rows = np.minimum(k + np.arange(layout.preview + 1), count - 1)
-        reference = columns["tau_ref"][rows]
         seen = {name: columns[name][k : k + 1] for name in MEASURED}
-        tau, q_m, dq_m, dq_l = (float(seen[name][0]) for name in ("tau", "q_m", "dq_m", "dq_l"))
-        observe(scales, reference, tau, q_m, dq_m, dq_l, command, k > 0, observation[0])
-        action = agent.act(np.concatenate([observation, numbers], axis=1))
-        torque = 0.0
-        if base is not None:
-            zero = np.zeros(1)
-            measured = Measurement(t=zero + k * layout.dt, i=zero, **seen)
-            torque = float(base.act(measured, reference[:1])[0])
-        torque += float(np.clip(action[0, 0], -1.0, 1.0)) * layout.action
-        command = min(max(torque, -limit), limit)
-        inputs.append((reference, *(float(x[0]) for x in seen.values())))
-        wanted.append(command)
-    return inputs, np.array(wanted)
+        measured = Measurement(t=zero + k * layout.dt, i=zero, **seen)
+        if k == 0:
+            episode.begin(measured)
+        else:
+            episode.advance(measured)
+            episode.conclude(commands[-1])
+        commands.append(float(episode.choose(agent.act(episode.task.observation))[0]))
+        inputs.append((wanted[k + ahead], *(float(x[0]) for x in seen.values())))
+    return inputs, np.array(commands)
 
 
 def _columns(record: Record, policy: Exported, layout: Layout) -> dict[str, Floats]:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from cjt_gym.disk import write_text
-from cjt_gym.errors import CjtGymError
+from cjt_gym.export.c_check import ExportError
 from cjt_gym.export.c_text import identifier
 from cjt_gym.records import Record
 from cjt_gym.training.deploy.c_header import c_header
@@ -18,10 +18,6 @@ from cjt_gym.training.deploy.exported import save_exported
 from cjt_gym.training.deploy.fast_policy import exported
 from cjt_gym.training.deploy.onnx_file import write_onnx
 from cjt_gym.training.learning.policy import load_policy
-
-
-class ExportError(CjtGymError, RuntimeError):
-    """An exported file does not do what the policy does."""
 
 
 @dataclass(frozen=True)

@@ -14,14 +14,13 @@ from numpy.typing import NDArray
 
 from cjt_gym.disk import parse_json, parsing, whole
 from cjt_gym.disk.arrays import read_arrays
+from cjt_gym.envs.observation import CLIP, Layout
 from cjt_gym.errors import CjtGymError, ConfigurationError, MissingFileError
 from cjt_gym.training.deploy.base import BaseLaw, read_base
-from cjt_gym.training.deploy.layout import LIMIT, Layout
 from cjt_gym.training.deploy.network import Layer, Network
 from cjt_gym.training.deploy.signals import described
-from cjt_gym.training.evaluation.conditions import Conditions
 from cjt_gym.training.learning.config import TrainConfig, from_dict
-from cjt_gym.training.learning.policy_arguments import kind_of, policy_arguments, trained_on
+from cjt_gym.training.learning.policy_arguments import Trained
 
 KIND: Final = "cjt_gym policy"
 SCHEMA: Final = 2
@@ -29,14 +28,14 @@ SCHEMA: Final = 2
 
 @final
 @dataclass(frozen=True)
-class Exported:
+class Exported(Trained):
     """A policy that needs no torch. It is an agent wherever a run folder is one.
 
     Attributes:
         name: Its name in tables.
         config: How it was trained.
-        network: Its numbers.
         layout: What its observation is made of.
+        network: Its numbers.
         base: The controller that it adds to; None where there is none, or none that can be written
             as numbers.
         limit: Largest motor torque that is commanded [N m].
@@ -48,8 +47,8 @@ class Exported:
 
     name: str
     config: TrainConfig
-    network: Network
     layout: Layout
+    network: Network
     base: BaseLaw | None = None
     limit: float = math.inf
 
@@ -71,7 +70,7 @@ class Exported:
     @cached_property
     def on_its_joint(self) -> Network:
         """The network on the joint of the layout, whose numbers are no input any more."""
-        return self.network.with_end(np.clip(self.layout.joint_numbers, -LIMIT, LIMIT).tolist())
+        return self.network.with_end(np.clip(self.layout.joint_numbers, -CLIP, CLIP).tolist())
 
     def check_whole(self, form: str, linear: bool = True) -> None:
         """Refuse to be a controller by itself where the base controller is missing.
@@ -93,29 +92,6 @@ class Exported:
             f"The policy {self.name} adds to the controller {self.config.env['base_controller']}, "
             f"which is not a linear law that {form} can hold: {remedy}."
         )
-
-    @property
-    def kind(self) -> str:
-        """Either "residual", on a base controller, or "learned"."""
-        return kind_of(self.config)
-
-    @property
-    def renders(self) -> bool:
-        """False: it follows a torque."""
-        return False
-
-    @property
-    def trained_on(self) -> tuple[str, str]:
-        """Joint and structure that it was trained on."""
-        return trained_on(self.config)
-
-    def arguments(self, conditions: Conditions) -> dict[str, Any]:
-        """Return the conditions with the observation and the action that it was trained with.
-
-        Raises:
-            ConfigurationError: The control step is another one.
-        """
-        return policy_arguments(self.name, self.config, self.layout, conditions)
 
     def act(self, observation: NDArray[np.float32]) -> NDArray[Any]:
         """Return the deterministic actions, shape (episodes, 1)."""
@@ -191,4 +167,4 @@ def _parsed(file: Path) -> Exported:
         layout, given_limit = Layout(**facts["layout"]), facts.get("limit")
         limit = math.inf if given_limit is None else float(given_limit)
         base = read_base(facts.get("base"), given)
-        return Exported(file.stem, config, network, layout, base, limit)
+        return Exported(file.stem, config, layout, network, base, limit)

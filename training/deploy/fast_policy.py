@@ -64,7 +64,7 @@ def exported(agent: PolicyAgent) -> Exported:
     except ConfigurationError:  # no law that could be written; whoever needs it says so
         base = None
     limit = limits_of(settings.joint).tau
-    return Exported(agent.name, agent.config, network, agent.layout, base, limit)
+    return Exported(agent.name, agent.config, agent.layout, network, base, limit)
 
 
 def network_of(agent: PolicyAgent) -> Network | None:

@@ -56,21 +56,22 @@ def tanh(x: float) -> float:
     return x * top / bottom
 
 
+Packed = tuple[NDArray[np.int64], Floats, Floats, float]
+"""A network for compiled code, in a plain tuple: a call with named ones takes three times as long.
+
+Plan: per layer inputs, outputs, activation, where weights and biases begin; shape (layers, 5).
+Numbers: means, scales, and of each layer weights and biases. Scratch as wide as the widest layer,
+shape (2, width). What normalised observations are limited to.
+"""
+
+
 @inlined
-def run_layers(
-    plan: NDArray[np.int64], numbers: Floats, observation: Floats, clip: float, work: Floats
-) -> int:
-    """Run a network; return in which row of `work` its actions are, limited to [-1, 1].
+def run_layers(network: Packed, observation: Floats) -> int:
+    """Run a network; return in which row of its scratch the actions are, limited to [-1, 1].
 
     What is not a number stays so, and is not limited to one.
-
-    Args:
-        plan: Per layer: inputs, outputs, activation, where weights and biases begin; (layers, 5).
-        numbers: Means, scales, and of each layer weights and biases.
-        observation: Shape (size,).
-        clip: What normalised observations are limited to.
-        work: Scratch as wide as the widest layer, shape (2, width).
     """
+    plan, numbers, work, clip = network
     size, now = observation.shape[0], 0
     for i in range(size):
         x = (observation[i] - numbers[i]) * numbers[size + i]
@@ -99,11 +100,9 @@ def run_layers(
 
 
 @threaded
-def run_network(
-    plan: NDArray[np.int64], numbers: Floats, observation: Floats, clip: float, work: Floats
-) -> int:
+def run_network(network: Packed, observation: Floats) -> int:
     """Run a network; see `run_layers`."""
-    return run_layers(plan, numbers, observation, clip, work)
+    return run_layers(network, observation)
 
 
 @dataclass(frozen=True)
@@ -172,8 +171,8 @@ class Network:
         return Network((layer, *others), self.mean[:count], self.scale[:count], self.clip)
 
     @cached_property
-    def packed(self) -> tuple[NDArray[np.int64], Floats, Floats]:
-        """Plan, numbers and scratch of `run_layers`."""
+    def packed(self) -> Packed:
+        """The same for compiled code."""
         numbers, plan, at = [self.mean, self.scale], [], 2 * len(self.mean)
         for layer in self.layers:
             outputs, inputs = layer.weight.shape
@@ -183,13 +182,13 @@ class Network:
             at = bias + outputs
         width = max(max(row[:2]) for row in plan)
         packed = np.concatenate(numbers).astype(np.float32)
-        return np.array(plan), packed, np.zeros((2, width), np.float32)
+        return np.array(plan), packed, np.zeros((2, width), np.float32), self.clip
 
     def act(self, observation: Floats) -> Floats:
         """Return the action, shape (1,), for an observation, shape (size,)."""
         if observation.shape != self.mean.shape or observation.dtype != np.float32:
             what, shape = "The observation of a policy", self.mean.shape
             observation = checked_array(what, observation, shape, np.float32, finite=False)
-        plan, numbers, work = self.packed
-        found = run_network(plan, numbers, observation, self.clip, work)
+        plan, _, work, _ = self.packed
+        found = run_network(self.packed, observation)
         return work[found, : plan[-1, OUTPUTS]].copy()

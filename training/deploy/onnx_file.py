@@ -19,13 +19,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from cjt_gym.baselines.linear_law import COMMAND, REFERENCE, SIGNALS, TAU
+from cjt_gym.baselines.linear_law import COMMAND, INPUTS, REFERENCE, SIGNALS, TAU
 from cjt_gym.disk import parse_json, parsing, write_bytes
+from cjt_gym.envs.observation import CLIP, PAST, PRESENT, Layout, Observed
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.training.deploy.base import BaseLaw
 from cjt_gym.training.deploy.exported import Exported, facts_of
-from cjt_gym.training.deploy.layout import LIMIT, PER_SAMPLE, Layout
-from cjt_gym.training.deploy.signals import INPUTS
 
 OPSET: Final = 17
 IR_VERSION: Final = 10
@@ -104,7 +103,7 @@ def shapes_of(layout: Layout, order: int | None) -> tuple[dict[str, int], dict[s
         layout: Of the policy.
         order: States of the base controller, None without one.
     """
-    width = PER_SAMPLE * layout.history
+    width = PAST * layout.history
     inputs = dict.fromkeys(INPUTS, 1) | {"reference": layout.preview + 1}
     inputs |= {"history": width, "command": 1, "begin": 1}
     outputs = {"torque": 1, "next_history": width}
@@ -156,21 +155,24 @@ def _action(graph: Graph, policy: Exported) -> str:
 
 def _observation(graph: Graph, layout: Layout) -> str:
     """Add what makes an observation of the inputs; name the new history."""
-    width, torque = PER_SAMPLE * layout.history, graph.constant([layout.torque])
+    width = PAST * layout.history
     angle = graph.add("Mul", "q_m", graph.constant([layout.n]))
     ahead = graph.add("Add", angle, graph.constant([0.5 * math.pi]))
-    rotor = [graph.add("Sin", angle), graph.add("Sin", ahead)]  # few runtimes have Cos in double
-    command = graph.add("Where", "is_first", graph.constant([0.0]), "command")
-    sample = graph.add("Concat", "tau", "dq_m", "dq_l", command, axis=0)
-    scales = [layout.torque, layout.velocity, layout.velocity, layout.torque]
-    sample = graph.limited(graph.add("Div", sample, graph.constant(scales)), LIMIT)
-    shifted = graph.add("Concat", sample, graph.part("history", 0, width - PER_SAMPLE), axis=0)
+    made = {
+        "error": graph.add("Sub", graph.part("reference", 0, 1), "tau"),
+        "sine": graph.add("Sin", angle),
+        "cosine": graph.add("Sin", ahead),  # few runtimes have Cos in double
+        "command": graph.add("Where", "is_first", graph.constant([0.0]), "command"),
+    }
+    observed = graph.add("Concat", *(made.get(name, name) for name in Observed._fields), axis=0)
+    observed = graph.limited(graph.add("Div", observed, graph.constant(layout.divisors)), CLIP)
+    now = graph.part(observed, 0, PRESENT)
+    sample = graph.part(observed, PRESENT, PRESENT + PAST)
+    shifted = graph.add("Concat", sample, graph.part("history", 0, width - PAST), axis=0)
     first = graph.add("Tile", sample, graph.constant([layout.history], np.int64))
     graph.add("Where", "is_first", first, shifted, name="next_history")
-    scaled = graph.limited(graph.add("Div", "reference", torque), LIMIT)
-    off = graph.add("Sub", graph.part("reference", 0, 1), "tau")
-    error = graph.limited(graph.add("Div", off, torque), LIMIT)
-    return graph.add("Concat", scaled, error, *rotor, "next_history", axis=0)
+    scaled = graph.limited(graph.add("Div", "reference", graph.constant([layout.torque])), CLIP)
+    return graph.add("Concat", scaled, now, "next_history", axis=0)
 
 
 def _base(graph: Graph, base: BaseLaw) -> str:

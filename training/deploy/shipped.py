@@ -12,7 +12,7 @@ from importlib import resources
 from pathlib import Path
 
 from cjt_gym.disk import read_toml
-from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.errors import ConfigurationError, UnknownNameError, unknown_name
 
 
 @dataclass(frozen=True)
@@ -69,8 +69,8 @@ def policy_path(word: str | Path) -> Path:
         return path
     if text in policy_names():
         return _folder() / f"{text}.npz"
-    known = [*policy_names(), "or the path of a run folder or of an exported policy"]
-    raise unknown_name("policy", text, known)
+    known = unknown_name("policy", text, policy_names())
+    raise UnknownNameError(f"{known} Or give the path of a run folder or of an exported policy.")
 
 
 def _folder() -> Path:

@@ -2,41 +2,47 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.baselines.linear_law import SIGNALS
+from cjt_gym.baselines.linear_law import COMMAND, REFERENCE, SIGNALS, TAU, assemble, static
+from cjt_gym.envs.observation import Observed
+from cjt_gym.envs.observe import limited, put_sample
+from cjt_gym.export.c_law import CLaw
 from cjt_gym.joint.compiled import threaded
-from cjt_gym.training.deploy.base import run_law
+from cjt_gym.training.deploy.base import Running, run_law, running
 from cjt_gym.training.deploy.exported import Exported
-from cjt_gym.training.deploy.layout import observe
-from cjt_gym.training.deploy.network import run_layers
+from cjt_gym.training.deploy.network import Packed, run_layers
 
 Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
+Q_M, DQ_M, DQ_L = (SIGNALS.index(name) for name in ("q_m", "dq_m", "dq_l"))
+
+
+Machine = tuple[Packed, Running, Floats, Singles, Floats, float, float, float, float]
+"""Network; law, with the signals of the step; reference now and at the next steps, shape
+(preview + 1,) [N m]; observation, shape (size,); and of the layout divisors, torque, n and action;
+largest motor torque [N m]."""
 
 
 @threaded
-def run_step(
-    plan: NDArray[np.int64],
-    numbers: NDArray[np.float32],
-    clip: float,
-    work: NDArray[np.float32],
-    scales: Floats,
-    reference: Floats,
-    tau: float,
-    q_m: float,
-    dq_m: float,
-    dq_l: float,
-    command: float,
-    begun: bool,
-    observation: NDArray[np.float32],
-) -> float:
-    """Observe and return the action; see `observe` and `run_layers`."""
-    observe(scales, reference, tau, q_m, dq_m, dq_l, command, begun, observation)
-    return float(work[run_layers(plan, numbers, observation, clip, work), 0])
+def run_step(machine: Machine, begun: bool) -> float:
+    """Return the motor torque to command [N m], for a reference and signals that are in place."""
+    network, law, reference, observation, divisors, torque, n, action, limit = machine
+    _, rest, z, _, _ = law
+    w, count = z[0, rest.shape[0] :], reference.shape[0]
+    for k in range(count):
+        observation[k] = limited(reference[k] / torque)
+    error, angle = w[REFERENCE] - w[TAU], n * w[Q_M]
+    sample = Observed(error, math.sin(angle), math.cos(angle), w[TAU], w[DQ_M], w[DQ_L], w[COMMAND])
+    put_sample(observation[count:], sample, divisors, begun)
+    _, _, work, _ = network
+    found = work[run_layers(network, observation), 0]
+    return float(min(max(run_law(law, begun) + found * action, -limit), limit))
 
 
 @final
@@ -62,15 +68,12 @@ class Stepper:
         policy.check_whole("Stepper")
         layout, network, base = policy.layout, policy.on_its_joint, policy.base
         self.policy = policy
-        self._fixed = (*network.packed[:2], network.clip, network.packed[2])
-        self._scales = np.array([layout.torque, layout.velocity, layout.n])
-        self._reference = np.zeros(layout.preview + 1)
-        self._observation = np.zeros(layout.size, dtype=np.float32)
-        self._signals, self._law = np.zeros(len(SIGNALS)), None
-        if base is not None:
-            law, x = base.law.linear, np.zeros((2, len(base.law.linear.c)))
-            self._law = (law.a, law.b, law.c, law.d, law.at_rest(), x, self._signals)
-            self._limits = (base.law.limit, base.law.follows)
+        law = CLaw(assemble(layout.dt, static()), 0.0) if base is None else base.law
+        self._law, self._reference = running(law), np.zeros(layout.preview + 1)
+        self._signals = self._law[2][0, -len(SIGNALS) :]
+        observation = np.zeros(layout.size, np.float32)
+        numbers = (layout.divisors, layout.torque, layout.n, layout.action, policy.limit)
+        self._machine = (network.packed, self._law, self._reference, observation, *numbers)
         self.reset()
 
     def reset(self) -> None:
@@ -101,16 +104,7 @@ class Stepper:
             dq_l: Measured load velocity [rad/s].
         """
         self._reference[:] = reference
-        numbers = (float(tau), float(q_m), float(dq_m), float(dq_l), float(self.command))
-        action = run_step(
-            *self._fixed, self._scales, self._reference, *numbers, self._begun, self._observation
-        )
-        base = 0.0
-        if self._law is not None:
-            first = self._reference[0]
-            self._signals[:-1] = first, tau, q_m, q_g, q_l, dq_m, dq_g, dq_l
-            base = run_law(*self._law, *self._limits, self._begun)
-        self._begun, limit = True, self.policy.limit
-        wanted = base + float(action) * self.policy.layout.action
-        self.command = min(max(wanted, -limit), limit)
+        first = self._reference[0]
+        self._signals[:] = first, tau, q_m, q_g, q_l, dq_m, dq_g, dq_l, self.command
+        self.command, self._begun = run_step(self._machine, self._begun), True
         return self.command

@@ -217,8 +217,8 @@ def _replay_table(replay: ClosedLoop) -> Table:
     interval = f"{percent(gap.low)} … {percent(gap.high)}"
     return Table(
         f"Closed-loop replay under {replay.controller}",
-        "Error relative to the recorded signal where the controller takes part, on data that the "
-        "fit has not seen.",
+        "Error relative to the recorded signal where the controller takes part, on data not "
+        "used for the fit.",
         rows,
         (f"{percent(gap.removed)} of the error of tau is removed ({interval}).",),
     )

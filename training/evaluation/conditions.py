@@ -155,7 +155,7 @@ def transferred(env: Mapping[str, Any], joint: str) -> dict[str, Any]:
     what cannot act in it, or of which nothing is known, is left out.
 
     Args:
-        env: Arguments of an environment, with structure and drive as they shall be if the file
+        env: Arguments of an environment, with structure and drive to use if the file
             states none.
         joint: Name of the other joint, or path of its file.
     """

@@ -178,7 +178,7 @@ def bandwidth(traces: Traces, low: float, high: float) -> float:
 
 
 def noise_amplification(traces: Traces) -> float:
-    """Return how much the command shakes for the noise of the torque sensor [-].
+    """Return the noise of the command relative to that of the torque sensor [-].
 
     It is the standard deviation of the command over that of the measured torque minus the true
     one, both after 0.2 s under zero reference; NaN where the sensor has no noise.

@@ -1,4 +1,4 @@
-"""Who is better, and whether that is more than chance.
+"""Ranking of agents, and whether differences exceed chance.
 
 All agents meet the same episodes, so that they are compared in pairs. The score of an agent is its
 nrmse, geometric mean over the tasks that all have. Episodes are drawn anew with replacement, the

@@ -222,7 +222,7 @@ def run_episodes(
     tells.
 
     Args:
-        agent: Who drives.
+        agent: Controller or policy to run.
         arguments: Of the environment.
         num: How many episodes.
         seed: Of the first; episode i has seed + i.
@@ -272,4 +272,4 @@ def drive(
         if of_motor:
             tau[:, k] = measured[:, k] = episodes.plant.drive_signals()["tau_m"]
         command[:, k], ended[:, k] = task.command, task.terminated
-    return Traces(wanted, tau, measured, command, ended, episodes.settings.dt)
+    return Traces(wanted, tau, measured, command, ended, episodes.settings.layout.dt)

@@ -205,7 +205,7 @@ BENCHMARK_TASKS: dict[str, Task] = {
         Task("contact", "the load meets a wall and pushes against it", _contact, "free_load"),
         Task(
             "impedance",
-            "the output is moved and shall feel a soft spring with a damper",
+            "the output is moved and should feel like a soft spring with a damper",
             _impedance,
             "spring",
             classical_only=True,

@@ -159,7 +159,7 @@ def check_finite(model: BaseAlgorithm, steps: int) -> None:
     for name, weights in model.policy.state_dict().items():
         if not bool(torch.isfinite(weights).all()):
             raise TrainingError(
-                f"The weights {name} ceased to be finite by step {steps}. Lower learning_rate, or "
+                f"The weights {name} are no longer finite at step {steps}. Lower learning_rate, or "
                 "set max_grad_norm, in [algorithm_options]."
             )
 

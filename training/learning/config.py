@@ -125,7 +125,7 @@ class TrainConfig:
         checkpoint_every: Steps between two checkpoints.
         normalize_observations: Whether observations are scaled by their running statistics.
         normalize_rewards: Whether rewards are scaled by the running spread of returns.
-        start_from: Run folder whose best model the training goes on from, with its own steps and
+        start_from: Run folder whose best model the training starts from, with its own steps and
             learning rate; None starts anew.
         env: Arguments of `TorqueTrackingEnv`; `base_controller` is a name of `CONTROLLERS` or a
             gain file, and `base_gains` are gains that replace some of its own, by name.

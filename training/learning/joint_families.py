@@ -19,7 +19,6 @@ import numpy as np
 from cjt_gym.envs.core import Episodes
 from cjt_gym.envs.settings import AMPLITUDE_SHARE, FRICTION_FACTOR, Settings
 from cjt_gym.joint import Joint
-from cjt_gym.training.deploy.layout import layout_of
 from cjt_gym.training.learning.config import TrainConfig, environment_arguments
 from cjt_gym.training.learning.policy_arguments import scales_on
 
@@ -79,11 +78,11 @@ def _with_datasheet(
         "parameters": {**(own["parameters"] or {}), **values},
         "effects": _effects(own["effects"], joint, p.k_b / k_b, noise * amplitude),
     }
-    scales = scales_on(layout_of(settings), own, other)
-    torque = scales["torque_amplitude"] / settings.torque_amplitude
+    scales = scales_on(settings.layout, own, other)
+    torque = scales["torque_amplitude"] / settings.layout.torque
     load = torque
     if joint.structure_row.output_fixed:
-        load = scales["velocity_scale"] / settings.velocity_scale
+        load = scales["velocity_scale"] / settings.layout.velocity
     return (
         other
         | scales

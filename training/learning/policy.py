@@ -12,9 +12,8 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import VecNormalize
 
 from cjt_gym.envs.core import Episodes
+from cjt_gym.envs.observation import Layout
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.training.deploy.layout import Layout, layout_of
-from cjt_gym.training.evaluation.conditions import Conditions
 from cjt_gym.training.learning.algorithms import (
     load_normalization,
     load_weights,
@@ -23,56 +22,28 @@ from cjt_gym.training.learning.algorithms import (
     observation_scaling,
 )
 from cjt_gym.training.learning.config import DatasheetsConfig, TrainConfig, environment_arguments
-from cjt_gym.training.learning.policy_arguments import kind_of, policy_arguments, trained_on
+from cjt_gym.training.learning.policy_arguments import Trained
 from cjt_gym.training.learning.run_folder import open_run
 
 
 @dataclass(frozen=True)
-class PolicyAgent:
+class PolicyAgent(Trained):
     """A trained policy.
 
     Attributes:
         name: Its name in tables.
-        config: How it was trained; its observation follows from that.
+        config: How it was trained.
+        layout: What its observation is made of.
         model: The Stable-Baselines3 model.
         normalizer: Environment whose statistics scale its observations, or None.
     """
 
     name: str
     config: TrainConfig
+    layout: Layout
     model: BaseAlgorithm
     normalizer: VecNormalize | None
     _memory: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
-
-    @property
-    def kind(self) -> str:
-        """Either "residual", on a base controller, or "learned"."""
-        return kind_of(self.config)
-
-    def arguments(self, conditions: Conditions) -> dict[str, Any]:
-        """Return the conditions with the observation and the action that it was trained with.
-
-        On another joint than its own, torques and velocities are scaled as is usual for that one.
-
-        Raises:
-            ConfigurationError: The control step is another one.
-        """
-        return policy_arguments(self.name, self.config, self.layout, conditions)
-
-    @property
-    def layout(self) -> Layout:
-        """What its observation is made of."""
-        return layout_of(Episodes(1, **environment_arguments(self.config.env)).settings)
-
-    @property
-    def renders(self) -> bool:
-        """False: it follows a torque."""
-        return False
-
-    @property
-    def trained_on(self) -> tuple[str, str]:
-        """Joint and structure that it was trained on."""
-        return trained_on(self.config)
 
     def act(self, observation: NDArray[np.float32]) -> NDArray[Any]:
         """Return the deterministic actions, shape (episodes, 1)."""
@@ -127,4 +98,5 @@ def load_policy(run: str | Path, checkpoint: Path | None = None) -> PolicyAgent:
 def agent_of(name: str, config: TrainConfig, model: BaseAlgorithm, env: Any) -> PolicyAgent:
     """Return the agent of a model and the environment it is trained in."""
     scaled = isinstance(env, VecNormalize) and env.norm_obs
-    return PolicyAgent(name, config, model, env if scaled else None)
+    layout = Episodes(1, **environment_arguments(config.env)).settings.layout
+    return PolicyAgent(name, config, layout, model, env if scaled else None)

@@ -6,12 +6,11 @@ what it does to the command of the base controller,
     u[t] = m(o + d[t] + h[t]) - m(o),
 
 where h[t] are u[t-1], u[t-2], ... at the places of the past commands, which hold those of the base
-already: how the command shakes while the joint, held by its friction, does not answer. The penalty
-is the mean square of u + b. It is a
-smoothness in space as in Mysore et al., 2021, Regularizing Action Policies for Smooth Control,
-with noise that is not white and in a loop: without the loop, policies learn to ring in their past
-commands. Unlike a reward for small changes of the command it leaves the answer to the reference
-free, and its gradient is exact.
+already: how much the command varies while the joint, held by its friction, does not answer. The
+penalty is the mean square of u + b. It is a smoothness in space as in Mysore et al., 2021,
+Regularizing Action Policies for Smooth Control, with noise that is not white and in a loop: without
+the loop, policies learn to ring in their past commands. Unlike a reward for small changes of the
+command it leaves the answer to the reference free, and its gradient is exact.
 """
 
 from __future__ import annotations
@@ -28,7 +27,6 @@ from stable_baselines3.common.type_aliases import PyTorchObs
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
 from cjt_gym.envs.core import Episodes
-from cjt_gym.envs.observe import SIGNALS_PER_SAMPLE
 from cjt_gym.envs.settings import Settings
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.signals import Signal
@@ -84,15 +82,14 @@ def sensor_noise(config: TrainConfig) -> SensorNoise:
             "noise_weight of [policy] must be 0 where the torque sensor has no noise, got "
             f"{config.policy.noise_weight}. Set it to 0, or add noise to [env.effects]."
         )
-    head, size = settings[0].preview + 4, SIGNALS_PER_SAMPLE * settings[0].history
     return SensorNoise(
         np.stack(rows),
         np.stack(base),
         np.array(torque),
-        np.array([s.action_scale for s in settings]),
-        np.array([s.torque_amplitude for s in settings]),
-        np.array([s.joint_numbers for s in settings], np.float32),
-        np.arange(head, head + size)[SIGNALS_PER_SAMPLE - 1 :: SIGNALS_PER_SAMPLE],
+        np.array([s.layout.action for s in settings]),
+        np.array([s.layout.torque for s in settings]),
+        np.array([s.layout.joint_numbers for s in settings], np.float32),
+        np.flatnonzero(np.array(settings[0].layout.names()) == "command"),
     )
 
 
@@ -101,9 +98,8 @@ def _listen(
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], float, Settings]:
     """Return deviations of observations and of the base's actions, and the torque's noise."""
     s = Episodes(1, **arguments).settings
-    names = ("torque_amplitude", "velocity_scale", "action_scale", "history")
     still = Signal("file", amplitude=0.0, table=np.zeros((1, 2)))
-    here = dict(arguments) | {name: getattr(s, name) for name in names}
+    here = dict(arguments) | s.layout.scales() | {"history": s.layout.history}
     here |= {"reference": still, "disturbance": None, "episode_steps": SETTLE + STEPS}
     episodes = Episodes(count, **here)
     episodes.seed(SEED, None)
@@ -114,7 +110,7 @@ def _listen(
         episodes.step(np.zeros((count, 1)))
         if step >= SETTLE:
             seen.append(before)
-            answers.append(episodes.task.command / s.action_scale)
+            answers.append(episodes.task.command / s.layout.action)
             told = episodes.info()
             off.append(told["tau_measured"] - told["tau"])
     rows, base = (np.array(x, np.float32) for x in (seen, answers))

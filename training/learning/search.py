@@ -5,7 +5,7 @@
 Optuna's TPE (Akiba et al., 2019, Optuna: A Next-generation Hyperparameter Optimization Framework)
 tries values of `SPACE` in a recipe. A trial trains briefly and runs the kinds of references that
 it was trained on, on validation draws that neither trainings nor evaluations see. Its value is the
-nrmse, geometric mean over these tasks; it is feasible where its command at rest shakes no more
+nrmse, geometric mean over these tasks; it is feasible if its command at rest is no noisier
 than that of a classical controller on the same draws. The first trial is the recipe as it stands.
 """
 
@@ -187,7 +187,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description="Search the hyperparameters of a recipe.")
     add = parser.add_argument
     add("recipe", metavar="RECIPE", help="configuration to begin from")
-    add("--out", type=Path, default=Plan.out, help="folder of the search; a stopped one goes on")
+    add(
+        "--out",
+        type=Path,
+        default=Plan.out,
+        help="folder of the search; an interrupted search is resumed",
+    )
     add("--structure", help="replaces that of the recipe")
     add("--base", help="controller or gain file that replaces that of the recipe")
     add("--against", default=Plan.against, help="controller whose noise is the limit")
@@ -202,7 +207,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except CjtGymError as error:
         sys.stderr.write(f"search: {error}\n")
         return 2
-    found = "no trial keeps the limit of noise"
+    found = "no trial meets the noise limit"
     if best is not None:
         found = f"trial {best.number}, nrmse {best.value:.4f}: {plan.out / 'best.toml'}"
     sys.stdout.write(found + "\n")

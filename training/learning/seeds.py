@@ -20,7 +20,7 @@ def train_seeds(config: TrainConfig, out: str | Path, seeds: int, jobs: int) -> 
     """Train from several seeds and yield the runs, each as it ends.
 
     Run k is in the folder OUT_k and has k * `STRIDE` more as seed than the configuration. What was
-    stopped goes on, what is finished stays.
+    interrupted is resumed, what is finished stays.
 
     Args:
         config: What to train; it may have up to `STRIDE` environments.

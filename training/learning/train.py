@@ -118,7 +118,7 @@ def _continue(
     if run.checkpoints():
         done = _restored(run, model, env, quiet)
         run.forget_progress_after(done)
-        _say(f"going on with {run.path} from step {done}", quiet)
+        _say(f"resuming {run.path} from step {done}", quiet)
     begun = int(run.facts["begun_times"]) + 1
     run.note(status="running", reason=None, begun_times=begun)
     env.seed(config.seed + config.num_envs * (begun - 1))
@@ -134,9 +134,9 @@ def _restored(run: RunFolder, model: BaseAlgorithm, env: VecEnv, quiet: bool) ->
         try:
             return int(restore(model, env, checkpoint)["steps"])
         except ConfigurationError as error:
-            _say(f"{error} The one before is tried.", quiet)
+            _say(f"{error} Trying the checkpoint before it.", quiet)
     raise ConfigurationError(
-        f"No checkpoint of {run.path} can be read. Delete the folder, and train anew."
+        f"No checkpoint of {run.path} can be read. Delete the folder and train again."
     )
 
 

@@ -28,7 +28,7 @@ def validation_error(
     Args:
         config: The training. Its [env] has the base controller on which the agent acts, so that an
             agent that always gives zero tells the error of that controller alone.
-        agent: Who acts.
+        agent: Policy to evaluate.
         changes: Arguments of the environment to replace, such as another base controller.
     """
     own, episodes = environment_arguments(config.env), config.evaluation.episodes
@@ -42,5 +42,5 @@ def validation_error(
         for arguments in joints
         for amplitude in [arguments["torque_amplitude"]]
     ]
-    amplitude = Episodes(1, **own).settings.torque_amplitude
+    amplitude = Episodes(1, **own).settings.layout.torque
     return float(amplitude * np.sqrt(np.mean(squares)))

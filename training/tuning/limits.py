@@ -3,7 +3,7 @@
 The impedance of the output is Z = S Z_0, with S the sensitivity and Z_0 = I s k / (I s^2 + k) that
 of the inertia I = I_m + I_g behind the spring k. A law that takes disturbances at the motor away up
 to w has S near s / (s + w), and Re Z falls to about -I w: unless the joint has as much viscous
-friction, no law is passive by itself that integrates or observes a disturbance. What touches the
+friction, no controller that integrates or observes a disturbance is passive. What touches the
 output has to add the damping I w, which is (w / w_0) sqrt(k I) with w_0 = sqrt(k / I). So the limit
 on the port is a share of sqrt(k I), and says up to which share of the joint's own frequency
 disturbances may be taken away. What integrals do to passivity: Vallery, Ekkelenkamp, van der Kooij,

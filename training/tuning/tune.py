@@ -336,7 +336,7 @@ def tune(
     Args:
         search: What to tune.
         trials: File that keeps every candidate, one JSON line each. A search that was stopped
-            goes on from it; one with other settings begins anew.
+            is resumed; with other settings it starts again.
         jobs: Processes side by side.
         report: Told how many candidates were tried, and the least cost.
 

@@ -34,7 +34,7 @@ class BusPort:
         return found
 
     def send(self, message: can.Message) -> None:
-        """Send a frame; where nobody takes it, it is lost as on a bus."""
+        """Send a frame; without a receiver it is lost, as on a bus."""
         self.bus.send(message)
 
     def close(self) -> None:

@@ -76,7 +76,7 @@ class SlcanPort:
             return []
         try:
             self._unread += os.read(self._master, 1 << 16)
-        except OSError:  # nobody has the device open
+        except OSError:  # no client has the device open
             return []
         *lines, self._unread = self._unread.split(b"\r")
         self._unread = self._unread[-LONGEST:]

@@ -34,7 +34,7 @@ from cjt_gym.errors import ConfigurationError
 
 __all__ = ["CIA402", "Cia402Firmware"]
 
-# What the library makes of damaged requests goes to who listens, not to the terminal.
+# Log messages about damaged requests go to handlers, not to the terminal.
 logging.getLogger("canopen").addHandler(logging.NullHandler())
 
 CODES: Final = {

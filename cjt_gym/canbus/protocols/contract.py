@@ -188,7 +188,7 @@ class Scaling:
 
 @dataclass(frozen=True)
 class Limits:
-    """Beyond these an emulated drive stops by itself, whatever it is told; link side.
+    """Beyond these an emulated drive stops, whatever the command; link side.
 
     Attributes:
         tau_m: Torque above which it clips what it is told [N m].

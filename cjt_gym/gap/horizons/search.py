@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.gap.horizons.fit import Fit, Problem, _solve, _within, bounded
-from cjt_gym.gap.horizons.model import Model, Number, Term
+from cjt_gym.gap.horizons.inverse import inverse
+from cjt_gym.gap.horizons.model import Model, Number, Term, body_group
 
 Floats = NDArray[np.float64]
 PRICE, PER_NUMBER = 3.0, 1.0
@@ -23,10 +24,12 @@ QUIET = 0.2
 """Share of the usual error below which that of a piece makes no difference."""
 FULL = 3
 """Candidates that are fitted fully after a quick look at all."""
-PATIENCE = 100_000_000
+PATIENCE = 60_000_000
 """Predicted samples, about a minute's work, after which no further term is looked for."""
 MOST = 6
 """Most terms beyond the base."""
+OTHER = 0.4
+"""Difference of the inertia, relative, from which a second start is followed, too."""
 FIRST = "coulomb"
 """Dry friction is tried from a grid at once: damping alone may have taken its place."""
 FAR = 0.5
@@ -215,9 +218,35 @@ def search(
     first = best_start(problem, base)
     begun = [first, *(begin(problem, first, term) for term in terms if term.name == FIRST)]
     begun.append(seeded(problem, first, terms, suspects))
-    fit = min(begun, key=lambda f: f.cost)
+    if problem.force:
+        begun += moved(problem, base, terms)
+    begun = _apart(begun, len(base.terms))[: 2 if problem.force else 1]
+    fits = [extended(problem, fit, terms, progress) for fit in begun]
+    best = min(fits, key=lambda fit: _priced(fit, len(base.terms)))
+    return pruned(problem, first, best, terms, len(base.terms))
+
+
+def _priced(fit: Fit, fixed: int) -> float:
+    """Return the cost of a fit with the price of its terms beyond the base."""
+    return fit.cost + sum(price(term) for term in fit.model.terms[fixed:])
+
+
+def _apart(begun: Sequence[Fit], fixed: int) -> list[Fit]:
+    """Return the best of some fits, and the best whose inertia is another, if it is not far."""
+    ordered = sorted(begun, key=lambda fit: _priced(fit, fixed))
+    best = ordered[0]
+    heavy = [float(np.log(fit.model.values(fit.z)[0][0])) for fit in ordered]
+    others = [f for f, x in zip(ordered, heavy, strict=True) if abs(x - heavy[0]) > OTHER]
+    return [best, *others[:1]]
+
+
+def extended(
+    problem: Problem, fit: Fit, terms: Sequence[Term], progress: Callable[[str], None]
+) -> Fit:
+    """Return a fit with one term after another, as long as each is worth its price."""
+    limit = problem.work + problem.rough.work + PATIENCE
     for _ in range(MOST):
-        if problem.work + problem.rough.work > PATIENCE:
+        if problem.work + problem.rough.work > limit:
             break
         progress(f"predicting up to half a second ahead with one of {len(terms)} effects more")
         step = next(
@@ -231,7 +260,7 @@ def search(
         if step is None:
             break
         fit = step
-    return pruned(problem, first, fit, terms, len(base.terms))
+    return fit
 
 
 def best_start(problem: Problem, model: Model) -> Fit:
@@ -263,6 +292,22 @@ def seeded(problem: Problem, fit: Fit, terms: Sequence[Term], suspects: Sequence
             model, z = added(fit, term, term.starts[0])
             fit = problem.fit(model, z)
     return fit
+
+
+def moved(problem: Problem, base: Model, terms: Sequence[Term]) -> list[Fit]:
+    """Return the fits that start from what a regression of the torque on the motion finds."""
+    joint, found = base.joint, []
+    total = sum(joint.parameters.get(f"I_{b}", 0.0) for b in body_group(joint.structure_row, "m"))
+    for start in inverse(joint, problem.windows.logs):
+        known = {"inertia": start.inertia / total, "damping": start.damping}
+        z = [n.coordinate(known.get(t.name, n.start)) for t in base.terms for n in t.numbers]
+        fit = Fit(base, np.array(z), np.inf, [])
+        for name, values in start.effects.items():
+            term = next((t for t in terms if t.name == name), None)
+            if term is not None and allowed(fit, term):
+                fit = Fit(*added(fit, term, values), np.inf, [])
+        found.append(problem.fit(fit.model, fit.z))
+    return found
 
 
 def begin(problem: Problem, fit: Fit, term: Term) -> Fit:

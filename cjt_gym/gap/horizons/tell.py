@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import t as student
 
 from cjt_gym.gap.confusable import advice
 from cjt_gym.gap.diagnosis import (
@@ -21,11 +23,15 @@ from cjt_gym.gap.diagnosis import (
     Unexplained,
 )
 from cjt_gym.gap.horizons.fit import Fit, Problem
+from cjt_gym.gap.horizons.inverse import BLOCKS, inverse, spent
 from cjt_gym.gap.horizons.judge import Judgement, Row
-from cjt_gym.gap.horizons.model import Term
+from cjt_gym.gap.horizons.model import Term, body_group
+from cjt_gym.gap.horizons.rows import SWING
 from cjt_gym.gap.horizons.spread import Spread, spread_of
 from cjt_gym.gap.horizons.windows import WHOLE, bootstrapped
 from cjt_gym.gap.horizons.write import joint_of
+from cjt_gym.joint import EFFECTS
+from cjt_gym.joint.effect_entries import unit_on
 
 Floats = NDArray[np.float64]
 SURE, FIRM = 1.4, 2.0
@@ -39,6 +45,8 @@ MUCH = 0.5
 """Share of the squared error that such an effect has to take away."""
 NOTHING = 1e-3
 """Share of the step of a search by which an effect must differ from none at all."""
+LEAST = 1e-3
+"""Least inertia of a regression, as a share of the datasheet's."""
 LOUD = 0.6
 """Relative error over the longest horizon from which nothing counts as explained."""
 EITHER = {
@@ -47,6 +55,18 @@ EITHER = {
     "viscous_asym": ("coulomb_asym", "torque_offset"),
 }
 """Explanations that are the same, or nearly so, where a joint moves: none of them is confirmed."""
+HELD = (
+    "The torque hardly tells how the joint moves, as where a controller holds the motion. What is "
+    "named is what a regression of the torque on the motion shows; the joint given lacks it."
+)
+"""What is said where effects are told by the torque alone."""
+SPENT_ON: Mapping[str, tuple[str, str | None]] = {
+    "damping": ("d_m", "motor"),
+    "coulomb": ("d_cm", "motor"),
+    "torque_offset": ("torque", None),
+    "gravity": ("torque", "load"),
+}
+"""Effects on which a torque may be seen to be spent: symbol of their size, and body."""
 MOST_ADVICE = 2
 """Sentences of advice of each kind."""
 SKEW = frozenset({"coulomb_asym", "viscous_asym", "torque_offset"})
@@ -82,12 +102,17 @@ def retold(
         record: Name of the record, for the joint's sources.
     """
     effects = _effects(judged, excluded)
+    told = any(e.stage != "drive" for e in effects) or _main(judged).found < LOUD
+    held = () if told else _of_torque(judged, excluded)
+    effects = (*effects, *held)
     if judged.cut and first.verdict == "unexplained":  # the cause is none of the table's
         effects = tuple(replace(e, status="tentative", confidence=0.5) for e in effects)
     rows = judged.rows
     stages = _stages(first, judged, effects)
     verdict = _verdict(judged, effects)
     unexplained = _unexplained(judged, verdict, judged.unexplained)
+    if held:
+        unexplained = replace(unexplained, text=f"{HELD} {unexplained.text}")
     if judged.cut and first.verdict == "unexplained":
         verdict, unexplained = "partly_explained" if effects else "unexplained", first.unexplained
     return replace(
@@ -148,10 +173,35 @@ def _deserves(judged: Judgement, index: int, term: Term) -> bool:
         stated = known[number.symbol].tolerance if number.symbol in known else None
         if stated is None and number.scale >= 0.5:
             return False  # a guess is corrected, not diagnosed
-        off = abs(np.log(values[0] / term.nominal[0]))
-        return bool(off > OUTSIDE * (stated or number.scale))
+        off = [np.log(x / term.nominal[0]) for x in (values[0], *_by_regression(judged, term))]
+        nearest = min(np.abs(off)) if min(off) * max(off) > 0.0 else 0.0
+        return bool(nearest > OUTSIDE * (stated or number.scale))
     pairs = zip(values, term.nominal, term.numbers, strict=True)
     return any(abs(value - off) > NOTHING * n.scale for value, off, n in pairs)
+
+
+def _by_regression(judged: Judgement, term: Term) -> list[float]:
+    """Return what regressions of the torque on the motion find for the inertia, if it is that.
+
+    Noise of the acceleration makes theirs too small, noise of the torque that of predictions too
+    large: where a controller keeps the motion smooth the two may be far apart.
+    """
+    if term.name != "inertia":
+        return []
+    p, shape = judged.case.joint.parameters, judged.case.joint.structure_row
+    total = sum(p.get(f"I_{body}", 0.0) for body in body_group(shape, "m"))
+    found = [one.inertia / total for one in inverse(judged.case.joint, judged.case.logs)]
+    return [max(factor, LEAST) for factor in found]
+
+
+def _intervals(judged: Judgement, spread: Spread, index: int) -> dict[str, Interval]:
+    """Return the intervals of a term; that of the inertia covers what regressions find."""
+    term, found = spread.model.terms[index], spread.intervals(index)
+    others = _by_regression(judged, term)
+    for symbol, one in found.items() if others else ():
+        known = [x * one.value / spread.model.values(spread.fit.z)[index][0] for x in others]
+        found[symbol] = replace(one, low=min(one.low, *known), high=max(one.high, *known))
+    return found
 
 
 def _named(
@@ -176,7 +226,7 @@ def _named(
     firm = firm and not judged.unexplained and _main(judged).found < LOUD
     confidence = float(np.clip(1.0 - 0.5 ** (worth.clear / worth.needed), 0.05, 0.99))
     return NamedEffect(
-        term.name, term.stage, term.body, term.channel, spread.intervals(index),
+        term.name, term.stage, term.body, term.channel, _intervals(judged, spread, index),
         "confirmed" if firm else "tentative", confidence if firm else min(confidence, 0.5),
         removed, tuple(dict.fromkeys((*genuine, *same))), worth.fall,
     )  # fmt: skip
@@ -216,6 +266,33 @@ def _of_drive(judged: Judgement) -> tuple[NamedEffect, ...]:
         NamedEffect(name, "drive", None, None, numbers, "tentative", 0.5, removed, other[name])
         for name, numbers in found
     )
+
+
+def _of_torque(judged: Judgement, excluded: Mapping[str, str]) -> tuple[NamedEffect, ...]:
+    """Return what the torque is spent on where nothing predicts the motion from it."""
+    joint, logs = judged.case.joint, judged.case.logs
+    p = joint.parameters
+    wide = p.axis == "rotary" and np.ptp(logs[0].states[:, 0]) > SWING
+    seen = [n for n in SPENT_ON if n not in excluded and n not in joint.effects]
+    found = []
+    for one in spent(joint, logs, [n for n in seen if wide or n != "gravity"]):
+        symbol, body = SPENT_ON[one.name]
+        value, deviation = one.values[0], max(one.deviations)
+        if one.name == "gravity":
+            value = math.hypot(*one.values)
+        elif one.name != "torque_offset" and value < 0.0:
+            continue
+        parameter = EFFECTS[one.name].parameter(symbol)
+        assert parameter is not None
+        half = float(student.ppf(0.975, BLOCKS - 1)) * deviation
+        interval = Interval(value, value - half, value + half, unit_on(parameter, p))
+        found.append(
+            NamedEffect(
+                one.name, EFFECTS[one.name].stage, body, None, {symbol: interval}, "tentative",
+                0.5, one.share, EITHER.get(one.name, ()), 0.0,
+            )
+        )  # fmt: skip
+    return tuple(sorted(found, key=lambda e: -e.gap_removed))
 
 
 # ---- stages, gap, verdict

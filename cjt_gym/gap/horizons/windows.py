@@ -29,6 +29,8 @@ HELD = 4
 """Every so-manyth moving piece is held out where there is no second record."""
 MOST = 80
 """Most windows of a search."""
+STEP = 1e-3
+"""Longest sample that the joint's kernel takes as one step, about [s]."""
 WHOLE = 0.0
 """The horizon of a piece that is predicted from its first sample to its last."""
 LONG = 400
@@ -88,8 +90,11 @@ class Windows:
 
     @property
     def samples(self) -> int:
-        """Samples that one prediction takes."""
-        return sum(len(g.starts) * g.length for g in self.groups)
+        """Samples that one prediction takes, long ones counted as the steps that they take."""
+        steps = [
+            len(g.starts) * g.length * max(self.logs[g.log].dt / STEP, 1.0) for g in self.groups
+        ]
+        return round(sum(steps))
 
     def every(self, step: int) -> Windows:
         """Return every so-manyth window, of the pieces as a whole every so-manyth piece."""

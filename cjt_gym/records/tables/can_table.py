@@ -8,7 +8,6 @@ Traces are those that python-can reads: candump's ``.log``, Vector's ``.asc`` an
 
 from __future__ import annotations
 
-import importlib
 from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,6 +20,7 @@ from cjt_gym.disk import BYTES_OF_TEXT, COLUMNS, NUMBERS, parsed_each, parsing
 from cjt_gym.errors import RecordError
 from cjt_gym.records.tables import blf_size
 from cjt_gym.records.tables.flat import sliced
+from cjt_gym.records.tables.libraries import library
 from cjt_gym.records.tables.mcap_table import LOG_TIME
 
 LATEST = 2**63 / 1e9
@@ -35,7 +35,7 @@ def read(path: Path) -> dict[str, NDArray[Any]]:
             read, or no frame is in the DBC file.
     """
     dbc = _dbc_of(path)
-    cantools = _import("cantools", path)
+    cantools = library("cantools", path, "can")
     messages = {
         (message.frame_id, message.is_extended_frame): message
         for message in _database(cantools, dbc).messages
@@ -78,7 +78,7 @@ def frames(path: Path) -> Iterator[Any]:
     Raises:
         RecordError: python-can is not installed, or the trace cannot be read.
     """
-    can, what = _import("can", path), f"{path} must be a trace of a CAN bus"
+    can, what = library("can", path, "can"), f"{path} must be a trace of a CAN bus"
     if not path.is_file():
         raise RecordError(f"There is no trace {path}.")
     if path.suffix.lower() == ".blf":
@@ -109,13 +109,3 @@ def _database(cantools: Any, dbc: Path) -> Any:
     BYTES_OF_TEXT.check(dbc.stat().st_size, dbc, RecordError)
     with parsing(f"{dbc} must be a DBC file", RecordError):
         return cantools.database.load_file(str(dbc), database_format="dbc")
-
-
-def _import(name: str, path: Path) -> Any:
-    try:
-        return importlib.import_module(name)
-    except ImportError as error:
-        package = {"can": "python-can"}.get(name, name)
-        raise RecordError(
-            f"{path} needs {package}, which is not installed: pip install cjt-gym[can]."
-        ) from error

@@ -8,7 +8,9 @@ A record is written as one topic with a message in JSON per sample, whose fields
 
 from __future__ import annotations
 
+import contextlib
 import importlib
+import io
 import json
 import math
 import re
@@ -25,6 +27,7 @@ from cjt_gym.disk import COLUMNS, NUMBERS, parsing
 from cjt_gym.errors import RecordError
 from cjt_gym.records.checks import FloatArray
 from cjt_gym.records.tables.flat import flat_numbers, sliced
+from cjt_gym.records.tables.libraries import library
 
 LOG_TIME: Final = "log_time"
 RECORD: Final = "/cjt_gym/record"
@@ -80,7 +83,7 @@ def write(columns: Mapping[str, FloatArray], path: Path) -> None:
     Raises:
         RecordError: mcap is not installed.
     """
-    writer = _import("mcap.writer", path).Writer(str(path))
+    writer = library("mcap.writer", path, "logs").Writer(str(path))
     writer.start()
     numbers = {name: {"type": "number"} for name in columns}
     schema = json.dumps({"type": "object", "properties": numbers}).encode()
@@ -140,7 +143,7 @@ class Topic:
 
 def _messages(path: Path) -> Iterator[tuple[Any, Any, Any]]:
     """Yield schema, channel and message, up to the end or to where the file is damaged."""
-    mcap = _import("mcap.records", path)
+    mcap = library("mcap.records", path, "logs")
     schemas, channels, begun = {}, {}, False
     with path.open("rb") as file:
         try:
@@ -161,7 +164,7 @@ def _messages(path: Path) -> Iterator[tuple[Any, Any, Any]]:
 
 def _records(file: IO[bytes], path: Path) -> Iterator[Any]:
     """Yield the records of a file, out of its chunks, whose size is checked before it is made."""
-    stream, total = _import("mcap.stream_reader", path), 0
+    stream, total = library("mcap.stream_reader", path, "logs"), 0
     for record in stream.StreamReader(file, emit_chunks=True).records:
         if not hasattr(record, "uncompressed_size"):
             yield record
@@ -208,10 +211,11 @@ def _decoder(schema: Any, channel: Any, path: Path) -> Decode | None:
     if channel.message_encoding == "json":
         return json.loads
     if channel.message_encoding == "cdr" and schema is not None:
-        factory = _import("mcap_ros2.decoder", path).DecoderFactory()
+        factory = library("mcap_ros2.decoder", path, "logs").DecoderFactory()
         if NOTHING.search(schema.data):
             return None  # any number of items that take no bytes
-        decode = factory.decoder_for(channel.message_encoding, schema)
+        with contextlib.redirect_stderr(io.StringIO()):  # where it also prints what it raises
+            decode = factory.decoder_for(channel.message_encoding, schema)
         return None if decode is None else lambda data: _plain(decode(Bounded(data)))
     return None
 
@@ -226,13 +230,3 @@ def _plain(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_plain(item) for item in value]
     return value
-
-
-def _import(name: str, path: Path) -> Any:
-    try:
-        return importlib.import_module(name)
-    except ImportError as error:
-        package = {"mcap": "mcap", "mcap_ros2": "mcap-ros2-support"}[name.split(".")[0]]
-        raise RecordError(
-            f"{path} needs {package}, which is not installed: pip install cjt-gym[logs]."
-        ) from error

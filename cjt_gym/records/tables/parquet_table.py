@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ from cjt_gym.disk import NUMBERS as MOST
 from cjt_gym.errors import RecordError
 from cjt_gym.records.checks import FloatArray
 from cjt_gym.records.tables.flat import NUMBERS
+from cjt_gym.records.tables.libraries import library
 
 
 def read(path: Path) -> dict[str, NDArray[Any]]:
@@ -22,7 +22,7 @@ def read(path: Path) -> dict[str, NDArray[Any]]:
     Raises:
         RecordError: pyarrow is not installed, or the file holds more than it may.
     """
-    _, parquet = _pyarrow()
+    parquet = library("pyarrow.parquet", path, "parquet")
     with parquet.ParquetFile(path) as file:
         _check_size(path, file.metadata)
         table = file.read()
@@ -36,7 +36,8 @@ def stream(path: Path, rows: int) -> Iterator[dict[str, NDArray[Any]]]:
     Raises:
         RecordError: pyarrow is not installed, or the file holds more than it may.
     """
-    arrow, parquet = _pyarrow()
+    arrow = library("pyarrow", path, "parquet")
+    parquet = library("pyarrow.parquet", path, "parquet")
     with parquet.ParquetFile(path) as file:
         _check_size(path, file.metadata)
         for batch in file.iter_batches(batch_size=rows):
@@ -52,7 +53,8 @@ def write(columns: Mapping[str, FloatArray], path: Path) -> None:
     Raises:
         RecordError: pyarrow is not installed.
     """
-    arrow, parquet = _pyarrow()
+    arrow = library("pyarrow", path, "parquet")
+    parquet = library("pyarrow.parquet", path, "parquet")
     parquet.write_table(arrow.table(dict(columns)), path)
 
 
@@ -72,13 +74,3 @@ def _check_size(path: Path, metadata: Any) -> None:
 def _refuse_repeated(path: Path, names: list[str]) -> None:
     if len(set(names)) != len(names):
         raise RecordError(f"Every column of {path} must have a name of its own.")
-
-
-def _pyarrow() -> tuple[Any, Any]:
-    try:
-        return importlib.import_module("pyarrow"), importlib.import_module("pyarrow.parquet")
-    except ImportError as error:
-        raise RecordError(
-            "Parquet files need pyarrow, which is not installed. Use .csv or .npz, or "
-            "pip install cjt-gym[parquet]."
-        ) from error

@@ -86,8 +86,14 @@ def _harmonic(ratio: float) -> complex:
 PLOTS = (
     Plot(
         "backlash",
-        "tau = k max(|x - offset| - gap / 2, 0) sign(x - offset) + d dx in contact, never pulling\n"
-        "tau = 0 within the gap,    x = q_g - q_l (q_m - q_g where the gear is compliant)",
+        (
+            r"\tau = k \max\left(|x - \mathrm{offset}| - \tfrac{1}{2} \mathrm{gap}, "
+            r"0\right) \operatorname{sign}(x - \mathrm{offset}) + d\,\dot x \text{ in "
+            r"contact, never pulling}"
+            "\n"
+            r"\tau = 0 \text{ within the gap}, \quad x = q_g - q_l \quad (q_m - q_g "
+            r"\text{ if the gear is compliant})"
+        ),
         "Top left: output moved as a sine, motor held by friction while the play is open; the loop "
         "is as wide as the gap at any amplitude. Right: gain and phase of its first harmonic over "
         "amplitude per gap, simulated on the describing function of friction-controlled backlash; "

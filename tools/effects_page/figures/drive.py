@@ -242,22 +242,24 @@ def command_noise() -> Figure:
 PLOTS = (
     Plot(
         "command_delay",
-        "i(t) = i_cmd(t - T)",
+        r"i(t) = i_\mathrm{cmd}(t - T)",
         "Left: the current follows the command late. Right: the dead time costs no gain, but a "
         "phase that grows in proportion to frequency, which limits the bandwidth of any loop.",
         command_delay,
     ),
     Plot(
         "current_lag",
-        "di/dt = 2 pi f_c (i_cmd - i)",
+        r"\dot i = 2 \pi f_c\,(i_\mathrm{cmd} - i)",
         "Left: step responses of the current loop. Right: first-order low pass; at the bandwidth "
         "the gain is -3 dB (grey line) and the phase -45 degrees.",
         current_lag,
     ),
     Plot(
         "current_control",
-        "v = k_t n dq_m + kp e + ki z,   dz/dt = e,   e = i_cmd - i,   kp = w l_a,  ki = w r,  "
-        "w = 2 pi f_c",
+        (
+            r"v = k_t n\,\dot q_m + k_p e + k_i z, \quad \dot z = e = i_\mathrm{cmd} - "
+            r"i, \quad k_p = \omega l_a, \quad k_i = \omega r, \quad \omega = 2 \pi f_c"
+        ),
         "Left: in a d-q drive the current follows as a first-order lag with the bandwidth f_c, a "
         "sample late. Right: the voltage of the q axis, which is held over a sample of the "
         "controller; a controller that was told a wrong inductance still arrives.",
@@ -265,14 +267,14 @@ PLOTS = (
     ),
     Plot(
         "current_saturation",
-        "|i| <= i_p",
+        r"|i| \le i_p",
         "Left: torque over commanded current, nominal and with half the peak current; simulated "
         "points on the clipped line. Right: a sine beyond the limit is flattened.",
         current_saturation,
     ),
     Plot(
         "voltage_saturation",
-        "|r i + k_t n dq_m| <= v_0,    |i| <= i_p",
+        r"|r i + k_t n\,\dot q_m| \le v_0, \quad |i| \le i_p",
         "Left: torque-speed envelope. Up to the corner speed the current limits the torque, beyond "
         "it the back-EMF leaves less and less voltage; a supply that sags moves the corner inwards "
         "and lowers the no-load speed v_0 / (k_t n). Lines are the envelope, points are simulated. "
@@ -281,7 +283,7 @@ PLOTS = (
     ),
     Plot(
         "current_rate_limit",
-        "|di/dt| <= rate",
+        r"|\dot i| \le \mathrm{rate}",
         "Left: a sine that asks for more than the rate becomes a triangle that lags. Right: gain "
         "of the first harmonic. It is one up to the onset f* = rate / (2 pi A), which depends on "
         "the amplitude A, and 4 f* / (pi f) once the current is a triangle.",
@@ -289,14 +291,20 @@ PLOTS = (
     ),
     Plot(
         "command_quantization",
-        "i = step floor(i_cmd / step + 1/2)",
+        (
+            r"i = \Delta \left\lfloor \frac{i_\mathrm{cmd}}{\Delta} + \frac{1}{2} "
+            r"\right\rfloor, \quad \Delta = \mathrm{resolution}"
+        ),
         "Left: staircase of the current over the commanded current. Right: error within half a "
         "step; its rms value is step / sqrt(12).",
         command_quantization,
     ),
     Plot(
         "command_noise",
-        "tau_m = k_t n i_cmd + w_k,    w_k ~ N(0, std^2), held over a control step",
+        (
+            r"\tau_m = k_t n\,i_\mathrm{cmd} + w_k, \quad w_k \sim N(0, \mathrm{std}^2) "
+            r"\text{ for each control step}"
+        ),
         "Left: torque for a constant command. Middle: distribution with the normal law. Right: "
         "flat power spectral density of the samples, with the line 2 std^2 dt.",
         command_noise,

@@ -234,7 +234,11 @@ def load_coulomb() -> Figure:
 PLOTS = (
     Plot(
         "coulomb",
-        "tau_f = d_c tanh(dq / dq_0),    or d_c sign(dq) with dq_0 = 0 (set-valued at rest)",
+        (
+            r"\tau_f = d_c \tanh\frac{\dot q}{\dot q_0}, \quad \text{or } d_c "
+            r"\operatorname{sign}(\dot q) \text{ with } \dot q_0 = 0 \text{ (set-valued "
+            r"at rest)}"
+        ),
         "Left: friction-velocity map, smoothed and sharp; points are measured at an output that "
         "drags the motor, lines are the law. Right: Coulomb friction takes 4 d_c off the torque's "
         "amplitude in every period, so the envelope is straight, and the oscillation stops inside "
@@ -243,7 +247,10 @@ PLOTS = (
     ),
     Plot(
         "coulomb_asym",
-        "tau_f = d_c tanh(dq / dq_0) for dq >= 0,    d_c_n tanh(dq / dq_0) for dq < 0",
+        (
+            r"\tau_f = d_c \tanh\frac{\dot q}{\dot q_0} \text{ for } \dot q \ge 0, "
+            r"\quad d_{c,n} \tanh\frac{\dot q}{\dot q_0} \text{ for } \dot q < 0"
+        ),
         "Left: map with unequal levels. Right: torque over angle of a slow oscillation; the loop "
         "is a rectangle, and its middle (dotted) is off zero, like a torque offset that is only "
         "there in motion.",
@@ -251,14 +258,20 @@ PLOTS = (
     ),
     Plot(
         "viscous_asym",
-        "tau_f = d dq for dq >= 0,    d_n dq for dq < 0",
+        (
+            r"\tau_f = d\,\dot q \text{ for } \dot q \ge 0, \quad d_n\,\dot q \text{ "
+            r"for } \dot q < 0"
+        ),
         "Left: map with a kink at zero. Right: under a torque that alternates, the free joint "
         "reaches different speeds (dashed: tau / d and tau / d_n) at different rates.",
         viscous_asym,
     ),
     Plot(
         "stribeck",
-        "tau_f = (d_c + d_s exp(-(dq / v_s)^2)) tanh(dq / dq_0)",
+        (
+            r"\tau_f = \left(d_c + d_s e^{-(\dot q / v_s)^2}\right) \tanh\frac{\dot "
+            r"q}{\dot q_0}"
+        ),
         "Left: Stribeck curve with the joint's viscous damping; friction falls from the breakaway "
         "level before viscous damping takes over. Right: the falling branch causes stick-slip when "
         "a soft spring drags the motor slowly (saw-teeth up to the breakaway level), and none at "
@@ -267,8 +280,12 @@ PLOTS = (
     ),
     Plot(
         "presliding",
-        "dz/dt = dq - sigma |dq| z / g(dq),    tau_f = sigma z + sigma_1 dz/dt\n"
-        "g(dq) = d_c + d_s exp(-(dq / v_s)^2) + mu |tau|",
+        (
+            r"\dot z = \dot q - \frac{\sigma |\dot q| z}{g(\dot q)}, \quad \tau_f = "
+            r"\sigma z + \sigma_1 \dot z"
+            "\n"
+            r"g(\dot q) = d_c + d_s e^{-(\dot q / v_s)^2} + \mu |\tau|"
+        ),
         "Left: friction over displacement for motions of several amplitudes: closed, nested loops "
         "that are spring-like when small and become rectangles when large. Right: from rest, the "
         "bristles act as a spring of stiffness sigma (dotted) and yield to the Coulomb level "
@@ -277,7 +294,7 @@ PLOTS = (
     ),
     Plot(
         "load_friction",
-        "tau_f = (d_c + mu |tau|) tanh(dq / dq_0)",
+        r"\tau_f = (d_c + \mu |\tau|) \tanh\frac{\dot q}{\dot q_0}",
         "Left: friction over the transmitted torque in steady motion, a V on top of the Coulomb "
         "level. Right: joint torque over motor torque in steady motion, forwards and backwards; "
         "friction takes from the motor when it drives and holds back the load when it is driven, "
@@ -287,7 +304,7 @@ PLOTS = (
 )
 LOAD_PLOT = Plot(
     "load_coulomb",
-    "tau_f,l = d_cl tanh(dq_l / dq_0)",
+    r"\tau_{f,l} = d_{cl} \tanh\frac{\dot q_l}{\dot q_0}",
     "Left: torque that the joint transmits to a load in steady motion, with and without viscous "
     "damping of the load. Right: a load that coasts loses speed in a straight line and stops at "
     "once; viscous damping alone would never stop it. Points are simulated, lines are the law.",

@@ -72,9 +72,16 @@ def thermal_derating() -> Figure:
 PLOTS = (
     Plot(
         "thermal_derating",
-        "C_w dT_w/dt = r (1 + a_CU T_w) i^2 - (T_w - T_h) / r_th1,    C_w = T_thw / r_th1\n"
-        "C_h dT_h/dt = (T_w - T_h) / r_th1 - T_h / r_th2,             C_h = T_thm / r_th2\n"
-        "k_t(T_w) = k_t (1 - derating T_w),    r(T_w) = r (1 + a_CU T_w)",
+        (
+            r"C_w \dot T_w = r (1 + a_\mathrm{CU} T_w)\,i^2 - \frac{T_w - "
+            r"T_h}{r_{th1}}, \quad C_w = \frac{T_{thw}}{r_{th1}}"
+            "\n"
+            r"C_h \dot T_h = \frac{T_w - T_h}{r_{th1}} - \frac{T_h}{r_{th2}}, \quad C_h "
+            r"= \frac{T_{thm}}{r_{th2}}"
+            "\n"
+            r"k_t(T_w) = k_t (1 - \mathrm{derating}\,T_w), \quad r(T_w) = r (1 + "
+            r"a_\mathrm{CU} T_w)"
+        ),
         "Left: rise of winding and housing under constant current. The winding leaves the housing "
         "behind within its own time constant, then both follow the housing. Points are simulated "
         "with constant resistance, on the sum of two exponentials; dashed with copper that heats "

@@ -241,7 +241,7 @@ def human_torque() -> Figure:
 PLOTS = (
     Plot(
         "load_inertia",
-        "I_l' ddq_l + d_l dq_l = tau + tau_l",
+        r"I_l' \ddot q_l + d_l \dot q_l = \tau + \tau_l",
         "Left: run-up with the load. Right: a heavier load takes a larger share of the motor's "
         "torque and lowers the resonance of motor against load. Points are simulated, lines are "
         "the linear model with that value.",
@@ -250,14 +250,17 @@ PLOTS = (
     LOAD_PLOT,
     Plot(
         "gravity",
-        "tau_g = -torque sin(q_l - angle)",
+        r"\tau_g = -\mathrm{torque} \cdot \sin(q_l - \mathrm{angle})",
         "Left: torque that carries the load through a slow turn, for two angles at which it hangs. "
         "Right: period of the free pendulum, on the elliptic integral; it grows with amplitude.",
         gravity,
     ),
     Plot(
         "contact",
-        "tau_c = -k x^e max(0, 1 + damping dx),    x = max(0, q_l - position)",
+        (
+            r"\tau_c = -k\,x^e \max(0, 1 + \mathrm{damping} \cdot \dot x), \quad x = "
+            r"\max(0, q_l - \mathrm{position})"
+        ),
         "Left: torque over penetration in one impact; the loop's area is lost. Middle: a load that "
         "is pushed against the contact (grey) bounces. Right: coefficient of restitution; points "
         "are simulated, lines are the exact solution of the law. It falls with speed, and is one "
@@ -266,7 +269,10 @@ PLOTS = (
     ),
     Plot(
         "load_motion",
-        "q_l = q_l,given + amplitude sin(2 pi frequency t)",
+        (
+            r"q_l = q_{l,\mathrm{given}} + \mathrm{amplitude} \cdot \sin(2 \pi f t), "
+            r"\quad f = \mathrm{frequency}"
+        ),
         "Left: moved output and the torque that the joint passes on. Right: mechanical impedance "
         "that the output feels, from motions at many frequencies, with the linear model; below the "
         "resonance it is the motor's damping and inertia, above it the bar alone (dashed: k_b).",
@@ -274,8 +280,13 @@ PLOTS = (
     ),
     Plot(
         "human_torque",
-        "dtau_v/dt = -2 pi bandwidth tau_v + white noise\n"
-        "tremor: white noise through a resonance at tremor_frequency with 5 % damping",
+        (
+            r"\dot \tau_v = -2 \pi \cdot \mathrm{bandwidth} \cdot \tau_v + \text{white "
+            r"noise}"
+            "\n"
+            r"\text{tremor: white noise through a resonance at } "
+            r"\mathrm{tremor\_frequency} \text{ with 5 \% damping}"
+        ),
         "Left: torque of a person, with the standard deviation of its voluntary part in grey. "
         "Right: power spectral density; a low pass for the voluntary torque and a narrow band of "
         "tremor (dashed), and their sum.",

@@ -183,35 +183,35 @@ _SHIFT = "Points are simulated, lines are the linear model with that value."
 PLOTS = (
     Plot(
         "torque_constant",
-        "tau_m = k_t' n i,    the command still uses i_cmd = tau_cmd / (k_t n)",
+        (r"\tau_m = k_t' n\,i, \quad i_\mathrm{cmd} = \frac{\tau_\mathrm{cmd}}{k_t n}"),
         "Left: steady torque over current at blocked output; the slope is k_t n. Right: a "
         "commanded torque is missed by a constant share, whatever its size (grey: nominal).",
         torque_constant,
     ),
     Plot(
         "torque_offset",
-        "tau_m = k_t n i + torque",
+        r"\tau_m = k_t n\,i + \mathrm{torque}",
         "Left: characteristic shifted by the offset. Right: a free joint without command creeps to "
         "the speed torque / d; lines are the exponential law.",
         torque_offset,
     ),
     Plot(
         "inertia",
-        "(I_m' + I_g) ddq + (d_m + d_g) dq + k_b q = tau_m",
+        r"(I_m' + I_g)\,\ddot q + (d_m + d_g)\,\dot q + k_b q = \tau_m",
         "Left: a heavier rotor runs up more slowly. Right: it lowers the resonance and the "
         f"roll-off of torque transmission, with the same static gain. {_SHIFT}",
         inertia,
     ),
     Plot(
         "damping",
-        "D' = diag(d_m', d_g', d_l')",
+        r"D' = \operatorname{diag}(d_m', d_g', d_l')",
         "Left: ringing after release and the envelope exp(-d t / (2 I)). Right: damping lowers the "
         f"peak and hardly moves it. {_SHIFT}",
         damping,
     ),
     Plot(
         "stiffness",
-        "tau = k_b' (q_g - q_l) + d_gl (dq_g - dq_l)",
+        r"\tau = k_b' (q_g - q_l) + d_{gl} (\dot q_g - \dot q_l)",
         "Left: slope of torque over deflection. Right: the resonance moves with the square root of "
         f"the stiffness. A sensor that multiplies deflection by k_b would be wrong by the same "
         f"share. {_SHIFT}",
@@ -219,7 +219,7 @@ PLOTS = (
     ),
     Plot(
         "gear_stiffness",
-        "tau_gear = k_g' (q_m - q_g) + d_mg (dq_m - dq_g)",
+        r"\tau_\mathrm{gear} = k_g' (q_m - q_g) + d_{mg} (\dot q_m - \dot q_g)",
         "Left: wind-up of the gear. Right: two resonances, here with little damping d_mg; the "
         f"second, of the gear's inertia between its springs, moves most. {_SHIFT}",
         gear_stiffness,

@@ -143,12 +143,13 @@ def current_offset() -> Figure:
     return figure
 
 
-_SERIES = "sum_j a_j cos(f_j q_m) + b_j sin(f_j q_m)"
-
 PLOTS = (
     Plot(
         "cogging",
-        f"tau_c = scale ({_SERIES})",
+        (
+            r"\tau_c = \mathrm{scale} \cdot \sum_j \bigl(a_j \cos(f_j q_m) + b_j "
+            r"\sin(f_j q_m)\bigr)"
+        ),
         "Left: torque over two revolutions of the rotor; points are simulated, the line is the "
         "series. Right: spectrum over angle, with the law sqrt(a^2 + b^2) as rings: cogging stays "
         "at its orders whatever the speed and the torque.",
@@ -156,21 +157,27 @@ PLOTS = (
     ),
     Plot(
         "gear_ripple",
-        f"tau_c = scale tau ({_SERIES})",
+        (
+            r"\tau_c = \mathrm{scale} \cdot \tau \sum_j \bigl(a_j \cos(f_j q_m) + b_j "
+            r"\sin(f_j q_m)\bigr)"
+        ),
         "Left: ripple over two revolutions of the rotor at three transmitted torques. Right: "
         "spectrum; the orders stay, the amplitudes are proportional to the transmitted torque.",
         gear_ripple,
     ),
     Plot(
         "commutation_ripple",
-        f"tau_c = scale k_t n i ({_SERIES})",
+        (
+            r"\tau_c = \mathrm{scale} \cdot k_t n\,i \sum_j \bigl(a_j \cos(f_j q_m) + "
+            r"b_j \sin(f_j q_m)\bigr)"
+        ),
         "Left: ripple over four periods at three motor torques. Right: spectrum, with lines at "
         "multiples of six per electrical revolution that are proportional to the current.",
         commutation_ripple,
     ),
     Plot(
         "current_offset",
-        "tau_c = k_t n (a cos(p n q_m) + b sin(p n q_m))",
+        r"\tau_c = k_t n \bigl(a \cos(p n q_m) + b \sin(p n q_m)\bigr)",
         "Left: ripple over three electrical periods, without torque (circles) and at 60 N m "
         "(squares). Right: one line at the electrical frequency p n, of amplitude "
         "k_t n sqrt(a^2 + b^2), which is the same at any torque.",

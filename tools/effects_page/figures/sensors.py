@@ -249,40 +249,43 @@ def dropout() -> Figure:
 PLOTS = (
     Plot(
         "torque_gain",
-        "tau_meas = gain tau",
+        r"\tau_\mathrm{meas} = \mathrm{gain} \cdot \tau",
         "Left: reading over true torque. Right: an error that is proportional to the torque.",
         torque_gain,
     ),
     Plot(
         "torque_bias",
-        "tau_meas = tau + bias",
+        r"\tau_\mathrm{meas} = \tau + \mathrm{bias}",
         "Left: reading over true torque. Right: an error that is the same at any torque.",
         torque_bias,
     ),
     Plot(
         "sensor_gain",
-        "y_meas = gain y",
+        r"y_\mathrm{meas} = \mathrm{gain} \cdot y",
         "Error of the current and of the motor angle over their true values, on straight lines "
         "through zero; speeds are scaled with their angles.",
         sensor_gain,
     ),
     Plot(
         "sensor_bias",
-        "y_meas = y + bias",
+        r"y_\mathrm{meas} = y + \mathrm{bias}",
         "Current, motor angle and angle of the blocked output: each channel is shifted by its own "
         "bias. Shifted encoders shift a torque that is computed from deflection.",
         sensor_bias,
     ),
     Plot(
         "noise",
-        "y_meas = y + w_k,    w_k ~ N(0, std^2)",
+        r"y_\mathrm{meas} = y + w_k, \quad w_k \sim N(0, \mathrm{std}^2)",
         "Left: torque of a joint at rest, with one standard deviation in grey. Middle: "
         "distribution with the normal law. Right: flat power spectral density, with 2 std^2 dt.",
         noise,
     ),
     Plot(
         "drift",
-        "b_k+1 = b_k + drift sqrt(dt) w_k,    y_meas = y + b",
+        (
+            r"b_{k+1} = b_k + \mathrm{drift} \sqrt{dt}\,w_k, \quad y_\mathrm{meas} = y "
+            r"+ b"
+        ),
         "Left: zeros that walk, with the standard deviation drift sqrt(t). Right: Allan deviation; "
         "white noise falls as T^-1/2, a random walk rises as T^1/2 with drift sqrt(T / 3), and a "
         "sensor with both has its best averaging time where they meet.",
@@ -290,14 +293,20 @@ PLOTS = (
     ),
     Plot(
         "quantization",
-        "y_meas = step floor(y / step + 1/2)",
+        (
+            r"y_\mathrm{meas} = \Delta \left\lfloor \frac{y}{\Delta} + \frac{1}{2} "
+            r"\right\rfloor, \quad \Delta = \mathrm{resolution}"
+        ),
         "Left: staircase of an encoder with 19 bits per turn, 2 pi / 2^19 rad. Right: in motion "
         "the error is uniform over one step; the line is the uniform density.",
         quantization,
     ),
     Plot(
         "eccentricity",
-        "q_meas = q + e sin(f q + phase),    dq_meas = dq (1 + e f cos(f q + phase))",
+        (
+            r"q_\mathrm{meas} = q + e \sin(f q + \varphi), \quad \dot q_\mathrm{meas} = "
+            r"\dot q \bigl(1 + e f \cos(f q + \varphi)\bigr)"
+        ),
         "Left: error over one revolution, of the output's encoder (f = 1) and of a motor encoder "
         "whose shaft turns eight times. Right: the ripple that it causes in the speed grows with "
         "the turns of the shaft.",
@@ -305,7 +314,10 @@ PLOTS = (
     ),
     Plot(
         "dropout",
-        "y_meas,k = y_meas,k-1 with the given probability",
+        (
+            r"y_{\mathrm{meas},k} = y_{\mathrm{meas},k-1} \text{ with the given "
+            r"probability}"
+        ),
         "Left: lost frames repeat the measurement before. Right: gaps of k frames are as frequent "
         "as the geometric distribution says.",
         dropout,

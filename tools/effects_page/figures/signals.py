@@ -238,14 +238,17 @@ def torque_filter() -> Figure:
 PLOTS = (
     Plot(
         "torque_delay",
-        "tau_meas(t) = tau(t - T)",
+        r"\tau_\mathrm{meas}(t) = \tau(t - T)",
         "Left: torque after a step; samples lie on the true torque shifted by the delay, also by a "
         "fraction of the sample. Right: phase from true to measured torque; the gain stays one.",
         torque_delay,
     ),
     Plot(
         "channel_delay",
-        "y_meas(t) = y(t - T_y), a velocity with its angle",
+        (
+            r"y_\mathrm{meas}(t) = y(t - T_y), \text{ for a velocity together with its "
+            r"angle}"
+        ),
         "Left: in steady rotation a late encoder reads too little by speed times delay; the "
         "difference of two that are unequally late looks like a deflection. Right: phase from true "
         "to measured angle, in proportion to frequency and each channel's delay.",
@@ -253,7 +256,7 @@ PLOTS = (
     ),
     Plot(
         "measurement_delay",
-        "y_meas(t) = y(t - T) for all channels",
+        r"y_\mathrm{meas}(t) = y(t - T) \text{ for all channels}",
         "Left: all channels are shifted by the same 2 ms. Right: command to measured torque with "
         "and without (grey) the delay; the gain is the same, the phase that a torque loop can use "
         "is not.",
@@ -261,7 +264,10 @@ PLOTS = (
     ),
     Plot(
         "velocity_differentiation",
-        "v_k = v_k-1 + (1 - exp(-2 pi f_c dt)) ((q_k - q_k-1) / dt - v_k-1)",
+        (
+            r"v_k = v_{k-1} + \left(1 - e^{-2 \pi f_c dt}\right) \left(\frac{q_k - "
+            r"q_{k-1}}{dt} - v_{k-1}\right)"
+        ),
         "Left: speed from an encoder of 19 bits at 1 kHz; without a filter it jumps by one step "
         "per sample. Right: gain and phase relative to an ideal derivative; points are simulated, "
         "lines are the discrete filter, half a sample of delay included.",
@@ -269,7 +275,7 @@ PLOTS = (
     ),
     Plot(
         "torque_filter",
-        "y_k = y_k-1 + (1 - exp(-2 pi f_c dt)) (tau_k - y_k-1)",
+        r"y_k = y_{k-1} + \left(1 - e^{-2 \pi f_c dt}\right) (\tau_k - y_{k-1})",
         "Left: torque after a step. Right: gain and phase from true to measured torque; points are "
         "simulated, solid lines are the discrete filter, dotted the analog low pass, from which it "
         "departs towards half the sampling rate.",

@@ -149,7 +149,7 @@ def spring_hysteresis() -> Figure:
 PLOTS = (
     Plot(
         "hardening",
-        "tau = k_b x + k_3 x^3 + d_gl dx,    x = q_g - q_l",
+        r"\tau = k_b x + k_3 x^3 + d_{gl}\,\dot x, \quad x = q_g - q_l",
         "Left: torque over deflection. Right: forced response at blocked output; the resonance "
         "leans towards higher frequencies, and slow sweeps up and down jump at different "
         "frequencies. Line: first-harmonic balance of Duffing's oscillator; dashed: free frequency "
@@ -158,7 +158,7 @@ PLOTS = (
     ),
     Plot(
         "spring_table",
-        "tau = scale T(x) + d_gl dx,    x = q_g - q_l",
+        (r"\tau = \mathrm{scale} \cdot T(x) + d_{gl}\,\dot x, \quad x = q_g - q_l"),
         "Left: a monotone cubic (PCHIP) through four measured points, which count for both "
         "directions; simulated, and the linear spring in grey. Right: its stiffness; beyond the "
         "last point it stays.",
@@ -166,8 +166,13 @@ PLOTS = (
     ),
     Plot(
         "spring_hysteresis",
-        "Bouc-Wen:      tau = k_b x + tau_h z,    delta_h dz = dx - (|dx| z + dx |z|) / 2\n"
-        "Maxwell slip:  tau = k_b x + sum_j k_j z_j,    dz_j = dx while |z_j| < z_j,max, else 0",
+        (
+            r"\text{Bouc-Wen: } \tau = k_b x + \tau_h z, \quad \delta_h\,dz = dx - "
+            r"\tfrac{1}{2} (|dx| z + dx |z|)"
+            "\n"
+            r"\text{Maxwell slip: } \tau = k_b x + \sum_j k_j z_j, \quad dz_j = dx "
+            r"\text{ while } |z_j| < z_{j,\mathrm{max}}, \text{ else } 0"
+        ),
         "Torque beyond that of the linear spring over deflection: major loop (grey) and a path "
         "with an inner loop that is run through twice (blue). With Bouc-Wen the inner loop does "
         "not close and drifts; with Maxwell slip it closes, and the major loop goes on as if "

@@ -1,0 +1,162 @@
+"""A run as it goes on, for Foxglove: a WebSocket server with the channels, limits and faults.
+
+Each row of the record is sent after the frames of its control step, in the topic that it has in an
+MCAP file of the record, so that one layout of the viewer serves both.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Final, Self, final
+
+import foxglove
+from foxglove.channels import LogChannel
+from foxglove.messages import Log, LogLevel, Timestamp
+
+from cjt_gym.canbus.config import HardwareConfig
+from cjt_gym.canbus.safety import SafetyLimits
+from cjt_gym.errors import ConfigurationError
+from cjt_gym.records.columns import JOINT_MARK
+from cjt_gym.records.tables.mcap_table import RECORD
+
+HERE: Final = "127.0.0.1"
+LIMITS: Final = "/cjt_gym/limits"
+FAULTS: Final = "/cjt_gym/faults"
+AGAIN: Final = 0.5
+"""Time after which the limits are sent once more, for their lines and for who comes later [s]."""
+FAREWELL: Final = 0.3
+"""Time for which the server outlives the runs, so that the last frames go out [s]."""
+
+
+@final
+class LiveView:
+    """Shows runs to whoever connects; a `Watcher` of their records.
+
+    Attributes:
+        context: What the topics belong to; sinks of Foxglove's SDK may be added to it.
+        address: Where viewers connect.
+        link: Opens it in Foxglove.
+    """
+
+    def __init__(self, configs: Sequence[HardwareConfig], port: int) -> None:
+        """Begin to serve.
+
+        Args:
+            configs: One for each joint.
+            port: TCP port of this machine; 0 for any that is free.
+
+        Raises:
+            ConfigurationError: The port is out of range or taken.
+        """
+        if not 0 <= port <= 65535:
+            raise ConfigurationError(f"The port of --live must be from 0 to 65535, got {port}.")
+        self.context = foxglove.Context()
+        try:
+            self._server = foxglove.start_server(
+                name="cjt-gym", host=HERE, port=port, context=self.context
+            )
+        except Exception as error:  # of a kind that the SDK does not name
+            raise ConfigurationError(
+                f"The live view cannot be served at port {port}: {error}. Give another: --live "
+                "PORT."
+            ) from error
+        self._channels: dict[str, foxglove.Channel] = {}
+        self.address, self.link = f"ws://{HERE}:{self._server.port}", self._server.app_url()
+        names = [config.name for config in configs] if len(configs) > 1 else [""]
+        self._limits = []
+        for name, config in zip(names, configs, strict=True):
+            limits = limits_of(config.limits)
+            self._limits.append((self._channel(_topic(LIMITS, name), limits), limits))
+        self._faults = LogChannel(FAULTS, context=self.context)
+        self._fields: list[tuple[foxglove.Channel, list[tuple[int, str]]]] = []
+        self._begun, self._last, self._told = 0, 0.0, -math.inf
+
+    def begin(self, columns: Sequence[str], facts: Mapping[str, Any]) -> None:
+        """Take the columns of a run; those of each joint of several are a topic."""
+        topics: dict[str, list[tuple[int, str]]] = {}
+        for k, column in enumerate(columns):
+            name, _, plain = column.rpartition(JOINT_MARK)
+            if k > 0:
+                topics.setdefault(_topic(RECORD, name), []).append((k, plain))
+        self._fields = [
+            (self._channel(topic, ["t", *(name for _, name in fields)]), fields)
+            for topic, fields in topics.items()
+        ]
+        self._begun, self._told = time.time_ns(), -math.inf
+        self._say(0.0, LogLevel.Info, str(facts.get("joint") or "all joints"), "The run begins.")
+
+    def see(self, row: Sequence[float]) -> None:
+        """Send a row, and from time to time the limits."""
+        t = row[0]
+        stamp = self._begun + round(t * 1e9)
+        for channel, fields in self._fields:
+            message = {name: row[k] for k, name in fields if math.isfinite(row[k])}
+            channel.log({"t": t, **message}, log_time=stamp)
+        if t >= self._told + AGAIN:
+            self._told = t
+            for channel, limits in self._limits:
+                channel.log(limits, log_time=stamp)
+        self._last = t
+
+    def end(self, known: Mapping[str, Any]) -> None:
+        """Send how a run ended."""
+        fault = known.get("fault")
+        if fault is None:
+            self._say(self._last, LogLevel.Info, "", "The run has ended.")
+        else:
+            text = f"{fault['kind']}: {fault['text']}"
+            self._say(self._last, LogLevel.Error, str(fault.get("joint", "")), text)
+
+    def _say(self, t: float, level: LogLevel, name: str, text: str) -> None:
+        stamp = self._begun + round(t * 1e9)
+        self._last = t
+        at = Timestamp(sec=stamp // 10**9, nsec=stamp % 10**9)
+        self._faults.log(Log(timestamp=at, level=level, name=name, message=text), log_time=stamp)
+
+    def _channel(self, topic: str, fields: Iterable[str]) -> foxglove.Channel:
+        """Return the channel of a topic; that of a run before is closed."""
+        if topic in self._channels:
+            self._channels[topic].close()
+        kind = {"type": "object", "additionalProperties": {"type": "number"}}
+        number = kind if topic.startswith(LIMITS) else {"type": "number"}
+        schema = {"type": "object", "properties": dict.fromkeys(fields, number)}
+        self._channels[topic] = foxglove.Channel(topic, schema=schema, context=self.context)
+        return self._channels[topic]
+
+    def close(self) -> None:
+        """Serve no longer, after what was sent last has gone out."""
+        time.sleep(FAREWELL)
+        self._server.stop()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *raised: object) -> None:
+        self.close()
+
+
+def _topic(base: str, name: str) -> str:
+    return f"{base}/{name}" if name else base
+
+
+def limits_of(limits: SafetyLimits) -> dict[str, dict[str, float]]:
+    """Return what keeps a joint safe, by the column that it bounds: "low" and "high".
+
+    Example:
+        >>> from cjt_gym.canbus.config import load_hardware
+        >>> limits_of(load_hardware("examples/hardware/joint.toml").limits)["tau_cmd"]
+        {'low': -60.0, 'high': 60.0}
+    """
+    both = {
+        "tau_cmd": limits.tau,
+        "dq_m": limits.dq_m,
+        "tau": limits.tau_joint,
+        "i": limits.current,
+    }
+    found = {name: {"low": -high, "high": high} for name, high in both.items()}
+    found["q_m"] = {"low": limits.q_low, "high": limits.q_high}
+    found["temperature"] = {"high": limits.temperature}
+    finite = {n: {k: v for k, v in ends.items() if math.isfinite(v)} for n, ends in found.items()}
+    return {name: ends for name, ends in finite.items() if ends}

@@ -1,0 +1,162 @@
+"""Inverse dynamics: a regression of the motor's torque on what it has to move.
+
+A search that begins with too heavy a joint may never leave it: such a joint hardly listens to its
+torque, so that no further effect changes much. Inverse dynamics err to the other side, and are
+where else a search may start. Where a controller holds the motion, so that nothing predicts it
+from the torque, they still show what the torque is spent on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import savgol_filter
+
+from cjt_gym.gap.horizons.log import LEAST_SMOOTH, Log
+from cjt_gym.joint import Joint
+
+Floats = NDArray[np.float64]
+OVER = 0.1
+"""Time over which torque and motion are smoothed [s]."""
+STUCK = 0.05
+"""Share of the usual speed below which dry friction says nothing."""
+FEWEST = 50
+"""Fewest samples of motion."""
+BLOCKS = 12
+"""Stretches of a record, each of which is predicted from the others."""
+SPENT, CLEAR = 0.15, 3.0
+"""Share of the error that an effect takes away from a regression, and that in its standard
+deviations over the stretches, from which it is seen."""
+PLACES = {"damping": (1,), "coulomb": (2,), "torque_offset": (3,), "gravity": (4, 5)}
+"""Columns of the regressors that stand for an effect."""
+SETS = (("coulomb",), ("coulomb", "torque_offset"), ("coulomb", "gravity"))
+"""Effects of each start."""
+
+
+@dataclass(frozen=True)
+class Inverse:
+    """What a regression finds.
+
+    Attributes:
+        inertia: Of all bodies that move with the motor [kg m^2].
+        damping: The same [N m s/rad].
+        effects: Values of the terms, by the name of the effect, dry friction first.
+    """
+
+    inertia: float
+    damping: float
+    effects: dict[str, tuple[float, ...]]
+
+
+def inverse(joint: Joint, logs: Sequence[Log]) -> list[Inverse]:
+    """Return a regression for each set of effects; none where the records do not allow it."""
+    found = []
+    columns, torque = _moving(joint, logs)
+    for effects in SETS if len(torque) >= FEWEST else ():
+        used = [0, 1, *(k for name in effects for k in PLACES[name])]
+        values = np.linalg.lstsq(columns[:, used], torque, rcond=None)[0]
+        value = dict(zip(used, values.tolist(), strict=True))
+        own = {name: tuple(value[k] for k in PLACES[name]) for name in effects}
+        found.append(Inverse(max(value[0], 0.0), max(value[1], 0.0), own))
+    return found
+
+
+@dataclass(frozen=True)
+class Spent:
+    """An effect on which a torque is spent.
+
+    Attributes:
+        name: The effect.
+        values: Its coefficients.
+        deviations: Their standard deviations, from regressions without one stretch each.
+        share: Share of the squared error that it takes away from predicted stretches.
+    """
+
+    name: str
+    values: tuple[float, ...]
+    deviations: tuple[float, ...]
+    share: float
+
+
+def spent(joint: Joint, logs: Sequence[Log], names: Sequence[str]) -> list[Spent]:
+    """Return on which of some effects the torque is clearly spent, stretch predicting stretch.
+
+    Args:
+        joint: The nominal joint.
+        logs: The records.
+        names: Effects that may be seen, of `PLACES`.
+    """
+    columns, torque = _moving(joint, logs)
+    if len(torque) < BLOCKS * FEWEST:
+        return []
+    names = list(names)
+    while names:
+        full, fits = _predicted(columns, torque, names)
+        weights = {name: _gain(full, _predicted(columns, torque, _less(names, name))[0])
+                   for name in names}  # fmt: skip
+        weak = [n for n, (share, clear) in weights.items() if share < SPENT or clear < CLEAR]
+        if not weak:
+            break
+        names.remove(min(weak, key=lambda n: weights[n][0]))
+    return [_spent(name, names, fits, weights[name][0]) for name in names]
+
+
+def _less(names: Sequence[str], name: str) -> list[str]:
+    return [n for n in names if n != name]
+
+
+def _spent(name: str, names: Sequence[str], fits: Floats, share: float) -> Spent:
+    used = [0, *(k for n in names for k in PLACES[n])]
+    own = fits[:, [used.index(k) for k in PLACES[name]]]
+    spread = np.std(own, axis=0) * np.sqrt(len(fits) - 1)
+    return Spent(name, tuple(own.mean(axis=0).tolist()), tuple(spread.tolist()), share)
+
+
+def _predicted(columns: Floats, torque: Floats, names: Sequence[str]) -> tuple[Floats, Floats]:
+    """Return the mean square error of each stretch, and the fits without it, one per row."""
+    used = [0, *(k for n in names for k in PLACES[n])]
+    block = np.arange(len(torque)) * BLOCKS // len(torque)
+    errors, fits = [], []
+    for k in range(BLOCKS):
+        other = block != k
+        fit = np.linalg.lstsq(columns[other][:, used], torque[other], rcond=None)[0]
+        errors.append(np.mean((torque[~other] - columns[~other][:, used] @ fit) ** 2))
+        fits.append(fit)
+    return np.array(errors), np.array(fits)
+
+
+def _gain(full: Floats, less: Floats) -> tuple[float, float]:
+    """Return the share of the error that is gained, and the gain in its standard deviations."""
+    gains = less - full
+    deviation = max(float(np.std(gains, ddof=1)) * np.sqrt(len(gains)), 1e-300)
+    return float(1.0 - full.sum() / max(less.sum(), 1e-300)), float(gains.sum()) / deviation
+
+
+def _moving(joint: Joint, logs: Sequence[Log]) -> tuple[Floats, Floats]:
+    """Return regressors and torque over all records, none where something is missing for them."""
+    shape = joint.structure_row
+    sprung = shape.groups[1] != shape.groups[2]
+    usable = [x for x in logs if "q_m" in x.measured and not (sprung and "tau" not in x.measured)]
+    if not usable or any(log.voltage for log in usable):
+        return np.zeros((0, 6)), np.zeros(0)
+    parts = [_columns(joint, log, sprung) for log in usable]
+    columns, torque = zip(*parts, strict=True)
+    return np.concatenate(columns), np.concatenate(torque)
+
+
+def _columns(joint: Joint, log: Log, sprung: bool) -> tuple[Floats, Floats]:
+    """Return the regressors where the joint moves, shape (M, 6), and the motor's torque, (M,)."""
+    p = joint.parameters
+    count = min(max(LEAST_SMOOTH, round(OVER / log.dt)) | 1, (len(log) - 1) | 1)
+    torque = p.k_t * p.n * log.command
+    torque = torque - log.measured["tau"] if sprung else torque + log.load
+    q, v, a = (
+        savgol_filter(log.measured["q_m"], count, 2, deriv=k, delta=log.dt) for k in range(3)
+    )
+    usual = STUCK * float(np.sqrt(np.mean(v[log.whole] ** 2)))
+    use = log.whole & (np.abs(v) > usual)
+    columns = np.stack([a, v, np.sign(v), -np.ones_like(v), np.cos(q), np.sin(q)], axis=1)
+    return columns[use], savgol_filter(torque, count, 2)[use]
