@@ -39,11 +39,9 @@ LARGEST_SHARE = 0.2
 class AdaptiveFriction(CompensatedPd):
     """Feed-forward, PD and a Coulomb friction that is learnt; see the module.
 
+    `model`, `kp`, `kd` and `lead` are those of `CompensatedPd`.
+
     Attributes:
-        model: The joint.
-        kp: Proportional gain, >= 0 [-].
-        kd: Derivative gain, >= 0 [s].
-        lead: With at least 0.5 the derivative is that of the error.
         rate_hz: Bandwidth of the learning, rate / (2 pi J), > 0 [Hz].
         threshold: Velocity above which it learns, > 0 [rad/s].
         share: Of the friction that is compensated, >= 0 [-].

@@ -63,11 +63,9 @@ class KnownFriction:
 class FrictionFeedForward(CompensatedPd):
     """Feed-forward of friction, and PD; see the module.
 
+    `model`, `kp`, `kd` and `lead` are those of `CompensatedPd`.
+
     Attributes:
-        model: The joint whose friction is known.
-        kp: Proportional gain, >= 0 [-].
-        kd: Derivative gain, >= 0 [s].
-        lead: With at least 0.5 the derivative is that of the error.
         share: Of the friction that is compensated, >= 0 [-].
         smoothing: w_0, the velocity over which the sign is smoothed, > 0 [rad/s].
         torque_limit: Largest motor torque that is commanded [N m].

@@ -70,11 +70,9 @@ POINTS = 400
 class IterativeLearning(CompensatedPd):
     """Feed-forward, PD, and what was learnt in the trials before; see the module.
 
+    `model`, `kp`, `kd` and `lead` are those of `CompensatedPd`.
+
     Attributes:
-        model: The joint.
-        kp: Proportional gain, >= 0 [-].
-        kd: Derivative gain, >= 0 [s].
-        lead: With at least 0.5 the derivative is that of the error.
         rate: Of the learning, > 0 and < 2 [-].
         cutoff_hz: Up to where it learns, > 0 [Hz].
         trial_s: Duration of a trial, rounded to samples, at least two of them [s].

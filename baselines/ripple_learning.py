@@ -48,11 +48,9 @@ LARGEST_SHARE = 0.1
 class RippleLearning(CompensatedPd):
     """PD and a ripple that is learnt over the motor angle; see the module.
 
+    `model`, `kp`, `kd` and `lead` are those of `CompensatedPd`.
+
     Attributes:
-        model: The joint.
-        kp: Proportional gain, >= 0 [-].
-        kd: Derivative gain, >= 0 [s].
-        lead: With at least 0.5 the derivative is that of the error.
         rate: Of the learning, > 0 [1/s].
         observer_hz: Bandwidth of the momentum observer [Hz].
         torque_limit: Largest motor torque that is commanded; a ripple above a tenth of it is not

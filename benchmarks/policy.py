@@ -18,12 +18,12 @@ RECIPE = Path(__file__).parents[1] / "training" / "configs" / "quiet_residual.to
 def table() -> Table | None:
     """Measure the policy of the shipped recipe, untrained; None without torch."""
     try:
-        from cjt_gym.training.algorithms import make_environment, make_model
-        from cjt_gym.training.config import load_config
         from cjt_gym.training.deploy.exported import load_exported, save_exported
+        from cjt_gym.training.deploy.fast_policy import exported
         from cjt_gym.training.deploy.stepper import Stepper
-        from cjt_gym.training.fast_policy import exported
-        from cjt_gym.training.policy import agent_of
+        from cjt_gym.training.learning.algorithms import make_environment, make_model
+        from cjt_gym.training.learning.config import load_config
+        from cjt_gym.training.learning.policy import agent_of
     except ImportError:
         return None
     config = load_config(RECIPE)

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from benchmarks.report import Table
 from benchmarks.timing import best_in_turns
 from cjt_gym.joint import load_joint
-from cjt_gym.joint.blocks import advance_blocks
-from cjt_gym.joint.vectors import WIDTH
+from cjt_gym.joint.lanes import advance_blocks
+from cjt_gym.joint.lanes.vectors import WIDTH
 from cjt_gym.plant import SimulatedPlant
 
 SOURCE = Path(__file__).with_name("reference.c")

@@ -15,7 +15,7 @@ from typing import Any
 
 from cjt_gym.blind.score import score_case, summarise
 from cjt_gym.blind.table import table
-from cjt_gym.commands.blind_case import diagnose_files
+from cjt_gym.gap.blind_case import diagnose_files
 
 OTHER_SYMBOLS: Mapping[tuple[str, str], tuple[str, ...]] = {
     ("coulomb", "Fc"): ("d_cm", "d_cg"),

@@ -7,6 +7,7 @@ standard output, as text or with `--json` as JSON; progress goes to standard err
 from __future__ import annotations
 
 import argparse
+import json
 import math
 import os
 import sys
@@ -15,8 +16,9 @@ from collections.abc import Sequence
 from importlib import import_module
 from typing import Any, NoReturn
 
-from cjt_gym.commands.alive import WORKING, Alive
-from cjt_gym.commands.early import check_words
+from cjt_gym.console import Answer
+from cjt_gym.console.alive import WORKING, Alive
+from cjt_gym.console.known_names import check_words
 from cjt_gym.errors import CjtGymError, unknown_name
 
 COMMANDS: dict[str, str] = {
@@ -137,7 +139,10 @@ def _run_command(command: str, words: Sequence[str], alive: Alive | None = None)
         if alive is not None:
             alive.doing = WORKING
             alive.watch_compiler()
-        module.run(options)
+        answer: Answer | None = module.run(options)
+        if answer is not None:
+            data, text = answer
+            sys.stdout.write((json.dumps(data) if options.json else text.rstrip("\n")) + "\n")
         sys.stdout.flush()
     except BrokenPipeError:  # the reader of a pipe has had enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -20,10 +20,9 @@ from numpy.typing import NDArray
 from cjt_gym.envs.control import Control
 from cjt_gym.envs.observe import Task
 from cjt_gym.joint.arrays import Batch, Setup
-from cjt_gym.joint.blocks import Blocks
 from cjt_gym.joint.configure import PARAMETER_DTYPE
-from cjt_gym.joint.lanes import Kind
-from cjt_gym.joint.vectors import cgutils, intrinsic, ir, types
+from cjt_gym.joint.lanes import Blocks, Kind
+from cjt_gym.joint.lanes.vectors import cgutils, intrinsic, ir, types
 
 populate_array: Any = arrayobj.populate_array
 

@@ -4,7 +4,7 @@ An episode goes through these calls, in this order:
 
 1. `command`: action and base controller become a torque within the limits, and a current;
 2. `advance` moves the joints and reads their sensors, those of a block side by side in vector
-   registers (`cjt_gym.joint.blocks`); what a block cannot do is left to the general kernel
+   registers (`cjt_gym.joint.lanes`); what a block cannot do is left to the general kernel
    (`cjt_gym.joint.kernel`), which `Episodes` calls;
 3. `seen`: what the task gets to see of the joint, the only thing that it knows of it;
 4. `look_up` and `reward`: the reference now, the reward, and whether the episode ends;
@@ -24,11 +24,11 @@ from cjt_gym.envs.control import Control
 from cjt_gym.envs.handover import opened
 from cjt_gym.envs.observe import SAFETY, Seen, Task, look_up, observe, reward, rotor_angle
 from cjt_gym.joint.arrays import DQ_L, DQ_M, Q_M, TAU, Batch
-from cjt_gym.joint.blocks import advance
 from cjt_gym.joint.compiled import compiled, inlined, threaded
-from cjt_gym.joint.lanes import COSINE, SINE
-from cjt_gym.joint.vector_math import sine_cosine
-from cjt_gym.joint.vectors import WIDTH, get, put
+from cjt_gym.joint.lanes import advance
+from cjt_gym.joint.lanes.substeps import COSINE, SINE
+from cjt_gym.joint.lanes.vector_math import sine_cosine
+from cjt_gym.joint.lanes.vectors import WIDTH, get, put
 
 BAD_ACTION = -1
 

@@ -18,7 +18,7 @@ from cjt_gym.commands.train import environment, tell
 from cjt_gym.joint import load_joint, load_joint_file, to_toml
 from cjt_gym.plant.randomization import resolve_randomization
 from cjt_gym.records import Record, record_names, write_record
-from cjt_gym.training.config import load_config
+from cjt_gym.training.learning.config import load_config
 
 SHORT = ["simulate", "orange_80_6000", "--duration", "0.2"]
 TUNE = ["tune", "pd_feedforward", "--joint"]

@@ -12,6 +12,7 @@ import pytest
 import yaml
 
 import cjt_gym
+from cjt_gym.cli import COMMANDS
 
 ROOT = Path(__file__).resolve().parent.parent
 GUIDES = ("CONTRIBUTING.md", "SECURITY.md", "docs/architecture.md")
@@ -103,3 +104,8 @@ def test_every_room_is_drawn_and_described() -> None:
     for room in named:
         assert f"| `{folder_of(room).relative_to(ROOT).as_posix()}` |" in page
         assert f">{room}</text>" in svg
+
+
+def test_the_room_of_the_commands_holds_commands_only() -> None:
+    files = {path.stem for path in (ROOT / "cjt_gym" / "commands").glob("*.py")} - {"__init__"}
+    assert files == {name.replace("-", "_") for name in COMMANDS}

@@ -17,8 +17,9 @@ TABLE = re.compile(r"(<!-- rooms -->\n).*?(\n<!-- end -->)", re.DOTALL)
 TEXTS = {
     "cli": "the command `cjt-gym`",
     "commands": "one file per command",
-    "training": "training, tuning, evaluation, benchmark, export of policies",
-    "gpu": "episodes as tensors, on a CUDA device too",
+    "hardware": "runs on joints on a bus: one or several, and their figures",
+    "console": "what commands share: options, signs of life, tables",
+    "training": "learning, tuning, evaluation, benchmark, deployment, GPU, demo",
     "envs": "Gymnasium environments: single, batched, hardware, robots",
     "gap": "the diagnosis",
     "export": "joints for MuJoCo and Isaac Lab, controllers in C",
@@ -38,6 +39,7 @@ TEXTS = {
     "plugins": "rows that other packages bring along",
     "disk": "files, read without trust and written whole",
     "errors": "one tree of errors",
+    "moved": "old names of modules that have moved",
 }
 STEP = {"envs": "1 3 5", "baselines": "2", "joint": "4"}
 LOG = {"commands": "1 6", "records": "2", "gap": "3 4 5", "joint": "4"}

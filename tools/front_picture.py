@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from cjt_gym.joint import load_joint, to_toml
-from cjt_gym.training.figures import COLOURS, INK, STYLE, new_figure, to_svg
+from cjt_gym.training.report.figures import COLOURS, INK, STYLE, new_figure, to_svg
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 PICTURE = DOCS / "figures" / "first.svg"

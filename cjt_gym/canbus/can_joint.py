@@ -11,10 +11,10 @@ from typing import final
 from cjt_gym.canbus.config import HardwareConfig
 from cjt_gym.canbus.dialogue import LOOKS, Dialogue
 from cjt_gym.canbus.link import Link
+from cjt_gym.canbus.measuring import Sense
 from cjt_gym.canbus.nodes import Nodes
 from cjt_gym.canbus.run_record import BeginRecord, RunLog, Sample
 from cjt_gym.canbus.safety import Fault, Guard, HardwareFault, Seen, State
-from cjt_gym.canbus.sense import Sense
 from cjt_gym.canbus.timing import Timing
 from cjt_gym.errors import HardwareError, ProtocolError
 from cjt_gym.plant import Limits, Measurement

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, Protocol, final
 
 from cjt_gym.canbus.config import HardwareConfig
 from cjt_gym.canbus.journal import Journal, Watcher
-from cjt_gym.canbus.sense import Sense
+from cjt_gym.canbus.measuring import Sense
 from cjt_gym.canbus.timing import Timing
 from cjt_gym.errors import HardwareError
 

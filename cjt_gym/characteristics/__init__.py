@@ -30,7 +30,7 @@ from cjt_gym.characteristics.motor import (
     speed_at_torque,
     viscous,
 )
-from cjt_gym.characteristics.reflect import to_link, to_motor
+from cjt_gym.characteristics.reflection import to_link, to_motor
 from cjt_gym.characteristics.table import (
     CHARACTERISTICS,
     Characteristic,

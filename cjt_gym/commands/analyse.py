@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 import argparse
-import json
 import math
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 from cjt_gym.analysis import identify
 from cjt_gym.analysis.open_loop import INPUTS
 from cjt_gym.baselines import make_controller
-from cjt_gym.commands.joint_options import (
+from cjt_gym.console import Answer
+from cjt_gym.console.options import (
     add_conditions,
     add_joint,
     check_joint,
+    check_seed,
     chosen_joint,
     structures_of,
     tell_effects,
 )
-from cjt_gym.commands.numbers import check_seed
 from cjt_gym.datasheet import FORMATS, check_format, write_sheet
 from cjt_gym.datasheet.linear import Case, analyse_case, linear_sheet
 from cjt_gym.errors import ConfigurationError
@@ -54,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--out", type=Path, metavar="FILE", help=text)
 
 
-def run(options: argparse.Namespace) -> None:
+def run(options: argparse.Namespace) -> Answer:
     """Analyse, write the sheet, and print the figures where they are asked for."""
     check_joint(options.joints)
     check_seed(options.seed)
@@ -83,16 +82,15 @@ def run(options: argparse.Namespace) -> None:
         written = write_sheet(sheet, options.out)
     for case in cases if options.identify is not None else ():
         tell_effects(case.joint)
+    text = " ".join(str(path) for path in written)
     if not options.json:
-        sys.stdout.write(" ".join(str(path) for path in written) + "\n")
-        return
+        return None, text
     results = {}
     for case in cases:
         results[case.label] = analyse_case(case, options.input, options.output).to_dict()
         if case.identified is not None:
             results[case.label]["identified"] = case.identified.to_dict()
-    result = {"files": [str(path) for path in written], "cases": results}
-    sys.stdout.write(json.dumps(result, indent=1, allow_nan=False) + "\n")
+    return {"files": [str(path) for path in written], "cases": results}, text
 
 
 def check_rms(rms: float, joint: Joint) -> None:

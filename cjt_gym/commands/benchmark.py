@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from pathlib import Path
 from typing import Any
 
 from cjt_gym import __version__
 from cjt_gym.baselines import CONTROLLERS
-from cjt_gym.commands.controllers import CONTROLLER_HELP
-from cjt_gym.commands.joint_options import (
+from cjt_gym.console import Answer
+from cjt_gym.console.controllers import CONTROLLER_HELP
+from cjt_gym.console.options import (
     add_conditions,
     check_randomize,
     drive_of,
@@ -21,9 +21,10 @@ from cjt_gym.commands.joint_options import (
 )
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint.effect_words import parse_effects
-from cjt_gym.training.grid import BACKENDS, Cell, make_cells, run_grid
-from cjt_gym.training.rollout import joint_of
-from cjt_gym.training.tasks import BENCHMARK_TASKS
+from cjt_gym.training.benchmark.cluster import BACKENDS
+from cjt_gym.training.benchmark.grid import Cell, make_cells, run_grid
+from cjt_gym.training.evaluation.rollout import joint_of
+from cjt_gym.training.evaluation.tasks import BENCHMARK_TASKS
 
 ALL = "all"
 
@@ -60,21 +61,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--out", type=Path, required=True, metavar="DIR", help=text)
 
 
-def run(options: argparse.Namespace) -> None:
+def run(options: argparse.Namespace) -> Answer:
     """Compare; write rows, ranking and report; print the table."""
     cells = _cells(options)
     for conditions in {(c.joint, c.structure): c.conditions() for c in cells}.values():
         tell_effects(joint_of(conditions))
-    from cjt_gym.training.benchmark_results import merge, write_benchmark
+    from tqdm import tqdm
 
-    progress = Progress(len(cells))
-    kept = options.out / "cells"
-    results = run_grid(cells, kept, options.jobs, options.backend, progress)
-    progress.bar.close()
+    from cjt_gym.training.benchmark.results import merge, write_benchmark
+
+    with tqdm(total=len(cells), file=sys.stderr, unit="cell") as bar:
+
+        def count(result: dict[str, Any]) -> None:
+            cell = result["cell"]
+            bar.set_postfix_str(f"{result['agent']}, {cell['joint']}, {cell['structure']}")
+            bar.update()
+
+        kept = options.out / "cells"
+        results = run_grid(cells, kept, options.jobs, options.backend, count)
     _tell(results)
     text = write_benchmark(results, options.out, _facts(options, results))
-    rows = merge(results)
-    sys.stdout.write((json.dumps(rows, indent=1) if options.json else text) + "\n")
+    return merge(results), text
 
 
 def _cells(options: argparse.Namespace) -> list[Cell]:
@@ -118,22 +125,6 @@ def _tasks(options: argparse.Namespace, structures: list[str], has_controllers: 
     return [name for name in tasks if not BENCHMARK_TASKS[name].classical_only]
 
 
-class Progress:
-    """A progress bar on standard error."""
-
-    def __init__(self, total: int) -> None:
-        """Begin the bar."""
-        from tqdm import tqdm
-
-        self.bar = tqdm(total=total, file=sys.stderr, unit="cell")
-
-    def __call__(self, result: dict[str, Any]) -> None:
-        """Count a cell."""
-        cell = result["cell"]
-        self.bar.set_postfix_str(f"{result['agent']}, {cell['joint']}, {cell['structure']}")
-        self.bar.update()
-
-
 def _tell(results: list[dict[str, Any]]) -> None:
     """Say on standard error what was refused or failed; raise if that is all."""
     others = {
@@ -148,7 +139,7 @@ def _tell(results: list[dict[str, Any]]) -> None:
 
 
 def _facts(options: argparse.Namespace, results: list[dict[str, Any]]) -> list[str]:
-    from cjt_gym.training.benchmark_results import effects_in_force
+    from cjt_gym.training.benchmark.results import effects_in_force
 
     seeds = f"seed {options.seed}" if options.seeds == 1 else f"{options.seeds} seeds"
     done = [r for r in results if r["status"] == "done"]

@@ -22,8 +22,9 @@ from cjt_gym.blind.mix import BLOCKS, Recipe, recipe
 from cjt_gym.blind.plant import STRUCTURES
 from cjt_gym.blind.score import score_case, summarise
 from cjt_gym.blind.table import table
-from cjt_gym.commands.blind_case import diagnose_case, warm_up
+from cjt_gym.console import Answer
 from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.gap.blind_case import diagnose_case, warm_up
 
 SETTINGS = ("seed", "structure", "strength", "duration", "logs")
 """Options that a test keeps when it is resumed."""
@@ -56,7 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--workers", type=int, default=2, help="processes, default 2")
 
 
-def run(options: argparse.Namespace) -> None:
+def run(options: argparse.Namespace) -> Answer:
     """Draw, diagnose, score; write `blind_test.json`, `cases.csv` and `report.html`."""
     from cjt_gym.blind.report import write_csv, write_report  # needs the extra "report"
 
@@ -76,8 +77,7 @@ def run(options: argparse.Namespace) -> None:
     _write(out / "blind_test.json", result)
     write_csv(rows, out / "cases.csv")
     write_report(result, out / "report.html")
-    text = json.dumps(result, indent=1) if options.json else table(summary)
-    sys.stdout.write(text + "\n")
+    return result, table(summary)
 
 
 def _check(options: argparse.Namespace) -> None:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 
+from cjt_gym.console import Answer
 from cjt_gym.disk import check_file_name, write_text
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import Joint, to_toml
@@ -22,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, metavar="DIR", help=text)
 
 
-def run(options: argparse.Namespace) -> None:
+def run(options: argparse.Namespace) -> Answer:
     """List the joints of the table, and write them."""
     rows, lines = [], []
     joints = build_joints(options.table)
@@ -38,10 +37,7 @@ def run(options: argparse.Namespace) -> None:
                 "file": str(paths[name]) if paths else None,
             }
         )
-    if options.json:
-        sys.stdout.write(json.dumps({"joints": rows}, indent=1) + "\n")
-        return
-    sys.stdout.write("".join(lines))
+    return {"joints": rows}, "".join(lines)
 
 
 def _written(joints: Mapping[str, Joint], folder: Path, table: str) -> dict[str, Path]:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 from dataclasses import asdict
 from pathlib import Path
 
 from cjt_gym.canbus.bus_load import BITRATE, DATA_BITRATE, BusLoad, bus_load
 from cjt_gym.canbus.config import load_joints
+from cjt_gym.console import Answer
 from cjt_gym.errors import ConfigurationError
 
 LEAST, MOST = 10_000, 20_000_000
@@ -27,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--data-bitrate", type=float, help=text)
 
 
-def run(options: argparse.Namespace) -> None:
+def run(options: argparse.Namespace) -> Answer:
     """Say what each joint asks of the bus, and which rate it carries. No bus is touched."""
     for name in ("bitrate", "data_bitrate"):
         value = getattr(options, name)
@@ -36,15 +35,12 @@ def run(options: argparse.Namespace) -> None:
                 f"--{name.replace('_', '-')} must be >= {LEAST} and <= {MOST} bit/s, got {value:g}."
             )
     load = bus_load(load_joints(options.config), options.bitrate, options.data_bitrate)
-    if options.json:
-        sys.stdout.write(json.dumps(_plain(load)) + "\n")
-        return
     form = "{:16}{:10}{:>6}{:>11}{:>11}{:>8}\n"
-    sys.stdout.write(form.format("joint", "protocol", "node", "frames/s", "kbit/s", "share"))
+    text = form.format("joint", "protocol", "node", "frames/s", "kbit/s", "share")
     for joint in load.joints:
         cells = (f"{joint.frames:.0f}", f"{joint.bits / 1e3:.1f}", f"{100.0 * joint.share:.1f} %")
-        sys.stdout.write(form.format(joint.name, joint.protocol, joint.node, *cells))
-    sys.stdout.write(_words(load) + "\n")
+        text += form.format(joint.name, joint.protocol, joint.node, *cells)
+    return _plain(load), text + _words(load)
 
 
 def _plain(load: BusLoad) -> dict[str, object]:

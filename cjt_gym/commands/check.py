@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 
+from cjt_gym.console import Answer
 from cjt_gym.errors import MissingFileError, UnknownNameError
 from cjt_gym.gap.check import Examination, examine
 from cjt_gym.gap.check.text import text
@@ -27,15 +27,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--mapping", metavar="FILE", help="TOML file that says which column is what, in which unit")
 
 
-def run(options: argparse.Namespace) -> None:
+def run(options: argparse.Namespace) -> Answer:
     """Examine the record and print what it tells."""
     structure = None if options.structure is None else get_structure(options.structure)
     records, _ = read_log(options.record, options.mapping)
     found = examine(records, _joint(records[0], options.joint), structure)
-    if options.json:
-        sys.stdout.write(json.dumps(to_json(found), allow_nan=False) + "\n")
-    else:
-        sys.stdout.write(text(found, WIDTH) + "\n")
+    return to_json(found), text(found, WIDTH)
 
 
 def to_json(found: Examination) -> dict[str, object]:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from pathlib import Path
+from typing import Any
 
+from cjt_gym.console import Answer
 from cjt_gym.disk import refuse_inputs, write_text
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import to_toml
@@ -34,11 +35,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--out", type=Path, required=True, metavar="FILE", help=text)
 
 
-def run(options: argparse.Namespace) -> None:
+def run(options: argparse.Namespace) -> Answer:
     """Read, repair, write, and say what was repaired."""
     if Path(options.log).suffix == TOOLBOX_SUFFIX:
-        _write_joint(options)
-        return
+        return _write_joint(options)
     if options.defaults is not None:
         raise ConfigurationError(f"--defaults is for a joint (.m), got the log {options.log}.")
     records, repairs = _read(options)
@@ -46,21 +46,17 @@ def run(options: argparse.Namespace) -> None:
     refuse_inputs(paths, [table_path(options.log), options.log, options.mapping, options.bus])
     for record, path in zip(records, paths, strict=True):
         write_record(record, path)
-    if options.json:
-        written = [
-            {"record": str(path), "samples": len(record), "columns": list(record.columns)}
-            for path, record in zip(paths, records, strict=True)
-        ]
-        result = {"records": written, "repairs": [str(repair) for repair in repairs]}
-        sys.stdout.write(json.dumps(result) + "\n")
-        return
-    for repair in repairs:
-        sys.stderr.write(f"{repair}\n")
-    for path, record in zip(paths, records, strict=True):
-        sys.stdout.write(f"{path}: {len(record)} samples of {', '.join(record.columns)}\n")
+    if not options.json:
+        sys.stderr.writelines(f"{repair}\n" for repair in repairs)
+    written: list[dict[str, Any]] = [
+        {"record": str(path), "samples": len(record), "columns": list(record.columns)}
+        for path, record in zip(paths, records, strict=True)
+    ]
+    lines = [f"{w['record']}: {w['samples']} samples of {', '.join(w['columns'])}" for w in written]
+    return {"records": written, "repairs": [str(repair) for repair in repairs]}, "\n".join(lines)
 
 
-def _write_joint(options: argparse.Namespace) -> None:
+def _write_joint(options: argparse.Namespace) -> Answer:
     for name in ("bus", "joint", "mapping"):
         if getattr(options, name) is not None:
             raise ConfigurationError(
@@ -73,10 +69,7 @@ def _write_joint(options: argparse.Namespace) -> None:
     refuse_inputs([options.out], [options.log, options.defaults])
     write_text(options.out, to_toml(file))
     count = len(file.parameters.quantities)
-    if options.json:
-        sys.stdout.write(json.dumps({"joint": str(options.out), "parameters": count}) + "\n")
-    else:
-        sys.stdout.write(f"{options.out}: {count} parameters\n")
+    return {"joint": str(options.out), "parameters": count}, f"{options.out}: {count} parameters"
 
 
 def _read(options: argparse.Namespace) -> tuple[tuple[Record, ...], tuple[Repair, ...]]:

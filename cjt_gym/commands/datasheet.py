@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 from pathlib import Path
 
-from cjt_gym.commands.joint_options import add_joint, check_joint
+from cjt_gym.console import Answer
+from cjt_gym.console.options import add_joint, check_joint
 from cjt_gym.datasheet import FORMATS, check_format, make_sheet, quantities, write_sheet
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import load_joint_file
@@ -20,7 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, metavar="FILE", help=text)
 
 
-def run(options: argparse.Namespace) -> None:
+def run(options: argparse.Namespace) -> Answer:
     """Write the sheet, and print its numbers where they are asked for."""
     check_joint(options.joints)
     if options.out is None and not options.json:
@@ -33,8 +32,5 @@ def run(options: argparse.Namespace) -> None:
     written: tuple[Path, ...] = ()
     if options.out is not None:
         written = write_sheet(make_sheet(files), options.out)
-    if options.json:
-        result = {"files": [str(path) for path in written], **quantities(files)}
-        sys.stdout.write(json.dumps(result, indent=1, allow_nan=False) + "\n")
-    else:
-        sys.stdout.write(" ".join(str(path) for path in written) + "\n")
+    paths = [str(path) for path in written]
+    return {"files": paths, **quantities(files)} if options.json else None, " ".join(paths)

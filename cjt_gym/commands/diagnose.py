@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from cjt_gym.commands.in_the_loop import InTheLoop, agents_for, in_the_loop
-from cjt_gym.commands.joint_options import asked_effects
+from cjt_gym.console import Answer
+from cjt_gym.console.options import asked_effects
 from cjt_gym.disk import refuse_inputs, write_text
 from cjt_gym.errors import ConfigurationError, RecordError
 from cjt_gym.gap import Diagnosis, diagnose
@@ -27,6 +27,7 @@ from cjt_gym.joint import (
 )
 from cjt_gym.joint.build import file_of
 from cjt_gym.records import Record, Repair, read_log, record_names
+from cjt_gym.training.evaluation.after_diagnosis import InTheLoop, agents_for, in_the_loop
 
 SECONDS, WINDOW = 60.0, 10.0
 """Length of a log beyond which only its most informative windows are used, and theirs [s]."""
@@ -67,7 +68,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--out", type=Path, metavar="DIR", help=text)
 
 
-def run(options: argparse.Namespace) -> None:
+def run(options: argparse.Namespace) -> Answer:
     """Diagnose, write the three files, and print what was found."""
     started = time.perf_counter()
     if not options.seconds >= WINDOW:
@@ -99,9 +100,6 @@ def run(options: argparse.Namespace) -> None:
     repairs = [*notes, *more, *turned, *also]
     found = write_files(found, folder, _short_name(Path(options.records[0])), repairs, loop)
     tell.end()
-    if options.json:
-        sys.stdout.write((folder / "diagnosis.json").read_text(encoding="utf-8"))
-        return
     tables = [table.text(WIDTH) for table in loop.tables()]
     mended = "\n".join(f"record: {repair.text}" for repair in repairs[:MOST_REPAIRS])
     parts = [
@@ -111,7 +109,7 @@ def run(options: argparse.Namespace) -> None:
         *loop.notes,
         _where(folder, found),
     ]
-    sys.stdout.write("\n\n".join(parts) + "\n")
+    return json.loads((folder / "diagnosis.json").read_text(encoding="utf-8")), "\n\n".join(parts)
 
 
 def _short_name(path: Path) -> str:

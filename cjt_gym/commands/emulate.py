@@ -15,13 +15,12 @@ from typing import Any
 from cjt_gym.canbus.config import HardwareConfig, load_joints
 from cjt_gym.canbus.emulated_arm import emulator_of
 from cjt_gym.canbus.emulator import emulated_joint, serve
-from cjt_gym.canbus.hidden import draw_hidden
+from cjt_gym.canbus.hidden_effects import draw_hidden
 from cjt_gym.canbus.link import quiet_machine
 from cjt_gym.canbus.ports import open_port
 from cjt_gym.canbus.ports.port import Port
-from cjt_gym.commands.endings import ending_signals
-from cjt_gym.commands.joint_options import asked_effects
-from cjt_gym.commands.numbers import check_seed, check_time
+from cjt_gym.console.endings import ending_signals
+from cjt_gym.console.options import asked_effects, check_seed, check_time
 from cjt_gym.disk import write_text
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import EFFECTS, Joint

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import json
 import logging
 import sys
 from collections.abc import Iterator, Mapping, Sequence
@@ -20,11 +19,12 @@ from cjt_gym.canbus.experiments import EXPERIMENTS
 from cjt_gym.canbus.journal import Watcher
 from cjt_gym.canbus.protocols.contract import CHANNELS
 from cjt_gym.canbus.virtual import VirtualLink
-from cjt_gym.commands.controllers import CONTROLLER_HELP
-from cjt_gym.commands.endings import in_order
-from cjt_gym.commands.hardware_jobs import NONE, TRACKING, of_joint, runs_of
-from cjt_gym.commands.hardware_run import carry_out
+from cjt_gym.console import Answer
+from cjt_gym.console.controllers import CONTROLLER_HELP
+from cjt_gym.console.endings import in_order
 from cjt_gym.errors import ConfigurationError
+from cjt_gym.hardware.jobs import NONE, TRACKING, of_joint, runs_of
+from cjt_gym.hardware.run import carry_out
 
 EACH = "give it once for all joints, or once for each"
 LIVE = 8765
@@ -67,8 +67,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--live", nargs="?", type=int, const=LIVE, metavar="PORT", help=f"{text}{LIVE}")
 
 
-def run(options: argparse.Namespace) -> None:
+def run(options: argparse.Namespace) -> Answer:
     """Run, write the record and say what came out."""
+    result = _run(options)
+    return result, _words(result)
+
+
+def _run(options: argparse.Namespace) -> dict[str, Any]:
     logging.getLogger("can").setLevel(logging.ERROR)  # which warns of frames that come in pieces
     configs = load_joints(options.config, options.joint)
     if options.dry_run and options.emulated:
@@ -77,8 +82,7 @@ def run(options: argparse.Namespace) -> None:
     if options.live is not None and (options.dry_run or not moves):
         raise ConfigurationError("--live shows a run: give --arm or --emulated, too.")
     if not moves:
-        _tell(options, _look(configs))
-        return
+        return _look(configs)
     if options.out is None and not options.dry_run:
         raise ConfigurationError("--out must name the record to write, such as run.csv.")
     frames = Frames() if options.dry_run else None
@@ -89,11 +93,10 @@ def run(options: argparse.Namespace) -> None:
         ]
     if frames is not None:
         text = ", ".join(f"{n} of {identifier:#x}" for identifier, n in frames.by_id.items())
-        _tell(options, {"frames": frames.count, "by_id": text})
-    elif options.benchmark is not None:
-        _tell(options, {"records": results, "rows": _compare(configs, options)})
-    else:
-        _tell(options, results[0] if options.experiment is None else {"records": results})
+        return {"frames": frames.count, "by_id": text}
+    if options.benchmark is not None:
+        return {"records": results, "rows": _compare(configs, options)}
+    return results[0] if options.experiment is None else {"records": results}
 
 
 @contextlib.contextmanager
@@ -115,7 +118,7 @@ def _compare(
     configs: Sequence[HardwareConfig], options: argparse.Namespace
 ) -> list[dict[str, Any]]:
     """Write and return the figures of the records beside those of simulations."""
-    from cjt_gym.commands.hardware_benchmark import side_by_side, tasks_of
+    from cjt_gym.hardware.beside_simulation import side_by_side, tasks_of
     from cjt_gym.training.benchmark import write_rows
 
     paths = {name: options.out / f"{name}.csv" for name in tasks_of(options.benchmark)}
@@ -152,25 +155,19 @@ def _look(configs: Sequence[HardwareConfig]) -> dict[str, Any]:
     return {"armed": False, "values": values[configs[0].name]}
 
 
-def _tell(options: argparse.Namespace, result: dict[str, Any]) -> None:
-    if options.json:
-        sys.stdout.write(json.dumps(result) + "\n")
-    elif "armed" in result:
-        sys.stdout.write("Not armed, nothing was moved (add --arm to move the joint). ")
-        if "values" in result:
-            sys.stdout.write(_shown(result["values"]) + "\n")
-        else:
-            lines = [f"{name}: {_shown(values)}" for name, values in result["joints"].items()]
-            sys.stdout.write("\n" + "\n".join(lines) + "\n")
-    elif "frames" in result:
-        sys.stdout.write(f"{result['frames']} frames would be sent: {result['by_id']}\n")
-    else:
-        for one in result.get("records", [result]):
-            sys.stdout.write(_line(one) + "\n")
-        if "rows" in result:
-            from cjt_gym.training.benchmark import table
+def _words(result: dict[str, Any]) -> str:
+    if "armed" in result:
+        lines = [f"\n{name}: {_shown(values)}" for name, values in result.get("joints", {}).items()]
+        seen = _shown(result["values"]) if "values" in result else "".join(lines)
+        return f"Not armed, nothing was moved (add --arm to move the joint). {seen}"
+    if "frames" in result:
+        return f"{result['frames']} frames would be sent: {result['by_id']}"
+    lines = [_line(one) for one in result.get("records", [result])]
+    if "rows" in result:
+        from cjt_gym.training.benchmark import table
 
-            sys.stdout.write(table(result["rows"]) + "\n")
+        lines.append(table(result["rows"]))
+    return "\n".join(lines)
 
 
 def _shown(values: Mapping[str, float]) -> str:

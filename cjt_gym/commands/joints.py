@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import json
 import math
-import sys
 from collections.abc import Sequence
 from typing import Any
 
-from cjt_gym.commands.joints_text import TABLES, detail_lines, summary_lines
+from cjt_gym.console import Answer
+from cjt_gym.console.joint_tables import TABLES, detail_lines, summary_lines
 from cjt_gym.errors import unknown_name
 from cjt_gym.joint import (
     DRIVES,
@@ -31,14 +30,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("what", metavar="WHAT", nargs="*", help=text)
 
 
-def run(options: argparse.Namespace) -> None:
+def run(options: argparse.Namespace) -> Answer:
     """Print the tables."""
     tables = chosen(options.what)
-    if options.json:
-        sys.stdout.write(json.dumps(tables, indent=1, allow_nan=False) + "\n")
-        return
     lines = detail_lines(tables) if options.what else summary_lines(tables)
-    sys.stdout.write("".join(f"{line}\n" for line in lines))
+    return tables, "\n".join(lines)
 
 
 def chosen(what: Sequence[str]) -> dict[str, list[dict[str, Any]]]:

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 from pathlib import Path
 
 import numpy as np
 
+from cjt_gym.console import Answer
 from cjt_gym.disk import refuse_inputs
 from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.records import Record, read_record
@@ -27,14 +26,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--between", nargs=2, type=float, metavar=("BEGIN", "END"), help=text)
 
 
-def run(options: argparse.Namespace) -> None:
+def run(options: argparse.Namespace) -> Answer:
     """Draw, write and say where."""
     if options.out.suffix.lower() not in SUFFIXES:
         raise ConfigurationError(
             f"--out must end in {', '.join(SUFFIXES)}, got {options.out}. The suffix selects the "
             "format."
         )
-    from cjt_gym.commands.plot_figure import Trace, write_plot  # loads matplotlib
+    from cjt_gym.datasheet.record_plot import Trace, write_plot  # loads matplotlib
 
     refuse_inputs([options.out], options.records)
     traces = [
@@ -47,10 +46,7 @@ def run(options: argparse.Namespace) -> None:
             raise unknown_name(f"column of {', '.join(options.records)}", name, sorted(known))
     columns = write_plot(traces, options.columns, options.out)
     result = {"plot": str(options.out), "records": options.records, "columns": columns}
-    if options.json:
-        sys.stdout.write(json.dumps(result) + "\n")
-    else:
-        sys.stdout.write(f"{options.out}: {', '.join(columns)}\n")
+    return result, f"{options.out}: {', '.join(columns)}"
 
 
 def _part(record: Record, between: list[float] | None, word: str) -> Record:

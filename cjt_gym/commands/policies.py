@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 import textwrap
 from dataclasses import asdict
 
-from cjt_gym.training.shipped import Card, policy_card, policy_names
+from cjt_gym.console import Answer
+from cjt_gym.training.deploy.shipped import Card, policy_card, policy_names
 
 WIDTH = 96
 
@@ -19,21 +18,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("name", nargs="?", metavar="NAME", help=text)
 
 
-def run(options: argparse.Namespace) -> None:
+def run(options: argparse.Namespace) -> Answer:
     """List the policies, or show one."""
     names = policy_names() if options.name is None else [options.name]
     cards = [policy_card(name) for name in names]
-    if options.json:
-        sys.stdout.write(json.dumps([asdict(card) for card in cards], indent=1) + "\n")
-    elif options.name is None:
+    text = _told(cards[0]) if cards else ""
+    if options.name is None:
         width = max(map(len, names), default=0)
         lines = [f"{card.name:<{width}}  {card.summary}" for card in cards]
         lines.append(
             "Use one by name:  cjt-gym benchmark --policy NAME  or  cjt-gym hardware --policy NAME"
         )
-        sys.stdout.write("\n".join(lines) + "\n")
-    else:
-        sys.stdout.write(_told(cards[0]))
+        text = "\n".join(lines)
+    return [asdict(card) for card in cards], text
 
 
 def _told(card: Card) -> str:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 
+from cjt_gym.console import Answer
 from cjt_gym.training.benchmark import align
-from cjt_gym.training.runs import cells, compared, find_runs
+from cjt_gym.training.learning.runs import cells, compared, find_runs
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -18,23 +17,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--page", action="store_true", help="write page.html into every listed run")
 
 
-def run(options: argparse.Namespace) -> None:
+def run(options: argparse.Namespace) -> Answer:
     """List the runs; write their pages."""
     found = find_runs(options.folders)
     rows = compared(found)
     if options.page:
-        from cjt_gym.training.run_page import write_run_page
+        from cjt_gym.training.learning.run_page import write_run_page
 
         pages = {str(one.path): str(write_run_page(one)) for one in found}
         for row in rows:
             row["page"] = pages[row["run"]]
-    if options.json:
-        sys.stdout.write(json.dumps(rows) + "\n")
-        return
-    sys.stdout.write(align(cells(rows)) + "\n")
+    lines = [align(cells(rows))]
     for row in rows:
         if row["differs"]:
             changes = ", ".join(f"{name} = {value}" for name, value in row["differs"].items())
-            sys.stdout.write(f"{row['run']} differs from the first in {changes}\n")
+            lines.append(f"{row['run']} differs from the first in {changes}")
         if options.page:
-            sys.stdout.write(f"{row['page']}\n")
+            lines.append(row["page"])
+    return rows, "\n".join(lines)

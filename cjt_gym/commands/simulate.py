@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 from dataclasses import dataclass
 from math import ceil
 from pathlib import Path
@@ -14,18 +12,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.baselines import CONTROLLERS
-from cjt_gym.commands.controllers import CONTROLLER_HELP
-from cjt_gym.commands.joint_options import (
+from cjt_gym.console import Answer
+from cjt_gym.console.controllers import CONTROLLER_HELP
+from cjt_gym.console.options import (
     USUAL,
     add_conditions,
     add_joint,
     asked_effects,
     check_joint,
     check_randomize,
+    check_seed,
+    check_time,
     structure_of,
     tell_effects,
 )
-from cjt_gym.commands.numbers import check_seed, check_time
 from cjt_gym.disk import refuse_inputs
 from cjt_gym.envs.settings import default_amplitude, default_load
 from cjt_gym.errors import ConfigurationError
@@ -37,7 +37,7 @@ from cjt_gym.plant import SimulatedPlant
 from cjt_gym.plant.randomization import Randomization
 from cjt_gym.records import FORMATS, Record, read_record, record_names, write_record
 from cjt_gym.signals import Signal, make_signals, sampled_signal, signal_from_file
-from cjt_gym.training.gains import choose, files_of
+from cjt_gym.training.tuning.gains import choose, files_of, gains_in_record
 
 Floats = NDArray[np.float64]
 TRACKING, NONE = "pd_feedforward", "none"
@@ -46,8 +46,6 @@ COMMANDS = ("i_cmd", "tau_cmd")
 DT_PHYSICS = 1e-4
 MOST_SAMPLES = 20_000_000
 """Samples of a record, of which each takes some 300 bytes."""
-GAINS = ("kp", "kd", "derivative")
-"""What a controller is known by, where it has it."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -71,7 +69,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--out", type=Path, required=True, metavar="RECORD", help=f"file to write ({endings})")
 
 
-def run(options: argparse.Namespace) -> None:
+def run(options: argparse.Namespace) -> Answer:
     """Simulate, write the record and say what came out."""
     check_joint(options.joint)
     check_seed(options.seed)
@@ -111,13 +109,9 @@ def run(options: argparse.Namespace) -> None:
         "rmse": rmse if tracks else None,
         "peak_torque": float(np.abs(record["true_tau"]).max()),
     }
-    if options.json:
-        sys.stdout.write(json.dumps(result) + "\n")
-    else:
-        how = f"tracking error {rmse:.4g} N m rms" if tracks else "command replayed in open loop"
-        sys.stdout.write(
-            f"{path}: {len(record)} samples, {how}, peak torque {result['peak_torque']:.4g} N m\n"
-        )
+    how = f"tracking error {rmse:.4g} N m rms" if tracks else "command replayed in open loop"
+    peak = f"peak torque {result['peak_torque']:.4g} N m"
+    return result, f"{path}: {len(record)} samples, {how}, {peak}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,10 +240,9 @@ def simulate(
     if controller == NONE:
         del rows["tau_ref"]
     rows["i_cmd"] = rows["tau_cmd"] / (joint.parameters.k_t * joint.parameters.n)
-    gains = {name: getattr(law, name) for name in GAINS if hasattr(law, name)}
     known: dict[str, Any] = {
         "controller": NONE if controller == NONE else choice.controller,
-        **gains,
+        **gains_in_record(law),
     }
     if drawn:
         known["drawn"] = drawn

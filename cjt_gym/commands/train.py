@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cjt_gym.commands.joint_options import (
+from cjt_gym.console.options import (
     add_conditions,
     asked_effects,
     check_randomize,
@@ -20,11 +20,11 @@ from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.joint import load_joint
 from cjt_gym.joint.current_loop import with_current_loop
 from cjt_gym.plant.simulated import DT_PHYSICS
-from cjt_gym.training.conditions import transferred
-from cjt_gym.training.config import config_names, load_config
+from cjt_gym.training.evaluation.conditions import transferred
+from cjt_gym.training.learning.config import config_names, load_config
 
 if TYPE_CHECKING:
-    from cjt_gym.training.run_folder import RunFolder
+    from cjt_gym.training.learning.run_folder import RunFolder
 
 BACKENDS = ("loky", "ray")
 
@@ -98,9 +98,9 @@ def run(options: argparse.Namespace) -> None:
         raise unknown_name("backend", options.backend, BACKENDS)
     if options.seeds is None and options.backend != "loky":
         raise ConfigurationError(f"--backend {options.backend} needs --seeds.")
-    from cjt_gym.training.distributed import train_on_ray  # torch takes seconds to import
-    from cjt_gym.training.seeds import train_seeds
-    from cjt_gym.training.train import train
+    from cjt_gym.training.learning.distributed import train_on_ray  # torch takes seconds to import
+    from cjt_gym.training.learning.seeds import train_seeds
+    from cjt_gym.training.learning.train import train
 
     if options.seeds is None:
         _tell(train(config, options.out, quiet=options.quiet), options.json)

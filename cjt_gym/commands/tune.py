@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import shlex
 import sys
 import time
@@ -15,8 +14,9 @@ from typing import Any
 from cjt_gym import __version__
 from cjt_gym.baselines import get_entry
 from cjt_gym.baselines.own import is_own
-from cjt_gym.commands.controllers import CONTROLLER_HELP
-from cjt_gym.commands.joint_options import (
+from cjt_gym.console import Answer
+from cjt_gym.console.controllers import CONTROLLER_HELP
+from cjt_gym.console.options import (
     add_conditions,
     check_randomize,
     drive_of,
@@ -25,11 +25,11 @@ from cjt_gym.commands.joint_options import (
     tell_effects,
 )
 from cjt_gym.errors import ConfigurationError, unknown_name
-from cjt_gym.training.gains import WITH, choose, read_gains, write_gains
-from cjt_gym.training.grid import BACKENDS, cluster
-from cjt_gym.training.rollout import joint_of
-from cjt_gym.training.tune import Outcome, Search, tune
-from cjt_gym.training.tune_limits import Limits
+from cjt_gym.training.benchmark.cluster import BACKENDS, cluster
+from cjt_gym.training.evaluation.rollout import joint_of
+from cjt_gym.training.tuning.gains import WITH, choose, read_gains, write_gains
+from cjt_gym.training.tuning.limits import Limits
+from cjt_gym.training.tuning.tune import Outcome, Search, tune
 
 LIMITS = {
     "gain_margin": "smallest gain margin [-]",
@@ -73,7 +73,7 @@ def _workers(backend: str, jobs: int) -> AbstractContextManager[Any]:
     return nullcontext()
 
 
-def run(options: argparse.Namespace) -> None:
+def run(options: argparse.Namespace) -> Answer:
     """Search, write the gain file, and say what came out. An interrupted search is resumed."""
     options.structure = structure_of(options.joint, options.structure)
     check_out(options)
@@ -105,7 +105,7 @@ def run(options: argparse.Namespace) -> None:
         "gains": outcome.best.gains,
         **facts,
     }
-    sys.stdout.write((json.dumps(result, indent=1) if options.json else words(outcome)) + "\n")
+    return result, words(outcome)
 
 
 def check_out(options: argparse.Namespace) -> None:

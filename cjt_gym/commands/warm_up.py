@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import time
 from collections.abc import Callable
@@ -13,6 +12,7 @@ import gymnasium as gym
 import numpy as np
 
 from cjt_gym.blind.case import draw_case
+from cjt_gym.console import Answer
 from cjt_gym.envs.arguments import complete
 from cjt_gym.envs.core import Episodes
 from cjt_gym.envs.foreign import ForeignEpisode
@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add nothing."""
 
 
-def run(options: argparse.Namespace) -> None:
+def run(options: argparse.Namespace) -> Answer:
     """Run every kind of compiled code on something small."""
     begun, seconds = time.monotonic(), {}
     for k, (name, part) in enumerate(PARTS.items(), 1):
@@ -40,11 +40,9 @@ def run(options: argparse.Namespace) -> None:
         part()
         seconds[name] = round(time.monotonic() - start, 2)
     total = time.monotonic() - begun
-    if options.json:
-        sys.stdout.write(json.dumps({"seconds": seconds, "total": round(total, 2)}) + "\n")
-        return
     lines = [f"  {name}: {number:.1f} s" for name, number in seconds.items()]
-    sys.stdout.write("\n".join([f"Everything is compiled, after {total:.0f} s:", *lines]) + "\n")
+    text = "\n".join([f"Everything is compiled, after {total:.0f} s:", *lines])
+    return {"seconds": seconds, "total": round(total, 2)}, text
 
 
 def _record(samples: int, effects: Any) -> Record:
@@ -85,11 +83,11 @@ def _environments() -> None:
 
 
 def _policies() -> None:
-    from cjt_gym.training.config import TrainConfig
     from cjt_gym.training.deploy.base import base_law
     from cjt_gym.training.deploy.exported import Exported
     from cjt_gym.training.deploy.network import Layer, Network
     from cjt_gym.training.deploy.stepper import Stepper
+    from cjt_gym.training.learning.config import TrainConfig
 
     config = TrainConfig(env={"joint": JOINT, "base_controller": "pd_feedforward"})
     settings = gym.make("CJT/TorqueTracking-v0", joint=JOINT).unwrapped.episodes.settings  # type: ignore[attr-defined]

@@ -13,13 +13,12 @@ from numpy.typing import NDArray
 
 from cjt_gym.errors import ConfigurationError, SimulationError
 from cjt_gym.joint.arrays import MEMORY, WORK_ROWS, WORK_WIDTH, Batch, Setup
-from cjt_gym.joint.blocks import Blocks, advance_blocks, kind_of, make_blocks
 from cjt_gym.joint.compiled import compiled
 from cjt_gym.joint.current_loop import check_loop, longest_sample
 from cjt_gym.joint.discretize import SCRATCH, discretize
 from cjt_gym.joint.drives import get_drive
 from cjt_gym.joint.kernel import restart, step_batch
-from cjt_gym.joint.lanes import Kind
+from cjt_gym.joint.lanes import Blocks, Kind, advance_blocks, kind_of, make_blocks
 from cjt_gym.joint.random_stream import seed_state
 from cjt_gym.joint.spring_table import spring_rows
 

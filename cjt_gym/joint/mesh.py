@@ -29,8 +29,8 @@ from cjt_gym.joint.arrays import (
 )
 from cjt_gym.joint.compiled import lean
 from cjt_gym.joint.friction import LOAD, dry_level, friction
+from cjt_gym.joint.implicit_solver import resist
 from cjt_gym.joint.load_forces import has_load_force, load_force
-from cjt_gym.joint.resist import resist
 from cjt_gym.joint.resistance import dry_sum, resistance, shift
 from cjt_gym.joint.ripple import GEAR, KIND, ripple_torque
 from cjt_gym.joint.springs import BAR, GEAR_SPRING, has_play, is_nonlinear

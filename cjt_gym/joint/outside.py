@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.errors import OutsideFoundWarning
+from cjt_gym.joint.diagnosed import Range, ranges_of
 from cjt_gym.joint.files import JointFile
-from cjt_gym.joint.found import Range, ranges_of
 
 Floats = NDArray[np.float64]
 Met = Mapping[str, tuple[float, float]]

@@ -1,9 +1,9 @@
 """One substep of one joint, for all structures, drives and effects.
 
 The linear joint advances exactly for forces that are constant over the substep. Forces that
-resist motion are taken at the mean velocity (see `resist`), forces of position at the middle
-of the motion. Currents of drives with inductance advance exactly for half a substep on either
-side of the mechanics. The order of convergence is two.
+resist motion are taken at the mean velocity (see `implicit_solver`), forces of position at the
+middle of the motion. Currents of drives with inductance advance exactly for half a substep on
+either side of the mechanics. The order of convergence is two.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ from cjt_gym.joint.drives import (
     shaped_command,
     static_current,
 )
+from cjt_gym.joint.implicit_solver import resist
 from cjt_gym.joint.mesh import rigid_torque, settle_loop, settle_mesh
-from cjt_gym.joint.resist import resist
 from cjt_gym.joint.resistance import come_to_rest, remember, shift
 
 

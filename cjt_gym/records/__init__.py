@@ -13,7 +13,7 @@ from cjt_gym.records.logs import iter_record, read_log
 from cjt_gym.records.mapping import load_mapping
 from cjt_gym.records.record import Record, concat
 from cjt_gym.records.repair import clean, clean_pieces
-from cjt_gym.records.repairs import Repair
+from cjt_gym.records.repair_notes import Repair
 from cjt_gym.records.units import UNITS, convert, units_of
 from cjt_gym.records.windows import informative_windows
 

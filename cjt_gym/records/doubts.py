@@ -12,7 +12,7 @@ from math import pi
 import numpy as np
 
 from cjt_gym.records.checks import FloatArray
-from cjt_gym.records.repairs import Repair, share
+from cjt_gym.records.repair_notes import Repair, share
 
 MANY_TURNS = 20.0 * pi
 """Range of an angle on the link side over which it is hardly in radians of the link [rad]."""

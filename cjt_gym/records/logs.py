@@ -26,7 +26,7 @@ from cjt_gym.records.mapping import ColumnMapping
 from cjt_gym.records.metadata import read_metadata
 from cjt_gym.records.record import Record
 from cjt_gym.records.repair import make_records
-from cjt_gym.records.repairs import Repair
+from cjt_gym.records.repair_notes import Repair
 from cjt_gym.records.sources import Clock, clock, mapped, numbers_of
 
 

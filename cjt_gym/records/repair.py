@@ -19,7 +19,7 @@ from cjt_gym.records.columns import TRUE_PREFIX
 from cjt_gym.records.doubts import doubts
 from cjt_gym.records.glitches import glitches, held, stale, unwrapped
 from cjt_gym.records.record import Record
-from cjt_gym.records.repairs import Repair, counted, share
+from cjt_gym.records.repair_notes import Repair, counted, share
 from cjt_gym.records.timing import Piece, ordered_rows
 
 MEASURED = ("i", "i_d", "q_m", "q_g", "q_l", "dq_m", "dq_g", "dq_l", "tau")

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.records.checks import FloatArray
-from cjt_gym.records.repairs import Repair, counted, share
+from cjt_gym.records.repair_notes import Repair, counted, share
 
 LATE_ROWS = 20
 """Rows by which one may be out of order. Where time falls back further, the clock was set anew."""

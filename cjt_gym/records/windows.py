@@ -21,7 +21,7 @@ from cjt_gym.records.files import MappingLike, joined
 from cjt_gym.records.logs import Log, open_log
 from cjt_gym.records.record import Record
 from cjt_gym.records.repair import ABSURD
-from cjt_gym.records.repairs import Repair
+from cjt_gym.records.repair_notes import Repair
 
 LENGTH = 10.0
 """Length of a window [s]."""

@@ -9,9 +9,9 @@ import numpy as np
 from matplotlib import pyplot as plt
 
 from cjt_gym.training.benchmark import make_agents
-from cjt_gym.training.conditions import Conditions, task_reference
-from cjt_gym.training.metrics import bootstrap_rmse, rmse
-from cjt_gym.training.rollout import rollout
+from cjt_gym.training.evaluation.conditions import Conditions, task_reference
+from cjt_gym.training.evaluation.metrics import bootstrap_rmse, rmse
+from cjt_gym.training.evaluation.rollout import rollout
 
 conditions = Conditions(
     joint="orange_80_6000",

@@ -29,8 +29,8 @@ print(f"this episode: k_b = {info['parameters']['k_b']:.0f} N m/rad")
 # `cjt-gym train ppo_residual`.
 
 # %%
-from cjt_gym.training.config import EvaluationConfig, load_config
-from cjt_gym.training.train import train
+from cjt_gym.training.learning.config import EvaluationConfig, load_config
+from cjt_gym.training.learning.train import train
 
 usual = load_config("ppo_residual")
 config = replace(
@@ -51,9 +51,9 @@ axes.set(xlabel="steps", ylabel="tracking error, rms [N m]", ylim=(0.0, None))
 
 # %%
 from cjt_gym.training.benchmark import make_agents
-from cjt_gym.training.conditions import Conditions, task_reference
-from cjt_gym.training.metrics import rmse
-from cjt_gym.training.rollout import rollout
+from cjt_gym.training.evaluation.conditions import Conditions, task_reference
+from cjt_gym.training.evaluation.metrics import rmse
+from cjt_gym.training.evaluation.rollout import rollout
 
 conditions = Conditions(**environment)
 reference = task_reference("smooth", conditions.amplitude)

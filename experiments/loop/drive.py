@@ -15,9 +15,9 @@ from cjt_gym.envs.core import Episodes
 from cjt_gym.envs.foreign import ForeignEpisode
 from cjt_gym.joint import Joint
 from cjt_gym.plant import Limits, Measurement, limits_of
-from cjt_gym.training.fast_policy import fast_policy
-from cjt_gym.training.policy import PolicyAgent
-from cjt_gym.training.rollout import Agent, Traces
+from cjt_gym.training.deploy.fast_policy import fast_policy
+from cjt_gym.training.evaluation.rollout import Agent, Traces
+from cjt_gym.training.learning.policy import PolicyAgent
 from experiments.loop.joints import CUTOFF
 
 Floats = NDArray[np.float64]

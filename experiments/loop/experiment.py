@@ -20,13 +20,18 @@ from cjt_gym.gap import diagnose
 from cjt_gym.joint import JointFile, load_joint_file, to_toml
 from cjt_gym.records import Record, default_units
 from cjt_gym.signals import Signal
-from cjt_gym.training.code_hash import COUNTED, code_hash
-from cjt_gym.training.conditions import EVALUATION_SEEDS, TASKS, task_reference, zero_reference
-from cjt_gym.training.config import TrainConfig, environment_arguments, load_config
-from cjt_gym.training.metrics import noise_amplification, nrmse
-from cjt_gym.training.policy import load_policy
-from cjt_gym.training.rollout import Agent, ControllerAgent, Traces
-from cjt_gym.training.train import train
+from cjt_gym.training.benchmark.code_hash import COUNTED, code_hash
+from cjt_gym.training.evaluation.conditions import (
+    EVALUATION_SEEDS,
+    TASKS,
+    task_reference,
+    zero_reference,
+)
+from cjt_gym.training.evaluation.metrics import noise_amplification, nrmse
+from cjt_gym.training.evaluation.rollout import Agent, ControllerAgent, Traces
+from cjt_gym.training.learning.config import TrainConfig, environment_arguments, load_config
+from cjt_gym.training.learning.policy import load_policy
+from cjt_gym.training.learning.train import train
 from experiments.loop.drive import drive
 from experiments.loop.joints import HiddenJoint, as_sensed, hidden_joints
 from experiments.loop.wide import wide_randomization, with_room

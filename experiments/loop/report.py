@@ -8,15 +8,15 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any, Final
 
-import matplotlib
 import numpy as np
 from matplotlib.ticker import LogLocator, NullFormatter
 
+from cjt_gym.datasheet.drawing import INK, canvas
 from cjt_gym.disk import write_text
 from cjt_gym.errors import MissingFileError
 from cjt_gym.training import report
-from cjt_gym.training.figures import COLOURS, INK, STYLE, new_figure, to_svg
-from cjt_gym.training.run_folder import versions
+from cjt_gym.training.learning.run_folder import versions
+from cjt_gym.training.report.figures import COLOURS, WIDTH
 from experiments.loop.experiment import ARMS, Outcome, Plan
 from experiments.marks import fill, markdown
 
@@ -124,8 +124,7 @@ def figure_of(outcomes: Sequence[Outcome]) -> str:
     order = sorted(outcomes, key=lambda o: o.gap)
     rows = np.arange(len(order))
     ratios = {arm: [o.error(arm) / o.error("true") for o in order] for arm in ARMS[:4]}
-    figure = new_figure(1.4 + 0.22 * len(order))
-    with matplotlib.rc_context(STYLE):
+    with canvas(WIDTH, 1.4 + 0.22 * len(order)) as (figure, written):
         axes = figure.subplots()
         axes.hlines(rows, ratios["nominal"], ratios["identified"], colors=COLOURS[3], linewidth=0.8)
         for arm, colour in zip(ratios, COLOURS, strict=False):
@@ -139,7 +138,7 @@ def figure_of(outcomes: Sequence[Outcome]) -> str:
         axes.set_xlabel("error over that of the policy of the true joint")
         axes.grid(axis="y", visible=False)
         figure.legend(loc="outside upper right", ncols=4)
-    return to_svg(figure)
+        return written()
 
 
 def _label(outcome: Outcome) -> str:

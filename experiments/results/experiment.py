@@ -10,8 +10,8 @@ from typing import Any, Final
 import numpy as np
 
 from cjt_gym.baselines import CONTROLLERS
-from cjt_gym.training.benchmark_results import write_benchmark
-from cjt_gym.training.grid import Cell, make_cells, run_grid
+from cjt_gym.training.benchmark.grid import Cell, make_cells, run_grid
+from cjt_gym.training.benchmark.results import write_benchmark
 from experiments.results.jobs import Job, run_jobs
 from experiments.results.plan import (
     TASKS,

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-import matplotlib
 import numpy as np
 
-from cjt_gym.training.figures import COLOURS, STYLE, new_figure, to_svg
+from cjt_gym.datasheet.drawing import canvas
+from cjt_gym.training.report.figures import COLOURS, WIDTH
 from experiments.results.score import THRESHOLDS
 from experiments.results.tables import Found, ranked
 
@@ -28,8 +28,7 @@ def _some(found: Found) -> dict[str, tuple[str, float]]:
 
 def noise_figure(found: Found) -> str:
     """Return score over noise of every agent; those that no other beats in both are named."""
-    figure = new_figure(3.4)
-    with matplotlib.rc_context(STYLE):
+    with canvas(WIDTH, 3.4) as (figure, written):
         axes: Any = figure.subplots()
         for name, score in found["score"].items():
             noise = found["noise"][name]
@@ -48,13 +47,12 @@ def noise_figure(found: Found) -> str:
         axes.set_yscale("log")
         axes.set_xlabel("amplification of the torque sensor's noise")
         axes.set_ylabel("nrmse, geometric mean over tasks")
-    return to_svg(figure)
+        return written()
 
 
 def profile_figure(found: Found) -> str:
     """Return the performance profiles of the policies and of the best controllers."""
-    figure = new_figure(2.8)
-    with matplotlib.rc_context(STYLE):
+    with canvas(WIDTH, 2.8) as (figure, written):
         axes: Any = figure.subplots()
         for name, (colour, width) in _some(found).items():
             row = found["profile"][name]
@@ -64,14 +62,13 @@ def profile_figure(found: Found) -> str:
         axes.set_xlabel("threshold of the nrmse")
         axes.set_ylabel("share of episodes below")
         axes.legend(loc="lower right")
-    return to_svg(figure)
+        return written()
 
 
 def delay_figure(found: Found) -> str:
     """Return the score against the delay on top of that of the command."""
     rows = [row for row in found["shifts"] if "delay" in row]
-    figure = new_figure(2.6)
-    with matplotlib.rc_context(STYLE):
+    with canvas(WIDTH, 2.6) as (figure, written):
         axes: Any = figure.subplots()
         for name, (colour, width) in _some(found).items():
             known = [
@@ -84,14 +81,13 @@ def delay_figure(found: Found) -> str:
         axes.set_xlabel("more delay [ms]")
         axes.set_ylabel("score")
         axes.legend()
-    return to_svg(figure)
+        return written()
 
 
 def port_figure(found: Found) -> str:
     """Return the damping that a mover of the output feels against frequency."""
     agents = found["port"]["agents"]
-    figure = new_figure(2.6)
-    with matplotlib.rc_context(STYLE):
+    with canvas(WIDTH, 2.6) as (figure, written):
         axes: Any = figure.subplots()
         for name, (colour, width) in _some(found).items():
             if name in agents:
@@ -104,4 +100,4 @@ def port_figure(found: Found) -> str:
         axes.set_xlabel("frequency [Hz]")
         axes.set_ylabel("damping / sqrt(stiffness x inertia)")
         axes.legend()
-    return to_svg(figure)
+        return written()

@@ -13,7 +13,7 @@ from joblib import Parallel, delayed, parallel_config
 
 from cjt_gym.disk import write_text
 from cjt_gym.errors import ConfigurationError, SimulationError
-from cjt_gym.training.grid import Cell
+from cjt_gym.training.benchmark.grid import Cell
 
 
 @dataclass(frozen=True)

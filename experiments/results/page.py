@@ -10,7 +10,7 @@ from typing import Any, Final
 from cjt_gym.disk import write_text
 from cjt_gym.errors import MissingFileError
 from cjt_gym.training import report
-from cjt_gym.training.run_folder import versions
+from cjt_gym.training.learning.run_folder import versions
 from experiments.marks import fill, markdown
 from experiments.results import tables
 from experiments.results.figures import delay_figure, noise_figure, port_figure, profile_figure

@@ -22,12 +22,12 @@ from cjt_gym.envs.arguments import complete
 from cjt_gym.envs.core import Episodes
 from cjt_gym.joint import Joint
 from cjt_gym.signals import Signal
-from cjt_gym.training.conditions import Conditions
-from cjt_gym.training.evaluate import first_seed
-from cjt_gym.training.grid import Cell
-from cjt_gym.training.rollout import Agent, joint_of
-from cjt_gym.training.tasks import MOTION_HIGH, RENDERED_SHARE
-from cjt_gym.training.tune_limits import port_resistance
+from cjt_gym.training.benchmark.grid import Cell
+from cjt_gym.training.evaluation.conditions import Conditions
+from cjt_gym.training.evaluation.evaluate import first_seed
+from cjt_gym.training.evaluation.rollout import Agent, joint_of
+from cjt_gym.training.evaluation.tasks import MOTION_HIGH, RENDERED_SHARE
+from cjt_gym.training.tuning.limits import port_resistance
 from experiments.results.shift import conditions_of
 
 FREQUENCIES: Final = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0)

@@ -10,12 +10,12 @@ import numpy as np
 
 from cjt_gym.envs.arguments import complete
 from cjt_gym.envs.core import Episodes
-from cjt_gym.training.conditions import Conditions, realistic_conditions
-from cjt_gym.training.evaluate import first_seed
-from cjt_gym.training.grid import Cell
-from cjt_gym.training.metrics import squared_errors
-from cjt_gym.training.rollout import drive, joint_of
-from cjt_gym.training.tasks import get_task
+from cjt_gym.training.benchmark.grid import Cell
+from cjt_gym.training.evaluation.conditions import Conditions, realistic_conditions
+from cjt_gym.training.evaluation.evaluate import first_seed
+from cjt_gym.training.evaluation.metrics import squared_errors
+from cjt_gym.training.evaluation.rollout import drive, joint_of
+from cjt_gym.training.evaluation.tasks import get_task
 
 DELAY: Final = "command_delay.delay"
 MOVED: Final = "load_motion"

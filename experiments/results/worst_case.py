@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from cjt_gym.envs.arguments import complete
 from cjt_gym.envs.core import Episodes
-from cjt_gym.training.conditions import TASKS
-from cjt_gym.training.evaluate import first_seed
-from cjt_gym.training.grid import Cell
-from cjt_gym.training.rollout import Agent, drive, joint_of
-from cjt_gym.training.tasks import get_task
+from cjt_gym.training.benchmark.grid import Cell
+from cjt_gym.training.evaluation.conditions import TASKS
+from cjt_gym.training.evaluation.evaluate import first_seed
+from cjt_gym.training.evaluation.rollout import Agent, drive, joint_of
+from cjt_gym.training.evaluation.tasks import get_task
 from experiments.results.shift import conditions_of, spelt_out
 
 Floats = NDArray[np.float64]

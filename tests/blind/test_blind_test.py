@@ -16,7 +16,8 @@ from cjt_gym.blind import DEFECTS, KNOWN, OUTSIDE
 from cjt_gym.blind.mix import BLOCKS, recipe
 from cjt_gym.blind.plan import can_go_together
 from cjt_gym.blind.plant import STRUCTURES
-from cjt_gym.commands import blind_case, blind_test
+from cjt_gym.commands import blind_test
+from cjt_gym.gap import blind_case
 
 KEY = {
     "effects": ["coulomb"],

@@ -19,12 +19,12 @@ from cjt_gym.canbus.link import Arrival
 from cjt_gym.canbus.protocols.contract import Fault as DriveFault
 from cjt_gym.canbus.protocols.contract import Mode
 from cjt_gym.canbus.safety import HardwareFault, State
-from cjt_gym.canbus.shared import SharedLink
+from cjt_gym.canbus.shared_bus import SharedLink
 from cjt_gym.canbus.virtual import VirtualLink
 from cjt_gym.cli import main
 from cjt_gym.errors import ConfigurationError, HardwareError
 from cjt_gym.records import joints_of, one_joint, read_record
-from cjt_gym.training.shipped import policy_path
+from cjt_gym.training.deploy.shipped import policy_path
 from tests.canbus.soak import emulator, free_port
 from tests.canbus.test_bus_load import joints, listed
 from tests.canbus.test_buses import PATIENT

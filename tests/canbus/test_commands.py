@@ -13,14 +13,14 @@ import numpy as np
 import pytest
 
 from cjt_gym.canbus.experiments import EXPERIMENTS, experiment_torque
-from cjt_gym.canbus.hidden import draw_hidden
+from cjt_gym.canbus.hidden_effects import draw_hidden
 from cjt_gym.canbus.lock import NodeLock
 from cjt_gym.cli import main
-from cjt_gym.commands.hardware_benchmark import side_by_side
 from cjt_gym.errors import CjtGymWarning
+from cjt_gym.hardware.beside_simulation import side_by_side
 from cjt_gym.joint import load_joint
 from cjt_gym.records import Record, read_record, write_record
-from cjt_gym.training.gains import write_gains
+from cjt_gym.training.tuning.gains import write_gains
 from tests.canbus.bench import config, document, toml
 from tests.canbus.soak import emulator, free_port
 from tests.canbus.test_buses import PATIENT

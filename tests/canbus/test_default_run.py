@@ -16,10 +16,10 @@ from cjt_gym.canbus.plant import CanPlant
 from cjt_gym.canbus.protocols.contract import SLOW
 from cjt_gym.canbus.virtual import VirtualLink
 from cjt_gym.cli import main
-from cjt_gym.commands.hardware_law import law_for
 from cjt_gym.errors import ConfigurationError
+from cjt_gym.hardware.delayed_law import law_for
 from cjt_gym.records import read_record
-from cjt_gym.training.gains import write_gains
+from cjt_gym.training.tuning.gains import write_gains
 from tests.canbus.bench import config, document, toml
 
 CONTROLLERS = ("pd", "pd_feedforward", "pid_feedforward", "lqg", "open_loop")

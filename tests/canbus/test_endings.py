@@ -7,7 +7,7 @@ import signal
 
 import pytest
 
-from cjt_gym.commands.endings import in_order
+from cjt_gym.console.endings import in_order
 
 
 @pytest.mark.parametrize("name", ["SIGHUP", "SIGTERM", "SIGQUIT", "SIGINT"])

@@ -15,7 +15,8 @@ from numba.core import event
 from cjt_gym.baselines import CONTROLLERS
 from cjt_gym.baselines.parts import PARTS
 from cjt_gym.cli import main
-from cjt_gym.commands import alive, early
+from cjt_gym.console import alive
+from cjt_gym.console import known_names as early
 from cjt_gym.gap import diagnose
 from cjt_gym.joint import joint_names
 from cjt_gym.joint.compiled import while_compiling

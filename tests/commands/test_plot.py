@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from cjt_gym.cli import main
-from cjt_gym.commands.plot_figure import BINS, _envelope
+from cjt_gym.datasheet.record_plot import BINS, _envelope
 from cjt_gym.records import Record
 
 

@@ -17,10 +17,10 @@ import cjt_gym  # noqa: F401 - registers the environments
 from cjt_gym.baselines.current_control import CurrentController
 from cjt_gym.envs.sb3 import TorqueTrackingVecEnv
 from cjt_gym.errors import ConfigurationError, ParameterError, UnknownNameError
-from cjt_gym.training.conditions import Conditions
-from cjt_gym.training.metrics import nrmse
-from cjt_gym.training.rollout import ControllerAgent, joint_of, run_task
-from cjt_gym.training.tasks import get_task
+from cjt_gym.training.evaluation.conditions import Conditions
+from cjt_gym.training.evaluation.metrics import nrmse
+from cjt_gym.training.evaluation.rollout import ControllerAgent, joint_of, run_task
+from cjt_gym.training.evaluation.tasks import get_task
 
 NAME = "CJT/CurrentControl-v0"
 

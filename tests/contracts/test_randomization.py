@@ -30,8 +30,8 @@ from cjt_gym.plant.randomization import PRESETS, resolve_randomization, variable
 from cjt_gym.plant.randomization.draw import normal_quantile
 from cjt_gym.plant.randomization.program import compile_plan
 from cjt_gym.plant.randomization.target import find_target
-from cjt_gym.training.config import TrainConfig
-from cjt_gym.training.run_folder import begin_run
+from cjt_gym.training.learning.config import TrainConfig
+from cjt_gym.training.learning.run_folder import begin_run
 
 NAME, STRUCTURE = "orange_80_6000", "output_fixed_rigid_gearbox"
 EFFECTS: dict[str, Any] = {"coulomb": {}, "command_delay": {"delay": 2e-3}, "noise": {}}

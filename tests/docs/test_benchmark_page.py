@@ -14,8 +14,8 @@ import pytest
 
 from cjt_gym.analysis import Figures
 from cjt_gym.cli import COMMANDS, Parser
-from cjt_gym.training.tasks import BENCHMARK_TASKS
-from cjt_gym.training.tune_limits import Limits
+from cjt_gym.training.evaluation.tasks import BENCHMARK_TASKS
+from cjt_gym.training.tuning.limits import Limits
 
 PAGE = (Path(__file__).parents[2] / "docs" / "benchmark.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```(\w+)\n(.*?)```", PAGE, flags=re.S)

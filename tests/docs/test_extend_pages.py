@@ -16,7 +16,7 @@ from cjt_gym.cli import main
 from cjt_gym.errors import CjtGymError
 from cjt_gym.joint import EFFECTS
 from cjt_gym.joint.effects import Effect, EffectParameter, register_effect
-from cjt_gym.training.tasks import BENCHMARK_TASKS
+from cjt_gym.training.evaluation.tasks import BENCHMARK_TASKS
 
 PAGES = Path(__file__).parents[2] / "docs" / "extend"
 RUNNING = sorted(path.stem for path in PAGES.glob("*.md") if "```python" in path.read_text())
@@ -123,7 +123,7 @@ class Damped:
 
 
 def staircase():
-    from cjt_gym.training.tasks import Task
+    from cjt_gym.training.evaluation.tasks import Task
 
     return Task("staircase", "steps", None)
 
@@ -154,8 +154,8 @@ def test_a_package_brings_its_rows_along(tmp_path: Path) -> None:
     program = (
         f"import sys; sys.path.insert(0, {str(tmp_path)!r});"
         "from cjt_gym.baselines import CONTROLLERS; from cjt_gym.joint import EFFECTS;"
-        "from cjt_gym.training.tasks import BENCHMARK_TASKS;"
-        "from cjt_gym.commands.early import check_words;"
+        "from cjt_gym.training.evaluation.tasks import BENCHMARK_TASKS;"
+        "from cjt_gym.console.known_names import check_words;"
         "check_words('simulate', ['--controller', 'damped']);"
         "print(CONTROLLERS['damped'].summary, CONTROLLERS['pd'].summary != 'Damped.',"
         "EFFECTS['seal'].summary, BENCHMARK_TASKS['staircase'].summary)"

@@ -23,12 +23,12 @@ from cjt_gym.records import load_mapping, read_log, read_record, write_record
 from cjt_gym.records.record import Record
 from cjt_gym.records.tables.can_table import frames
 from cjt_gym.signals import make_signals
-from cjt_gym.training.config import load_config
 from cjt_gym.training.deploy.exported import load_exported
 from cjt_gym.training.deploy.stepper import Stepper
-from cjt_gym.training.gains import read_gains
-from cjt_gym.training.run_folder import open_run
-from cjt_gym.training.runs import row_of
+from cjt_gym.training.learning.config import load_config
+from cjt_gym.training.learning.run_folder import open_run
+from cjt_gym.training.learning.runs import row_of
+from cjt_gym.training.tuning.gains import read_gains
 from tests.training.test_hostile_policies import policy
 
 Parts = tuple[bytes, ...]

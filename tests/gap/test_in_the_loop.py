@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from cjt_gym.commands.in_the_loop import REPEATED, _held, _tracking
 from cjt_gym.records import Record
+from cjt_gym.training.evaluation.after_diagnosis import REPEATED, _held, _tracking
 
 SAMPLES = 200
 

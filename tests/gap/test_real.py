@@ -17,7 +17,7 @@ from cjt_gym.gap import Diagnosis, diagnose
 from cjt_gym.gap.rungs import rungs
 from cjt_gym.joint import load_joint_file, to_toml
 from cjt_gym.records import Record, read_record
-from cjt_gym.training.emps import PUBLISHED, replay
+from cjt_gym.training.demo.emps import PUBLISHED, replay
 
 EVEN = ("damping", "coulomb", "torque_offset")
 LADDER = ((), *(EVEN[:k] for k in (1, 2, 3)), ("viscous_asym", "coulomb_asym"))

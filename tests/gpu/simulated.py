@@ -14,7 +14,7 @@ import numpy as np
 import torch
 
 from cjt_gym.joint import Joint
-from cjt_gym.training.gains import choose
+from cjt_gym.training.tuning.gains import choose
 
 NUM, STEPS, EPISODE, SEED = 3, 9, 6, 3
 PD: Any = {"base_controller": choose("pd_feedforward").make}
@@ -63,7 +63,7 @@ def with_attributes() -> None:
 if __name__ == "__main__":
     warnings.simplefilter("ignore")  # whole numbers of 64 bits overflow on purpose
     with_attributes()
-    from cjt_gym.gpu.device import DeviceEpisodes
+    from cjt_gym.training.gpu.device import DeviceEpisodes
 
     device = DeviceEpisodes(NUM, episode_steps=EPISODE, **CASES[sys.argv[1]])
     np.savez(sys.argv[2], **run(device, lambda: device.state))

@@ -17,12 +17,12 @@ from numba import cuda
 from cjt_gym.baselines.linear_law import LinearController
 from cjt_gym.baselines.pd_feedforward import PdFeedForward
 from cjt_gym.errors import ConfigurationError, UnknownNameError
-from cjt_gym.gpu import HostEpisodes, make_episodes
-from cjt_gym.gpu.law import TorchLaw
 from cjt_gym.joint import load_joint
 from cjt_gym.joint.arrays import CHANNELS
 from cjt_gym.plant import Measurement
-from cjt_gym.training.gains import choose
+from cjt_gym.training.gpu import HostEpisodes, make_episodes
+from cjt_gym.training.gpu.law import TorchLaw
+from cjt_gym.training.tuning.gains import choose
 
 HERE = Path(__file__).parent
 
@@ -65,7 +65,7 @@ from numba import cuda, types, typeof
 from numba.cuda import dispatcher
 from cjt_gym.envs.core import Episodes
 from cjt_gym.envs.arguments import complete
-from cjt_gym.gpu import kernels
+from cjt_gym.training.gpu import kernels
 
 class Device:
     compute_capability = (9, 0)

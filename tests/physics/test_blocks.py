@@ -10,8 +10,8 @@ from numba import njit
 
 from cjt_gym.envs.vector import TorqueTrackingVectorEnv
 from cjt_gym.joint import load_joint
-from cjt_gym.joint.vector_math import decay, sine_cosine
-from cjt_gym.joint.vectors import WIDTH, get, put
+from cjt_gym.joint.lanes.vector_math import decay, sine_cosine
+from cjt_gym.joint.lanes.vectors import WIDTH, get, put
 from cjt_gym.plant import SimulatedPlant
 
 STEPS = 60

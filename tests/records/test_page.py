@@ -9,7 +9,7 @@ from pathlib import Path
 
 from cjt_gym.records import FORMATS, UNITS
 from cjt_gym.records.mapping import KEYS
-from cjt_gym.records.repairs import KINDS
+from cjt_gym.records.repair_notes import KINDS
 
 PAGE = (Path(__file__).parents[2] / "docs" / "records.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```(\w+)\n(.*?)```", PAGE, flags=re.S)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from cjt_gym.training.config import EvaluationConfig, PolicyConfig, TrainConfig
-from cjt_gym.training.run_folder import RunFolder
-from cjt_gym.training.train import train
+from cjt_gym.training.learning.config import EvaluationConfig, PolicyConfig, TrainConfig
+from cjt_gym.training.learning.run_folder import RunFolder
+from cjt_gym.training.learning.train import train
 
 TINY = TrainConfig(
     total_steps=2048,

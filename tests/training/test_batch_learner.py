@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 import torch
 
-from cjt_gym.gpu import make_episodes
-from cjt_gym.training.gains import choose
+from cjt_gym.training.gpu import make_episodes
+from cjt_gym.training.tuning.gains import choose
 
 pytest.importorskip("skrl")
 
-from cjt_gym.training.batch_learner import SkrlEpisodes, learn, mean_reward
+from cjt_gym.training.gpu.batch_learner import SkrlEpisodes, learn, mean_reward
 
 
 def test_what_the_learner_holds_does_not_change_behind_its_back() -> None:

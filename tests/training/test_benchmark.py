@@ -10,15 +10,15 @@ import pytest
 
 from cjt_gym.errors import ConfigurationError, UnknownNameError
 from cjt_gym.training.benchmark import benchmark, make_agents, write_rows
-from cjt_gym.training.conditions import (
+from cjt_gym.training.evaluation.conditions import (
     EVALUATION_SEEDS,
     TASKS,
     realistic_conditions,
     task_reference,
 )
-from cjt_gym.training.config import VALIDATION_SEEDS
-from cjt_gym.training.rollout import ControllerAgent, rollout
-from cjt_gym.training.run_folder import RunFolder
+from cjt_gym.training.evaluation.rollout import ControllerAgent, rollout
+from cjt_gym.training.learning.config import VALIDATION_SEEDS
+from cjt_gym.training.learning.run_folder import RunFolder
 
 KEYS = {
     *("controller", "kind", "joint", "structure", "task", "rmse", "nrmse", "bandwidth_hz"),

@@ -12,8 +12,8 @@ from cjt_gym.baselines import make_controller
 from cjt_gym.disk import to_toml
 from cjt_gym.errors import CjtGymError, ConfigurationError, MissingFileError, UnknownNameError
 from cjt_gym.joint import load_joint
-from cjt_gym.training.algorithms import make_environment, make_model
-from cjt_gym.training.config import (
+from cjt_gym.training.learning.algorithms import make_environment, make_model
+from cjt_gym.training.learning.config import (
     TrainConfig,
     config_names,
     environment_arguments,

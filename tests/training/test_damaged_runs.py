@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 from cjt_gym.errors import CjtGymError, ConfigurationError
-from cjt_gym.training.config import TrainConfig
-from cjt_gym.training.policy import load_policy
-from cjt_gym.training.run_folder import RunFolder, open_run
-from cjt_gym.training.runs import row_of
-from cjt_gym.training.train import train
+from cjt_gym.training.learning.config import TrainConfig
+from cjt_gym.training.learning.policy import load_policy
+from cjt_gym.training.learning.run_folder import RunFolder, open_run
+from cjt_gym.training.learning.runs import row_of
+from cjt_gym.training.learning.train import train
 
 
 def halved(path: Path) -> None:

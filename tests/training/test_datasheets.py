@@ -17,15 +17,15 @@ from cjt_gym.envs.sb3 import JointsVecEnv, TorqueTrackingVecEnv
 from cjt_gym.envs.settings import joint_numbers
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import load_joint
-from cjt_gym.training.algorithms import make_environment
-from cjt_gym.training.conditions import realistic_conditions
-from cjt_gym.training.config import DatasheetsConfig, TrainConfig, load_config
-from cjt_gym.training.datasheets import arguments_of, datasheets
 from cjt_gym.training.deploy.export import export_policy
-from cjt_gym.training.policy import load_policy
-from cjt_gym.training.quiet import sensor_noise
-from cjt_gym.training.rollout import run_episodes
-from cjt_gym.training.train import train
+from cjt_gym.training.evaluation.conditions import realistic_conditions
+from cjt_gym.training.evaluation.rollout import run_episodes
+from cjt_gym.training.learning.algorithms import make_environment
+from cjt_gym.training.learning.config import DatasheetsConfig, TrainConfig, load_config
+from cjt_gym.training.learning.joint_families import arguments_of, datasheets
+from cjt_gym.training.learning.policy import load_policy
+from cjt_gym.training.learning.quiet import sensor_noise
+from cjt_gym.training.learning.train import train
 
 
 def many(config: TrainConfig, count: int = 2, **ranges: Any) -> TrainConfig:

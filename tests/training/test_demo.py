@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from cjt_gym.training.demo import main
+from cjt_gym.training.demo.__main__ import main
 
 
 def test_the_demonstration_writes_a_page_that_stands_alone(

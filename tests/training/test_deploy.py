@@ -12,16 +12,16 @@ import pytest
 
 from cjt_gym.cli import main
 from cjt_gym.errors import CjtGymError
-from cjt_gym.training.algorithms import make_environment, make_model
-from cjt_gym.training.config import PolicyConfig, TrainConfig
 from cjt_gym.training.deploy.c_header import c_header
 from cjt_gym.training.deploy.check import TOLERANCE, CStepper, recorded
 from cjt_gym.training.deploy.exported import load_exported, save_exported
+from cjt_gym.training.deploy.fast_policy import exported
 from cjt_gym.training.deploy.onnx_file import OnnxStepper, write_onnx
 from cjt_gym.training.deploy.stepper import Stepper
-from cjt_gym.training.fast_policy import exported
-from cjt_gym.training.policy import PolicyAgent, agent_of, load_policy
-from cjt_gym.training.run_folder import RunFolder
+from cjt_gym.training.learning.algorithms import make_environment, make_model
+from cjt_gym.training.learning.config import PolicyConfig, TrainConfig
+from cjt_gym.training.learning.policy import PolicyAgent, agent_of, load_policy
+from cjt_gym.training.learning.run_folder import RunFolder
 
 FORMS = [
     "numpy",

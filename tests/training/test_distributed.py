@@ -14,9 +14,10 @@ import pytest
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.training.config import TrainConfig, from_dict
-from cjt_gym.training.distributed import join_cluster, train_on_ray
-from cjt_gym.training.seeds import STRIDE
+from cjt_gym.training.benchmark.cluster import join_ray
+from cjt_gym.training.learning.config import TrainConfig, from_dict
+from cjt_gym.training.learning.distributed import train_on_ray
+from cjt_gym.training.learning.seeds import STRIDE
 
 CONFIG: dict[str, Any] = {
     "total_steps": 24_000,
@@ -41,7 +42,7 @@ def test_no_seeds_are_refused(tmp_path: Path) -> None:
 @pytest.fixture(scope="module")
 def ray() -> Iterator[Any]:
     pytest.importorskip("ray")
-    found = join_cluster(workers=2)
+    found = join_ray(workers=2)
     yield found
     found.shutdown()
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cjt_gym.training.emps import relative, replay, summary
+from cjt_gym.training.demo.emps import relative, replay, summary
 
 MEASURED = {
     "emps": {"force": 4.5598, "velocity": 0.12489, "position": 0.00109},

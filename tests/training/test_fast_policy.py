@@ -10,11 +10,11 @@ import pytest
 
 from cjt_gym.cli import main
 from cjt_gym.records import read_record
-from cjt_gym.training.algorithms import make_environment, make_model
-from cjt_gym.training.config import PolicyConfig, TrainConfig
-from cjt_gym.training.fast_policy import fast_policy
-from cjt_gym.training.policy import agent_of, load_policy
-from cjt_gym.training.run_folder import RunFolder
+from cjt_gym.training.deploy.fast_policy import fast_policy
+from cjt_gym.training.learning.algorithms import make_environment, make_model
+from cjt_gym.training.learning.config import PolicyConfig, TrainConfig
+from cjt_gym.training.learning.policy import agent_of, load_policy
+from cjt_gym.training.learning.run_folder import RunFolder
 
 CONFIG = """
 [bus]

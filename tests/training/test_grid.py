@@ -14,15 +14,15 @@ import pytest
 from cjt_gym.baselines.shipped import FOLDER
 from cjt_gym.cli import main
 from cjt_gym.errors import ConfigurationError, UnknownNameError
-from cjt_gym.training import grid
-from cjt_gym.training.benchmark_results import merge, rankings
-from cjt_gym.training.code_hash import code_hash, sources
-from cjt_gym.training.conditions import realistic_conditions
-from cjt_gym.training.gains import write_gains
-from cjt_gym.training.grid import Cell, make_cells, run_cell, run_grid
-from cjt_gym.training.ranking import rank
-from cjt_gym.training.rollout import ControllerAgent, joint_of, run_task
-from cjt_gym.training.tasks import BENCHMARK_TASKS, get_task
+from cjt_gym.training.benchmark import grid
+from cjt_gym.training.benchmark.code_hash import code_hash, sources
+from cjt_gym.training.benchmark.grid import Cell, make_cells, run_cell, run_grid
+from cjt_gym.training.benchmark.results import merge, rankings
+from cjt_gym.training.evaluation.conditions import realistic_conditions
+from cjt_gym.training.evaluation.ranking import rank
+from cjt_gym.training.evaluation.rollout import ControllerAgent, joint_of, run_task
+from cjt_gym.training.evaluation.tasks import BENCHMARK_TASKS, get_task
+from cjt_gym.training.tuning.gains import write_gains
 
 JOINT, FIXED, FREE = "orange_80_6000", "output_fixed_rigid_gearbox", "rigid_gearbox"
 

@@ -13,11 +13,11 @@ import pytest
 from cjt_gym.envs.observation import Layout
 from cjt_gym.errors import CjtGymError, ConfigurationError
 from cjt_gym.export.c_text import identifier
-from cjt_gym.training.config import TrainConfig
 from cjt_gym.training.deploy.c_header import c_header
 from cjt_gym.training.deploy.exported import Exported, load_exported, save_exported
 from cjt_gym.training.deploy.network import Layer, Network
 from cjt_gym.training.deploy.stepper import Stepper
+from cjt_gym.training.learning.config import TrainConfig
 
 LAYOUT = Layout(1, 2, 10.0, 1.0, 5.0, 80.0, 1e-3)
 SIZE, WIDTH = LAYOUT.size, 8

@@ -13,8 +13,8 @@ from cjt_gym.blind.run import draw_chances, run
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import Joint, get_structure, load_joint, to_toml
 from cjt_gym.plant.randomization import resolve_randomization
-from cjt_gym.training.conditions import zero_reference
-from cjt_gym.training.rollout import ControllerAgent
+from cjt_gym.training.evaluation.conditions import zero_reference
+from cjt_gym.training.evaluation.rollout import ControllerAgent
 from experiments.loop import experiment
 from experiments.loop.__main__ import main
 from experiments.loop.drive import BlindPlant, drive

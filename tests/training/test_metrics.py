@@ -9,9 +9,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy import signal
 
-from cjt_gym.training import metrics
-from cjt_gym.training.conditions import SWEEP, bandwidth_reference
-from cjt_gym.training.rollout import Traces
+from cjt_gym.training.evaluation import metrics
+from cjt_gym.training.evaluation.conditions import SWEEP, bandwidth_reference
+from cjt_gym.training.evaluation.rollout import Traces
 
 Floats = NDArray[np.float64]
 DT = 1e-3

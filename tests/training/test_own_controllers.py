@@ -14,9 +14,9 @@ from cjt_gym.baselines import Controller, PdFeedForward, make_controller
 from cjt_gym.baselines.compose import is_composed
 from cjt_gym.cli import main
 from cjt_gym.errors import CjtGymError, ConfigurationError, MissingFileError, UnknownNameError
-from cjt_gym.training.config import environment_arguments
-from cjt_gym.training.gains import choose
-from cjt_gym.training.grid import Cell
+from cjt_gym.training.benchmark.grid import Cell
+from cjt_gym.training.learning.config import environment_arguments
+from cjt_gym.training.tuning.gains import choose
 
 JOINT = "orange_80_6000"
 LAW = '''

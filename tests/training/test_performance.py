@@ -15,8 +15,8 @@ from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import Joint, load_joint
 from cjt_gym.records import Record
 from cjt_gym.signals import Signal
-from cjt_gym.training.performance import performance_gap, rewards
-from cjt_gym.training.rollout import ControllerAgent, Traces
+from cjt_gym.training.evaluation.performance import performance_gap, rewards
+from cjt_gym.training.evaluation.rollout import ControllerAgent, Traces
 
 FIXED = "output_fixed_rigid_gearbox"
 FRICTION = 2.0

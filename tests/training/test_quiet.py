@@ -11,12 +11,12 @@ import pytest
 import torch
 
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.training.algorithms import make_environment, make_model
-from cjt_gym.training.config import TrainConfig
 from cjt_gym.training.deploy.export import export_policy
-from cjt_gym.training.policy import load_policy
-from cjt_gym.training.quiet import QuietPolicy, SensorNoise, sensor_noise
-from cjt_gym.training.train import train
+from cjt_gym.training.learning.algorithms import make_environment, make_model
+from cjt_gym.training.learning.config import TrainConfig
+from cjt_gym.training.learning.policy import load_policy
+from cjt_gym.training.learning.quiet import QuietPolicy, SensorNoise, sensor_noise
+from cjt_gym.training.learning.train import train
 
 
 def with_weight(config: TrainConfig, weight: float) -> TrainConfig:

@@ -17,13 +17,13 @@ from cjt_gym.envs.core import Episodes
 from cjt_gym.errors import ConfigurationError, MissingFileError
 from cjt_gym.plant import SimulatedPlant
 from cjt_gym.signals import Signal
-from cjt_gym.training.conditions import Conditions, realistic_conditions
-from cjt_gym.training.config import load_config
-from cjt_gym.training.grid import Cell
-from cjt_gym.training.metrics import nrmse
-from cjt_gym.training.rollout import ControllerAgent, joint_of, run_task
-from cjt_gym.training.run_folder import RunFolder
-from cjt_gym.training.tasks import get_task
+from cjt_gym.training.benchmark.grid import Cell
+from cjt_gym.training.evaluation.conditions import Conditions, realistic_conditions
+from cjt_gym.training.evaluation.metrics import nrmse
+from cjt_gym.training.evaluation.rollout import ControllerAgent, joint_of, run_task
+from cjt_gym.training.evaluation.tasks import get_task
+from cjt_gym.training.learning.config import load_config
+from cjt_gym.training.learning.run_folder import RunFolder
 from experiments.results import port, tables
 from experiments.results.__main__ import main
 from experiments.results.experiment import _compare
@@ -193,7 +193,7 @@ def test_other_joints_have_the_same_effects_and_are_others() -> None:
 
 
 def test_scales_that_were_given_keep_their_ratio_on_another_joint(finished: RunFolder) -> None:
-    from cjt_gym.training.policy import load_policy
+    from cjt_gym.training.learning.policy import load_policy
 
     policy = load_policy(finished.path)
     config = policy.config.with_changes(env={**policy.config.env, "action_scale": 3.0})

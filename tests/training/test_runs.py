@@ -11,14 +11,14 @@ import pytest
 
 from cjt_gym.cli import main
 from cjt_gym.errors import CjtGymError
-from cjt_gym.training.algorithms import make_environment, make_model
-from cjt_gym.training.config import VALIDATION_SEEDS, TrainConfig, environment_arguments
-from cjt_gym.training.metrics import rmse
-from cjt_gym.training.policy import load_policy
-from cjt_gym.training.rollout import ControllerAgent, run_episodes
-from cjt_gym.training.run_folder import RunFolder
-from cjt_gym.training.run_page import write_run_page
-from cjt_gym.training.train import start_from, train
+from cjt_gym.training.evaluation.metrics import rmse
+from cjt_gym.training.evaluation.rollout import ControllerAgent, run_episodes
+from cjt_gym.training.learning.algorithms import make_environment, make_model
+from cjt_gym.training.learning.config import VALIDATION_SEEDS, TrainConfig, environment_arguments
+from cjt_gym.training.learning.policy import load_policy
+from cjt_gym.training.learning.run_folder import RunFolder
+from cjt_gym.training.learning.run_page import write_run_page
+from cjt_gym.training.learning.train import start_from, train
 
 
 def test_runs_are_listed_best_first_with_what_differs(

@@ -8,12 +8,12 @@ import pytest
 
 from cjt_gym.disk import to_toml
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.training import zoo
-from cjt_gym.training.config import TrainConfig, load_config
+from cjt_gym.training.learning import zoo
+from cjt_gym.training.learning.config import TrainConfig, load_config
 
 pytest.importorskip("optuna")
 
-from cjt_gym.training.search import SPACE, Plan, best_of, changed, own_value, search
+from cjt_gym.training.learning.search import SPACE, Plan, best_of, changed, own_value, search
 
 RECIPE = load_config("quiet_residual")
 

@@ -13,9 +13,9 @@ import pytest
 from cjt_gym.cli import main
 from cjt_gym.errors import CjtGymError
 from cjt_gym.training.deploy.exported import Exported
+from cjt_gym.training.deploy.load_agent import load_agent
+from cjt_gym.training.deploy.shipped import policy_card, policy_names, policy_path
 from cjt_gym.training.deploy.stepper import Stepper
-from cjt_gym.training.load_agent import load_agent
-from cjt_gym.training.shipped import policy_card, policy_names, policy_path
 
 LARGEST = 100_000
 

@@ -6,8 +6,8 @@ import pytest
 import torch
 
 from cjt_gym.envs import sb3
-from cjt_gym.training.algorithms import make_environment
-from cjt_gym.training.config import TrainConfig
+from cjt_gym.training.learning.algorithms import make_environment
+from cjt_gym.training.learning.config import TrainConfig
 
 
 @pytest.fixture

@@ -16,15 +16,15 @@ import pytest
 
 from cjt_gym.disk import to_toml
 from cjt_gym.errors import ConfigurationError, MissingFileError
-from cjt_gym.training.algorithms import make_environment, make_model
-from cjt_gym.training.callbacks import load_replay, restore, save_replay
-from cjt_gym.training.conditions import Conditions
-from cjt_gym.training.config import PolicyConfig, TrainConfig
-from cjt_gym.training.policy import load_policy
-from cjt_gym.training.rollout import run_episodes
-from cjt_gym.training.run_folder import RunFolder, TrainingError, open_run
-from cjt_gym.training.seeds import train_seeds
-from cjt_gym.training.train import train
+from cjt_gym.training.evaluation.conditions import Conditions
+from cjt_gym.training.evaluation.rollout import run_episodes
+from cjt_gym.training.learning.algorithms import make_environment, make_model
+from cjt_gym.training.learning.callbacks import load_replay, restore, save_replay
+from cjt_gym.training.learning.config import PolicyConfig, TrainConfig
+from cjt_gym.training.learning.policy import load_policy
+from cjt_gym.training.learning.run_folder import RunFolder, TrainingError, open_run
+from cjt_gym.training.learning.seeds import train_seeds
+from cjt_gym.training.learning.train import train
 
 
 def test_a_run_folder_holds_what_is_needed_to_repeat_it(
@@ -98,8 +98,8 @@ def test_the_policy_of_a_run_is_batched_and_deterministic(finished: RunFolder) -
 
 
 def test_the_best_model_is_the_one_that_validated_best(finished: RunFolder) -> None:
-    from cjt_gym.training.config import VALIDATION_SEEDS, environment_arguments
-    from cjt_gym.training.metrics import rmse
+    from cjt_gym.training.evaluation.metrics import rmse
+    from cjt_gym.training.learning.config import VALIDATION_SEEDS, environment_arguments
 
     policy = load_policy(finished.path)
     arguments = environment_arguments(finished.config.env)
@@ -121,8 +121,8 @@ def test_a_killed_run_goes_on_from_its_last_checkpoint(tiny: TrainConfig, tmp_pa
     config = replace(tiny, total_steps=400_000)
     (tmp_path / "long.toml").write_text(to_toml(config.to_dict()), encoding="utf-8")
     code = (
-        "from cjt_gym.training.config import load_config\n"
-        "from cjt_gym.training.train import train\n"
+        "from cjt_gym.training.learning.config import load_config\n"
+        "from cjt_gym.training.learning.train import train\n"
         "train(load_config('long.toml'), 'run', quiet=True)\n"
     )
     environment = {**os.environ, "OMP_NUM_THREADS": "1"}

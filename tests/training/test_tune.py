@@ -16,11 +16,12 @@ from cjt_gym.baselines.shipped import designed_gains
 from cjt_gym.cli import main
 from cjt_gym.errors import CjtGymWarning, ConfigurationError, MissingFileError, UnknownNameError
 from cjt_gym.records import read_record
-from cjt_gym.training.conditions import EVALUATION_SEEDS, realistic_conditions
-from cjt_gym.training.config import VALIDATION_SEEDS, environment_arguments
-from cjt_gym.training.gains import choose, read_gains, write_gains
-from cjt_gym.training.rollout import ControllerAgent, joint_of
-from cjt_gym.training.tune import (
+from cjt_gym.training.evaluation.conditions import EVALUATION_SEEDS, realistic_conditions
+from cjt_gym.training.evaluation.rollout import ControllerAgent, joint_of
+from cjt_gym.training.learning.config import VALIDATION_SEEDS, environment_arguments
+from cjt_gym.training.tuning.gains import choose, read_gains, write_gains
+from cjt_gym.training.tuning.limits import Assessment, Limits, _by_simulation, _noise, assess
+from cjt_gym.training.tuning.tune import (
     HELD_OUT_SEEDS,
     TUNING_SEEDS,
     Search,
@@ -28,7 +29,6 @@ from cjt_gym.training.tune import (
     to_point,
     tune,
 )
-from cjt_gym.training.tune_limits import Assessment, Limits, _by_simulation, _noise, assess
 
 JOINT = "orange_80_6000"
 GAINS = {"kp": 0.3, "kd": 0.004, "lead": 1.0}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from cjt_gym.commands.joints_text import (
+from cjt_gym.console.joint_tables import (
     default_in_words,
     domain_in_words,
     off_in_words,

@@ -16,7 +16,7 @@ from cjt_gym.export.c_additions import NOTHING
 from cjt_gym.export.c_law import CLaw, law_of
 from cjt_gym.joint.border import checked_array
 from cjt_gym.joint.compiled import inlined
-from cjt_gym.training.config import TrainConfig, base_of
+from cjt_gym.training.learning.config import TrainConfig, base_of
 
 if TYPE_CHECKING:
     from cjt_gym.envs.settings import Settings

@@ -21,13 +21,13 @@ from cjt_gym.export.c_library import compiled
 from cjt_gym.export.c_text import VALUES, parameters
 from cjt_gym.plant import Measurement
 from cjt_gym.records import Record
-from cjt_gym.training.config import VALIDATION_SEEDS, environment_arguments
 from cjt_gym.training.deploy.exported import Exported, load_exported
+from cjt_gym.training.deploy.fast_policy import exported
 from cjt_gym.training.deploy.onnx_file import OnnxStepper
 from cjt_gym.training.deploy.signals import used_inputs
 from cjt_gym.training.deploy.stepper import Stepper
-from cjt_gym.training.fast_policy import exported
-from cjt_gym.training.policy import PolicyAgent
+from cjt_gym.training.learning.config import VALIDATION_SEEDS, environment_arguments
+from cjt_gym.training.learning.policy import PolicyAgent
 
 Floats = NDArray[np.float64]
 Run = tuple[list[tuple[Any, ...]], Floats]

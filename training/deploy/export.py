@@ -15,9 +15,9 @@ from cjt_gym.records import Record
 from cjt_gym.training.deploy.c_header import c_header
 from cjt_gym.training.deploy.check import TOLERANCE, Checked, check
 from cjt_gym.training.deploy.exported import save_exported
+from cjt_gym.training.deploy.fast_policy import exported
 from cjt_gym.training.deploy.onnx_file import write_onnx
-from cjt_gym.training.fast_policy import exported
-from cjt_gym.training.policy import load_policy
+from cjt_gym.training.learning.policy import load_policy
 
 
 @dataclass(frozen=True)

@@ -16,11 +16,11 @@ from cjt_gym.disk import parse_json, parsing, whole
 from cjt_gym.disk.arrays import read_arrays
 from cjt_gym.envs.observation import CLIP, Layout
 from cjt_gym.errors import CjtGymError, ConfigurationError, MissingFileError
-from cjt_gym.training.config import TrainConfig, from_dict
 from cjt_gym.training.deploy.base import BaseLaw, read_base
 from cjt_gym.training.deploy.network import Layer, Network
 from cjt_gym.training.deploy.signals import described
-from cjt_gym.training.policy_arguments import Trained
+from cjt_gym.training.learning.config import TrainConfig, from_dict
+from cjt_gym.training.learning.policy_arguments import Trained
 
 KIND: Final = "cjt_gym policy"
 SCHEMA: Final = 2

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.records import Record
-from cjt_gym.records.repairs import counted
+from cjt_gym.records.repair_notes import counted
 
 Floats = NDArray[np.float64]
 GAP = 5.0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cjt_gym.joint.effects.row import Effect, EffectParameter
+from cjt_gym.joint.effects.row import Effect, EffectParameter, number
 from cjt_gym.joint.effects.sources import CATALOGUE, TOOLBOX
 
 _SAMPLING = f"{TOOLBOX}, section Noise, Quantization, and Delays"
@@ -14,18 +14,15 @@ DRIVE_EFFECTS = (
         "Dead time between the command and the current, in fractions of a sample.",
         _SAMPLING,
         (
-            EffectParameter(
+            number(
                 "delay",
                 "s",
-                0.0,
-                0.0,
                 0.02,
                 "Dead time, to the nearest substep",
-                ("command_delay",),
+                "command_delay",
                 typical=1.5e-3,
             ),
         ),
-        size=("delay",),
     ),
     Effect(
         "current_lag",
@@ -44,7 +41,6 @@ DRIVE_EFFECTS = (
                 typical=300.0,
             ),
         ),
-        size=("bandwidth",),
     ),
     Effect(
         "current_control",
@@ -85,14 +81,12 @@ DRIVE_EFFECTS = (
                 typical=1.0,
                 typical_of="r",
             ),
-            EffectParameter(
+            number(
                 "l_a",
                 "H",
-                0.0,
-                0.0,
                 10.0,
                 "Inductance that the controller was told",
-                ("loop_l_a",),
+                "loop_l_a",
                 joint_parameter="l_a",
                 default=0.0,
                 typical=1.0,
@@ -133,7 +127,6 @@ DRIVE_EFFECTS = (
                 typical_of="current",
             ),
         ),
-        size=("i_p",),
     ),
     Effect(
         "voltage_saturation",
@@ -154,7 +147,6 @@ DRIVE_EFFECTS = (
                 typical_of="v_0",
             ),
         ),
-        size=("v_0",),
         needs="voltage",
     ),
     Effect(
@@ -175,7 +167,6 @@ DRIVE_EFFECTS = (
                 typical_of="current",
             ),
         ),
-        size=("rate",),
     ),
     Effect(
         "command_quantization",
@@ -183,18 +174,15 @@ DRIVE_EFFECTS = (
         "The command has a finite resolution; values are rounded to the nearest step.",
         _SAMPLING,
         (
-            EffectParameter(
+            number(
                 "resolution",
                 "A",
-                0.0,
-                0.0,
                 0.5,
                 "Step of the command (V in voltage)",
-                ("command_resolution",),
+                "command_resolution",
                 typical=0.01,
             ),
         ),
-        size=("resolution",),
     ),
     Effect(
         "command_noise",
@@ -202,18 +190,15 @@ DRIVE_EFFECTS = (
         "White noise on the motor torque, held over a control step.",
         _SAMPLING,
         (
-            EffectParameter(
+            number(
                 "std",
                 "N m",
-                0.0,
-                0.0,
                 1.0,
                 "Standard deviation per control step",
-                ("command_noise",),
+                "command_noise",
                 typical=1e-3,
                 typical_of="torque",
             ),
         ),
-        size=("std",),
     ),
 )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cjt_gym.joint.effects.row import BODIES, Effect, EffectParameter, per_body
+from cjt_gym.joint.effects.row import BODIES, Effect, EffectParameter, number, per_body
 from cjt_gym.joint.effects.sources import ARMSTRONG, LUGRE, PASSIVE_LUGRE, SERVO_FRICTION, TOOLBOX
 
 _NONLINEAR = f"{TOOLBOX}, section Nonlinear Dynamics"
@@ -77,7 +77,6 @@ FRICTION_EFFECTS = (
         per_body(
             "d_", "N m s/rad", 50.0, "Viscous damping of the {body}", 0.02, "torque", replaces=True
         ),
-        size=("d_m", "d_g", "d_l"),
     ),
     Effect(
         "coulomb",
@@ -103,7 +102,6 @@ FRICTION_EFFECTS = (
         "Viscous friction with another coefficient at negative velocity.",
         _NONLINEAR,
         _viscous(),
-        size=("d_m_n", "d_g_n", "d_l_n"),
     ),
     Effect(
         "stribeck",
@@ -150,14 +148,12 @@ FRICTION_EFFECTS = (
                 10.0,
                 "torque",
             ),
-            EffectParameter(
+            number(
                 "sigma_1",
                 "N m s/rad",
-                0.0,
-                0.0,
                 100.0,
                 "Damping of the bristles, limited to 4 d_c / |dq| to stay passive",
-                ("sigma_1",),
+                "sigma_1",
                 default=0.0,
                 typical=0.0,
             ),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cjt_gym.joint.effects.friction import DQ_0
-from cjt_gym.joint.effects.row import Effect, EffectParameter
+from cjt_gym.joint.effects.row import Effect, EffectParameter, number
 from cjt_gym.joint.effects.sources import CATALOGUE, HUNT_CROSSLEY, TOOLBOX, TREMOR
 
 LOAD_EFFECTS = (
@@ -26,7 +26,6 @@ LOAD_EFFECTS = (
                 typical_of="I_l",
             ),
         ),
-        size=("I_l",),
         needs="free_load",
     ),
     Effect(
@@ -57,14 +56,12 @@ LOAD_EFFECTS = (
         "The load has weight, as a pendulum arm: -torque sin(q_l - angle).",
         "Pendulum",
         (
-            EffectParameter(
+            number(
                 "torque",
                 "N m",
-                0.0,
-                0.0,
                 500.0,
                 "Weight times distance of the centre of mass, m g l",
-                ("weight",),
+                "weight",
                 typical=0.05,
                 typical_of="torque",
             ),
@@ -89,14 +86,12 @@ LOAD_EFFECTS = (
         "The load meets an environment: k x^e (1 + damping dx) beyond an angle, never pulling.",
         HUNT_CROSSLEY,
         (
-            EffectParameter(
+            number(
                 "stiffness",
                 "N m/rad^e",
-                0.0,
-                0.0,
                 1e6,
                 "Stiffness k of the environment",
-                ("contact_stiffness",),
+                "contact_stiffness",
                 typical=10.0,
                 typical_of="torque",
             ),
@@ -111,14 +106,12 @@ LOAD_EFFECTS = (
                 default=1.5,
                 typical=1.5,
             ),
-            EffectParameter(
+            number(
                 "damping",
                 "s/rad",
-                0.0,
-                0.0,
                 10.0,
                 "Damping per stiffness",
-                ("contact_damping",),
+                "contact_damping",
                 default=0.5,
                 typical=0.5,
             ),
@@ -143,26 +136,11 @@ LOAD_EFFECTS = (
         "The output is moved: a sine on top of the prescribed load motion.",
         f"{TOOLBOX}, structures with a prescribed load motion",
         (
-            EffectParameter(
-                "amplitude",
-                "rad",
-                0.0,
-                0.0,
-                1.0,
-                "Amplitude of the angle",
-                ("motion_amplitude",),
-                typical=0.01,
+            number(
+                "amplitude", "rad", 1.0, "Amplitude of the angle", "motion_amplitude", typical=0.01
             ),
-            EffectParameter(
-                "frequency",
-                "Hz",
-                0.0,
-                0.0,
-                20.0,
-                "Frequency",
-                ("motion_frequency",),
-                default=1.0,
-                typical=1.0,
+            number(
+                "frequency", "Hz", 20.0, "Frequency", "motion_frequency", default=1.0, typical=1.0
             ),
         ),
         size=("amplitude",),
@@ -174,14 +152,12 @@ LOAD_EFFECTS = (
         "A person holds the load: slow voluntary torque, and tremor in a narrow band.",
         TREMOR,
         (
-            EffectParameter(
+            number(
                 "std",
                 "N m",
-                0.0,
-                0.0,
                 50.0,
                 "Standard deviation of the voluntary torque",
-                ("human_std",),
+                "human_std",
                 typical=0.02,
                 typical_of="torque",
             ),
@@ -196,14 +172,12 @@ LOAD_EFFECTS = (
                 default=1.0,
                 typical=1.0,
             ),
-            EffectParameter(
+            number(
                 "tremor",
                 "N m",
-                0.0,
-                0.0,
                 5.0,
                 "Standard deviation of the tremor",
-                ("tremor_std",),
+                "tremor_std",
                 default=0.0,
                 typical=0.002,
                 typical_of="torque",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from cjt_gym.joint.effects.friction import DQ_0, FRICTION_EFFECTS
 from cjt_gym.joint.effects.ripple import RIPPLE_EFFECTS
-from cjt_gym.joint.effects.row import Effect, EffectParameter
+from cjt_gym.joint.effects.row import Effect, EffectParameter, number
 from cjt_gym.joint.effects.sources import CATALOGUE, EMPS, MACHINES, TOOLBOX
 
 __all__ = ["DQ_0", "MOTOR_EFFECTS"]
@@ -38,7 +38,6 @@ MOTOR_EFFECTS = (
                 typical_of="k_t",
             ),
         ),
-        size=("k_t",),
     ),
     Effect(
         "thermal_derating",
@@ -46,25 +45,21 @@ MOTOR_EFFECTS = (
         "Torque per ampere falls, and resistance rises, as the windings warm (two stages).",
         f"{TOOLBOX}, parameters r_th1, r_th2, T_thw, T_thm, a_CU; {MACHINES}",
         (
-            EffectParameter(
+            number(
                 "derating",
                 "1/K",
-                0.0,
-                0.0,
                 0.02,
                 "Share of k_t that is lost per kelvin of the winding above ambient",
-                ("derating",),
+                "derating",
                 typical=0.002,
             ),
-            EffectParameter(
+            number(
                 "a_CU",
                 "1/K",
-                0.0,
-                0.0,
                 0.01,
                 "Rise of the winding resistance per kelvin",
-                ("heat_a_CU",),
-                "a_CU",
+                "heat_a_CU",
+                joint_parameter="a_CU",
                 default=0.0039,
                 typical=0.0039,
             ),
@@ -73,14 +68,12 @@ MOTOR_EFFECTS = (
             _thermal("r_th2", "K/W", 0.01, 100.0, "Resistance housing to ambient", "r_th2", 30.0),
             _thermal("T_thw", "s", 0.1, 1e4, "Time constant of the winding", "T_thw", 10.0),
             _thermal("T_thm", "s", 1.0, 1e5, "Time constant of the housing", "T_thm", 1000.0),
-            EffectParameter(
+            number(
                 "rise",
                 "K",
-                0.0,
-                0.0,
                 150.0,
                 "Rise of the winding above ambient at the start",
-                ("heat_rise",),
+                "heat_rise",
                 default=0.0,
                 typical=40.0,
             ),
@@ -105,7 +98,6 @@ MOTOR_EFFECTS = (
                 typical_of="torque",
             ),
         ),
-        size=("torque",),
     ),
     Effect(
         "inertia",
@@ -136,7 +128,6 @@ MOTOR_EFFECTS = (
                 relative_to="I_g",
             ),
         ),
-        size=("I_m", "I_g"),
     ),
     *FRICTION_EFFECTS,
     *RIPPLE_EFFECTS,

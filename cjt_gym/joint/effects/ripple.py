@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cjt_gym.joint.effects.row import Effect, EffectParameter
+from cjt_gym.joint.effects.row import Effect, EffectParameter, number
 from cjt_gym.joint.effects.sources import CURRENT_ERRORS, MACHINES, TOOLBOX
 
 _RIPPLE = f"{TOOLBOX}, section Torque Ripple"
@@ -15,39 +15,21 @@ def _ripple(unit: str, scale: str, base: str, typical: float) -> tuple[EffectPar
         EffectParameter(
             "f", "1/rev", 0.0, 0.5, 1e4, text, series=True, typical=(1.0, 6.0), typical_of="n"
         ),
-        EffectParameter(
-            "a",
-            unit,
-            0.0,
-            -high,
-            high,
-            "Amplitudes of cos(f q_m)",
-            series=True,
-            typical=(typical, 0.3 * typical),
-            typical_of=of,
+        *(
+            EffectParameter(
+                symbol,
+                unit,
+                0.0,
+                -high,
+                high,
+                f"Amplitudes of {wave}(f q_m)",
+                series=True,
+                typical=(first * typical, second * typical),
+                typical_of=of,
+            )
+            for symbol, wave, first, second in (("a", "cos", 1.0, 0.3), ("b", "sin", -0.5, 0.2))
         ),
-        EffectParameter(
-            "b",
-            unit,
-            0.0,
-            -high,
-            high,
-            "Amplitudes of sin(f q_m)",
-            series=True,
-            typical=(-0.5 * typical, 0.2 * typical),
-            typical_of=of,
-        ),
-        EffectParameter(
-            "scale",
-            "-",
-            0.0,
-            0.0,
-            2.0,
-            "Factor on all amplitudes",
-            (scale,),
-            default=1.0,
-            typical=1.0,
-        ),
+        number("scale", "-", 2.0, "Factor on all amplitudes", scale, default=1.0, typical=1.0),
     )
 
 
@@ -82,29 +64,20 @@ RIPPLE_EFFECTS = (
         "Offsets of the phase current sensors: torque at the electrical frequency p n.",
         CURRENT_ERRORS,
         (
-            EffectParameter(
-                "a",
-                "A",
-                0.0,
-                -5.0,
-                5.0,
-                "Amplitude of cos(p n q_m)",
-                ("offset_a",),
-                default=0.0,
-                typical=0.005,
-                typical_of="current",
-            ),
-            EffectParameter(
-                "b",
-                "A",
-                0.0,
-                -5.0,
-                5.0,
-                "Amplitude of sin(p n q_m)",
-                ("offset_b",),
-                default=0.0,
-                typical=0.003,
-                typical_of="current",
+            *(
+                EffectParameter(
+                    symbol,
+                    "A",
+                    0.0,
+                    -5.0,
+                    5.0,
+                    f"Amplitude of {wave}(p n q_m)",
+                    (f"offset_{symbol}",),
+                    default=0.0,
+                    typical=typical,
+                    typical_of="current",
+                )
+                for symbol, wave, typical in (("a", "cos", 0.005), ("b", "sin", 0.003))
             ),
             EffectParameter(
                 "p", "-", 0.0, 1.0, 50.0, "Number of pole pairs", ("offset_p",), "p", typical=6.0

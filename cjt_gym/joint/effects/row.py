@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 from cjt_gym.joint.structures import Structure
 
@@ -74,6 +75,23 @@ class EffectParameter:
         return self.relative_to is not None and self.fields == (self.relative_to,)
 
 
+def number(
+    symbol: str, unit: str, high: float, description: str, field: str = "", **more: Any
+) -> EffectParameter:
+    """Return a parameter that is off at zero, the low end of its range.
+
+    Args:
+        symbol: Its name.
+        unit: Its unit.
+        high: High end of the range.
+        description: What it is.
+        field: Kernel parameter to which it adds, if there is one.
+        **more: What else `EffectParameter` says.
+    """
+    fields = (field,) if field else ()
+    return EffectParameter(symbol, unit, 0.0, 0.0, high, description, fields, **more)
+
+
 @dataclass(frozen=True)
 class Effect:
     """One row of the table.
@@ -84,7 +102,8 @@ class Effect:
         summary: One line of physics.
         source: Where that comes from.
         parameters: Its numbers.
-        size: Symbols that make it do something; the others only shape it.
+        size: Symbols that make it do something; the others only shape it. None shapes it only
+            where this is left out.
         excludes: Effects that describe the same thing.
         needs: Where it can act, a key of `PLACES`.
     """
@@ -94,9 +113,13 @@ class Effect:
     summary: str
     source: str
     parameters: tuple[EffectParameter, ...]
-    size: tuple[str, ...]
+    size: tuple[str, ...] = ()
     excludes: tuple[str, ...] = ()
     needs: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.size:
+            object.__setattr__(self, "size", tuple(p.symbol for p in self.parameters))
 
     @property
     def bodies(self) -> tuple[str, ...]:

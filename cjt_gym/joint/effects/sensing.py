@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cjt_gym.joint.effects.row import Effect, EffectParameter, per_channel
+from cjt_gym.joint.effects.row import Effect, EffectParameter, number, per_channel
 from cjt_gym.joint.effects.sources import CATALOGUE, RANDOM_WALK, TOOLBOX
 
 _SAMPLING = f"{TOOLBOX}, section Noise, Quantization, and Delays"
@@ -12,44 +12,35 @@ _ENCODERS = {"q_m": 0.01, "q_g": 0.01, "q_l": 0.01}
 _OTHERS = {"i": 1.0, "q_m": 0.1, "q_g": 0.1, "q_l": 0.1}
 
 
-def _one(
-    symbol: str,
-    unit: str,
-    high: float,
-    text: str,
-    field: str,
-    typical: float,
-    *,
-    low: float = 0.0,
-    neutral: float = 0.0,
-) -> tuple[EffectParameter, ...]:
-    return (EffectParameter(symbol, unit, neutral, low, high, text, (field,), typical=typical),)
-
-
 SENSING_EFFECTS = (
     Effect(
         "torque_gain",
         "sensing",
         "The torque sensor's scale differs from one.",
         CATALOGUE,
-        _one("gain", "-", 2.0, "Reading per true torque", "gain_tau", 1.1, low=0.5, neutral=1.0),
-        size=("gain",),
+        (
+            EffectParameter(
+                "gain", "-", 1.0, 0.5, 2.0, "Reading per true torque", ("gain_tau",), typical=1.1
+            ),
+        ),
     ),
     Effect(
         "torque_bias",
         "sensing",
         "The torque sensor's zero is off.",
         CATALOGUE,
-        _one("bias", "N m", 10.0, "Reading at no torque", "bias_tau", 0.2, low=-10.0),
-        size=("bias",),
+        (
+            EffectParameter(
+                "bias", "N m", 0.0, -10.0, 10.0, "Reading at no torque", ("bias_tau",), typical=0.2
+            ),
+        ),
     ),
     Effect(
         "torque_delay",
         "sensing",
         "The torque sensor is late, on top of the delay of all channels.",
         _SAMPLING,
-        _one("delay", "s", 0.02, "Lateness of the torque sensor", "late_tau", 1.5e-3),
-        size=("delay",),
+        (number("delay", "s", 0.02, "Lateness of the torque sensor", "late_tau", typical=1.5e-3),),
     ),
     Effect(
         "sensor_gain",
@@ -64,7 +55,6 @@ SENSING_EFFECTS = (
             unit="-",
             neutral=1.0,
         ),
-        size=tuple(_OTHERS),
     ),
     Effect(
         "sensor_bias",
@@ -72,7 +62,6 @@ SENSING_EFFECTS = (
         "A channel's zero is off.",
         CATALOGUE,
         per_channel("bias", "Zero", _OTHERS, {"i": 0.1, "q_m": 1e-3, "q_l": -1e-3}, signed=True),
-        size=tuple(_OTHERS),
     ),
     Effect(
         "channel_delay",
@@ -82,15 +71,17 @@ SENSING_EFFECTS = (
         per_channel(
             "late", "Lateness", dict.fromkeys(_OTHERS, 0.02), {"i": 5e-4, "q_l": 1e-3}, unit="s"
         ),
-        size=tuple(_OTHERS),
     ),
     Effect(
         "measurement_delay",
         "sensing",
         "All measurements arrive late.",
         _SAMPLING,
-        _one("delay", "s", 0.02, "Lateness of all channels", "measurement_delay", 1e-3),
-        size=("delay",),
+        (
+            number(
+                "delay", "s", 0.02, "Lateness of all channels", "measurement_delay", typical=1e-3
+            ),
+        ),
     ),
     Effect(
         "noise",
@@ -104,7 +95,6 @@ SENSING_EFFECTS = (
             {"i": 0.02, "q_m": 1e-5, "q_g": 1e-5, "q_l": 1e-5, "tau": 0.05},
             sensor_key="noise",
         ),
-        size=tuple(_FINE),
     ),
     Effect(
         "drift",
@@ -118,7 +108,6 @@ SENSING_EFFECTS = (
             {"i": 0.01, "tau": 0.05},
             unit="{}/s^0.5",
         ),
-        size=tuple(_FINE),
     ),
     Effect(
         "quantization",
@@ -132,7 +121,6 @@ SENSING_EFFECTS = (
             {"i": 0.01, "q_m": 1.2e-5, "q_g": 1.2e-5, "q_l": 2.4e-5, "tau": 0.05},
             sensor_key="resolution",
         ),
-        size=tuple(_FINE),
     ),
     Effect(
         "eccentricity",
@@ -174,34 +162,47 @@ SENSING_EFFECTS = (
         "Frames are lost or repeated: the measurement before is reported again.",
         _SAMPLING,
         (
-            EffectParameter(
+            number(
                 "probability",
                 "-",
-                0.0,
-                0.0,
                 1.0,
                 "Share of frames that are lost",
-                ("dropout",),
+                "dropout",
                 maximum=1.0,
                 typical=0.02,
             ),
         ),
-        size=("probability",),
     ),
     Effect(
         "velocity_differentiation",
         "sensing",
         "Velocities are the filtered backward difference of the measured angles.",
         _FILTERS,
-        _one("cutoff", "Hz", 1e4, "Cut-off of the low pass; 0 is off", "velocity_cutoff", 100.0),
-        size=("cutoff",),
+        (
+            number(
+                "cutoff",
+                "Hz",
+                1e4,
+                "Cut-off of the low pass; 0 is off",
+                "velocity_cutoff",
+                typical=100.0,
+            ),
+        ),
     ),
     Effect(
         "torque_filter",
         "sensing",
         "The measured torque passes a first-order low pass.",
         _FILTERS,
-        _one("cutoff", "Hz", 1e4, "Cut-off of the low pass; 0 is off", "torque_cutoff", 200.0),
-        size=("cutoff",),
+        (
+            number(
+                "cutoff",
+                "Hz",
+                1e4,
+                "Cut-off of the low pass; 0 is off",
+                "torque_cutoff",
+                typical=200.0,
+            ),
+        ),
     ),
 )

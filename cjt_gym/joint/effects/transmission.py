@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cjt_gym.joint.effects.row import Effect, EffectParameter
+from cjt_gym.joint.effects.row import Effect, EffectParameter, number
 from cjt_gym.joint.effects.sources import BOUC_WEN, CATALOGUE, MAXWELL_SLIP, NORDIN, TOOLBOX
 
 
@@ -28,9 +28,7 @@ TRANSMISSION_EFFECTS = (
         "Play in series with the gear's spring, or with the bar where the gear is rigid.",
         NORDIN,
         (
-            EffectParameter(
-                "gap", "rad", 0.0, 0.0, 0.02, "Total play", ("play_gap",), typical=1e-3
-            ),
+            number("gap", "rad", 0.02, "Total play", "play_gap", typical=1e-3),
             EffectParameter(
                 "offset",
                 "rad",
@@ -52,7 +50,6 @@ TRANSMISSION_EFFECTS = (
         "The torsion bar's stiffness differs from nominal.",
         CATALOGUE,
         (_stiffness("k_b", "Stiffness that the bar really has", 0.85),),
-        size=("k_b",),
         needs="bar",
     ),
     Effect(
@@ -61,7 +58,6 @@ TRANSMISSION_EFFECTS = (
         "The gearbox's stiffness differs from nominal.",
         f"{CATALOGUE}; {TOOLBOX}, structures with a compliant gearbox",
         (_stiffness("k_g", "Stiffness that the gearbox really has", 0.7),),
-        size=("k_g",),
         needs="gear",
     ),
     Effect(
@@ -69,12 +65,7 @@ TRANSMISSION_EFFECTS = (
         "transmission",
         "The torsion bar stiffens with deflection: k_b x + k_3 x^3.",
         "Duffing's spring",
-        (
-            EffectParameter(
-                "k_3", "N m/rad^3", 0.0, 0.0, 1e9, "Cubic stiffness", ("k_3",), typical=1e6
-            ),
-        ),
-        size=("k_3",),
+        (number("k_3", "N m/rad^3", 1e9, "Cubic stiffness", "k_3", typical=1e6),),
         needs="bar",
     ),
     Effect(
@@ -104,14 +95,12 @@ TRANSMISSION_EFFECTS = (
                 typical=(0.3, 1.2),
                 typical_of="torque",
             ),
-            EffectParameter(
+            number(
                 "scale",
                 "-",
-                0.0,
-                0.0,
                 2.0,
                 "Common factor of the torques",
-                ("table_scale",),
+                "table_scale",
                 default=1.0,
                 typical=1.0,
             ),
@@ -125,14 +114,12 @@ TRANSMISSION_EFFECTS = (
         "The bar's torque depends on its past: Bouc-Wen, or Maxwell slip with several elements.",
         f"{BOUC_WEN}; {MAXWELL_SLIP}",
         (
-            EffectParameter(
+            number(
                 "tau_h",
                 "N m",
-                0.0,
-                0.0,
                 20.0,
                 "Half height of the large loop",
-                ("tau_h",),
+                "tau_h",
                 typical=0.01,
                 typical_of="torque",
             ),
@@ -147,14 +134,12 @@ TRANSMISSION_EFFECTS = (
                 default=1e-3,
                 typical=1e-3,
             ),
-            EffectParameter(
+            number(
                 "elements",
                 "-",
-                0.0,
-                0.0,
                 8.0,
                 "Elements of the Maxwell slip model; 0 is Bouc-Wen",
-                ("slip_elements",),
+                "slip_elements",
                 default=0.0,
                 maximum=8.0,
                 typical=0.0,

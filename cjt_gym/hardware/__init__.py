@@ -1,0 +1,1 @@
+"""Runs on joints on a bus, real or emulated: what is asked for, one joint or several, figures."""

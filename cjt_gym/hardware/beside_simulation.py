@@ -1,0 +1,171 @@
+"""Tasks of the benchmark on a real joint, and its figures beside those of the simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cjt_gym.baselines import Controller
+from cjt_gym.canbus.config import HardwareConfig
+from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.hardware.delayed_law import law_for
+from cjt_gym.records import Record, part_of, read_record
+from cjt_gym.signals import sampled_signal
+from cjt_gym.training.benchmark import make_agents
+from cjt_gym.training.evaluation.conditions import (
+    SWEEP,
+    TASKS,
+    Conditions,
+    bandwidth_reference,
+    task_reference,
+)
+from cjt_gym.training.evaluation.evaluate import character_of, row_of
+from cjt_gym.training.evaluation.rollout import Agent, Traces, run_episodes
+
+Floats = NDArray[np.float64]
+SWEEP_NAME = "sweep"
+RUNS = (*TASKS, SWEEP_NAME)
+"""What is run: the tasks that track a torque, and the sweep that tells the bandwidth."""
+SWEEP_SHARE = 0.5
+"""Share of the amplitude in the sweep, which meets the joint's resonance."""
+SECONDS = 10.0
+PIECE = 1.0
+"""Length of the pieces that stand for episodes; the first, with the soft start, is left out [s]."""
+REAL, NOMINAL = "real", "nominal"
+
+
+def tasks_of(names: Sequence[str]) -> tuple[str, ...]:
+    """Return the runs that are asked for, all where none is named.
+
+    Raises:
+        UnknownNameError: There is no such run.
+    """
+    for name in names:
+        if name not in RUNS:
+            raise unknown_name("task", name, RUNS)
+    return tuple(names) or RUNS
+
+
+def reference_of(run: str, amplitude: float, dt: float, duration: float, seed: int) -> Floats:
+    """Return the joint torque that is wanted at every control step of a run [N m]."""
+    signal, seconds = bandwidth_reference(SWEEP_SHARE * amplitude), SWEEP
+    if run != SWEEP_NAME:
+        signal, seconds = task_reference(run, amplitude), duration
+    drawn = signal.reset(np.random.default_rng(seed))
+    return np.asarray(drawn.torque(np.arange(round(seconds / dt), dtype=np.float64) * dt))
+
+
+def side_by_side(
+    config: HardwareConfig,
+    controller: str,
+    policy: str | None,
+    paths: Mapping[str, Path],
+    joints: Sequence[str],
+    seed: int,
+) -> list[dict[str, Any]]:
+    """Return the rows of the benchmark on the real joint and on simulated ones.
+
+    All follow the references of the records. The real joint's torque is the measured one; what its
+    sensor's noise makes of the command cannot be told from it.
+
+    Args:
+        config: The joint on its bus.
+        controller: A row of the table of controllers; not used where there is a policy.
+        policy: Run folder of a policy, or None.
+        paths: Records of `RUNS`.
+        joints: Files of further joints than the nominal one, such as what a diagnosis found.
+        seed: Of the simulated sensors' noise.
+
+    Raises:
+        ConfigurationError: The joint torque was not measured, or a joint has no name of its own.
+    """
+    records = {name: part_of(read_record(path), config.name) for name, path in paths.items()}
+    for record in records.values():
+        if "tau" not in record:
+            raise ConfigurationError(
+                f"{record.owner} has no measured joint torque, which the figures need. Add a "
+                "sensor: a table [sensors.NAME] with its protocol."
+            )
+    (agent,) = make_agents([] if policy else [controller], [policy] if policy else [])
+    conditions = Conditions(config.joint_name, config.joint.structure, dt_control=config.dt)
+
+    @cache
+    def law(late: tuple[tuple[str, float], ...]) -> Controller:
+        return law_for(controller, config.joint, config.dt, dict(late))
+
+    def laws(record: Record) -> Controller:
+        return law(tuple(record.provenance.get("designed_for_s", {}).items()))
+
+    rows = _rows(REAL, agent, conditions, {n: _traces(r) for n, r in records.items()})
+    for joint in (None, *joints):
+        simulated = {
+            n: _simulated(agent, conditions, joint, r, None if policy else laws(r), seed)
+            for n, r in records.items()
+        }
+        rows += _rows(joint or NOMINAL, agent, conditions, simulated)
+    return rows
+
+
+def _traces(record: Record) -> Traces:
+    """Return a record as an episode: sample k is what holds at the end of control step k."""
+    wanted, tau, command = (record[n][None, :] for n in ("tau_ref", "tau", "tau_cmd"))
+    ended = np.zeros((1, len(record) - 1), dtype=np.bool_)
+    return Traces(wanted[:, 1:], tau[:, 1:], tau[:, 1:], command[:, :-1], ended, record.dt)
+
+
+def _simulated(
+    agent: Agent,
+    conditions: Conditions,
+    joint: str | None,
+    record: Record,
+    law: Controller | None,
+    seed: int,
+) -> Traces:
+    """Return what the agent does in a simulated joint along the reference of a record.
+
+    It observes and acts in the units of the nominal joint, as on the real one; a controller has the
+    gains that it has there.
+    """
+    arguments = agent.arguments(conditions) | {
+        "reference": sampled_signal(
+            np.arange(len(record), dtype=np.float64) * record.dt, record["tau_ref"]
+        ),
+        "episode_steps": len(record) - 1,
+    }
+    if law is not None:
+        law.reset()
+        arguments["base_controller"] = lambda joint, dt: law
+    if joint is not None:
+        arguments |= {"joint": joint, "effects": None}
+    return run_episodes(agent, arguments, 1, seed, from_zero=True)
+
+
+def _rows(
+    where: str, agent: Agent, conditions: Conditions, runs: Mapping[str, Traces]
+) -> list[dict[str, Any]]:
+    character = character_of(runs)
+    rows = [
+        row_of(agent, conditions, task, _pieces(runs[task]), character)
+        for task in TASKS
+        if task in runs
+    ]
+    return [{"where": where, **row.to_json()} for row in rows]
+
+
+def _pieces(run: Traces) -> Traces:
+    """Return a long run as a batch of episodes of a second each, without the first second."""
+    steps = round(PIECE / run.dt)
+    count = run.tau.shape[1] // steps
+    if count < 2:
+        raise ConfigurationError(
+            f"A run of the benchmark must be >= {2.0 * PIECE:g} s long, got "
+            f"{run.tau.shape[1] * run.dt:.3g} s."
+        )
+    names = ("reference", "tau", "tau_measured", "command", "terminated")
+    arrays = {n: getattr(run, n)[0, steps : steps * count].reshape(-1, steps) for n in names}
+    return Traces(dt=run.dt, **arrays)

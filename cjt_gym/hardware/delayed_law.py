@@ -1,0 +1,164 @@
+"""What commands a joint on a bus: a controller with gains for its delay, or a policy."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cjt_gym.baselines import Controller
+from cjt_gym.baselines.linear_law import LinearLaw
+from cjt_gym.baselines.plant_model import LoopModel, SampledJoint
+from cjt_gym.baselines.robust import SPARE_DELAY, is_stable
+from cjt_gym.canbus.arm import CanArm
+from cjt_gym.canbus.config import HardwareConfig
+from cjt_gym.canbus.safety import check_action
+from cjt_gym.envs.core import Episodes
+from cjt_gym.envs.foreign import ForeignEpisode
+from cjt_gym.envs.hardware import check_measured, complete_for
+from cjt_gym.errors import CjtGymWarning, ConfigurationError
+from cjt_gym.joint import Joint
+from cjt_gym.joint.configure import resolve_effects
+from cjt_gym.plant import Measurement
+from cjt_gym.signals import sampled_signal
+from cjt_gym.training.deploy.exported import Exported
+from cjt_gym.training.deploy.load_agent import load_agent
+from cjt_gym.training.evaluation.conditions import Conditions
+from cjt_gym.training.tuning.gains import choose
+
+Floats = NDArray[np.float64]
+
+LEFT_TO_SPARE: Final = 0.5 * SPARE_DELAY
+"""Rest of a delay that is no whole control step and need not become one more [s]: designed gains
+bear `SPARE_DELAY` beyond what they are designed for."""
+
+
+def law_for(word: str, joint: Joint, dt: float, delays: Mapping[str, float]) -> Controller:
+    """Return a controller with gains that are designed for measured delays.
+
+    Args:
+        word: A row of `CONTROLLERS`, or a gain file, whose gains are taken as they are.
+        joint: The nominal joint.
+        dt: Control step [s].
+        delays: What was measured [s]; all of them add up.
+
+    Raises:
+        ConfigurationError: No gains keep the loop robust with this delay, or the given ones have no
+            margin with it.
+    """
+    late = sum(delays.values())
+    steps = max(0, math.ceil((late - LEFT_TO_SPARE) / dt))
+    delayed = _delayed(joint, steps * dt)
+    law = choose(word).make(delayed, dt)
+    if law.linear is not None:
+        loop, spare = SampledJoint(joint, dt).loop, math.ceil(SPARE_DELAY / dt - 1e-9)
+        borne = _borne(loop, law.linear, steps + spare)
+        if borne < steps + spare:
+            raise ConfigurationError(
+                f"The gains of {word} must keep the loop of {joint.parameters.name} stable with "
+                f"its measured delay of {late * 1e3:.3g} ms and {spare * dt * 1e3:.3g} ms to "
+                f"spare, {steps + spare} control steps; they bear {max(borne, 0)}. Give lower "
+                "gains, the name of a controller, whose gains are designed for it, or a faster "
+                "loop."
+            )
+    return law
+
+
+def _borne(loop: LoopModel, law: LinearLaw, most: int) -> int:
+    """Return the delay that a law bears [samples], at most so many; -1 where it bears none."""
+    return next((n for n in range(most + 1) if not is_stable(loop.later(n), law)), most + 1) - 1
+
+
+def _delayed(joint: Joint, delay: float) -> Joint:
+    """Return a joint whose measurement is late [s]."""
+    if not delay:
+        return joint
+    wanted = {**joint.effects, "measurement_delay": {"delay": delay}}
+    effects = resolve_effects(wanted, joint.file, joint.structure_row, joint.drive)
+    return replace(joint, effects=effects)
+
+
+def _without_torch(agent: Any) -> Any:
+    from cjt_gym.training.deploy.fast_policy import fast_policy  # loads torch
+
+    return fast_policy(agent)
+
+
+def _warn_of_another_joint(agent: Any, config: HardwareConfig) -> None:
+    """Warn where a policy was trained on one joint, or structure, and is to move another.
+
+    A file that it was trained on may well describe this joint, as that of a diagnosis does.
+    """
+    if agent.config.env.get("observe_joint"):
+        return
+    (name, structure), joint = agent.trained_on, config.joint
+    names = (joint.file.name, Path(joint.parameters.origin).stem)
+    same = bool(Path(name).suffix) or name in names
+    if not (same and structure == joint.structure):
+        warnings.warn(
+            f"The policy {agent.name} was trained on {name}, {structure}, and is used on "
+            f"{joint.file.name}, {joint.structure}, where it may fail. Try it with --emulated "
+            "first, or train one:  cjt-gym train --joint.",
+            CjtGymWarning,
+            stacklevel=2,
+        )
+
+
+class PolicyLaw:
+    """A policy in the place of a controller: it sees of a joint what its environment shows."""
+
+    def __init__(self, word: str, arm: CanArm, k: int, reference: Floats) -> None:
+        """Load it.
+
+        Args:
+            word: Run folder, exported policy, or name of one that ships.
+            arm: The joints of the bus.
+            k: Which of them it commands.
+            reference: Joint torque that is wanted at every control step [N m].
+
+        Raises:
+            ConfigurationError: It was trained at another control step.
+        """
+        self._arm, self._k, config = arm, k, arm.configs[k]
+        agent = load_agent(word)
+        _warn_of_another_joint(agent, config)
+        conditions = Conditions(config.joint_name, config.joint.structure, dt_control=config.dt)
+        t = np.arange(len(reference), dtype=np.float64) * config.dt
+        arguments = agent.arguments(conditions) | {"reference": sampled_signal(t, reference)}
+        arguments["episode_steps"] = len(reference) + 1
+        self._task = ForeignEpisode(Episodes(1, **complete_for(arguments, config)))
+        self._task.episodes.seed(0, None)
+        self._network = agent.network.act if isinstance(agent, Exported) else _without_torch(agent)
+        self._task.rehearse()
+        self._has_begun = False
+
+    def reset(self) -> None:
+        """Forget the past."""
+        self._has_begun = False
+
+    def act(self, measured: Measurement, reference: Floats) -> Floats:
+        """Return the motor torque for a control step [N m], shape (1,).
+
+        Raises:
+            HardwareFault: The action is out of its space.
+            ConfigurationError: A channel of the observation is not measured.
+        """
+        task = self._task
+        if self._has_begun:
+            task.advance(measured)
+            task.conclude(self._arm.joints[self._k].sent)
+        else:
+            check_measured(measured, self._arm.configs[self._k])
+            task.begin(measured)
+            self._has_begun = True
+        action = np.asarray(self._network(task.task.observation[0]), dtype=np.float64)
+        trouble = check_action(float(action.reshape(-1)[0]))
+        if trouble is not None:
+            self._arm.fail(trouble.kind, trouble.text, self._k)
+        return task.choose(action.reshape(1, 1))

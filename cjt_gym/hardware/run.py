@@ -1,0 +1,107 @@
+"""One run of `cjt-gym hardware`: the joints of a bus in step, each with what drives it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cjt_gym.canbus.arm import CanArm
+from cjt_gym.canbus.config import HardwareConfig
+from cjt_gym.canbus.journal import Watcher
+from cjt_gym.canbus.link import Link
+from cjt_gym.hardware.delayed_law import PolicyLaw, law_for
+from cjt_gym.hardware.jobs import NONE, Job, Run
+from cjt_gym.plant import Measurement
+from cjt_gym.training.tuning.gains import gains_in_record
+
+Floats = NDArray[np.float64]
+
+
+class Law(Protocol):
+    """What commands a joint: a controller, or a policy in its place."""
+
+    def act(self, measured: Measurement, reference: Floats) -> Floats:
+        """Return the motor torque for a control step [N m], shape (1,)."""
+
+    def reset(self) -> None:
+        """Forget the past."""
+
+
+def carry_out(
+    run: Run, configs: Sequence[HardwareConfig], link: Link | None, watcher: Watcher | None
+) -> dict[str, Any]:
+    """Carry out a run and return what came out.
+
+    Args:
+        run: What is to be done.
+        configs: One for each joint.
+        link: The way to an emulated bus; None for the real one.
+        watcher: Shown what the record gets; None for nobody.
+    """
+    with CanArm(configs, link, run.path, watcher) as arm:
+        policies = [_policy(arm, k, job) for k, job in enumerate(run.jobs)]  # before the bus
+        arm.connect()
+        laws = [policies[k] or _law(arm, k, job) for k, job in enumerate(run.jobs)]
+        arm.arm()
+        errors = _follow(arm, run.jobs, laws)
+        arm.stop()
+        timing = arm.joints[0].timing
+    tracked = [law is not None for law in laws]
+    result = {
+        "record": None if run.path is None else str(run.path),
+        "samples": len(errors),
+        "rmse": _rms(errors[:, tracked]) if any(tracked) else None,
+        "timing_us": timing.summary(),
+        "delays_s": timing.delay(arm.dt),
+    }
+    if len(configs) == 1:
+        return result
+    each = zip(configs, tracked, errors.T, strict=True)
+    return result | {"joints": {c.name: _rms(error) if is_on else None for c, is_on, error in each}}
+
+
+def _rms(errors: Floats) -> float:
+    return float(np.sqrt(np.mean(np.square(errors))))
+
+
+def _policy(arm: CanArm, k: int, job: Job) -> Law | None:
+    """Return the policy of a joint, None where it has none; note the job in the record to come."""
+    arm.joints[k].record.know(**job.facts)
+    return None if job.policy is None else PolicyLaw(job.policy, arm, k, job.reference)
+
+
+def _law(arm: CanArm, k: int, job: Job) -> Law | None:
+    """Return the controller of a joint, None for the reference itself; note its gains.
+
+    They are designed for the delay that is measured now.
+    """
+    joint = arm.joints[k]
+    if job.controller == NONE:
+        return None
+    delays = joint.measured_delay()
+    law = law_for(job.controller, joint.config.joint, arm.dt, delays)
+    joint.record.know(designed_for_s=delays, **gains_in_record(law))
+    return law
+
+
+def _follow(arm: CanArm, jobs: Sequence[Job], laws: Sequence[Law | None]) -> Floats:
+    """Run the joints; return the tracking errors [N m], shape (samples, joints)."""
+    references = np.stack([job.reference for job in jobs], axis=1)
+    wanted = np.where([law is None for law in laws], np.nan, references)
+    measured = arm.reset()
+    for k, (law, seen) in enumerate(zip(laws, measured, strict=True)):
+        if law is not None:
+            law.act(seen, references[0, k : k + 1])  # what is compiled on first use is compiled now
+            law.reset()
+    errors = np.zeros(references.shape)
+    for step, row in enumerate(references):
+        errors[step] = row - [seen.tau[0] for seen in measured]
+        commands = [
+            row[k] if law is None else law.act(seen, row[k : k + 1])[0]
+            for k, (law, seen) in enumerate(zip(laws, measured, strict=True))
+        ]
+        measured = arm.step(np.array(commands), wanted[step])
+    return errors

@@ -1,0 +1,363 @@
+"""Blocks of joints: between the arrays of a batch and the vector registers of `substeps`.
+
+A block keeps the parameters of its joints from step to step, and reads them anew when they have
+changed. What it cannot do it leaves to the general kernel: joints with other effects, measurements
+that are late by parts of a control step, and equations that stay unsolved.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cjt_gym.joint.arrays import (
+    CURRENT_I,
+    K_M,
+    LATE_SUB,
+    Q_M,
+    TAU,
+    WORK_ROWS,
+    WORK_WIDTH,
+    Batch,
+    Floats,
+    Setup,
+)
+from cjt_gym.joint.compiled import inlined, lean, threaded
+from cjt_gym.joint.drives import clip
+from cjt_gym.joint.effects import EFFECTS
+from cjt_gym.joint.kernel import LARGEST
+from cjt_gym.joint.lanes.substeps import (
+    AFTER,
+    BEFORE,
+    CLOSE,
+    COMMAND,
+    CURRENT,
+    D_GL,
+    DOWN,
+    ENOUGH,
+    EXTRA,
+    FAILED,
+    K_B,
+    LATE,
+    LOAD,
+    MOBILITY,
+    MOTOR,
+    OFFSET,
+    PEAK,
+    PER_AMPERE,
+    PLAIN,
+    PUSHED,
+    RESOLUTION,
+    RUB,
+    SCRATCH_ROWS,
+    STEEP,
+    TONES,
+    UP,
+    USABLE,
+    A,
+    Kind,
+    coordinate,
+    run,
+)
+from cjt_gym.joint.lanes.substeps import LATE_SUB as COMMAND_SUB
+from cjt_gym.joint.lanes.substeps import X as STATES
+from cjt_gym.joint.lanes.vectors import WIDTH
+from cjt_gym.joint.ripple import COGGING, KIND
+from cjt_gym.joint.sensing import distorts, is_late, lateness, measure, plan_lateness, sensor
+
+if TYPE_CHECKING:
+    from cjt_gym.joint.joint import Joint
+
+Masks = NDArray[np.bool_]
+LINE = 64  # bytes of a cache line, on which blocks begin
+HANDLED = (
+    *("command_delay", "command_quantization", "current_saturation", "torque_constant"),
+    *("torque_offset", "inertia", "damping", "coulomb", "coulomb_asym", "viscous_asym"),
+    *("cogging", "stiffness", "gear_stiffness", "load_inertia", "load_coulomb"),
+    *(name for name, effect in EFFECTS.items() if effect.stage == "sensing"),
+)
+UPS = ("d_cm", "d_cg", "d_cl")
+DOWNS = ("d_cm_n", "d_cg_n", "d_cl_n")
+EXTRAS = ("d_m_extra_n", "d_g_extra_n", "d_l_extra_n")
+
+
+class Blocks(NamedTuple):
+    """The blocks of a batch.
+
+    Attributes:
+        rows: The parameters of each block, shape (blocks, rows, WIDTH).
+        scratch: Scratch rows of each thread, shape (threads, SCRATCH_ROWS, WIDTH).
+        stale: Whose parameters have changed since they were read, shape (n,).
+        left: Which joints the last step left to the general kernel, shape (n,).
+        work: Scratch rows of the general code, shape (threads, WORK_ROWS, WORK_WIDTH).
+    """
+
+    rows: Floats
+    scratch: Floats
+    stale: Masks
+    left: Masks
+    work: Floats
+
+
+def kind_of(joint: Joint, voltage: bool) -> Kind | None:
+    """Return what the joints of a batch have in common, or None for the general kernel."""
+    structure = joint.structure_row
+    groups = structure.groups
+    if joint.drive != "current" or voltage or groups[1] == groups[2]:
+        return None
+    if not set(joint.effects) <= set(HANDLED):
+        return None
+    record, ripple = joint.packed()
+    if (ripple[:, KIND] != COGGING).any():
+        return None
+    rubbing = {
+        groups[body]
+        for body in range(3)
+        if any(record[names[body]][0] != 0.0 for names in (UPS, DOWNS, EXTRAS))
+    }
+    coordinates = sorted(rubbing - {-1})
+    first, second, third = (*coordinates, 0, 0, 0)[:3]
+    return Kind(
+        structure.order,
+        structure.order - structure.size,
+        len(coordinates),
+        first,
+        second,
+        third,
+        int(bool(coordinates) and float(record["dq_0"][0]) == 0.0),
+        ripple.shape[0],
+    )
+
+
+def aligned(*shape: int) -> Floats:
+    """Return zeros that begin on a cache line."""
+    size = math.prod(shape)
+    room = np.zeros(size + LINE // 8)
+    first = (-room.ctypes.data % LINE) // 8
+    return room[first : first + size].reshape(shape)
+
+
+def make_blocks(kind: Kind, num: int, threads: int = 1) -> Blocks:
+    """Allocate the blocks of `num` joints."""
+    return Blocks(
+        rows=aligned(-(-num // WIDTH), TONES + 3 * kind.tones, WIDTH),
+        scratch=aligned(threads, SCRATCH_ROWS, WIDTH),
+        stale=np.ones(num, dtype=np.bool_),
+        left=np.zeros(num, dtype=np.bool_),
+        work=np.zeros((threads, WORK_ROWS, WORK_WIDTH)),
+    )
+
+
+@lean
+def body_friction(p: Any, body: int) -> tuple[float, float, float]:
+    """Return Coulomb levels of both directions and the extra viscous friction of a body."""
+    if body == 0:
+        return p.d_cm, p.d_cm_n, p.d_m_extra_n
+    if body == 1:
+        return p.d_cg, p.d_cg_n, p.d_g_extra_n
+    return p.d_cl, p.d_cl_n, p.d_l_extra_n
+
+
+@lean
+def read_friction(p: Any, setup: Setup, kind: Kind, s: Floats, lane: int) -> bool:
+    """Read the friction of a joint; return whether it fits the kind."""
+    left = 0.0
+    for k in range(kind.n):
+        s[UP + k, lane] = s[DOWN + k, lane] = s[EXTRA + k, lane] = 0.0
+    for body in range(3):
+        up, down, extra = body_friction(p, body)
+        found = setup.groups[body] < 0
+        for k in range(kind.n):
+            if setup.groups[body] == coordinate(kind, k):
+                s[UP + k, lane] += up
+                s[DOWN + k, lane] += down
+                s[EXTRA + k, lane] += extra
+                found = True
+        left += 0.0 if found else abs(up) + abs(down) + abs(extra)
+    width = p.dq_0 if p.dq_0 > 0.0 else 1.0
+    s[STEEP, lane], s[ENOUGH, lane] = 1.0 / width, 1e-10 + 1e-7 * width
+    s[CLOSE, lane] = 0.5 * math.sqrt(s[ENOUGH, lane] * width)
+    return left == 0.0 and (kind.n == 0 or (p.dq_0 == 0.0) == (kind.sharp == 1))
+
+
+@lean
+def is_plain(p: Any) -> bool:
+    """Whether the sensors report what is true, at once."""
+    if is_late(p) or distorts(p) or p.dropout > 0.0:
+        return False
+    if p.torque_cutoff > 0.0 or p.velocity_cutoff > 0.0:
+        return False
+    for channel in range(8):
+        noise, resolution = sensor(p, channel)
+        if noise > 0.0 or resolution > 0.0:
+            return False
+    return True
+
+
+@lean
+def read_parameters(
+    batch: Batch, setup: Setup, kind: Kind, s: Floats, lane: int, i: int, work: Floats
+) -> None:
+    """Read the parameters of joint i into place lane of a block."""
+    p, a, b = batch.p[i], batch.a[i], batch.b[i]
+    usable = read_friction(p, setup, kind, s, lane)
+    for row in range(kind.order):
+        for j in range(kind.order):
+            s[A + 6 * row + j, lane] = a[row, j]
+        s[MOTOR + row, lane], s[LOAD + row, lane] = b[row, 0], b[row, 1]
+        for k in range(kind.n):
+            s[RUB + 6 * k + row, lane] = b[row, 2 + coordinate(kind, k)]
+    for k in range(kind.n):
+        for m in range(kind.n):
+            torque = b[coordinate(kind, k), 2 + coordinate(kind, m)]
+            s[MOBILITY + 3 * k + m, lane] = torque / setup.h
+    for j in range(kind.tones):
+        row, tone = TONES + 3 * j, batch.ripple[i, j]
+        s[row, lane] = tone[0]
+        s[row + 1, lane], s[row + 2, lane] = tone[1] * p.cogging_scale, tone[2] * p.cogging_scale
+    s[PEAK, lane], s[OFFSET, lane] = p.i_p, p.torque_offset
+    s[K_B, lane], s[D_GL, lane] = p.k_b, p.d_gl
+    s[RESOLUTION, lane], s[PER_AMPERE, lane] = p.command_resolution, batch.memory[i, K_M]
+    s[LATE, lane], s[COMMAND_SUB, lane] = lateness(p.command_delay, setup)
+    s[PLAIN, lane] = 1.0 if is_plain(p) else 0.0
+    if plan_lateness(p, setup, work):
+        for channel in range(8):
+            usable = usable and work[LATE_SUB, channel] == 0.0
+    s[USABLE, lane] = 1.0 if usable else 0.0
+
+
+@inlined
+def wrap(k: int, depth: int) -> int:
+    """Return the place of sample k in a ring."""
+    return k & 1 if depth == 2 else k % depth
+
+
+@inlined
+def enter(
+    batch: Batch,
+    setup: Setup,
+    kind: Kind,
+    rows: Floats,
+    s: Floats,
+    lane: int,
+    i: int,
+    command: float,
+    load: float,
+) -> bool:
+    """Put state and inputs of joint i into place lane; return whether the block can move it."""
+    if not (math.isfinite(command + load) and rows[USABLE, lane] == 1.0):
+        return False
+    k, depth = batch.samples[i], batch.commands.shape[1]
+    resolution = rows[RESOLUTION, lane]
+    if resolution > 0.0:
+        command = math.floor(command / resolution + 0.5) * resolution
+    s[COMMAND, lane], s[PUSHED, lane] = command, load
+    late, peak, offset = int(rows[LATE, lane]), rows[PEAK, lane], rows[OFFSET, lane]
+    per_ampere = rows[PER_AMPERE, lane]
+    now = batch.commands[i, wrap(k - late + depth, depth), 0] if late > 0 else command
+    s[CURRENT, lane] = clip(now, peak)
+    s[AFTER, lane] = offset + per_ampere * s[CURRENT, lane]
+    if rows[COMMAND_SUB, lane] > 0.0:
+        before = clip(batch.commands[i, wrap(k - late - 1 + depth, depth), 0], peak)
+        s[BEFORE, lane] = offset + per_ampere * before
+    for body in (2, 1, 0):
+        g = setup.groups[body]
+        if g >= 0:
+            s[STATES + g, lane] = batch.state[i, body]
+            s[STATES + kind.velocity + g, lane] = batch.state[i, 3 + body]
+        else:
+            s[STATES + setup.size, lane] = batch.state[i, body]
+    return True
+
+
+@inlined
+def leave(
+    batch: Batch,
+    setup: Setup,
+    kind: Kind,
+    rows: Floats,
+    s: Floats,
+    lane: int,
+    i: int,
+    load: float,
+    work: Floats,
+) -> bool:
+    """Take the state of joint i back and measure; return whether it is finite."""
+    for j in range(kind.order):
+        if not abs(s[STATES + j, lane]) < LARGEST:
+            return False
+    k, depth, state = batch.samples[i], batch.commands.shape[1], batch.state[i]
+    for body in range(3):
+        g = setup.groups[body]
+        if g >= 0:
+            state[body] = s[STATES + g, lane]
+            state[3 + body] = s[STATES + kind.velocity + g, lane]
+        else:
+            state[body] = s[STATES + setup.size, lane]
+            state[3 + body] = load
+    out, ring = batch.outputs[i, wrap(k + 1, depth)], batch.commands[i, wrap(k, depth)]
+    ring[0], ring[1] = s[COMMAND, lane], 0.0
+    batch.currents[i, 0] = out[CURRENT_I] = s[CURRENT, lane]
+    for j in range(6):
+        out[Q_M + j] = state[j]
+    tau = rows[K_B, lane] * (state[1] - state[2]) + rows[D_GL, lane] * (state[4] - state[5])
+    batch.tau[i] = out[TAU] = tau
+    batch.samples[i] = k + 1
+    if rows[PLAIN, lane] == 1.0:
+        for channel in range(8):
+            batch.measured[i, channel] = out[channel]
+    else:
+        late = plan_lateness(batch.p[i], setup, work)
+        measure(batch, setup, i, False, late, work)
+    return True
+
+
+@lean
+def advance(
+    batch: Batch,
+    setup: Setup,
+    kind: Kind,
+    blocks: Blocks,
+    commands: Floats,
+    loads: Floats,
+    begin: int,
+    end: int,
+    thread: int,
+) -> int:
+    """Advance the joints of blocks begin to end by one control step; return how many are left.
+
+    Args:
+        batch: All joints.
+        setup: What they share.
+        kind: What they have in common.
+        blocks: Their blocks.
+        commands: Currents [A] in column 0, shape (n, 2).
+        loads: Load torque [N m] or load velocity [rad/s], shape (n,).
+        begin: First block.
+        end: Behind the last block.
+        thread: Whose scratch to use.
+    """
+    left, last = 0, loads.shape[0] - 1
+    s, work = blocks.scratch[thread], blocks.work[thread]
+    for block in range(begin, end):
+        rows, first = blocks.rows[block], block * WIDTH
+        for lane in range(WIDTH):
+            i = min(first + lane, last)  # the last joint fills the last block
+            if blocks.stale[i]:
+                read_parameters(batch, setup, kind, rows, lane, i, work)
+            good = enter(batch, setup, kind, rows, s, lane, i, commands[i, 0], loads[i])
+            s[FAILED, lane] = 0.0 if good else 1.0
+        run(kind, rows, s, setup.substeps, setup.h)
+        for lane in range(min(WIDTH, last + 1 - first)):
+            i = first + lane
+            moved = s[FAILED, lane] == 0.0
+            moved = moved and leave(batch, setup, kind, rows, s, lane, i, loads[i], work)
+            blocks.stale[i], blocks.left[i] = False, not moved
+            left += 0 if moved else 1
+    return left
+
+
+advance_blocks = threaded(advance)

@@ -1,0 +1,379 @@
+"""Many joints side by side: the substeps of the most common joints, in vector registers.
+
+The same equations and the same scheme as `substep`, for joints that a current source drives
+through linear springs, with Coulomb and one-sided viscous friction (smooth or sharp) and cogging.
+WIDTH joints form a block: each of its rows holds one quantity, a number per joint; `p` are its
+parameters and `s` is scratch. The code reads
+as if there were one joint; where joints differ in what they do, `choose` takes both ways.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from cjt_gym.joint.arrays import Floats
+from cjt_gym.joint.compiled import inlined, lean
+from cjt_gym.joint.lanes.vector_math import decay, sine_cosine
+from cjt_gym.joint.lanes.vectors import (
+    both,
+    choose,
+    either,
+    get,
+    madd,
+    put,
+    size,
+    somewhere,
+    without,
+)
+
+NEWTON = 20
+SWEEPS = 60
+SHARP_SOLVED = 1e-15  # change of speed in the last sweep, relative to the largest so far
+
+# Rows of the parameters `p` of a block:
+A = 0  # system matrix, six rows of six
+MOTOR = 36  # what motor torque, load input and friction on each coordinate add to the states
+LOAD = 42
+RUB = 48  # three columns of six
+MOBILITY = 66  # mean velocity of coordinate k per torque on coordinate m, three rows of three
+UP = 75  # levels of friction in both directions, and viscous friction in the negative one
+DOWN = 78
+EXTRA = 81
+STEEP = 84  # 1 / dq_0
+ENOUGH, CLOSE = 85, 86  # steps of Newton's method after which a speed is solved
+PEAK, OFFSET, K_B, D_GL = 87, 88, 89, 90
+LATE, LATE_SUB = 91, 92  # control steps and substeps after which a command acts
+PLAIN, USABLE = 93, 94  # whether sensors are ideal, and whether this code can move the joint
+RESOLUTION, PER_AMPERE = 95, 96  # step of the command [A], motor torque per current [N m/A]
+TONES = 97  # three rows per harmonic: frequency, cosine, sine
+# Rows of the scratch `s` of a thread:
+X = 0  # states
+COMMAND, CURRENT, BEFORE, AFTER, PUSHED = range(6, 11)
+# The command, its current, motor torque before and after it acts, and the load input.
+PUSH = 11  # what motor torque and load input add to the states
+FREE = 17  # states at the end of a substep
+RIPPLE = 23  # ripple torque of the substep before
+SPEED = 24  # mean velocities of the coordinates with friction
+WANTED = 27  # the same without friction
+DRAG = 30  # friction torques
+FAILED = 33  # whether the joint is left to the general kernel
+SINE, COSINE = 34, 35  # of its rotor, for the environment
+BEFORE_DRAG = 36  # friction torques of the substep before the last
+SCRATCH_ROWS = 39
+
+
+class Kind(NamedTuple):
+    """What the joints of a batch have in common.
+
+    Attributes:
+        order: Number of mechanical states.
+        velocity: Where velocities begin among them.
+        n: Number of coordinates with friction.
+        first: The coordinates with friction.
+        second: The second of them.
+        third: The third of them.
+        sharp: 1 where the sign of the velocity is sharp (dq_0 = 0), else 0.
+        tones: Number of cogging harmonics.
+    """
+
+    order: int
+    velocity: int
+    n: int
+    first: int
+    second: int
+    third: int
+    sharp: int
+    tones: int
+
+
+@inlined
+def coordinate(kind: Kind, k: int) -> int:
+    """Return which coordinate is number k of those with friction."""
+    return kind.first if k == 0 else (kind.second if k == 1 else kind.third)
+
+
+@inlined
+def parts(p: Floats, k: int, v: Any) -> tuple[Any, Any, Any, Any]:
+    """Return smooth friction without a division, from a = 1 + exp(-2 |v| / dq_0).
+
+    That is a, dry friction times a, the slope of friction times a^2, and viscous friction.
+    """
+    ahead, steep = v >= 0.0, get(p, STEEP)
+    level = choose(ahead, get(p, UP + k), get(p, DOWN + k))
+    extra = choose(ahead, 0.0, get(p, EXTRA + k))
+    e = decay(v * steep)
+    a = 1.0 + e
+    slope = madd(4.0 * steep * level, e, extra * (a * a))
+    return a, level * choose(ahead, 1.0 - e, e - 1.0), slope, extra * v
+
+
+@inlined
+def friction(p: Floats, k: int, v: Any) -> tuple[Any, Any]:
+    """Return the smooth friction on coordinate k at velocity v, and its slope."""
+    a, dry, slope, viscous = parts(p, k, v)
+    per_a = 1.0 / a
+    return madd(dry, per_a, viscous), slope * (per_a * per_a)
+
+
+@lean
+def predict(kind: Kind, p: Floats, s: Floats) -> None:
+    """Take friction at the present speed, and no ripple."""
+    put(s, RIPPLE, 0.0)
+    for k in range(kind.n):
+        v = get(s, X + kind.velocity + coordinate(kind, k))
+        if kind.sharp:
+            up, down = get(p, UP + k), get(p, DOWN + k)
+            behind = get(p, EXTRA + k) * v - down
+            held = 0.5 * (up - down)
+            put(s, DRAG + k, choose(v > 0.0, up, choose(v < 0.0, behind, held)))
+        else:
+            torque, _ = friction(p, k, v)
+            put(s, DRAG + k, torque)
+            put(s, BEFORE_DRAG + k, torque)
+
+
+@lean
+def push(kind: Kind, p: Floats, s: Floats, step: int) -> None:
+    """Note what the motor torque of a substep and the load input add to the states."""
+    torque = choose(get(p, LATE_SUB) <= float(step), get(s, AFTER), get(s, BEFORE))
+    load = get(s, PUSHED)
+    for i in range(kind.order):
+        put(s, PUSH + i, madd(get(p, MOTOR + i), torque, get(p, LOAD + i) * load))
+
+
+@lean
+def move(kind: Kind, p: Floats, s: Floats) -> None:
+    """Advance the linear joint; three states at once, those that do not exist stay zero."""
+    for i in range(0, kind.order, 3):
+        first, second, third = get(s, PUSH + i), get(s, PUSH + i + 1), get(s, PUSH + i + 2)
+        for j in range(0, kind.order, 3):
+            x, y, z = get(s, X + j), get(s, X + j + 1), get(s, X + j + 2)
+            a = A + 6 * i + j
+            first = madd(get(p, a), x, madd(get(p, a + 1), y, madd(get(p, a + 2), z, first)))
+            a += 6
+            second = madd(get(p, a), x, madd(get(p, a + 1), y, madd(get(p, a + 2), z, second)))
+            a += 6
+            third = madd(get(p, a), x, madd(get(p, a + 1), y, madd(get(p, a + 2), z, third)))
+        put(s, FREE + i, first)
+        put(s, FREE + i + 1, second)
+        put(s, FREE + i + 2, third)
+
+
+@lean
+def cog(kind: Kind, p: Floats, s: Floats, h: float) -> None:
+    """Find the ripple in the middle of the motion that the last friction and ripple give."""
+    speed = kind.velocity
+    ripple = get(s, RIPPLE)
+    q = madd(get(p, MOTOR), ripple, get(s, FREE))
+    dq = madd(get(p, MOTOR + speed), ripple, get(s, FREE + speed))
+    for k in range(kind.n):
+        drag = get(s, DRAG + k)
+        q = q - get(p, RUB + 6 * k) * drag
+        dq = dq - get(p, RUB + 6 * k + speed) * drag
+    q = 0.5 * (get(s, X) + q) + 0.125 * h * (get(s, X + speed) - dq)
+    total = 0.0 * q
+    for j in range(kind.tones):
+        row = TONES + 3 * j
+        sine, cosine = sine_cosine(get(p, row) * q)
+        total = madd(get(p, row + 1), cosine, madd(get(p, row + 2), sine, total))
+    put(s, RIPPLE, total)
+
+
+@lean
+def aim(kind: Kind, p: Floats, s: Floats, h: float) -> None:
+    """Note the mean speeds without friction, and those under the friction to be expected.
+
+    That is what the last substep had, and where it is smooth, as much more as it grew by then.
+    """
+    ripple, per_h = get(s, RIPPLE), 1.0 / h
+    for k in range(0 if kind.sharp else kind.n):
+        last = get(s, DRAG + k)
+        put(s, DRAG + k, 2.0 * last - get(s, BEFORE_DRAG + k))
+        put(s, BEFORE_DRAG + k, last)
+    for k in range(kind.n):
+        g = coordinate(kind, k)
+        v = (madd(get(p, MOTOR + g), ripple, get(s, FREE + g)) - get(s, X + g)) * per_h
+        put(s, WANTED + k, v)
+        for m in range(kind.n):
+            v = v - get(p, MOBILITY + 3 * k + m) * get(s, DRAG + m)
+        put(s, SPEED + k, v)
+
+
+@inlined
+def settle(
+    p: Floats, s: Floats, k: int, busy: Any, v: Any, torque: Any, slope: Any, change: Any
+) -> Any:
+    """Correct the speed of coordinate k, where it is not solved; return where it is solved now.
+
+    A step that would pass zero ends there: friction is concave in speed on either side of it, so
+    that from rest the next steps approach the solution from one side, however steep friction is.
+    Solved is what is within 1e-10 rad/s + 1e-7 dq_0, and what rounding leaves of the speed. The
+    error that a step leaves is at most its square / dq_0 where it does not pass the kink at zero.
+    """
+    new = v - change
+    new = choose(v * new < 0.0, 0.0, new)
+    put(s, SPEED + k, choose(busy, new, v))
+    put(s, DRAG + k, choose(busy, torque - slope * (v - new), get(s, DRAG + k)))
+    step = size(change) - 1e-9 * size(v)
+    smooth = both(v * new > 0.0, step <= get(p, CLOSE))
+    return either(smooth, step <= get(p, ENOUGH))
+
+
+@lean
+def newton_1(p: Floats, s: Floats, busy: Any) -> Any:
+    """Take one step of Newton's method for one coordinate; return where it is not solved.
+
+    Residual and slope are those of the equation times a and a^2, so that a single division does.
+    """
+    v, w = get(s, SPEED), get(p, MOBILITY)
+    a, dry, slope, viscous = parts(p, 0, v)
+    e = madd(a, madd(w, viscous, v - get(s, WANTED)), w * dry)
+    j = madd(w, slope, a * a)
+    share = 1.0 / (a * j)
+    per_a = share * j
+    change = (a * a) * e * share
+    solved = settle(p, s, 0, busy, v, madd(dry, per_a, viscous), slope * (per_a * per_a), change)
+    return without(busy, solved)
+
+
+@lean
+def newton_2(p: Floats, s: Floats, busy: Any) -> Any:
+    """Take one step for two coordinates, likewise with a single division."""
+    v1, v2 = get(s, SPEED), get(s, SPEED + 1)
+    a1, dry1, slope1, viscous1 = parts(p, 0, v1)
+    a2, dry2, slope2, viscous2 = parts(p, 1, v2)
+    w11, w12 = get(p, MOBILITY), get(p, MOBILITY + 1)
+    w21, w22 = get(p, MOBILITY + 3), get(p, MOBILITY + 4)
+    both_a, square1, square2 = a1 * a2, a1 * a1, a2 * a2
+    dry1, dry2 = dry1 * a2, dry2 * a1
+    e1 = madd(w11, viscous1, madd(w12, viscous2, v1 - get(s, WANTED)))
+    e2 = madd(w21, viscous1, madd(w22, viscous2, v2 - get(s, WANTED + 1)))
+    e1 = madd(both_a, e1, madd(w11, dry1, w12 * dry2))
+    e2 = madd(both_a, e2, madd(w21, dry1, w22 * dry2))
+    j11, j12 = madd(w11, slope1, square1), w12 * slope2
+    j21, j22 = w21 * slope1, madd(w22, slope2, square2)
+    determinant = j11 * j22 - j12 * j21
+    share = 1.0 / (both_a * determinant)
+    per_both = share * determinant
+    r1, r2 = madd(dry1, per_both, viscous1), madd(dry2, per_both, viscous2)
+    per1, per2 = a2 * per_both, a1 * per_both
+    change1 = (j22 * e1 - j12 * e2) * (share * square1)
+    change2 = (j11 * e2 - j21 * e1) * (share * square2)
+    solved = settle(p, s, 0, busy, v1, r1, slope1 * (per1 * per1), change1)
+    solved = both(solved, settle(p, s, 1, busy, v2, r2, slope2 * (per2 * per2), change2))
+    return without(busy, solved)
+
+
+@lean
+def newton_3(p: Floats, s: Floats, busy: Any) -> Any:
+    """Take one step for three coordinates."""
+    v1, v2, v3 = get(s, SPEED), get(s, SPEED + 1), get(s, SPEED + 2)
+    r1, g1 = friction(p, 0, v1)
+    r2, g2 = friction(p, 1, v2)
+    r3, g3 = friction(p, 2, v3)
+    w11, w12, w13 = get(p, MOBILITY), get(p, MOBILITY + 1), get(p, MOBILITY + 2)
+    w21, w22, w23 = get(p, MOBILITY + 3), get(p, MOBILITY + 4), get(p, MOBILITY + 5)
+    w31, w32, w33 = get(p, MOBILITY + 6), get(p, MOBILITY + 7), get(p, MOBILITY + 8)
+    e1 = v1 - get(s, WANTED) + w11 * r1 + w12 * r2 + w13 * r3
+    e2 = v2 - get(s, WANTED + 1) + w21 * r1 + w22 * r2 + w23 * r3
+    e3 = v3 - get(s, WANTED + 2) + w31 * r1 + w32 * r2 + w33 * r3
+    j11, j12, j13 = 1.0 + w11 * g1, w12 * g2, w13 * g3
+    j21, j22, j23 = w21 * g1, 1.0 + w22 * g2, w23 * g3
+    j31, j32, j33 = w31 * g1, w32 * g2, 1.0 + w33 * g3
+    c11, c12, c13 = j22 * j33 - j23 * j32, j13 * j32 - j12 * j33, j12 * j23 - j13 * j22
+    c21, c22, c23 = j23 * j31 - j21 * j33, j11 * j33 - j13 * j31, j13 * j21 - j11 * j23
+    c31, c32, c33 = j21 * j32 - j22 * j31, j12 * j31 - j11 * j32, j11 * j22 - j12 * j21
+    scale = 1.0 / (j11 * c11 + j12 * c21 + j13 * c31)
+    solved = settle(p, s, 0, busy, v1, r1, g1, (c11 * e1 + c12 * e2 + c13 * e3) * scale)
+    second = settle(p, s, 1, busy, v2, r2, g2, (c21 * e1 + c22 * e2 + c23 * e3) * scale)
+    third = settle(p, s, 2, busy, v3, r3, g3, (c31 * e1 + c32 * e2 + c33 * e3) * scale)
+    return without(busy, both(solved, both(second, third)))
+
+
+@lean
+def project(kind: Kind, p: Floats, s: Floats, busy: Any) -> Any:
+    """Solve for one coordinate with sharp friction after the other; return as `newton_1` does."""
+    change = 0.0 * get(p, STEEP)
+    for k in range(kind.n):
+        w, before = get(p, MOBILITY + 4 * k), get(s, DRAG + k)
+        target = madd(w, before, get(s, WANTED + k))
+        for m in range(kind.n):
+            target = target - get(p, MOBILITY + 3 * k + m) * get(s, DRAG + m)
+        up, down, extra = get(p, UP + k), get(p, DOWN + k), get(p, EXTRA + k)
+        ahead, behind = target - w * up, (target + w * down) / (1.0 + w * extra)
+        forward, backward = ahead > 0.0, behind < 0.0
+        v = choose(forward, ahead, choose(backward, behind, 0.0))
+        torque = choose(forward, up, choose(backward, extra * v - down, target / w))
+        put(s, SPEED + k, choose(busy, v, get(s, SPEED + k)))
+        put(s, DRAG + k, choose(busy, torque, before))
+        moved = size(torque - before) * w - 1e-13 * size(target)
+        change = choose(moved <= change, change, moved)
+    return without(busy, change <= SHARP_SOLVED)
+
+
+@lean
+def solve(kind: Kind, p: Floats, s: Floats) -> None:
+    """Find friction and speeds that agree, and note for which joints that failed."""
+    steep = get(p, STEEP)
+    busy = steep == steep
+    for _ in range(SWEEPS if kind.sharp else NEWTON):
+        if kind.sharp:
+            busy = project(kind, p, s, busy)
+        elif kind.n == 1:
+            busy = newton_1(p, s, busy)
+        elif kind.n == 2:
+            busy = newton_2(p, s, busy)
+        else:
+            busy = newton_3(p, s, busy)
+        if not somewhere(busy):
+            return
+    put(s, FAILED, choose(busy, 1.0, get(s, FAILED)))
+
+
+@lean
+def stop(kind: Kind, p: Floats, s: Floats) -> None:
+    """Bring to rest what sharp friction has stopped."""
+    for k in range(kind.n):
+        g = coordinate(kind, k)
+        row = kind.velocity + g
+        v, end = get(s, SPEED + k), get(s, FREE + row)
+        up, down = get(p, UP + k), get(p, DOWN + k)
+        dry = choose(v > 0.0, up, 0.0 - down)
+        needed = (end - get(s, X + row)) / get(p, RUB + 6 * k + row) + dry
+        turned = both(end * v < 0.0, both(0.0 - down <= needed, needed <= up))
+        rests = both(v == 0.0, up + down != 0.0)
+        put(s, FREE + g, choose(rests, get(s, X + g), get(s, FREE + g)))
+        put(s, FREE + row, choose(either(turned, rests), 0.0, end))
+
+
+@lean
+def arrive(kind: Kind, p: Floats, s: Floats) -> None:
+    """Add ripple and the friction that was found."""
+    ripple, end = get(s, RIPPLE), FREE if kind.sharp else X
+    for i in range(kind.order):
+        value = madd(get(p, MOTOR + i), ripple, get(s, FREE + i))
+        for k in range(kind.n):
+            value = value - get(p, RUB + 6 * k + i) * get(s, DRAG + k)
+        put(s, end + i, value)
+    if kind.sharp:
+        stop(kind, p, s)
+        for i in range(kind.order):
+            put(s, X + i, get(s, FREE + i))
+
+
+@lean
+def run(kind: Kind, p: Floats, s: Floats, substeps: int, h: float) -> None:
+    """Take the substeps of a control step, and note whose equations stay unsolved."""
+    predict(kind, p, s)
+    for step in range(substeps):
+        if step == 0 or somewhere(get(p, LATE_SUB) == float(step)):
+            push(kind, p, s, step)
+        move(kind, p, s)
+        if kind.tones > 0:
+            if step == 0:
+                cog(kind, p, s, h)
+            cog(kind, p, s, h)
+        aim(kind, p, s, h)
+        if kind.n > 0:
+            solve(kind, p, s)
+        arrive(kind, p, s)

@@ -1,0 +1,252 @@
+"""What a diagnosis is worth in a closed loop: for a replay, and for whoever controls the joint."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cjt_gym.errors import CjtGymError, ConfigurationError
+from cjt_gym.gap import Diagnosis
+from cjt_gym.gap.diagnose import TAIL
+from cjt_gym.gap.report.table import Table
+from cjt_gym.gap.report.words import number, percent
+from cjt_gym.gap.shrink import Gap
+from cjt_gym.joint import Joint, JointFile, get_structure
+from cjt_gym.joint.configure import resolve_effects
+from cjt_gym.records import Record
+
+if TYPE_CHECKING:  # environments and controllers load only where a closed loop is asked for
+    from cjt_gym.gap.closed_loop import Law
+    from cjt_gym.training.evaluation.performance import Performance, PerformanceGap
+    from cjt_gym.training.evaluation.rollout import Agent
+
+DRIVE = "current"
+REPEATED = 0.2
+"""Share of samples that a sensor may have repeated, which logs mark as missing."""
+WORLDS = ("nominal", "identified", "recorded")
+
+
+@dataclass(frozen=True)
+class ClosedLoop:
+    """A closed-loop replay.
+
+    Attributes:
+        controller: What closed the loop.
+        record: Which record was replayed.
+        gap: How far its gap shrinks.
+    """
+
+    controller: str
+    record: str
+    gap: Gap
+
+
+@dataclass(frozen=True)
+class InTheLoop:
+    """What the nominal and the identified joint do under control.
+
+    Attributes:
+        replay: The closed-loop replay, where the controller of a record is known.
+        performance: What every agent that was asked for earns.
+        notes: What could not be compared, and why.
+    """
+
+    replay: ClosedLoop | None
+    performance: tuple[PerformanceGap, ...]
+    notes: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what diagnosis.json has of it, as plain data."""
+        return {
+            "closed_loop": None if self.replay is None else _plain(self.replay),
+            "performance": [gap.to_dict() for gap in self.performance],
+        }
+
+    def tables(self) -> tuple[Table, ...]:
+        """Return what a report shows of it."""
+        found = []
+        if self.replay is not None:
+            found.append(_replay_table(self.replay))
+        if self.performance:
+            found.append(_performance_table(self.performance))
+        return tuple(found)
+
+
+def agents_for(
+    controllers: Sequence[str], policies: Sequence[str], records: Sequence[Record]
+) -> tuple[Agent, ...]:
+    """Return the controllers and policies to compare; none where none is asked for.
+
+    Raises:
+        CjtGymError: There is no such controller or policy, or no record has a reference for it.
+    """
+    if not (controllers or policies):
+        return ()
+    from cjt_gym.training.benchmark import make_agents
+    from cjt_gym.training.evaluation.conditions import Conditions
+
+    agents = make_agents(controllers, policies)
+    record = _tracking(records)
+    if record is None:
+        raise ConfigurationError(
+            f"--controller and --policy compare what tracks a torque: {records[0].owner} must have "
+            "the columns tau_ref and tau [N m] without missing samples. Record the reference too, "
+            "or leave the options out."
+        )
+    for agent in agents:  # so that a policy of another control step is refused before the work
+        joint, structure = agent.trained_on or (record.joint or "orange_80_6000", "output_fixed")
+        agent.arguments(Conditions(joint, structure, torque_amplitude=1.0, dt_control=record.dt))
+    return tuple(agents)
+
+
+def in_the_loop(
+    found: Diagnosis,
+    nominal: JointFile,
+    structure: str,
+    fitted: Sequence[Record],
+    held: Sequence[Record],
+    agents: Sequence[Agent],
+) -> InTheLoop:
+    """Replay a record under its controller, and run the agents in both joints.
+
+    Args:
+        found: The diagnosis.
+        nominal: The joint before it.
+        structure: How its bodies are joined.
+        fitted: Records that were diagnosed.
+        held: Records that were kept from it; the comparison prefers them.
+        agents: See `agents_for`.
+    """
+    record = _tracking([*held, *fitted])
+    if record is None:
+        return InTheLoop(None, (), ())
+    one, two = (_joint(file, structure) for file in (nominal, found.joint))
+    notes: list[str] = []
+    replay, gaps = None, []
+    try:
+        was_fitted = any(record is other for other in fitted)
+        record = _held(record)
+        replay = _replay(record, one, two, was_fitted, agents)
+    except CjtGymError as error:
+        notes.append(f"Not replayed in a closed loop: {error}")
+    for agent in agents:
+        from cjt_gym.training.evaluation.performance import performance_gap
+
+        try:
+            gaps.append(performance_gap(record, one, two, agent))
+        except CjtGymError as error:
+            notes.append(f"{agent.name} not compared: {error}")
+    return InTheLoop(replay, tuple(gaps), tuple(notes))
+
+
+def _tracking(records: Sequence[Record]) -> Record | None:
+    """Return the first record that tracks a torque and has all of it, but for repeated samples."""
+    for record in records:
+        if "tau_ref" not in record or "tau" not in record:
+            continue
+        tracks = np.any(record["tau_ref"]) and np.isfinite(record["tau_ref"]).all()
+        if tracks and np.isnan(record["tau"]).mean() <= REPEATED:
+            return record
+    return None
+
+
+def _held(record: Record) -> Record:
+    """Return a record whose missing samples of the torque are the ones before, as they were."""
+    tau, rows = record["tau"], np.arange(len(record))
+    known = np.maximum.accumulate(np.where(np.isnan(tau), 0, rows))
+    return record.with_columns({"tau": np.nan_to_num(tau[known])})
+
+
+def _joint(file: JointFile, structure: str) -> Joint:
+    effects = resolve_effects(None, file, get_structure(structure), DRIVE)
+    return Joint(file, structure, DRIVE, effects)
+
+
+def _replay(
+    record: Record, nominal: Joint, identified: Joint, was_fitted: bool, agents: Sequence[Agent]
+) -> ClosedLoop | None:
+    """Return the replay under the record's controller, None where that is not known.
+
+    Of a record that was fitted, only the end counts that was kept from the fit.
+    """
+    from cjt_gym.gap.closed_loop import closed_loop_gap
+
+    known = _law(record, nominal, agents)
+    if known is None:
+        return None
+    name, law = known
+    begin = int((1.0 - TAIL) * len(record)) if was_fitted else 0
+    sensor = nominal.file.sensors.get("tau", {})
+    noise, step = (np.max(sensor[k].value) if k in sensor else 0.0 for k in ("noise", "resolution"))
+    scatter = float(np.hypot(noise, step / np.sqrt(12.0)))
+    gap = closed_loop_gap(record, nominal, identified, law, scatter, begin)
+    return ClosedLoop(name, record.owner, gap)
+
+
+def _law(record: Record, nominal: Joint, agents: Sequence[Agent]) -> tuple[str, Law] | None:
+    """Return the controller that a record names, else the first classical one that was given."""
+    from cjt_gym.baselines import CONTROLLERS, PdFeedForward, make_controller
+    from cjt_gym.baselines.compose import is_composed
+    from cjt_gym.plant import limits_of
+
+    made = record.provenance
+    given = next((agent.name for agent in agents if agent.kind == "classical"), None)
+    name = made.get("controller", None if "policy" in made else given)
+    if not isinstance(name, str) or not (name in CONTROLLERS or is_composed(name)):
+        return None
+    if name == "pd_feedforward" and {"kp", "kd"} <= set(made):
+        limit = limits_of(nominal).tau
+        side = made.get("derivative", "error")
+        return name, PdFeedForward(made["kp"], made["kd"], record.dt, side, torque_limit=limit)
+    return name, make_controller(name, nominal, record.dt, made.get("gains"))
+
+
+def _plain(replay: ClosedLoop) -> dict[str, Any]:
+    names = [field.name for field in fields(Gap) if field.name != "replays"]
+    gap = {name: getattr(replay.gap, name) for name in names}
+    return {"controller": replay.controller, "record": replay.record} | gap
+
+
+def _replay_table(replay: ClosedLoop) -> Table:
+    gap = replay.gap
+    rows = [("channel", "nominal joint", "identified joint")]
+    rows += [(n, percent(e["before"]), percent(e["after"])) for n, e in gap.by_channel.items()]
+    interval = f"{percent(gap.low)} … {percent(gap.high)}"
+    return Table(
+        f"Closed-loop replay under {replay.controller}",
+        "Error relative to the recorded signal where the controller takes part, on data not "
+        "used for the fit.",
+        rows,
+        (f"{percent(gap.removed)} of the error of tau is removed ({interval}).",),
+    )
+
+
+def _performance_table(gaps: Sequence[PerformanceGap]) -> Table:
+    rows: list[tuple[str, ...]] = [
+        ("agent", "world", "rmse [N m]", "95 % interval", "reward per step", "terminated")
+    ]
+    notes = []
+    for gap in gaps:
+        worlds = [(name, getattr(gap, name)) for name in WORLDS]
+        rows += [_world(gap.agent, name, world) for name, world in worlds if world is not None]
+        if gap.removed is not None:
+            share = f"{percent(max(gap.removed, 0.0))} of the difference of rmse is explained."
+            notes.append(f"{gap.agent}: {share}")
+        if gap.note:
+            notes.append(f"{gap.agent}: {gap.note}")
+    return Table(
+        "Performance gap",
+        "What each controller or policy earns in the nominal and in the identified joint against "
+        "the recorded reference, beside what the record shows.",
+        rows,
+        notes,
+    )
+
+
+def _world(agent: str, name: str, world: Performance) -> tuple[str, ...]:
+    spread = f"{number(world.low)} … {number(world.high)}"
+    ended = percent(world.terminated)
+    return (agent, name, number(world.rmse), spread, number(world.reward), ended)

@@ -1,0 +1,231 @@
+"""Evaluate controllers and policies on the same held-out episodes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+
+import numpy as np
+
+from cjt_gym.errors import ConfigurationError
+from cjt_gym.training.evaluation import metrics
+from cjt_gym.training.evaluation.conditions import (
+    BANDWIDTH_HIGH,
+    BANDWIDTH_LOW,
+    EVALUATION_SEEDS,
+    STEP_HOLD,
+    SWEEP,
+    TASKS,
+    Conditions,
+    bandwidth_reference,
+    task_reference,
+    zero_reference,
+)
+from cjt_gym.training.evaluation.rollout import Agent, Traces, joint_of, rollout, run_task
+from cjt_gym.training.evaluation.tasks import BENCHMARK_TASKS, get_task
+
+NOISE_DURATION = 1.0
+CHARACTER_EPISODES = 8
+SEED_BLOCK = 10_000
+BLOCKS_PER_SEED = 8
+
+
+@dataclass(frozen=True)
+class Row:
+    """What one agent did in one task.
+
+    Bandwidth, overshoot, settling time and noise amplification belong to the agent and are the
+    same in all its rows: they come from a sweep, from the task "step" and from a run without
+    reference. NaN and infinity stand for what cannot be said, and are null in JSON.
+
+    Attributes:
+        controller: Name of the agent.
+        kind: "classical", "learned" or "residual".
+        joint: The joint.
+        structure: Its structure.
+        task: One of `BENCHMARK_TASKS`.
+        rmse: Root mean square error of the true joint torque [N m].
+        nrmse: The same over the root mean square of the reference [-].
+        bandwidth_hz: Where the response of the torque to the reference first falls 3 dB below
+            that at 1 to 2 Hz, at the torque amplitude of the comparison [Hz]; 150 where it does
+            not.
+        overshoot: Mean overshoot over the height of the step [-].
+        settling_s: Median time until a step stays within 10 % of its height [s].
+        effort_rms: Root mean square of the motor torque [N m].
+        noise_amplification: Standard deviation of the command over that of the torque sensor's
+            noise, without reference [-].
+        episodes: How many.
+        ci95: 95 % interval of rmse, by bootstrap over the episodes [N m].
+        terminated: Share of episodes that passed a safety limit.
+    """
+
+    controller: str
+    kind: str
+    joint: str
+    structure: str
+    task: str
+    rmse: float
+    nrmse: float
+    bandwidth_hz: float
+    overshoot: float
+    settling_s: float
+    effort_rms: float
+    noise_amplification: float
+    episodes: int
+    ci95: tuple[float, float]
+    terminated: float
+
+    def to_json(self) -> dict[str, object]:
+        """Return the row as plain data for JSON."""
+        return {name: _plain(value) for name, value in asdict(self).items()}
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, tuple):
+        return [_plain(v) for v in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """All that one agent did.
+
+    Attributes:
+        agent: Its name.
+        rows: One per task.
+        traces: What happened, per task.
+        sweep: What happened under the sweep of the bandwidth.
+    """
+
+    agent: str
+    rows: tuple[Row, ...]
+    traces: dict[str, Traces]
+    sweep: Traces
+
+    def pooled(self) -> Traces:
+        """Return the episodes of all tasks as one batch."""
+        return pool(list(self.traces.values()))
+
+
+def pool(batches: Sequence[Traces]) -> Traces:
+    """Return the episodes of several batches of equal length as one."""
+    names = ("reference", "tau", "tau_measured", "command", "terminated")
+    arrays = {name: np.concatenate([getattr(b, name) for b in batches]) for name in names}
+    return Traces(dt=batches[0].dt, **arrays)
+
+
+def check_episodes(episodes: int, seed: int) -> None:
+    """Refuse a number of episodes, or a seed, that has no draws of its own.
+
+    Raises:
+        ConfigurationError: One of them is out of range.
+    """
+    if not 1 <= episodes <= SEED_BLOCK:
+        raise ConfigurationError(f"episodes must be >= 1 and <= {SEED_BLOCK}, got {episodes}.")
+    if seed < 0:
+        raise ConfigurationError(f"seed must be >= 0, got {seed}.")
+
+
+def first_seed(task: str, seed: int) -> int:
+    """Return the seed of a task's first episode, in a block of held-out episodes."""
+    names = list(BENCHMARK_TASKS)
+    return EVALUATION_SEEDS + SEED_BLOCK * (seed * BLOCKS_PER_SEED + names.index(task))
+
+
+def evaluate(
+    agent: Agent,
+    conditions: Conditions,
+    tasks: Sequence[str] = TASKS,
+    episodes: int = 32,
+    seed: int = 0,
+    report: Callable[[str], None] = lambda text: None,
+) -> Evaluation:
+    """Run an agent through the tasks, on seeds that no training uses.
+
+    Args:
+        agent: The agent.
+        conditions: What it faces.
+        tasks: Which tasks, see `BENCHMARK_TASKS`.
+        episodes: Episodes of each task; each draws its own joint, reference and noise.
+        seed: Which held-out episodes; the same for every agent that is to be compared.
+        report: Told what is being done.
+
+    Raises:
+        ConfigurationError: episodes or seed is out of range, or a task does not exist for the
+            structure or the kind of agent.
+        UnknownNameError: There is no such task.
+    """
+    check_episodes(episodes, seed)
+    first = first_seed(next(iter(BENCHMARK_TASKS)), seed)
+    for task in tasks:
+        if not get_task(task).suits(conditions.structure, agent):
+            raise ConfigurationError(
+                f"Task {task} does not exist for {agent.name} ({agent.kind}) on structure "
+                f"{conditions.structure}. Leave it out."
+            )
+    conditions = replace(conditions, torque_amplitude=conditions.amplitude)
+    joint = joint_of(conditions)
+    traces = {}
+    for task in tasks:
+        report(f"{agent.name}: {task}")
+        setting = get_task(task).setting(conditions, joint)
+        traces[task] = run_task(agent, setting, episodes, first_seed(task, seed))
+    report(f"{agent.name}: bandwidth and noise")
+    sweep = _run(agent, conditions, "sweep", first)
+    stepped = traces["step"] if "step" in traces else _run(agent, conditions, "step", first)
+    quiet = _run(agent, conditions, "zero", first)
+    character = character_of({"sweep": sweep, "step": stepped, "zero": quiet})
+    rows = tuple(row_of(agent, conditions, task, run, character) for task, run in traces.items())
+    return Evaluation(agent.name, rows, traces, sweep)
+
+
+CHARACTER: dict[str, tuple[str, Callable[[Traces], float]]] = {
+    "bandwidth_hz": ("sweep", lambda run: metrics.bandwidth(run, BANDWIDTH_LOW, BANDWIDTH_HIGH)),
+    "overshoot": ("step", metrics.overshoot),
+    "settling_s": ("step", metrics.settling_time),
+    "noise_amplification": ("zero", metrics.noise_amplification),
+}
+"""What experiments tell of an agent, whatever its task."""
+
+
+def character_of(runs: Mapping[str, Traces]) -> dict[str, float]:
+    """Return the figures that all tasks share; NaN where the experiment for one was not run."""
+    return {
+        name: measure(runs[of]) if of in runs else math.nan
+        for name, (of, measure) in CHARACTER.items()
+    }
+
+
+def row_of(
+    agent: Agent, conditions: Conditions, task: str, run: Traces, character: Mapping[str, float]
+) -> Row:
+    """Return what the episodes of a task come to, beside the figures that all tasks share."""
+    return Row(
+        controller=agent.name,
+        kind=agent.kind,
+        joint=conditions.joint,
+        structure=conditions.structure,
+        task=task,
+        rmse=metrics.rmse(run),
+        nrmse=metrics.nrmse(run),
+        effort_rms=metrics.effort_rms(run),
+        episodes=len(run.tau),
+        ci95=metrics.bootstrap_rmse(run),
+        terminated=float(np.mean(run.terminated.any(axis=1))),
+        **character,
+    )
+
+
+def _run(agent: Agent, conditions: Conditions, what: str, seed: int) -> Traces:
+    """Run one of the experiments that tell an agent's character."""
+    amplitude = conditions.amplitude
+    reference, duration = {
+        "sweep": (bandwidth_reference(amplitude), SWEEP),
+        "step": (task_reference("step", amplitude), 2.0 * STEP_HOLD),
+        "zero": (zero_reference(), NOISE_DURATION),
+    }[what]
+    steps = round(duration / conditions.dt_control)
+    return rollout(agent, conditions, reference, steps, CHARACTER_EPISODES, seed)

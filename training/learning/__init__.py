@@ -1,0 +1,1 @@
+"""Learning: configurations, algorithms, run folders, and the policies that come of them."""

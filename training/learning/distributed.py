@@ -1,0 +1,77 @@
+"""Trainings as tasks of a Ray cluster: one run folder per seed, and a lost worker is replaced."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from cjt_gym.errors import ConfigurationError
+from cjt_gym.training.benchmark.cluster import join_ray
+from cjt_gym.training.learning.config import TrainConfig
+from cjt_gym.training.learning.run_folder import RunFolder
+from cjt_gym.training.learning.seeds import runs_of
+
+RETRIES = 3
+
+
+def train_on_ray(
+    config: TrainConfig,
+    out: str | Path,
+    seeds: int,
+    *,
+    workers: int | None = None,
+    retries: int = RETRIES,
+) -> list[RunFolder]:
+    """Do what `train_seeds` does, with each training as a task of a Ray cluster.
+
+    A task whose worker is killed starts again on another one and goes on from the last checkpoint
+    in its run folder. A cluster that is already there is used, as `RAY_ADDRESS` says, else one on
+    this machine. A task takes as many cores as the configuration has threads.
+
+    Args:
+        config: What to train; it may have up to `STRIDE` environments.
+        out: Path of the run folders without _k; all machines of the cluster must see it, by the
+            same path.
+        seeds: How many.
+        workers: Cores of a cluster that is started here; all of this machine if absent.
+        retries: How often a task may lose its worker.
+
+    Returns:
+        The run folders. Their facts say which finished: a training that
+        diverged, or that lost too many workers, has "failed" there, and the others go on.
+
+    Raises:
+        ConfigurationError: Ray is not installed, a number is out of range, or a folder holds
+            something else.
+    """
+    runs = runs_of(config, Path(out).resolve(), seeds)  # workers are elsewhere
+    if retries < 0 or (workers is not None and workers < 1):
+        raise ConfigurationError(
+            f"retries must be >= 0 and workers >= 1, got {retries} and {workers}."
+        )
+    try:
+        ray = join_ray(workers)
+    except ModuleNotFoundError:
+        raise ConfigurationError('This needs Ray: pip install "cjt-gym[ray,train]".') from None
+    from cjt_gym.training.learning.train import train
+
+    def run(changed: TrainConfig, path: str) -> None:
+        train(changed, path, quiet=True)
+
+    task = ray.remote(num_cpus=config.threads, max_retries=retries)(run)
+    jobs = [task.options(name=path.name).remote(changed, str(path)) for changed, path in runs]
+    return [_outcome(ray, job, RunFolder(path)) for job, (_, path) in zip(jobs, runs, strict=True)]
+
+
+def _outcome(ray: Any, job: Any, run: RunFolder) -> RunFolder:
+    """Wait for a task; note in the run folder if it was lost."""
+    try:
+        ray.get(job)
+    except ray.exceptions.WorkerCrashedError:
+        run.note(status="failed", reason="its worker was lost, more often than retries allow")
+    except ray.exceptions.RayTaskError as error:
+        if isinstance(error.cause, ConfigurationError):
+            raise error.cause from None
+        if run.facts["status"] != "failed":
+            raise
+    return run

@@ -1,0 +1,219 @@
+"""Gain files: a controller with its gains, as `cjt-gym tune` writes them.
+
+Wherever a controller is named, such a file may stand instead: in `simulate`, `benchmark`,
+`diagnose`, `hardware`, and as `base_controller` of a training. Code of one's own (PATH.py:NAME, see
+`cjt_gym.baselines.own`) is imported only where its path is given: no gain file and no configuration
+brings it in, and the gains of such a controller are named after it, PATH.py:NAME@FILE.toml.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from cjt_gym.baselines import Controller, ControllerEntry, get_entry, make_controller
+from cjt_gym.baselines.own import is_own, path_of
+from cjt_gym.disk import read_toml, to_toml, write_text
+from cjt_gym.errors import (
+    CjtGymError,
+    CjtGymWarning,
+    ConfigurationError,
+    MissingFileError,
+    unknown_name,
+)
+from cjt_gym.joint import Joint
+
+KEYS = ("controller", "gains", "tuned")
+ENDING, WITH = ".toml", "@"
+KNOWN_BY = ("kp", "kd", "derivative")
+"""What a controller is known by in the provenance of a record, where it has it."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A controller, with gains of its own or those that it takes by default.
+
+    Attributes:
+        name: Name in tables.
+        controller: What `get_entry` takes.
+        gains: Gains that replace its defaults.
+        facts: What is known about them.
+    """
+
+    name: str
+    controller: str
+    gains: Mapping[str, float] = field(default_factory=dict)
+    facts: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def entry(self) -> ControllerEntry:
+        """Its row."""
+        return get_entry(self.controller)
+
+    def with_gains(self, gains: Mapping[str, float]) -> Choice:
+        """Return a copy in which some gains are replaced.
+
+        Raises:
+            UnknownNameError: The controller has no gain of that name.
+            ConfigurationError: A gain is out of its range.
+        """
+        for name, value in gains.items():
+            if isinstance(value, bool) or not isinstance(value, (int, float)):
+                raise ConfigurationError(
+                    f"Gain {name} of controller {self.controller} must be a number, got {value!r}."
+                )
+        self.entry.check_gains(gains)
+        return replace(self, gains={**self.gains, **gains})
+
+    def make(self, joint: Joint, dt: float) -> Controller:
+        """Return the controller for a joint and a sample time [s].
+
+        Warns:
+            CjtGymWarning: The gains were tuned for another joint or another structure.
+
+        Raises:
+            ConfigurationError: The law does not fit the joint or the sample time.
+        """
+        name, structure = (str(self.facts.get(key, "")) for key in ("joint", "structure"))
+        same_joint = Path(name).stem in (joint.file.name, Path(joint.parameters.origin).stem)
+        if name and structure and not (same_joint and structure == joint.structure):
+            warnings.warn(
+                f"The gains of {self.name} were tuned for {name}, {structure}, and are used on "
+                f"{joint.file.name}, {joint.structure}, where they may be far off. Tune them for "
+                "it: cjt-gym tune.",
+                CjtGymWarning,
+                stacklevel=2,
+            )
+        return make_controller(self.controller, joint, dt, self.gains or None)
+
+
+def choose(word: str | Path) -> Choice:
+    """Return the controller of that name, or the one in a gain file (*.toml).
+
+    Args:
+        word: What `get_entry` takes, a gain file, or PATH.py:NAME@FILE.toml, a controller of one's
+            own with the gains of a file.
+
+    Raises:
+        UnknownNameError: There is no such controller or gain.
+        MissingFileError: There is no such file.
+        ConfigurationError: The file is not valid.
+    """
+    name, _, file = str(word).partition(WITH)
+    if is_own(name):
+        get_entry(name)
+        plain = Choice(name.rpartition(":")[2], name)
+        if not file:
+            return plain
+        known = _read(file, name)
+        return replace(known, name=f"{plain.name}{WITH}{known.name}", controller=name)
+    if str(word).endswith(ENDING):
+        return read_gains(word)
+    get_entry(str(word))
+    return Choice(str(word), str(word))
+
+
+def choose_listed(word: str | Path) -> Choice:
+    """Return the same for a word that stands in a file: code of one's own is refused.
+
+    Raises:
+        ConfigurationError: The word names code.
+    """
+    if is_own(str(word)):
+        raise ConfigurationError(
+            f"A file cannot name code to be imported, got {word}. Give a controller of the table, "
+            "or name the code on the command line or in Python."
+        )
+    return choose(word)
+
+
+def files_of(word: str | Path) -> list[Path]:
+    """Return the files that a word for `choose` names: code, gains, or none."""
+    name, _, file = str(word).partition(WITH)
+    if is_own(name):
+        return [path_of(name), *([Path(file)] if file else [])]
+    return [Path(word)] if str(word).endswith(ENDING) else []
+
+
+def write_gains(
+    path: Path, controller: str, gains: Mapping[str, float], facts: Mapping[str, Any]
+) -> Path:
+    """Write a gain file and return its path.
+
+    Args:
+        path: A TOML file.
+        controller: What `get_entry` takes.
+        gains: Its gains, by name, in the units of the row.
+        facts: How they were found.
+    """
+    units = {gain.name: gain.unit for gain in get_entry(controller).tunable}
+    values = {name: {"value": value, "unit": units[name]} for name, value in gains.items()}
+    path.parent.mkdir(parents=True, exist_ok=True)
+    data = {"controller": controller, "gains": values, "tuned": facts}
+    write_text(path, to_toml(data))
+    return path
+
+
+def read_gains(path: str | Path) -> Choice:
+    """Read a gain file.
+
+    Raises:
+        MissingFileError: There is no such file.
+        ConfigurationError: It is not valid.
+        UnknownNameError: There is no such controller or gain.
+    """
+    return _read(path, None)
+
+
+def _row(path: str | Path, controller: str, own: str | None) -> ControllerEntry:
+    """Return the row whose gains a file holds."""
+    if own is not None:
+        if controller.rpartition(":")[2] != own.rpartition(":")[2]:
+            raise ConfigurationError(f"{path} holds gains of {controller}, not of {own}.")
+        return get_entry(own)
+    if is_own(controller):
+        raise ConfigurationError(
+            f"{path} holds gains of {controller}, code that is imported only where its path is "
+            f"given: name it as  {controller}{WITH}{path}"
+        )
+    try:
+        return get_entry(controller)
+    except CjtGymError as error:
+        raise type(error)(f"{error} (controller of {path})") from None
+
+
+def _read(path: str | Path, own: str | None) -> Choice:
+    """Read a gain file, that of code of one's own where such is given."""
+    file = Path(path)
+    try:
+        data = read_toml(file, ConfigurationError)
+    except FileNotFoundError:
+        raise MissingFileError(f"The gain file {path} does not exist. Make it with tune.") from None
+    for key in data:
+        if key not in KEYS:
+            raise ConfigurationError(f"{unknown_name('key', key, KEYS)} (in {path})")
+    controller = str(data.get("controller"))
+    row, table = _row(path, controller, own), data.get("gains", {})
+    units = {gain.name: gain.unit for gain in row.tunable}
+    gains = {}
+    for name, entry in table.items() if isinstance(table, dict) else ():
+        number = entry.get("value") if isinstance(entry, dict) else None
+        if isinstance(number, bool) or not isinstance(number, (int, float)):
+            raise ConfigurationError(
+                f'Gain {name} of {path} must be {{ value = NUMBER, unit = "..." }}, got {entry!r}.'
+            )
+        if name in units and entry.get("unit") != units[name]:
+            raise ConfigurationError(
+                f"Gain {name} of {path} must be in {units[name]}, got {entry.get('unit')!r}."
+            )
+        gains[name] = float(number)
+    row.check_gains(gains)
+    return Choice(file.stem, controller, gains, data.get("tuned", {}))
+
+
+def gains_in_record(law: object) -> dict[str, Any]:
+    """Return what the provenance of a record tells of a controller."""
+    return {name: getattr(law, name) for name in KNOWN_BY if hasattr(law, name)}
