@@ -77,6 +77,7 @@ def run(path: Path) -> Any:
     before, count = os.getcwd(), 0
     with tempfile.TemporaryDirectory() as folder, matplotlib.rc_context(SETTINGS):
         pyplot.switch_backend("agg")
+        pyplot.close("all")  # figures that others left open are none of this notebook's
         os.chdir(folder)
         try:
             for number, cell in enumerate(notebook.cells):
