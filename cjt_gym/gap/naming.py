@@ -33,7 +33,7 @@ EVEN_CHANCE = 0.5
 def name_effects(
     found: Explanation, spread: Covariance, unseen: Sequence[Setting]
 ) -> tuple[NamedEffect, ...]:
-    """Return the effects of an explanation that deserve a name, confirmed ones first.
+    """Return the effects of an explanation that deserve a name, by the share of the gap.
 
     Beside friction outside the table none of that stage is confirmed: it may be what that leaves.
 
@@ -85,7 +85,7 @@ def name_effects(
             )
         )
     rows += [_sensor_row(finding, problem.stages.setting) for finding in found.sensors]
-    return tuple(sorted(rows, key=lambda row: (row.status != "confirmed", -row.gap_removed)))
+    return tuple(sorted(rows, key=lambda row: -row.gap_removed))
 
 
 def doubted(effect: NamedEffect) -> NamedEffect:

@@ -104,7 +104,7 @@ def retold(
     effects = _effects(judged, excluded)
     told = any(e.stage != "drive" for e in effects) or _main(judged).found < LOUD
     held = () if told else _of_torque(judged, excluded)
-    effects = (*effects, *held)
+    effects = tuple(sorted((*effects, *held), key=lambda e: -e.gap_removed))
     if judged.cut and first.verdict == "unexplained":  # the cause is none of the table's
         effects = tuple(replace(e, status="tentative", confidence=0.5) for e in effects)
     rows = judged.rows
@@ -156,7 +156,7 @@ def _effects(judged: Judgement, excluded: Mapping[str, str]) -> tuple[NamedEffec
             continue
         named.append(_named(judged, problem, spread, k, term))
     named += [e for e in _of_drive(judged) if e.name not in {n.name for n in named}]
-    return tuple(sorted(_folded(named), key=lambda e: (e.status != "confirmed", -e.gap_removed)))
+    return tuple(sorted(_folded(named), key=lambda e: -e.gap_removed))
 
 
 def _folded(named: Sequence[NamedEffect]) -> list[NamedEffect]:

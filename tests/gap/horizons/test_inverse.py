@@ -76,6 +76,8 @@ def test_friction_and_weight_are_named_where_the_torque_hardly_tells_the_motion(
     assert named.keys() >= {"coulomb", "gravity"}
     assert named.keys() <= {"coulomb", "gravity", "damping"}  # no inertia of many times the guess
     assert {effect.status for effect in found.effects} == {"tentative"}
+    removed = [effect.gap_removed for effect in found.effects]
+    assert removed == sorted(removed, reverse=True)
     dry, weight = named["coulomb"].parameters["d_cm"], named["gravity"].parameters["torque"]
     assert dry.value == pytest.approx(DRY, rel=0.2)
     assert weight.low < WEIGHT < weight.high
