@@ -1,0 +1,1 @@
+"""The demonstration, and the real drive that it replays."""
