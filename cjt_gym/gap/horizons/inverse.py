@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import binary_erosion
 from scipy.signal import savgol_filter
 
 from cjt_gym.gap.horizons.log import LEAST_SMOOTH, Log
@@ -157,6 +158,7 @@ def _columns(joint: Joint, log: Log, sprung: bool) -> tuple[Floats, Floats]:
         savgol_filter(log.measured["q_m"], count, 2, deriv=k, delta=log.dt) for k in range(3)
     )
     usual = STUCK * float(np.sqrt(np.mean(v[log.whole] ** 2)))
-    use = log.whole & (np.abs(v) > usual)
+    whole = binary_erosion(log.whole, iterations=count // 2, border_value=1)
+    use = whole & (np.abs(v) > usual)
     columns = np.stack([a, v, np.sign(v), -np.ones_like(v), np.cos(q), np.sin(q)], axis=1)
     return columns[use], savgol_filter(torque, count, 2)[use]

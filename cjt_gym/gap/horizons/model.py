@@ -234,3 +234,9 @@ def body_group(structure: Structure, body: str) -> tuple[str, ...]:
     """Return the letters of the bodies that move together with one."""
     group = structure.groups["mgl".index(body)]
     return tuple(b for b, g in zip("mgl", structure.groups, strict=True) if g == group)
+
+
+def motor_inertia(joint: Joint) -> float:
+    """Return the inertia of all bodies that move with the motor [kg m^2]."""
+    own = body_group(joint.structure_row, "m")
+    return float(sum(joint.parameters.get(f"I_{body}", 0.0) for body in own))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cjt_gym.gap.horizons.fit import Fit, Problem, _solve, _within, bounded
 from cjt_gym.gap.horizons.inverse import inverse
-from cjt_gym.gap.horizons.model import Model, Number, Term, body_group
+from cjt_gym.gap.horizons.model import Model, Number, Term, motor_inertia
 
 Floats = NDArray[np.float64]
 PRICE, PER_NUMBER = 3.0, 1.0
@@ -29,7 +29,7 @@ PATIENCE = 60_000_000
 MOST = 6
 """Most terms beyond the base."""
 OTHER = 0.4
-"""Difference of the inertia, relative, from which a second start is followed, too."""
+"""Difference of the logarithm of the inertia from which a second start is followed as well."""
 FIRST = "coulomb"
 """Dry friction is tried from a grid at once: damping alone may have taken its place."""
 FAR = 0.5
@@ -218,12 +218,14 @@ def search(
     first = best_start(problem, base)
     begun = [first, *(begin(problem, first, term) for term in terms if term.name == FIRST)]
     begun.append(seeded(problem, first, terms, suspects))
+    fixed = len(base.terms)
     if problem.force:
-        begun += moved(problem, base, terms)
-    begun = _apart(begun, len(base.terms))[: 2 if problem.force else 1]
-    fits = [extended(problem, fit, terms, progress) for fit in begun]
-    best = min(fits, key=lambda fit: _priced(fit, len(base.terms)))
-    return pruned(problem, first, best, terms, len(base.terms))
+        chosen = _apart([*begun, *inverse_starts(problem, base, terms)], fixed)
+    else:
+        chosen = [min(begun, key=lambda fit: _priced(fit, fixed))]
+    fits = [extended(problem, fit, terms, progress) for fit in chosen]
+    best = min(fits, key=lambda fit: _priced(fit, fixed))
+    return pruned(problem, first, best, terms, fixed)
 
 
 def _priced(fit: Fit, fixed: int) -> float:
@@ -232,12 +234,11 @@ def _priced(fit: Fit, fixed: int) -> float:
 
 
 def _apart(begun: Sequence[Fit], fixed: int) -> list[Fit]:
-    """Return the best of some fits, and the best whose inertia is another, if it is not far."""
+    """Return the best of some fits, and the best of those whose inertia is clearly different."""
     ordered = sorted(begun, key=lambda fit: _priced(fit, fixed))
-    best = ordered[0]
-    heavy = [float(np.log(fit.model.values(fit.z)[0][0])) for fit in ordered]
-    others = [f for f, x in zip(ordered, heavy, strict=True) if abs(x - heavy[0]) > OTHER]
-    return [best, *others[:1]]
+    sizes = [float(np.log(fit.model.values(fit.z)[0][0])) for fit in ordered]
+    others = [f for f, x in zip(ordered, sizes, strict=True) if abs(x - sizes[0]) > OTHER]
+    return [ordered[0], *others[:1]]
 
 
 def extended(
@@ -294,11 +295,10 @@ def seeded(problem: Problem, fit: Fit, terms: Sequence[Term], suspects: Sequence
     return fit
 
 
-def moved(problem: Problem, base: Model, terms: Sequence[Term]) -> list[Fit]:
+def inverse_starts(problem: Problem, base: Model, terms: Sequence[Term]) -> list[Fit]:
     """Return the fits that start from what a regression of the torque on the motion finds."""
-    joint, found = base.joint, []
-    total = sum(joint.parameters.get(f"I_{b}", 0.0) for b in body_group(joint.structure_row, "m"))
-    for start in inverse(joint, problem.windows.logs):
+    total, found = motor_inertia(base.joint), []
+    for start in inverse(base.joint, problem.windows.logs):
         known = {"inertia": start.inertia / total, "damping": start.damping}
         z = [n.coordinate(known.get(t.name, n.start)) for t in base.terms for n in t.numbers]
         fit = Fit(base, np.array(z), np.inf, [])

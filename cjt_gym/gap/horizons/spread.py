@@ -10,7 +10,7 @@ from scipy.stats import t as student
 
 from cjt_gym.gap.diagnosis import Interval
 from cjt_gym.gap.horizons.fit import LEAST, Fit, Problem, bounded
-from cjt_gym.gap.horizons.model import Model
+from cjt_gym.gap.horizons.model import Model, motor_inertia
 
 Floats = NDArray[np.float64]
 INTERVAL = 0.95
@@ -53,10 +53,7 @@ class Spread:
         """Return what a factor multiplies: the inertia of the bodies that move with the motor."""
         if name != "inertia":
             return 1.0
-        p = self.model.joint.parameters
-        groups = self.model.joint.structure_row.groups
-        own = [b for b, g in zip("mgl", groups, strict=True) if g == groups[0]]
-        return sum(p.get(f"I_{b}", 0.0) for b in own)
+        return motor_inertia(self.model.joint)
 
 
 def spread_of(problem: Problem, fit: Fit) -> Spread:

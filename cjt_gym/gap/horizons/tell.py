@@ -25,7 +25,7 @@ from cjt_gym.gap.diagnosis import (
 from cjt_gym.gap.horizons.fit import Fit, Problem
 from cjt_gym.gap.horizons.inverse import BLOCKS, inverse, spent
 from cjt_gym.gap.horizons.judge import Judgement, Row
-from cjt_gym.gap.horizons.model import Term, body_group
+from cjt_gym.gap.horizons.model import Term, motor_inertia
 from cjt_gym.gap.horizons.rows import SWING
 from cjt_gym.gap.horizons.spread import Spread, spread_of
 from cjt_gym.gap.horizons.windows import WHOLE, bootstrapped
@@ -56,8 +56,8 @@ EITHER = {
 }
 """Explanations that are the same, or nearly so, where a joint moves: none of them is confirmed."""
 HELD = (
-    "The torque hardly tells how the joint moves, as where a controller holds the motion. What is "
-    "named is what a regression of the torque on the motion shows; the joint given lacks it."
+    "The torque hardly determines the motion, as when a controller tracks a trajectory. The named "
+    "effects come from a regression of the torque on the motion; the joint file does not have them."
 )
 """What is said where effects are told by the torque alone."""
 SPENT_ON: Mapping[str, tuple[str, str | None]] = {
@@ -202,8 +202,7 @@ def _by_regression(judged: Judgement, term: Term) -> list[float]:
     """
     if term.name != "inertia":
         return []
-    p, shape = judged.case.joint.parameters, judged.case.joint.structure_row
-    total = sum(p.get(f"I_{body}", 0.0) for body in body_group(shape, "m"))
+    total = motor_inertia(judged.case.joint)
     found = [one.inertia / total for one in inverse(judged.case.joint, judged.case.logs)]
     return [max(factor, LEAST) for factor in found]
 
