@@ -159,3 +159,14 @@ def test_a_record_driven_by_a_voltage_is_diagnosed() -> None:
     found = diagnose(driven, replace(sheet, parameters=values))
     assert found.horizons
     assert found.verdict != "no_gap"
+
+
+def test_a_guess_of_a_held_joint_is_corrected_and_not_named() -> None:
+    made, joint = spring_record(("i", "q_m", "tau"), free=False)
+    file = joint.file
+    guess = Quantity(2.0 * file.parameters.I_m, "kg m^2", "guess", guess=True)
+    sheet = replace(file, parameters=file.parameters.replace(I_m=guess))
+    found = diagnose(made, sheet, structure=joint.structure)
+    assert "inertia" not in {effect.name for effect in found.effects}
+    assert found.verdict == "no_gap"
+    assert found.gap.after < 0.2 * found.gap.before

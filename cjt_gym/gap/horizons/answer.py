@@ -11,12 +11,16 @@ from cjt_gym.errors import CjtGymError
 from cjt_gym.gap.check import examine
 from cjt_gym.gap.diagnosis import NOTHING_LEFT, Diagnosis, Unexplained
 from cjt_gym.gap.horizons.judge import TRIVIAL, Judgement, Progress, as_joint, judge, make_case
-from cjt_gym.gap.horizons.tell import horizons_of, retold
+from cjt_gym.gap.horizons.model import MEASURES
+from cjt_gym.gap.horizons.tell import LOUD, as_tentative, horizons_of, main_row, retold
 from cjt_gym.gap.horizons.windows import HORIZONS, relative
 from cjt_gym.gap.horizons.write import found_at
 from cjt_gym.joint import JointFile, Structure
 from cjt_gym.records import Record
 
+BETTER = 0.95
+"""Relative error, over that of the datasheet, that one horizon must have for an effect to be
+confirmed."""
 FAR_OFF = 2.0
 """Relative error, over that of the datasheet, from which what the stages suspect is not told."""
 
@@ -39,6 +43,7 @@ def judged(
         shape: How its bodies are joined.
         progress: Is told in words what is being done.
     """
+    first = _without_guesses(first, file)
     exam = examine(list(records), file, shape)
     first = replace(first, examination=exam)
     excluded = {row.name: row.why for row in exam.cannot_tell}
@@ -52,7 +57,8 @@ def judged(
         return _allowed(replace(first, unexplained=left), excluded)
     if found.answer == "stages":
         first = replace(first, joint=replace(first.joint, found=found_at(found)))
-        return _allowed(replace(_cleared(first, found), horizons=horizons_of(found)), excluded)
+        told = _doubted(_cleared(first, found), found)
+        return _allowed(replace(told, horizons=horizons_of(found)), excluded)
     told = retold(first, found, excluded, _title(records[0]))
     if found.answer == "datasheet" and found.cut and _near(found):
         return _suspected(told, first)
@@ -72,9 +78,7 @@ def _suspected(told: Diagnosis, first: Diagnosis) -> Diagnosis:
     """Return a diagnosis with what the stages suspect, of which nothing is confirmed."""
     if not first.effects:
         return told
-    effects = tuple(
-        replace(e, status="tentative", confidence=min(e.confidence, 0.5)) for e in first.effects
-    )
+    effects = tuple(as_tentative(e) for e in first.effects)
     said = (
         "One sample ahead the named effects explain what was measured; over the whole record the "
         "datasheet predicts better, so that its joint is the one given."
@@ -96,12 +100,53 @@ def _cleared(first: Diagnosis, found: Judgement) -> Diagnosis:
     return replace(first, verdict="no_gap", unexplained=told, stages=stages)
 
 
+def _doubted(first: Diagnosis, found: Judgement) -> Diagnosis:
+    """Return a diagnosis that confirms and explains nothing beside predictions that do not improve.
+
+    Effects of the sensors only change what is measured, not what is predicted.
+    """
+    better = any(row.found < BETTER * row.datasheet for row in found.rows)
+    worse = first.gap.after > first.gap.before > TRIVIAL
+    left = main_row(found).found
+    if not first.effects or (better and not worse and left < LOUD):
+        return first
+    effects = tuple(
+        e if e.name in MEASURES or e.status == "tentative" else as_tentative(e)
+        for e in first.effects
+    )
+    if first.verdict != "explained":
+        return replace(first, effects=effects)
+    said = (
+        f"The named effects do not make predictions better: {min(left, 1.0):.0%} of what was "
+        "measured is left."
+    )
+    text = first.unexplained.text.replace(NOTHING_LEFT, "").strip()
+    told = replace(first.unexplained, share=min(left, 1.0), text=f"{said} {text}".strip())
+    return replace(first, verdict="partly_explained", effects=effects, unexplained=told)
+
+
+def _without_guesses(first: Diagnosis, file: JointFile) -> Diagnosis:
+    """Return a diagnosis that corrects a guess of the datasheet instead of naming it a cause."""
+    known = file.parameters.quantities
+    guessed = [e for e in first.effects if all(n in known and known[n].guess for n in e.parameters)]
+    if not guessed:
+        return first
+    effects = tuple(e for e in first.effects if e not in guessed)
+    said = " ".join(
+        f"The guess of {symbol}, {known[symbol].number:.3g} {known[symbol].unit}, is corrected to "
+        f"{one.value:.3g}."
+        for e in guessed
+        for symbol, one in e.parameters.items()
+    )
+    verdict = "no_gap" if first.verdict == "explained" and not effects else first.verdict
+    text = replace(first.unexplained, text=f"{said} {first.unexplained.text}")
+    return replace(first, verdict=verdict, effects=effects, unexplained=text)
+
+
 def _allowed(first: Diagnosis, excluded: dict[str, str]) -> Diagnosis:
     """Return a diagnosis that confirms nothing which the record cannot tell."""
     effects = tuple(
-        replace(e, status="tentative", confidence=min(e.confidence, 0.5))
-        if e.name in excluded and e.status == "confirmed"
-        else e
+        as_tentative(e) if e.name in excluded and e.status == "confirmed" else e
         for e in first.effects
     )
     return replace(first, effects=effects)

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student
 
 from cjt_gym.gap.confusable import advice
 from cjt_gym.gap.diagnosis import (
@@ -22,16 +20,21 @@ from cjt_gym.gap.diagnosis import (
     Suggestion,
     Unexplained,
 )
+from cjt_gym.gap.horizons.by_torque import (
+    EITHER,
+    HELD,
+    agrees,
+    inertia_by_torque,
+    seen_in_torque,
+    told_by_torque,
+)
 from cjt_gym.gap.horizons.fit import Fit, Problem
-from cjt_gym.gap.horizons.inverse import BLOCKS, inverse, spent
+from cjt_gym.gap.horizons.inverse import Spent
 from cjt_gym.gap.horizons.judge import Judgement, Row
-from cjt_gym.gap.horizons.model import Term, motor_inertia
-from cjt_gym.gap.horizons.rows import SWING
+from cjt_gym.gap.horizons.model import Term
 from cjt_gym.gap.horizons.spread import Spread, spread_of
 from cjt_gym.gap.horizons.windows import WHOLE, bootstrapped
 from cjt_gym.gap.horizons.write import joint_of
-from cjt_gym.joint import EFFECTS
-from cjt_gym.joint.effect_entries import unit_on
 
 Floats = NDArray[np.float64]
 SURE, FIRM = 1.4, 2.0
@@ -45,28 +48,8 @@ MUCH = 0.5
 """Share of the squared error that such an effect has to take away."""
 NOTHING = 1e-3
 """Share of the step of a search by which an effect must differ from none at all."""
-LEAST = 1e-3
-"""Least inertia of a regression, as a share of the datasheet's."""
 LOUD = 0.6
 """Relative error over the longest horizon from which nothing counts as explained."""
-EITHER = {
-    "coulomb_asym": ("coulomb", "torque_offset"),
-    "torque_offset": ("coulomb_asym",),
-    "viscous_asym": ("coulomb_asym", "torque_offset"),
-}
-"""Explanations that are the same, or nearly so, where a joint moves: none of them is confirmed."""
-HELD = (
-    "The torque hardly determines the motion, as when a controller tracks a trajectory. The named "
-    "effects come from a regression of the torque on the motion; the joint file does not have them."
-)
-"""What is said where effects are told by the torque alone."""
-SPENT_ON: Mapping[str, tuple[str, str | None]] = {
-    "damping": ("d_m", "motor"),
-    "coulomb": ("d_cm", "motor"),
-    "torque_offset": ("torque", None),
-    "gravity": ("torque", "load"),
-}
-"""Effects on which a torque may be seen to be spent: symbol of their size, and body."""
 MOST_ADVICE = 2
 """Sentences of advice of each kind."""
 SKEW = frozenset({"coulomb_asym", "viscous_asym", "torque_offset"})
@@ -101,12 +84,18 @@ def retold(
         excluded: Effects that the record cannot tell, with the reason.
         record: Name of the record, for the joint's sources.
     """
-    effects = _effects(judged, excluded)
-    told = any(e.stage != "drive" for e in effects) or _main(judged).found < LOUD
-    held = () if told else _of_torque(judged, excluded)
-    effects = tuple(sorted((*effects, *held), key=lambda e: -e.gap_removed))
+    seen = seen_in_torque(judged, excluded)
+    effects = _effects(judged, excluded, seen)
+    told = any(e.stage != "drive" for e in effects) or main_row(judged).found < LOUD
+    by_torque = (
+        ()
+        if told and judged.answer == "datasheet"
+        else told_by_torque(judged, seen, effects, alone=not told)
+    )
+    held = by_torque if not told else ()
+    effects = tuple(sorted((*effects, *by_torque), key=lambda e: -e.gap_removed))
     if judged.cut and first.verdict == "unexplained":  # the cause is none of the table's
-        effects = tuple(replace(e, status="tentative", confidence=0.5) for e in effects)
+        effects = tuple(as_tentative(e) for e in effects)
     rows = judged.rows
     stages = _stages(first, judged, effects)
     verdict = _verdict(judged, effects)
@@ -143,7 +132,14 @@ def _suggestion(judged: Judgement, effects: Sequence[NamedEffect], first: Diagno
 
 
 # ---- effects
-def _effects(judged: Judgement, excluded: Mapping[str, str]) -> tuple[NamedEffect, ...]:
+def as_tentative(effect: NamedEffect) -> NamedEffect:
+    """Return an effect that is not confirmed."""
+    return replace(effect, status="tentative", confidence=min(effect.confidence, 0.5))
+
+
+def _effects(
+    judged: Judgement, excluded: Mapping[str, str], seen: Mapping[str, Spent]
+) -> tuple[NamedEffect, ...]:
     """Return the effects that deserve a name, by the share of the error that they take away."""
     if judged.found is None or judged.problem is None or judged.answer == "datasheet":
         return _of_drive(judged)
@@ -152,7 +148,7 @@ def _effects(judged: Judgement, excluded: Mapping[str, str]) -> tuple[NamedEffec
     named = []
     for k, term in enumerate(found.fit.model.terms):
         there = judged.answer == "found" or term.name in judged.joint.effects
-        if not there or not _deserves(judged, k, term) or term.name in excluded:
+        if not there or not _deserves(judged, k, term, seen) or term.name in excluded:
             continue
         named.append(_named(judged, problem, spread, k, term))
     named += [e for e in _of_drive(judged) if e.name not in {n.name for n in named}]
@@ -172,14 +168,13 @@ def _folded(named: Sequence[NamedEffect]) -> list[NamedEffect]:
     ]
 
 
-def _deserves(judged: Judgement, index: int, term: Term) -> bool:
+def _deserves(judged: Judgement, index: int, term: Term, seen: Mapping[str, Spent]) -> bool:
     """Return whether a term differs from the datasheet by more than that allows."""
     assert judged.found is not None
     found = judged.found
-    worth = found.worths[index]
-    if not worth.enough:
-        return False
     values = found.fit.model.values(found.fit.z)[index]
+    if not found.worths[index].enough and not agrees(seen.get(term.name), values):
+        return False
     as_given = {t.key: t for t in found.base.model.terms}  # the last fit holds the inertia
     number = as_given.get(term.key, term).numbers[0]
     if number.prior:
@@ -187,30 +182,17 @@ def _deserves(judged: Judgement, index: int, term: Term) -> bool:
         stated = known[number.symbol].tolerance if number.symbol in known else None
         if stated is None and number.scale >= 0.5:
             return False  # a guess is corrected, not diagnosed
-        off = [np.log(x / term.nominal[0]) for x in (values[0], *_by_regression(judged, term))]
+        off = [np.log(x / term.nominal[0]) for x in (values[0], *inertia_by_torque(judged, term))]
         nearest = min(np.abs(off)) if min(off) * max(off) > 0.0 else 0.0
         return bool(nearest > OUTSIDE * (stated or number.scale))
     pairs = zip(values, term.nominal, term.numbers, strict=True)
     return any(abs(value - off) > NOTHING * n.scale for value, off, n in pairs)
 
 
-def _by_regression(judged: Judgement, term: Term) -> list[float]:
-    """Return what regressions of the torque on the motion find for the inertia, if it is that.
-
-    Noise of the acceleration makes theirs too small, noise of the torque that of predictions too
-    large: where a controller keeps the motion smooth the two may be far apart.
-    """
-    if term.name != "inertia":
-        return []
-    total = motor_inertia(judged.case.joint)
-    found = [one.inertia / total for one in inverse(judged.case.joint, judged.case.logs)]
-    return [max(factor, LEAST) for factor in found]
-
-
 def _intervals(judged: Judgement, spread: Spread, index: int) -> dict[str, Interval]:
     """Return the intervals of a term; that of the inertia covers what regressions find."""
     term, found = spread.model.terms[index], spread.intervals(index)
-    others = _by_regression(judged, term)
+    others = inertia_by_torque(judged, term)
     for symbol, one in found.items() if others else ():
         known = [x * one.value / spread.model.values(spread.fit.z)[index][0] for x in others]
         found[symbol] = replace(one, low=min(one.low, *known), high=max(one.high, *known))
@@ -236,7 +218,7 @@ def _named(
     firm = firm and not genuine and not same
     firm = firm and (test is None or test.fall > 0.0)
     firm = firm and (term.name not in MIMICS or removed > MUCH)
-    firm = firm and not judged.unexplained and _main(judged).found < LOUD
+    firm = firm and not judged.unexplained and main_row(judged).found < LOUD
     confidence = float(np.clip(1.0 - 0.5 ** (worth.clear / worth.needed), 0.05, 0.99))
     return NamedEffect(
         term.name, term.stage, term.body, term.channel, _intervals(judged, spread, index),
@@ -281,33 +263,6 @@ def _of_drive(judged: Judgement) -> tuple[NamedEffect, ...]:
     )
 
 
-def _of_torque(judged: Judgement, excluded: Mapping[str, str]) -> tuple[NamedEffect, ...]:
-    """Return what the torque is spent on where nothing predicts the motion from it."""
-    joint, logs = judged.case.joint, judged.case.logs
-    p = joint.parameters
-    wide = p.axis == "rotary" and np.ptp(logs[0].states[:, 0]) > SWING
-    seen = [n for n in SPENT_ON if n not in excluded and n not in joint.effects]
-    found = []
-    for one in spent(joint, logs, [n for n in seen if wide or n != "gravity"]):
-        symbol, body = SPENT_ON[one.name]
-        value, deviation = one.values[0], max(one.deviations)
-        if one.name == "gravity":
-            value = math.hypot(*one.values)
-        elif one.name != "torque_offset" and value < 0.0:
-            continue
-        parameter = EFFECTS[one.name].parameter(symbol)
-        assert parameter is not None
-        half = float(student.ppf(0.975, BLOCKS - 1)) * deviation
-        interval = Interval(value, value - half, value + half, unit_on(parameter, p))
-        found.append(
-            NamedEffect(
-                one.name, EFFECTS[one.name].stage, body, None, {symbol: interval}, "tentative",
-                0.5, one.share, EITHER.get(one.name, ()), 0.0,
-            )
-        )  # fmt: skip
-    return tuple(sorted(found, key=lambda e: -e.gap_removed))
-
-
 # ---- stages, gap, verdict
 def _stages(
     first: Diagnosis, judged: Judgement, effects: Sequence[NamedEffect]
@@ -324,7 +279,7 @@ def _stages(
     return out
 
 
-def _main(judged: Judgement) -> Row:
+def main_row(judged: Judgement) -> Row:
     """Return the row whose error is the gap: the torque as a whole, or the longest horizon."""
     channel = "tau" if any(r.channel == "tau" for r in judged.rows) else "q_m"
     whole = judged.case.joint.structure_row.output_fixed
@@ -333,7 +288,7 @@ def _main(judged: Judgement) -> Row:
 
 
 def _gap(judged: Judgement) -> GapSize:
-    row = _main(judged)
+    row = main_row(judged)
     before, after = row.datasheet, row.found
     removed = 1.0 - after / before if before > 0.0 else 0.0
     key = (row.channel, row.seconds)
@@ -350,7 +305,7 @@ def _gap(judged: Judgement) -> GapSize:
 
 
 def _verdict(judged: Judgement, effects: Sequence[NamedEffect]) -> str:
-    row = _main(judged)
+    row = main_row(judged)
     open_ = bool(judged.unexplained) or row.found > LOUD
     if not effects:
         better = any(r.found < 0.85 * r.datasheet for r in judged.rows)
@@ -362,7 +317,7 @@ def _unexplained(judged: Judgement, verdict: str, left: Sequence[Row]) -> Unexpl
     row = max(left, key=lambda r: r.found**2 * (r.left.share if r.left else 0.0), default=None)
     said = _said(judged)
     if row is None or row.left is None:
-        main = _main(judged)
+        main = main_row(judged)
         if verdict in ("explained", "no_gap"):
             return Unexplained(0.0, None, " ".join([said, NOTHING_LEFT]).strip(), 0.0)
         share = min(main.found, 1.0) ** 2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +10,9 @@ import pytest
 from scipy.signal import lfilter
 
 from cjt_gym.gap import diagnose
+from cjt_gym.gap.horizons.by_torque import seen_in_torque, told_by_torque
 from cjt_gym.gap.horizons.inverse import inverse, spent
-from cjt_gym.gap.horizons.judge import make_case
+from cjt_gym.gap.horizons.judge import Judgement, make_case
 from cjt_gym.joint import JointFile, get_structure, load_joint_file
 from cjt_gym.records import Record
 
@@ -66,6 +68,28 @@ def test_what_is_not_there_is_not_seen(arm: JointFile) -> None:
     seen = spent(case.joint, case.logs, ["damping", "coulomb", "torque_offset", "gravity"])
     assert {one.name for one in seen} >= {"coulomb", "gravity"}
     assert "torque_offset" not in {one.name for one in seen}
+
+
+def judgement(arm: JointFile, **values: float) -> Judgement:
+    """Return a judgement of the record, for a datasheet with other values."""
+    file = replace(arm, parameters=arm.parameters.replace(**values))
+    case = make_case([held_record(0, 0.02)], [], file, get_structure("rigid"))
+    return Judgement(case, "found", case.joint, ())
+
+
+def test_the_damping_of_the_datasheet_is_no_cause(arm: JointFile) -> None:
+    assert "damping" in seen_in_torque(judgement(arm), ())
+    assert "damping" not in seen_in_torque(judgement(arm, d_m=DAMPING), ())
+
+
+def test_the_torque_adds_what_has_no_name_yet(arm: JointFile) -> None:
+    judged = judgement(arm)
+    seen = seen_in_torque(judged, ())
+    alone = told_by_torque(judged, seen, (), alone=True)
+    assert [e.name for e in alone] == sorted(seen, key=lambda name: -seen[name].share)
+    beside = told_by_torque(judged, seen, [replace(alone[0], name="stribeck")], alone=False)
+    assert {e.name for e in beside} == set(seen) - {"coulomb"}, "it is a part of the other"
+    assert {(e.status, e.gap_removed) for e in beside} == {("tentative", 0.0)}
 
 
 def test_friction_and_weight_are_named_where_the_torque_hardly_tells_the_motion(
