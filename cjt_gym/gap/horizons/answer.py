@@ -9,10 +9,19 @@ import numpy as np
 
 from cjt_gym.errors import CjtGymError
 from cjt_gym.gap.check import examine
-from cjt_gym.gap.diagnosis import NOTHING_LEFT, Diagnosis, Unexplained
-from cjt_gym.gap.horizons.judge import TRIVIAL, Judgement, Progress, as_joint, judge, make_case
+from cjt_gym.gap.diagnosis import NOTHING_LEFT, Diagnosis, NamedEffect, Unexplained
+from cjt_gym.gap.horizons.by_torque import DRY
+from cjt_gym.gap.horizons.judge import (
+    LOUD,
+    TRIVIAL,
+    Judgement,
+    Progress,
+    as_joint,
+    judge,
+    make_case,
+)
 from cjt_gym.gap.horizons.model import MEASURES
-from cjt_gym.gap.horizons.tell import LOUD, as_tentative, horizons_of, main_row, retold
+from cjt_gym.gap.horizons.tell import as_tentative, horizons_of, main_row, retold
 from cjt_gym.gap.horizons.windows import HORIZONS, relative
 from cjt_gym.gap.horizons.write import found_at
 from cjt_gym.joint import JointFile, Structure
@@ -21,6 +30,11 @@ from cjt_gym.records import Record
 BETTER = 0.95
 """Relative error, over that of the datasheet, that one horizon must have for an effect to be
 confirmed."""
+OVER_THE_RECORD = (
+    "One sample ahead the named effects explain what was measured; over the whole record the "
+    "datasheet predicts better, so that its joint is the one given."
+)
+FURTHER = "The named effects help one sample ahead; further ahead hardly anything is predicted."
 FAR_OFF = 2.0
 """Relative error, over that of the datasheet, from which what the stages suspect is not told."""
 
@@ -61,7 +75,10 @@ def judged(
         return _allowed(replace(told, horizons=horizons_of(found)), excluded)
     told = retold(first, found, excluded, _title(records[0]))
     if found.answer == "datasheet" and found.cut and _near(found):
-        return _suspected(told, first)
+        return _suspected(told, first, first.effects, OVER_THE_RECORD)
+    if not told.effects and not found.cut and main_row(found).found > LOUD:
+        dry = tuple(e for e in first.effects if e.name in DRY)
+        return _suspected(told, first, dry, FURTHER)
     return told
 
 
@@ -74,17 +91,15 @@ def _near(found: Judgement) -> bool:
     return all(own[k] < FAR_OFF * max(other[k], TRIVIAL) for k in own if k[1] != min(HORIZONS))
 
 
-def _suspected(told: Diagnosis, first: Diagnosis) -> Diagnosis:
+def _suspected(
+    told: Diagnosis, first: Diagnosis, effects: Sequence[NamedEffect], said: str
+) -> Diagnosis:
     """Return a diagnosis with what the stages suspect, of which nothing is confirmed."""
-    if not first.effects:
+    if not effects:
         return told
-    effects = tuple(as_tentative(e) for e in first.effects)
-    said = (
-        "One sample ahead the named effects explain what was measured; over the whole record the "
-        "datasheet predicts better, so that its joint is the one given."
-    )
     left = replace(told.unexplained, text=f"{said} {first.unexplained.text}")
-    return replace(told, verdict="partly_explained", effects=effects, unexplained=left)
+    suspects = tuple(as_tentative(e) for e in effects)
+    return replace(told, verdict="partly_explained", effects=suspects, unexplained=left)
 
 
 def _cleared(first: Diagnosis, found: Judgement) -> Diagnosis:
@@ -103,11 +118,15 @@ def _cleared(first: Diagnosis, found: Judgement) -> Diagnosis:
 def _doubted(first: Diagnosis, found: Judgement) -> Diagnosis:
     """Return a diagnosis that confirms and explains nothing beside predictions that do not improve.
 
-    Effects of the sensors only change what is measured, not what is predicted.
+    Effects of the sensors only change what is measured, not what is predicted. What remembers, as
+    a temperature does, shows in the replay from the start of a record rather than in its pieces.
     """
-    better = any(row.found < BETTER * row.datasheet for row in found.rows)
-    worse = first.gap.after > first.gap.before > TRIVIAL
-    left = main_row(found).found
+    gap = first.gap
+    better = gap.after < BETTER * gap.before or any(
+        row.found < BETTER * row.datasheet for row in found.rows
+    )
+    worse = gap.after > gap.before > TRIVIAL
+    left = min(main_row(found).found, gap.after)
     if not first.effects or (better and not worse and left < LOUD):
         return first
     effects = tuple(
@@ -138,7 +157,7 @@ def _without_guesses(first: Diagnosis, file: JointFile) -> Diagnosis:
         for e in guessed
         for symbol, one in e.parameters.items()
     )
-    verdict = "no_gap" if first.verdict == "explained" and not effects else first.verdict
+    verdict = first.verdict if effects else "unexplained" if first.unexplained.share else "no_gap"
     text = replace(first.unexplained, text=f"{said} {first.unexplained.text}")
     return replace(first, verdict=verdict, effects=effects, unexplained=text)
 

@@ -7,16 +7,14 @@ of the torque sees what the torque is spent on wherever the joint moves, however
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
-import numpy as np
 from scipy.stats import t as student
 
 from cjt_gym.gap.diagnosis import Interval, NamedEffect
-from cjt_gym.gap.horizons.inverse import BLOCKS, Spent, inverse, spent
+from cjt_gym.gap.horizons.inverse import BLOCKS, Spent, inverse
 from cjt_gym.gap.horizons.judge import Judgement
-from cjt_gym.gap.horizons.model import Term, body_group, motor_inertia
-from cjt_gym.gap.horizons.rows import SWING, VAGUE, tolerance_of
+from cjt_gym.gap.horizons.model import Term, motor_inertia
 from cjt_gym.joint import EFFECTS, Joint
 from cjt_gym.joint.effect_entries import unit_on
 
@@ -25,13 +23,9 @@ HELD = (
     "effects come from a regression of the torque on the motion; the joint file does not have them."
 )
 """What is said where effects are told by the torque alone."""
-SPENT_ON: Mapping[str, tuple[str, str | None]] = {
-    "damping": ("d_m", "motor"),
-    "coulomb": ("d_cm", "motor"),
-    "torque_offset": ("torque", None),
-    "gravity": ("torque", "load"),
-}
-"""Effects on which a torque may be seen to be spent: symbol of their size, and body."""
+SYMBOLS = {"damping": "d_m", "coulomb": "d_cm", "torque_offset": "torque"}
+BODIES = {"damping": "motor", "coulomb": "motor", "gravity": "load"}
+"""Symbols and bodies of the effects on which a torque may be seen to be spent."""
 EITHER: Mapping[str, tuple[str, ...]] = {
     "coulomb_asym": ("coulomb", "torque_offset"),
     "torque_offset": ("coulomb_asym",),
@@ -48,31 +42,10 @@ SAME: Mapping[str, frozenset[str]] = {
     "gravity": frozenset({"torque_offset"}),
 }
 """Effects beside which one that the torque shows is the same once more, or its rest."""
-OUTSIDE = 3.0
-"""Tolerances, and deviations, beyond which a damping is more than the datasheet's."""
 AGREES = 0.5
 """Relative difference up to which a fit and a regression find the same."""
 LEAST = 1e-3
 """Least inertia of a regression, as a share of the datasheet's."""
-
-
-def seen_in_torque(judged: Judgement, excluded: Collection[str]) -> dict[str, Spent]:
-    """Return on which effects the torque is clearly spent, of those that the record can tell."""
-    joint, logs = judged.case.joint, judged.case.logs
-    wide = joint.parameters.axis == "rotary" and np.ptp(logs[0].states[:, 0]) > SWING
-    names = [n for n in SPENT_ON if n not in excluded and n not in joint.effects]
-    found = spent(joint, logs, [n for n in names if wide or n != "gravity"])
-    return {one.name: one for one in found if one.name != "damping" or _new(joint, one)}
-
-
-def _new(joint: Joint, damping: Spent) -> bool:
-    """Return whether a damping is more than the datasheet's, which a regression finds as well."""
-    own = [f"d_{b}" for b in body_group(joint.structure_row, "m")]
-    known = {s: joint.parameters.get(s, 0.0) for s in own if joint.parameters.get(s, 0.0) > 0.0}
-    allowed = OUTSIDE * sum(
-        d * min(tolerance_of(joint.file, s, VAGUE), VAGUE) for s, d in known.items()
-    )
-    return damping.values[0] - sum(known.values()) > max(allowed, OUTSIDE * damping.deviations[0])
 
 
 def agrees(one: Spent | None, values: Sequence[float]) -> bool:
@@ -81,6 +54,11 @@ def agrees(one: Spent | None, values: Sequence[float]) -> bool:
         return False
     off = math.dist(one.values, values)
     return off < AGREES * math.hypot(*one.values)
+
+
+def covered(name: str, seen: Mapping[str, Spent]) -> bool:
+    """Return whether a regression of the torque tells of an effect, or of one that is the same."""
+    return any(name in {one, *SAME[one]} for one in seen)
 
 
 def told_by_torque(
@@ -97,23 +75,40 @@ def told_by_torque(
     names = {e.name for e in named}
     found: list[NamedEffect] = []
     for one in sorted(seen.values(), key=lambda s: -s.share):
-        value = math.hypot(*one.values) if one.name == "gravity" else one.values[0]
         taken = names | {e.name for e in found}
         if taken & {one.name, *SAME[one.name]} or _backwards(one):
             continue
-        symbol, body = SPENT_ON[one.name]
-        parameter = EFFECTS[one.name].parameter(symbol)
-        assert parameter is not None
-        half = float(student.ppf(0.975, BLOCKS - 1)) * max(one.deviations)
-        unit = unit_on(parameter, judged.case.joint.parameters)
-        interval = Interval(value, value - half, value + half, unit)
         found.append(
             NamedEffect(
-                one.name, EFFECTS[one.name].stage, body, None, {symbol: interval}, "tentative",
-                0.5, one.share if alone else 0.0, EITHER.get(one.name, ()), 0.0,
+                one.name, EFFECTS[one.name].stage, BODIES.get(one.name), None,
+                _numbers(one, judged.case.joint), "tentative", 0.5,
+                one.share if alone else 0.0, EITHER.get(one.name, ()), 0.0,
             )
         )  # fmt: skip
     return tuple(found)
+
+
+def _numbers(one: Spent, joint: Joint) -> dict[str, Interval]:
+    """Return the numbers of an effect with their 95 % intervals."""
+    half = float(student.ppf(0.975, BLOCKS - 1)) * max(one.deviations)
+    if one.name != "gravity":
+        return {
+            SYMBOLS[one.name]: _interval(one.name, SYMBOLS[one.name], one.values[0], half, joint)
+        }
+    (a, b), size = (
+        one.values,
+        max(math.hypot(*one.values), 1e-12),
+    )  # the load needs a cos q + b sin q
+    return {
+        "torque": _interval("gravity", "torque", size, half, joint),
+        "angle": _interval("gravity", "angle", -math.atan2(a, b), half / size, joint),
+    }
+
+
+def _interval(effect: str, symbol: str, value: float, half: float, joint: Joint) -> Interval:
+    parameter = EFFECTS[effect].parameter(symbol)
+    assert parameter is not None
+    return Interval(value, value - half, value + half, unit_on(parameter, joint.parameters))
 
 
 def _backwards(one: Spent) -> bool:

@@ -8,7 +8,7 @@ from the torque, they still show what the torque is spent on.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +17,9 @@ from scipy.ndimage import binary_erosion
 from scipy.signal import savgol_filter
 
 from cjt_gym.gap.horizons.log import LEAST_SMOOTH, Log
+from cjt_gym.gap.horizons.model import body_group
+from cjt_gym.gap.horizons.rows import SWING
+from cjt_gym.gap.horizons.sheet import VAGUE, tolerance_of
 from cjt_gym.joint import Joint
 
 Floats = NDArray[np.float64]
@@ -31,6 +34,8 @@ BLOCKS = 12
 SPENT, CLEAR = 0.15, 3.0
 """Share of the error that an effect takes away from a regression, and that in its standard
 deviations over the stretches, from which it is seen."""
+OUTSIDE = 3.0
+"""Tolerances, and deviations, beyond which a damping is more than the datasheet's."""
 PLACES = {"damping": (1,), "coulomb": (2,), "torque_offset": (3,), "gravity": (4, 5)}
 """Columns of the regressors that stand for an effect."""
 SETS = (("coulomb",), ("coulomb", "torque_offset"), ("coulomb", "gravity"))
@@ -103,6 +108,26 @@ def spent(joint: Joint, logs: Sequence[Log], names: Sequence[str]) -> list[Spent
             break
         names.remove(min(weak, key=lambda n: weights[n][0]))
     return [_spent(name, names, fits, weights[name][0]) for name in names]
+
+
+def seen_in_torque(
+    joint: Joint, logs: Sequence[Log], excluded: Collection[str] = ()
+) -> dict[str, Spent]:
+    """Return on which effects the torque is clearly spent, of those that the record can tell."""
+    wide = joint.parameters.axis == "rotary" and np.ptp(logs[0].states[:, 0]) > SWING
+    names = [n for n in PLACES if n not in excluded and n not in joint.effects]
+    found = spent(joint, logs, [n for n in names if wide or n != "gravity"])
+    return {one.name: one for one in found if one.name != "damping" or _new(joint, one)}
+
+
+def _new(joint: Joint, damping: Spent) -> bool:
+    """Return whether a damping is more than the datasheet's, which a regression finds as well."""
+    own = [f"d_{b}" for b in body_group(joint.structure_row, "m")]
+    known = {s: joint.parameters.get(s, 0.0) for s in own if joint.parameters.get(s, 0.0) > 0.0}
+    allowed = OUTSIDE * sum(
+        d * min(tolerance_of(joint.file, s, VAGUE), VAGUE) for s, d in known.items()
+    )
+    return damping.values[0] - sum(known.values()) > max(allowed, OUTSIDE * damping.deviations[0])
 
 
 def _less(names: Sequence[str], name: str) -> list[str]:

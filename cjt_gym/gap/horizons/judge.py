@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from cjt_gym.gap.horizons.baseline import least_squares
 from cjt_gym.gap.horizons.drive import DriveFit, fit_drive
 from cjt_gym.gap.horizons.fit import Fit, Problem
+from cjt_gym.gap.horizons.inverse import seen_in_torque
 from cjt_gym.gap.horizons.log import Log, to_logs
 from cjt_gym.gap.horizons.model import Model, quiet
 from cjt_gym.gap.horizons.predictable import Predictable
 from cjt_gym.gap.horizons.predictable import left as left_by
-from cjt_gym.gap.horizons.rows import base_terms, candidates, scales_of
+from cjt_gym.gap.horizons.rows import base_terms, candidates, likelier, scales_of
 from cjt_gym.gap.horizons.search import Found, Worth, search, worth
 from cjt_gym.gap.horizons.windows import (
     HORIZONS,
@@ -56,6 +57,8 @@ KEPT = 0.1
 BALANCED = 3
 """How often horizons at which a joint would be worse get twice the weight."""
 ALL = np.ones(6, dtype=bool)
+LOUD = 0.6
+"""Relative error over the longest horizon from which nothing counts as explained."""
 TRIVIAL = 0.03
 """Relative error that is left to no one's concern."""
 
@@ -230,7 +233,9 @@ def judge(
     problem = Problem(case.fit)
     scales = scales_of(case.joint, case.logs)
     base = Model(case.joint, base_terms(case.joint, scales))
-    terms = candidates(case.joint, scales, case.logs)
+    terms = likelier(
+        candidates(case.joint, scales, case.logs), seen_in_torque(case.joint, case.logs)
+    )
     found = search(problem, base, terms, suspects, progress)
     found, tests = _tested(problem, test, found)
     found = _polished(case, problem, found, joints)
@@ -347,6 +352,9 @@ def _best(case: Case, test: Problem, joints: dict[str, Joint]) -> str:
     errors = {name: case.test.errors(joint) for name, joint in joints.items()}
     costs = {name: test.cost(blank, np.zeros(0), e) for name, e in errors.items()}
     sound = [n for n in joints if _no_worse(case, joints, n)]
+    if "stages" in joints and not _cut(case) and _deaf(case, errors["stages"]):
+        joints = {n: joint for n, joint in joints.items() if n != "stages"}
+        sound = [n for n in sound if n != "stages"]
     for name in (n for n in ("stages", "found", "base") if n in joints):
         others = [costs[n] for n in sound if n != name]
         cut = name == "stages" and _cut(case)
@@ -354,6 +362,11 @@ def _best(case: Case, test: Problem, joints: dict[str, Joint]) -> str:
         if (name in sound or cut) and costs[name] <= min(others, default=np.inf) + allowance:
             return name
     return min(sound or ("datasheet", "least squares") & joints.keys(), key=lambda n: costs[n])
+
+
+def _deaf(case: Case, errors: Sequence[Floats]) -> bool:
+    """Return whether a joint hardly predicts what its angle does over the longest horizon."""
+    return relative(case.test, errors).get(("q_m", max(HORIZONS)), 0.0) > LOUD
 
 
 def _settled(case: Case, joints: dict[str, Joint], best: str) -> Judgement:

@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.gap.horizons.log import Log
 from cjt_gym.gap.horizons.model import Draft, Number, Put, Scales, Term, body_group
-from cjt_gym.joint import EFFECTS, Joint, JointFile
+from cjt_gym.gap.horizons.sheet import GUESSED, VAGUE, datasheet_number, tolerance_of
+from cjt_gym.joint import EFFECTS, Joint
 from cjt_gym.joint.configure import EffectValue
 
 Floats = NDArray[np.float64]
 K_T, INERTIA, STIFFNESS = 0.05, 0.1, 0.1
 """Relative deviation of datasheet values that state no tolerance."""
-VAGUE = 0.3
-"""Tolerance from which a value counts as a guess."""
-GUESSED = 1.0
-"""Deviation of the logarithm of a guess."""
 LIKELY, RARE, UNLIKELY = 0.5, 2.0, 4.0
 """Factors on the price of a term: dry friction, which every joint has; what few joints show, or
 other errors mimic; a delay or lag behind a current that was measured."""
@@ -50,29 +48,6 @@ def scales_of(joint: Joint, logs: Sequence[Log]) -> Scales:
     )
 
 
-def tolerance_of(file: JointFile, symbol: str, usual: float) -> float:
-    """Return the relative deviation of a datasheet value, infinite for a guess."""
-    quantity = file.parameters.quantities.get(symbol)
-    if quantity is None or getattr(quantity, "guess", False):
-        return math.inf
-    stated = quantity.tolerance
-    if stated is None:
-        return math.inf if "guess" in quantity.source.lower() else usual
-    return math.inf if stated >= VAGUE else max(stated, 1e-3)
-
-
-def _datasheet(file: JointFile, symbol: str, usual: float, reach: float) -> Number:
-    """Return a value of the datasheet as a number with its tolerance."""
-    quantity = file.parameters.quantities[symbol]
-    tolerance = tolerance_of(file, symbol, usual)
-    vague = not math.isfinite(tolerance)
-    start = quantity.number
-    return Number(
-        symbol, quantity.unit, start, GUESSED if vague else tolerance, True,
-        start / reach, start * reach, True,
-    )  # fmt: skip
-
-
 def _set(effect: str, *symbols: str) -> Put:
     def put(draft: Draft, values: Sequence[float]) -> None:
         row = draft.row(effect)
@@ -91,25 +66,25 @@ def base_terms(joint: Joint, scales: Scales) -> tuple[Term, ...]:
         _damping(joint, scales),
         Term(
             "torque_constant",
-            (_datasheet(file, "k_t", K_T, 10.0),),
+            (datasheet_number(file, "k_t", K_T, 10.0),),
             _set("torque_constant", "k_t"),
             nominal=(file.parameters.k_t,),
         ),
     ]
     if groups.groups[1] != groups.groups[2] and file.parameters.get("k_b", 0.0) > 0.0:
-        number = _datasheet(file, "k_b", STIFFNESS, 100.0)
+        number = datasheet_number(file, "k_b", STIFFNESS, 100.0)
         found.append(
             Term("stiffness", (number,), _set("stiffness", "k_b"), nominal=(number.start,))
         )
     if groups.groups[0] != groups.groups[1] and file.parameters.get("k_g", 0.0) > 0.0:
-        number = _datasheet(file, "k_g", STIFFNESS, 100.0)
+        number = datasheet_number(file, "k_g", STIFFNESS, 100.0)
         found.append(
             Term(
                 "gear_stiffness", (number,), _set("gear_stiffness", "k_g"), nominal=(number.start,)
             )
         )
     if groups.groups[2] >= 0 and groups.groups[2] != groups.groups[0]:
-        number = _datasheet(file, "I_l", INERTIA, 100.0)
+        number = datasheet_number(file, "I_l", INERTIA, 100.0)
         found.append(
             Term("load_inertia", (number,), _set("load_inertia", "I_l"), nominal=(number.start,))
         )
@@ -187,6 +162,11 @@ def candidates(joint: Joint, scales: Scales, logs: Sequence[Log]) -> tuple[Term,
         found += _spring(joint, logs)
     kept = [t for t in found if EFFECTS[t.name].acts_in(shape, drive)]
     return tuple(kept)
+
+
+def likelier(terms: Sequence[Term], names: Collection[str]) -> list[Term]:
+    """Return terms of which some are as likely as dry friction, for other reasons."""
+    return [replace(t, factor=min(t.factor, LIKELY)) if t.name in names else t for t in terms]
 
 
 def _level(symbol: str, scales: Scales) -> Number:

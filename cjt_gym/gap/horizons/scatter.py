@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from cjt_gym.gap.diagnosis import Interval
 from cjt_gym.gap.horizons.model import Model
 from cjt_gym.gap.horizons.spread import Spread
 from cjt_gym.joint import EFFECTS
+from cjt_gym.joint.effect_entries import unit_on
 
 Floats = NDArray[np.float64]
 STEP = 0.01
@@ -64,6 +65,16 @@ class Scatter:
             way *= self.spread.factor / np.sqrt(max(float(slope @ way), 1e-300))
             ends = sorted(_numbers(self.spread.model, z + s * way, z)[name] for s in (-1.0, 1.0))
             found[name] = Interval(float(value), ends[0], ends[1], "")
+        return found
+
+    def of_effect(self, name: str) -> dict[str, Interval]:
+        """Return the intervals of an effect's numbers, by their symbols in the effect table."""
+        found = {}
+        for key, one in self.intervals().items():
+            effect, symbol = key.split(".")
+            if effect == name and (parameter := EFFECTS[name].parameter(symbol)) is not None:
+                unit = unit_on(parameter, self.spread.model.joint.parameters)
+                found[symbol] = replace(one, unit=unit)
         return found
 
     def table(self) -> dict[str, object]:

@@ -24,14 +24,16 @@ from cjt_gym.gap.horizons.by_torque import (
     EITHER,
     HELD,
     agrees,
+    covered,
     inertia_by_torque,
-    seen_in_torque,
     told_by_torque,
 )
 from cjt_gym.gap.horizons.fit import Fit, Problem
-from cjt_gym.gap.horizons.inverse import Spent
-from cjt_gym.gap.horizons.judge import Judgement, Row
+from cjt_gym.gap.horizons.inverse import Spent, seen_in_torque
+from cjt_gym.gap.horizons.judge import LOUD, Judgement, Row
 from cjt_gym.gap.horizons.model import Term
+from cjt_gym.gap.horizons.scatter import Scatter
+from cjt_gym.gap.horizons.sheet import stated_tolerance
 from cjt_gym.gap.horizons.spread import Spread, spread_of
 from cjt_gym.gap.horizons.windows import WHOLE, bootstrapped
 from cjt_gym.gap.horizons.write import joint_of
@@ -48,12 +50,12 @@ MUCH = 0.5
 """Share of the squared error that such an effect has to take away."""
 NOTHING = 1e-3
 """Share of the step of a search by which an effect must differ from none at all."""
-LOUD = 0.6
-"""Relative error over the longest horizon from which nothing counts as explained."""
 MOST_ADVICE = 2
 """Sentences of advice of each kind."""
 SKEW = frozenset({"coulomb_asym", "viscous_asym", "torque_offset"})
 """Effects that differ between the directions, of which several together are one another's rest."""
+COMBINED = ("gravity", "viscous_asym")
+"""Effects whose numbers in the effect table are combinations of those that are fitted."""
 STAGES = {"q_m": "motor", "q_l": "load", "tau": "transmission"}
 
 
@@ -84,21 +86,21 @@ def retold(
         excluded: Effects that the record cannot tell, with the reason.
         record: Name of the record, for the joint's sources.
     """
-    seen = seen_in_torque(judged, excluded)
+    seen = seen_in_torque(judged.case.joint, judged.case.logs, excluded)
     effects = _effects(judged, excluded, seen)
-    told = any(e.stage != "drive" for e in effects) or main_row(judged).found < LOUD
-    by_torque = (
-        ()
-        if told and judged.answer == "datasheet"
-        else told_by_torque(judged, seen, effects, alone=not told)
-    )
-    held = by_torque if not told else ()
+    regressed, loud = judged.answer == "least squares", main_row(judged).found > LOUD
+    if judged.answer == "datasheet" and not loud:
+        seen = {}
+    if loud:  # nothing predicts the motion: the torque alone tells
+        effects = tuple(e for e in effects if not covered(e.name, seen))
+    by_torque = told_by_torque(judged, seen, effects, alone=regressed or loud)
+    held = by_torque and loud and not regressed
     effects = tuple(sorted((*effects, *by_torque), key=lambda e: -e.gap_removed))
     if judged.cut and first.verdict == "unexplained":  # the cause is none of the table's
         effects = tuple(as_tentative(e) for e in effects)
     rows = judged.rows
     stages = _stages(first, judged, effects)
-    verdict = _verdict(judged, effects)
+    verdict = _verdict(judged, effects, suspected=bool(first.effects))
     unexplained = _unexplained(judged, verdict, judged.unexplained)
     if held:
         unexplained = replace(unexplained, text=f"{HELD} {unexplained.text}")
@@ -141,16 +143,19 @@ def _effects(
     judged: Judgement, excluded: Mapping[str, str], seen: Mapping[str, Spent]
 ) -> tuple[NamedEffect, ...]:
     """Return the effects that deserve a name, by the share of the error that they take away."""
-    if judged.found is None or judged.problem is None or judged.answer == "datasheet":
+    if (
+        judged.found is None
+        or judged.problem is None
+        or judged.answer in ("datasheet", "least squares")
+    ):
         return _of_drive(judged)
     found, problem = judged.found, judged.problem
     spread = spread_of(problem, found.fit)
     named = []
     for k, term in enumerate(found.fit.model.terms):
         there = judged.answer == "found" or term.name in judged.joint.effects
-        if not there or not _deserves(judged, k, term, seen) or term.name in excluded:
-            continue
-        named.append(_named(judged, problem, spread, k, term))
+        if there and term.name not in excluded and _deserves(judged, k, term, seen):
+            named.append(_named(judged, problem, spread, k, term))
     named += [e for e in _of_drive(judged) if e.name not in {n.name for n in named}]
     return tuple(sorted(_folded(named), key=lambda e: -e.gap_removed))
 
@@ -178,13 +183,12 @@ def _deserves(judged: Judgement, index: int, term: Term, seen: Mapping[str, Spen
     as_given = {t.key: t for t in found.base.model.terms}  # the last fit holds the inertia
     number = as_given.get(term.key, term).numbers[0]
     if number.prior:
-        known = judged.case.joint.file.parameters.quantities
-        stated = known[number.symbol].tolerance if number.symbol in known else None
-        if stated is None and number.scale >= 0.5:
+        tolerance = stated_tolerance(judged.case.joint, term)
+        if tolerance is None and number.scale >= 0.5:
             return False  # a guess is corrected, not diagnosed
         off = [np.log(x / term.nominal[0]) for x in (values[0], *inertia_by_torque(judged, term))]
         nearest = min(np.abs(off)) if min(off) * max(off) > 0.0 else 0.0
-        return bool(nearest > OUTSIDE * (stated or number.scale))
+        return bool(nearest > OUTSIDE * (tolerance or number.scale))
     pairs = zip(values, term.nominal, term.numbers, strict=True)
     return any(abs(value - off) > NOTHING * n.scale for value, off, n in pairs)
 
@@ -192,6 +196,8 @@ def _deserves(judged: Judgement, index: int, term: Term, seen: Mapping[str, Spen
 def _intervals(judged: Judgement, spread: Spread, index: int) -> dict[str, Interval]:
     """Return the intervals of a term; that of the inertia covers what regressions find."""
     term, found = spread.model.terms[index], spread.intervals(index)
+    if term.name in COMBINED:
+        return Scatter.of(spread).of_effect(term.name)
     others = inertia_by_torque(judged, term)
     for symbol, one in found.items() if others else ():
         known = [x * one.value / spread.model.values(spread.fit.z)[index][0] for x in others]
@@ -304,12 +310,12 @@ def _gap(judged: Judgement) -> GapSize:
     return GapSize(before, after, floor, removed, low, high, True, by)
 
 
-def _verdict(judged: Judgement, effects: Sequence[NamedEffect]) -> str:
+def _verdict(judged: Judgement, effects: Sequence[NamedEffect], *, suspected: bool) -> str:
     row = main_row(judged)
     open_ = bool(judged.unexplained) or row.found > LOUD
     if not effects:
         better = any(r.found < 0.85 * r.datasheet for r in judged.rows)
-        return "unexplained" if open_ and (better or row.found > LOUD) else "no_gap"
+        return "unexplained" if open_ and (better or suspected or row.found > LOUD) else "no_gap"
     return "partly_explained" if open_ else "explained"
 
 

@@ -10,8 +10,8 @@ import pytest
 from scipy.signal import lfilter
 
 from cjt_gym.gap import diagnose
-from cjt_gym.gap.horizons.by_torque import seen_in_torque, told_by_torque
-from cjt_gym.gap.horizons.inverse import inverse, spent
+from cjt_gym.gap.horizons.by_torque import told_by_torque
+from cjt_gym.gap.horizons.inverse import inverse, seen_in_torque, spent
 from cjt_gym.gap.horizons.judge import Judgement, make_case
 from cjt_gym.joint import JointFile, get_structure, load_joint_file
 from cjt_gym.records import Record
@@ -78,13 +78,14 @@ def judgement(arm: JointFile, **values: float) -> Judgement:
 
 
 def test_the_damping_of_the_datasheet_is_no_cause(arm: JointFile) -> None:
-    assert "damping" in seen_in_torque(judgement(arm), ())
-    assert "damping" not in seen_in_torque(judgement(arm, d_m=DAMPING), ())
+    plain, known = (judgement(arm, **d).case for d in ({}, {"d_m": DAMPING}))
+    assert "damping" in seen_in_torque(plain.joint, plain.logs)
+    assert "damping" not in seen_in_torque(known.joint, known.logs)
 
 
 def test_the_torque_adds_what_has_no_name_yet(arm: JointFile) -> None:
     judged = judgement(arm)
-    seen = seen_in_torque(judged, ())
+    seen = seen_in_torque(judged.case.joint, judged.case.logs)
     alone = told_by_torque(judged, seen, (), alone=True)
     assert [e.name for e in alone] == sorted(seen, key=lambda name: -seen[name].share)
     beside = told_by_torque(judged, seen, [replace(alone[0], name="stribeck")], alone=False)
