@@ -14,12 +14,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from threading import Lock
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.errors import CjtGymError
 from cjt_gym.gap.horizons.model import Model
+from cjt_gym.gap.horizons.side_by_side import side_by_side
 from cjt_gym.gap.horizons.windows import WHOLE, Windows
 
 Floats = NDArray[np.float64]
@@ -88,6 +90,7 @@ class Problem:
     force: float = 0.0
 
     def __post_init__(self) -> None:
+        self._counting = Lock()
         keys = self.windows.keys
         shares = np.array([SHARES.get(horizon, 1.0) for _, horizon in keys])
         self.weights = shares / shares.sum()
@@ -119,7 +122,8 @@ class Problem:
 
     def errors(self, model: Model, z: Floats) -> list[Floats]:
         """Return the errors of a model by kind."""
-        self.work += self.windows.samples
+        with self._counting:
+            self.work += self.windows.samples
         try:
             return self.windows.errors(model.at(z))
         except (CjtGymError, np.linalg.LinAlgError, ValueError):
@@ -174,15 +178,17 @@ class Problem:
         out = [np.zeros((*e.shape, len(z))) for e in errors]
         for k, columns in enumerate(known or ()):
             out[k][..., :first] = columns
-        for j, number in enumerate(model.numbers):
-            if j < first:
-                continue
-            step = STEP
+        moves = []
+        for j in range(first, len(z)):
+            number, step = model.numbers[j], STEP
             if number.value(z[j] + step) >= number.high or number.value(z[j]) >= number.high:
                 step = -STEP
             moved = z.copy()
             moved[j] += step
-            for k, e in enumerate(self.errors(model, moved)):
+            moves.append((j, step, moved))
+        tried = side_by_side(lambda move: self.errors(model, move[2]), moves)
+        for (j, step, _), ahead in zip(moves, tried, strict=True):
+            for k, e in enumerate(ahead):
                 out[k][..., j] = (e - errors[k]) / step
         return out
 

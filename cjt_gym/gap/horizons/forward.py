@@ -21,7 +21,7 @@ from cjt_gym.joint.arrays import (
     Setup,
 )
 from cjt_gym.joint.batch import JointBatch, longest_substep
-from cjt_gym.joint.compiled import compiled
+from cjt_gym.joint.compiled import threaded
 from cjt_gym.joint.kernel import control_step, restart
 
 Floats = NDArray[np.float64]
@@ -34,7 +34,7 @@ LEAD = 0.05
 """Time before a window over which delays, lags and bristles follow what was measured [s]."""
 
 
-@compiled
+@threaded
 def run_windows(
     batch: Batch,
     setup: Setup,
@@ -44,6 +44,7 @@ def run_windows(
     starts: Integers,
     lengths: Integers,
     leads: Integers,
+    work: Floats,
     out: Floats,
 ) -> None:
     """Predict each window from its measured start; NaN from where a state ceases to be finite.
@@ -60,9 +61,9 @@ def run_windows(
         starts: First sample of each window, shape (W,).
         lengths: Samples of each window, shape (W,).
         leads: Samples before it from which the joint is held, shape (W,).
+        work: Scratch space.
         out: Receives q_m, q_l and tau as the sensors report them, shape (W, longest, 3).
     """
-    work = np.zeros((WORK_ROWS, WORK_WIDTH))
     for w in range(starts.shape[0]):
         first = starts[w] - leads[w]
         for j in range(6):
@@ -90,7 +91,7 @@ def run_windows(
                     out[w, j, c] = np.nan
 
 
-@compiled
+@threaded
 def follow(
     batch: Batch,
     setup: Setup,
@@ -99,6 +100,7 @@ def follow(
     states: Floats,
     whole: Flags,
     known: Flags,
+    work: Floats,
     out: Floats,
 ) -> None:
     """Estimate states that were not measured: they follow those that were, through the joint.
@@ -113,9 +115,9 @@ def follow(
         states: Measured states, shape (N, 6).
         whole: Where the record is not broken, shape (N,).
         known: Which of the states were measured, shape (6,).
+        work: Scratch space.
         out: Receives the states, shape (N, 6).
     """
-    work = np.zeros((WORK_ROWS, WORK_WIDTH))
     good = False
     for k in range(states.shape[0]):
         for j in range(6):
@@ -135,8 +137,14 @@ def followed(joint: Joint, log: Log) -> Floats:
     batch = _batch(joint, log)
     out = np.empty_like(log.states)
     command = np.ascontiguousarray(log.command)
-    follow(batch.arrays, batch.setup, command, log.load, log.states, log.whole, log.known, out)
+    follow(
+        batch.arrays, batch.setup, command, log.load, log.states, log.whole, log.known, _work(), out
+    )
     return out
+
+
+def _work() -> Floats:
+    return np.zeros((WORK_ROWS, WORK_WIDTH))
 
 
 def _batch(joint: Joint, log: Log) -> JointBatch:
@@ -161,5 +169,7 @@ def predict(
     batch = _batch(joint, log)
     out = np.zeros((len(starts), int(lengths.max(initial=1)), 3))
     command = np.ascontiguousarray(log.command)
-    run_windows(batch.arrays, batch.setup, command, log.load, states, starts, lengths, leads, out)
+    run_windows(
+        batch.arrays, batch.setup, command, log.load, states, starts, lengths, leads, _work(), out
+    )
     return out

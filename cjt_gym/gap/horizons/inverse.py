@@ -31,6 +31,8 @@ FEWEST = 50
 """Fewest samples of motion."""
 BLOCKS = 12
 """Stretches of a record, each of which is predicted from the others."""
+SHORTEST = 10
+"""Fewest samples of such a stretch."""
 SPENT, CLEAR = 0.15, 3.0
 """Share of the error that an effect takes away from a regression, and that in its standard
 deviations over the stretches, from which it is seen."""
@@ -96,7 +98,7 @@ def spent(joint: Joint, logs: Sequence[Log], names: Sequence[str]) -> list[Spent
         names: Effects that may be seen, of `PLACES`.
     """
     columns, torque = _moving(joint, logs)
-    if len(torque) < BLOCKS * FEWEST:
+    if len(torque) < BLOCKS * SHORTEST:
         return []
     names = list(names)
     while names:

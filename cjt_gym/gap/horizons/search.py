@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from cjt_gym.gap.horizons.fit import Fit, Problem, _solve, _within, bounded
 from cjt_gym.gap.horizons.inverse import inverse
 from cjt_gym.gap.horizons.model import Model, Number, Term, motor_inertia
+from cjt_gym.gap.horizons.side_by_side import side_by_side
 
 Floats = NDArray[np.float64]
 PRICE, PER_NUMBER = 3.0, 1.0
@@ -83,9 +84,9 @@ class Found:
     def dropped(self, problem: Problem, index: int) -> Found:
         """Return the search without one of its terms."""
         fit = self.less[index]
-        count = range(len(fit.model.terms))
-        less = tuple(leave(problem, fit, k) for k in count)
-        worths = tuple(worth(problem, less[k], fit, fit.model.terms[k]) for k in count)
+        less = tuple(leaves(problem, fit))
+        terms = fit.model.terms
+        worths = tuple(worth(problem, f, fit, t) for f, t in zip(less, terms, strict=True))
         rivals = self.rivals[:index] + self.rivals[index + 1 :]
         return Found(fit, self.base, worths, rivals, less)
 
@@ -192,10 +193,10 @@ def extend(
     """Return the fits with one more term, the best first."""
     rough = problem.rough
     here = rough.at(fit.model, fit.z)
-    looked = [(quick(rough, here, t), t) for t in terms if allowed(fit, t)]
+    may = [t for t in terms if allowed(fit, t)]
+    looked = zip(side_by_side(lambda t: quick(rough, here, t), may), may, strict=True)
     best = sorted(((f, t) for f, t in looked if f is not None), key=lambda x: x[0].cost)
-    chosen = best[:most]
-    full = [(problem.fit(f.model, f.z), t) for f, t in chosen]
+    full = side_by_side(lambda x: (problem.fit(x[0].model, x[0].z), x[1]), best[:most])
     return sorted(full, key=lambda x: x[0].cost + price(x[1]))
 
 
@@ -216,7 +217,8 @@ def search(
         progress: Is told in words what is being done.
     """
     first = best_start(problem, base)
-    begun = [first, *(begin(problem, first, term) for term in terms if term.name == FIRST)]
+    dry = [term for term in terms if term.name == FIRST]
+    begun = [first, *(begin(problem, first, term) for term in dry)]
     begun.append(seeded(problem, first, terms, suspects))
     fixed = len(base.terms)
     if problem.force:
@@ -268,12 +270,13 @@ def best_start(problem: Problem, model: Model) -> Fit:
     """Return the best fit of a model from a grid of its numbers, which may be far off."""
     numbers = model.numbers
     grids = [_grid(n) for n in numbers]
-    best: list[tuple[float, Floats]] = []
-    for values in itertools.product(*grids):
-        z = np.array([n.coordinate(v) for n, v in zip(numbers, values, strict=True)])
-        best.append((problem.cost(model, z, problem.errors(model, z)), z))
-    best.sort(key=lambda x: x[0])
-    return min((problem.fit(model, z) for _, z in best[:2]), key=lambda f: f.cost)
+    starts = [
+        np.array([n.coordinate(v) for n, v in zip(numbers, values, strict=True)])
+        for values in itertools.product(*grids)
+    ]
+    costs = side_by_side(lambda z: problem.cost(model, z, problem.errors(model, z)), starts)
+    best = np.argsort(costs, kind="stable")[:2]
+    return min(side_by_side(lambda k: problem.fit(model, starts[k]), best), key=lambda f: f.cost)
 
 
 def _grid(number: Number) -> tuple[float, ...]:
@@ -323,7 +326,7 @@ def _accepted(problem: Problem, less: Fit, more: Fit, term: Term) -> bool:
 def pruned(problem: Problem, base: Fit, fit: Fit, terms: Sequence[Term], fixed: int) -> Found:
     """Return a search's end: terms that are not needed left out, the others weighed."""
     while True:
-        less = [leave(problem, fit, k) for k in range(len(fit.model.terms))]
+        less = leaves(problem, fit)
         worths = [worth(problem, one, fit, fit.model.terms[k]) for k, one in enumerate(less)]
         own = [k for k, t in enumerate(fit.model.terms) if t.key not in _keys(base)]
         weak = [k for k in own if not worths[k].enough]
@@ -338,6 +341,11 @@ def pruned(problem: Problem, base: Fit, fit: Fit, terms: Sequence[Term], fixed: 
 
 def _keys(fit: Fit) -> set[tuple[str, str | None, str | None]]:
     return {t.key for t in fit.model.terms}
+
+
+def leaves(problem: Problem, fit: Fit) -> list[Fit]:
+    """Return the fits without each of its terms."""
+    return side_by_side(lambda k: leave(problem, fit, k), range(len(fit.model.terms)))
 
 
 def leave(problem: Problem, fit: Fit, index: int) -> Fit:

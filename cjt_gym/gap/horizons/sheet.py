@@ -1,0 +1,51 @@
+"""How well a datasheet knows its values."""
+
+from __future__ import annotations
+
+import math
+
+from cjt_gym.gap.horizons.model import Number, Term, body_group
+from cjt_gym.joint import Joint, JointFile
+
+VAGUE = 0.3
+"""Tolerance from which a value counts as a guess."""
+GUESSED = 1.0
+"""Deviation of the logarithm of a guess."""
+
+
+def tolerance_of(file: JointFile, symbol: str, usual: float) -> float:
+    """Return the relative deviation of a datasheet value, infinite for a guess."""
+    quantity = file.parameters.quantities.get(symbol)
+    if quantity is None or getattr(quantity, "guess", False):
+        return math.inf
+    stated = quantity.tolerance
+    if stated is None:
+        return math.inf if "guess" in quantity.source.lower() else usual
+    return math.inf if stated >= VAGUE else max(stated, 1e-3)
+
+
+def stated_tolerance(joint: Joint, term: Term) -> float | None:
+    """Return the relative deviation that a datasheet states, None where it states none.
+
+    The inertia of a joint is that of all bodies that move with the motor.
+    """
+    moving = [f"I_{b}" for b in body_group(joint.structure_row, "m")]
+    symbols = moving if term.name == "inertia" else [term.numbers[0].symbol]
+    known = joint.parameters.quantities
+    parts = [known[s] for s in symbols if s in known and known[s].number > 0.0]
+    if not parts or any(q.tolerance is None for q in parts):
+        return None
+    total = sum(q.number for q in parts)
+    return math.sqrt(sum((q.number * (q.tolerance or 0.0)) ** 2 for q in parts)) / total
+
+
+def datasheet_number(file: JointFile, symbol: str, usual: float, reach: float) -> Number:
+    """Return a value of the datasheet as a number with its tolerance."""
+    quantity = file.parameters.quantities[symbol]
+    tolerance = tolerance_of(file, symbol, usual)
+    vague = not math.isfinite(tolerance)
+    start = quantity.number
+    return Number(
+        symbol, quantity.unit, start, GUESSED if vague else tolerance, True,
+        start / reach, start * reach, True,
+    )  # fmt: skip
