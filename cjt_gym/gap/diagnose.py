@@ -10,6 +10,8 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from cjt_gym.errors import CjtGymError, ConfigurationError
+from cjt_gym.gap.check import examine
+from cjt_gym.gap.check.encoders import in_step
 from cjt_gym.gap.diagnosis import (
     NOTHING_LEFT,
     Diagnosis,
@@ -90,6 +92,8 @@ def diagnose(
     given, held = _as_list(records), _as_list(validate)
     first = given[0]
     file, shape = _joint(first, joint, structure)
+    exam = examine(given, file, shape)
+    given, held = list(in_step(given, file, shape)), list(in_step(held, file, shape))
     whole, tested = [unbroken(record) for record in given], [unbroken(record) for record in held]
     cuts = [int((1.0 - TAIL) * len(record)) for record in whole]
     fitted = whole if held else [r.slice(0, cut) for r, cut in zip(whole, cuts, strict=True)]
@@ -101,7 +105,7 @@ def diagnose(
             if isinstance(error, CjtGymError) and not _by_voltage(first):
                 raise
             found = nothing_said(file, shape, fitted, _long(tested), str(error))
-        found = judged(found, given, held, file, shape, progress)
+        found = judged(replace(found, examination=exam), given, held, file, shape, progress)
     found = replace(found, seconds=time.perf_counter() - started)
     return _with_structure_said(found, first, shape)
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from cjt_gym.gap.check.clock import clock
 from cjt_gym.gap.check.contradictions import angles, currents, spring, velocities
+from cjt_gym.gap.check.encoders import angles_apart
 from cjt_gym.gap.check.friction import TURN, one_way, two_ways
 from cjt_gym.gap.check.instants import current_and_command, motion_and_torque
 from cjt_gym.gap.check.resonances import gear_resonance, resonance
@@ -184,6 +185,7 @@ LOOKS: tuple[tuple[Callable[[View], Sequence[str]], str], ...] = (
     (_noise, SPECIFY),
     (lambda view: current_and_command(view)[0], ONE_INSTANT),
     (lambda view: motion_and_torque(view)[0], ONE_INSTANT),
+    (angles_apart, ONE_INSTANT),
     (_direction, TURN),
     (_tail, "Record motion to the end, or a second record to test on."),
     (_swing, ""),

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from cjt_gym.errors import CjtGymError
-from cjt_gym.gap.check import examine
 from cjt_gym.gap.diagnosis import NOTHING_LEFT, Diagnosis, NamedEffect, Unexplained
 from cjt_gym.gap.horizons.by_torque import DRY
 from cjt_gym.gap.horizons.judge import (
@@ -50,7 +49,7 @@ def judged(
     """Return a diagnosis whose joint predicts well at all horizons, or the better of the others.
 
     Args:
-        first: What the stages' predictors have found.
+        first: What the stages' predictors have found, with the examination of the records.
         records: The records that are explained, whole.
         held: Those on which the explanation is tested.
         file: The nominal joint.
@@ -58,9 +57,8 @@ def judged(
         progress: Is told in words what is being done.
     """
     first = _without_guesses(first, file)
-    exam = examine(list(records), file, shape)
-    first = replace(first, examination=exam)
-    excluded = {row.name: row.why for row in exam.cannot_tell}
+    exam = first.examination
+    excluded = {row.name: row.why for row in exam.cannot_tell} if exam is not None else {}
     try:
         case = make_case(records, held, file, shape)
         stages = as_joint(first.joint, case) if first.evidence.t.size else None

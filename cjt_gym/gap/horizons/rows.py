@@ -26,8 +26,9 @@ LOSS = 0.002
 square ampere can be told [1/K]."""
 CREEP = 0.002
 """Velocity over which the toolbox smooths dry friction, which then creeps [rad/s]."""
-HEAVIEST = 3.0
-"""Largest weight that a joint would be built to hold, in torques that are rarely exceeded."""
+HEAVIEST = 10.0
+"""Largest weight that is looked for, in torques that are rarely exceeded: a pendulum that is swung
+up is heavier than its motor is strong."""
 SWING = 0.4
 """Travel from which a weight can be told from a constant torque [rad]."""
 BODIES = {"m": "motor", "g": "gear", "l": "load"}

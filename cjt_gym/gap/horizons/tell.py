@@ -35,7 +35,7 @@ from cjt_gym.gap.horizons.model import Term
 from cjt_gym.gap.horizons.scatter import Scatter
 from cjt_gym.gap.horizons.sheet import stated_tolerance
 from cjt_gym.gap.horizons.spread import Spread, spread_of
-from cjt_gym.gap.horizons.windows import WHOLE, bootstrapped
+from cjt_gym.gap.horizons.windows import HORIZONS, WHOLE, bootstrapped
 from cjt_gym.gap.horizons.write import joint_of
 
 Floats = NDArray[np.float64]
@@ -224,7 +224,7 @@ def _named(
     firm = firm and not genuine and not same
     firm = firm and (test is None or test.fall > 0.0)
     firm = firm and (term.name not in MIMICS or removed > MUCH)
-    firm = firm and not judged.unexplained and main_row(judged).found < LOUD
+    firm = firm and not judged.unexplained and _worst(judged).found < LOUD
     confidence = float(np.clip(1.0 - 0.5 ** (worth.clear / worth.needed), 0.05, 0.99))
     return NamedEffect(
         term.name, term.stage, term.body, term.channel, _intervals(judged, spread, index),
@@ -310,12 +310,21 @@ def _gap(judged: Judgement) -> GapSize:
     return GapSize(before, after, floor, removed, low, high, True, by)
 
 
+def _worst(judged: Judgement) -> Row:
+    """Return the row of the main channel with the largest error, the shortest horizon left out."""
+    main = main_row(judged)
+    if main.seconds == WHOLE:
+        return main
+    rows = [r for r in judged.rows if r.channel == main.channel and r.seconds > min(HORIZONS)]
+    return max(rows, key=lambda r: r.found)
+
+
 def _verdict(judged: Judgement, effects: Sequence[NamedEffect], *, suspected: bool) -> str:
-    row = main_row(judged)
-    open_ = bool(judged.unexplained) or row.found > LOUD
+    loud = _worst(judged).found > LOUD
+    open_ = bool(judged.unexplained) or loud
     if not effects:
         better = any(r.found < 0.85 * r.datasheet for r in judged.rows)
-        return "unexplained" if open_ and (better or suspected or row.found > LOUD) else "no_gap"
+        return "unexplained" if open_ and (better or suspected or loud) else "no_gap"
     return "partly_explained" if open_ else "explained"
 
 
@@ -323,7 +332,7 @@ def _unexplained(judged: Judgement, verdict: str, left: Sequence[Row]) -> Unexpl
     row = max(left, key=lambda r: r.found**2 * (r.left.share if r.left else 0.0), default=None)
     said = _said(judged)
     if row is None or row.left is None:
-        main = main_row(judged)
+        main = _worst(judged)
         if verdict in ("explained", "no_gap"):
             return Unexplained(0.0, None, " ".join([said, NOTHING_LEFT]).strip(), 0.0)
         share = min(main.found, 1.0) ** 2

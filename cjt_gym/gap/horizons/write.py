@@ -42,7 +42,9 @@ def joint_of(judged: Judgement, effects: Sequence[NamedEffect], record: str) -> 
         f"{e.name}.{symbol}": interval for e in effects for symbol, interval in e.parameters.items()
     }
     if scatter is not None:
-        intervals = scatter.intervals()
+        fitted = scatter.intervals()
+        same = {k: i for k, i in intervals.items() if k in fitted and _same(i, fitted[k])}
+        intervals = fitted | same
     table: dict[str, dict[str, Entry]] = {n: dict(v) for n, v in nominal.effects.items()}
     for name in table.keys() - answer.effects.keys():
         if EFFECTS[name].excludes and set(EFFECTS[name].excludes) & answer.effects.keys():
@@ -60,6 +62,11 @@ def joint_of(judged: Judgement, effects: Sequence[NamedEffect], record: str) -> 
         nominal, parameters=parameters, effects=table, structure=answer.structure,
         drive=answer.drive, found=found_at(judged),
     )  # fmt: skip
+
+
+def _same(one: Interval, other: Interval) -> bool:
+    """Return whether two intervals are of the same number, not of a part of it."""
+    return math.isclose(one.value, other.value, rel_tol=1e-6)
 
 
 def _entry(

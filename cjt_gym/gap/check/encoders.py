@@ -1,0 +1,92 @@
+"""Whether the angles at both ends of a spring are read at the same instant.
+
+An angle that is read later than the other looks like a deflection in proportion to the speed, and
+so like a spring that is too soft, with damping.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from cjt_gym.errors import CjtGymError
+from cjt_gym.gap.check.balance import Balance, factors, left_over
+from cjt_gym.gap.check.pieces import smooth
+from cjt_gym.gap.check.view import View
+from cjt_gym.joint import JointFile, Structure
+from cjt_gym.records import Record
+
+LEAST = 0.3
+"""Samples that are told."""
+BY_SPEED = 0.9
+"""Share of the deflection's variance that the speed must explain beyond what winds a spring."""
+SOFTEST = 0.5
+"""Share of the datasheet's stiffness that a spring may have."""
+LATE = "q_l"
+
+
+def late_angle(view: View) -> float:
+    """Return how much later than q_m the angle q_l is read [s]; 0 where a spring may wind so."""
+    balance = view.motor
+    if balance is None or not view.has_spring or not {"q_m", LATE} <= set(view.channels):
+        return 0.0
+    if view.structure.output_fixed or view.value("k_b") <= 0.0:
+        return 0.0
+    apart, torque = _at(view, balance, LATE) - _at(view, balance, "q_m"), balance["one"] * 0.0
+    if "tau" in view:
+        torque = _at(view, balance, "tau")
+    winds = [balance[name] for name in ("one", "q", "a")] + [torque]
+    without, left = left_over(apart, winds), left_over(apart, [*winds, balance["v"]])
+    if without == 0.0 or left**2 > (1.0 - BY_SPEED) * without**2:
+        return 0.0
+    late = -float(factors(apart, [*winds, balance["v"]])[-1])
+    fast = float(np.quantile(np.abs(balance["v"]), 0.95))
+    could = SOFTEST * view.value("k_b") * abs(late) * fast <= balance.level
+    if abs(late) < LEAST * view.dt or (could and "tau" not in view):
+        return 0.0
+    return late
+
+
+def angles_apart(view: View) -> list[str]:
+    """Return that the two angles are read at different instants, in words."""
+    late = late_angle(view)
+    if late == 0.0:
+        return []
+    rows = late / view.dt
+    way = "follows" if late > 0.0 else "goes ahead of"
+    return [
+        f"q_l {way} q_m by {abs(rows):.2g} samples ({1e3 * abs(late):.2g} ms), by more than the "
+        "spring could wind: they are read at different instants. A diagnosis moves q_l by that; a "
+        f"mapping does with samples_late = {rows:.2g}."
+    ]
+
+
+def in_step(records: Sequence[Record], file: JointFile, shape: Structure) -> tuple[Record, ...]:
+    """Return records whose angles belong to the same instants."""
+    try:
+        late = late_angle(View.of(records, file, shape))
+    except CjtGymError:
+        return tuple(records)
+    if late == 0.0:
+        return tuple(records)
+    return tuple(_moved(record, late) if LATE in record else record for record in records)
+
+
+def _moved(record: Record, late: float) -> Record:
+    """Return a record whose q_l is that of the instants at which it was read."""
+    t = record.t
+    x = np.interp(t + late, t, record[LATE])
+    first, last = np.searchsorted(t, [t[0] - late, t[-1] - late + 1e-12])
+    return record.with_columns({LATE: x}).slice(int(first), int(last))
+
+
+def _at(view: View, balance: Balance, name: str) -> np.ndarray:
+    """Return a channel where the joint moves, smoothed as its motion is, without its mean."""
+    found = np.zeros(len(balance))
+    for k, piece in enumerate(view.stretches):
+        own = balance["stretch"] == k
+        if own.any():
+            x = smooth(piece[name], balance.width)
+            found[own] = np.interp(balance["time"][own], piece["t"], x - x.mean())
+    return found
