@@ -42,10 +42,14 @@ def late_angle(view: View) -> float:
         return 0.0
     late = -float(factors(apart, [*winds, balance["v"]])[-1])
     fast = float(np.quantile(np.abs(balance["v"]), 0.95))
-    could = SOFTEST * view.value("k_b") * abs(late) * fast <= balance.level
-    if abs(late) < LEAST * view.dt or (could and "tau" not in view):
-        return 0.0
-    return late
+    wound = SOFTEST * _stiffness(view) * abs(late) * fast
+    return late if abs(late) > LEAST * view.dt and wound > balance.level else 0.0
+
+
+def _stiffness(view: View) -> float:
+    """Return the stiffness between the two angles, the gearbox's included [N m/rad]."""
+    springs = [view.value("k_b"), view.value("k_g") if view.has_gear else 0.0]
+    return 1.0 / sum(1.0 / k for k in springs if k > 0.0)
 
 
 def angles_apart(view: View) -> list[str]:
