@@ -236,8 +236,10 @@ def judge(
     terms = likelier(
         candidates(case.joint, scales, case.logs), seen_in_torque(case.joint, case.logs)
     )
-    found = search(problem, base, terms, suspects, progress)
-    found, tests = _tested(problem, test, found)
+    found = search(
+        problem, base, terms, suspects, progress, lambda one: _tested(problem, test, one)[0]
+    )
+    tests = _tested(problem, test, found)[1]
     found = _polished(case, problem, found, joints)
     joints["found"] = found.fit.model.at(found.fit.z)
     joints["base"] = found.base.model.at(found.base.z)

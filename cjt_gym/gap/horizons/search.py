@@ -206,8 +206,12 @@ def search(
     terms: Sequence[Term],
     suspects: Sequence[str] = (),
     progress: Callable[[str], None] = lambda _: None,
+    tested: Callable[[Found], Found] = lambda found: found,
 ) -> Found:
     """Return the terms that a record calls for.
+
+    Several searches from different starts may end at different models. They are pruned in the order
+    of their costs, until no other could still be better than the best that is left.
 
     Args:
         problem: The windows.
@@ -215,6 +219,7 @@ def search(
         terms: What may be added.
         suspects: Names of terms to begin with, in the order of their weight.
         progress: Is told in words what is being done.
+        tested: Takes out of a search's end what held-out data refute.
     """
     first = best_start(problem, base)
     dry = [term for term in terms if term.name == FIRST]
@@ -222,12 +227,20 @@ def search(
     begun.append(seeded(problem, first, terms, suspects))
     fixed = len(base.terms)
     if problem.force:
-        chosen = _apart([*begun, *inverse_starts(problem, base, terms)], fixed)
+        begun += inverse_starts(problem, base, terms)
+        chosen = _apart(begun, fixed)
     else:
         chosen = [min(begun, key=lambda fit: _priced(fit, fixed))]
-    fits = [extended(problem, fit, terms, progress) for fit in chosen]
-    best = min(fits, key=lambda fit: _priced(fit, fixed))
-    return pruned(problem, first, best, terms, fixed)
+    ends = [*(extended(problem, fit, terms, progress) for fit in chosen), *begun]
+    best: Found | None = None
+    for end in sorted(ends, key=lambda fit: _priced(fit, fixed)):
+        if best is not None and _priced(best.fit, fixed) <= _priced(end, fixed) + ALIKE:
+            break
+        found = tested(pruned(problem, first, end, terms, fixed))
+        if best is None or _priced(found.fit, fixed) < _priced(best.fit, fixed):
+            best = found
+    assert best is not None
+    return best
 
 
 def _priced(fit: Fit, fixed: int) -> float:
