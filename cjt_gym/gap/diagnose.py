@@ -93,7 +93,7 @@ def diagnose(
     first = given[0]
     file, shape = _joint(first, joint, structure)
     exam = examine(given, file, shape)
-    given, held = list(in_step(given, file, shape)), list(in_step(held, file, shape))
+    given, held = in_step(given, held, file, shape)
     whole, tested = [unbroken(record) for record in given], [unbroken(record) for record in held]
     cuts = [int((1.0 - TAIL) * len(record)) for record in whole]
     fitted = whole if held else [r.slice(0, cut) for r, cut in zip(whole, cuts, strict=True)]

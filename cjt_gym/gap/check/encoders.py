@@ -66,15 +66,18 @@ def angles_apart(view: View) -> list[str]:
     ]
 
 
-def in_step(records: Sequence[Record], file: JointFile, shape: Structure) -> tuple[Record, ...]:
-    """Return records whose angles belong to the same instants."""
+def in_step(
+    records: Sequence[Record], held: Sequence[Record], file: JointFile, shape: Structure
+) -> tuple[list[Record], list[Record]]:
+    """Return records, and those held out, whose angles belong to the same instants."""
     try:
         late = late_angle(View.of(records, file, shape))
     except CjtGymError:
-        return tuple(records)
+        late = 0.0
     if late == 0.0:
-        return tuple(records)
-    return tuple(_moved(record, late) if LATE in record else record for record in records)
+        return list(records), list(held)
+    moved = [[_moved(r, late) if LATE in r else r for r in some] for some in (records, held)]
+    return moved[0], moved[1]
 
 
 def _moved(record: Record, late: float) -> Record:

@@ -316,7 +316,7 @@ def _worst(judged: Judgement) -> Row:
     if main.seconds == WHOLE:
         return main
     rows = [r for r in judged.rows if r.channel == main.channel and r.seconds > min(HORIZONS)]
-    return max(rows, key=lambda r: r.found)
+    return max(rows, key=lambda r: r.found, default=main)
 
 
 def _verdict(judged: Judgement, effects: Sequence[NamedEffect], *, suspected: bool) -> str:
