@@ -188,7 +188,8 @@ def stribeck(view: View) -> Verdict:
     slow = float(np.mean(v < 0.1 * fastest))
     if isinstance(found, Seen) and slow >= SLOW:
         return found
-    why = f"{percent(slow)} of the motion is slower than a tenth of its highest speed"
+    shown = "of the motion that its noise lets show is slower than a tenth of the highest speed"
+    why = f"{percent(slow)} {shown}"
     if isinstance(found, Unseen):
         why = f"{why}, so that {found.why}"
     return Unseen(why, "Record many slow reversals: ramps through zero speed in both directions.")

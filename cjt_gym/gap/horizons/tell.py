@@ -31,7 +31,7 @@ from cjt_gym.gap.horizons.by_torque import (
 from cjt_gym.gap.horizons.fit import Fit, Problem
 from cjt_gym.gap.horizons.inverse import Spent, seen_in_torque
 from cjt_gym.gap.horizons.judge import LOUD, Judgement, Row
-from cjt_gym.gap.horizons.model import Term
+from cjt_gym.gap.horizons.model import Term, motor_inertia
 from cjt_gym.gap.horizons.scatter import Scatter
 from cjt_gym.gap.horizons.sheet import stated_tolerance
 from cjt_gym.gap.horizons.spread import Spread, spread_of
@@ -54,6 +54,8 @@ MOST_ADVICE = 2
 """Sentences of advice of each kind."""
 SKEW = frozenset({"coulomb_asym", "viscous_asym", "torque_offset"})
 """Effects that differ between the directions, of which several together are one another's rest."""
+REFINED = 0.1
+"""Relative difference from which a refined value is told."""
 COMBINED = ("gravity", "viscous_asym")
 """Effects whose numbers in the effect table are combinations of those that are fitted."""
 STAGES = {"q_m": "motor", "q_l": "load", "tau": "transmission"}
@@ -104,6 +106,8 @@ def retold(
     unexplained = _unexplained(judged, verdict, judged.unexplained)
     if held:
         unexplained = replace(unexplained, text=f"{HELD} {unexplained.text}")
+    elif not effects and (refined := _refined(judged)):
+        unexplained = replace(unexplained, text=f"{refined} {unexplained.text}")
     if judged.cut and first.verdict == "unexplained":
         verdict, unexplained = "partly_explained" if effects else "unexplained", first.unexplained
     return replace(
@@ -348,6 +352,20 @@ def _unexplained(judged: Judgement, verdict: str, left: Sequence[Row]) -> Unexpl
         "speed, angle, input and the past, but no effect of the table explains it."
     )
     return Unexplained(share, STAGES[row.channel], f"{said} {text}".strip(), predictable)
+
+
+def _refined(judged: Judgement) -> str:
+    """Return which values of the joint given differ from the datasheet's, though none is named."""
+    if judged.found is None or judged.answer not in ("found", "base"):
+        return ""
+    fit = judged.found.fit if judged.answer == "found" else judged.found.base
+    said = []
+    for term, values in zip(fit.model.terms, fit.model.values(fit.z), strict=True):
+        scale = motor_inertia(judged.case.joint) if term.name == "inertia" else 1.0
+        value, nominal = scale * values[0], scale * term.nominal[0]
+        if abs(value - nominal) > REFINED * max(abs(value), abs(nominal)):
+            said.append(f"{term.name} {value:.3g} for {nominal:.3g}")
+    return f"No cause is named; refined values predict better: {', '.join(said)}." if said else ""
 
 
 def _ahead(row: Row) -> str:
