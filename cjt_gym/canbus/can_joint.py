@@ -56,7 +56,7 @@ class CanJoint:
         self.config, self.link = config, link
         self.nodes = Nodes.of(config)
         self.sense = Sense(config, frozenset(self.nodes.latest))
-        self.guard = Guard(config.limits, config.dt, config.soft, config.overrun)
+        self.guard = Guard(config.limits, config.dt, config.soft, config.overrun, config.missed)
         self.timing = Timing()
         self.on_fault: Callable[[Fault], None] | None = None
         self._talk = Dialogue(link, self.nodes)

@@ -39,6 +39,7 @@ class Latest:
         period: Time between two reports [s].
         oldest: Age from which it is missing [s].
         node: Name of the node that reports it.
+        label: What it is called where it is missing.
     """
 
     value: float = math.nan
@@ -46,6 +47,7 @@ class Latest:
     period: float = math.inf
     oldest: float = math.inf
     node: str = ""
+    label: str = ""
 
 
 @final
@@ -145,7 +147,9 @@ class Nodes:
             for name in sorted(node.master.channels):
                 period = max(node.master.periods.get(name, config.dt), 1e-6)
                 oldest = max(nodes.oldest(period), SLOW.get(name, 0.0))
-                nodes.latest.setdefault(name, Latest(period=period, oldest=oldest, node=node.name))
+                label = f"{name} of {node.name}"
+                latest = Latest(math.nan, -math.inf, period, oldest, node.name, label)
+                nodes.latest.setdefault(name, latest)
         return nodes
 
     def claims(self, message: can.Message) -> bool:
@@ -205,10 +209,7 @@ class Nodes:
 
     def ages(self, now: float) -> dict[str, tuple[float, float]]:
         """Return the age of every channel and that from which it is missing [s]."""
-        return {
-            f"{name} of {latest.node}": (now - latest.t, latest.oldest)
-            for name, latest in self.latest.items()
-        }
+        return {each.label: (now - each.t, each.oldest) for each in self.latest.values()}
 
     def values(self) -> dict[str, float]:
         """Return the latest value of every channel."""

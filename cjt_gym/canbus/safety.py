@@ -136,7 +136,8 @@ JUMP = 3.0
 """Factor on the largest speed above which a change of angle is no motion but a corrupt value."""
 WANTED, MADE, DEAF = 0.05, 0.1, 10
 """A drive is deaf if it makes less than the share `MADE` of a commanded current that is more than
-the share `WANTED` of the limit, for so many control steps in a row."""
+the share `WANTED` of the limit, for so many control steps in a row, besides those by which reports
+may be old."""
 REMEDY = (
     "Where other programs hold the loop up: lower rate_hz, give it real-time priority or a quieter "
     "machine, or allow more in [control] with"
@@ -155,12 +156,16 @@ class Guard:
         dt: Control step [s].
         soft: Time over which torque is given at the start and taken at the end [s].
         overrun: Time by which a command may be late [s].
+        missed: Control steps for which reports may stay away.
         state: State of the joint.
         fault: What ended the run, or None.
     """
 
-    def __init__(self, limits: SafetyLimits, dt: float, soft: float, overrun: float) -> None:
+    def __init__(
+        self, limits: SafetyLimits, dt: float, soft: float, overrun: float, missed: int
+    ) -> None:
         self.limits, self.dt, self.soft, self.overrun = limits, dt, soft, overrun
+        self.missed = missed
         self.state = State.DISCONNECTED
         self.fault: Fault | None = None
         self._steps = 0
@@ -267,7 +272,7 @@ class Guard:
         wanted = abs(self._last)
         is_deaf = wanted > WANTED * self.limits.tau and made < MADE * wanted
         self._deaf = self._deaf + 1 if is_deaf else 0
-        if self._deaf < DEAF:
+        if self._deaf < DEAF + self.missed:
             return None
         return Fault(
             "drive",

@@ -218,7 +218,7 @@ def soak(
     above = None if given.priority is None else min(given.priority + 1, 99)
     seen_on = sorted(_processors(os.getpid()) | _processors(served_by))
     end = time.monotonic() + seconds
-    used = np.array([_cpu(os.getpid()), _cpu(served_by)])
+    used = np.array([cpu_time(os.getpid()), cpu_time(served_by)])
     with machine.watched(), witnesses.watching(folder, seen_on, above):
         while time.monotonic() < end:
             record, began = folder / "soak.csv", time.perf_counter()
@@ -242,7 +242,7 @@ def soak(
                 tally.faults.append((seen, str(error)))  # closing takes some time, too
                 tally.zeros += isinstance(error, HardwareFault)
             tally.add(began, plant, record)
-        used = (np.array([_cpu(os.getpid()), _cpu(served_by)]) - used) / seconds
+        used = (np.array([cpu_time(os.getpid()), cpu_time(served_by)]) - used) / seconds
     faults = [_fault(t, text, given.overrun, machine, witnesses) for t, text in tally.faults]
     return {
         "seconds": seconds,
@@ -286,7 +286,7 @@ def _processors(process: int) -> set[int]:
     return os.sched_getaffinity(process) if hasattr(os, "sched_getaffinity") else set()
 
 
-def _cpu(process: int) -> float:
+def cpu_time(process: int) -> float:
     """Return the processor time that a process has used [s], NaN where the system cannot say."""
     stat = Path(f"/proc/{process}/stat")
     if not stat.exists():

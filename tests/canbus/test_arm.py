@@ -117,20 +117,34 @@ class Behind:
         return [frame._replace(t=min(frame.t, self.now())) for frame in found]
 
 
-@pytest.mark.parametrize("protocol", ["moteus", "cia402"])
-@pytest.mark.parametrize("late", [0.003, 0.015])
-def test_answers_from_before_a_run_are_no_repeated_ones(protocol: str, late: float) -> None:
+def behind(protocol: str, late: float) -> tuple[CanArm, Behind]:
+    """Return two joints that are ready for a run at 1 kHz, on a link that is late [s]."""
     allowed = {"value": 0.02, "unit": "s"}
     control = {"rate_hz": 1000, "missed": 20, "overrun": allowed, "watchdog": allowed}
     configs = parse_joints(joints(protocol, protocol, control=control), "arm.toml", Path())
     link = Behind(VirtualLink(EmulatedArm(configs)), late)
-    with CanArm(configs, link) as arm:
-        arm.connect()
-        arm.arm()
-        arm.reset()
+    arm = CanArm(configs, link)
+    arm.connect()
+    arm.arm()
+    arm.reset()
+    return arm, link
+
+
+@pytest.mark.parametrize("protocol", ["moteus", "cia402"])
+@pytest.mark.parametrize("late", [0.003, 0.015])
+def test_answers_from_before_a_run_are_no_repeated_ones(protocol: str, late: float) -> None:
+    arm, link = behind(protocol, late)
+    with arm:
         for k in range(40):
             link.late = late if k < 3 else 0.0
             arm.step(np.zeros(2))
+
+
+def test_a_drive_whose_reports_are_as_old_as_allowed_is_not_deaf() -> None:
+    arm, _ = behind("moteus", 0.015)
+    with arm:
+        for _ in range(40):
+            arm.step(np.full(2, arm.joints[0].limits.tau))
 
 
 def _command(arm: CanArm, link: VirtualLink, emulated: EmulatedArm) -> None:

@@ -56,7 +56,7 @@ def test_states_follow_their_table() -> None:
     plant.close()
     assert plant.state is State.DISCONNECTED
     assert emulator.torque == 0.0
-    guard = Guard(given.limits, given.dt, given.soft, given.overrun)
+    guard = Guard(given.limits, given.dt, given.soft, given.overrun, given.missed)
     for state in State:
         for target in State:
             guard.state = state
