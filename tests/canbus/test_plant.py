@@ -18,10 +18,10 @@ from cjt_gym.canbus.protocols.contract import Mode
 from cjt_gym.canbus.safety import FAULTS, MOVES, Guard, HardwareFault, State
 from cjt_gym.canbus.timing import Timing
 from cjt_gym.canbus.virtual import VirtualLink
-from cjt_gym.errors import ConfigurationError, HardwareError
+from cjt_gym.errors import ConfigurationError, HardwareError, RecordError
 from cjt_gym.plant import SimulatedPlant
-from cjt_gym.records import FORMATS, read_record
-from tests.canbus.bench import DRIVES, config, virtual_plant
+from cjt_gym.records import FORMATS, read_record, write_record
+from tests.canbus.bench import DRIVES, config, document, toml, virtual_plant
 
 
 def test_follows_the_simulation_of_the_same_joint() -> None:
@@ -151,6 +151,24 @@ def test_record_of_another_format_and_no_overwriting(tmp_path: Path) -> None:
         plant.step(np.zeros(1))
     assert emulator.torque == 0.0
     plant.close()
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".npz"])
+def test_a_record_does_not_overwrite_the_configuration_of_its_run(
+    suffix: str, tmp_path: Path
+) -> None:
+    given = tmp_path / "run.toml"
+    given.write_text(toml(document()))
+    plant, emulator = virtual_plant(config(), given.with_suffix(suffix))
+    plant.reset()
+    with pytest.raises(RecordError, match="belongs to no record"):
+        plant.step(np.zeros(1))
+    assert emulator.torque == 0.0
+    plant.close()
+    with pytest.raises(RecordError, match="belongs to no record"):
+        write_record(config().joint.simulate(np.zeros(10), dt=1e-3), given.with_suffix(suffix))
+    assert given.read_text() == toml(document())
+    assert list(tmp_path.iterdir()) == [given]
 
 
 def test_every_fault_is_described() -> None:
