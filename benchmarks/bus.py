@@ -78,7 +78,7 @@ def _default_run(
 ) -> tuple[str, str, float, float]:
     """Return controller, kind of fault or "-", tracking error [N m] and lateness [us] of a run."""
     name = f"{controller}-{rate}-{k}"
-    path, out = folder / f"{name}.toml", folder / f"{name}.csv"
+    path, out = folder / f"{name}.toml", folder / f"{name}-run.csv"
     bus = {"interface": "socketcand", "channel": "can0", "port": free_port()}
     tables = document(bus=bus, drive=ASKED, control={"rate_hz": rate}, limits=LIMITS)
     path.write_text(toml(tables))

@@ -65,7 +65,7 @@ class Journal:
 
         Raises:
             ConfigurationError: The file cannot be written, or the record is there already.
-            RecordError: The file with its facts is there, and of something else.
+            RecordError: See `refuse_taken`.
         """
         self.wanted = Path(path)
         self.path = self.wanted.with_suffix(SUFFIX)
@@ -73,13 +73,8 @@ class Journal:
         self._watcher = watcher
         self._columns, self._dt, self._facts = tuple(columns), dt, dict(facts)
         self._format = ",".join(["%.10g"] * len(columns)) + "\n"
-        for there in (self.wanted, self.path):
-            if there.exists():
-                raise ConfigurationError(
-                    f"The record {there} already exists and is not overwritten. Give another "
-                    "name, or move it away."
-                )
-        self._beside = facts_path(self.path)
+        refuse_taken(self.wanted)
+        self._beside = self.path.with_suffix(".toml")
         self._file, self._size = -1, 0
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
@@ -168,6 +163,22 @@ class Journal:
         facts = {**self._facts, "provenance": provenance}
         record = Record(columns, units, dt=self._dt, allow_nan=True, **facts)
         write_metadata(record, self._beside)
+
+
+def refuse_taken(path: Path) -> None:
+    """Refuse a place for a record where there is something already.
+
+    Raises:
+        ConfigurationError: The record is there already.
+        RecordError: The file with its facts is there, and of something else.
+    """
+    for there in (path, path.with_suffix(SUFFIX)):
+        if there.exists():
+            raise ConfigurationError(
+                f"The record {there} already exists and is not overwritten. Give another name, or "
+                "move it away."
+            )
+    facts_path(path)
 
 
 def _reserved(folder: Path) -> int:

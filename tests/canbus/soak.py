@@ -31,12 +31,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.baselines import Controller, make_controller
+from cjt_gym.baselines import Controller
 from cjt_gym.canbus.config import HardwareConfig, load_hardware
 from cjt_gym.canbus.plant import CanPlant
 from cjt_gym.canbus.safety import HardwareFault
 from cjt_gym.canbus.timing import PERCENTILES
 from cjt_gym.errors import ConfigurationError, HardwareError
+from cjt_gym.hardware.delayed_law import law_for
 from cjt_gym.signals import make_signals
 from tests.canbus.bench import DRIVES, document, toml
 from tests.canbus.witness import Witnesses
@@ -210,11 +211,10 @@ def soak(
         folder: Where the record lies meanwhile.
         served_by: Number of the emulator's process.
     """
-    law = make_controller(controller, given.joint, given.dt)
     (signal,) = make_signals("smooth", AMPLITUDE)
     reference = signal.torque(np.arange(round(PIECE / given.dt)) * given.dt)
     tally, machine, witnesses = Tally(), Machine(), Witnesses()
-    _warm_up(given, law, reference)
+    law = _warm_up(given, controller, reference)
     above = None if given.priority is None else min(given.priority + 1, 99)
     seen_on = sorted(_processors(os.getpid()) | _processors(served_by))
     end = time.monotonic() + seconds
@@ -273,12 +273,14 @@ def _fault(
     return {"text": text, **machine.at(t), **seen}
 
 
-def _warm_up(given: HardwareConfig, law: Controller, reference: NDArray[np.float64]) -> None:
-    """Let everything be compiled, without moving the joint."""
+def _warm_up(given: HardwareConfig, controller: str, reference: NDArray[np.float64]) -> Controller:
+    """Return a controller for the delay as it is; let everything be compiled; nothing moves."""
     with CanPlant(given) as plant:
         plant.connect()
+        law = law_for(controller, given.joint, given.dt, plant.joint.measured_delay())
         plant.arm()
         law.act(plant.reset(), reference[:1])
+    return law
 
 
 def _processors(process: int) -> set[int]:

@@ -145,12 +145,8 @@ def test_record_of_another_format_and_no_overwriting(tmp_path: Path) -> None:
             plant.step(np.zeros(1))
     assert len(read_record(path)) > 5
     assert not path.with_suffix(".csv").exists()
-    plant, emulator = virtual_plant(config(), path)
-    plant.reset()
     with pytest.raises(ConfigurationError, match="already exists"):
-        plant.step(np.zeros(1))
-    assert emulator.torque == 0.0
-    plant.close()
+        CanPlant(config(), record=path)
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".npz"])
@@ -159,12 +155,8 @@ def test_a_record_does_not_overwrite_the_configuration_of_its_run(
 ) -> None:
     given = tmp_path / "run.toml"
     given.write_text(toml(document()))
-    plant, emulator = virtual_plant(config(), given.with_suffix(suffix))
-    plant.reset()
     with pytest.raises(RecordError, match="belongs to no record"):
-        plant.step(np.zeros(1))
-    assert emulator.torque == 0.0
-    plant.close()
+        CanPlant(config(), record=given.with_suffix(suffix))
     with pytest.raises(RecordError, match="belongs to no record"):
         write_record(config().joint.simulate(np.zeros(10), dt=1e-3), given.with_suffix(suffix))
     assert given.read_text() == toml(document())
