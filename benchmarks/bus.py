@@ -22,10 +22,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.baselines import make_controller
 from cjt_gym.canbus.arm import CanArm
 from cjt_gym.canbus.config import load_joints
 from cjt_gym.canbus.safety import HardwareFault
+from cjt_gym.hardware.delayed_law import law_for
 from cjt_gym.records import read_record
 from tests.canbus.bench import document, toml
 from tests.canbus.soak import MAIN, cpu_time, emulator, free_port
@@ -122,13 +122,16 @@ def _follow(
     arm: CanArm, rate: int, seconds: float, processes: tuple[int, int]
 ) -> tuple[NDArray[np.float64], str]:
     """Run joints under PD control; return the time of processes per step [s], and the fault."""
-    laws = [make_controller("pd_feedforward", config.joint, arm.dt) for config in arm.configs]
     steps = round(rate * seconds)
-    references = 5.0 * np.sin(6.0 * np.arange(steps)[:, None] / rate + np.arange(len(laws)))
+    references = 5.0 * np.sin(6.0 * np.arange(steps)[:, None] / rate + np.arange(len(arm.joints)))
     done, begun = 0, np.full(2, np.nan)
     try:
         with arm:
             arm.connect()
+            laws = [
+                law_for("pd_feedforward", joint.config.joint, arm.dt, joint.measured_delay())
+                for joint in arm.joints
+            ]
             arm.arm()
             measured = arm.reset()
             for done, wanted in enumerate(references):
