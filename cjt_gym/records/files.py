@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Mapping
 from importlib import resources
 from pathlib import Path
@@ -148,14 +149,14 @@ def table_path(path_or_name: str | Path) -> Path:
     path = Path(path_or_name)
     if path.suffix == ".toml":
         return _table_beside(path)
-    if path.is_file():
+    if os.path.isfile(path):
         return path
     hint = unknown_name("record", str(path_or_name), record_names())
     raise RecordError(f"There is no file {path}. {hint}")
 
 
 def _table_beside(path: Path) -> Path:
-    tables = [table for suffix in FORMATS if (table := path.with_suffix(suffix)).is_file()]
+    tables = [table for suffix in FORMATS if os.path.isfile(table := path.with_suffix(suffix))]
     if len(tables) != 1:
         found = ", ".join(table.name for table in tables) or "none"
         raise RecordError(
