@@ -20,7 +20,7 @@ from cjt_gym.canbus.bus_identity import bus_identity
 from cjt_gym.canbus.can_joint import CanJoint
 from cjt_gym.canbus.config import HardwareConfig
 from cjt_gym.canbus.dialogue import AFTERWARDS
-from cjt_gym.canbus.journal import Watcher
+from cjt_gym.canbus.journal import Watcher, refuse_taken
 from cjt_gym.canbus.link import BusLink, Link, open_link, quiet_machine
 from cjt_gym.canbus.lock import NodeLock
 from cjt_gym.canbus.run_record import BeginRecord, RunRecord
@@ -66,6 +66,10 @@ class CanArm:
             link: The way to the bus; by default python-can's bus as configured.
             record: Where the record of all joints is written; None for none.
             watcher: Shown what the record gets, while the run goes on; None for nobody.
+
+        Raises:
+            ConfigurationError: The record is there already.
+            RecordError: The TOML file beside the record is there, and of something else.
         """
         self.configs = tuple(configs)
         self.dt = configs[0].dt
@@ -85,6 +89,7 @@ class CanArm:
 
     def _record(self, path: str | Path, watcher: Watcher | None) -> BeginRecord:
         """Return what begins the record: that of one joint has its columns without its name."""
+        refuse_taken(Path(path))
         if len(self.configs) == 1:
             return partial(RunRecord, path, watcher=watcher)
         return ArmRecord(path, len(self.configs), self.dt, watcher).begin
@@ -118,10 +123,6 @@ class CanArm:
         except BaseException:
             self._release()
             raise
-
-    def measured_delay(self) -> list[dict[str, float]]:
-        """Return the delays of bus and loop for each joint; see `CanJoint.measured_delay`."""
-        return [joint.measured_delay() for joint in self.joints]
 
     def arm(self) -> None:
         """Allow the joints to be moved, one after the other; they still are not.

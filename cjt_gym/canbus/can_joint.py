@@ -6,7 +6,7 @@ import contextlib
 import math
 import threading
 from collections.abc import Callable, Mapping
-from typing import final
+from typing import NoReturn, final
 
 from cjt_gym.canbus.config import HardwareConfig
 from cjt_gym.canbus.dialogue import LOOKS, Dialogue
@@ -56,7 +56,7 @@ class CanJoint:
         self.config, self.link = config, link
         self.nodes = Nodes.of(config)
         self.sense = Sense(config, frozenset(self.nodes.latest))
-        self.guard = Guard(config.limits, config.dt, config.soft, config.overrun)
+        self.guard = Guard(config.limits, config.dt, config.soft, config.overrun, config.missed)
         self.timing = Timing()
         self.on_fault: Callable[[Fault], None] | None = None
         self._talk = Dialogue(link, self.nodes)
@@ -196,12 +196,9 @@ class CanJoint:
         if self.state is not State.RUNNING:
             self._raise()
         allowed = self.guard.late(self.link.now() - self.due) or self.guard.allowed(command)
-        with self._lock:
-            if isinstance(allowed, Fault):
-                self.trip(allowed)
-                self._raise()
-            assert isinstance(allowed, float)
-            self.fade(allowed)
+        if isinstance(allowed, Fault):
+            self._end(allowed)
+        self.fade(allowed)
 
     def fade(self, torque: float) -> None:
         """Send a torque that is allowed, such as one on the way to zero [N m]."""
@@ -249,19 +246,15 @@ class CanJoint:
             if trouble is None or (finite and trouble.kind != "corrupt"):
                 self._full = full  # what is corrupt stays out of the record
             if trouble is not None:
-                self.trip(trouble)
-                self._raise()
+                self._end(trouble)
             return self.sense.measurement(self._full, self._k * self.config.dt)
 
     def _completed(self) -> dict[str, float]:
         return self.sense.complete(self.nodes.values(), self.nodes.latest["q_m"].t)
 
     def _seen(self, full: Mapping[str, float], elapsed: float) -> Seen:
-        known = {
-            name: value
-            for name, value in full.items()
-            if name in self.nodes.latest or math.isfinite(value)
-        }
+        reported = self.nodes.latest
+        known = {k: v for k, v in full.items() if k in reported or math.isfinite(v)}
         return Seen(known, self.nodes.ages(self.link.now()), elapsed)
 
     # ---- how it ends
@@ -327,19 +320,22 @@ class CanJoint:
         if self.state is State.RUNNING and late is not None:
             self.trip(late)
 
+    def _end(self, fault: Fault) -> NoReturn:
+        self.trip(fault)
+        self._raise()
+
     def _raise_if_tripped(self) -> None:
         if self.state is State.FAULT:
             self._raise()
 
-    def _raise(self) -> None:
+    def _raise(self) -> NoReturn:
         """Raise the fault that ended the run; `CanArm` repeats that the drives are to be off."""
-        fault = self.guard.fault
-        if fault is None:
-            raise HardwareError(
-                f"A joint that is {self.state.value} does not take commands. Call connect(), "
-                "arm() and reset() first."
-            )
-        raise HardwareFault(fault)
+        if self.guard.fault is not None:
+            raise HardwareFault(self.guard.fault)
+        raise HardwareError(
+            f"A joint that is {self.state.value} does not take commands. Call connect(), arm() and "
+            "reset() first."
+        )
 
     def _note(self, torque: float, lateness: float) -> None:
         """Append a row to the record."""

@@ -84,10 +84,11 @@ class EmulatedArm:
         self._collect()
 
     def _deliver(self, t: float) -> None:
-        for due in self._in.take(t):
+        messages = [due.message for due in self._in.take(t)]
+        if messages:
             for emulator in self.emulators:
-                emulator.send([due.message])
-        self._collect()
+                emulator.send(messages)
+            self._collect()
 
     def _collect(self) -> None:
         """Put what the nodes have sent on the bus."""

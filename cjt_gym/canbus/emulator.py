@@ -164,12 +164,14 @@ class Emulator:
 
     def _deliver(self, t: float) -> None:
         """Hand the frames to the nodes that have arrived by a time [s]."""
-        for due in self._in.take(t):
+        arrived = self._in.take(t)
+        for due in arrived:
             self.now = max(self.now, due.t)
             for node in self.nodes:
                 if node.alive:
                     self._answer(node, node.firmware.receive(due.message, self.now))
-        self._obey()
+        if arrived:
+            self._obey()
 
     def _obey(self) -> None:
         """Let the drive's torque act."""

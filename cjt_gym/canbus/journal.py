@@ -12,7 +12,7 @@ from typing import Any, Protocol, final
 
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.records import Record, default_units, read_record, write_record
-from cjt_gym.records.metadata import write_metadata
+from cjt_gym.records.metadata import facts_path, write_metadata
 
 SUFFIX = ".csv"
 RESERVE = 1 << 16
@@ -65,6 +65,7 @@ class Journal:
 
         Raises:
             ConfigurationError: The file cannot be written, or the record is there already.
+            RecordError: See `refuse_taken`.
         """
         self.wanted = Path(path)
         self.path = self.wanted.with_suffix(SUFFIX)
@@ -72,12 +73,8 @@ class Journal:
         self._watcher = watcher
         self._columns, self._dt, self._facts = tuple(columns), dt, dict(facts)
         self._format = ",".join(["%.10g"] * len(columns)) + "\n"
-        for there in (self.wanted, self.path):
-            if there.exists():
-                raise ConfigurationError(
-                    f"The record {there} already exists and is not overwritten. Give another "
-                    "name, or move it away."
-                )
+        refuse_taken(self.wanted)
+        self._beside = self.path.with_suffix(".toml")
         self._file, self._size = -1, 0
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
@@ -148,7 +145,7 @@ class Journal:
             os.close(file)
         if not self.rows:
             self.path.unlink()
-            self.path.with_suffix(".toml").unlink()
+            self._beside.unlink()
             return None
         self._describe(known)
         if self.wanted.suffix.lower() == SUFFIX:
@@ -165,7 +162,23 @@ class Journal:
         units = default_units(self._columns)
         facts = {**self._facts, "provenance": provenance}
         record = Record(columns, units, dt=self._dt, allow_nan=True, **facts)
-        write_metadata(record, self.path.with_suffix(".toml"))
+        write_metadata(record, self._beside)
+
+
+def refuse_taken(path: Path) -> None:
+    """Refuse a place for a record where there is something already.
+
+    Raises:
+        ConfigurationError: The record is there already.
+        RecordError: The file with its facts is there, and of something else.
+    """
+    for there in (path, path.with_suffix(SUFFIX)):
+        if there.exists():
+            raise ConfigurationError(
+                f"The record {there} already exists and is not overwritten. Give another name, or "
+                "move it away."
+            )
+    facts_path(path)
 
 
 def _reserved(folder: Path) -> int:

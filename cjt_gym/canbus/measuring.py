@@ -106,5 +106,5 @@ class Sense:
 
     def measurement(self, full: Mapping[str, float], t: float) -> Measurement:
         """Return completed channels as a plant gives them, each of shape (1,)."""
-        columns = {name: np.array([full[name]]) for name in CHANNELS}
-        return Measurement(t=np.array([t]), **columns)
+        rows = np.array([[t], *([full[name]] for name in CHANNELS)])
+        return Measurement(**dict(zip(("t", *CHANNELS), rows, strict=True)))

@@ -39,6 +39,7 @@ class Latest:
         period: Time between two reports [s].
         oldest: Age from which it is missing [s].
         node: Name of the node that reports it.
+        label: What it is called where it is missing.
     """
 
     value: float = math.nan
@@ -46,6 +47,7 @@ class Latest:
     period: float = math.inf
     oldest: float = math.inf
     node: str = ""
+    label: str = ""
 
 
 @final
@@ -63,7 +65,14 @@ class Node:
         is_unwatched: Whether it is accepted that it does not stop by itself.
     """
 
-    def __init__(self, settings: NodeSettings) -> None:
+    def __init__(self, settings: NodeSettings, owed: int, overrun: float) -> None:
+        """Begin without a report.
+
+        Args:
+            settings: The node.
+            owed: Answers that may be outstanding.
+            overrun: Time for which this computer may stand still, and reports wait for it [s].
+        """
         self.name, self.address = settings.name, settings.settings.node
         self.master: Master = protocol_of(settings.protocol).master(settings.settings)
         self.is_unwatched = settings.settings.unwatched
@@ -71,23 +80,21 @@ class Node:
         self.error, self.text = 0, ""
         # what a DBC file describes comes in its own cycles, though its drive is polled to be off
         self.is_asked = bool(self.master.poll()) and settings.protocol != "dbc"
+        self._owed, self._overrun = SPARE + owed, overrun
         self._accounts: dict[int, _Account] = {}
 
-    def asked(self, owed: int) -> None:
-        """Note that the node was asked: it may answer with one frame of each kind more.
-
-        Args:
-            owed: Answers that may be outstanding.
-        """
+    def asked(self) -> None:
+        """Note that the node was asked: it may answer with one frame of each kind more."""
         if self.is_asked:
             for account in self._accounts.values():
-                account.credit = min(account.credit + 1.0, SPARE + owed)
+                account.credit = min(account.credit + 1.0, self._owed)
 
     def is_excess(self, arrival: Arrival, period: float, oldest: float) -> bool:
         """Whether a frame came more often than it should.
 
-        A node that is asked may answer once. One that reports by itself earns a frame per period,
-        and may send at once what was held up for as long as a report may be old.
+        A node that is asked may answer once, and when it is first heard all that may be
+        outstanding. One that reports by itself earns a frame per period, and may send at once what
+        was held up for as long as a report may be old and this computer may stand still.
 
         Args:
             arrival: The frame.
@@ -95,7 +102,7 @@ class Node:
             oldest: Age from which such a report is missing [s].
         """
         t, message = arrival
-        most = SPARE if self.is_asked else oldest / period + 1.0
+        most = self._owed if self.is_asked else (oldest + self._overrun) / period + 1.0
         account = self._accounts.setdefault(message.arbitration_id, _Account(most, t))
         if not self.is_asked:
             account.credit = min(account.credit + (t - account.t) / period, most)
@@ -115,8 +122,6 @@ class Nodes:
     Attributes:
         dt: Control step [s].
         missed: Reports that may be missing in a row.
-        owed: Answers that may be outstanding: those that may be missing, and those to the commands
-            by which a loop that was late, though no overrun, catches up.
         all: The drive, then the sensors.
         latest: Latest value of every channel, by name; the first node that reports it counts.
         strange: Frames that could not be decoded while no run was on.
@@ -124,21 +129,27 @@ class Nodes:
 
     dt: float
     missed: int
-    owed: int
     all: Sequence[Node]
     latest: dict[str, Latest] = field(default_factory=dict)
     strange: int = 0
 
     @staticmethod
     def of(config: HardwareConfig) -> Nodes:
-        """Return the nodes of a configuration."""
+        """Return the nodes of a configuration.
+
+        Of answers those may be outstanding that may be missing, and those to the commands by which
+        a loop that was late, though no overrun, catches up.
+        """
         owed = config.missed + math.ceil(config.overrun / config.dt)
-        nodes = Nodes(config.dt, config.missed, owed, [Node(n) for n in config.nodes])
+        every = [Node(settings, owed, config.overrun) for settings in config.nodes]
+        nodes = Nodes(config.dt, config.missed, every)
         for node in nodes.all:
             for name in sorted(node.master.channels):
                 period = max(node.master.periods.get(name, config.dt), 1e-6)
                 oldest = max(nodes.oldest(period), SLOW.get(name, 0.0))
-                nodes.latest.setdefault(name, Latest(period=period, oldest=oldest, node=node.name))
+                label = f"{name} of {node.name}"
+                latest = Latest(math.nan, -math.inf, period, oldest, node.name, label)
+                nodes.latest.setdefault(name, latest)
         return nodes
 
     def claims(self, message: can.Message) -> bool:
@@ -198,10 +209,7 @@ class Nodes:
 
     def ages(self, now: float) -> dict[str, tuple[float, float]]:
         """Return the age of every channel and that from which it is missing [s]."""
-        return {
-            f"{name} of {latest.node}": (now - latest.t, latest.oldest)
-            for name, latest in self.latest.items()
-        }
+        return {each.label: (now - each.t, each.oldest) for each in self.latest.values()}
 
     def values(self) -> dict[str, float]:
         """Return the latest value of every channel."""
@@ -223,7 +231,7 @@ class Nodes:
     def command(self, tau_m: float) -> list[can.Message]:
         """Return the frames that command a motor torque [N m] and ask the sensors."""
         frames = list(self.drive.master.command(tau_m))
-        self.drive.asked(self.owed)
+        self.drive.asked()
         for node in self.all[1:]:
             frames += self._asking(node)
         return frames
@@ -231,5 +239,5 @@ class Nodes:
     def _asking(self, node: Node) -> Sequence[can.Message]:
         frames = node.master.poll()
         if frames:
-            node.asked(self.owed)
+            node.asked()
         return frames

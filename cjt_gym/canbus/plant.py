@@ -76,10 +76,6 @@ class CanPlant:
         """Open the bus, set the nodes up, and wait until every channel was heard."""
         self.whole.connect()
 
-    def measured_delay(self) -> dict[str, float]:
-        """Return the delays of bus and loop [s]; see `CanJoint.measured_delay`."""
-        return self.joint.measured_delay()
-
     def arm(self) -> None:
         """Allow the joint to be moved; it still is not."""
         self.whole.arm()

@@ -136,7 +136,8 @@ JUMP = 3.0
 """Factor on the largest speed above which a change of angle is no motion but a corrupt value."""
 WANTED, MADE, DEAF = 0.05, 0.1, 10
 """A drive is deaf if it makes less than the share `MADE` of a commanded current that is more than
-the share `WANTED` of the limit, for so many control steps in a row."""
+the share `WANTED` of the limit, for so many control steps in a row, besides those by which reports
+may be old."""
 REMEDY = (
     "Where other programs hold the loop up: lower rate_hz, give it real-time priority or a quieter "
     "machine, or allow more in [control] with"
@@ -155,16 +156,21 @@ class Guard:
         dt: Control step [s].
         soft: Time over which torque is given at the start and taken at the end [s].
         overrun: Time by which a command may be late [s].
+        missed: Control steps for which reports may stay away.
         state: State of the joint.
         fault: What ended the run, or None.
+        commanded: Motor torque that was allowed last [N m].
     """
 
-    def __init__(self, limits: SafetyLimits, dt: float, soft: float, overrun: float) -> None:
+    def __init__(
+        self, limits: SafetyLimits, dt: float, soft: float, overrun: float, missed: int
+    ) -> None:
         self.limits, self.dt, self.soft, self.overrun = limits, dt, soft, overrun
+        self.missed = missed
         self.state = State.DISCONNECTED
         self.fault: Fault | None = None
+        self.commanded = 0.0
         self._steps = 0
-        self._last = 0.0
         self._angle: float | None = None
         self._deaf = 0
 
@@ -182,21 +188,13 @@ class Guard:
             )
         self.state = state
         if state is State.RUNNING:
-            self._steps, self._last, self._deaf = 0, 0.0, 0
+            self._steps, self.commanded, self._deaf = 0, 0.0, 0
         if state is State.ARMED:
             self._angle = None
 
-    @property
-    def commanded(self) -> float:
-        """Motor torque that was allowed last [N m]."""
-        return self._last
-
-    def trip(self, fault: Fault) -> bool:
-        """Note a fault; return whether it is the first."""
-        if self.state not in (State.ARMED, State.RUNNING):
-            return False
+    def trip(self, fault: Fault) -> None:
+        """Note the fault that ends a run."""
         self.fault, self.state = fault, State.FAULT
-        return True
 
     def allowed(self, command: float) -> float | Fault:
         """Return the motor torque that may be commanded instead [N m], or a fault.
@@ -209,9 +207,9 @@ class Guard:
         share = min(1.0, (self._steps + 1) * self.dt / self.soft) if self.soft > 0.0 else 1.0
         wanted = share * min(max(command, -top), top)
         step = self.limits.tau_rate * self.dt
-        self._last = min(max(wanted, self._last - step), self._last + step)
+        self.commanded = min(max(wanted, self.commanded - step), self.commanded + step)
         self._steps += 1
-        return self._last
+        return self.commanded
 
     def late(self, lateness: float) -> Fault | None:
         """Return the fault of a command that is late by more than it may [s], or None."""
@@ -225,10 +223,10 @@ class Guard:
 
     def fading(self) -> Iterator[float]:
         """Yield the motor torques that take the last one softly to zero [N m], step by step."""
-        begin, steps = self._last, max(1, round(self.soft / self.dt))
+        begin, steps = self.commanded, max(1, round(self.soft / self.dt))
         for k in range(steps):
-            self._last = begin * (1.0 - (k + 1) / steps)
-            yield self._last
+            self.commanded = begin * (1.0 - (k + 1) / steps)
+            yield self.commanded
 
     def check(self, seen: Seen) -> Fault | None:
         """Return what is wrong with a measurement, None where nothing is."""
@@ -247,7 +245,8 @@ class Guard:
     def _corrupt(self, seen: Seen) -> Fault | None:
         for name, value in seen.values.items():
             if not math.isfinite(value):
-                return Fault("corrupt", f"{name} must be a finite number, got {value}.")
+                text = f"{name} must be a number that its node can report, got {value}."
+                return Fault("corrupt", text)
         angle, before = seen.values.get("q_m"), self._angle
         self._angle = angle
         if angle is None or before is None or not math.isfinite(self.limits.dq_m):
@@ -264,14 +263,14 @@ class Guard:
     def _ignored(self, seen: Seen) -> Fault | None:
         """Find a drive that is off though it does not say so: it makes no torque."""
         made = abs(seen.values.get("tau_m", math.inf))
-        wanted = abs(self._last)
+        wanted = abs(self.commanded)
         is_deaf = wanted > WANTED * self.limits.tau and made < MADE * wanted
         self._deaf = self._deaf + 1 if is_deaf else 0
-        if self._deaf < DEAF:
+        if self._deaf < DEAF + self.missed:
             return None
         return Fault(
             "drive",
-            f"The drive must make the {self._last:.3g} N m that are commanded, it makes "
+            f"The drive must make the {self.commanded:.3g} N m that are commanded, it makes "
             f"{made:.3g} N m.",
         )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -123,7 +124,7 @@ def read_joint(table: object, owner: str, folder: Path) -> tuple[Joint, str, Eff
     given = Section(table, owner, JOINT)
     name = given.text("file")
     beside = folder / name
-    known = str(beside) if name.endswith(".toml") and beside.is_file() else name
+    known = str(beside) if name.endswith(".toml") and os.path.isfile(beside) else name
     usual = load_joint_file(known).structure or "output_fixed_rigid_gearbox"
     structure = given.text("structure", usual)
     effects = given.table.get("effects", [])
@@ -157,7 +158,7 @@ class NodeReader:
         given = Section(table, owner)
         protocol = given.text("protocol")
         known = dict(given.table)
-        if "file" in known and (self.folder / given.text("file")).is_file():
+        if "file" in known and os.path.isfile(self.folder / given.text("file")):
             known["file"] = str(self.folder / known["file"])
         p, limits = self.joint.parameters, limits_of(self.joint)
         settings = settings_of(

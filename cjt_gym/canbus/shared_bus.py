@@ -80,8 +80,7 @@ class SharedLink:
             HardwareError: The bus does not take them.
         """
         waiting, self._waiting = self._waiting or [], None
-        last = {_key(message): k for k, message in enumerate(waiting)}
-        self.link.send([waiting[k] for k in sorted(last.values())])
+        self.link.send(_once(waiting))
 
     def send(self, messages: Frames) -> None:
         """Send frames, or gather them."""
@@ -94,7 +93,7 @@ class SharedLink:
         """Wait for a time [s], and keep alive meanwhile."""
         while self._kept and (due := max(self._fed + self._dt, self.link.now())) <= t:
             self.link.wait_until(due)
-            self.link.send([frame for frames in self._kept for frame in frames()])
+            self.link.send(_once([frame for frames in self._kept for frame in frames()]))
             self._fed = due
         self.link.wait_until(t)
 
@@ -177,6 +176,12 @@ class Tap:
 
     def close(self) -> None:
         """Leave the bus to the others."""
+
+
+def _once(messages: Frames) -> Frames:
+    """Return frames without those that are the same as a later one."""
+    last = {_key(message): k for k, message in enumerate(messages)}
+    return [messages[k] for k in sorted(last.values())]
 
 
 def _key(message: can.Message) -> tuple[object, ...]:

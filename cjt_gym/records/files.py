@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Mapping
 from importlib import resources
 from pathlib import Path
@@ -15,7 +16,7 @@ from cjt_gym.errors import RecordError, unknown_name
 from cjt_gym.records.alignment import aligned
 from cjt_gym.records.formats import FORMATS, Table, format_of
 from cjt_gym.records.mapping import SUFFIX, ColumnMapping, load_mapping
-from cjt_gym.records.metadata import metadata_text, read_metadata
+from cjt_gym.records.metadata import facts_path, metadata_text, read_metadata
 from cjt_gym.records.record import Record
 from cjt_gym.records.sources import clock, mapped
 
@@ -107,7 +108,8 @@ def write_record(record: Record, path: str | Path) -> Path:
         Path of the table.
 
     Raises:
-        RecordError: The suffix is not one of :data:`FORMATS`, or one that is only read.
+        RecordError: The suffix is not one of :data:`FORMATS`, or one that is only read, or the
+            ``.toml`` is there and of something else.
     """
     path = Path(path)
     write = format_of(path).write
@@ -115,9 +117,9 @@ def write_record(record: Record, path: str | Path) -> Path:
         able = ", ".join(suffix for suffix, form in FORMATS.items() if form.write is not None)
         raise RecordError(f"Records are written as {able}, got {path}.")
     path.parent.mkdir(parents=True, exist_ok=True)
-    with whole(path.with_suffix(".toml")) as beside, whole(path) as table:
+    with whole(facts_path(path)) as facts, whole(path) as table:
         write({name: record[name] for name in record.columns}, table)
-        beside.write_text(metadata_text(record), encoding="utf-8")
+        facts.write_text(metadata_text(record), encoding="utf-8")
     return path
 
 
@@ -147,14 +149,14 @@ def table_path(path_or_name: str | Path) -> Path:
     path = Path(path_or_name)
     if path.suffix == ".toml":
         return _table_beside(path)
-    if path.is_file():
+    if os.path.isfile(path):
         return path
     hint = unknown_name("record", str(path_or_name), record_names())
     raise RecordError(f"There is no file {path}. {hint}")
 
 
 def _table_beside(path: Path) -> Path:
-    tables = [table for suffix in FORMATS if (table := path.with_suffix(suffix)).is_file()]
+    tables = [table for suffix in FORMATS if os.path.isfile(table := path.with_suffix(suffix))]
     if len(tables) != 1:
         found = ", ".join(table.name for table in tables) or "none"
         raise RecordError(

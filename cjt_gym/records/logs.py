@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -91,7 +92,7 @@ def open_log(path_or_name: str | Path, mapping: MappingLike | None = None) -> Lo
         if base.name is not None:
             facts["units"] = default_units(("t",)) | facts["units"]
         return Log(path, chosen, base, facts, ())
-    if path.with_suffix(".toml").is_file():
+    if os.path.isfile(path.with_suffix(".toml")):
         facts = read_metadata(path.with_suffix(".toml"))
         absent = [name for name in facts["units"] if name not in beginning]
         facts["units"] = {n: u for n, u in facts["units"].items() if n in beginning}

@@ -83,6 +83,21 @@ def write_metadata(record: Record, path: Path) -> None:
     write_text(path, metadata_text(record))
 
 
+def facts_path(table: Path) -> Path:
+    """Return the path of the TOML file beside a table that is to be written.
+
+    Raises:
+        RecordError: Something else has that name, such as the configuration of a run.
+    """
+    path = table.with_suffix(".toml")
+    if path.exists() and not {"dt", "units"} <= set(read_toml(path, RecordError)):
+        raise RecordError(
+            f"The record {table} needs the file {path} beside it, which is there and belongs to "
+            "no record. Give the record another name."
+        )
+    return path
+
+
 def metadata_text(record: Record) -> str:
     """Return what is known of a record, in the layout that :func:`read_metadata` reads."""
     plain = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import KeysView, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -163,7 +164,7 @@ class Record:
         if self.joint is None or self.origin is None:
             return self.joint
         beside = self.origin.parent / self.joint
-        return beside if beside.is_file() else self.joint
+        return beside if os.path.isfile(beside) else self.joint
 
     def slice(self, start: int | None = None, stop: int | None = None) -> Record:
         """Return the samples from ``start`` up to but not including ``stop``, as in a Python slice.

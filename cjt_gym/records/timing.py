@@ -24,6 +24,10 @@ COARSE_SHARE = 0.2
 """Share of rows with the time of the row before from which times are coarse, not rows repeated."""
 
 
+RESOLUTION = 1e-12
+"""Difference of two times that no clock shows: they are the same [s]."""
+
+
 class Piece(NamedTuple):
     """Rows of a log without a break in time.
 
@@ -113,7 +117,7 @@ def _increasing(pieces: list[Piece], repairs: list[Repair]) -> list[Piece]:
     Where many rows share the time of the one before, the log's times are coarse: these rows are
     spread evenly up to the next time. Where few do, the later ones are left out.
     """
-    again = [np.diff(piece.t, prepend=-np.inf) <= 0.0 for piece in pieces]
+    again = [np.diff(piece.t, prepend=-np.inf) <= RESOLUTION for piece in pieces]
     count, total = sum(int(np.sum(a)) for a in again), sum(len(piece.t) for piece in pieces)
     if not count:
         return pieces

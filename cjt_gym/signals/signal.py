@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -163,7 +164,7 @@ def make_signals(spec: object, amplitude: float, high: float = 20.0) -> tuple[Si
         periods = {"chirp": 1.0, "step": 0.25, "smooth": 0.1}
         period = periods.get(str(spec), 0.5)
         return (Signal(str(spec), amplitude=amplitude, high=high, period=period),)
-    if isinstance(spec, (str, Path)) and Path(spec).exists():
+    if isinstance(spec, (str, Path)) and os.path.exists(spec):
         return (signal_from_file(spec),)
     known = ["mixed", "zero", *RANDOM_KINDS, "or the path of a record"]
     raise unknown_name("signal", str(spec), known)

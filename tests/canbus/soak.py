@@ -31,12 +31,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.baselines import Controller, make_controller
+from cjt_gym.baselines import Controller
 from cjt_gym.canbus.config import HardwareConfig, load_hardware
 from cjt_gym.canbus.plant import CanPlant
 from cjt_gym.canbus.safety import HardwareFault
 from cjt_gym.canbus.timing import PERCENTILES
 from cjt_gym.errors import ConfigurationError, HardwareError
+from cjt_gym.hardware.delayed_law import law_for
 from cjt_gym.signals import make_signals
 from tests.canbus.bench import DRIVES, document, toml
 from tests.canbus.witness import Witnesses
@@ -210,15 +211,14 @@ def soak(
         folder: Where the record lies meanwhile.
         served_by: Number of the emulator's process.
     """
-    law = make_controller(controller, given.joint, given.dt)
     (signal,) = make_signals("smooth", AMPLITUDE)
     reference = signal.torque(np.arange(round(PIECE / given.dt)) * given.dt)
     tally, machine, witnesses = Tally(), Machine(), Witnesses()
-    _warm_up(given, law, reference)
+    law = _warm_up(given, controller, reference)
     above = None if given.priority is None else min(given.priority + 1, 99)
     seen_on = sorted(_processors(os.getpid()) | _processors(served_by))
     end = time.monotonic() + seconds
-    used = np.array([_cpu(os.getpid()), _cpu(served_by)])
+    used = np.array([cpu_time(os.getpid()), cpu_time(served_by)])
     with machine.watched(), witnesses.watching(folder, seen_on, above):
         while time.monotonic() < end:
             record, began = folder / "soak.csv", time.perf_counter()
@@ -242,7 +242,7 @@ def soak(
                 tally.faults.append((seen, str(error)))  # closing takes some time, too
                 tally.zeros += isinstance(error, HardwareFault)
             tally.add(began, plant, record)
-        used = (np.array([_cpu(os.getpid()), _cpu(served_by)]) - used) / seconds
+        used = (np.array([cpu_time(os.getpid()), cpu_time(served_by)]) - used) / seconds
     faults = [_fault(t, text, given.overrun, machine, witnesses) for t, text in tally.faults]
     return {
         "seconds": seconds,
@@ -273,12 +273,14 @@ def _fault(
     return {"text": text, **machine.at(t), **seen}
 
 
-def _warm_up(given: HardwareConfig, law: Controller, reference: NDArray[np.float64]) -> None:
-    """Let everything be compiled, without moving the joint."""
+def _warm_up(given: HardwareConfig, controller: str, reference: NDArray[np.float64]) -> Controller:
+    """Return a controller for the delay as it is; let everything be compiled; nothing moves."""
     with CanPlant(given) as plant:
         plant.connect()
+        law = law_for(controller, given.joint, given.dt, plant.joint.measured_delay())
         plant.arm()
         law.act(plant.reset(), reference[:1])
+    return law
 
 
 def _processors(process: int) -> set[int]:
@@ -286,7 +288,7 @@ def _processors(process: int) -> set[int]:
     return os.sched_getaffinity(process) if hasattr(os, "sched_getaffinity") else set()
 
 
-def _cpu(process: int) -> float:
+def cpu_time(process: int) -> float:
     """Return the processor time that a process has used [s], NaN where the system cannot say."""
     stat = Path(f"/proc/{process}/stat")
     if not stat.exists():

@@ -96,6 +96,57 @@ def test_fault_of_one_takes_the_torque_of_all_away(culprit: int, tmp_path: Path)
     assert np.all(np.isfinite(record["joint_3/q_m"]))
 
 
+class Behind:
+    """A link whose frames arrive late, until it catches up and all arrive at once.
+
+    Attributes:
+        late: By how much [s].
+    """
+
+    def __init__(self, link: VirtualLink, late: float) -> None:
+        self.late = late
+        self.stamps, self.now, self.wait_until = link.stamps, link.now, link.wait_until
+        self.send, self.watch, self.close = link.send, link.watch, link.close
+        self._receive = link.receive
+        self._waiting: list[Arrival] = []
+
+    def receive(self) -> list[Arrival]:
+        self._waiting += [frame._replace(t=frame.t + self.late) for frame in self._receive()]
+        found = [frame for frame in self._waiting if frame.t <= self.now() or not self.late]
+        self._waiting = [frame for frame in self._waiting if frame not in found]
+        return [frame._replace(t=min(frame.t, self.now())) for frame in found]
+
+
+def behind(protocol: str, late: float) -> tuple[CanArm, Behind]:
+    """Return two joints that are ready for a run at 1 kHz, on a link that is late [s]."""
+    allowed = {"value": 0.02, "unit": "s"}
+    control = {"rate_hz": 1000, "missed": 20, "overrun": allowed, "watchdog": allowed}
+    configs = parse_joints(joints(protocol, protocol, control=control), "arm.toml", Path())
+    link = Behind(VirtualLink(EmulatedArm(configs)), late)
+    arm = CanArm(configs, link)
+    arm.connect()
+    arm.arm()
+    arm.reset()
+    return arm, link
+
+
+@pytest.mark.parametrize("protocol", ["moteus", "cia402"])
+@pytest.mark.parametrize("late", [0.003, 0.015])
+def test_answers_from_before_a_run_are_no_repeated_ones(protocol: str, late: float) -> None:
+    arm, link = behind(protocol, late)
+    with arm:
+        for k in range(40):
+            link.late = late if k < 3 else 0.0
+            arm.step(np.zeros(2))
+
+
+def test_a_drive_whose_reports_are_as_old_as_allowed_is_not_deaf() -> None:
+    arm, _ = behind("moteus", 0.015)
+    with arm:
+        for _ in range(40):
+            arm.step(np.full(2, arm.joints[0].limits.tau))
+
+
 def _command(arm: CanArm, link: VirtualLink, emulated: EmulatedArm) -> None:
     arm.step(np.array([5.0, np.nan, 5.0, 5.0]))
 

@@ -65,7 +65,7 @@ def test_a_policy_by_name_says_where_it_was_not_trained(
         config_file = path.with_name(f"{name}.toml")
         config_file.write_text(text)
         words = ["hardware", str(config_file), "--emulated", "--policy", "orange_residual"]
-        words += ["--duration", "0.05", "--out", str(path.with_name(f"{name}.csv"))]
+        words += ["--duration", "0.05", "--out", str(path.with_name(f"{name}-run.csv"))]
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", CjtGymWarning)
             assert main(words) == 0

@@ -20,7 +20,7 @@ from tests.fuzz.mutate import mutated
 from tests.fuzz.targets import Parts, Target
 
 PATIENCE = 5
-"""Time that a file of a few kilobytes may take [s]."""
+"""Time of the processor that a file of a few kilobytes may take [s]."""
 KEPT = 300
 """Inputs with outcomes of their own that are changed further."""
 
@@ -107,10 +107,10 @@ def _limited() -> Iterator[None]:
     def stop(number: int, frame: Any) -> None:
         raise TooLongError(f"more than {PATIENCE} s")
 
-    before = signal.signal(signal.SIGALRM, stop)
-    signal.setitimer(signal.ITIMER_REAL, PATIENCE)
+    before = signal.signal(signal.SIGPROF, stop)
+    signal.setitimer(signal.ITIMER_PROF, PATIENCE)
     try:
         yield
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        signal.signal(signal.SIGALRM, before)
+        signal.setitimer(signal.ITIMER_PROF, 0)
+        signal.signal(signal.SIGPROF, before)

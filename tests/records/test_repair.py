@@ -209,6 +209,14 @@ def test_times_coarser_than_the_rows_are_spread() -> None:
     assert np.allclose(records[0]["t"], exact[: len(records[0])], atol=1e-9)
 
 
+def test_times_closer_than_any_clock_shows_are_the_same() -> None:
+    columns = motion(samples=6)
+    columns["t"] = np.array([0.0, 5e-324, 1e-323, 1.5e-323, 0.1, 0.2])
+    records, repairs = repaired(columns)
+    assert [repair.kind for repair in repairs] == ["sampling"]
+    assert np.diff(records[0]["t"]).min() > 0.02
+
+
 def test_rows_that_repeat_while_the_joint_moves_are_marked() -> None:
     case = draw_case(2, effects=[], variant="stale_rows", duration=4.0)
     columns = dict(case.diagnose.columns)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
@@ -138,7 +139,7 @@ def load_exported(path: str | Path) -> Exported:
         ConfigurationError: It is not a policy of ours.
     """
     file = Path(path)
-    if not file.is_file():
+    if not os.path.isfile(file):
         raise MissingFileError(
             f"The policy {path} does not exist. Make one:  "
             f"cjt-gym export RUN --to numpy --out {path}"

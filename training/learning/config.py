@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from importlib import resources
@@ -236,9 +237,9 @@ def load_config(path: str | Path) -> TrainConfig:
         name = env.get(key)
         if isinstance(name, str) and name.endswith(".toml"):
             beside = file.parent / name
-            env[key] = str(beside if beside.is_file() else name)
+            env[key] = str(beside if os.path.isfile(beside) else name)
     before = data.get("start_from")
-    if isinstance(before, str) and (file.parent / before).is_dir():
+    if isinstance(before, str) and os.path.isdir(file.parent / before):
         data["start_from"] = str((file.parent / before).resolve())
     return from_dict(data, str(path))
 
@@ -284,10 +285,10 @@ def _shipped() -> Path:
 
 def _find(path: str | Path) -> Path:
     file = Path(path)
-    if file.is_file():
+    if os.path.isfile(file):
         return file
     shipped = _shipped() / f"{path}.toml"
-    if shipped.is_file():
+    if os.path.isfile(shipped):
         return shipped
     raise MissingFileError(
         f"The configuration {path} does not exist. Give the path of a TOML file or one of: "

@@ -22,6 +22,7 @@ The column `tau_cmd` names the signal of the commanded torque, or `i_cmd` that o
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib import resources
@@ -112,11 +113,11 @@ def load_dbc_mapping(name: str, n: float) -> DbcMapping:
 
 def _path_of(name: str) -> Path:
     path = Path(name)
-    if path.is_file():
+    if os.path.isfile(path):
         return path
     folder = Path(str(resources.files("cjt_gym.canbus.protocols") / "data"))
     shipped = folder / (path.name + SUFFIX)
-    if not shipped.is_file():
+    if not os.path.isfile(shipped):
         known = sorted(each.name.removesuffix(SUFFIX) for each in folder.glob("*" + SUFFIX))
         raise ConfigurationError(
             f"file must be a mapping or one of {', '.join(known)}; there is no {name}."

@@ -35,6 +35,7 @@ from cjt_gym.canbus.protocols.moteus_registers import (
     WRITE,
     pad,
     read,
+    said,
     subframe,
 )
 from cjt_gym.errors import ProtocolError
@@ -110,7 +111,7 @@ class MoteusMaster:
             return None
         if frame.arbitration_id & 0x7FFF != self._to_drive & 0x7FFF:
             return None
-        written = {each.number: each.value for each in read(frame.data) if each.kind == "write"}
+        written = said(read(frame.data), "write")
         if 0x000 not in written:
             return None
         torque = written.get(0x022, 0.0) if written[0x000] == POSITION else 0.0
@@ -141,12 +142,13 @@ class MoteusMaster:
             return {}
         if frame.arbitration_id != self._from_drive:
             return {}
-        found = list(read(frame.data))
+        found = read(frame.data)
         if wrong := [each for each in found if each.kind == "error"]:
             raise ProtocolError(
-                f"moteus {self.settings.node} has no register {wrong[0].number:#05x} of this type."
+                f"moteus {self.settings.node} has no register {wrong[0].numbers[0]:#05x} of this "
+                "type."
             )
-        return {each.number: each.value for each in found if each.kind == "reply"}
+        return said(found, "reply")
 
     def _shows(self, mode: int) -> Callable[[Message], bool]:
         def confirmed(frame: Message) -> bool:

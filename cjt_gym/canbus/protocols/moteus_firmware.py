@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cache
 from math import isnan, nan, tau
 from typing import Final
 
@@ -26,6 +27,7 @@ from cjt_gym.canbus.protocols.moteus_registers import (
     ASK,
     FLOAT,
     INT8,
+    LARGEST,
     READ_ERROR,
     REGISTERS,
     REPLY,
@@ -34,6 +36,7 @@ from cjt_gym.canbus.protocols.moteus_registers import (
     field_of,
     pad,
     read,
+    said,
     subframe,
 )
 from cjt_gym.canbus.protocols.row import DriveProtocol, Option, Register
@@ -43,7 +46,6 @@ from cjt_gym.errors import ProtocolError
 __all__ = ["MOTEUS", "MoteusFirmware"]
 
 BROADCAST: Final = 0x7F
-LARGEST: Final = 3.4e38
 CODES: Final = {
     Fault.OVER_TEMPERATURE: 38,
     Fault.OVER_CURRENT: 33,
@@ -82,10 +84,10 @@ class MoteusFirmware(StagedFirmware):
         if frame.arbitration_id & 0xFF not in (self.settings.node, BROADCAST):
             return []
         try:
-            found = list(read(frame.data))
+            found = read(frame.data)
         except ProtocolError:
             return []
-        self._write({each.number: each.value for each in found if each.kind == "write"}, now)
+        self._write(said(found, "write"), now)
         asked = [each for each in found if each.kind == "ask"]
         if not asked or not frame.arbitration_id & ANSWER:
             return []
@@ -129,15 +131,21 @@ class MoteusFirmware(StagedFirmware):
         self.stage.demand(self.settings.scaling.torque(torque))
 
     def _answer(self, asked: Subframe) -> bytes:
-        register = REGISTERS.get(asked.number)
-        if register is None:
-            return bytes([READ_ERROR, *subframe(ASK, INT8, asked.number, 1)[1:], 1])
-        value = self._seen(asked.number)
+        if all(number in REGISTERS for number in asked.numbers):
+            values = [self._shown(number, asked.type) for number in asked.numbers]
+            return subframe(REPLY, asked.type, asked.numbers[0], values) if values else b""
+        if len(asked.numbers) == 1:
+            return bytes([READ_ERROR, *subframe(ASK, INT8, asked.numbers[0], 1)[1:], 1])
+        each = (asked._replace(numbers=asked.numbers[k : k + 1]) for k in range(len(asked.numbers)))
+        return b"".join(map(self._answer, each))
+
+    def _shown(self, number: int, kind: int) -> float:
+        value = self._seen(number)
         value = value if abs(value) < LARGEST else nan
-        if asked.type != FLOAT:
-            low, high = field_of(asked.number, asked.type).range
-            value = min(max(value, low + STEPS[register.quantity][1][asked.type]), high)
-        return subframe(REPLY, asked.type, asked.number, [value])
+        if kind == FLOAT:
+            return value
+        low, high, step = _limits(number, kind)
+        return min(max(value, low + step), high)
 
     def _seen(self, number: int) -> float:
         scaling, channels = self.settings.scaling, self._channels
@@ -167,6 +175,13 @@ class MoteusFirmware(StagedFirmware):
         if self.mode is Mode.FAULT:
             return FAULTED
         return POSITION if self.mode is Mode.ENABLED else STOPPED
+
+
+@cache
+def _limits(number: int, kind: int) -> tuple[float, float, float]:
+    """Return the lowest and highest value of a register as an integer, and its step."""
+    field = field_of(number, kind)
+    return *field.range, field.scale
 
 
 def _registers() -> Sequence[Register]:

@@ -11,7 +11,7 @@ References:
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from math import isnan, nan
@@ -30,12 +30,15 @@ __all__ = [
     "field_of",
     "pad",
     "read",
+    "said",
     "subframe",
 ]
 
 INT8, INT16, INT32, FLOAT = range(4)
 """Types of registers, as the subframes number them."""
 SIZES: Final = (1, 2, 4, 4)
+LARGEST: Final = 3.4e38
+"""Largest number that a float has room for."""
 CODES: Final = "bhif"
 PWM: Final = (1 / 127, 1 / 32767, 1 / 2147483647)
 STEPS: Final = {
@@ -146,19 +149,19 @@ LENGTHS: Final = (*range(9), 12, 16, 20, 24, 32, 48, 64)
 
 
 class Subframe(NamedTuple):
-    """What a subframe says of one register.
+    """What a subframe says of registers in a row.
 
     Attributes:
         kind: "write", "ask", "reply" or "error".
-        number: Number of the register.
-        type: Its type in this frame.
-        value: Its value; NaN where there is none.
+        numbers: Numbers of the registers.
+        type: Their type in this frame.
+        values: Their values; none where it asks.
     """
 
     kind: Literal["write", "ask", "reply", "error"]
-    number: int
+    numbers: range
     type: int
-    value: float = nan
+    values: Sequence[float] = ()
 
 
 def subframe(base: int, kind: int, first: int, values: Sequence[float] | int) -> bytes:
@@ -183,12 +186,13 @@ def subframe(base: int, kind: int, first: int, values: Sequence[float] | int) ->
     return head + _varuint(first) + data
 
 
-def read(data: bytes | bytearray) -> Iterator[Subframe]:
-    """Return what a frame says, register by register; unknown registers come as plain numbers.
+def read(data: bytes | bytearray) -> list[Subframe]:
+    """Return what a frame says; unknown registers come as plain numbers.
 
     Raises:
         ProtocolError: The data is not a row of subframes.
     """
+    found: list[Subframe] = []
     at = 0
     while at < len(data):
         base = data[at]
@@ -198,23 +202,34 @@ def read(data: bytes | bytearray) -> Iterator[Subframe]:
         if base in (WRITE_ERROR, READ_ERROR):
             number, at = _read_varuint(data, at)
             code, at = _read_varuint(data, at)
-            yield Subframe("error", number, INT8, code)
+            found.append(Subframe("error", range(number, number + 1), INT8, (code,)))
         elif base < WRITE_ERROR:
             group, kind, count = base & 0x30, base >> 2 & 3, base & 3
             if not count:
                 count, at = _read_varuint(data, at)
             first, at = _read_varuint(data, at)
-            if group != ASK and at + count * SIZES[kind] > len(data):
+            if group == ASK:
+                numbers = range(first, first + min(count, LENGTHS[-1]))
+                found.append(Subframe("ask", numbers, kind))
+                continue
+            if at + count * SIZES[kind] > len(data):
                 raise ProtocolError("A subframe must end within the frame; this one does not.")
-            for number in range(first, first + min(count, 64)):
-                if group == ASK:
-                    yield Subframe("ask", number, kind)
-                else:
-                    value = _unpacked(number, kind, data, at)
-                    at += SIZES[kind]
-                    yield Subframe("write" if group == WRITE else "reply", number, kind, value)
+            numbers, values = range(first, first + count), _unpacked(first, kind, count, data, at)
+            found.append(Subframe("write" if group == WRITE else "reply", numbers, kind, values))
+            at += count * SIZES[kind]
         else:
             raise ProtocolError(f"There is no subframe {base:#04x}.")
+    return found
+
+
+def said(frame: Sequence[Subframe], kind: str) -> dict[int, float]:
+    """Return the values by the numbers of their registers that a frame writes or answers with."""
+    return {
+        number: value
+        for each in frame
+        if each.kind == kind
+        for number, value in zip(each.numbers, each.values, strict=True)
+    }
 
 
 def pad(data: bytes) -> bytes:
@@ -236,23 +251,29 @@ def field_of(number: int, kind: int) -> Field:
 
 def _packed(number: int, kind: int, value: float) -> bytes:
     size = SIZES[kind]
+    if kind == FLOAT and not abs(value) > LARGEST:
+        return struct.pack("<f", value)
     if isnan(value):
-        return (
-            struct.pack("<f", nan)
-            if kind == FLOAT
-            else (1 << 8 * size - 1).to_bytes(size, "little")
-        )
+        return (1 << 8 * size - 1).to_bytes(size, "little")
     return field_of(number, kind).to_bits(value).to_bytes(size, "little")
 
 
-def _unpacked(number: int, kind: int, data: bytes | bytearray, at: int) -> float:
-    raw: float = struct.unpack_from("<" + CODES[kind], data, at)[0]
+def _unpacked(
+    first: int, kind: int, count: int, data: bytes | bytearray, at: int
+) -> Sequence[float]:
+    raw: Sequence[float] = struct.unpack_from(f"<{count}{CODES[kind]}", data, at)
     if kind == FLOAT:
         return raw
-    if raw == -(1 << 8 * SIZES[kind] - 1):
-        return nan
+    lowest = -(1 << 8 * SIZES[kind] - 1)
+    return [
+        nan if number == lowest else number * _step(first + k, kind) for k, number in enumerate(raw)
+    ]
+
+
+def _step(number: int, kind: int) -> float:
+    """Return what one step of an integer means."""
     register = REGISTERS.get(number)
-    return raw * STEPS[register.quantity][1][kind] if register else raw
+    return STEPS[register.quantity][1][kind] if register else 1.0
 
 
 def _varuint(number: int) -> bytes:

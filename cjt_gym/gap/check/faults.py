@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from cjt_gym.gap.check.bus import LOOP, bus
 from cjt_gym.gap.check.clock import clock
 from cjt_gym.gap.check.contradictions import angles, currents, spring, velocities
 from cjt_gym.gap.check.encoders import angles_apart
@@ -72,11 +73,12 @@ def _known_better(view: View, text: str) -> bool:
 
 
 def _still(view: View) -> list[str]:
-    names = [name for name, channel in view.channels.items() if channel.span == 0.0]
-    names = [
-        name for name in names if not (name in ("q_l", "dq_l") and view.structure.output_fixed)
+    may = (*LOOP, *(("q_l", "dq_l") if view.structure.output_fixed else ()))
+    return [
+        f"{name} never changes: {channel.low:.4g} throughout."
+        for name, channel in view.channels.items()
+        if channel.span == 0.0 and name not in may
     ]
-    return [f"{name} never changes: {view.channels[name].low:.4g} throughout." for name in names]
 
 
 def _few_counts(view: View) -> list[str]:
@@ -196,5 +198,6 @@ NOTES: tuple[Callable[[View], Sequence[str]], ...] = (
     lambda view: motion_and_torque(view)[1],
     without_spring,
     at_rest,
+    lambda view: bus(view.records),
 )
 """Where what is worth knowing is looked for."""

@@ -23,6 +23,7 @@ from cjt_gym.canbus.protocols.moteus_registers import (
     WRITE,
     pad,
     read,
+    said,
     subframe,
 )
 from cjt_gym.errors import ConfigurationError, ProtocolError
@@ -49,17 +50,14 @@ def frame_of_client(command: Any, node: int = 1) -> Message:
 
 
 def test_the_documents_example_of_a_command() -> None:
-    found = list(read(bytes.fromhex("01000a07206000200150ff140400130d")))
-    assert [(each.kind, each.number) for each in found] == [
-        *(("write", number) for number in (0x000, 0x020, 0x021, 0x022)),
-        *(("ask", number) for number in (0x000, 0x001, 0x002, 0x003, 0x00D, 0x00E, 0x00F)),
-    ]
-    assert [each.value for each in found[:4]] == [
-        10,
-        pytest.approx(3.456 / 360),
-        pytest.approx(25.92 / 360),
-        pytest.approx(-1.76),
-    ]
+    found = read(bytes.fromhex("01000a07206000200150ff140400130d"))
+    assert said(found, "write") == {
+        0x000: 10,
+        0x020: pytest.approx(3.456 / 360),
+        0x021: pytest.approx(25.92 / 360),
+        0x022: pytest.approx(-1.76),
+    }
+    assert [each.numbers for each in found if each.kind == "ask"] == [range(4), range(0x00D, 0x010)]
 
 
 def test_the_documents_example_of_a_reply() -> None:
@@ -108,7 +106,7 @@ def test_the_client_reads_what_we_write(kind: int, share: float) -> None:
 def test_nothing_is_the_lowest_integer(kind: int) -> None:
     data = subframe(REPLY, kind, 0x001, [nan])
     (found,) = read(data)
-    assert found.value != found.value
+    assert found.values[0] != found.values[0]
     theirs = moteus.parse_registers(data).response[1]
     assert theirs != theirs
 

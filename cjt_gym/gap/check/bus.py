@@ -1,0 +1,57 @@
+"""What a record from hardware says of its bus and its control loop: the delays that they add."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cjt_gym.records import Record
+
+Floats = NDArray[np.float64]
+LOOP = ("age", "lateness", "round_trip")
+"""Columns that are of the loop, and no channels of the joint."""
+STAMPS: Mapping[str, str] = {
+    "hardware": "by the clock of the interface",
+    "kernel": "by the kernel",
+    "interface": "by the interface",
+    "reception": "where the program received them, so that what they waited there is missing",
+}
+"""How frames got their times, by the record's `stamps`."""
+SILENT = 0.01
+"""Share of the control steps without an answer from which it is told."""
+
+
+def bus(records: Sequence[Record]) -> list[str]:
+    """Return sentences on the bus and the loop of records that tell of them."""
+    found: dict[str, None] = {}
+    for record in records:
+        if all(name in record for name in LOOP):
+            found |= dict.fromkeys(_sentences(record))
+    return list(found)
+
+
+def _sentences(record: Record) -> list[str]:
+    trips, age, late = (_known(record[name]) for name in ("round_trip", "age", "lateness"))
+    answered = trips[trips > 0.0]
+    if not (answered.size and age.size and late.size):
+        return []
+    middle, most = np.quantile(answered, [0.5, 0.99])
+    way = min(0.5 * float(middle), record.dt)
+    acts, seen = float(np.median(late)) + way, float(np.median(age)) + way
+    stamps = STAMPS.get(str(record.provenance.get("stamps")))
+    found = [
+        f"A command is answered after {1e3 * middle:.3g} ms (99 %: {1e3 * most:.3g} ms)"
+        + (f"; frames were stamped {stamps}." if stamps else "."),
+        f"Bus and loop add {1e3 * acts:.3g} ms before a command acts and {1e3 * seen:.3g} ms to "
+        f"what the controller sees: command_delay.delay={acts:.4g} "
+        f"measurement_delay.delay={seen:.4g} for cjt-gym simulate --effect.",
+    ]
+    if (silent := 1.0 - answered.size / max(trips.size - 1, 1)) > SILENT:
+        found.append(f"No answer came within {100.0 * silent:.2g} % of the control steps.")
+    return found
+
+
+def _known(x: Floats) -> Floats:
+    return x[np.isfinite(x)]
