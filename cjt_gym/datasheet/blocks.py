@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import groupby
 
 
 @dataclass(frozen=True)
@@ -90,3 +91,12 @@ class Sheet:
     subtitle: str
     blocks: Sequence[Block] = field(default_factory=tuple)
     footer: str = ""
+
+    def rows(self) -> Iterator[tuple[bool, list[tuple[int, Block]]]]:
+        """Yield blocks with their numbers; True with figures that stand beside each other."""
+
+        def beside(one: tuple[int, Block]) -> bool:
+            return isinstance(one[1], Figure) and not one[1].whole
+
+        for half, row in groupby(enumerate(self.blocks), beside):
+            yield half, list(row)

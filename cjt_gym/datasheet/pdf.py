@@ -91,22 +91,12 @@ def _text(text: str) -> str:
 
 
 def _blocks(sheet: Sheet) -> Iterator[str]:
-    """Yield the blocks; figures that stand beside each other share a grid of two columns."""
-    row: list[str] = []
-    for number, block in enumerate(sheet.blocks):
-        if isinstance(block, Figure) and not block.whole:
-            row.append(f"[{_figure(block, number)}]")
-            continue
-        if row:
-            yield _grid(row)
-            row = []
-        yield _block(block, number)
-    if row:
-        yield _grid(row)
-
-
-def _grid(cells: list[str]) -> str:
-    return f"#grid(columns: (1fr, 1fr), gutter: 5mm, {', '.join(cells)})"
+    for half, row in sheet.rows():
+        if half:
+            cells = (f"[{_figure(block, k)}]" for k, block in row if isinstance(block, Figure))
+            yield f"#grid(columns: (1fr, 1fr), gutter: 5mm, {', '.join(cells)})"
+        else:
+            yield from (_block(block, k) for k, block in row)
 
 
 def _figure(figure: Figure, number: int) -> str:
