@@ -22,7 +22,7 @@ from cjt_gym.plant import Measurement, SimulatedPlant, limits_of
 Floats = NDArray[np.float64]
 STEPS, HOLD, BEYOND = 600, 60, 1.5
 """Control steps, how long a torque is held, and how far it goes beyond the limit."""
-TOLERANCE: Final = 1e-12
+TOLERANCE: Final = 1e-12  # relative: sums are in another order
 CONTROLLER: Final = f"""\
 #include "law.h"
 static law_state state;

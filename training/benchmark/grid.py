@@ -46,10 +46,10 @@ from cjt_gym.training.evaluation.tasks import get_task
 from cjt_gym.training.tuning.gains import files_of
 from cjt_gym.training.tuning.limits import port_resistance
 
-SHOWN_POINTS = 500
+SHOWN_POINTS = 500  # of a curve, which is drawn about as many pixels wide
 BODE_HZ = np.geomspace(0.5, 400.0, 120)
 SPECTRUM_BANDS = np.geomspace(1.0, 450.0, 28)
-FAST_HZ = 100.0
+FAST_HZ = 100.0  # above it a command holds noise rather than the task
 HAND_SHARE = 0.05
 """Damping of a hand at the output where a stiffness is rendered, over `port_resistance`."""
 

@@ -31,10 +31,10 @@ from cjt_gym.training.learning.policy import PolicyAgent
 
 Floats = NDArray[np.float64]
 Run = tuple[list[tuple[Any, ...]], Floats]
-STEPS: Final = 300
+STEPS: Final = 300  # of an episode, whose first few fill the memory of observations
 TOLERANCE: Final = 2e-5
 """Largest difference of an action, in single precision [-]."""
-REPEATS: Final = 2000
+REPEATS: Final = 2000  # calls that are timed: a fraction of a second
 UNDISTURBED: Final = 0.1
 """Quantile of the times that counts: other programs only ever add to a step."""
 SHIM: Final = f"""\
@@ -158,7 +158,7 @@ def recorded(agent: PolicyAgent) -> Run:
     head = layout.preview + 1
     for _ in range(min(STEPS, task.settings.episode_steps)):
         observation = task.task.observation.copy()
-        seen = task.measurement()
+        seen = task.plant.measurement()
         reference = observation[0, :head].astype(np.float64) * layout.torque
         reference[0] = task.task.reference[0]
         inputs.append((reference, *(float(getattr(seen, name)[0]) for name in MEASURED)))

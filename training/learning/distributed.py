@@ -11,7 +11,7 @@ from cjt_gym.training.learning.config import TrainConfig
 from cjt_gym.training.learning.run_folder import RunFolder
 from cjt_gym.training.learning.seeds import runs_of
 
-RETRIES = 3
+RETRIES = 3  # a machine may go; a training that takes each along must end
 
 
 def train_on_ray(

@@ -27,7 +27,6 @@ from numpy.typing import NDArray
 from cjt_gym.analysis import LinearPlant, probe_plant
 from cjt_gym.baselines.shipped import designed_gains
 from cjt_gym.baselines.table import CONTROLLERS, get_entry
-from cjt_gym.envs.arguments import complete
 from cjt_gym.envs.core import Episodes
 from cjt_gym.errors import ConfigurationError, SimulationError
 from cjt_gym.joint import Joint
@@ -243,7 +242,7 @@ class Problem:
         if get_task(MOVED).applies(self.search.structure):
             arguments["disturbance"] = ["zero"] * STILL + [self._setting(MOVED).load]
         same = {name: value for name, value in arguments.items() if name != "base_controller"}
-        drawn = Episodes(episodes, **complete(same))
+        drawn = Episodes(episodes, **same)
         drawn.plant.seed(seed)
         drawn.reset()
         reference, load = drawn.task.picks.T

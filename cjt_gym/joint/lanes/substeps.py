@@ -22,8 +22,8 @@ from cjt_gym.joint.lanes.vectors import (
     somewhere,
 )
 
-NEWTON = 20
-SWEEPS = 60
+NEWTON = 20  # as in `implicit_solver`
+SWEEPS = 60  # the same with sharp friction, which may change sides in between
 SHARP_SOLVED = 1e-15  # change of speed in the last sweep, relative to the largest so far
 
 # Rows of the parameters `p` of a block:

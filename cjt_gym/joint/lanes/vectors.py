@@ -26,7 +26,7 @@ templates: Any = numba.core.typing.templates
 extending: Any = numba.extending
 models: Any = numba.extending.models
 
-WIDTH = 16
+WIDTH = 16  # doubles: two registers of the widest processors
 DOUBLES = ir.VectorType(ir.DoubleType(), WIDTH)
 INTEGERS = ir.VectorType(ir.IntType(64), WIDTH)
 BITS = ir.VectorType(ir.IntType(1), WIDTH)

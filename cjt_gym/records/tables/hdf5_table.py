@@ -14,7 +14,7 @@ from cjt_gym.errors import RecordError
 from cjt_gym.records.tables.flat import NUMBERS as REAL
 from cjt_gym.records.tables.flat import flat_arrays
 
-DEEPEST = 32
+DEEPEST = 32  # groups in groups, far more than logs have
 
 
 def read(path: Path) -> dict[str, NDArray[Any]]:
