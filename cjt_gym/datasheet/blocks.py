@@ -69,11 +69,18 @@ class Figure:
 
 
 @dataclass(frozen=True)
+class Code:
+    """Text that stands as it is, line by line."""
+
+    text: str
+
+
+@dataclass(frozen=True)
 class PageBreak:
     """Where a new page begins, on paper."""
 
 
-Block = Heading | Paragraph | Facts | Table | Figure | PageBreak
+Block = Heading | Paragraph | Facts | Table | Figure | Code | PageBreak
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from html import escape
 from importlib import resources
 
-from cjt_gym.datasheet.blocks import Block, Facts, Figure, Heading, Paragraph, Sheet, Table
+from cjt_gym.datasheet.blocks import Block, Code, Facts, Figure, Heading, Paragraph, Sheet, Table
 from cjt_gym.datasheet.notation import render, without_formulas
 
 
@@ -53,6 +53,8 @@ def _block(block: Block, number: int) -> str:
             return _table(block)
         case Figure():
             return f'<div class="figures whole">{_figure(block, number)}</div>'
+        case Code(text):
+            return f"<pre>{escape(text)}</pre>"
         case _:
             return ""
 

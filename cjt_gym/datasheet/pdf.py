@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import tempfile
 from collections.abc import Iterator
@@ -9,6 +10,7 @@ from pathlib import Path
 
 from cjt_gym.datasheet.blocks import (
     Block,
+    Code,
     Facts,
     Figure,
     Heading,
@@ -40,13 +42,12 @@ PREAMBLE = """
 """
 
 
-def to_pdf(sheet: Sheet, *, image: bool = False, ppi: float = 100.0) -> list[bytes]:
+def to_pdf(sheet: Sheet, *, image: bool = False) -> list[bytes]:
     """Return a sheet as one PDF document, or as one PNG image per page.
 
     Args:
         sheet: The sheet.
-        image: Whether images are wanted.
-        ppi: Their resolution [pixels per inch].
+        image: Whether images are wanted, of 100 pixels per inch.
     """
     import typst
 
@@ -58,7 +59,7 @@ def to_pdf(sheet: Sheet, *, image: bool = False, ppi: float = 100.0) -> list[byt
         source = root / "sheet.typ"
         source.write_text(to_typst(sheet), encoding="utf-8")
         if image:
-            made = typst.compile(str(source), format="png", ppi=ppi)
+            made = typst.compile(str(source), format="png", ppi=100.0)
         else:
             made = typst.compile(str(source), format="pdf")
     pages: object = made  # a list where there are several images
@@ -119,6 +120,8 @@ def _block(block: Block, number: int) -> str:
             return _table(block)
         case Figure():
             return f"#block[{_figure(block, number)}]"
+        case Code(text):
+            return f"#raw({json.dumps(text, ensure_ascii=False)}, block: true)"
         case PageBreak():
             return "#pagebreak()"
 

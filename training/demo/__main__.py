@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from cjt_gym.datasheet.blocks import Block
 from cjt_gym.datasheet.drawing import INK, canvas
 from cjt_gym.disk import write_text
 from cjt_gym.errors import CjtGymError
@@ -133,7 +134,7 @@ def write_report(outcome: Outcome, config: TrainConfig, out: Path) -> Path:
     return report.write_page(out / "report.html", "Compliant joints: a demonstration", parts)
 
 
-def _replay_part(result: Replay) -> list[str]:
+def _replay_part(result: Replay) -> list[Block]:
     cells = [["relative error [%]", "simulated here", "published"]]
     cells += [
         [name, f"{error:.5f}", f"{result.published[name]:.5f}"]
@@ -182,7 +183,7 @@ def _emps_figure(result: Replay) -> str:
         return written()
 
 
-def _training_part(outcome: Outcome, config: TrainConfig) -> list[str]:
+def _training_part(outcome: Outcome, config: TrainConfig) -> list[Block]:
     env, facts = config.env, outcome.run.facts
     effects = ", ".join(str(name).replace("_", " ") for name in env["effects"])
     return [
@@ -202,7 +203,7 @@ def _training_part(outcome: Outcome, config: TrainConfig) -> list[str]:
     ]
 
 
-def _comparison_part(outcome: Outcome, cells: list[list[str]]) -> list[str]:
+def _comparison_part(outcome: Outcome, cells: list[list[str]]) -> list[Block]:
     first = outcome.evaluations[0]
     shown = {
         task: {e.agent: e.traces[task] for e in outcome.evaluations}

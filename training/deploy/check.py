@@ -5,7 +5,6 @@ from __future__ import annotations
 import ctypes
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Protocol
 
@@ -17,6 +16,7 @@ from cjt_gym.envs.core import Episodes
 from cjt_gym.envs.foreign import ForeignEpisode
 from cjt_gym.envs.observation import Layout
 from cjt_gym.errors import ConfigurationError
+from cjt_gym.export.c_check import Checked
 from cjt_gym.export.c_library import compiled
 from cjt_gym.export.c_text import VALUES, parameters
 from cjt_gym.plant import Measurement
@@ -56,23 +56,6 @@ class AnyStepper(Protocol):
     def step(self, *args: Any, **kwargs: Any) -> float:
         """Return the motor torque to command [N m], for the reference and `MEASURED`."""
         ...
-
-
-@dataclass(frozen=True)
-class Checked:
-    """How an exported file compares with its policy.
-
-    Attributes:
-        steps: Control steps that were compared; 0 where nothing could be.
-        error: Largest difference of the action [-].
-        microseconds: Time of a step that nothing interrupts [us], for C with the call from Python.
-        note: Why nothing was compared, else empty.
-    """
-
-    steps: int
-    error: float
-    microseconds: float
-    note: str = ""
 
 
 class CStepper:
@@ -121,7 +104,7 @@ def check(
     try:
         stepper = _stepper(path, target, header, agent.layout)
     except ConfigurationError as reason:
-        return Checked(0, float("nan"), float("nan"), str(reason))
+        return Checked(0, float("nan"), str(reason))
     error = 0.0
     for inputs, wanted in runs:
         stepper.reset()
@@ -133,7 +116,7 @@ def check(
         stepper.step(*row)
         times.append(time.perf_counter() - begun)
     steps = sum(len(inputs) for inputs, _ in runs)
-    return Checked(steps, error, 1e6 * float(np.quantile(times, UNDISTURBED)))
+    return Checked(steps, error, microseconds=1e6 * float(np.quantile(times, UNDISTURBED)))
 
 
 def _stepper(path: Path, target: str, header: str, layout: Layout) -> AnyStepper:

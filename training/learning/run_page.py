@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from cjt_gym.datasheet.blocks import Block, Code
 from cjt_gym.disk import to_toml
 from cjt_gym.training import report
 from cjt_gym.training.benchmark import cells_of
@@ -38,7 +39,7 @@ def write_run_page(run: RunFolder, episodes: int = EPISODES) -> Path:
     levels = {agent.name: validation_error(config, agent) for agent in bases}
     agents += bases
     tried = [evaluate(agent, conditions_of(config), TASKS, episodes) for agent in agents]
-    parts = [
+    parts: list[Block] = [
         report.paragraph(_summary(facts, levels)),
         report.figure(
             figures.learning_figure(run.progress(), levels),
@@ -54,7 +55,7 @@ def write_run_page(run: RunFolder, episodes: int = EPISODES) -> Path:
         ),
         report.heading("From what it came"),
         report.html_table([["", ""], *_origin(facts)]),
-        report.code(to_toml(config.to_dict())),
+        Code(to_toml(config.to_dict())),
     ]
     return report.write_page(run.path / "page.html", f"Training run {run.path.name}", parts)
 
