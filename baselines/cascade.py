@@ -15,7 +15,7 @@ from cjt_gym.baselines.linear_row import grid, linear_row
 from cjt_gym.baselines.passivity import damper
 from cjt_gym.baselines.plant_model import SampledJoint
 
-LOOPS = (0.0, 0.03, 0.1, 0.2, 0.5, 1.0, 1.5, 2.0)
+LOOPS = (0.0, 0.03, 0.1, 0.2, 0.5, 1.0, 1.5, 2.0)  # gains of the torque loop that are tried
 RESETS = (0.5, 2.0, 5.0, 10.0, 20.0, 50.0, 150.0, 400.0)
 """Candidates for kt kv [-] and ki / kv [1/s]."""
 

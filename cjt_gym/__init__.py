@@ -9,7 +9,6 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from cjt_gym import moved
 from cjt_gym.registry import register
 
 if TYPE_CHECKING:
@@ -59,5 +58,4 @@ def __dir__() -> list[str]:
     return sorted([*globals(), *_HOMES])
 
 
-moved.install()
 register()

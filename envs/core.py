@@ -193,7 +193,7 @@ class Episodes:
         """Do what precedes a control step: base controller and parameters that drift."""
         if self.controller is not None:
             reference = self.task.reference.copy()
-            self.control.base[:] = self.controller.act(self.measurement(), reference)
+            self.control.base[:] = self.controller.act(self.plant.measurement(), reference)
         self.plant.redraw_within()
 
     def _rest(self, left: int) -> None:
@@ -230,23 +230,10 @@ class Episodes:
         limit = self.plant.limits.tau
         return np.clip(self.base + self.residual, -limit, limit)
 
-    def measurement(self) -> Measurement:
-        """Return the latest measurement of all joints."""
-        return self.plant.measurement()
-
     def info(self) -> dict[str, Floats]:
         """Return what a step reports, each of shape (num,)."""
         arrays = self.plant.batch.arrays
         return report_of(self, arrays.tau, arrays.measured[:, TAU])
-
-    def parameters(self) -> dict[str, Floats]:
-        """Return the present values of what is randomised or fixed, each of shape (num,)."""
-        return self.plant.drawn()
-
-    @property
-    def redrawn(self) -> NDArray[np.bool_]:
-        """Which episodes drew parameters anew within themselves in the last step, (num,)."""
-        return self.plant.changed
 
 
 def report_of(episodes: Episodes, tau: Floats, tau_measured: Floats) -> dict[str, Floats]:

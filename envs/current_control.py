@@ -21,11 +21,11 @@ from cjt_gym.signals import Signal, make_signals
 
 Observation = NDArray[np.float32]
 Action = NDArray[np.float32]
-SPEED_SHARE, LEVEL_SHARE, HOLD = 0.5, 0.7, 0.01
-HEAVY = 1e9
-VIOLATION = -10.0
+SPEED_SHARE, LEVEL_SHARE, HOLD = 0.5, 0.7, 0.01  # the defaults that the class tells
+HEAVY = 1e9  # inertia of the load, so that no torque changes the speed [kg m^2]
+VIOLATION = -10.0  # no better than any tracking, see the class
 LABELS = ("reference", "motor torque")
-AT_LIMIT = 1.0 - 1e-9
+AT_LIMIT = 1.0 - 1e-9  # of the largest current, which the drive itself holds it to
 
 
 class Observed(NamedTuple):

@@ -34,7 +34,7 @@ class ForeignEpisode:
 
     def __init__(self, episodes: Episodes) -> None:
         self.episodes, self.task = episodes, episodes.task
-        self.measured = episodes.measurement()
+        self.measured = episodes.plant.measurement()
         self.steps = 0
 
     def begin(self, measured: Measurement) -> None:

@@ -16,7 +16,6 @@ from cjt_gym.canbus.emulated_arm import emulator_of
 from cjt_gym.canbus.plant import CanPlant
 from cjt_gym.canbus.safety import Fault, HardwareFault, check_action
 from cjt_gym.canbus.virtual import VirtualLink
-from cjt_gym.envs.arguments import complete
 from cjt_gym.envs.core import Episodes
 from cjt_gym.envs.foreign import ForeignEpisode
 from cjt_gym.envs.observe import Task
@@ -250,4 +249,4 @@ def complete_for(arguments: dict[str, Any], config: HardwareConfig) -> dict[str,
     given = {k: v for k, v in arguments.items() if k not in SIMULATED}
     given |= {"joint": config.joint, "structure": config.joint.structure}
     given |= {"dt_control": config.dt, "dt_physics": config.dt, "disturbance": None}
-    return complete(given)
+    return given

@@ -24,9 +24,9 @@ from cjt_gym.robots.models import mujoco
 
 Floats = NDArray[np.float64]
 Observation = NDArray[np.float32]
-ERROR_SCALE, SPEED_SCALE = 0.5, 5.0
-PERIODS = (1.0, 3.0)
-SMOOTHNESS = 0.05
+ERROR_SCALE, SPEED_SCALE = 0.5, 5.0  # that of a large one [rad], [rad/s]
+PERIODS = (1.0, 3.0)  # of the wanted sines, which legs and arms can follow [s]
+SMOOTHNESS = 0.05  # weight in the reward, as in `TorqueTrackingEnv`
 
 
 class Observed(NamedTuple):

@@ -13,7 +13,6 @@ import torch
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
-from cjt_gym.envs.arguments import complete
 from cjt_gym.envs.core import Episodes
 
 Indices = int | Iterable[int] | None
@@ -45,7 +44,31 @@ _seen: list[bool] = []
 
 
 class BareVecEnv(VecEnv):
-    """What batches have in common: they hold nothing to release, wrap nothing and draw nothing."""
+    """What batches have in common: they hold nothing to release, wrap nothing and draw nothing.
+
+    Attributes and methods are those of the batch that a member is in; members have none of their
+    own.
+    """
+
+    def batch_of(self, index: int) -> VecEnv:
+        """Return the batch of a member."""
+        return self
+
+    def get_attr(self, attr_name: str, indices: Indices = None) -> list[Any]:
+        """Return an attribute of the batch of each index."""
+        return [getattr(self.batch_of(i), attr_name) for i in self._get_indices(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: Indices = None) -> None:
+        """Set an attribute of the batches of these indices."""
+        for i in self._get_indices(indices):
+            setattr(self.batch_of(i), attr_name, value)
+
+    def env_method(
+        self, method_name: str, *args: Any, indices: Indices = None, **kwargs: Any
+    ) -> list[Any]:
+        """Call a method of the batch of each index."""
+        found = [self.batch_of(i) for i in self._get_indices(indices)]
+        return [getattr(batch, method_name)(*args, **kwargs) for batch in found]
 
     def close(self) -> None:
         """Release nothing."""
@@ -78,7 +101,7 @@ class TorqueTrackingVecEnv(BareVecEnv):
             **arguments: Those of `TorqueTrackingEnv`, checked as there.
         """
         use_one_thread()
-        self.episodes = Episodes(num_envs, **complete(arguments))
+        self.episodes = Episodes(num_envs, **arguments)
         self.render_mode = None
         self._returns = np.zeros(num_envs)
         self._squares = np.zeros(num_envs)
@@ -132,21 +155,6 @@ class TorqueTrackingVecEnv(BareVecEnv):
             }
         self._returns[ended] = self._squares[ended] = 0.0
 
-    def get_attr(self, attr_name: str, indices: Indices = None) -> list[Any]:
-        """Return an attribute of the batch once per index."""
-        return [getattr(self, attr_name) for _ in self._get_indices(indices)]
-
-    def set_attr(self, attr_name: str, value: Any, indices: Indices = None) -> None:
-        """Set an attribute of the batch; members have none of their own."""
-        setattr(self, attr_name, value)
-
-    def env_method(
-        self, method_name: str, *args: Any, indices: Indices = None, **kwargs: Any
-    ) -> list[Any]:
-        """Call a method of the batch once per index."""
-        method = getattr(self, method_name)
-        return [method(*args, **kwargs) for _ in self._get_indices(indices)]
-
 
 class JointsVecEnv(BareVecEnv):
     """Batches of several joints as one; what they observe and how they act must be alike."""
@@ -182,21 +190,6 @@ class JointsVecEnv(BareVecEnv):
         told = [info for some in infos for info in some]
         return np.concatenate(observations), np.concatenate(rewards), np.concatenate(dones), told
 
-    def _batch_of(self, index: int) -> TorqueTrackingVecEnv:
+    def batch_of(self, index: int) -> TorqueTrackingVecEnv:
+        """Return the batch of a member."""
         return self.batches[int(np.searchsorted(self._ends, index, side="right"))]
-
-    def get_attr(self, attr_name: str, indices: Indices = None) -> list[Any]:
-        """Return an attribute of the batch of each index."""
-        return [getattr(self._batch_of(i), attr_name) for i in self._get_indices(indices)]
-
-    def set_attr(self, attr_name: str, value: Any, indices: Indices = None) -> None:
-        """Set an attribute of the batches of these indices."""
-        for i in self._get_indices(indices):
-            setattr(self._batch_of(i), attr_name, value)
-
-    def env_method(
-        self, method_name: str, *args: Any, indices: Indices = None, **kwargs: Any
-    ) -> list[Any]:
-        """Call a method of the batch of each index."""
-        found = [self._batch_of(i) for i in self._get_indices(indices)]
-        return [getattr(batch, method_name)(*args, **kwargs) for batch in found]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cjt_gym.errors import ConfigurationError, unknown_name
 
 RENDER_MODES = ("human", "rgb_array")
-LENGTH = 1000
+LENGTH = 1000  # samples: a second at the usual control step
 LABELS = ("reference", "joint torque", "motor command")
 COLOURS = ("#888888", "#0b6fb8", "#d9822b")
 

@@ -8,7 +8,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.envs.arguments import argument_table, complete, takes_arguments
+from cjt_gym.envs.arguments import argument_table, takes_arguments
 from cjt_gym.envs.control import REPORT
 from cjt_gym.envs.core import Episodes
 from cjt_gym.envs.observation import PAST, PRESENT, ROWS, observation_table, with_tables
@@ -131,7 +131,7 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 20}  # noqa: RUF012
 
     def __init__(self, render_mode: str | None = None, **arguments: Any) -> None:
-        self.episodes = Episodes(1, **complete(arguments))
+        self.episodes = Episodes(1, **arguments)
         self.observation_space = self.episodes.observation_space
         self.action_space = self.episodes.action_space
         self.render_mode = render_mode
@@ -163,7 +163,7 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
         info: dict[str, Any] = dict(zip(REPORT, episodes.control.report[0].tolist()))  # noqa: B905
         if self.render_mode is not None:
             self._chart.add(info["tau_reference"], info["tau"], info["tau_command"])
-        if episodes.redrawn[0]:
+        if episodes.plant.changed[0]:
             info["parameters"] = self._parameters()
         return (
             task.observation[0].copy(),
@@ -174,7 +174,7 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
         )
 
     def _parameters(self) -> dict[str, float]:
-        return {name: float(values[0]) for name, values in self.episodes.parameters().items()}
+        return {name: float(values[0]) for name, values in self.episodes.plant.drawn().items()}
 
     def render(self) -> Any:
         """Return the strip chart as an image, shape (height, width, 3), for "rgb_array"."""

@@ -9,7 +9,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from cjt_gym.envs.arguments import complete, takes_arguments
+from cjt_gym.envs.arguments import takes_arguments
 from cjt_gym.envs.core import Episodes
 from cjt_gym.envs.strip_chart import StripChart
 from cjt_gym.envs.torque_tracking import Action, Observation
@@ -71,7 +71,7 @@ class TorqueTrackingVectorEnv(VectorEnv[Observation, Action, NDArray[Any]]):
         self.metadata = {**self.metadata, "autoreset_mode": AUTORESET[autoreset]}
         self._waits = autoreset == "next_step"
         self._ended = np.zeros(num_envs, dtype=np.bool_)
-        self.episodes = Episodes(num_envs, **complete(arguments))
+        self.episodes = Episodes(num_envs, **arguments)
         dt, drawn = self.episodes.settings.layout.dt, num_envs if render_mode else 0
         self._charts = [StripChart(RENDER_MODE, dt) for _ in range(drawn)]
         self.single_observation_space = self.episodes.observation_space
@@ -90,7 +90,7 @@ class TorqueTrackingVectorEnv(VectorEnv[Observation, Action, NDArray[Any]]):
         self._ended[:] = False
         for chart in self._charts:
             chart.clear()
-        return self.episodes.task.observation.copy(), {"parameters": self.episodes.parameters()}
+        return self.episodes.task.observation.copy(), {"parameters": self.episodes.plant.drawn()}
 
     def step(
         self, actions: Action
@@ -108,9 +108,9 @@ class TorqueTrackingVectorEnv(VectorEnv[Observation, Action, NDArray[Any]]):
             info |= self._final(info, done)
             self.episodes.begin(done)
             begun = done
-        told = self.episodes.redrawn | begun
+        told = self.episodes.plant.changed | begun
         if told.any() and self.episodes.settings.randomization:
-            info |= {"parameters": self.episodes.parameters(), "_parameters": told}
+            info |= {"parameters": self.episodes.plant.drawn(), "_parameters": told}
         return task.observation.copy(), reward, terminated, truncated, info
 
     def _final(self, info: dict[str, Any], done: NDArray[np.bool_]) -> dict[str, Any]:

@@ -39,7 +39,6 @@ TEXTS = {
     "plugins": "rows that other packages bring along",
     "disk": "files, read without trust and written whole",
     "errors": "one tree of errors",
-    "moved": "old names of modules that have moved",
 }
 STEP = {"envs": "1 3 5", "baselines": "2", "joint": "4"}
 LOG = {"commands": "1 6", "records": "2", "gap": "3 4 5", "joint": "4"}

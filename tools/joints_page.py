@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from cjt_gym.characteristics import CHARACTERISTICS, acting
-from cjt_gym.datasheet.figures import torque_speed
+from cjt_gym.datasheet import plots
+from cjt_gym.datasheet.figures import alone
 from cjt_gym.datasheet.notation import number
 from cjt_gym.joint import JointFile, joint_names, load_joint_file
 
@@ -24,7 +25,7 @@ def joints_page() -> tuple[str, dict[str, str]]:
     """Return the page in Markdown, and its pictures, SVG texts by the path from the page."""
     joints = {name: load_joint_file(name) for name in joint_names()}
     pictures = {
-        f"joints/{name}.svg": torque_speed([acting(joint)])
+        f"joints/{name}.svg": alone(plots.torque_speed, [acting(joint)])
         for name, joint in joints.items()
         if CHARACTERISTICS["t_r"].value(joint.parameters) is not None
     }

@@ -28,7 +28,7 @@ from cjt_gym.joint import JointParameters, get_structure
 from cjt_gym.joint.linear import OUTPUTS, Complex, frequency_response, state_matrices
 
 LOCKED = math.inf
-LOWEST_HZ, HIGHEST_HZ = 1e-2, 1e4
+LOWEST_HZ, HIGHEST_HZ = 1e-2, 1e4  # between which one is looked for
 
 
 @dataclass(frozen=True)

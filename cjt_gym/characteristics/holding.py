@@ -17,10 +17,10 @@ from cjt_gym.characteristics.motor import Floats, rated_torque
 from cjt_gym.characteristics.thermal import time_to_critical
 from cjt_gym.joint import JointParameters
 
-LEVELS = 128
+LEVELS = 128  # of heating, between which times are smooth
 NEAREST = 1e-6
 """Least excess over the rated torque, relative, at which the time is looked at."""
-TINY = 1e-9
+TINY = 1e-9  # time that stands for none, which has no logarithm [s]
 
 
 def holding_time(

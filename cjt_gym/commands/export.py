@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
 from pathlib import Path
 
-from cjt_gym.baselines import CONTROLLERS, default_gains
+from cjt_gym.baselines import CONTROLLERS
 from cjt_gym.baselines.compose import is_composed
 from cjt_gym.baselines.observers import OBSERVERS, make_observer
 from cjt_gym.baselines.own import is_own
@@ -138,12 +137,9 @@ def _observer_header(
 def _controller_header(
     options: argparse.Namespace, joint: Joint, gains: dict[str, float], prefix: str
 ) -> Header:
-    choice = choose(options.source).with_gains(gains)
-    known = choice.entry.complete(choice.gains)
-    if len(known) < len(choice.entry.tunable):
-        known = default_gains(choice.controller, joint, options.dt) | dict(choice.gains)
-    controller = replace(choice, gains=known).make(joint, options.dt)
-    return controller_to_c(controller, joint, choice.name, prefix, known)
+    choice = choose(options.source).with_gains(gains).spelt_out(joint, options.dt)
+    controller = choice.make(joint, options.dt)
+    return controller_to_c(controller, joint, choice.name, prefix, choice.gains)
 
 
 def _gains(words: list[str]) -> dict[str, float]:

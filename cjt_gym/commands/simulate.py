@@ -35,6 +35,7 @@ from cjt_gym.joint.current_loop import with_current_loop
 from cjt_gym.joint.effect_words import plain_effects
 from cjt_gym.plant import SimulatedPlant
 from cjt_gym.plant.randomization import Randomization
+from cjt_gym.plant.simulated import DT_PHYSICS
 from cjt_gym.records import FORMATS, Record, read_record, record_names, write_record
 from cjt_gym.signals import Signal, make_signals, sampled_signal, signal_from_file
 from cjt_gym.training.tuning.gains import choose, files_of, gains_in_record
@@ -43,7 +44,6 @@ Floats = NDArray[np.float64]
 TRACKING, NONE = "pd_feedforward", "none"
 """Controller where nothing else is said; the name for no controller at all."""
 COMMANDS = ("i_cmd", "tau_cmd")
-DT_PHYSICS = 1e-4
 MOST_SAMPLES = 20_000_000
 """Samples of a record, of which each takes some 300 bytes."""
 

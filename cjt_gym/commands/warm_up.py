@@ -13,7 +13,6 @@ import numpy as np
 
 from cjt_gym.blind.case import draw_case
 from cjt_gym.console import Answer
-from cjt_gym.envs.arguments import complete
 from cjt_gym.envs.core import Episodes
 from cjt_gym.envs.foreign import ForeignEpisode
 from cjt_gym.gap import diagnose
@@ -24,7 +23,7 @@ from cjt_gym.signals import make_signals
 
 JOINT, STRUCTURE = "orange_80_6000", "output_fixed_rigid_gearbox"
 EFFECTS = {"coulomb": {}, "noise": {}, "command_delay": {"delay": 1e-3}}
-SAMPLES, DIAGNOSED = 20, 2000
+SAMPLES, DIAGNOSED = 20, 2000  # few, as compiling takes the time; a fit needs motion
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -60,7 +59,7 @@ def _joints() -> None:
         plant.step(np.zeros(1))
     plant.batch.use_blocks(plant.joint)
     plant.step(np.zeros(1))
-    episodes = Episodes(1, **complete({"joint": JOINT}))  # as those of a joint on a bus
+    episodes = Episodes(1, joint=JOINT)  # as those of a joint on a bus
     ForeignEpisode(episodes).rehearse()
     for signal in make_signals("mixed", 1.0):
         signal.reset(np.random.default_rng(0)).torque(np.zeros(SAMPLES))

@@ -20,7 +20,7 @@ from cjt_gym.joint import JointFile
 __all__ = ["FORMATS", "check_format", "make_sheet", "quantities", "write_sheet"]
 
 FORMATS = (".pdf", ".html", ".png")
-MOST = 6
+MOST = 6  # joints that colours keep apart
 
 
 def make_sheet(files: Sequence[JointFile]) -> Sheet:

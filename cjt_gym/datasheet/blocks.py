@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import groupby
 
 
 @dataclass(frozen=True)
@@ -68,11 +69,18 @@ class Figure:
 
 
 @dataclass(frozen=True)
+class Code:
+    """Text that stands as it is, line by line."""
+
+    text: str
+
+
+@dataclass(frozen=True)
 class PageBreak:
     """Where a new page begins, on paper."""
 
 
-Block = Heading | Paragraph | Facts | Table | Figure | PageBreak
+Block = Heading | Paragraph | Facts | Table | Figure | Code | PageBreak
 
 
 @dataclass(frozen=True)
@@ -90,3 +98,12 @@ class Sheet:
     subtitle: str
     blocks: Sequence[Block] = field(default_factory=tuple)
     footer: str = ""
+
+    def rows(self) -> Iterator[tuple[bool, list[tuple[int, Block]]]]:
+        """Yield blocks with their numbers; True with figures that stand beside each other."""
+
+        def beside(one: tuple[int, Block]) -> bool:
+            return isinstance(one[1], Figure) and not one[1].whole
+
+        for half, row in groupby(enumerate(self.blocks), beside):
+            yield half, list(row)

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from cjt_gym import __version__
 from cjt_gym.characteristics import CHARACTERISTICS, acting, changing, characteristic
 from cjt_gym.characteristics.table import GROUPS
-from cjt_gym.datasheet import figures
+from cjt_gym.datasheet import figures, plots
 from cjt_gym.datasheet.blocks import (
     Block,
     Facts,
@@ -74,6 +74,15 @@ def _facts(joints: Sequence[JointParameters]) -> Iterator[Block]:
 def _plots(joints: Sequence[JointParameters]) -> Iterator[Block]:
     """Yield the figures that the parameters of all joints allow."""
     one = len(joints) == 1
+    speed: Drawing = (
+        "torque and speed",
+        lambda: figures.alone(plots.torque_speed, joints),
+        "Torque and speed. Dark: continuous (black point: rated). Light: for a short time. "
+        "Friction comes off the motor's torque (red point: no load)."
+        if one
+        else "Torque-speed lines up to the peak torque; points: rated.",
+        False,
+    )
     efficiency: Drawing = (
         "efficiency",
         lambda: figures.efficiency_map(joints),
@@ -81,66 +90,51 @@ def _plots(joints: Sequence[JointParameters]) -> Iterator[Block]:
         "point. White: friction takes all, or the supply is too low.",
         not one,
     )
-    drawings: list[Drawing] = [
-        (
-            "torque and speed",
-            lambda: figures.torque_speed(joints),
-            "Torque and speed. Dark: continuous (black point: rated). Light: for a short time. "
-            "Friction comes off the motor's torque (red point: no load)."
-            if one
-            else "Torque-speed lines up to the peak torque; points: rated.",
-            False,
-        ),
-        (
-            "heat",
-            lambda: figures.heat(joints),
-            "Above: how long the winding bears a constant torque. Below: where its temperature "
-            f"ends; dashed: its limit. Dotted: rated torque{'' if one else 's'}.",
-            False,
-        ),
-        (
-            "torque over frequency",
-            lambda: figures.torque_bandwidth(joints),
-            "Torque on a locked output over frequency, by what limits it. Light: for a short "
-            "time. Dark: continuous."
-            if one
-            else "Torque on a locked output over frequency: for a short time; dashed: continuous.",
-            False,
-        ),
-    ]
+    curves: Drawing = (
+        "efficiency at some speeds",
+        lambda: figures.alone(plots.efficiency_curves, joints[0]),
+        "Efficiency over torque at some speeds; dashed: at full voltage. Dotted: rated torque.",
+        False,
+    )
+    heat: Drawing = (
+        "heat",
+        lambda: figures.heat(joints),
+        "Above: how long the winding bears a constant torque. Below: where its temperature "
+        f"ends; dashed: its limit. Dotted: rated torque{'' if one else 's'}.",
+        False,
+    )
+    bandwidth: Drawing = (
+        "torque over frequency",
+        lambda: figures.alone(plots.torque_bandwidth, joints),
+        "Torque on a locked output over frequency, by what limits it. Light: for a short "
+        "time. Dark: continuous."
+        if one
+        else "Torque on a locked output over frequency: for a short time; dashed: continuous.",
+        False,
+    )
+    holding: Drawing = (
+        "holding time",
+        lambda: figures.holding(joints[0]),
+        "How long a torque on a locked output can be held, by its amplitude and frequency, "
+        "from ambient. Below the white line: for ever. Blank: not possible.",
+        False,
+    )
+    loads: Drawing = (
+        "torque with free loads",
+        lambda: figures.torque_with_load(joints),
+        "The same for a short time, with free loads. Below, a light load gives way; at "
+        "the resonance little motor torque is needed.",
+        False,
+    )
+    impedance: Drawing = (
+        "impedance",
+        lambda: _impedance(joints),
+        _impedance_caption(joints),
+        False,
+    )
+    drawings = [speed, heat, bandwidth, impedance, efficiency]
     if one:
-        drawings.append(
-            (
-                "holding time",
-                lambda: figures.holding(joints[0]),
-                "How long a torque on a locked output can be held, by its amplitude and frequency, "
-                "from ambient. Below the white line: for ever. Blank: not possible.",
-                False,
-            )
-        )
-        drawings.append(
-            (
-                "torque with free loads",
-                lambda: figures.torque_with_load(joints),
-                "The same for a short time, with free loads. Below, a light load gives way; at "
-                "the resonance little motor torque is needed.",
-                False,
-            )
-        )
-    caption = _impedance_caption(joints)
-    drawings.append(("impedance", lambda: _impedance(joints), caption, False))
-    drawings.insert(1 if one else len(drawings), efficiency)
-    if one:
-        drawings.insert(
-            2,
-            (
-                "efficiency at some speeds",
-                lambda: figures.efficiency_curves(joints[0]),
-                "Efficiency over torque at some speeds; dashed: at full voltage. Dotted: rated "
-                "torque.",
-                False,
-            ),
-        )
+        drawings = [speed, efficiency, curves, heat, bandwidth, holding, loads, impedance]
     missing = []
     for name, draw, caption, whole in drawings:
         try:
@@ -154,12 +148,12 @@ def _plots(joints: Sequence[JointParameters]) -> Iterator[Block]:
 
 
 def _impedance(joints: Sequence[JointParameters]) -> str:
-    return figures.impedance(joints, min(figures.usual_motion(p) for p in joints))
+    return figures.alone(plots.impedance, joints, min(plots.usual_motion(p) for p in joints))
 
 
 def _impedance_caption(joints: Sequence[JointParameters]) -> str:
     try:
-        motion = min(figures.usual_motion(p) for p in joints)
+        motion = min(plots.usual_motion(p) for p in joints)
     except ParameterError:
         return ""
     unit_of_angle = "rad" if joints[0].axis == "rotary" else "m"

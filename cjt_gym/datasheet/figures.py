@@ -3,39 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-
-from matplotlib.axes import Axes
+from typing import Any
 
 from cjt_gym.datasheet import plots
 from cjt_gym.datasheet.drawing import HALF, canvas
 from cjt_gym.datasheet.notation import drawn
-from cjt_gym.datasheet.plots import usual_motion
 from cjt_gym.joint import JointParameters
 
-__all__ = [
-    "efficiency_curves",
-    "efficiency_map",
-    "heat",
-    "holding",
-    "impedance",
-    "torque_bandwidth",
-    "torque_speed",
-    "torque_with_load",
-    "usual_motion",
-]
 Joints = Sequence[JointParameters]
 
 
-def _alone(draw: Callable[[Axes], None]) -> str:
-    """Return a figure with one plot."""
+def alone(draw: Callable[..., None], *arguments: Any) -> str:
+    """Return a figure with one plot: what a function of `plots` draws."""
     with canvas() as (figure, written):
-        draw(figure.subplots())
+        draw(figure.subplots(), *arguments)
         return written()
-
-
-def torque_speed(joints: Joints) -> str:
-    """Return the torque-speed diagram."""
-    return _alone(lambda axes: plots.torque_speed(axes, joints))
 
 
 def efficiency_map(joints: Joints) -> str:
@@ -58,11 +40,6 @@ def efficiency_map(joints: Joints) -> str:
         return written()
 
 
-def efficiency_curves(p: JointParameters) -> str:
-    """Return the efficiency over torque at some speeds."""
-    return _alone(lambda axes: plots.efficiency_curves(axes, p))
-
-
 def heat(joints: Joints) -> str:
     """Return how long torques can be held, and where temperatures end."""
     with canvas() as (figure, written):
@@ -82,11 +59,6 @@ def holding(p: JointParameters) -> str:
         return written()
 
 
-def torque_bandwidth(joints: Joints) -> str:
-    """Return the torque that is available over frequency with locked output."""
-    return _alone(lambda axes: plots.torque_bandwidth(axes, joints))
-
-
 def torque_with_load(joints: Joints) -> str:
     """Return the peak torque of one joint over frequency for free loads of several inertias."""
     with canvas() as (figure, written):
@@ -94,8 +66,3 @@ def torque_with_load(joints: Joints) -> str:
         scale = plots.torque_with_load(axes, joints[0])
         figure.colorbar(scale, ax=axes, label="load inertia / $(I_m + I_g)$", aspect=25, pad=0.02)
         return written()
-
-
-def impedance(joints: Joints, motion: float) -> str:
-    """Return the impedances that the joints can show while the output moves."""
-    return _alone(lambda axes: plots.impedance(axes, joints, motion))

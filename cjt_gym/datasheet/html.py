@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from html import escape
 from importlib import resources
 
-from cjt_gym.datasheet.blocks import Block, Facts, Figure, Heading, Paragraph, Sheet, Table
+from cjt_gym.datasheet.blocks import Block, Code, Facts, Figure, Heading, Paragraph, Sheet, Table
 from cjt_gym.datasheet.notation import render, without_formulas
 
 
@@ -16,7 +16,7 @@ def to_html(sheet: Sheet) -> str:
     style = (resources.files("cjt_gym.datasheet") / "style.css").read_text(encoding="utf-8")
     body = "\n".join(_blocks(sheet))
     return (
-        f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        f'<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         f'<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f"<title>{escape(without_formulas(sheet.title))}</title>\n<style>\n{style}</style>\n</head>\n<body>\n<main>\n"
         f"<header><h1>{_text(sheet.title)}</h1>\n<p>{_text(sheet.subtitle)}</p></header>\n"
@@ -29,18 +29,12 @@ def _text(text: str) -> str:
 
 
 def _blocks(sheet: Sheet) -> Iterator[str]:
-    """Yield the blocks; figures that stand beside each other share a row."""
-    row: list[str] = []
-    for number, block in enumerate(sheet.blocks):
-        if isinstance(block, Figure) and not block.whole:
-            row.append(_figure(block, number))
-            continue
-        if row:
-            yield f'<div class="figures">{"".join(row)}</div>'
-            row = []
-        yield _block(block, number)
-    if row:
-        yield f'<div class="figures">{"".join(row)}</div>'
+    for half, row in sheet.rows():
+        if half:
+            figures = (_figure(block, k) for k, block in row if isinstance(block, Figure))
+            yield f'<div class="figures">{"".join(figures)}</div>'
+        else:
+            yield from (_block(block, k) for k, block in row)
 
 
 def _block(block: Block, number: int) -> str:
@@ -59,6 +53,8 @@ def _block(block: Block, number: int) -> str:
             return _table(block)
         case Figure():
             return f'<div class="figures whole">{_figure(block, number)}</div>'
+        case Code(text):
+            return f"<pre>{escape(text)}</pre>"
         case _:
             return ""
 

@@ -18,7 +18,7 @@ from cjt_gym.datasheet.notation import drawn, named, number
 from cjt_gym.joint import Joint
 
 UNITS = {"tau_m": "N m", "i": "A", "v": "V", "tau": "N m", "q": "rad", "dq": "rad/s"}
-DECADES = 1.3
+DECADES = 1.3  # drawn around all poles and zeros, where phases have settled
 
 
 @dataclass(frozen=True)

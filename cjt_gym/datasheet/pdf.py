@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import tempfile
 from collections.abc import Iterator
@@ -9,6 +10,7 @@ from pathlib import Path
 
 from cjt_gym.datasheet.blocks import (
     Block,
+    Code,
     Facts,
     Figure,
     Heading,
@@ -40,13 +42,12 @@ PREAMBLE = """
 """
 
 
-def to_pdf(sheet: Sheet, *, image: bool = False, ppi: float = 100.0) -> list[bytes]:
+def to_pdf(sheet: Sheet, *, image: bool = False) -> list[bytes]:
     """Return a sheet as one PDF document, or as one PNG image per page.
 
     Args:
         sheet: The sheet.
-        image: Whether images are wanted.
-        ppi: Their resolution [pixels per inch].
+        image: Whether images are wanted, of 100 pixels per inch.
     """
     import typst
 
@@ -58,7 +59,7 @@ def to_pdf(sheet: Sheet, *, image: bool = False, ppi: float = 100.0) -> list[byt
         source = root / "sheet.typ"
         source.write_text(to_typst(sheet), encoding="utf-8")
         if image:
-            made = typst.compile(str(source), format="png", ppi=ppi)
+            made = typst.compile(str(source), format="png", ppi=100.0)
         else:
             made = typst.compile(str(source), format="pdf")
     pages: object = made  # a list where there are several images
@@ -91,22 +92,12 @@ def _text(text: str) -> str:
 
 
 def _blocks(sheet: Sheet) -> Iterator[str]:
-    """Yield the blocks; figures that stand beside each other share a grid of two columns."""
-    row: list[str] = []
-    for number, block in enumerate(sheet.blocks):
-        if isinstance(block, Figure) and not block.whole:
-            row.append(f"[{_figure(block, number)}]")
-            continue
-        if row:
-            yield _grid(row)
-            row = []
-        yield _block(block, number)
-    if row:
-        yield _grid(row)
-
-
-def _grid(cells: list[str]) -> str:
-    return f"#grid(columns: (1fr, 1fr), gutter: 5mm, {', '.join(cells)})"
+    for half, row in sheet.rows():
+        if half:
+            cells = (f"[{_figure(block, k)}]" for k, block in row if isinstance(block, Figure))
+            yield f"#grid(columns: (1fr, 1fr), gutter: 5mm, {', '.join(cells)})"
+        else:
+            yield from (_block(block, k) for k, block in row)
 
 
 def _figure(figure: Figure, number: int) -> str:
@@ -129,6 +120,8 @@ def _block(block: Block, number: int) -> str:
             return _table(block)
         case Figure():
             return f"#block[{_figure(block, number)}]"
+        case Code(text):
+            return f"#raw({json.dumps(text, ensure_ascii=False)}, block: true)"
         case PageBreak():
             return "#pagebreak()"
 

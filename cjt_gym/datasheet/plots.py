@@ -49,11 +49,11 @@ from cjt_gym.joint import JointParameters
 
 Joints = JointParameters | Sequence[JointParameters]
 POINT: Any = {"ls": "none", "marker": "o", "ms": 4.0, "zorder": 5, "clip_on": False}
-LONGEST = 1e4
-COPPER_MELTS = 1084.0
+LONGEST = 1e4  # time that is drawn as for ever: hours [s]
+COPPER_MELTS = 1084.0  # beyond which a temperature is none of a winding [degC]
 SHARES = (0.1, 0.25, 0.5, 0.75)
 """Speeds of efficiency curves, over the zero-torque speed."""
-POINTS = 120
+POINTS = 120  # of each side of a map, which is drawn 8 cm wide
 
 
 def _several(joints: Joints) -> Sequence[JointParameters]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import io
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,10 +10,13 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure as Drawn
 from numpy.typing import NDArray
 
+from cjt_gym.datasheet.blocks import Figure, Sheet, Table
 from cjt_gym.datasheet.drawing import COLOURS, RED, canvas, legend
+from cjt_gym.datasheet.html import to_html
+from cjt_gym.datasheet.notation import plain
 from cjt_gym.disk import write_bytes
 from cjt_gym.records import Record
 from cjt_gym.records.columns import TRUE_PREFIX
@@ -25,9 +27,6 @@ WIDTH, PANEL, MARGIN = 9.0, 1.7, 0.6
 BINS = 2000
 """Pieces of a curve, of each of which least and largest value are drawn."""
 LINES = ("-", "--", ":", "-.")
-STYLE = """body { font: 15px/1.5 system-ui, sans-serif; max-width: 72rem; margin: 1.5rem auto;
-  padding: 0 1rem; color: #222 } svg { width: 100%; height: auto } th { text-align: left;
-  padding-right: 1.5rem; font-weight: 600; vertical-align: top }"""
 FACTS = ("kind", "controller", "policy", "reference", "protocol", "bus", "source")
 """What of a record's provenance stands on a page."""
 
@@ -58,7 +57,7 @@ def write_plot(traces: Sequence[Trace], columns: Sequence[str] | None, out: Path
     with canvas(WIDTH, MARGIN + PANEL * max(len(panels), 1)) as (figure, svg):
         _draw(figure, traces, panels)
         if kind == "html":
-            written = _page(traces, svg()).encode()
+            written = to_html(_sheet(traces, svg())).encode()
         else:
             buffer = io.BytesIO()
             figure.savefig(buffer, format=kind, dpi=150)
@@ -81,7 +80,7 @@ def _panels(traces: Sequence[Trace], columns: Sequence[str] | None) -> dict[str,
     return panels
 
 
-def _draw(figure: Figure, traces: Sequence[Trace], panels: dict[str, list[str]]) -> None:
+def _draw(figure: Drawn, traces: Sequence[Trace], panels: dict[str, list[str]]) -> None:
     axes: Any = figure.subplots(max(len(panels), 1), 1, sharex=True, squeeze=False)[:, 0]
     for panel, (unit, names) in zip(axes, panels.items(), strict=False):
         for k, trace in enumerate(traces):
@@ -132,20 +131,14 @@ def _plain_text(text: Any) -> None:
     text.set_parse_math(False)
 
 
-def _page(traces: Sequence[Trace], svg: str) -> str:
-    """Return a page that needs no other file."""
-    title = html.escape(", ".join(trace.name for trace in traces))
-    tables = "\n".join(_facts(trace) for trace in traces)
-    return f"""<!doctype html>
-<html lang="en"><head><meta charset="utf-8"><title>{title}</title><style>{STYLE}</style></head>
-<body><h1>{title}</h1>
-{svg}
-{tables}
-</body></html>
-"""
+def _sheet(traces: Sequence[Trace], svg: str) -> Sheet:
+    """Return the picture with what is known of each record below it."""
+    tables = [Table((plain(trace.name), ""), _facts(trace), "ll", wide=(1,)) for trace in traces]
+    title = plain(", ".join(trace.name for trace in traces))
+    return Sheet(title, "", [Figure(svg, "", whole=True), *tables])
 
 
-def _facts(trace: Trace) -> str:
+def _facts(trace: Trace) -> list[tuple[str, str]]:
     record = trace.record
     known: dict[str, Any] = {
         "joint": record.joint,
@@ -157,9 +150,4 @@ def _facts(trace: Trace) -> str:
     fault = record.provenance.get("fault")
     if isinstance(fault, dict):
         known["ended by"] = f"{fault.get('kind')}: {fault.get('text')}"
-    rows = "".join(
-        f"<tr><th>{html.escape(name)}</th><td>{html.escape(str(value))}</td></tr>"
-        for name, value in known.items()
-        if value is not None
-    )
-    return f"<h2>{html.escape(trace.name)}</h2>\n<table>{rows}</table>"
+    return [(name, plain(str(value))) for name, value in known.items() if value is not None]

@@ -15,7 +15,7 @@ from cjt_gym.datasheet.notation import drawn
 from cjt_gym.joint import Joint, JointFile
 from cjt_gym.joint.ripple import RIPPLES
 
-PERIODS = 3.0
+PERIODS = 3.0  # of the slowest ripple, to see that it repeats
 DAMPINGS = ("d_m", "d_g", "d_l")
 SHARE = 0.2
 """Share of the peak torque at which ripple that grows with the torque is drawn."""

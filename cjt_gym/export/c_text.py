@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Container, Mapping
+from collections.abc import Callable, Container, Mapping
 from importlib.metadata import version
 from typing import Any
 
@@ -42,9 +42,11 @@ def number(value: float) -> str:
     return repr(float(value) + 0.0)  # no -0.0
 
 
-def array(kind: str, name: str, values: NDArray[Any]) -> str:
+def array(
+    kind: str, name: str, values: NDArray[Any], written: Callable[[float], str] = number
+) -> str:
     """Return the definition of a constant array; one without values has a single zero."""
-    texts = [number(value) for value in np.ravel(values)] or ["0.0"]
+    texts = [written(float(value)) for value in np.ravel(values)] or ["0.0"]
     lines = [", ".join(texts[k : k + PER_LINE]) for k in range(0, len(texts), PER_LINE)]
     body = ",\n  ".join(lines)
     return f"static const {kind} {name}[{len(texts)}] = {{\n  {body}}};"

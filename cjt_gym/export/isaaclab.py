@@ -18,7 +18,7 @@ from cjt_gym.errors import ConfigurationError
 from cjt_gym.export.model import Export, bodies_of, gain_of, listed, number, sorted_out, values_of
 from cjt_gym.joint import Joint
 
-TIMESTEP = 1e-3
+TIMESTEP = 1e-3  # unless told otherwise: the usual control step [s]
 Table = dict[str, dict[str, float | int | str]]
 
 SUPPORT: Mapping[str, tuple[str, str]] = {

@@ -35,7 +35,7 @@ from cjt_gym.joint import Joint
 from cjt_gym.joint.ripple import COGGING
 
 Ripple = NDArray[np.float64]
-TIMESTEP = 2.5e-4
+TIMESTEP = 2.5e-4  # unless told otherwise: four to a usual control step [s]
 ILLEGAL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """Characters that no XML file can hold, however they are written."""
 SPEED_OF_BRISTLES = 0.1

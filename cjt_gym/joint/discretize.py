@@ -25,7 +25,7 @@ from cjt_gym.joint.compiled import lean
 from cjt_gym.joint.springs import BAR, has_play
 
 Matrix = NDArray[np.float64]
-MAX_ORDER = 6
+MAX_ORDER = 6  # three bodies, each with an angle and a velocity
 SCRATCH = (4, MAX_ORDER, MAX_ORDER)
 LARGEST_NORM = 0.5
 """To which a matrix is halved before its series: with it the series ends within 20 terms."""

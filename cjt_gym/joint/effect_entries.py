@@ -10,7 +10,7 @@ from cjt_gym.joint.effects import EFFECTS, Effect, EffectParameter
 from cjt_gym.joint.mistakes import Mistakes
 from cjt_gym.joint.parameter_table import axis_units
 from cjt_gym.joint.parameters import JointParameters
-from cjt_gym.joint.quantity import FrozenMapping, Quantity, Setting
+from cjt_gym.joint.quantity import Quantity, Setting
 from cjt_gym.joint.units import in_usual_unit
 
 SELECTORS = ("body", "channel")
@@ -20,7 +20,7 @@ CHANNEL_VALUES = ("std", "noise", "resolution", "value")
 
 def usual_effects(
     effects: Mapping[str, Mapping[str, Setting]], axis: str, origin: str, mistakes: Mistakes
-) -> FrozenMapping[FrozenMapping[Setting]]:
+) -> dict[str, dict[str, Setting]]:
     """Return the entries of effects with their values in the usual units.
 
     Args:
@@ -40,8 +40,8 @@ def usual_effects(
                 known = [p.symbol for p in effect.parameters]
                 text = unknown_name(f"parameter of effect {name}", key, known)
                 mistakes.found.append(f"{key} of [effects.{name}] of {origin}: {text}")
-        found[name] = FrozenMapping(usual_entries(effect, entries, axis, origin, mistakes))
-    return FrozenMapping(found)
+        found[name] = usual_entries(effect, entries, axis, origin, mistakes)
+    return found
 
 
 def usual_entries(

@@ -6,17 +6,20 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
+from typing import Any
 
+from cjt_gym.disk import Inline
+from cjt_gym.disk import to_toml as write_tables
 from cjt_gym.disk.text import read_text
 from cjt_gym.errors import MissingFileError, ParameterError, unknown_name
 from cjt_gym.joint.drives import DRIVES
 from cjt_gym.joint.effect_entries import usual_effects
 from cjt_gym.joint.mistakes import Mistakes
+from cjt_gym.joint.parameter_table import AXES
 from cjt_gym.joint.parameters import JointParameters, check_quantities, content_of, sha256_of
 from cjt_gym.joint.quantity import FrozenMapping, Plain, Quantity, Setting, freeze
 from cjt_gym.joint.structures import STRUCTURES
-from cjt_gym.joint.toml_format import Document, parse_document
-from cjt_gym.joint.toml_writer import write_document
+from cjt_gym.joint.toml_format import parse_document
 
 __all__ = ["JointFile", "joint_names", "load_joint_file", "to_toml"]
 
@@ -124,23 +127,38 @@ def load_joint_file(name_or_path: str | Path) -> JointFile:
 def to_toml(joint_file: JointFile) -> str:
     """Return the text of a joint file that `load_joint_file` reads back to an equal one."""
     p = joint_file.parameters
-    document = Document(
-        name=p.name,
-        source=p.source,
-        axis=p.axis,
-        parameters=FrozenMapping(p.quantities),
-        effects=FrozenMapping(
-            {name: FrozenMapping(entries) for name, entries in joint_file.effects.items()}
-        ),
-        sensors=FrozenMapping(
-            {name: FrozenMapping(entries) for name, entries in joint_file.sensors.items()}
-        ),
-        sampling=FrozenMapping(joint_file.sampling),
-        structure=joint_file.structure,
-        drive=joint_file.drive,
-        found=freeze(joint_file.found),
+    return write_tables(
+        {
+            "name": p.name,
+            "source": p.source,
+            "axis": None if p.axis == AXES[0] else p.axis,
+            "structure": joint_file.structure,
+            "drive": joint_file.drive,
+            "parameters": _entries(p.quantities),
+            "effects": {k: _entries(v) for k, v in joint_file.effects.items()} or None,
+            "sensors": {k: _entries(v) for k, v in joint_file.sensors.items()} or None,
+            "sampling": _entries(joint_file.sampling) or None,
+            "found": joint_file.found or None,
+        }
     )
-    return write_document(document)
+
+
+def _entries(table: Mapping[str, Setting]) -> dict[str, Any]:
+    """Return a table with its quantities on one line each."""
+    return {k: _on_one_line(v) if isinstance(v, Quantity) else v for k, v in table.items()}
+
+
+def _on_one_line(quantity: Quantity) -> Inline:
+    return Inline(
+        value=quantity.value,
+        unit=quantity.unit,
+        source=quantity.source or None,
+        tolerance=quantity.tolerance,
+        guess=True if quantity.guess and quantity.tolerance is None else None,
+        low=quantity.low,
+        high=quantity.high,
+        asymmetric=quantity.asymmetric or None,
+    )
 
 
 def is_path(name_or_path: str | Path) -> bool:
@@ -177,24 +195,16 @@ def read_joint_text(path: Path) -> str:
 def _parsed(text: str, origin: str) -> JointFile:
     """Return the joint file that a text holds, or raise all of its mistakes at once."""
     mistakes = Mistakes(origin)
-    document = parse_document(text, origin, mistakes)
+    content = parse_document(text, origin, mistakes)
+    axis = content.pop("axis")
     for key, known in (("structure", STRUCTURES), ("drive", DRIVES)):
-        name = getattr(document, key)
+        name = content[key]
         if name is not None and name not in known:
             mistakes.found.append(f"{key} of {origin}: {unknown_name(key, name, known)}")
+    quantities = content.pop("parameters")
     with mistakes.collected():
-        check_quantities(document.parameters, document.axis, origin, not mistakes.found)
-    effects = usual_effects(document.effects, document.axis, origin, mistakes)
+        check_quantities(quantities, axis, origin, not mistakes.found)
+    content["effects"] = usual_effects(content["effects"], axis, origin, mistakes)
     mistakes.check()
-    parameters = JointParameters(
-        document.name, document.source, document.parameters, document.axis, origin
-    )
-    return JointFile(
-        parameters,
-        effects,
-        document.sensors,
-        document.sampling,
-        document.structure,
-        document.drive,
-        document.found,
-    )
+    name, source = content.pop("name"), content.pop("source")
+    return JointFile(JointParameters(name, source, quantities, axis, origin), **content)

@@ -46,10 +46,10 @@ from cjt_gym.joint.resistance import (
 )
 from cjt_gym.joint.springs import added_torque
 
-SWEEPS = 30
-NEWTON = 20
+SWEEPS = 30  # over the coordinates; where they do not settle, the substep is halved
+NEWTON = 20  # steps before one coordinate after the other is solved for
 HELD, SMOOTH = 0.0, 2.0  # modes of a coordinate; else the direction in which it slides
-ITERATIONS = 100
+ITERATIONS = 100  # more than halvings of a bracket down to rounding
 STEEPEST = 1e-3  # least slope of the equations that Newton's method is trusted with
 TINIEST_PIVOT = 1e-12  # of the Jacobian
 FASTEST = 1e6  # change of speed beyond which Newton's method has gone astray [rad/s]

@@ -35,7 +35,7 @@ from cjt_gym.joint.resistance import dry_sum, resistance, shift
 from cjt_gym.joint.ripple import GEAR, KIND, ripple_torque
 from cjt_gym.joint.springs import BAR, GEAR_SPRING, has_play, is_nonlinear
 
-PASSES = 40
+PASSES = 40  # in every fourth a bracket is halved
 SETTLED, LEAST = 1e-9, 1e-9  # error of the transmitted torque, relative and in [N m]
 PREDICTED = 1e-3  # the same of a spring's torque that is as good as solved for
 ROUNDING = 1e-15  # of angles

@@ -1,4 +1,4 @@
-"""The syntax of a joint file: TOML text to quantities; `toml_writer` has the way back.
+"""The syntax of a joint file: TOML text to quantities; `files.to_toml` is the way back.
 
 What a value means is checked elsewhere: in `cjt_gym.joint.parameters` and by the effect table.
 """
@@ -7,25 +7,17 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from functools import partial
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from cjt_gym.disk import parse_toml
 from cjt_gym.errors import ParameterError, did_you_mean
 from cjt_gym.joint.mistakes import Mistakes
 from cjt_gym.joint.parameter_table import AXES, SAMPLING_UNITS, SENSOR_KEYS, sensor_units
-from cjt_gym.joint.quantity import (
-    FrozenMapping,
-    Plain,
-    Quantity,
-    Setting,
-    freeze,
-    parse_quantity,
-)
+from cjt_gym.joint.quantity import Quantity, Setting, parse_quantity
 from cjt_gym.joint.units import in_usual_unit
 
-__all__ = ["Document", "parse_document"]
+__all__ = ["parse_document"]
 
 TOP_LEVEL_KEYS = (
     *("name", "source", "axis", "structure", "drive"),
@@ -35,69 +27,44 @@ TOP_LEVEL_KEYS = (
 Entry = TypeVar("Entry")
 
 
-@dataclass(frozen=True)
-class Document:
-    """The content of a joint file, with checked syntax.
-
-    Attributes:
-        name: Name of the joint.
-        source: Where the joint comes from.
-        axis: "rotary" or "prismatic".
-        parameters: Quantities by symbol.
-        effects: Settings by effect, then by parameter; "body" and "channel" are texts.
-        sensors: Quantities by channel, then "resolution" and "noise".
-        sampling: Quantities by "dt", "dt_electrical", "jitter".
-        structure: Name of the structure that the joint has unless told otherwise, or None.
-        drive: Name of its drive, or None.
-        found: What a diagnosis says of how it found the values, as plain data.
-    """
-
-    name: str
-    source: str
-    axis: str
-    parameters: FrozenMapping[Quantity]
-    effects: FrozenMapping[FrozenMapping[Setting]]
-    sensors: FrozenMapping[FrozenMapping[Quantity]]
-    sampling: FrozenMapping[Quantity]
-    structure: str | None = None
-    drive: str | None = None
-    found: FrozenMapping[Plain] = field(default_factory=FrozenMapping)
-
-
-def parse_document(text: str, origin: str, mistakes: Mistakes | None = None) -> Document:
-    """Return the document that `text` holds.
+def parse_document(text: str, origin: str, mistakes: Mistakes) -> dict[str, Any]:
+    """Return the content of a joint file, with checked syntax.
 
     Args:
         text: Content of a joint file.
         origin: Where the text comes from, for messages.
-        mistakes: Takes what is wrong with single entries, which the document then lacks; without
-            it that is raised.
+        mistakes: Takes what is wrong with single entries, which the content then lacks.
+
+    Returns:
+        `name`, `source` and `axis` as texts; `structure` and `drive` likewise, or None; quantities
+        by symbol in `parameters` and `sampling`; settings by effect, then by parameter in `effects`
+        ("body" and "channel" are texts); quantities by channel, then "resolution" and "noise" in
+        `sensors`; plain data in `found`.
 
     Raises:
-        ParameterError: The text is no TOML, or a key is unknown, missing or malformed.
+        ParameterError: The text is no TOML.
     """
     raw = _parse_toml(text, origin)
-    noted = Mistakes(origin) if mistakes is None else mistakes
-    known = _known(raw, TOP_LEVEL_KEYS, "key", origin, noted)
+    known = _known(raw, TOP_LEVEL_KEYS, "key", origin, mistakes)
     axis = AXES[0]
-    with noted.collected():
+    with mistakes.collected():
         axis = _parse_axis(known.get("axis", axis), origin)
-    parameters = _table(known, "parameters", origin, noted)
-    document = Document(
-        name=_text(known, "name", origin, noted, required=True) or "",
-        source=_text(known, "source", origin, noted, required=True) or "",
-        axis=axis,
-        parameters=FrozenMapping(_entries(parameters, parse_quantity, origin, noted)),
-        effects=_parse_effects(_table(known, "effects", origin, noted), origin, noted),
-        sensors=_parse_sensors(_table(known, "sensors", origin, noted), axis, origin, noted),
-        sampling=_parse_sampling(_table(known, "sampling", origin, noted), origin, noted),
-        structure=_text(known, "structure", origin, noted),
-        drive=_text(known, "drive", origin, noted),
-        found=freeze(_table(known, "found", origin, noted)),
-    )
-    if mistakes is None:
-        noted.check()
-    return document
+    tables = {
+        name: _table(known, name, origin, mistakes)
+        for name in ("parameters", "effects", "sensors", "sampling", "found")
+    }
+    return {
+        "name": _text(known, "name", origin, mistakes, required=True) or "",
+        "source": _text(known, "source", origin, mistakes, required=True) or "",
+        "axis": axis,
+        "parameters": _entries(tables["parameters"], parse_quantity, origin, mistakes),
+        "effects": _parse_effects(tables["effects"], origin, mistakes),
+        "sensors": _parse_sensors(tables["sensors"], axis, origin, mistakes),
+        "sampling": _parse_sampling(tables["sampling"], origin, mistakes),
+        "structure": _text(known, "structure", origin, mistakes),
+        "drive": _text(known, "drive", origin, mistakes),
+        "found": tables["found"],
+    }
 
 
 def _parse_toml(text: str, origin: str) -> dict[str, object]:
@@ -177,13 +144,13 @@ def _table(
 
 def _parse_effects(
     raw: Mapping[str, object], origin: str, mistakes: Mistakes
-) -> FrozenMapping[FrozenMapping[Setting]]:
+) -> dict[str, dict[str, Setting]]:
     effects = {}
     for effect in raw:
         settings = _table(raw, effect, f"[effects] of {origin}", mistakes)
         owner = f"[effects.{effect}] of {origin}"
-        effects[effect] = FrozenMapping(_entries(settings, _parse_setting, owner, mistakes))
-    return FrozenMapping(effects)
+        effects[effect] = _entries(settings, _parse_setting, owner, mistakes)
+    return effects
 
 
 def _parse_setting(value: object, owner: str) -> Setting:
@@ -199,7 +166,7 @@ def _parse_setting(value: object, owner: str) -> Setting:
 
 def _parse_sensors(
     raw: Mapping[str, object], axis: str, origin: str, mistakes: Mistakes
-) -> FrozenMapping[FrozenMapping[Quantity]]:
+) -> dict[str, dict[str, Quantity]]:
     units = sensor_units(axis)
     known = _known(raw, tuple(units), "sensor channel", f"[sensors] of {origin}", mistakes)
     sensors = {}
@@ -208,16 +175,16 @@ def _parse_sensors(
         table = _table(known, channel, f"[sensors] of {origin}", mistakes)
         parse = partial(_non_negative, units=units[channel])
         entries = _known(table, SENSOR_KEYS, "key", owner, mistakes)
-        sensors[channel] = FrozenMapping(_entries(entries, parse, owner, mistakes))
-    return FrozenMapping(sensors)
+        sensors[channel] = _entries(entries, parse, owner, mistakes)
+    return sensors
 
 
 def _parse_sampling(
     raw: Mapping[str, object], origin: str, mistakes: Mistakes
-) -> FrozenMapping[Quantity]:
+) -> dict[str, Quantity]:
     owner = f"[sampling] of {origin}"
     known = _known(raw, tuple(SAMPLING_UNITS), "key", owner, mistakes)
-    return FrozenMapping(_entries(known, partial(_non_negative, units=("s",)), owner, mistakes))
+    return _entries(known, partial(_non_negative, units=("s",)), owner, mistakes)
 
 
 def _non_negative(entry: object, owner: str, units: tuple[str, ...]) -> Quantity:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import Joint
-from cjt_gym.joint.arrays import CHANNELS, K_M, VOLTS, WORK_ROWS, WORK_WIDTH, Batch, Setup
+from cjt_gym.joint.arrays import CHANNELS, K_M, VOLTS, Batch, Setup
 from cjt_gym.joint.batch import DELAYS, JointBatch
 from cjt_gym.joint.border import checked_array
 from cjt_gym.joint.compiled import compiled
@@ -19,7 +19,6 @@ from cjt_gym.joint.current_loop import with_current_loop
 from cjt_gym.joint.discretize import SCRATCH, discretize
 from cjt_gym.joint.heat import temper
 from cjt_gym.joint.joint import DRIVE_SIGNALS
-from cjt_gym.joint.kernel import restart
 from cjt_gym.joint.outside import is_told, tell_outside
 from cjt_gym.plant.measurement import Limits, Measurement
 from cjt_gym.plant.randomization import Randomization, resolve_randomization
@@ -27,7 +26,7 @@ from cjt_gym.plant.randomization.draw import LINEAR, NOTHING, Draws, Program, re
 from cjt_gym.plant.randomization.program import Plan, compile_plan, exact_plan
 
 Floats = NDArray[np.float64]
-DT_CONTROL, DT_PHYSICS = 1e-3, 1e-4
+DT_CONTROL, DT_PHYSICS = 1e-3, 1e-4  # unless told otherwise [s]
 DEFAULT_TORQUE = 1000.0
 """Limit of a joint whose file gives no peak current [N m]: above what such a joint can bear."""
 
@@ -77,19 +76,6 @@ def redraw_within(batch: Batch, setup: Setup, program: Program, draws: Draws) ->
         draws.changed[i] = k > 0 and redraw_one(batch, setup, program, draws, i, k, scratch)
 
 
-@compiled
-def restart_some(
-    batch: Batch, setup: Setup, mask: NDArray[np.bool_], start: Floats, load: Floats
-) -> None:
-    """Restart the joints in a mask."""
-    work = np.zeros((WORK_ROWS, WORK_WIDTH))
-    for i in range(mask.shape[0]):
-        if mask[i]:
-            for j in range(6):  # an assignment of rows takes seconds to compile
-                batch.state[i, j] = start[i, j]
-            restart(batch, setup, i, load[i], work)
-
-
 def limits_of(joint: Joint) -> Limits:
     """Return the limits of a joint.
 
@@ -110,6 +96,7 @@ class SimulatedPlant:
         joint: The nominal joint, whose voltage drive has a current controller; see
             `with_current_loop`.
         num: How many.
+        limits: What may be commanded and borne.
         randomization: Every variation, fully spelt out.
         batch: Arrays and compiled steps.
     """
@@ -146,7 +133,7 @@ class SimulatedPlant:
         self._nominal = self._p[0].copy()
         self._random_draws = self._no_draws(self._random)
         self._plan, self._draws = self._random, self._random_draws
-        self._limits = limits_of(joint)
+        self.limits = limits_of(joint)
         self._torque_per_ampere = joint.parameters.k_t * joint.parameters.n
         self._commands = np.zeros((num, 2))
         self._no_load = np.zeros(num)
@@ -181,11 +168,6 @@ class SimulatedPlant:
     def dt(self) -> float:
         """Control step [s]."""
         return float(self.batch.setup.dt)
-
-    @property
-    def limits(self) -> Limits:
-        """What may be commanded and borne."""
-        return self._limits
 
     @property
     def varying(self) -> tuple[Program, Draws]:
@@ -307,8 +289,8 @@ class SimulatedPlant:
         if not is_told(self.joint.file):
             self._look(mask)
         self.redraw(mask)
-        restart_some(self.batch.arrays, self.batch.setup, mask, start, load)
-        self.batch.renew(mask)
+        self.batch.arrays.state[mask] = start[mask]
+        self.batch.restart(mask, load)
 
     def _look(self, mask: NDArray[np.bool_]) -> None:
         """Say if joints end an episode where the joint was not found."""
@@ -346,7 +328,7 @@ class SimulatedPlant:
             ConfigurationError: An array has the wrong shape.
             SimulationError: A state ceased to be finite.
         """
-        limit = self._limits.tau
+        limit = self.limits.tau
         command = checked_array("command", command, (self.num,), finite=False)
         self.advance(np.clip(command, -limit, limit), self._load(load))
         return self.measurement()

@@ -14,7 +14,7 @@ from cjt_gym.records.mapping import load_mapping
 from cjt_gym.records.record import Record, concat
 from cjt_gym.records.repair import clean, clean_pieces
 from cjt_gym.records.repair_notes import Repair
-from cjt_gym.records.units import UNITS, convert, units_of
+from cjt_gym.records.units import UNITS, units_of
 from cjt_gym.records.windows import informative_windows
 
 __all__ = [
@@ -29,7 +29,6 @@ __all__ = [
     "clean",
     "clean_pieces",
     "concat",
-    "convert",
     "default_units",
     "informative_windows",
     "iter_record",

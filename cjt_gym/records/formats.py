@@ -19,6 +19,7 @@ from cjt_gym.records.tables import (
     npz_table,
     parquet_table,
 )
+from cjt_gym.records.tables.flat import sliced
 
 Table = Mapping[str, Any]
 
@@ -31,14 +32,14 @@ class Format:
         what: What a file of this format is, for messages.
         reader: Returns the columns of a file; an error where a value cannot be read.
         streamer: Yields them in pieces of that many rows, whatever they are called; values that
-            cannot be read are NaN.
+            cannot be read are NaN. None where a file can only be read as a whole.
         write: Writes columns, each of shape (n,), to a file; None where that is not offered.
     """
 
     what: str
     reader: Callable[[Path], Table]
-    streamer: Callable[[Path, int], Iterator[Table]]
-    write: Callable[[Mapping[str, FloatArray], Path], None] | None
+    streamer: Callable[[Path, int], Iterator[Table]] | None = None
+    write: Callable[[Mapping[str, FloatArray], Path], None] | None = None
 
     def read(self, path: Path) -> Table:
         """Return the columns of a file.
@@ -58,7 +59,8 @@ class Format:
         """
 
         def pieces() -> Iterator[Table]:
-            for piece in self.streamer(path, rows):
+            stream = self.streamer or (lambda path, rows: sliced(self.reader(path), rows))
+            for piece in stream(path, rows):
                 yield _checked(path, piece)
 
         return parsed_each(pieces(), f"{path} must be {self.what}", RecordError)
@@ -73,8 +75,8 @@ def _checked(path: Path, table: Table) -> Table:
 _CSV: Final = Format(
     "a table of numbers as text in UTF-8", csv_table.read, csv_table.stream, csv_table.write
 )
-_CAN: Final = Format("a trace of a CAN bus", can_table.read, can_table.stream, None)
-_HDF5: Final = Format("an HDF5 file", hdf5_table.read, hdf5_table.stream, None)
+_CAN: Final = Format("a trace of a CAN bus", can_table.read)
+_HDF5: Final = Format("an HDF5 file", hdf5_table.read)
 
 FORMATS: Final[dict[str, Format]] = {
     ".csv": _CSV,
@@ -86,12 +88,10 @@ FORMATS: Final[dict[str, Format]] = {
     ".npz": Format(
         "an NPZ archive of plain numeric arrays", npz_table.read, npz_table.stream, npz_table.write
     ),
-    ".mat": Format(
-        "a MATLAB file of version 4 to 7.3", mat_table.read, mat_table.stream, mat_table.write
-    ),
+    ".mat": Format("a MATLAB file of version 4 to 7.3", mat_table.read, write=mat_table.write),
     ".h5": _HDF5,
     ".hdf5": _HDF5,
-    ".mcap": Format("an MCAP file", mcap_table.read, mcap_table.stream, mcap_table.write),
+    ".mcap": Format("an MCAP file", mcap_table.read, write=mcap_table.write),
     ".log": _CAN,
     ".asc": _CAN,
     ".blf": _CAN,

@@ -190,28 +190,6 @@ class Record:
             self, columns={**self.columns, **columns}, units={**self.units, **(units or {})}
         )
 
-    def to_csv(self, path: str | Path) -> Path:
-        """Write the record as CSV (17 digits) with its ``.toml`` beside it; return the path."""
-        from cjt_gym.records.files import write_record
-
-        return write_record(self, Path(path).with_suffix(".csv"))
-
-    def to_parquet(self, path: str | Path) -> Path:
-        """Write the record as Parquet with its ``.toml`` beside it; return the path.
-
-        Raises:
-            RecordError: pyarrow is not installed.
-        """
-        from cjt_gym.records.files import write_record
-
-        return write_record(self, Path(path).with_suffix(".parquet"))
-
-    def to_npz(self, path: str | Path) -> Path:
-        """Write the record as compressed NPZ with its ``.toml`` beside it; return the path."""
-        from cjt_gym.records.files import write_record
-
-        return write_record(self, Path(path).with_suffix(".npz"))
-
 
 def concat(records: Sequence[Record]) -> Record:
     """Return records that follow each other as one; what is known is taken from the first.

@@ -7,8 +7,9 @@ as not measured.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import fields, replace
 from math import pi
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,23 +65,26 @@ def clean(record: Record) -> tuple[Record, tuple[Repair, ...]]:
 def clean_pieces(record: Record) -> tuple[tuple[Record, ...], tuple[Repair, ...]]:
     """Return the pieces of a record between its gaps, without what cannot be true."""
     columns = {name: record[name] for name in record.columns}
-    return make_records(columns, record, {})
+    facts = {field.name: getattr(record, field.name) for field in fields(Record)}
+    made, repairs = make_records(columns, facts, {})
+    unchanged = len(made) == 1 and not any(repair.changed for repair in repairs)
+    return (record,) if unchanged else made, repairs
 
 
 def make_records(
-    columns: Columns, like: Record | Mapping[str, object], turns: Mapping[str, float]
+    columns: Columns, facts: Mapping[str, Any], turns: Mapping[str, float]
 ) -> tuple[tuple[Record, ...], tuple[Repair, ...]]:
     """Return records of columns as a log has them, and what was done to them.
 
     Args:
         columns: Columns in SI units, whatever their times and values.
-        like: A record with the same columns, or the arguments of :class:`Record` but for them.
+        facts: Arguments of :class:`Record`; its columns are replaced.
         turns: What the counters of angles cover, where they are known.
 
     Raises:
         RecordError: Nothing that can be used is left.
     """
-    owner = like.owner if isinstance(like, Record) else str(like.get("origin", "the log"))
+    owner = str(facts.get("origin") or "the log")
     if not columns or not _length(columns):
         raise RecordError(f"{owner} has no samples. Check that it was recorded and copied whole.")
     check_lengths(owner, columns)
@@ -88,37 +92,30 @@ def make_records(
     marked = [_marked(piece, turns) for piece in pieces]
     repairs += _summed([repair for _, found in marked for repair in found])
     longest = max((piece for piece, _ in marked), key=_length)
-    repairs += doubts(longest, _dt(longest, like))
-    unchanged = len(marked) == 1 and not any(repair.changed for repair in repairs)
-    if unchanged and isinstance(like, Record):
-        return (like,), tuple(repairs)
+    repairs += doubts(longest, _dt(longest, facts))
     texts = [repair.text for repair in repairs]
-    return tuple(_record(piece, like, texts) for piece, _ in marked), tuple(repairs)
+    return tuple(_record(piece, facts, texts) for piece, _ in marked), tuple(repairs)
 
 
-def _record(columns: Columns, like: Record | Mapping[str, object], texts: list[str]) -> Record:
+def _record(columns: Columns, facts: Mapping[str, Any], texts: list[str]) -> Record:
     missing = any(np.isnan(values).any() for values in columns.values())
-    if isinstance(like, Record):
-        allow_nan, known = like.allow_nan or missing, like.provenance
-    else:
-        allow_nan, known = missing, dict(like.get("provenance", {}))  # type: ignore[call-overload]
+    known = dict(facts.get("provenance", {}))
     before = [text for text in known.get(NOTE, []) if text not in texts]
-    changes = {"columns": columns, "allow_nan": allow_nan}
+    changes: dict[str, Any] = {"columns": columns}
+    changes["allow_nan"] = facts.get("allow_nan", False) or missing
     if before or texts:
         changes["provenance"] = {**known, NOTE: [*before, *texts]}
-    if isinstance(like, Record):
-        return replace(like, **changes)  # type: ignore[arg-type]
-    return Record(**{**like, **changes})  # type: ignore[arg-type]
+    return Record(**{**facts, **changes})
 
 
 def _length(columns: Columns) -> int:
     return len(next(iter(columns.values())))
 
 
-def _dt(columns: Columns, like: Record | Mapping[str, object]) -> float:
+def _dt(columns: Columns, facts: Mapping[str, Any]) -> float:
     if "t" in columns and len(columns["t"]) > 1:
         return float(np.median(np.diff(columns["t"])))
-    dt = like.dt if isinstance(like, Record) else like.get("dt")
+    dt = facts.get("dt")
     return float(dt) if isinstance(dt, int | float) else 1.0
 
 

@@ -6,11 +6,7 @@ from dataclasses import dataclass
 from math import pi
 from typing import Final
 
-import numpy as np
-from numpy.typing import ArrayLike
-
 from cjt_gym.errors import RecordError, did_you_mean
-from cjt_gym.records.checks import FloatArray
 from cjt_gym.records.columns import column_of
 
 
@@ -101,27 +97,3 @@ def unit_of(column: str, name: str, what: str) -> Unit:
             f"{did_you_mean(name, allowed)}"
         )
     return UNITS[name]
-
-
-def convert(values: ArrayLike, unit: str, counts_per_rev: float = 1.0) -> FloatArray:
-    """Return values in the SI unit that a record has them in.
-
-    Args:
-        values: Values in ``unit``, any shape.
-        unit: One of :data:`UNITS`.
-        counts_per_rev: Counts per revolution of an encoder, for the units ``counts`` and
-            ``counts/s``.
-
-    Example:
-        >>> convert([60.0, 120.0], "rpm").round(3).tolist()
-        [6.283, 12.566]
-
-    Raises:
-        RecordError: There is no such unit.
-    """
-    if unit not in UNITS:
-        raise RecordError(
-            f"Unknown unit {unit!r}.{did_you_mean(unit, UNITS)} Known: {', '.join(UNITS)}."
-        )
-    scale = UNITS[unit].factor / (counts_per_rev if unit in COUNTS else 1.0)
-    return np.asarray(values, dtype=np.float64) * scale

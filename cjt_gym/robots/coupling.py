@@ -13,10 +13,9 @@ from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.joint import Joint
 from cjt_gym.plant import Measurement
 from cjt_gym.plant.randomization import Randomization
+from cjt_gym.plant.simulated import DT_PHYSICS
 from cjt_gym.robots.models import mujoco
 from cjt_gym.robots.port import Port
-
-DT_PHYSICS = 1e-4
 
 
 class CoupledRobot:

@@ -62,18 +62,11 @@ def mujoco() -> Any:
         ) from error
 
 
-def load_model(name: str, timestep: float | None = None) -> Any:
-    """Return a new `mujoco.MjModel` of a robot that ships.
-
-    Args:
-        name: A row of `ROBOTS`.
-        timestep: Its time step [s]; that of the file, 1 ms, if absent.
+def load_model(name: str) -> Any:
+    """Return a new `mujoco.MjModel` of a robot that ships, a row of `ROBOTS`; its step is 1 ms.
 
     Raises:
         UnknownNameError: There is none of that name.
     """
     text = (files(__package__) / "data" / f"{get_robot(name).name}.xml").read_text("utf-8")
-    model = mujoco().MjModel.from_xml_string(text)
-    if timestep is not None:
-        model.opt.timestep = timestep
-    return model
+    return mujoco().MjModel.from_xml_string(text)

@@ -3,7 +3,6 @@
 from cjt_gym.signals.signal import (
     KINDS,
     RANDOM_KINDS,
-    Reference,
     Signal,
     make_signals,
     sampled_signal,
@@ -14,7 +13,6 @@ from cjt_gym.signals.signal import (
 __all__ = [
     "KINDS",
     "RANDOM_KINDS",
-    "Reference",
     "Signal",
     "make_signals",
     "sampled_signal",

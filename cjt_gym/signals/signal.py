@@ -98,31 +98,20 @@ class Signal:
         )
 
 
-Reference = Signal
+def signal_from_file(path: str | Path) -> Signal:
+    """Return `signal_of_record` for a record file, or the name of a record that ships."""
+    return signal_of_record(read_record(path))
 
 
-def signal_from_file(path: str | Path, amplitude: float = 1.0) -> Signal:
+def signal_of_record(record: Record) -> Signal:
     """Return the signal in a record's column `tau_ref`, or else `tau_cmd`, or else `tau_l`.
-
-    Args:
-        path: Record file, or name of a shipped record.
-        amplitude: Factor on the values.
-
-    Raises:
-        ConfigurationError: The record has none of these columns.
-    """
-    return signal_of_record(read_record(path), amplitude)
-
-
-def signal_of_record(record: Record, amplitude: float = 1.0) -> Signal:
-    """Return the same for a record that has been read.
 
     Raises:
         ConfigurationError: It has none of these columns.
     """
     for name in ("tau_ref", "tau_cmd", "tau_l"):
         if name in record:
-            return sampled_signal(record.t, record[name], amplitude)
+            return sampled_signal(record.t, record[name])
     raise ConfigurationError(
         f"Record {record.owner} must have a column tau_ref, tau_cmd or tau_l [N m] to serve as a "
         f"reference, got {', '.join(record.columns)}."

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
+from cjt_gym.datasheet.blocks import Block
 from cjt_gym.disk import write_text
 from cjt_gym.errors import MissingFileError
 from cjt_gym.training import report
@@ -62,7 +63,7 @@ def read_results(folder: Path) -> dict[str, Any]:
 
 def write_page(folder: Path, found: Sequence[Found]) -> Path:
     """Write `report.html` and return its path."""
-    parts = []
+    parts: list[Block] = []
     for one in found:
         parts += [report.heading(tables.label(one)), report.paragraph(tables.sentence(one))]
         parts += [report.paragraph(text) for text in tables.verdicts(one)]

@@ -164,7 +164,7 @@ def test_next_record_of_a_diagnosis_is_replayed(path: Path) -> None:
     t = np.arange(1000) * 1e-3
     current = np.where(t > 0.3, 1.0, 0.0)
     units = {"t": "s", "i_cmd": "A"}
-    Record({"t": t, "i_cmd": current}, units).to_npz(path.with_name("next.npz"))
+    write_record(Record({"t": t, "i_cmd": current}, units), path.with_name("next.npz"))
     out = path.with_name("run.csv")
     words = ["hardware", str(path), "--emulated", "--reference", str(path.with_name("next.npz"))]
     assert main([*words, "--out", str(out)]) == 0

@@ -11,7 +11,7 @@ import pytest
 
 from cjt_gym.cli import main
 from cjt_gym.datasheet.record_plot import BINS, _envelope
-from cjt_gym.records import Record
+from cjt_gym.records import Record, write_record
 
 
 def record(samples: int = 300, **provenance: object) -> Record:
@@ -35,7 +35,7 @@ def test_page_of_two_records_names_what_is_drawn_and_how_one_ended(
 ) -> None:
     fault = {"kind": "overrun", "text": "too late <b>"}
     paths = [
-        record(**provenance).to_npz(tmp_path / f"{name}.npz")  # type: ignore[arg-type]
+        write_record(record(**provenance), tmp_path / f"{name}.npz")  # type: ignore[arg-type]
         for name, provenance in (("one $", {}), ("a & b $^{", {"fault": fault}))
     ]
     out = tmp_path / "plot.html"

@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 from cjt_gym.errors import CjtGymError, MissingFileError, ParameterError, UnknownNameError
 from cjt_gym.joint import Joint, load_joint
 from cjt_gym.joint.files import JointFile, joint_names, load_joint_file, to_toml
+from cjt_gym.joint.mistakes import Mistakes
 from cjt_gym.joint.parameter_table import (
     AXES,
     PARAMETERS,
@@ -553,9 +554,11 @@ def joint_files(draw: st.DrawFn) -> JointFile:
 @settings(deadline=None, max_examples=50)
 @given(joint_files())
 def test_written_file_reads_back_equal(file: JointFile) -> None:
-    document = parse_document(to_toml(file), "text")
-    p = JointParameters(document.name, document.source, document.parameters, document.axis)
-    read = JointFile(p, document.effects, document.sensors, document.sampling)
+    mistakes = Mistakes("text")
+    found = parse_document(to_toml(file), "text", mistakes)
+    mistakes.check()
+    p = JointParameters(found["name"], found["source"], found["parameters"], found["axis"])
+    read = JointFile(p, found["effects"], found["sensors"], found["sampling"])
     assert read == file
     assert read.hash_hex() == file.hash_hex()
     assert p.quantities == file.parameters.quantities

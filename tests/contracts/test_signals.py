@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cjt_gym.errors import ConfigurationError, UnknownNameError
-from cjt_gym.records import Record
+from cjt_gym.records import Record, write_record
 from cjt_gym.signals import KINDS, RANDOM_KINDS, Signal, make_signals, signal_from_file
 
 TIMES = np.arange(0.0, 3.0, 1e-3)
@@ -78,13 +78,14 @@ def test_a_smooth_signal_has_continuous_velocity_and_acceleration() -> None:
 def test_a_record_serves_as_a_reference_and_repeats(tmp_path: Path) -> None:
     t = np.arange(100) * 0.01
     record = Record({"t": t + 5.0, "tau_ref": t * 3.0}, {"t": "s", "tau_ref": "N m"})
-    path = record.to_csv(tmp_path / "wanted.csv")
+    path = write_record(record, tmp_path / "wanted.csv")
     signal = signal_from_file(path)
     assert signal.torque(0.505) == pytest.approx(3.0 * 0.505)
     assert signal.torque(1.0 + 0.2) == pytest.approx(3.0 * 0.2)
     (same,) = make_signals(str(path), amplitude=7.0)
     np.testing.assert_array_equal(same.torque(t), signal.torque(t))
-    silent = Record({"t": t, "q_m": t}, {"t": "s", "q_m": "rad"}).to_csv(tmp_path / "silent.csv")
+    unwanted = Record({"t": t, "q_m": t}, {"t": "s", "q_m": "rad"})
+    silent = write_record(unwanted, tmp_path / "silent.csv")
     with pytest.raises(ConfigurationError, match="tau_ref, tau_cmd or tau_l"):
         signal_from_file(silent)
 

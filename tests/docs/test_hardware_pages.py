@@ -23,7 +23,7 @@ from cjt_gym.canbus.safety import FAULTS
 from cjt_gym.canbus.settings import BUS, EMULATOR, LIMITS
 from cjt_gym.canbus.virtual import VirtualLink
 from cjt_gym.cli import main
-from cjt_gym.records import Record, read_record
+from cjt_gym.records import Record, read_record, write_record
 from tests.canbus.soak import emulator, free_port
 
 ROOT = Path(__file__).parents[2]
@@ -91,7 +91,7 @@ def terminals(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Termi
     found.mkdir(parents=True)
     t = np.arange(500) * 1e-3
     asked = Record({"t": t, "i_cmd": 0.5 * np.sin(20.0 * t)}, {"t": "s", "i_cmd": "A"})
-    asked.to_npz(found / "next.npz")
+    write_record(asked, found / "next.npz")
     trace(tmp_path / "joint.toml", tmp_path / "candump.log")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("cjt_gym.canbus.dialogue.PATIENCE", 30.0)

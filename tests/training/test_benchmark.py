@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 from cjt_gym.errors import ConfigurationError, UnknownNameError
-from cjt_gym.training.benchmark import benchmark, make_agents, write_rows
+from cjt_gym.training.benchmark import make_agents, write_rows
 from cjt_gym.training.evaluation.conditions import (
     EVALUATION_SEEDS,
     TASKS,
     realistic_conditions,
     task_reference,
 )
+from cjt_gym.training.evaluation.evaluate import evaluate
 from cjt_gym.training.evaluation.rollout import ControllerAgent, rollout
 from cjt_gym.training.learning.config import VALIDATION_SEEDS
 from cjt_gym.training.learning.run_folder import RunFolder
@@ -29,7 +30,8 @@ JOINT = "orange_80_6000"
 
 def test_the_json_has_the_agreed_keys(finished: RunFolder, tmp_path: Path) -> None:
     agents = make_agents(["open_loop"], [finished.path])
-    results = benchmark(agents, realistic_conditions(JOINT), ("step", "smooth"), episodes=3)
+    conditions = realistic_conditions(JOINT)
+    results = [evaluate(agent, conditions, ("step", "smooth"), episodes=3) for agent in agents]
     told = [row.to_json() for one in results for row in one.rows]
     rows = json.loads(write_rows(told, tmp_path).read_text())
     assert len(rows) == 4
@@ -47,8 +49,8 @@ def test_the_json_has_the_agreed_keys(finished: RunFolder, tmp_path: Path) -> No
 def test_the_same_seed_repeats_and_feedback_helps() -> None:
     agents = make_agents(["open_loop", "pd_feedforward"], [])
     conditions = realistic_conditions(JOINT)
-    (open_loop,), (feedback,) = (e.rows for e in benchmark(agents, conditions, ("smooth",), 4))
-    assert benchmark(agents[:1], conditions, ("smooth",), 4)[0].rows == (open_loop,)
+    (open_loop,), (feedback,) = (evaluate(a, conditions, ("smooth",), 4).rows for a in agents)
+    assert evaluate(agents[0], conditions, ("smooth",), 4).rows == (open_loop,)
     assert feedback.rmse < 0.9 * open_loop.rmse
     assert open_loop.noise_amplification == 0.0
     assert feedback.bandwidth_hz > open_loop.bandwidth_hz
@@ -78,10 +80,10 @@ def test_bad_requests_are_refused() -> None:
         make_agents(["open_loop", "open_loop"], [])
     with pytest.raises(UnknownNameError, match="Did you mean 'open_loop'"):
         make_agents(["open_lop"], [])
-    agents = make_agents(["open_loop"], [])
+    (agent,) = make_agents(["open_loop"], [])
     with pytest.raises(UnknownNameError, match="Did you mean 'smooth'"):
-        benchmark(agents, realistic_conditions(JOINT), ("smoth",))
+        evaluate(agent, realistic_conditions(JOINT), ("smoth",))
     with pytest.raises(ConfigurationError, match="episodes must be"):
-        benchmark(agents, realistic_conditions(JOINT), TASKS, episodes=0)
+        evaluate(agent, realistic_conditions(JOINT), TASKS, episodes=0)
     with pytest.raises(ConfigurationError, match="torque_amplitude"):
-        benchmark(agents, realistic_conditions("emps", "rigid"))
+        evaluate(agent, realistic_conditions("emps", "rigid"))

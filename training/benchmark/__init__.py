@@ -2,11 +2,10 @@
 
 from cjt_gym.training.benchmark.side_by_side import (
     align,
-    benchmark,
     cells_of,
     make_agents,
     table,
     write_rows,
 )
 
-__all__ = ["align", "benchmark", "cells_of", "make_agents", "table", "write_rows"]
+__all__ = ["align", "cells_of", "make_agents", "table", "write_rows"]

@@ -15,8 +15,9 @@ from cjt_gym.training.report.figures import WIDTH
 Result = Mapping[str, Any]
 BRIGHT = ("#1f5fa8", "#d07c2e", "#3d8f5f", "#8d4fa8", "#b03a48", "#5b8fb9")
 PALE = "#a6a6a6"
-COLUMNS_OF_TASKS = 2
-WORST = 4.0
+COLUMNS_OF_TASKS, BEST = 2, 3
+"""Tasks side by side, and how many of the best agents are drawn: more cannot be told apart."""
+WORST = 4.0  # how many times worse than the best is darkest
 
 
 def _colour(place: int) -> str:
@@ -27,16 +28,15 @@ def _floats(values: Sequence[float | None]) -> Any:
     return np.array([np.nan if v is None else v for v in values], dtype=float)
 
 
-def trace_figure(results: Sequence[Result], tasks: Sequence[str], count: int = 3) -> str:
+def trace_figure(results: Sequence[Result], tasks: Sequence[str]) -> str:
     """Return the first episode of every task under the best agents and the last.
 
     Args:
         results: Cells of one joint, structure and seed, the best first.
         tasks: Tasks to show.
-        count: How many of the best.
     """
     rows = -(-len(tasks) // COLUMNS_OF_TASKS)
-    chosen = [*results[:count], *results[count:][-1:]]
+    chosen = [*results[:BEST], *results[BEST:][-1:]]
     with canvas(WIDTH, 1.9 * rows + 0.4) as (figure, written):
         axes = figure.subplots(rows, COLUMNS_OF_TASKS, squeeze=False).ravel()
         for axis, task in zip(axes, tasks, strict=False):

@@ -22,7 +22,6 @@ from cjt_gym.analysis import Loop, figures_of, probe_law, probe_plant, stiffest_
 from cjt_gym.disk import write_text
 from cjt_gym.errors import ConfigurationError, SimulationError, unknown_name
 from cjt_gym.joint import get_structure, load_joint_file
-from cjt_gym.joint.effect_words import parse_effects
 from cjt_gym.training.benchmark import make_agents
 from cjt_gym.training.benchmark.cluster import BACKENDS, cluster
 from cjt_gym.training.benchmark.code_hash import code_hash
@@ -30,8 +29,8 @@ from cjt_gym.training.deploy.shipped import policy_path
 from cjt_gym.training.evaluation.conditions import (
     BANDWIDTH_HIGH,
     BANDWIDTH_LOW,
+    Asked,
     Conditions,
-    realistic_conditions,
 )
 from cjt_gym.training.evaluation.evaluate import Evaluation, check_episodes, evaluate
 from cjt_gym.training.evaluation.metrics import (
@@ -46,16 +45,16 @@ from cjt_gym.training.evaluation.tasks import get_task
 from cjt_gym.training.tuning.gains import files_of
 from cjt_gym.training.tuning.limits import port_resistance
 
-SHOWN_POINTS = 500
+SHOWN_POINTS = 500  # of a curve, which is drawn about as many pixels wide
 BODE_HZ = np.geomspace(0.5, 400.0, 120)
 SPECTRUM_BANDS = np.geomspace(1.0, 450.0, 28)
-FAST_HZ = 100.0
+FAST_HZ = 100.0  # above it a command holds noise rather than the task
 HAND_SHARE = 0.05
 """Damping of a hand at the output where a stiffness is rendered, over `port_resistance`."""
 
 
 @dataclass(frozen=True)
-class Cell:
+class Cell(Asked):
     """One agent on one joint, structure and seed.
 
     Attributes:
@@ -67,11 +66,6 @@ class Cell:
         seed: Which held-out episodes.
         episodes: Of each task.
         amplitude: Of the references [N m]; None for that of the joint.
-        drive: Its drive.
-        effects: What makes the joint non-ideal, as a command line writes it; None for
-            `realistic_effects`.
-        randomization: Preset of what every episode draws anew; None for
-            `realistic_randomization`.
     """
 
     agent: str
@@ -82,20 +76,10 @@ class Cell:
     seed: int = 0
     episodes: int = 32
     amplitude: float | None = None
-    drive: str = "current"
-    effects: tuple[str, ...] | None = None
-    randomization: str | None = None
 
     def conditions(self) -> Conditions:
         """Return the conditions of the comparison."""
-        return realistic_conditions(
-            self.joint,
-            self.structure,
-            effects=parse_effects(self.effects),
-            randomization=self.randomization,
-            drive=self.drive,
-            torque_amplitude=self.amplitude,
-        )
+        return self.conditions_on(self.joint, self.structure, torque_amplitude=self.amplitude)
 
     def key(self) -> str:
         """Return a name that changes with everything that the result depends on.

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from cjt_gym.datasheet.blocks import Block
 from cjt_gym.training import report
 from cjt_gym.training.benchmark import figures
 from cjt_gym.training.evaluation.ranking import Place
@@ -49,7 +50,7 @@ def write_benchmark_report(
         others: Cells that were refused or failed.
         facts: Sentences about what was run.
     """
-    parts = [report.paragraph(text) for text in facts]
+    parts: list[Block] = [report.paragraph(text) for text in facts]
     parts.append(report.html_table(_tasks(groups)))
     for (joint, structure), (places, results, rows) in groups.items():
         parts.append(report.heading(f"{joint}, {structure.replace('_', ' ')}"))
@@ -92,7 +93,7 @@ def ranking_cells(places: Sequence[Place]) -> list[list[str]]:
     return cells
 
 
-def _group(places: list[Place], results: list[Result], rows: list[dict[str, Any]]) -> list[str]:
+def _group(places: list[Place], results: list[Result], rows: list[dict[str, Any]]) -> list[Block]:
     tasks = [t for t in BENCHMARK_TASKS if any(t in r["squares"] for r in results)]
     names = [result["agent"] for result in results]
     values, columns, high = _heat(names, tasks, rows)

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from cjt_gym.disk import write_text
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.training.evaluation.conditions import TASKS, Conditions
-from cjt_gym.training.evaluation.evaluate import Evaluation, evaluate
 from cjt_gym.training.evaluation.rollout import Agent, ControllerAgent
 
 COLUMNS = (
@@ -52,18 +50,6 @@ def make_agents(controllers: Sequence[str], policies: Sequence[str | Path]) -> l
             "Leave one out, or rename the run folder."
         )
     return agents
-
-
-def benchmark(
-    agents: Sequence[Agent],
-    conditions: Conditions,
-    tasks: Sequence[str] = TASKS,
-    episodes: int = 32,
-    seed: int = 0,
-    report: Callable[[str], None] = lambda text: None,
-) -> list[Evaluation]:
-    """Evaluate every agent on the same episodes."""
-    return [evaluate(agent, conditions, tasks, episodes, seed, report) for agent in agents]
 
 
 def write_rows(rows: Sequence[Mapping[str, object]], out: Path) -> Path:

@@ -15,26 +15,27 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from cjt_gym.datasheet.blocks import Block
 from cjt_gym.datasheet.drawing import INK, canvas
 from cjt_gym.disk import write_text
 from cjt_gym.errors import CjtGymError
 from cjt_gym.training import report
-from cjt_gym.training.benchmark import align, benchmark, cells_of, make_agents
+from cjt_gym.training.benchmark import align, cells_of, make_agents
 from cjt_gym.training.demo.emps import UNITS, Replay, replay, summary
-from cjt_gym.training.evaluation.conditions import Conditions
-from cjt_gym.training.evaluation.evaluate import Evaluation
+from cjt_gym.training.evaluation.evaluate import Evaluation, evaluate
 from cjt_gym.training.evaluation.metrics import bootstrap_ratio
 from cjt_gym.training.evaluation.rollout import ControllerAgent
-from cjt_gym.training.learning.config import TrainConfig, environment_arguments, load_config
+from cjt_gym.training.learning.config import TrainConfig, load_config
+from cjt_gym.training.learning.policy_arguments import conditions_of
 from cjt_gym.training.learning.run_folder import RunFolder
 from cjt_gym.training.learning.train import train
 from cjt_gym.training.learning.validation import validation_error
 from cjt_gym.training.report import figures
 
-EPISODES = 64
+EPISODES = 64  # of each task, unless told otherwise
 RUN = "residual_policy"
 SHOWN = ("smooth", "step")
-FULL_SPAN = 8.0
+FULL_SPAN = 8.0  # of the record that is drawn [s]
 
 
 @dataclass(frozen=True)
@@ -56,16 +57,6 @@ class Outcome:
     seconds: dict[str, float]
 
 
-def conditions_of(config: TrainConfig) -> Conditions:
-    """Return the conditions that a configuration trains under."""
-    arguments = environment_arguments(config.env)
-    names = ("joint", "structure", "drive", "effects", "torque_amplitude")
-    return Conditions(
-        **{name: arguments[name] for name in names},
-        randomization=arguments["randomization"] or {},
-    )
-
-
 def run_demo(config: TrainConfig, out: Path, episodes: int = EPISODES) -> Outcome:
     """Do everything but the report.
 
@@ -84,8 +75,8 @@ def run_demo(config: TrainConfig, out: Path, episodes: int = EPISODES) -> Outcom
     clock["training"] = time.monotonic()
     _say("3. held-out episodes")
     base = str(config.env["base_controller"])
-    agents = make_agents(["open_loop", base], [run.path])
-    evaluations = benchmark(agents, conditions_of(config), episodes=episodes, report=_say)
+    agents, conditions = make_agents(["open_loop", base], [run.path]), conditions_of(config)
+    evaluations = [evaluate(a, conditions, episodes=episodes, report=_say) for a in agents]
     shown = [ControllerAgent(name) for name in ("open_loop", base)]
     levels = {agent.name: validation_error(config, agent, agent.base()) for agent in shown}
     clock["comparison"] = time.monotonic()
@@ -143,7 +134,7 @@ def write_report(outcome: Outcome, config: TrainConfig, out: Path) -> Path:
     return report.write_page(out / "report.html", "Compliant joints: a demonstration", parts)
 
 
-def _replay_part(result: Replay) -> list[str]:
+def _replay_part(result: Replay) -> list[Block]:
     cells = [["relative error [%]", "simulated here", "published"]]
     cells += [
         [name, f"{error:.5f}", f"{result.published[name]:.5f}"]
@@ -192,7 +183,7 @@ def _emps_figure(result: Replay) -> str:
         return written()
 
 
-def _training_part(outcome: Outcome, config: TrainConfig) -> list[str]:
+def _training_part(outcome: Outcome, config: TrainConfig) -> list[Block]:
     env, facts = config.env, outcome.run.facts
     effects = ", ".join(str(name).replace("_", " ") for name in env["effects"])
     return [
@@ -212,7 +203,7 @@ def _training_part(outcome: Outcome, config: TrainConfig) -> list[str]:
     ]
 
 
-def _comparison_part(outcome: Outcome, cells: list[list[str]]) -> list[str]:
+def _comparison_part(outcome: Outcome, cells: list[list[str]]) -> list[Block]:
     first = outcome.evaluations[0]
     shown = {
         task: {e.agent: e.traces[task] for e in outcome.evaluations}

@@ -40,9 +40,9 @@ PUBLISHED = {
     "emps_pulses": {"force": 8.9409, "velocity": 0.47888, "position": 0.0080248},
 }
 UNITS = {"force": "N", "velocity": "m/s", "position": "m"}
-VELOCITY_CUTOFF = 100.0
-SUBSTEPS = 5
-BEGINNING = 6
+VELOCITY_CUTOFF = 100.0  # far above the motion [Hz]
+SUBSTEPS = 5  # of a sample in which a continuous controller acts
+BEGINNING = 6  # samples that a parabola is laid through
 
 
 @dataclass(frozen=True)

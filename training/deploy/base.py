@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.baselines import default_gains
 from cjt_gym.baselines.linear_law import COMMAND, REFERENCE, SIGNALS, TAU, LinearLaw
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.export.c_additions import NOTHING
@@ -76,11 +75,8 @@ def base_law(config: TrainConfig, settings: Settings) -> BaseLaw | None:
     if choice is None:
         return None
     joint, dt = settings.joint, settings.layout.dt
-    gains = choice.entry.complete(choice.gains)
-    if len(gains) < len(choice.entry.tunable):
-        gains = default_gains(choice.controller, joint, dt) | dict(choice.gains)
-    made = replace(choice, gains=gains).make(joint, dt)
-    return BaseLaw(choice.name, gains, law_of(made, choice.name))
+    choice = choice.spelt_out(joint, dt)
+    return BaseLaw(choice.name, choice.gains, law_of(choice.make(joint, dt), choice.name))
 
 
 def read_base(facts: Mapping[str, Any] | None, arrays: Mapping[str, Any]) -> BaseLaw | None:

@@ -6,16 +6,20 @@ import re
 from importlib.metadata import version
 from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
-
 from cjt_gym.envs.observation import CLIP, PAST, PRESENT, Layout, Observed
 from cjt_gym.export.c_controller import controller_header
-from cjt_gym.export.c_text import VALUES, comment, identifier, meanings, number, parameters
+from cjt_gym.export.c_text import (
+    VALUES,
+    array,
+    comment,
+    identifier,
+    meanings,
+    number,
+    parameters,
+)
 from cjt_gym.training.deploy.exported import Exported
 from cjt_gym.training.deploy.signals import used_inputs
 
-PER_LINE: Final = 8
 ACTIVATIONS: Final = {
     "tanh": "tanhf(x)",
     "relu": "x > 0.0f ? x : 0.0f",
@@ -91,18 +95,10 @@ def _observed(layout: Layout, prefix: str) -> list[str]:
 
 def _arrays(policy: Exported, name: str) -> list[str]:
     network = policy.on_its_joint
-    found = [_array(f"{name}_mean", network.mean), _array(f"{name}_scale", network.scale)]
+    tables = {"mean": network.mean, "scale": network.scale}
     for k, layer in enumerate(network.layers):
-        found.append(_array(f"{name}_weight_{k}", layer.weight.ravel()))
-        found.append(_array(f"{name}_bias_{k}", layer.bias))
-    return found
-
-
-def _array(name: str, values: NDArray[np.float32]) -> str:
-    texts = [_float(float(value)) for value in values]
-    lines = [", ".join(texts[k : k + PER_LINE]) for k in range(0, len(texts), PER_LINE)]
-    body = ",\n  ".join(lines)
-    return f"static const float {name}[{len(texts)}] = {{\n  {body}}};"
+        tables |= {f"weight_{k}": layer.weight, f"bias_{k}": layer.bias}
+    return [array("float", f"{name}_{key}", table, _float) for key, table in tables.items()]
 
 
 def _layers(policy: Exported, name: str) -> list[str]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import ctypes
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Protocol
 
@@ -17,6 +16,7 @@ from cjt_gym.envs.core import Episodes
 from cjt_gym.envs.foreign import ForeignEpisode
 from cjt_gym.envs.observation import Layout
 from cjt_gym.errors import ConfigurationError
+from cjt_gym.export.c_check import Checked
 from cjt_gym.export.c_library import compiled
 from cjt_gym.export.c_text import VALUES, parameters
 from cjt_gym.plant import Measurement
@@ -31,10 +31,10 @@ from cjt_gym.training.learning.policy import PolicyAgent
 
 Floats = NDArray[np.float64]
 Run = tuple[list[tuple[Any, ...]], Floats]
-STEPS: Final = 300
+STEPS: Final = 300  # of an episode, whose first few fill the memory of observations
 TOLERANCE: Final = 2e-5
 """Largest difference of an action, in single precision [-]."""
-REPEATS: Final = 2000
+REPEATS: Final = 2000  # calls that are timed: a fraction of a second
 UNDISTURBED: Final = 0.1
 """Quantile of the times that counts: other programs only ever add to a step."""
 SHIM: Final = f"""\
@@ -56,23 +56,6 @@ class AnyStepper(Protocol):
     def step(self, *args: Any, **kwargs: Any) -> float:
         """Return the motor torque to command [N m], for the reference and `MEASURED`."""
         ...
-
-
-@dataclass(frozen=True)
-class Checked:
-    """How an exported file compares with its policy.
-
-    Attributes:
-        steps: Control steps that were compared; 0 where nothing could be.
-        error: Largest difference of the action [-].
-        microseconds: Time of a step that nothing interrupts [us], for C with the call from Python.
-        note: Why nothing was compared, else empty.
-    """
-
-    steps: int
-    error: float
-    microseconds: float
-    note: str = ""
 
 
 class CStepper:
@@ -121,7 +104,7 @@ def check(
     try:
         stepper = _stepper(path, target, header, agent.layout)
     except ConfigurationError as reason:
-        return Checked(0, float("nan"), float("nan"), str(reason))
+        return Checked(0, float("nan"), str(reason))
     error = 0.0
     for inputs, wanted in runs:
         stepper.reset()
@@ -133,7 +116,7 @@ def check(
         stepper.step(*row)
         times.append(time.perf_counter() - begun)
     steps = sum(len(inputs) for inputs, _ in runs)
-    return Checked(steps, error, 1e6 * float(np.quantile(times, UNDISTURBED)))
+    return Checked(steps, error, microseconds=1e6 * float(np.quantile(times, UNDISTURBED)))
 
 
 def _stepper(path: Path, target: str, header: str, layout: Layout) -> AnyStepper:
@@ -158,7 +141,7 @@ def recorded(agent: PolicyAgent) -> Run:
     head = layout.preview + 1
     for _ in range(min(STEPS, task.settings.episode_steps)):
         observation = task.task.observation.copy()
-        seen = task.measurement()
+        seen = task.plant.measurement()
         reference = observation[0, :head].astype(np.float64) * layout.torque
         reference[0] = task.task.reference[0]
         inputs.append((reference, *(float(getattr(seen, name)[0]) for name in MEASURED)))

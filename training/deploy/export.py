@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from cjt_gym.disk import write_text
-from cjt_gym.export.c_check import ExportError
+from cjt_gym.export.c_check import Checked, ExportError
 from cjt_gym.export.c_text import identifier
 from cjt_gym.records import Record
 from cjt_gym.training.deploy.c_header import c_header
-from cjt_gym.training.deploy.check import TOLERANCE, Checked, check
+from cjt_gym.training.deploy.check import TOLERANCE, check
 from cjt_gym.training.deploy.exported import save_exported
 from cjt_gym.training.deploy.fast_policy import exported
 from cjt_gym.training.deploy.onnx_file import write_onnx

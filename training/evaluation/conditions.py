@@ -11,6 +11,7 @@ import numpy as np
 from cjt_gym.envs.settings import default_amplitude
 from cjt_gym.errors import unknown_name
 from cjt_gym.joint import EFFECTS, get_structure, load_joint_file
+from cjt_gym.joint.effect_words import parse_effects
 from cjt_gym.signals import Signal, make_signals
 
 USUAL_STRUCTURE = "output_fixed_rigid_gearbox"
@@ -144,6 +145,27 @@ def realistic_conditions(
     if randomization is None:
         varying = realistic_randomization(joint, effects)
     return Conditions(joint, structure, effects=effects, randomization=varying, **others)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Asked:
+    """What of the conditions a command line may say.
+
+    Attributes:
+        drive: The drive.
+        effects: What makes the joint non-ideal, in words; None for `realistic_effects`.
+        randomization: Preset of what every episode draws anew; None for
+            `realistic_randomization`.
+    """
+
+    drive: str = "current"
+    effects: tuple[str, ...] | None = None
+    randomization: str | None = None
+
+    def conditions_on(self, joint: str, structure: str, **others: Any) -> Conditions:
+        """Return them on a joint; see `realistic_conditions`."""
+        said = {"drive": self.drive, "randomization": self.randomization, **others}
+        return realistic_conditions(joint, structure, effects=parse_effects(self.effects), **said)
 
 
 def transferred(env: Mapping[str, Any], joint: str) -> dict[str, Any]:

@@ -25,10 +25,10 @@ from cjt_gym.training.evaluation.conditions import (
 from cjt_gym.training.evaluation.rollout import Agent, Traces, joint_of, rollout, run_task
 from cjt_gym.training.evaluation.tasks import BENCHMARK_TASKS, get_task
 
-NOISE_DURATION = 1.0
-CHARACTER_EPISODES = 8
-SEED_BLOCK = 10_000
-BLOCKS_PER_SEED = 8
+NOISE_DURATION = 1.0  # thousand samples of the noise [s]
+CHARACTER_EPISODES = 8  # as a sweep takes 8 s
+SEED_BLOCK = 10_000  # seeds between two tasks: the most episodes of one
+BLOCKS_PER_SEED = 8  # such blocks between two seeds
 
 
 @dataclass(frozen=True)

@@ -63,32 +63,32 @@ def command_above(traces: Traces, frequency: float) -> float:
     return rms(np.fft.irfft(spectrum, steps, axis=1))
 
 
-def bootstrap_rmse(traces: Traces, seed: int = 0) -> tuple[float, float]:
+def bootstrap_rmse(traces: Traces) -> tuple[float, float]:
     """Return the 95 % interval of `rmse`, by drawing episodes with replacement [N m]."""
-    return bootstrap_rms(squared_errors(traces), seed)
+    return bootstrap_rms(squared_errors(traces))
 
 
-def bootstrap_rms(squares: Floats, seed: int = 0) -> tuple[float, float]:
+def bootstrap_rms(squares: Floats) -> tuple[float, float]:
     """Return the 95 % interval of the root of the mean of squares, shape (episodes,)."""
-    means = squares[_resampled(len(squares), seed)].mean(axis=1)
+    means = squares[_resampled(len(squares))].mean(axis=1)
     low, high = np.sqrt(np.quantile(means, (0.025, 0.975)))
     return float(low), float(high)
 
 
-def bootstrap_ratio(one: Traces, other: Traces, seed: int = 0) -> tuple[float, float, float]:
+def bootstrap_ratio(one: Traces, other: Traces) -> tuple[float, float, float]:
     """Return the ratio of two agents' rmse over the same episodes and its 95 % interval.
 
     Episodes are drawn in pairs, so that what they have in common cancels.
     """
     a, b = squared_errors(one), squared_errors(other)
-    rows = _resampled(len(a), seed)
+    rows = _resampled(len(a))
     ratios = np.sqrt(a[rows].mean(axis=1) / b[rows].mean(axis=1))
     low, high = np.quantile(ratios, (0.025, 0.975))
     return float(np.sqrt(a.mean() / b.mean())), float(low), float(high)
 
 
-def _resampled(count: int, seed: int) -> NDArray[np.int64]:
-    return np.random.default_rng(seed).integers(count, size=(RESAMPLES, count))
+def _resampled(count: int) -> NDArray[np.int64]:
+    return np.random.default_rng(0).integers(count, size=(RESAMPLES, count))
 
 
 def steps_of(traces: Traces) -> list[tuple[Floats, float, float]]:

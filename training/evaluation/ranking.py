@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from cjt_gym.errors import ConfigurationError
 
 Floats = NDArray[np.float64]
-RESAMPLES = 2000
-LEVEL = 0.95
-TINY = 1e-12
+RESAMPLES = 2000  # as in `metrics`
+LEVEL = 0.95  # of all comparisons together
+TINY = 1e-12  # standard error that stands for none
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.baselines import Controller
-from cjt_gym.envs.arguments import complete
 from cjt_gym.envs.core import Episodes
 from cjt_gym.joint import Joint
 from cjt_gym.joint.arrays import DQ_L, Q_L, TAU
@@ -186,7 +185,7 @@ def rollout(
 
 def joint_of(conditions: Conditions) -> Joint:
     """Return the joint of the conditions, with the load that environments give it."""
-    return Episodes(1, **complete(conditions.arguments)).settings.joint
+    return Episodes(1, **conditions.arguments).settings.joint
 
 
 def run_task(agent: Agent, setting: Setting, num: int, seed: int) -> Traces:
@@ -235,7 +234,7 @@ def run_episodes(
     Raises:
         SimulationError: A state ceased to be finite.
     """
-    episodes = Episodes(num, **complete(arguments))
+    episodes = Episodes(num, **arguments)
     episodes.plant.seed(seed)
     return drive(agent, episodes, from_zero, rendering, of_motor)
 

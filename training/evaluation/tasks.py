@@ -29,7 +29,7 @@ WALL_SHARE, WALL_ANGLE, WALL_DAMPING = 0.5, 0.02, 0.5
 """A wall: stiffness over the torsion bar's, where it stands [rad], damping [N m s/rad]."""
 APPROACH_SHARE, APPROACH_S, PUSH_HOLD = 0.2, 0.5, 0.25
 """Torque towards the wall over the amplitude, for [s], and how long each push lasts [s]."""
-CURRENT_STEP, CURRENT_HOLD = 1e-4, 0.01
+CURRENT_STEP, CURRENT_HOLD = 1e-4, 0.01  # of the task current_loop [s]
 OPEN_LOOP = "open_loop"
 PUSHES = (0.6, 0.3, 1.0, 0.4, 0.8, 0.3)
 """Torques against the wall over the amplitude: up and down, small and large."""

@@ -57,14 +57,14 @@ class SkrlEpisodes(Wrapper):  # type: ignore[misc]
 class Actor(GaussianMixin, Model):  # type: ignore[misc]
     """A Gaussian policy with two hidden layers of 64."""
 
-    def __init__(self, env: SkrlEpisodes, log_std: float) -> None:
+    def __init__(self, env: SkrlEpisodes) -> None:
         spaces = {"observation_space": env.observation_space, "action_space": env.action_space}
         Model.__init__(self, **spaces, device=env.device)
         GaussianMixin.__init__(self)
         self.net = network(self.num_observations, 1)
         with torch.no_grad():
             list(self.net.parameters())[-2].mul_(0.01)  # begin close to the base controller
-        self.log_std = nn.Parameter(torch.full((1,), log_std))
+        self.log_std = nn.Parameter(torch.full((1,), -1.5))  # likewise
 
     def compute(self, inputs: dict[str, Any], role: str) -> tuple[torch.Tensor, dict[str, Any]]:
         """Return the mean action."""
@@ -91,30 +91,20 @@ def network(size: int, out: int) -> nn.Sequential:
     return nn.Sequential(*hidden, nn.Linear(64, out))
 
 
-def learn(
-    episodes: Any,
-    steps: int,
-    *,
-    seed: int = 0,
-    rollout: int = 32,
-    log_std: float = -1.5,
-    **options: Any,
-) -> Actor:
+def learn(episodes: Any, steps: int, *, seed: int = 0, **options: Any) -> Actor:
     """Train a policy with skrl's PPO and return it.
 
     Args:
         episodes: `HostEpisodes` or `DeviceEpisodes`.
         steps: Control steps of each episode's slot; in all, num_envs times as many.
         seed: Of networks and episodes.
-        rollout: Steps of each between two updates.
-        log_std: Logarithm of the first standard deviation of the action.
         **options: Of `PPO_CFG`, instead of those below.
     """
     torch.manual_seed(seed)
     env = SkrlEpisodes(episodes, seed)
-    actor = Actor(env, log_std)
+    actor = Actor(env)
     settings: dict[str, Any] = {
-        "rollouts": rollout,
+        "rollouts": 32,
         "learning_epochs": 5,
         "mini_batches": 4,
         "learning_rate": 1e-3,

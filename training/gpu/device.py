@@ -11,15 +11,14 @@ from numpy.typing import NDArray
 
 from cjt_gym.baselines.linear_law import LinearController
 from cjt_gym.baselines.pd_feedforward import PdFeedForward
-from cjt_gym.envs.arguments import complete
 from cjt_gym.envs.core import Episodes
 from cjt_gym.errors import ConfigurationError, SimulationError
 from cjt_gym.training.gpu.host import Step
 from cjt_gym.training.gpu.kernels import begin_episodes, cuda, step_episodes
 from cjt_gym.training.gpu.law import TorchLaw
 
-THREADS = 64
-CHECKED_EVERY = 100
+THREADS = 64  # of a block: two warps, as each needs many registers
+CHECKED_EVERY = 100  # steps, as to look stops the device
 SIMULATED = bool(getattr(config, "ENABLE_CUDASIM", False))
 
 
@@ -55,7 +54,7 @@ class DeviceEpisodes:
                 "DeviceEpisodes needs a CUDA device and its driver, got none. Take HostEpisodes, "
                 'or on a machine with one:  pip install "cjt-gym[gpu]"'
             )
-        host = Episodes(num_envs, **complete(arguments))
+        host = Episodes(num_envs, **arguments)
         self.num_envs = num_envs
         self.device = torch.device("cpu" if SIMULATED else "cuda")
         self.observation_space, self.action_space = host.observation_space, host.action_space

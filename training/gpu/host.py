@@ -6,7 +6,6 @@ from typing import Any
 
 import torch
 
-from cjt_gym.envs.arguments import complete
 from cjt_gym.envs.core import Episodes
 
 Step = tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]
@@ -29,7 +28,7 @@ class HostEpisodes:
 
     def __init__(self, num_envs: int, **arguments: Any) -> None:
         """Prepare the episodes; arguments are those of `TorqueTrackingEnv`, checked as there."""
-        self.episodes = Episodes(num_envs, **complete(arguments))
+        self.episodes = Episodes(num_envs, **arguments)
         task = self.episodes.task
         self.num_envs = num_envs
         self.device = torch.device("cpu")

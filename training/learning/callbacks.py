@@ -30,7 +30,7 @@ from cjt_gym.training.learning.policy import agent_of
 from cjt_gym.training.learning.run_folder import RunFolder, TrainingError
 from cjt_gym.training.learning.validation import validation_error
 
-RECENT = 100
+RECENT = 100  # episodes that are averaged, as in Stable-Baselines3
 BUFFER_ARRAYS = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
 
 

@@ -11,16 +11,11 @@ from cjt_gym.training.learning.config import TrainConfig
 from cjt_gym.training.learning.run_folder import RunFolder
 from cjt_gym.training.learning.seeds import runs_of
 
-RETRIES = 3
+RETRIES = 3  # a machine may go; a training that takes each along must end
 
 
 def train_on_ray(
-    config: TrainConfig,
-    out: str | Path,
-    seeds: int,
-    *,
-    workers: int | None = None,
-    retries: int = RETRIES,
+    config: TrainConfig, out: str | Path, seeds: int, *, workers: int | None = None
 ) -> list[RunFolder]:
     """Do what `train_seeds` does, with each training as a task of a Ray cluster.
 
@@ -34,7 +29,6 @@ def train_on_ray(
             same path.
         seeds: How many.
         workers: Cores of a cluster that is started here; all of this machine if absent.
-        retries: How often a task may lose its worker.
 
     Returns:
         The run folders. Their facts say which finished: a training that
@@ -45,10 +39,8 @@ def train_on_ray(
             something else.
     """
     runs = runs_of(config, Path(out).resolve(), seeds)  # workers are elsewhere
-    if retries < 0 or (workers is not None and workers < 1):
-        raise ConfigurationError(
-            f"retries must be >= 0 and workers >= 1, got {retries} and {workers}."
-        )
+    if workers is not None and workers < 1:
+        raise ConfigurationError(f"workers must be >= 1, got {workers}.")
     try:
         ray = join_ray(workers)
     except ModuleNotFoundError:
@@ -58,7 +50,7 @@ def train_on_ray(
     def run(changed: TrainConfig, path: str) -> None:
         train(changed, path, quiet=True)
 
-    task = ray.remote(num_cpus=config.threads, max_retries=retries)(run)
+    task = ray.remote(num_cpus=config.threads, max_retries=RETRIES)(run)
     jobs = [task.options(name=path.name).remote(changed, str(path)) for changed, path in runs]
     return [_outcome(ray, job, RunFolder(path)) for job, (_, path) in zip(jobs, runs, strict=True)]
 
@@ -68,7 +60,7 @@ def _outcome(ray: Any, job: Any, run: RunFolder) -> RunFolder:
     try:
         ray.get(job)
     except ray.exceptions.WorkerCrashedError:
-        run.note(status="failed", reason="its worker was lost, more often than retries allow")
+        run.note(status="failed", reason="its worker was lost, time and again")
     except ray.exceptions.RayTaskError as error:
         if isinstance(error.cause, ConfigurationError):
             raise error.cause from None

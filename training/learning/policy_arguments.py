@@ -15,6 +15,13 @@ from cjt_gym.training.learning.config import TrainConfig, environment_arguments
 CONDITIONS = ("joint", "structure", "drive", "effects", "randomization", "dt_physics")
 
 
+def conditions_of(config: TrainConfig) -> Conditions:
+    """Return the conditions that a configuration trains under."""
+    arguments = environment_arguments(config.env)
+    given = {name: arguments[name] for name in (*CONDITIONS, "dt_control", "torque_amplitude")}
+    return Conditions(**{**given, "randomization": given["randomization"] or {}})
+
+
 class Trained(ABC):
     """What policies have in common, whatever their form.
 

@@ -33,7 +33,7 @@ LOCK = ".lock"
 MARKER = "run.json"
 KIND = "cjt_gym training run"
 PACKAGES = ("cjt-gym", "numpy", "numba", "gymnasium", "stable-baselines3", "torch")
-CHECKPOINTS_KEPT = 2
+CHECKPOINTS_KEPT = 2  # one is whole while the next is written
 FACTS: dict[str, Any] = {
     "status": str,
     "joint": str,

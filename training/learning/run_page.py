@@ -6,22 +6,22 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from cjt_gym.datasheet.blocks import Block, Code
 from cjt_gym.disk import to_toml
 from cjt_gym.training import report
 from cjt_gym.training.benchmark import cells_of
-from cjt_gym.training.evaluation.conditions import TASKS, Conditions
+from cjt_gym.training.evaluation.conditions import TASKS
 from cjt_gym.training.evaluation.evaluate import evaluate
 from cjt_gym.training.evaluation.rollout import Agent, ControllerAgent
-from cjt_gym.training.learning.config import base_of, environment_arguments
+from cjt_gym.training.learning.config import base_of
 from cjt_gym.training.learning.policy import load_policy
-from cjt_gym.training.learning.policy_arguments import CONDITIONS
+from cjt_gym.training.learning.policy_arguments import conditions_of
 from cjt_gym.training.learning.run_folder import RunFolder
 from cjt_gym.training.learning.validation import validation_error
 from cjt_gym.training.report import figures
 
-EPISODES = 16
+EPISODES = 16  # of each task: the page of a run takes seconds
 SHOWN = ("step", "chirp")
-FACED = (*CONDITIONS, "dt_control", "torque_amplitude")
 
 
 def write_run_page(run: RunFolder, episodes: int = EPISODES) -> Path:
@@ -38,11 +38,8 @@ def write_run_page(run: RunFolder, episodes: int = EPISODES) -> Path:
     bases = [] if base is None else [ControllerAgent(base)]
     levels = {agent.name: validation_error(config, agent) for agent in bases}
     agents += bases
-    arguments = environment_arguments(config.env)
-    given = {name: arguments[name] for name in FACED}
-    conditions = Conditions(**{**given, "randomization": given["randomization"] or {}})
-    tried = [evaluate(agent, conditions, TASKS, episodes) for agent in agents]
-    parts = [
+    tried = [evaluate(agent, conditions_of(config), TASKS, episodes) for agent in agents]
+    parts: list[Block] = [
         report.paragraph(_summary(facts, levels)),
         report.figure(
             figures.learning_figure(run.progress(), levels),
@@ -58,7 +55,7 @@ def write_run_page(run: RunFolder, episodes: int = EPISODES) -> Path:
         ),
         report.heading("From what it came"),
         report.html_table([["", ""], *_origin(facts)]),
-        report.code(to_toml(config.to_dict())),
+        Code(to_toml(config.to_dict())),
     ]
     return report.write_page(run.path / "page.html", f"Training run {run.path.name}", parts)
 

@@ -14,7 +14,7 @@ from cjt_gym.training.evaluation.rollout import Agent, run_episodes
 from cjt_gym.training.learning.config import VALIDATION_SEEDS, TrainConfig, environment_arguments
 from cjt_gym.training.learning.joint_families import datasheets
 
-JOINTS = 8
+JOINTS = 8  # of other datasheets at most, which share the episodes
 
 
 def validation_error(

@@ -17,15 +17,12 @@ COLOURS = ("#9a9a9a", "#d07c2e", "#1f5fa8", "#3d8f5f", "#8d4fa8")
 WIDTH = 7.2
 
 
-def learning_figure(
-    progress: Sequence[Mapping[str, float]], levels: Mapping[str, float], unit: str = "N m"
-) -> str:
+def learning_figure(progress: Sequence[Mapping[str, float]], levels: Mapping[str, float]) -> str:
     """Return the learning curve with the levels of those that do not learn.
 
     Args:
         progress: Rows of `progress.csv`.
-        levels: By name of a controller its error on the validation episodes.
-        unit: Of the errors.
+        levels: By name of a controller its error on the validation episodes [N m].
     """
     with canvas(WIDTH, 2.8) as (figure, written):
         axis: Any = figure.subplots()
@@ -45,28 +42,25 @@ def learning_figure(
         axis.set_ylim(bottom=0.0)
         axis.set_xlim(left=0.0)
         axis.set_xlabel("training steps [thousands]")
-        axis.set_ylabel(f"tracking error, rms [{unit}]")
+        axis.set_ylabel("tracking error, rms [N m]")
         axis.legend(ncols=2)
         return written()
 
 
-def traces_figure(tasks: Mapping[str, Mapping[str, Traces]], episode: int = 0) -> str:
-    """Return the same episode under every agent: torque above, error below.
+def traces_figure(tasks: Mapping[str, Mapping[str, Traces]]) -> str:
+    """Return the first episode under every agent: torque above, error below.
 
     Args:
         tasks: By task, by agent, what happened.
-        episode: Which episode.
     """
     with canvas(WIDTH, 4.4) as (figure, written):
         axes = figure.subplots(2, len(tasks), sharex=True, squeeze=False, height_ratios=(1.5, 1.0))
         for column, (task, agents) in enumerate(tasks.items()):
             upper, lower = axes[:, column]
             for (name, run), colour in zip(agents.items(), COLOURS, strict=False):
-                upper.plot(
-                    run.t, run.tau[episode], color=colour, label=drawn(name.replace("_", " "))
-                )
-                lower.plot(run.t, run.error[episode], color=colour, linewidth=0.8)
-            upper.plot(run.t, run.reference[episode], color=INK, linewidth=0.8, label="reference")
+                upper.plot(run.t, run.tau[0], color=colour, label=drawn(name.replace("_", " ")))
+                lower.plot(run.t, run.error[0], color=colour, linewidth=0.8)
+            upper.plot(run.t, run.reference[0], color=INK, linewidth=0.8, label="reference")
             upper.set_title(task, fontsize=9)
             lower.set_xlabel("time [s]")
         axes[0, 0].set_ylabel("joint torque [N m]")

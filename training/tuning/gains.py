@@ -14,7 +14,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from cjt_gym.baselines import Controller, ControllerEntry, get_entry, make_controller
+from cjt_gym.baselines import (
+    Controller,
+    ControllerEntry,
+    default_gains,
+    get_entry,
+    make_controller,
+)
 from cjt_gym.baselines.own import is_own, path_of
 from cjt_gym.disk import read_toml, to_toml, write_text
 from cjt_gym.errors import (
@@ -67,6 +73,13 @@ class Choice:
                 )
         self.entry.check_gains(gains)
         return replace(self, gains={**self.gains, **gains})
+
+    def spelt_out(self, joint: Joint, dt: float) -> Choice:
+        """Return a copy with a value for every gain: its own, or the default for a joint."""
+        known = self.entry.complete(self.gains)
+        if len(known) < len(self.entry.tunable):
+            known = default_gains(self.controller, joint, dt) | dict(self.gains)
+        return replace(self, gains=known)
 
     def make(self, joint: Joint, dt: float) -> Controller:
         """Return the controller for a joint and a sample time [s].

@@ -11,7 +11,6 @@ that say what is asked for, as a stiffness to render, stay as they are.
 
 from __future__ import annotations
 
-import hashlib
 import json
 import math
 import warnings
@@ -27,12 +26,11 @@ from numpy.typing import NDArray
 from cjt_gym.analysis import LinearPlant, probe_plant
 from cjt_gym.baselines.shipped import designed_gains
 from cjt_gym.baselines.table import CONTROLLERS, get_entry
-from cjt_gym.envs.arguments import complete
 from cjt_gym.envs.core import Episodes
 from cjt_gym.errors import ConfigurationError, SimulationError
 from cjt_gym.joint import Joint
-from cjt_gym.joint.effect_words import parse_effects
-from cjt_gym.training.evaluation.conditions import TASKS, Conditions, realistic_conditions
+from cjt_gym.joint.parameters import sha256_of
+from cjt_gym.training.evaluation.conditions import TASKS, Asked, Conditions
 from cjt_gym.training.evaluation.metrics import squared_errors
 from cjt_gym.training.evaluation.rollout import Agent, ControllerAgent, joint_of, run_episodes
 from cjt_gym.training.evaluation.tasks import Setting, get_task
@@ -61,7 +59,7 @@ Generation = tuple[list[dict[str, float]], Callable[[list[float]], object]]
 
 
 @dataclass(frozen=True)
-class Search:
+class Search(Asked):
     """What is to be tuned, and how long.
 
     Attributes:
@@ -74,11 +72,6 @@ class Search:
             ones compare the best with the designed gains.
         limits: What the loop must keep.
         dt: Sample time [s].
-        drive: Its drive.
-        effects: What makes the joint non-ideal, as a command line writes it; None for
-            `realistic_effects`.
-        randomization: Preset of what every episode draws anew; None for
-            `realistic_randomization`.
 
     Raises:
         UnknownNameError: There is no such controller.
@@ -93,20 +86,10 @@ class Search:
     episodes: int = 32
     limits: Limits = Limits()  # noqa: RUF009 - frozen
     dt: float = 1e-3
-    drive: str = "current"
-    effects: tuple[str, ...] | None = None
-    randomization: str | None = None
 
     def conditions(self) -> Conditions:
         """Return the conditions of the search."""
-        return realistic_conditions(
-            self.joint,
-            self.structure,
-            effects=parse_effects(self.effects),
-            randomization=self.randomization,
-            drive=self.drive,
-            dt_control=self.dt,
-        )
+        return self.conditions_on(self.joint, self.structure, dt_control=self.dt)
 
     def __post_init__(self) -> None:
         if not get_entry(self.controller).searched:
@@ -243,7 +226,7 @@ class Problem:
         if get_task(MOVED).applies(self.search.structure):
             arguments["disturbance"] = ["zero"] * STILL + [self._setting(MOVED).load]
         same = {name: value for name, value in arguments.items() if name != "base_controller"}
-        drawn = Episodes(episodes, **complete(same))
+        drawn = Episodes(episodes, **same)
         drawn.plant.seed(seed)
         drawn.reset()
         reference, load = drawn.task.picks.T
@@ -382,7 +365,7 @@ def _try_all(
     problem: Problem, log: TrialLog, candidates: list[dict[str, float]], jobs: int
 ) -> list[Trial]:
     """Try candidates, those that the log does not know side by side."""
-    unknown = [gains for gains in candidates if log.get(gains) is None]
+    unknown = [gains for gains in candidates if _name(gains) not in log.known]
     if jobs > 1 and len(unknown) > 1:
         from joblib import Parallel, delayed
 
@@ -399,8 +382,7 @@ class TrialLog:
         self.path = path
         self.known: dict[str, Trial] = {}
         settings = {k: v for k, v in asdict(search).items() if k != "budget"}
-        text = json.dumps(settings, sort_keys=True)
-        self.key = hashlib.sha256(text.encode()).hexdigest()[:16]
+        self.key = sha256_of(settings)[:16]
         if path is not None and path.is_file():
             for line in path.read_text(encoding="utf-8").splitlines():
                 try:
@@ -411,13 +393,9 @@ class TrialLog:
                 if entry.get("search") == self.key:
                     self.known[_name(trial.gains)] = trial
 
-    def get(self, gains: dict[str, float]) -> Trial | None:
-        """Return what is known of gains."""
-        return self.known.get(_name(gains))
-
     def get_or(self, gains: dict[str, float], make: Callable[[dict[str, float]], Trial]) -> Trial:
         """Return what is known of gains, else try them."""
-        known = self.get(gains)
+        known = self.known.get(_name(gains))
         return self.add(make(gains)) if known is None else known
 
     def add(self, trial: Trial) -> Trial:

@@ -101,7 +101,12 @@ class Windows:
         long = [g for g in self.groups if g.horizons == (WHOLE,)]
         groups = [g for g in self.groups if g.horizons != (WHOLE,)]
         kept = [
-            replace(g, starts=g.starts[::step], pieces=g.pieces[::step], leads=g.leads[::step])
+            replace(
+                g,
+                starts=g.starts[::step].copy(),
+                pieces=g.pieces[::step],
+                leads=g.leads[::step].copy(),
+            )
             for g in groups
         ]
         return _scaled(self.logs, (*kept, *long[::step]))

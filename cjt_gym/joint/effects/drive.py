@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cjt_gym.joint.effects.row import Effect, EffectParameter, number
+from cjt_gym.joint.effects.row import Effect, number, own_value
 from cjt_gym.joint.effects.sources import CATALOGUE, TOOLBOX
 
 _SAMPLING = f"{TOOLBOX}, section Noise, Quantization, and Delays"
@@ -30,14 +30,13 @@ DRIVE_EFFECTS = (
         "Finite bandwidth of the current loop: a first-order lag of the commanded current.",
         TOOLBOX + ", section Modeling (electrical subsystem)",
         (
-            EffectParameter(
+            number(
                 "bandwidth",
                 "Hz",
-                0.0,
-                5.0,
                 5000.0,
                 "Cut-off frequency of the loop; 0 is off (no lag)",
-                ("current_bandwidth",),
+                "current_bandwidth",
+                low=5.0,
                 typical=300.0,
             ),
         ),
@@ -48,35 +47,32 @@ DRIVE_EFFECTS = (
         "A PI controller turns the commanded current into a voltage, at its own sample rate.",
         "Harnefors, Nee (1998), IEEE Transactions on Industry Applications 34(1)",
         (
-            EffectParameter(
+            number(
                 "bandwidth",
                 "Hz",
-                0.0,
-                5.0,
                 5000.0,
                 "Bandwidth of the loop; 0 is none (the voltage that would hold the current)",
-                ("loop_bandwidth",),
+                "loop_bandwidth",
+                low=5.0,
                 typical=500.0,
             ),
-            EffectParameter(
+            number(
                 "rate",
                 "Hz",
-                0.0,
-                100.0,
                 1e6,
                 "Sample rate of the controller, to the nearest substep",
-                ("loop_rate",),
+                "loop_rate",
+                low=100.0,
                 default=1e4,
                 typical=1e4,
             ),
-            EffectParameter(
+            number(
                 "r",
                 "Ohm",
-                0.0,
-                1e-4,
                 1e3,
                 "Winding resistance that the controller was told",
-                ("loop_r",),
+                "loop_r",
+                low=1e-4,
                 joint_parameter="r",
                 typical=1.0,
                 typical_of="r",
@@ -92,14 +88,13 @@ DRIVE_EFFECTS = (
                 typical=1.0,
                 typical_of="l_a",
             ),
-            EffectParameter(
+            number(
                 "k_t",
                 "N m/A",
-                0.0,
-                1e-4,
                 1e3,
                 "Torque per ampere that the controller was told",
-                ("loop_k_t",),
+                "loop_k_t",
+                low=1e-4,
                 joint_parameter="k_t",
                 typical=1.0,
                 typical_of="k_t",
@@ -114,17 +109,8 @@ DRIVE_EFFECTS = (
         "The current is limited below what the nominal model allows.",
         CATALOGUE,
         (
-            EffectParameter(
-                "i_p",
-                "A",
-                None,
-                0.1,
-                500.0,
-                "Peak current that the drive really gives",
-                ("i_p",),
-                relative_to="i_p",
-                typical=0.5,
-                typical_of="current",
+            own_value(
+                "i_p", "A", 0.1, 500.0, "Peak current that the drive really gives", 0.5, "current"
             ),
         ),
     ),
@@ -133,20 +119,7 @@ DRIVE_EFFECTS = (
         "drive",
         "The supply voltage sags below its nominal value.",
         CATALOGUE,
-        (
-            EffectParameter(
-                "v_0",
-                "V",
-                None,
-                1.0,
-                800.0,
-                "Supply voltage that there really is",
-                ("v_0",),
-                relative_to="v_0",
-                typical=0.8,
-                typical_of="v_0",
-            ),
-        ),
+        (own_value("v_0", "V", 1.0, 800.0, "Supply voltage that there really is", 0.8),),
         needs="voltage",
     ),
     Effect(
@@ -155,14 +128,13 @@ DRIVE_EFFECTS = (
         "The drive slews the commanded current at a limited rate.",
         CATALOGUE,
         (
-            EffectParameter(
+            number(
                 "rate",
                 "A/s",
-                0.0,
-                10.0,
                 1e6,
                 "Largest rate; 0 is off (no limit)",
-                ("current_rate",),
+                "current_rate",
+                low=10.0,
                 typical=100.0,
                 typical_of="current",
             ),

@@ -118,15 +118,14 @@ FRICTION_EFFECTS = (
                 0.015,
                 "torque",
             ),
-            EffectParameter(
+            number(
                 "v_s",
                 "rad/s",
-                0.0,
-                0.005,
                 2.0,
                 "Stribeck velocity, at which the excess has fallen to 37 %",
-                ("v_s",),
                 "v_s",
+                low=0.005,
+                joint_parameter="v_s",
                 typical=0.05,
             ),
             DQ_0,
@@ -141,12 +140,7 @@ FRICTION_EFFECTS = (
         (
             *_own_level("Coulomb level of the {body}, on top of other rows"),
             *per_body(
-                "sigma_",
-                "N m/rad",
-                1e6,
-                "Stiffness of the bristles of the {body}",
-                10.0,
-                "torque",
+                "sigma_", "N m/rad", 1e6, "Stiffness of the bristles of the {body}", 10.0, "torque"
             ),
             number(
                 "sigma_1",
@@ -165,10 +159,7 @@ FRICTION_EFFECTS = (
         "motor",
         "Dry friction that grows with the transmitted torque: mu |tau|.",
         SERVO_FRICTION,
-        (
-            *per_body("mu_", "-", 0.5, "Friction of the {body} per transmitted torque", 0.05),
-            DQ_0,
-        ),
+        (*per_body("mu_", "-", 0.5, "Friction of the {body} per transmitted torque", 0.05), DQ_0),
         size=("mu_m", "mu_g", "mu_l"),
     ),
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cjt_gym.joint.effects.friction import DQ_0
-from cjt_gym.joint.effects.row import Effect, EffectParameter, number
+from cjt_gym.joint.effects.row import Effect, EffectParameter, number, own_value
 from cjt_gym.joint.effects.sources import CATALOGUE, HUNT_CROSSLEY, TOOLBOX, TREMOR
 
 LOAD_EFFECTS = (
@@ -12,20 +12,7 @@ LOAD_EFFECTS = (
         "load",
         "The load's inertia differs from nominal.",
         CATALOGUE,
-        (
-            EffectParameter(
-                "I_l",
-                "kg m^2",
-                None,
-                1e-4,
-                1000.0,
-                "Inertia that the load really has",
-                ("I_l",),
-                relative_to="I_l",
-                typical=1.2,
-                typical_of="I_l",
-            ),
-        ),
+        (own_value("I_l", "kg m^2", 1e-4, 1000.0, "Inertia that the load really has", 1.2),),
         needs="free_load",
     ),
     Effect(
@@ -65,14 +52,13 @@ LOAD_EFFECTS = (
                 typical=0.05,
                 typical_of="torque",
             ),
-            EffectParameter(
+            number(
                 "angle",
                 "rad",
-                0.0,
-                -3.2,
                 3.2,
                 "Angle of the load at which it hangs",
-                ("weight_angle",),
+                "weight_angle",
+                low=-3.2,
                 default=0.0,
                 typical=0.3,
             ),
@@ -95,14 +81,13 @@ LOAD_EFFECTS = (
                 typical=10.0,
                 typical_of="torque",
             ),
-            EffectParameter(
+            number(
                 "exponent",
                 "-",
-                0.0,
-                1.0,
                 2.0,
                 "Exponent e: 1 is a spring, 1.5 a sphere",
-                ("contact_exponent",),
+                "contact_exponent",
+                low=1.0,
                 default=1.5,
                 typical=1.5,
             ),
@@ -115,14 +100,13 @@ LOAD_EFFECTS = (
                 default=0.5,
                 typical=0.5,
             ),
-            EffectParameter(
+            number(
                 "position",
                 "rad",
-                0.0,
-                -3.2,
                 3.2,
                 "Angle of the load at which it begins",
-                ("contact_position",),
+                "contact_position",
+                low=-3.2,
                 default=0.0,
                 typical=0.05,
             ),
@@ -161,14 +145,13 @@ LOAD_EFFECTS = (
                 typical=0.02,
                 typical_of="torque",
             ),
-            EffectParameter(
+            number(
                 "bandwidth",
                 "Hz",
-                0.0,
-                0.1,
                 5.0,
                 "Bandwidth of the voluntary torque",
-                ("human_bandwidth",),
+                "human_bandwidth",
+                low=0.1,
                 default=1.0,
                 typical=1.0,
             ),
@@ -182,14 +165,13 @@ LOAD_EFFECTS = (
                 typical=0.002,
                 typical_of="torque",
             ),
-            EffectParameter(
+            number(
                 "tremor_frequency",
                 "Hz",
-                0.0,
-                3.0,
                 15.0,
                 "Frequency of the tremor",
-                ("tremor_frequency",),
+                "tremor_frequency",
+                low=3.0,
                 default=9.0,
                 typical=9.0,
             ),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from cjt_gym.joint.effects.friction import DQ_0, FRICTION_EFFECTS
 from cjt_gym.joint.effects.ripple import RIPPLE_EFFECTS
-from cjt_gym.joint.effects.row import Effect, EffectParameter, number
+from cjt_gym.joint.effects.row import Effect, EffectParameter, number, own_value
 from cjt_gym.joint.effects.sources import CATALOGUE, EMPS, MACHINES, TOOLBOX
 
 __all__ = ["DQ_0", "MOTOR_EFFECTS"]
@@ -13,8 +13,8 @@ __all__ = ["DQ_0", "MOTOR_EFFECTS"]
 def _thermal(
     symbol: str, unit: str, low: float, high: float, text: str, source: str, typical: float
 ) -> EffectParameter:
-    return EffectParameter(
-        symbol, unit, 0.0, low, high, text, (f"heat_{symbol}",), source, typical=typical
+    return number(
+        symbol, unit, high, text, f"heat_{symbol}", low=low, joint_parameter=source, typical=typical
     )
 
 
@@ -24,20 +24,7 @@ MOTOR_EFFECTS = (
         "motor",
         "Torque per ampere differs from nominal by a constant factor.",
         CATALOGUE,
-        (
-            EffectParameter(
-                "k_t",
-                "N m/A",
-                None,
-                1e-3,
-                20.0,
-                "Torque constant that the motor really has",
-                ("k_t",),
-                relative_to="k_t",
-                typical=0.9,
-                typical_of="k_t",
-            ),
-        ),
+        (own_value("k_t", "N m/A", 1e-3, 20.0, "Torque constant that the motor really has", 0.9),),
     ),
     Effect(
         "thermal_derating",
@@ -86,14 +73,13 @@ MOTOR_EFFECTS = (
         "A constant torque: offset of the amplifier or of the current sensor.",
         EMPS,
         (
-            EffectParameter(
+            number(
                 "torque",
                 "N m",
-                0.0,
-                -5.0,
                 5.0,
                 "Constant torque on the motor",
-                ("torque_offset",),
+                "torque_offset",
+                low=-5.0,
                 typical=0.005,
                 typical_of="torque",
             ),
@@ -105,28 +91,10 @@ MOTOR_EFFECTS = (
         "Motor-side inertia differs from nominal.",
         CATALOGUE,
         (
-            EffectParameter(
-                "I_m",
-                "kg m^2",
-                None,
-                1e-4,
-                100.0,
-                "Inertia that the rotor really has, link side",
-                ("I_m",),
-                relative_to="I_m",
-                typical=1.2,
-                typical_of="I_m",
+            own_value(
+                "I_m", "kg m^2", 1e-4, 100.0, "Inertia that the rotor really has, link side", 1.2
             ),
-            EffectParameter(
-                "I_g",
-                "kg m^2",
-                None,
-                0.0,
-                100.0,
-                "Inertia that the gear really has, link side",
-                ("I_g",),
-                relative_to="I_g",
-            ),
+            own_value("I_g", "kg m^2", 0.0, 100.0, "Inertia that the gear really has, link side"),
         ),
     ),
     *FRICTION_EFFECTS,

@@ -12,17 +12,14 @@ def _ripple(unit: str, scale: str, base: str, typical: float) -> tuple[EffectPar
     of, high = ("torque", 5.0) if unit == "N m" else ("", 0.1)
     text = f"Periods per revolution of q_m ({base})"
     return (
-        EffectParameter(
-            "f", "1/rev", 0.0, 0.5, 1e4, text, series=True, typical=(1.0, 6.0), typical_of="n"
-        ),
+        number("f", "1/rev", 1e4, text, low=0.5, series=True, typical=(1.0, 6.0), typical_of="n"),
         *(
-            EffectParameter(
+            number(
                 symbol,
                 unit,
-                0.0,
-                -high,
                 high,
                 f"Amplitudes of {wave}(f q_m)",
+                low=-high,
                 series=True,
                 typical=(first * typical, second * typical),
                 typical_of=of,
@@ -65,22 +62,28 @@ RIPPLE_EFFECTS = (
         CURRENT_ERRORS,
         (
             *(
-                EffectParameter(
+                number(
                     symbol,
                     "A",
-                    0.0,
-                    -5.0,
                     5.0,
                     f"Amplitude of {wave}(p n q_m)",
-                    (f"offset_{symbol}",),
+                    f"offset_{symbol}",
+                    low=-5.0,
                     default=0.0,
                     typical=typical,
                     typical_of="current",
                 )
                 for symbol, wave, typical in (("a", "cos", 0.005), ("b", "sin", 0.003))
             ),
-            EffectParameter(
-                "p", "-", 0.0, 1.0, 50.0, "Number of pole pairs", ("offset_p",), "p", typical=6.0
+            number(
+                "p",
+                "-",
+                50.0,
+                "Number of pole pairs",
+                "offset_p",
+                low=1.0,
+                joint_parameter="p",
+                typical=6.0,
             ),
         ),
         size=("a", "b"),

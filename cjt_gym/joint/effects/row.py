@@ -76,9 +76,16 @@ class EffectParameter:
 
 
 def number(
-    symbol: str, unit: str, high: float, description: str, field: str = "", **more: Any
+    symbol: str,
+    unit: str,
+    high: float,
+    description: str,
+    field: str = "",
+    *,
+    low: float = 0.0,
+    **more: Any,
 ) -> EffectParameter:
-    """Return a parameter that is off at zero, the low end of its range.
+    """Return a parameter that is off at zero.
 
     Args:
         symbol: Its name.
@@ -86,10 +93,47 @@ def number(
         high: High end of the range.
         description: What it is.
         field: Kernel parameter to which it adds, if there is one.
+        low: Low end of the range.
         **more: What else `EffectParameter` says.
     """
     fields = (field,) if field else ()
-    return EffectParameter(symbol, unit, 0.0, 0.0, high, description, fields, **more)
+    return EffectParameter(symbol, unit, 0.0, low, high, description, fields, **more)
+
+
+def own_value(
+    symbol: str,
+    unit: str,
+    low: float,
+    high: float,
+    description: str,
+    typical: float = 0.0,
+    typical_of: str | None = None,
+) -> EffectParameter:
+    """Return a parameter that takes the place of the joint's own of the same name.
+
+    Args:
+        symbol: Its name.
+        unit: Its unit.
+        low: Low end of the range.
+        high: High end of the range.
+        description: What it is.
+        typical: Typical value, in units of `typical_of`; the joint's own where it is 0.
+        typical_of: See `EffectParameter`; the joint's own value if absent.
+    """
+    of = (symbol if typical_of is None else typical_of) if typical else ""
+    fields = (symbol,)
+    return EffectParameter(
+        symbol,
+        unit,
+        None,
+        low,
+        high,
+        description,
+        fields,
+        relative_to=symbol,
+        typical=typical,
+        typical_of=of,
+    )
 
 
 @dataclass(frozen=True)

@@ -29,11 +29,7 @@ SENSING_EFFECTS = (
         "sensing",
         "The torque sensor's zero is off.",
         CATALOGUE,
-        (
-            EffectParameter(
-                "bias", "N m", 0.0, -10.0, 10.0, "Reading at no torque", ("bias_tau",), typical=0.2
-            ),
-        ),
+        (number("bias", "N m", 10.0, "Reading at no torque", "bias_tau", low=-10.0, typical=0.2),),
     ),
     Effect(
         "torque_delay",
@@ -129,26 +125,24 @@ SENSING_EFFECTS = (
         "Geometry of a disc whose centre is off its axis",
         (
             *per_channel("eccentricity", "Amplitude", _ENCODERS, {"q_m": 1e-4, "q_l": 5e-4}),
-            EffectParameter(
+            number(
                 "phase",
                 "rad",
-                0.0,
-                -3.2,
                 3.2,
                 "Phase at q = 0",
-                ("eccentricity_phase",),
+                "eccentricity_phase",
+                low=-3.2,
                 default=0.0,
                 typical=0.5,
             ),
-            EffectParameter(
+            number(
                 "turns",
                 "1/rev",
-                0.0,
-                1.0,
                 300.0,
                 "Turns of the shaft of q_m per revolution; n where the encoder is on the rotor",
-                ("eccentricity_turns",),
-                "n",
+                "eccentricity_turns",
+                low=1.0,
+                joint_parameter="n",
                 default=1.0,
                 typical=1.0,
                 typical_of="n",

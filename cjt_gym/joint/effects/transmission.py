@@ -2,23 +2,12 @@
 
 from __future__ import annotations
 
-from cjt_gym.joint.effects.row import Effect, EffectParameter, number
+from cjt_gym.joint.effects.row import Effect, EffectParameter, number, own_value
 from cjt_gym.joint.effects.sources import BOUC_WEN, CATALOGUE, MAXWELL_SLIP, NORDIN, TOOLBOX
 
 
 def _stiffness(symbol: str, text: str, factor: float) -> EffectParameter:
-    return EffectParameter(
-        symbol,
-        "N m/rad",
-        None,
-        10.0,
-        1e6,
-        text,
-        (symbol,),
-        relative_to=symbol,
-        typical=factor,
-        typical_of=symbol,
-    )
+    return own_value(symbol, "N m/rad", 10.0, 1e6, text, factor)
 
 
 TRANSMISSION_EFFECTS = (
@@ -29,14 +18,13 @@ TRANSMISSION_EFFECTS = (
         NORDIN,
         (
             number("gap", "rad", 0.02, "Total play", "play_gap", typical=1e-3),
-            EffectParameter(
+            number(
                 "offset",
                 "rad",
-                0.0,
-                -0.02,
                 0.02,
                 "Deflection at the middle of the play",
-                ("play_offset",),
+                "play_offset",
+                low=-0.02,
                 default=0.0,
                 typical=0.0,
             ),
@@ -74,23 +62,21 @@ TRANSMISSION_EFFECTS = (
         "The torsion bar's torque over its deflection by a table, in place of k_b.",
         "Fritsch, Butland (1984), SIAM Journal on Scientific and Statistical Computing 5(2)",
         (
-            EffectParameter(
+            number(
                 "deflection",
                 "rad",
-                0.0,
-                -1.0,
                 1.0,
                 "Deflections of the points, rising; >= 0 alone count for both directions",
+                low=-1.0,
                 series=True,
                 typical=(0.01, 0.03),
             ),
-            EffectParameter(
+            number(
                 "torque",
                 "N m",
-                0.0,
-                -5000.0,
                 5000.0,
                 "Torques there, rising",
+                low=-5000.0,
                 series=True,
                 typical=(0.3, 1.2),
                 typical_of="torque",
@@ -123,14 +109,13 @@ TRANSMISSION_EFFECTS = (
                 typical=0.01,
                 typical_of="torque",
             ),
-            EffectParameter(
+            number(
                 "delta_h",
                 "rad",
-                0.0,
-                1e-5,
                 0.05,
                 "Deflection over which a new loop rises to 63 %",
-                ("delta_h",),
+                "delta_h",
+                low=1e-5,
                 default=1e-3,
                 typical=1e-3,
             ),

@@ -15,19 +15,15 @@ from cjt_gym.joint.arrays import Floats
 from cjt_gym.joint.compiled import inlined, lean
 from cjt_gym.joint.lanes.vector_math import decay, sine_cosine
 from cjt_gym.joint.lanes.vectors import (
-    both,
     choose,
-    either,
     get,
     madd,
     put,
-    size,
     somewhere,
-    without,
 )
 
-NEWTON = 20
-SWEEPS = 60
+NEWTON = 20  # as in `implicit_solver`
+SWEEPS = 60  # the same with sharp friction, which may change sides in between
 SHARP_SOLVED = 1e-15  # change of speed in the last sweep, relative to the largest so far
 
 # Rows of the parameters `p` of a block:
@@ -214,9 +210,9 @@ def settle(
     new = choose(v * new < 0.0, 0.0, new)
     put(s, SPEED + k, choose(busy, new, v))
     put(s, DRAG + k, choose(busy, torque - slope * (v - new), get(s, DRAG + k)))
-    step = size(change) - 1e-9 * size(v)
-    smooth = both(v * new > 0.0, step <= get(p, CLOSE))
-    return either(smooth, step <= get(p, ENOUGH))
+    step = abs(change) - 1e-9 * abs(v)
+    smooth = (v * new > 0.0) & (step <= get(p, CLOSE))
+    return smooth | (step <= get(p, ENOUGH))
 
 
 @lean
@@ -233,7 +229,7 @@ def newton_1(p: Floats, s: Floats, busy: Any) -> Any:
     per_a = share * j
     change = (a * a) * e * share
     solved = settle(p, s, 0, busy, v, madd(dry, per_a, viscous), slope * (per_a * per_a), change)
-    return without(busy, solved)
+    return busy & ~solved
 
 
 @lean
@@ -260,8 +256,8 @@ def newton_2(p: Floats, s: Floats, busy: Any) -> Any:
     change1 = (j22 * e1 - j12 * e2) * (share * square1)
     change2 = (j11 * e2 - j21 * e1) * (share * square2)
     solved = settle(p, s, 0, busy, v1, r1, slope1 * (per1 * per1), change1)
-    solved = both(solved, settle(p, s, 1, busy, v2, r2, slope2 * (per2 * per2), change2))
-    return without(busy, solved)
+    solved = solved & settle(p, s, 1, busy, v2, r2, slope2 * (per2 * per2), change2)
+    return busy & ~solved
 
 
 @lean
@@ -287,7 +283,7 @@ def newton_3(p: Floats, s: Floats, busy: Any) -> Any:
     solved = settle(p, s, 0, busy, v1, r1, g1, (c11 * e1 + c12 * e2 + c13 * e3) * scale)
     second = settle(p, s, 1, busy, v2, r2, g2, (c21 * e1 + c22 * e2 + c23 * e3) * scale)
     third = settle(p, s, 2, busy, v3, r3, g3, (c31 * e1 + c32 * e2 + c33 * e3) * scale)
-    return without(busy, both(solved, both(second, third)))
+    return busy & ~(solved & (second & third))
 
 
 @lean
@@ -306,9 +302,9 @@ def project(kind: Kind, p: Floats, s: Floats, busy: Any) -> Any:
         torque = choose(forward, up, choose(backward, extra * v - down, target / w))
         put(s, SPEED + k, choose(busy, v, get(s, SPEED + k)))
         put(s, DRAG + k, choose(busy, torque, before))
-        moved = size(torque - before) * w - 1e-13 * size(target)
+        moved = abs(torque - before) * w - 1e-13 * abs(target)
         change = choose(moved <= change, change, moved)
-    return without(busy, change <= SHARP_SOLVED)
+    return busy & ~(change <= SHARP_SOLVED)
 
 
 @lean
@@ -340,10 +336,10 @@ def stop(kind: Kind, p: Floats, s: Floats) -> None:
         up, down = get(p, UP + k), get(p, DOWN + k)
         dry = choose(v > 0.0, up, 0.0 - down)
         needed = (end - get(s, X + row)) / get(p, RUB + 6 * k + row) + dry
-        turned = both(end * v < 0.0, both(0.0 - down <= needed, needed <= up))
-        rests = both(v == 0.0, up + down != 0.0)
+        turned = (end * v < 0.0) & ((0.0 - down <= needed) & (needed <= up))
+        rests = (v == 0.0) & (up + down != 0.0)
         put(s, FREE + g, choose(rests, get(s, X + g), get(s, FREE + g)))
-        put(s, FREE + row, choose(either(turned, rests), 0.0, end))
+        put(s, FREE + row, choose(turned | rests, 0.0, end))
 
 
 @lean

@@ -13,7 +13,7 @@ import math
 from typing import Any
 
 from cjt_gym.joint.compiled import inlined
-from cjt_gym.joint.lanes.vectors import choose, has_bit, least, madd, power_of_two, size
+from cjt_gym.joint.lanes.vectors import choose, has_bit, least, madd, power_of_two
 
 # 1.5 * 2^52: adding it leaves the nearest whole number in the low bits.
 MAGIC = 6755399441055744.0
@@ -88,7 +88,7 @@ def sine_cosine(x: Any) -> tuple[Any, Any]:
 @inlined
 def decay(x: Any) -> Any:
     """Return exp(-2 |x|)."""
-    y = -2.0 * least(size(x), SATURATED)
+    y = -2.0 * least(abs(x), SATURATED)
     shifted = madd(y, LOG2_E, MAGIC)
     whole = shifted - MAGIC
     r = madd(whole, -LN_2_1, y)

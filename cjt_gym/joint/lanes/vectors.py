@@ -1,7 +1,8 @@
 """Vectors of numbers, one per joint, that compiled code computes with as if they were floats.
 
 `Lanes` is a vector of WIDTH doubles and `Mask` one of WIDTH conditions. Arithmetic and comparisons
-act lane by lane, also between a vector and a float; `choose` takes the place of a branch. LLVM
+act lane by lane, also between a vector and a float, and so do `&`, `|` and `~` of conditions;
+`choose` takes the place of a branch. LLVM
 splits a vector over as many registers as the processor needs. In Python such a value does not
 exist: it is read from a row of an array by `get`, and `put` writes it back.
 """
@@ -25,7 +26,7 @@ templates: Any = numba.core.typing.templates
 extending: Any = numba.extending
 models: Any = numba.extending.models
 
-WIDTH = 16
+WIDTH = 16  # doubles: two registers of the widest processors
 DOUBLES = ir.VectorType(ir.DoubleType(), WIDTH)
 INTEGERS = ir.VectorType(ir.IntType(64), WIDTH)
 BITS = ir.VectorType(ir.IntType(1), WIDTH)
@@ -67,7 +68,7 @@ class _MaskModel(models.PrimitiveModel):  # type: ignore[misc]
 
 def _spread(builder: Any, value: Any) -> Any:
     """Put a number into all lanes; a vector stays what it is."""
-    if value.type == DOUBLES:
+    if value.type in (DOUBLES, BITS):
         return value
     if isinstance(value, ir.Constant):
         return ir.Constant(DOUBLES, [value.constant] * WIDTH)
@@ -76,20 +77,33 @@ def _spread(builder: Any, value: Any) -> Any:
     return builder.shuffle_vector(first, ir.Constant(DOUBLES, ir.Undefined), order)
 
 
-def _define(function: Any, result: Any, write: Callable[[Any, Any, Any], Any]) -> None:
-    """Teach Numba an operator of two vectors, or of a vector and a float."""
-    pairs = [(LANES, LANES), (LANES, FLOAT), (FLOAT, LANES)]
+NUMBERS = ((LANES, LANES), (LANES, FLOAT), (FLOAT, LANES))
+
+
+def _define(
+    function: Any,
+    result: Any,
+    write: Callable[..., Any],
+    kinds: tuple[tuple[Any, ...], ...] = NUMBERS,
+) -> None:
+    """Teach Numba an operator of vectors, or of a vector and a float."""
 
     class Template(templates.ConcreteTemplate):  # type: ignore[misc]
-        cases = [templates.signature(result, *pair) for pair in pairs]  # noqa: RUF012
+        cases = [templates.signature(result, *kind) for kind in kinds]  # noqa: RUF012
 
     def lower(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
-        left, right = (_spread(builder, x) for x in arguments)
-        return write(builder, left, right)
+        return write(builder, *(_spread(builder, x) for x in arguments))
 
     templates.infer_global(function)(Template)
-    for pair in pairs:
-        extending.lower_builtin(function, *pair)(lower)
+    for kind in kinds:
+        extending.lower_builtin(function, *kind)(lower)
+
+
+def _call(builder: Any, name: str, *arguments: Any) -> Any:
+    """Call a function of LLVM on vectors."""
+    kind = ir.FunctionType(DOUBLES, [DOUBLES] * len(arguments))
+    function = cgutils.get_or_insert_function(builder.module, kind, f"llvm.{name}.v{WIDTH}f64")
+    return builder.call(function, arguments)
 
 
 _define(operator.add, LANES, lambda builder, a, b: builder.fadd(a, b))
@@ -102,6 +116,10 @@ _define(operator.gt, MASK, lambda builder, a, b: builder.fcmp_ordered(">", a, b)
 _define(operator.ge, MASK, lambda builder, a, b: builder.fcmp_ordered(">=", a, b))
 _define(operator.eq, MASK, lambda builder, a, b: builder.fcmp_ordered("==", a, b))
 _define(operator.ne, MASK, lambda builder, a, b: builder.fcmp_unordered("!=", a, b))
+_define(operator.and_, MASK, lambda builder, a, b: builder.and_(a, b), ((MASK, MASK),))
+_define(operator.or_, MASK, lambda builder, a, b: builder.or_(a, b), ((MASK, MASK),))
+_define(operator.invert, MASK, lambda builder, a: builder.not_(a), ((MASK,),))
+_define(abs, LANES, lambda builder, a: _call(builder, "fabs", a), ((LANES,),))
 
 
 def _row(context: Any, builder: Any, array_type: Any, array: Any, row: Any) -> Any:
@@ -150,36 +168,6 @@ def choose(typing_context: Any, mask: Any, first: Any, second: Any) -> Any:
 
 
 @intrinsic
-def both(typing_context: Any, first: Any, second: Any) -> Any:
-    """Return where both of two conditions hold."""
-
-    def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
-        return builder.and_(*arguments)
-
-    return MASK(MASK, MASK), generate
-
-
-@intrinsic
-def either(typing_context: Any, first: Any, second: Any) -> Any:
-    """Return where one of two conditions holds."""
-
-    def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
-        return builder.or_(*arguments)
-
-    return MASK(MASK, MASK), generate
-
-
-@intrinsic
-def without(typing_context: Any, first: Any, second: Any) -> Any:
-    """Return where the first of two conditions holds and the second does not."""
-
-    def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
-        return builder.and_(arguments[0], builder.not_(arguments[1]))
-
-    return MASK(MASK, MASK), generate
-
-
-@intrinsic
 def somewhere(typing_context: Any, mask: Any) -> Any:
     """Return whether a condition holds in any lane."""
 
@@ -190,13 +178,6 @@ def somewhere(typing_context: Any, mask: Any) -> Any:
     return types.boolean(MASK), generate
 
 
-def _call(builder: Any, name: str, *arguments: Any) -> Any:
-    """Call a function of LLVM on vectors."""
-    kind = ir.FunctionType(DOUBLES, [DOUBLES] * len(arguments))
-    function = cgutils.get_or_insert_function(builder.module, kind, f"llvm.{name}.v{WIDTH}f64")
-    return builder.call(function, arguments)
-
-
 @intrinsic
 def madd(typing_context: Any, a: Any, b: Any, c: Any) -> Any:
     """Return a b + c, rounded once where the processor can."""
@@ -205,16 +186,6 @@ def madd(typing_context: Any, a: Any, b: Any, c: Any) -> Any:
         return _call(builder, "fmuladd", *(_spread(builder, x) for x in arguments))
 
     return LANES(a, b, c), generate
-
-
-@intrinsic
-def size(typing_context: Any, a: Any) -> Any:
-    """Return the absolute value."""
-
-    def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
-        return _call(builder, "fabs", *arguments)
-
-    return LANES(LANES), generate
 
 
 @intrinsic

@@ -10,6 +10,7 @@ import numpy as np
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import EFFECTS, Joint
 from cjt_gym.joint.batch import DELAYS
+from cjt_gym.joint.effect_entries import CHANNEL_VALUES
 from cjt_gym.joint.effects import Effect, EffectParameter
 from cjt_gym.joint.quantity import Quantity
 from cjt_gym.plant.randomization.target import Target, find_target
@@ -22,7 +23,6 @@ HALF = 0.5  # the same where the size of an effect is a difference from nominal
 SPEEDS = ("Hz", "A/s")  # units of sizes of which less is the stronger effect, and 0 is none
 COUNTED = ("n", "p")  # exact by their nature, unless the joint file gives a tolerance
 NORMAL = 1.96  # standard deviations on either side of the middle that hold 95 %
-NOISY_KEYS = ("std", "noise", "resolution", "value")
 
 
 @dataclass(frozen=True)
@@ -204,7 +204,7 @@ def _source_of(joint: Joint, effect: str, parameter: EffectParameter) -> Quantit
     listed = joint.file.effects.get(effect, {})
     key = parameter.symbol
     if listed.get("channel") == key:
-        key = next((k for k in NOISY_KEYS if k in listed), key)
+        key = next((k for k in CHANNEL_VALUES if k in listed), key)
     quantity = listed.get(key)
     if quantity is None and parameter.joint_parameter is not None:
         source = parameter.joint_parameter

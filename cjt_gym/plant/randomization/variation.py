@@ -12,7 +12,7 @@ from cjt_gym.errors import ConfigurationError, UnknownNameError, unknown_name
 DISTRIBUTIONS = ("uniform", "log_uniform", "normal", "choice")
 OPERATIONS = ("set", "scale", "add")
 TIMES = ("once", "reset", "interval", "drift")
-ROUNDING = 1e-12
+ROUNDING = 1e-12  # of a sum of squares that is 1
 TAILS = 4.0  # standard deviations at which a normal draw is cut off unless told otherwise
 NEEDED = {
     "uniform": ("low", "high"),

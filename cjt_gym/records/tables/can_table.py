@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from cjt_gym.disk import BYTES_OF_TEXT, COLUMNS, NUMBERS, parsed_each, parsing
 from cjt_gym.errors import RecordError
 from cjt_gym.records.tables import blf_size
-from cjt_gym.records.tables.flat import sliced
 from cjt_gym.records.tables.libraries import library
 from cjt_gym.records.tables.mcap_table import LOG_TIME
 
@@ -65,11 +64,6 @@ def read(path: Path) -> dict[str, NDArray[Any]]:
             column = [float(row.get(signal, np.nan)) for row in rows]
             table[f"/{name}:{signal}"] = np.array(column)
     return table
-
-
-def stream(path: Path, rows: int) -> Iterator[dict[str, NDArray[Any]]]:
-    """Yield the columns; messages have clocks of their own, so the file is read as a whole."""
-    return sliced(read(path), rows)
 
 
 def frames(path: Path) -> Iterator[Any]:

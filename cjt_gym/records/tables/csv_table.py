@@ -29,7 +29,8 @@ def read(path: Path) -> dict[str, FloatArray]:
     Raises:
         RecordError: A line does not; the message gives its number.
     """
-    return _joined(path, ROWS, strict=True)
+    pieces = list(_pieces(path, ROWS, strict=True))
+    return {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
 
 
 def stream(path: Path, rows: int) -> Iterator[dict[str, FloatArray]]:
@@ -52,11 +53,6 @@ def write(columns: Mapping[str, FloatArray], path: Path) -> None:
         comments="",
         encoding="utf-8",
     )
-
-
-def _joined(path: Path, rows: int, strict: bool) -> dict[str, FloatArray]:
-    pieces = list(_pieces(path, rows, strict))
-    return {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
 
 
 def _pieces(path: Path, rows: int, strict: bool) -> Iterator[dict[str, FloatArray]]:

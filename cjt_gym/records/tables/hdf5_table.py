@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +12,9 @@ from numpy.typing import NDArray
 from cjt_gym.disk import COLUMNS, NUMBERS
 from cjt_gym.errors import RecordError
 from cjt_gym.records.tables.flat import NUMBERS as REAL
-from cjt_gym.records.tables.flat import flat_arrays, sliced
+from cjt_gym.records.tables.flat import flat_arrays
 
-DEEPEST = 32
+DEEPEST = 32  # groups in groups, far more than logs have
 
 
 def read(path: Path) -> dict[str, NDArray[Any]]:
@@ -63,8 +62,3 @@ def _refuse_elsewhere(path: Path, name: str, dataset: Any) -> None:
             f"{name} in {path} is stored in other files, which are not read. Copy it into one file:"
             "  h5repack run.h5 whole.h5"
         )
-
-
-def stream(path: Path, rows: int) -> Iterator[dict[str, NDArray[Any]]]:
-    """Yield the series in pieces of so many rows. The file is read as a whole."""
-    return sliced(read(path), rows)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cjt_gym.errors import RecordError
 from cjt_gym.records.checks import FloatArray
 from cjt_gym.records.tables import hdf5_table
-from cjt_gym.records.tables.flat import flat_arrays, sliced
+from cjt_gym.records.tables.flat import flat_arrays
 from cjt_gym.records.tables.mat5 import HEADER, is_mat5, read_mat5
 
 HDF5_MARK = b"MATLAB 7.3"
@@ -46,11 +46,6 @@ def read(path: Path) -> dict[str, NDArray[Any]]:
             "data as plain vectors, such as  q = ts.Data; save('log.mat', 'q')."
         )
     return columns
-
-
-def stream(path: Path, rows: int) -> Iterator[dict[str, NDArray[Any]]]:
-    """Yield the vectors in pieces of so many rows. The file is read as a whole."""
-    return sliced(read(path), rows)
 
 
 def write(columns: Mapping[str, FloatArray], path: Path) -> None:

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from cjt_gym.disk import COLUMNS, NUMBERS, parsing
 from cjt_gym.errors import RecordError
 from cjt_gym.records.checks import FloatArray
-from cjt_gym.records.tables.flat import flat_numbers, sliced
+from cjt_gym.records.tables.flat import flat_numbers
 from cjt_gym.records.tables.libraries import library
 
 LOG_TIME: Final = "log_time"
@@ -70,11 +70,6 @@ def read(path: Path) -> dict[str, NDArray[Any]]:
         for name, topic in topics.items()
         for field, values in topic.columns()
     }
-
-
-def stream(path: Path, rows: int) -> Iterator[dict[str, NDArray[Any]]]:
-    """Yield the columns; topics have clocks of their own, so the file is read as a whole."""
-    return sliced(read(path), rows)
 
 
 def write(columns: Mapping[str, FloatArray], path: Path) -> None:
