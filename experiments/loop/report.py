@@ -11,6 +11,7 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.ticker import LogLocator, NullFormatter
 
+from cjt_gym.datasheet.blocks import Block
 from cjt_gym.datasheet.drawing import INK, canvas
 from cjt_gym.disk import write_text
 from cjt_gym.errors import MissingFileError
@@ -213,7 +214,7 @@ def facts(data: dict[str, Any]) -> str:
 def write_page(folder: Path, outcomes: Sequence[Outcome]) -> Path:
     """Write `report.html` and return its path."""
     found = summary_of(outcomes)
-    parts = [
+    parts: list[Block] = [
         report.paragraph(verdict(found)),
         report.figure(
             figure_of(outcomes),
