@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.envs.observation import Row, divisors, observes
+from cjt_gym.envs.settings import sampled
 from cjt_gym.envs.strip_chart import RENDER_MODES, StripChart
 from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.joint import Joint, load_joint
@@ -143,7 +144,8 @@ class CurrentControlEnv(gym.Env[Observation, Action]):
         self.i_p, self.v_0 = float(p.i_p), float(p.v_0)
         self._divisors = divisors(Observed, self)
         usual = Signal("step", amplitude=LEVEL_SHARE * self.peak, period=HOLD)
-        self.references = make_signals(usual if reference is None else reference, usual.amplitude)
+        given = sampled(usual if reference is None else reference, episode_steps + 1, dt_control)
+        self.references = make_signals(given, usual.amplitude)
         self.batch = JointBatch(joint, 1, dt_control, dt_physics, voltage=True)
         self.observation_space = gym.spaces.Box(-2.0, 2.0, (6,), np.float32)
         self.action_space = gym.spaces.Box(-1.0, 1.0, (2,), np.float32)
