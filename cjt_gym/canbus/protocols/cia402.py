@@ -18,7 +18,7 @@ from typing import Final
 
 from canopen.sdo.exceptions import SdoAbortedError
 
-from cjt_gym.canbus.protocols.cia402_objects import OBJECTS, PDOS, Pdo, State
+from cjt_gym.canbus.protocols.cia402_objects import PDOS, Pdo, State
 from cjt_gym.canbus.protocols.cia402_profile import (
     ENABLING,
     Access,
@@ -177,15 +177,10 @@ class Cia402Master:
     def _map(self, pdo: Pdo) -> Sequence[Step]:
         """Return the steps that set up a PDO: it is off while its objects change."""
         identifier = pdo.cob_id + self.settings.node
-        entries = [
-            index << 16 | sub << 8 | OBJECTS[index, sub].field.bits for index, sub in pdo.objects
-        ]
         steps = [
             self._write((pdo.parameters, 1), 1 << 31 | identifier),
             self._write((pdo.parameters, 2), pdo.kind),
-            self._write((pdo.mapping, 0), 0),
-            *(self._write((pdo.mapping, at), entry) for at, entry in enumerate(entries, 1)),
-            self._write((pdo.mapping, 0), len(entries)),
+            *(self._access(each) for each in self.profile.mapping(pdo)),
         ]
         if pdo.event_ms:
             steps.append(self._write((pdo.parameters, 5), pdo.event_ms))
