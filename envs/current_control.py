@@ -24,7 +24,6 @@ Observation = NDArray[np.float32]
 Action = NDArray[np.float32]
 SPEED_SHARE, LEVEL_SHARE, HOLD = 0.5, 0.7, 0.01
 HEAVY = 1e9
-VIOLATION = -10.0
 LABELS = ("reference", "motor torque")
 AT_LIMIT = 1.0 - 1e-9
 
@@ -63,8 +62,9 @@ class CurrentControlEnv(gym.Env[Observation, Action]):
 
     ## Reward
 
-    -abs(reference - torque) / (2 k_t n i_p), and -10 for the step in which the current reaches its
-    limit: no better than any tracking, for agents that discount by 0.9 a step.
+    1 - abs(reference - torque) / (2 k_t n i_p), and 0 for the step in which the current reaches its
+    limit. This is gym-electric-motor's `WeightedSumOfErrors` with `bias="positive"`: no reward is
+    negative, so that no discount makes it worthwhile to end an episode.
 
     ## Starting state
 
@@ -95,6 +95,12 @@ class CurrentControlEnv(gym.Env[Observation, Action]):
     | `render_mode` | None | "human" or "rgb_array": a strip chart (needs matplotlib) |
 
     Without `reference`, levels of at most 70 % of the peak torque are held for 10 ms.
+
+    ## Training
+
+    Full voltage takes the current to its limit within two steps or so, and the windings settle
+    within ten. Begin with little exploration and look ahead about as far: PPO of Stable-Baselines3
+    with `gamma=0.9`, `gae_lambda=0.9` and `policy_kwargs={"log_std_init": -1.5}`.
 
     ## Version history
 
@@ -185,7 +191,7 @@ class CurrentControlEnv(gym.Env[Observation, Action]):
         info = self._info()
         terminated = bool(np.hypot(info["i_q"], info["i_d"]) >= AT_LIMIT * self.i_p)
         error = abs(info["tau_reference"] - info["tau"]) / (2.0 * self.peak)
-        reward = VIOLATION if terminated else -error
+        reward = 0.0 if terminated else 1.0 - error
         self._chart.add(info["tau_reference"], info["tau"])
         truncated = self._k >= self.episode_steps and not terminated
         return self._observe(), float(reward), terminated, truncated, info

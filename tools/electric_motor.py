@@ -63,7 +63,7 @@ def rewards() -> list[float]:
     env = ElectricMotorEnvironment(
         physical_system=system(gem.ConstantSpeedLoad(omega_fixed=SPEED), LARGE | {"i": PEAK}),
         reference_generator=ConstReferenceGenerator("torque", 0.5),
-        reward_function=WeightedSumOfErrors({"torque": 1.0}),
+        reward_function=WeightedSumOfErrors({"torque": 1.0}, bias="positive"),
         constraints=(SquaredConstraint(("i_sq", "i_sd")),),
         visualization=(),
     )
