@@ -1,9 +1,9 @@
 """CiA 402 over CANopen, cyclic synchronous torque: the master's side.
 
-A command is an RPDO with controlword and target torque and a SYNC, which the drive answers with two
-TPDOs: state, position and torque; velocity, current and error. Before, the drive is set up by SDO,
-each answered before the next. The drive watches the master's heartbeat, which goes with commands.
-What is said, apart from CANopen, is in `cia402_profile.py`.
+A command is an RPDO with controlword and target torque, followed by a SYNC. The drive answers with
+two TPDOs: state, position and torque; velocity, current and error. It is set up by SDOs beforehand,
+one at a time. The drive monitors the master's heartbeat, which is sent along with commands. The
+part that does not depend on CANopen is in `cia402_profile.py`.
 
 References:
     CiA 301 and CiA 402 (IEC 61800-7-201): the finite state automaton and its controlword.
