@@ -25,7 +25,7 @@ TOOLBOX_SUFFIX = ".m"
 
 @dataclass(frozen=True)
 class JointFile:
-    """All that a joint file says.
+    """The content of a joint file.
 
     Attributes:
         parameters: The validated parameters.
@@ -80,7 +80,7 @@ class JointFile:
 
 
 def joint_names() -> tuple[str, ...]:
-    """Return the names of the joints that ship with the package."""
+    """Return the names of the shipped joints."""
     folder = resources.files("cjt_gym.params")
     return tuple(
         sorted(
@@ -175,7 +175,7 @@ def read_joint_text(path: Path) -> str:
 
 
 def _parsed(text: str, origin: str) -> JointFile:
-    """Return the joint file that a text holds, or raise all of its mistakes at once."""
+    """Return the joint file for a text, or raise all of its mistakes at once."""
     mistakes = Mistakes(origin)
     document = parse_document(text, origin, mistakes)
     for key, known in (("structure", STRUCTURES), ("drive", DRIVES)):
