@@ -187,7 +187,7 @@ def make_settings(given: TaskArguments) -> Settings:
     steps = given.episode_steps + layout.preview + 1
     return Settings(
         joint=joint,
-        references=make_signals(_sampled(given.reference, steps, layout.dt), layout.torque),
+        references=make_signals(sampled(given.reference, steps, layout.dt), layout.torque),
         disturbances=disturbances,
         layout=layout,
         episode_steps=given.episode_steps,
@@ -214,7 +214,7 @@ def _layout(joint: Joint, given: TaskArguments, disturbances: tuple[Signal, ...]
     return replace(layout, joint_numbers=joint_numbers(joint, layout.torque))
 
 
-def _sampled(reference: Any, steps: int, dt: float) -> Any:
+def sampled(reference: Any, steps: int, dt: float) -> Any:
     """Return a reference as a signal where it is an array or a function of time.
 
     Args:
@@ -228,7 +228,7 @@ def _sampled(reference: Any, steps: int, dt: float) -> Any:
         ConfigurationError: The array has another shape, or a value is not a finite number.
     """
     if isinstance(reference, (list, tuple)):
-        return [_sampled(each, steps, dt) for each in reference]
+        return [sampled(each, steps, dt) for each in reference]
     if isinstance(reference, np.ndarray):
         values = checked_array("reference", reference, (None,))
         values = np.pad(values, (0, max(0, steps - len(values))), "edge")

@@ -19,23 +19,24 @@ HEAD = """# Drive protocols
 
 <!-- Written by `python -m tools.protocols_page`; change the tables of the protocols instead. -->
 
-What drives speak on a CAN bus, one file and one row each in `cjt_gym/canbus/protocols/`. From each
-protocol's table come its codec, its emulated drive, the tests and this page. Install with
-`pip install "cjt-gym[can]"`.
+The protocols that drives use on a CAN bus. Each is one file and one row in
+`cjt_gym/canbus/protocols/`; its codec, its emulated drive, its tests and this page are generated
+from the same table. Install with `pip install "cjt-gym[can]"`.
 
-A configuration names the protocol and says how the drive counts:
+A configuration names the protocol and gives sign, zero and gear ratio of the drive's angle:
 
 ```toml
 [drive]
 protocol = "odrive"
 node = 1
-sign = -1          # the drive counts the other way round
-offset = 0.3       # what it shows where the joint's angle is zero [rad, drive's shaft]
-gear_ratio = 100   # left out: n of the joint for "motor", 1 for "output" in the table below
+sign = -1          # the drive counts in the opposite direction
+offset = 0.3       # its reading where the joint's angle is zero [rad, at the drive's shaft]
+gear_ratio = 100   # default: n of the joint if it counts at the motor, 1 at the output
 ```
 
-So `q_m = sign * (angle - offset) / gear_ratio` and `tau_m = sign * torque * gear_ratio`; on this
-side of it everything is SI and on the link side, as in records. Nodes report these channels:
+This means `q_m = sign * (angle - offset) / gear_ratio` and `tau_m = sign * torque * gear_ratio`.
+Everything above the protocol is in SI units and on the link side, as in records. Nodes report these
+channels:
 
 {channels}
 
@@ -43,8 +44,8 @@ side of it everything is SI and on the link side, as in records. Nodes report th
 |---|---|---|---|---|---|---|
 {overview}
 
-Sensors that are nodes of their own stand under `[sensors.NAME]`, each with its protocol; those that
-a DBC file describes need no more than
+Sensors that are separate nodes have their own tables `[sensors.NAME]`, each with its protocol. A
+sensor described by a DBC file needs only
 
 ```toml
 [sensors.torque]
@@ -52,12 +53,12 @@ protocol = "dbc"
 file = "torque_sensor"
 ```
 
-"A command enables": the drive switches on by any command, so that it is only kept off by sending
-none. "Peers": what the frames are compared with, besides the makers' documents.
+A command enables: any command switches the drive on; it stays off only as long as none is sent.
+Peers: the implementations that the frames are tested against, besides the manufacturers' documents.
 
 ## Traces
 
-What was recorded on a bus, by candump (`.log`) or as `.asc`, `.blf` or `.trc`, becomes records:
+Bus traces, recorded by candump (`.log`) or as `.asc`, `.blf` or `.trc`, can be read as records:
 
 ```python
 from cjt_gym.canbus.protocols import PROTOCOLS, settings_of
@@ -76,10 +77,10 @@ Commands become `tau_cmd`. With a DBC file of the bus beside the trace and a map
 """
 PEERS = {
     "mit": "`mini-cheetah-motor-driver-socketcan`, a client by DFKI",
-    "odrive": "the maker's DBC file",
-    "moteus": "`moteus`, the maker's client",
-    "cia402": "`canopen`: its node and its client of the profile",
-    "dbc": "the maker's DBC file against our ODrive",
+    "odrive": "the manufacturer's DBC file",
+    "moteus": "`moteus`, the manufacturer's client",
+    "cia402": "`canopen`: its node and its client for the profile",
+    "dbc": "the manufacturer's DBC file against our ODrive",
 }
 
 
@@ -112,8 +113,8 @@ def _overview(row: DriveProtocol) -> str:
 def _section(row: DriveProtocol) -> Iterator[str]:
     yield f"## {row.name}\n"
     yield _filled(f"**{row.title}.** {_about(row)}")
-    yield _filled(f"Before: {row.before}")
-    yield "| option | left out | |\n|---|---|---|"
+    yield _filled(f"Before first use: {row.before}")
+    yield "| option | default | |\n|---|---|---|"
     for name, option in row.options.items():
         choices = _choices(option.choices) if option.choices else ""
         yield f"| `{name}` | {_shown(option.default)} | {option.text}{choices} |"

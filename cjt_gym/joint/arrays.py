@@ -1,4 +1,4 @@
-"""The arrays that the kernel works on, and what their columns and rows mean."""
+"""The arrays that the kernel works on, and the meaning of their columns and rows."""
 
 from __future__ import annotations
 

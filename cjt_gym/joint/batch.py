@@ -110,7 +110,7 @@ class JointBatch:
         voltage: bool = False,
         longest_delay: float = 0.0,
     ) -> None:
-        """Allocate and discretise `num` equal joints, at rest at the origin.
+        """Allocate and discretise `num` identical joints, at rest at the origin.
 
         Args:
             joint: The joint.
@@ -177,7 +177,7 @@ class JointBatch:
         self.discretize()
 
     def use_blocks(self, joint: Joint, threads: int = 1) -> None:
-        """Step joints side by side where they are of a kind that blocks can step.
+        """Step joints in blocks if they are of a kind that blocks support.
 
         It gives what the general kernel gives, faster.
 
@@ -195,7 +195,7 @@ class JointBatch:
         self.renew(self._all)
 
     def renew(self, mask: NDArray[np.bool_]) -> None:
-        """Note for which joints parameters or their discretisation have changed."""
+        """Record which joints have new parameters or a new discretisation."""
         if self.blocks is not None:
             self.blocks.stale[mask] = True
 

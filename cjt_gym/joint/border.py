@@ -1,4 +1,4 @@
-"""What is checked before arrays reach compiled code, which does not check where it reads."""
+"""Checks of arrays before they reach compiled code, which does no bounds checking."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def checked_array(
     *,
     finite: bool = True,
 ) -> NDArray[Any]:
-    """Return values as a contiguous array of a shape and a type.
+    """Return values as a contiguous array of a given shape and type.
 
     Args:
         what: What error messages call it.

@@ -13,8 +13,8 @@ The table is a TOML file:
     smooth = {}
     rough = { coulomb = { dq_0 = 0.002 }, cogging = { f = [480.0], a = [0.5], b = [0.2] } }
 
-It stands for eight joints, with names such as ``stiff-rigid_gearbox-rough``; the drive is part of
-the name where there are several.
+It describes eight joints, with names such as ``stiff-rigid_gearbox-rough``. The drive is part of
+the name if there are several.
 """
 
 from __future__ import annotations

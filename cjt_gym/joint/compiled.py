@@ -5,9 +5,9 @@ other compiled functions only, with which they are compiled; called from Python 
 All but `compiled` ones allocate nothing: their arrays are borrowed, so that no reference is
 counted (Numba's option `_nrt`), which makes small functions several times faster.
 
-Numba renews a cached function when its own file changes, not when a function that it calls
-does. So the cache of the whole package is forgotten when a file with compiled functions changes,
-or one whose constants they read.
+Numba recompiles a cached function when its own file changes, but not when a function that it calls
+changes. The cache of the whole package is therefore discarded when any file with compiled
+functions, or with constants that they read, changes.
 """
 
 from __future__ import annotations
@@ -60,18 +60,18 @@ def lean(function: Function) -> Function:
 
 
 def threaded(function: Function) -> Function:
-    """Compile a lean function that threads may run side by side."""
+    """Compile a lean function that threads may run in parallel."""
     return _kept(function, nogil=True, **BORROWED)
 
 
 def inlined(function: Function) -> Function:
-    """Compile a lean function into its callers: handing over many arrays takes longer than it."""
+    """Compile a lean function into its callers, as passing its arrays would cost more."""
     inner: Function = register_jitable(forceinline=True, **INNER)(function)
     return inner
 
 
 def reordered(function: Function) -> Function:
-    """Compile an inlined function that vector registers may do: sums in any order, no exceptions.
+    """Compile an inlined function that may be vectorised: sums in any order, no exceptions.
 
     A division by zero gives inf or NaN.
     """
@@ -81,7 +81,7 @@ def reordered(function: Function) -> Function:
 
 
 def _kept(function: Function, **options: Any) -> Function:
-    """Compile a function, and keep what comes of it on the disk, where there is a place for it."""
+    """Compile a function, and cache the result on disk where that is possible."""
     try:
         kept: Function = njit(function, cache=True, **options)
     except RuntimeError:  # an installation that is read-only, and no home
@@ -91,14 +91,14 @@ def _kept(function: Function, **options: Any) -> Function:
 
 
 def kept_functions() -> bool:
-    """Return whether functions of joints were compiled before and kept."""
+    """Return whether the cache holds compiled functions of joints."""
     given = os.environ.get("NUMBA_CACHE_DIR")
     home = Path(given) if given else Path(__file__).parent / "__pycache__"
     return any(home.rglob("*.nbi"))
 
 
 def while_compiling(tell: Callable[[bool], None]) -> None:
-    """Have it told when a function begins to be compiled (True), and when none is any more."""
+    """Call back with True when compiling begins, and with False when it has ended."""
     event.register("numba:compile", _Compiler(tell))  # type: ignore[no-untyped-call]
 
 
@@ -121,7 +121,7 @@ class _Compiler(event.Listener):
 
 @cache
 def _warn() -> None:
-    """Tell once that nothing is kept."""
+    """Warn once that compiled code cannot be cached."""
     warnings.warn(UNKEPT, CjtGymWarning, stacklevel=2)
 
 
@@ -131,7 +131,7 @@ def _folders() -> list[Path]:
 
 
 def _sources(folders: list[Path]) -> list[Path]:
-    """Return the files with compiled functions, and all those from which these import."""
+    """Return the files with compiled functions, and those that they import from."""
     texts = {path: path.read_text("utf-8") for folder in folders for path in folder.rglob("*.py")}
     names = {".".join(path.with_suffix("").parts[-2:]): path for path in texts}
     found = [path for path, text in texts.items() if f"from {__name__} import" in text]

@@ -1,4 +1,4 @@
-"""From what a person writes to what the kernel reads.
+"""From user input to the arrays of the kernel.
 
 `resolve_effects` turns names or dictionaries of effects into complete, validated values;
 `pack` turns a joint into one parameter record and its ripple rows.
@@ -107,13 +107,13 @@ def resolve_effects(
 
 
 def _lacks_nominal(effect: Effect, p: JointParameters) -> bool:
-    """Whether it replaces a parameter that the joint does not have."""
+    """Whether an effect replaces a parameter that the joint does not have."""
     replaced = [x.relative_to for x in effect.parameters if x.replaces and x.low > 0.0]
     return any(p.get(name or "", 0.0) == 0.0 for name in replaced)
 
 
 def _requested(spec: EffectSpec, file: JointFile) -> tuple[dict[str, Mapping[str, Any]], set[str]]:
-    """Return the effects that are asked for with their values, and those with typical ones."""
+    """Return the requested effects with their values, and those that take typical values."""
     if spec is None:
         spec = file.effects
     elif isinstance(spec, str):
@@ -295,7 +295,7 @@ def _is_idle(effect: Effect, values: EffectValues, p: JointParameters) -> bool:
 
 
 def _check_whole(effect: Effect, values: EffectValues, given: set[str], file: JointFile) -> None:
-    """Refuse series of unequal length, and an effect of which nothing is known."""
+    """Reject series of unequal length, and effects without any known value."""
     owner = file.parameters.origin
     series = {p.symbol: values[p.symbol] for p in effect.parameters if p.series}
     lengths = {symbol: len(v) for symbol, v in series.items() if isinstance(v, tuple)}
@@ -328,7 +328,7 @@ def _typical_offer(effect: Effect) -> str:
 
 
 def is_known(effect: Effect, file: JointFile) -> bool:
-    """Return whether a joint file has the numbers that make an effect do something.
+    """Return whether a joint file gives the values that switch an effect on.
 
     Raises:
         ParameterError: It has some of them, and lacks others.
@@ -346,7 +346,7 @@ def is_known(effect: Effect, file: JointFile) -> bool:
 
 
 def _stated(parameter: EffectParameter, file: JointFile) -> Quantity | None:
-    """Return what the joint file says of a number elsewhere than under the effect itself."""
+    """Return the value that the joint file gives outside the effect's own table."""
     source = parameter.joint_parameter or ""
     if source.startswith("sensors."):
         _, channel, key = source.split(".")

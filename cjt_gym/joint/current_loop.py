@@ -1,16 +1,16 @@
-"""The current controller of a voltage drive: PI on both axes, decoupled, held back at the supply.
+"""The current controller of a voltage drive: PI on both axes, with decoupling and anti-windup.
 
     v_q = k dq_m + w_e l i_d + kp e_q + ki z_q,     e_q = i_wanted - i_q,
     v_d =        - w_e l i_q + kp e_d + ki z_d,     e_d = -i_d,      w_e = p n dq_m
     z[k+1] = z[k] + T (e + (v_applied - v) / (kp + r)),     kp = w l,  ki = w r
 
-Internal-model control: the controller's zero takes the place of the winding's pole r / l, so that
-the current follows as a first-order lag with the bandwidth w. Back-EMF (k is two thirds of k_t n in
-d-q axes) and the coupling of the axes are added rather than integrated up. What the supply cuts off
-does not wind the integrals up. Without inductance (`static`) only the integral acts; with one phase
-only the q axis is there.
+Internal-model control: the controller's zero cancels the winding's pole r / l, so that the current
+follows as a first-order lag with bandwidth w. Back-EMF (k is two thirds of k_t n in d-q axes) and
+the coupling of the axes are fed forward. Voltage that the supply cuts off does not wind up the
+integrals. Without inductance (`static`) only the integral acts; with one phase there is only the q
+axis.
 
-The controller samples at its own rate and knows r, l and k_t only as they are told to it.
+The controller has its own sample rate and its own values of r, l and k_t, which may be wrong.
 
 References:
     Harnefors, Nee (1998), Model-based current control of AC machines using the internal model
@@ -91,7 +91,7 @@ def substeps_per_sample(p: Any, setup: Setup) -> int:
 
 @lean
 def closes(p: Any, setup: Setup) -> bool:
-    """Whether a current controller stands between the command and the voltage."""
+    """Whether there is a current controller between the command and the voltage."""
     return setup.drive != CURRENT and not setup.is_voltage and p.loop_bandwidth > 0.0
 
 
@@ -99,7 +99,7 @@ def closes(p: Any, setup: Setup) -> bool:
 def regulated_command(
     p: Any, memory: Floats, setup: Setup, at: int, currents: Floats, command: float, dq_m: float
 ) -> tuple[float, float]:
-    """Return the voltages (v_q, v_d) of substep `at` since the reset; sample where that is due."""
+    """Return the voltages (v_q, v_d) of substep `at` since the reset; sample when it is due."""
     every = substeps_per_sample(p, setup)
     volts = memory[VOLTS : VOLTS + 2]
     if at % every == 0:

@@ -1,4 +1,4 @@
-"""What the file of a diagnosed joint says of its numbers: how they vary together, where they hold.
+"""The `[found]` tables of a diagnosed joint: covariance of its numbers, and where they hold.
 
 ``[found.covariance]`` has `names` (such as "damping.d_m", as randomisations call them), `values`
 and `matrix`, in the units of the file. ``[found.speed]``, ``torque``, ``frequency`` and
@@ -27,7 +27,7 @@ REMEDY = "Write the file with  cjt-gym diagnose  again, or remove the table."
 
 @dataclass(frozen=True, eq=False)
 class Covariance:
-    """How sure the numbers of a joint are, and how they vary together.
+    """The uncertainty of the numbers of a joint, and how they vary together.
 
     Attributes:
         names: Numbers of the file, such as "damping.d_m".
@@ -42,7 +42,7 @@ class Covariance:
 
 @dataclass(frozen=True)
 class Range:
-    """A range of values at which a joint was found.
+    """A range of values in which a joint was identified.
 
     Attributes:
         low: Lowest value.
@@ -56,7 +56,7 @@ class Range:
 
 
 def covariance_of(file: JointFile) -> Covariance | None:
-    """Return the covariance that a joint file states; None where it states none.
+    """Return the covariance in a joint file, or None.
 
     Raises:
         ParameterError: It is not one.
@@ -84,7 +84,7 @@ def covariance_of(file: JointFile) -> Covariance | None:
 
 
 def ranges_of(file: JointFile) -> dict[str, Range]:
-    """Return the ranges at which a joint file says that it was found, by quantity.
+    """Return the ranges in which a joint was identified, by quantity.
 
     Raises:
         ParameterError: One of them is not a range.

@@ -1,4 +1,4 @@
-"""What moves or pushes the load on top of the given input."""
+"""Motion and torque of the load in addition to the given input."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ frequency wide."""
 
 @lean
 def is_disturbed(p: Any) -> bool:
-    """Whether anything acts on the load besides what is given."""
+    """Whether anything besides the given input acts on the load."""
     return bool(p.motion_amplitude > 0.0 or p.human_std > 0.0 or p.tremor_std > 0.0)
 
 

@@ -40,7 +40,7 @@ NEEDED_PARAMETERS: dict[str, tuple[str, ...]] = {
 
 
 def get_drive(name: str) -> int:
-    """Return the number under which the kernel knows a drive.
+    """Return the number of a drive in the kernel.
 
     Raises:
         UnknownNameError: There is none of that name.

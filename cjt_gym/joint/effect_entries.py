@@ -65,7 +65,7 @@ def _is_known(effect: Effect, key: str, entries: Mapping[str, Any]) -> bool:
 
 
 def units_of(parameter: EffectParameter, axis: str) -> tuple[str, ...]:
-    """Return the units in which a number of an effect may be, the usual one first."""
+    """Return the units allowed for a number of an effect, the standard one first."""
     return tuple(dict.fromkeys((*axis_units(parameter.unit, axis), parameter.unit)))
 
 

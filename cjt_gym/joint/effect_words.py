@@ -1,4 +1,4 @@
-"""Effects as a command line writes them, and what a joint has of them, in words."""
+"""Effects as written on a command line, and the effects of a joint in words."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def _no_effect(word: str) -> ConfigurationError:
 
 
 def known_but_off(joint: Joint) -> tuple[str, ...]:
-    """Return the effects that are off though the joint file knows the numbers for them.
+    """Return the effects that are off although the joint file gives their values.
 
     Example:
         >>> from cjt_gym import load_joint
@@ -86,7 +86,7 @@ def _known_but_off(joint: Joint) -> Iterator[str]:
 
 
 def effects_in_words(joint: Joint) -> str:
-    """Say which effects are in force on a joint, and which it knows that are off."""
+    """Describe which effects are active on a joint, and which known ones are off."""
     names = ", ".join(joint.effects) or "none"
     off = known_but_off(joint)
     left = f"; its file knows, but they are off: {', '.join(off)}" if off else ""
@@ -94,7 +94,7 @@ def effects_in_words(joint: Joint) -> str:
 
 
 def plain_effects(effects: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the values of effects as JSON takes them."""
+    """Return the values of effects in a form for JSON."""
     return {
         name: {k: list(v) if isinstance(v, tuple) else v for k, v in values.items()}
         for name, values in effects.items()

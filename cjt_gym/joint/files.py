@@ -28,7 +28,7 @@ TOOLBOX_SUFFIX = ".m"
 
 @dataclass(frozen=True)
 class JointFile:
-    """All that a joint file says.
+    """The content of a joint file.
 
     Attributes:
         parameters: The validated parameters.
@@ -83,7 +83,7 @@ class JointFile:
 
 
 def joint_names() -> tuple[str, ...]:
-    """Return the names of the joints that ship with the package."""
+    """Return the names of the shipped joints."""
     folder = resources.files("cjt_gym.params")
     return tuple(
         sorted(
@@ -193,7 +193,7 @@ def read_joint_text(path: Path) -> str:
 
 
 def _parsed(text: str, origin: str) -> JointFile:
-    """Return the joint file that a text holds, or raise all of its mistakes at once."""
+    """Return the joint file for a text, or raise all of its mistakes at once."""
     mistakes = Mistakes(origin)
     content = parse_document(text, origin, mistakes)
     axis = content.pop("axis")

@@ -93,7 +93,7 @@ def level(
 def coulomb_friction(
     dq_0: float, work: Floats, row: int, dq: float, side: float
 ) -> tuple[float, float]:
-    """Return the friction of a body that has Coulomb and one-sided viscous friction alone."""
+    """Return the friction of a body that has only Coulomb and one-sided viscous friction."""
     g = work[row, UP] if side > 0.0 else work[row, DOWN]
     if dq_0 > 0.0:
         s = math.tanh(dq / dq_0)

@@ -253,7 +253,7 @@ def guessed_mode(p: Any, memory: Floats, setup: Setup, work: Floats, g: int) -> 
 
 @lean
 def changes_mode(p: Any, memory: Floats, setup: Setup, work: Floats, command: float) -> bool:
-    """Let go what needs more torque than friction has, and hold what would slide backwards."""
+    """Release bodies that friction cannot hold, and hold those that would slide backwards."""
     changed = False
     for g in range(setup.size):
         if work[MODE, g] == SMOOTH:

@@ -280,7 +280,7 @@ class Joint:
         )
 
     def _met(self, columns: Mapping[str, Floats], dt: float) -> dict[str, tuple[float, float]]:
-        """Return between which values a simulation was, by quantity."""
+        """Return the ranges that a simulation covered, by quantity."""
         p, met = self.parameters, {}
         if "v" in columns:
             torque = columns["v"] * p.k_t * p.n / p.r

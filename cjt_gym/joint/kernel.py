@@ -1,4 +1,4 @@
-"""The compiled loops over control steps and joints: one kernel for every joint there is."""
+"""The compiled loops over control steps and joints: one kernel for all joints."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ LARGEST = 1e12
 
 @lean
 def throw_switches(p: Any, ripple: Floats, setup: Setup, work: Floats) -> None:
-    """Note what the substeps have to do, so that an effect that is off costs nothing in them."""
+    """Determine what the substeps have to do, so that inactive effects cost nothing."""
     for column in range(UNSOLVED + 1):
         work[SWITCH, column] = 0.0
     if not setup.is_voltage and (p.current_rate > 0.0 or p.current_bandwidth > 0.0):
@@ -227,7 +227,7 @@ def step_batch(
 def simulate(
     batch: Batch, setup: Setup, commands: Floats, load: Floats, out: Floats, true: Floats
 ) -> int:
-    """Run joint 0 over a whole input; row k is what holds before command k acts.
+    """Run joint 0 over a whole input; row k holds the values before command k acts.
 
     Args:
         batch: A batch of one.

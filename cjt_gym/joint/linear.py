@@ -173,7 +173,7 @@ INVISIBLE = 1e-9
 def minimal_transfer(
     system: control.StateSpace, output: str, input: str
 ) -> control.TransferFunction:
-    """Return the transfer function between two named signals, without what does not take part."""
+    """Return the minimal transfer function between two named signals."""
     import control
     from scipy.signal import BadCoefficients
 
@@ -192,7 +192,7 @@ def minimal_transfer(
 
 
 def _observable(a: Matrix, b: Matrix, c: Matrix) -> tuple[Matrix, Matrix, Matrix]:
-    """Return a system without the states that do not show in its output."""
+    """Return a system without its unobservable states."""
     from scipy.linalg import matrix_balance
 
     if not (len(a) and c.any()):

@@ -1,10 +1,9 @@
-"""The torque that the gear transmits, and what depends on it: ripple and friction under load.
+"""The torque that the gear transmits, and what depends on it: ripple and load-dependent friction.
 
-With a spring in the joint the torque follows from its deflection, so that it is known well before
-the forces of the substep are. A rigid joint transmits what accelerates its load, which depends on
-friction and ripple at the same instant: an algebraic loop, which is solved. So it is where a
-nonlinear spring may swing faster than the substeps: a ripple that lags behind such a swing would
-drive it.
+In a joint with a spring, the torque follows from the deflection and is known before the forces of
+the substep. A rigid joint transmits the torque that accelerates its load, which depends on friction
+and ripple at the same instant; this algebraic loop is solved. The same is done where a nonlinear
+spring may oscillate faster than the substeps, because a ripple that lags behind would excite it.
 """
 
 from __future__ import annotations

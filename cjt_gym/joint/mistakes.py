@@ -1,4 +1,4 @@
-"""Collects the mistakes of a joint file, so that they are reported at once."""
+"""Collects the mistakes in a joint file, so that all are reported at once."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from cjt_gym.errors import ParameterError
 
 
 class Mistakes:
-    """The mistakes that were found in one place.
+    """The mistakes found in one file or table.
 
     Example:
         >>> mistakes = Mistakes("mine.toml")
@@ -26,14 +26,14 @@ class Mistakes:
 
     @contextmanager
     def collected(self) -> Iterator[None]:
-        """Take down the ParameterError that the block raises, and go on behind it."""
+        """Collect the ParameterError that the block raises, and continue after it."""
         try:
             yield
         except ParameterError as error:
             self.found += error.mistakes
 
     def check(self) -> None:
-        """Raise all that was found as one ParameterError, if there is anything."""
+        """Raise the collected mistakes as one ParameterError, if there are any."""
         found = tuple(dict.fromkeys(self.found))
         if len(found) == 1:
             raise ParameterError(found[0])

@@ -1,4 +1,4 @@
-"""Telling, once per joint, that a simulation leaves the ranges at which the joint was found."""
+"""Warns, once per joint, when a simulation leaves the ranges in which the joint was identified."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ _told: WeakValueDictionary[int, JointFile] = WeakValueDictionary()
 
 
 def is_told(file: JointFile) -> bool:
-    """Return whether a joint was told of, or states no range."""
+    """Return whether a joint has been warned about, or states no range."""
     return not file.found or _told.get(id(file)) is file
 
 
 def tell_outside(file: JointFile, met: Met) -> None:
-    """Warn, the first time, that a simulation leaves the ranges at which a joint was found.
+    """Warn, once, that a simulation leaves the ranges in which a joint was identified.
 
     Rest is always within; so is what goes beyond a range by a tenth of its largest value, and a
     frequency within an octave.
@@ -80,7 +80,7 @@ def frequency_of(x: Floats, dt: float) -> float:
 
 
 def _beyond(name: str, known: Range, met: tuple[float, float]) -> float | None:
-    """Return the value that is farthest out of a range; None where it is within."""
+    """Return the value farthest outside a range, or None."""
     if name == "frequency":
         return met[1] if met[1] > OCTAVE * known.high else None
     margin = MARGIN * max(abs(known.low), abs(known.high))

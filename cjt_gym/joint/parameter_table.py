@@ -41,7 +41,7 @@ _VOLTS: Mapping[str, str] = {"N m/A": "N m/V", "A": "V"}
 
 @dataclass(frozen=True)
 class ParameterSpec:
-    """What is known about a parameter before a joint gives it a value.
+    """A row of the table: unit, range and meaning of a parameter.
 
     Attributes:
         symbol: Its name in files and in code.
@@ -174,7 +174,7 @@ _CHANNEL_UNITS: Mapping[str, str] = {
 
 
 def axis_units(unit: str, axis: str) -> tuple[str, ...]:
-    """Return what a unit of a rotary joint may be on this kind of axis."""
+    """Return the units that replace a unit of a rotary joint on this kind of axis."""
     return _axis_units(unit)[axis]
 
 

@@ -165,7 +165,7 @@ class JointParameters:
         return replace(partner, value=partner.number * ratio, asymmetric=negative.asymmetric)
 
     def content(self) -> dict[str, object]:
-        """Return what makes two sets the same: the axis, and value and unit of every parameter."""
+        """Return what identifies a set: the axis, and value and unit of every parameter."""
         return {
             "axis": self.axis,
             "parameters": {s: content_of(q) for s, q in self.quantities.items()},
@@ -238,7 +238,7 @@ def _checked_quantity(symbol: str, quantity: Quantity, axis: str, origin: str) -
 
 
 def _check_partner(symbol: str, quantities: Mapping[str, Quantity], origin: str) -> None:
-    """Refuse a negative-direction value that differs by more than a factor 3 without saying so."""
+    """Reject an undeclared difference of more than a factor 3 between the two directions."""
     negative = quantities[symbol]
     if negative.asymmetric:
         return
@@ -258,7 +258,7 @@ def _check_partner(symbol: str, quantities: Mapping[str, Quantity], origin: str)
 
 
 def _check_amplifier(p: JointParameters) -> None:
-    """Refuse a limit in volts on a gain per ampere, and the other way round."""
+    """Reject a limit in volts for a gain per ampere, and vice versa."""
     if "k_t" in p and "i_p" in p and p.takes_volts != (p.unit("i_p") == "V"):
         unit = "V" if p.takes_volts else "A"
         raise ParameterError(
@@ -268,7 +268,7 @@ def _check_amplifier(p: JointParameters) -> None:
 
 
 def content_of(value: Setting) -> object:
-    """Return what of a setting changes a simulation: of a quantity, its value and unit."""
+    """Return the parts of a setting that affect a simulation; for a quantity, value and unit."""
     return [value.value, value.unit] if isinstance(value, Quantity) else value
 
 

@@ -1,4 +1,4 @@
-"""A number with its unit and source, how a joint file writes it, and a read-only mapping."""
+"""A number with its unit and source, its form in a joint file, and a read-only mapping."""
 
 from __future__ import annotations
 

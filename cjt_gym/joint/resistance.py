@@ -1,4 +1,4 @@
-"""What resists the motion of each coordinate, and what it leaves behind.
+"""The forces that resist the motion of each coordinate, and the states that they leave.
 
 Friction of the bodies, weight and contact, and the voltage limit of a drive without inductance add
 up per coordinate; what springs add to their linear models acts between two.
@@ -79,7 +79,7 @@ def resistance(
 def plain_resistance(
     p: Any, setup: Setup, work: Floats, g: int, v: float, side: float
 ) -> tuple[float, float]:
-    """Return what `resistance` does where Coulomb friction is all there is."""
+    """Return what `resistance` does if there is only Coulomb friction."""
     torque, slope = 0.0, 0.0
     for body in range(3):
         if setup.groups[body] == g:
@@ -111,7 +111,7 @@ def kind_of_resistance(p: Any, setup: Setup, work: Floats, g: int) -> float:
 def prepare(
     p: Any, memory: Floats, setup: Setup, command: float, load: float, work: Floats
 ) -> None:
-    """Note what resists, and guess mean velocities and torques from the present state."""
+    """Determine what resists, and guess mean velocities and torques from the present state."""
     note_friction(p, work)
     for g in range(setup.size):
         work[ACTIVE, g] = kind_of_resistance(p, setup, work, g)

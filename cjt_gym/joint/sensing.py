@@ -1,4 +1,4 @@
-"""From true values to what drive and sensors make of them: noise, steps, delay, filters."""
+"""From true values to commands and measurements: noise, quantization, delay, filters."""
 
 from __future__ import annotations
 
@@ -213,7 +213,7 @@ def walk(p: Any, memory: Floats, dt: float, rng: NDArray[np.uint64], i: int) -> 
 
 @lean
 def measure(batch: Batch, setup: Setup, i: int, first: bool, late: bool, work: Floats) -> None:
-    """Write what the sensors report: late, distorted, noisy, quantized, differentiated, filtered.
+    """Write the reported values: delayed, distorted, noisy, quantized, differentiated, filtered.
 
     Noise is added to the physical quantity and the sum is quantized. Where velocities are
     differentiated they are the backward difference of the measured angle, low-pass filtered. A

@@ -1,8 +1,8 @@
-"""A substep whose equations cannot be solved is taken in smaller pieces.
+"""Splits a substep whose equations cannot be solved.
 
-Stiff springs with play, friction that falls with speed and very light bodies can leave the
-equations of a substep without a solution that is found. Halving the substep brings them nearer to
-linear ones, so that it is halved until they are solved.
+With stiff springs with play, friction that falls with speed or very light bodies, the solver may
+not converge on the equations of a substep. Shorter substeps make them more nearly linear, so the
+substep is halved until they are solved.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ MATRIX = 48  # numbers of a matrix in the scratch rows, of 6 x 6 at most
 
 @lean
 def keep(memory: Floats, currents: Floats, work: Floats) -> None:
-    """Keep what a substep changes before it has solved its equations."""
+    """Save the state that a substep changes before its equations are solved."""
     work[SAVED, 0], work[SAVED, 1] = currents[0], currents[1]
     work[SAVED, 2], work[SAVED, 3] = memory[REFERENCE], memory[LAGGED]
     work[SAVED, 4] = memory[MESH]
@@ -42,7 +42,7 @@ def keep(memory: Floats, currents: Floats, work: Floats) -> None:
 
 @lean
 def restore(memory: Floats, currents: Floats, work: Floats) -> None:
-    """Undo what a substep changed before it found no solution."""
+    """Restore the state after a substep whose equations were not solved."""
     currents[0], currents[1] = work[SAVED, 0], work[SAVED, 1]
     memory[REFERENCE], memory[LAGGED] = work[SAVED, 2], work[SAVED, 3]
     memory[MESH] = work[SAVED, 4]
@@ -62,7 +62,7 @@ def careful_substep(
     load: float,
     work: Floats,
 ) -> float:
-    """Do what `substep` does, in pieces where its equations are not solved at once."""
+    """Do what `substep` does, in smaller pieces if its equations are not solved at once."""
     order, size = setup.order, setup.size
     done, pieces, halvings, tau = 0, 1, 0, 0.0
     resists = work[SWITCH, RESISTS] == 1.0

@@ -34,7 +34,7 @@ def plays(groups: tuple[int, int, int], which: int) -> bool:
 
 @lean
 def has_play(p: Any, groups: tuple[int, int, int], which: int) -> bool:
-    """Whether this spring has play; then it is no part of the linear joint."""
+    """Whether this spring has play and is thus not part of the linear joint."""
     return bool(p.play_gap > 0.0 and plays(groups, which))
 
 
@@ -256,7 +256,7 @@ def played_torque(
 
 @lean
 def relax(memory: Floats) -> None:
-    """Forget the hysteresis of a spring that bears no torque."""
+    """Reset the hysteresis of a spring without torque."""
     for j in range(MOST_ELEMENTS):
         memory[LOOP + j] = 0.0
 

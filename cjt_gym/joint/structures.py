@@ -58,7 +58,7 @@ class Structure:
 
     @property
     def needed_parameters(self) -> tuple[str, ...]:
-        """The stiffnesses that this structure cannot do without."""
+        """The stiffnesses that this structure needs."""
         gear, bar = self.groups[0] != self.groups[1], self.groups[1] != self.groups[2]
         return ("k_g",) * gear + ("k_b",) * bar
 

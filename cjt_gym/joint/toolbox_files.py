@@ -3,8 +3,8 @@
     params.('I_m') = 9.407e-02;    % rotor
     params.k_b     = 21000;
 
-A file is parsed, never run: assignments of numbers, and of lists of them, are all it may hold
-besides comments and the frame of a function.
+A file is parsed, never executed. Besides comments and the frame of a function, it may only contain
+assignments of numbers and lists of numbers.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _FRAME = re.compile(r"(function\b.*|end|return|clear.*|clc|\w+\s*=\s*(struct(\(\
 
 @dataclass(frozen=True)
 class Assigned:
-    """What a line assigns: a number or a list of them, and where."""
+    """The number or numbers that a line assigns, and its position."""
 
     value: float | tuple[float, ...]
     source: str

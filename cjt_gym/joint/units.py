@@ -1,7 +1,6 @@
-"""Units of joint files: any unit of the right kind is converted to the usual one.
+"""Units of joint files: any unit of the right dimension is converted to the standard one.
 
-An angle counts as a dimension of its own here, so that N m is no stiffness and Hz no angular
-velocity.
+Angle is treated as a dimension, so that N m is not a stiffness and Hz not an angular velocity.
 """
 
 from __future__ import annotations
@@ -73,7 +72,7 @@ def _converted(quantity: Quantity, unit: str) -> Quantity:
 
 @cache
 def _registry() -> pint.UnitRegistry[float]:
-    """Return the units, which load only where a file has a unit that is not the usual one."""
+    """Return pint's units, loaded only when a file has a non-standard unit."""
     import pint
 
     # Begun empty: a registry that begins full has settled that an angle has no dimension.
@@ -86,7 +85,7 @@ def _registry() -> pint.UnitRegistry[float]:
 
 @cache
 def _parsed(unit: str) -> Any:
-    """Return a unit as pint knows it; None if it does not."""
+    """Return pint's unit of that name, or None."""
     if len(unit) > LONGEST or _POWER.search(_POWER_OF_A_NAME.sub("", unit)):
         return None  # pint calculates powers of numbers, which may take for ever
     try:

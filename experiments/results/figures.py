@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, Final
 
 import numpy as np
+from matplotlib.transforms import Bbox
 
 from cjt_gym.datasheet.drawing import canvas
 from cjt_gym.training.report.figures import COLOURS, WIDTH
@@ -12,6 +14,13 @@ from experiments.results.score import THRESHOLDS
 from experiments.results.tables import Found, ranked
 
 RIVALS = 3
+Point = tuple[float, float]
+BESIDE: Final = tuple(
+    ((x, y), side)
+    for y in (-2, 5, -9, 12, -16, 19, -23)
+    for x, side in ((6, "left"), (-6, "right"))
+)
+"""Where a name may stand [points from its point], and which of its sides is there."""
 
 
 def _some(found: Found) -> dict[str, tuple[str, float]]:
@@ -30,24 +39,44 @@ def noise_figure(found: Found) -> str:
     """Return score over noise of every agent; those that no other beats in both are named."""
     with canvas(WIDTH, 3.4) as (figure, written):
         axes: Any = figure.subplots()
+        points, names = [], []
         for name, score in found["score"].items():
             noise = found["noise"][name]
             if noise is None or not np.isfinite(score):
                 continue
-            at = (max(noise, 0.1), score)
-            axes.plot(*at, "o", color=COLOURS[2] if name == "policy" else COLOURS[0])
+            points.append((max(noise, 0.1), score))
+            axes.plot(*points[-1], "o", color=COLOURS[2] if name == "policy" else COLOURS[0])
             beaten = any(
                 other is not None and other < noise and found["score"][who] < score
                 for who, other in found["noise"].items()
             )
             if name in _some(found) or not beaten:
-                word = name.replace("_", " ")
-                axes.annotate(word, at, textcoords="offset points", xytext=(5, 3), fontsize=7)
-        axes.set_xscale("log")
-        axes.set_yscale("log")
+                names.append((name.replace("_", " "), points[-1]))
+        for axis in (axes.xaxis, axes.yaxis):
+            (axes.set_xscale if axis is axes.xaxis else axes.set_yscale)("log")
+            axis.set_major_formatter("{x:g}")
+            axis.set_minor_formatter("{x:g}" if axis is axes.yaxis else "")
         axes.set_xlabel("amplification of the torque sensor's noise")
         axes.set_ylabel("nrmse, geometric mean over tasks")
+        _write_beside(axes, names, points)
         return written()
+
+
+def _write_beside(axes: Any, names: Sequence[tuple[str, Point]], points: Sequence[Point]) -> None:
+    """Write names beside their points, each where it covers no point and no other name."""
+    axes.figure.draw_without_rendering()
+    marks = axes.transData.transform(points)
+    taken: list[Bbox] = [Bbox.from_bounds(x - 4.0, y - 4.0, 8.0, 8.0) for x, y in marks]
+    for word, at in names:
+        for offset, side in BESIDE:
+            text = axes.annotate(
+                word, at, textcoords="offset points", xytext=offset, fontsize=7, ha=side
+            )
+            box = text.get_window_extent()
+            if not any(box.overlaps(other) for other in taken):
+                taken.append(box)
+                break
+            text.remove()
 
 
 def profile_figure(found: Found) -> str:

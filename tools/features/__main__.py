@@ -11,14 +11,15 @@ from pathlib import Path
 from tools.features.table import FEATURES, Feature
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "features.md"
-HEAD = """# What the toolbox can do, and what does it here
+HEAD = """# Features of the toolbox, and how to use them here
 
-Written by `python -m tools.features`; a test runs every command. Lines of Python begin with
-`from cjt_gym import load_joint`. `example_params.m`, `table.toml`, `mylaw.py` and `joint.toml` are
-files of your own: a [parameter file](joint_files.md#joints-of-the-toolbox) of the toolbox, a
-[table of joints](datasheet.md#many-joints-from-one-table), a
-[controller](controllers.md#bring-your-own) and a [joint on a bus](hardware.md). What differs in
-results is in [differences](differences.md).
+Every command below is run by a test. Python lines need `from cjt_gym import load_joint` before
+them. The files `example_params.m`, `table.toml`, `mylaw.py` and `joint.toml` stand for your own: a
+[parameter file](joint_files.md#joints-of-the-toolbox) of the toolbox, a [table of
+joints](datasheet.md#many-joints-from-one-table), a [controller](controllers.md#bring-your-own) and
+a [joint on a bus](hardware.md). [Differences](differences.md) lists where results differ.
+
+<!-- Written by `python -m tools.features`; change tools/features/table.py instead. -->
 """
 
 

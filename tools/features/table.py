@@ -42,23 +42,23 @@ def _simulated(options: str, joint: str = "orange_80_6000") -> str:
 MODELS = (
     Feature(
         "Models",
-        "a joint from a few deviations from default values",
+        "a joint from default values and a few changes",
         'load_joint("generic", parameters={"k_b": 21000.0, "n": 100.0})',
     ),
     Feature(
         "Models",
         "parameter files (`.m`)",
         "cjt-gym convert example_params.m --out example_params.toml --defaults generic",
-        "read, not run",
+        "parsed, not executed",
     ),
     Feature(
         "Models",
-        "a collection of identified actuators, each with its list of parameters",
+        "a collection of identified actuators with their parameters",
         "cjt-gym joints joints orange_80_6000",
     ),
     Feature(
         "Models",
-        "many model classes from sets of parameters, structures and effects",
+        "model classes for many combinations of parameters, structures and effects",
         "cjt-gym build table.toml --out built",
     ),
     Feature(
@@ -67,25 +67,26 @@ MODELS = (
         "cjt-gym analyse orange_80_6000 --structure full_dynamics rigid_gearbox rigid "
         "output_fixed output_fixed_rigid_gearbox --output dq_m --json",
     ),
-    Feature("Models", "motion of the output from outside, or a load torque",
+    Feature("Models", "a prescribed motion of the output, or a load torque",
             f"{ORANGE}.simulate([10.0] * 50, load=[1.0] * 50)"),
     Feature("Models", "static electrical model", _simulated("--drive static")),
     Feature("Models", "one phase with inductance", _simulated("--drive rl")),
     Feature("Models", "two phases in d-q axes, for vector control", _simulated("--drive dq"),
-            "with its current controller inside"),
+            "includes its current controller"),
     Feature("Models", "asymmetric viscous friction",
             _simulated("--effect viscous_asym", "example")),
-    Feature("Models", "Coulomb friction, symmetric or not", _simulated("--effect coulomb_asym")),
-    Feature("Models", "torque ripple as Fourier series in the rotor's angle",
+    Feature("Models", "symmetric and asymmetric Coulomb friction",
+            _simulated("--effect coulomb_asym")),
+    Feature("Models", "torque ripple as a Fourier series over the rotor angle",
             _simulated("--effect cogging=typical gear_ripple=typical")),
     Feature("Models", "noise and quantization of sensors and commands",
             _simulated("--effect noise quantization command_quantization=typical "
                        "command_noise=typical")),
     Feature("Models", "delays of commands and measurements",
             _simulated("--effect command_delay=typical measurement_delay=typical")),
-    Feature("Models", "velocities by filtered differences, filtered torque",
+    Feature("Models", "velocities from filtered differences; filtered torque",
             _simulated("--effect velocity_differentiation=typical torque_filter=typical")),
-    Feature("Models", "announced: nonlinear springs, and friction and springs with memory",
+    Feature("Models", "nonlinear springs, and friction and springs with memory (announced only)",
             _simulated("--effect spring_table=typical spring_hysteresis=typical "
                        "presliding=typical")),
 )  # fmt: skip
@@ -95,36 +96,36 @@ ANALYSIS = (
     Feature("Analysis", "the same in discrete time",
             f'{ORANGE}.state_space(dt=1e-3); {ORANGE}.transfer_function("tau", "tau_m", dt=1e-3)',
             "exact instead of Tustin"),
-    Feature("Analysis", "models in symbols, and back in numbers",
+    Feature("Analysis", "symbolic models, and numbers from them",
             'from cjt_gym.symbolic import transfer_function, to_latex; '
             'to_latex(transfer_function("output_fixed_rigid_gearbox"))', slow=True),
-    Feature("Analysis", "parameters reflected to motor or load side",
+    Feature("Analysis", "parameters referred to the motor or load side",
             "from cjt_gym.characteristics import to_motor; "
             f'to_motor({ORANGE}.parameters.quantities["I_m"], n=80.0)'),
     Feature("Analysis", "torque-speed slope, no-load speed, stall torque and other constants",
             "cjt-gym datasheet orange_80_6000 --json"),
     Feature("Analysis", "spectra and empirical transfer functions of records",
             "cjt-gym analyse orange_80_6000 --effect coulomb --identify 5 --json", slow=True),
-    Feature("Data sheets", "a sheet as PDF, with diagrams and a list of parameters",
+    Feature("Data sheets", "a PDF sheet with diagrams and parameters",
             "cjt-gym datasheet orange_80_6000 --out orange.pdf", "without LaTeX", slow=True),
-    Feature("Data sheets", "torque-speed diagram, into a figure of one's own",
+    Feature("Data sheets", "a torque-speed diagram in your own figure",
             "from cjt_gym.datasheet import plots; import matplotlib.pyplot as plt; "
             f"plots.torque_speed(plt.figure().subplots(), {ORANGE}.parameters)"),
-    Feature("Data sheets", "efficiency as a curve, and as a map",
+    Feature("Data sheets", "efficiency as curves and as a map",
             "from cjt_gym.datasheet import plots; import matplotlib.pyplot as plt; "
             f"plots.efficiency_curves(plt.figure().subplots(), {ORANGE}.parameters, [2.0, 5.0]); "
             f"plots.efficiency_map(plt.figure().subplots(), {ORANGE}.parameters)"),
-    Feature("Data sheets", "heat: where temperatures end, and how long torques can be held",
+    Feature("Data sheets", "heat: final temperatures, and how long a torque can be held",
             "from cjt_gym.datasheet import plots; import matplotlib.pyplot as plt; "
             f"plots.final_temperature(plt.figure().subplots(), {ORANGE}.parameters); "
             f"plots.time_held(plt.figure().subplots(), {ORANGE}.parameters)"),
-    Feature("Data sheets", "torque bandwidth against the load's inertia",
+    Feature("Data sheets", "torque bandwidth over the load inertia",
             "from cjt_gym.datasheet import plots; import matplotlib.pyplot as plt; "
             f"plots.torque_with_load(plt.figure().subplots(), {ORANGE}.parameters)"),
-    Feature("Data sheets", "torque bandwidth of a locked output, with what heat admits",
+    Feature("Data sheets", "torque bandwidth with a locked output, including thermal limits",
             "from cjt_gym.datasheet import plots; import matplotlib.pyplot as plt; "
             f"plots.holding(plt.figure().subplots(), {ORANGE}.parameters)"),
-    Feature("Data sheets", "joints compared",
+    Feature("Data sheets", "a comparison of joints",
             "cjt-gym datasheet orange_80_6000 lemon_50_6000 --out both.html", slow=True),
 )  # fmt: skip
 
@@ -146,52 +147,52 @@ OBSERVERS = (
     ),
     Feature(
         "Observers",
-        "disturbance observer of transfer functions",
+        "disturbance observer based on transfer functions",
         _exported("disturbance", "bandwidth_hz=10"),
     ),
 )
 LAWS = {
-    "open_loop": "feed-forward of the wanted torque",
-    "integral_feedforward": "feed-forward with an integral",
-    "pd+mass_dob": "feedback with a disturbance observer of a rotating mass",
-    "pd": "PD of the torque",
-    "pd+position_pd+reference": "PD of the torque with a PD of the position around",
+    "open_loop": "feed-forward of the reference torque",
+    "integral_feedforward": "feed-forward with integral action",
+    "pd+mass_dob": "feedback with a disturbance observer for a rotating mass",
+    "pd": "torque PD",
+    "pd+position_pd+reference": "torque PD with an outer position PD",
     "pd_feedforward": "PD with feed-forward",
     "pid_feedforward": "PID with feed-forward",
-    "pd+torque": "PD with compensation of the spring's torque",
-    "pd+reference+inner_dob+friction": "PD, disturbance observer of the open loop, and friction "
-    "fed forward",
-    "pid_inner_dob": "the same observer with feed-forward",
-    "pid_outer_dob": "PID in a disturbance observer of the closed loop",
+    "pd+torque": "PD with compensation of the spring torque",
+    "pd+reference+inner_dob+friction": "PD with a disturbance observer of the open loop and "
+    "friction feed-forward",
+    "pid_inner_dob": "PID with the same observer and feed-forward",
+    "pid_outer_dob": "PID with a disturbance observer of the closed loop",
     "lqi": "linear-quadratic state feedback",
-    "observer_feedback": "state feedback by poles on an observer",
+    "observer_feedback": "state feedback by pole placement, with an observer",
     "passivity": "passivity-based torque control",
     "passivity_momentum": "the same with a momentum observer",
-    "cascade": "an inner velocity loop (named, not in the toolbox)",
-    "impedance": "impedance control (named, not in the toolbox)",
+    "cascade": "an inner velocity loop (mentioned, not implemented in the toolbox)",
+    "impedance": "impedance control (mentioned, not implemented in the toolbox)",
 }
 CONTROL = (
     *(
         Feature("Controllers", what, _simulated(f"{FIXED} --effect none --controller {name}"))
         for name, what in LAWS.items()
     ),
-    Feature("Controllers", "a template for controllers of one's own",
+    Feature("Controllers", "a template for your own controllers",
             _simulated("--controller ./mylaw.py:MyLaw")),
-    Feature("Controllers", "controllers side by side",
+    Feature("Controllers", "a comparison of controllers",
             f"cjt-gym benchmark --joint orange_80_6000 {FIXED} --controller pd_feedforward lqg "
             "--task step --episodes 2 --out compared", slow=True),
-    Feature("Hardware", "code for a target out of a controller",
+    Feature("Hardware", "target code generated from a controller",
             f"cjt-gym export pd_feedforward --to c --joint orange_80_6000 {FIXED} --out law.h",
             "C99 instead of Simulink Coder"),
-    Feature("Hardware", "a controller on a real actuator, and its record",
+    Feature("Hardware", "a controller on a real actuator, recorded",
             "cjt-gym hardware joint.toml --emulated --arm --controller pd_feedforward "
-            "--reference step --duration 0.5 --out run.csv", "here on its emulated twin",
+            "--reference step --duration 0.5 --out run.csv", "here on an emulated joint",
             slow=True),
     Feature("Hardware", "actuators on EtherCAT", "",
-            "not here: CAN alone; see [differences](differences.md)"),
-    Feature("Examples", "a browser of examples, a tour", "python examples/tour/02_linear.py",
+            "not supported: CAN only; see [differences](differences.md)"),
+    Feature("Examples", "examples and a tour", "python examples/tour/02_linear.py",
             "see [examples](examples.md)", slow=True),
-    Feature("Examples", "announced: joints in the models of whole robots",
+    Feature("Examples", "joints in models of whole robots (announced only)",
             'import gymnasium; gymnasium.make("CJT/Arm-v0").reset(seed=0)', slow=True),
 )  # fmt: skip
 FEATURES = (*MODELS, *ANALYSIS, *OBSERVERS, *CONTROL)

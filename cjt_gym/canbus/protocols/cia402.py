@@ -1,9 +1,9 @@
 """CiA 402 over CANopen, cyclic synchronous torque: the master's side.
 
-A command is an RPDO with controlword and target torque and a SYNC, which the drive answers with two
-TPDOs: state, position and torque; velocity, current and error. Before, the drive is set up by SDO,
-each answered before the next. The drive watches the master's heartbeat, which goes with commands.
-What is said, apart from CANopen, is in `cia402_profile.py`.
+A command is an RPDO with controlword and target torque, followed by a SYNC. The drive answers with
+two TPDOs: state, position and torque; velocity, current and error. It is set up by SDOs beforehand,
+one at a time. The drive monitors the master's heartbeat, which is sent along with commands. The
+part that does not depend on CANopen is in `cia402_profile.py`.
 
 References:
     CiA 301 and CiA 402 (IEC 61800-7-201): the finite state automaton and its controlword.
@@ -18,7 +18,7 @@ from typing import Final
 
 from canopen.sdo.exceptions import SdoAbortedError
 
-from cjt_gym.canbus.protocols.cia402_objects import OBJECTS, PDOS, Pdo, State
+from cjt_gym.canbus.protocols.cia402_objects import PDOS, Pdo, State
 from cjt_gym.canbus.protocols.cia402_profile import (
     ENABLING,
     Access,
@@ -177,15 +177,10 @@ class Cia402Master:
     def _map(self, pdo: Pdo) -> Sequence[Step]:
         """Return the steps that set up a PDO: it is off while its objects change."""
         identifier = pdo.cob_id + self.settings.node
-        entries = [
-            index << 16 | sub << 8 | OBJECTS[index, sub].field.bits for index, sub in pdo.objects
-        ]
         steps = [
             self._write((pdo.parameters, 1), 1 << 31 | identifier),
             self._write((pdo.parameters, 2), pdo.kind),
-            self._write((pdo.mapping, 0), 0),
-            *(self._write((pdo.mapping, at), entry) for at, entry in enumerate(entries, 1)),
-            self._write((pdo.mapping, 0), len(entries)),
+            *(self._access(each) for each in self.profile.mapping(pdo)),
         ]
         if pdo.event_ms:
             steps.append(self._write((pdo.parameters, 5), pdo.event_ms))

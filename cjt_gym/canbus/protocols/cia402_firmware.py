@@ -326,9 +326,9 @@ CIA402: Final = DriveProtocol(
     title="CiA 402 over CANopen, cyclic synchronous torque",
     side="motor",
     before=(
-        "Commission the motor; set node and bit rate. Options must be what the drive has in "
-        "0x608F, 0x6075 and 0x6076; they are compared. PDOs, heartbeats and the mode of operation "
-        "are set over the bus; nothing is saved in the drive."
+        "Commission the motor; set node and bit rate. The options are compared with the drive's "
+        "objects 0x608F, 0x6075 and 0x6076 and must agree. PDOs, heartbeats and the mode of "
+        "operation are set over the bus; nothing is saved in the drive."
     ),
     fd=False,
     nodes=(1, 126),

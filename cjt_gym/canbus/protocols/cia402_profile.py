@@ -1,11 +1,12 @@
 """CiA 402 without its bus: what a drive is told and says, in objects of its dictionary.
 
 CANopen (`cia402.py`) carries it in SDOs and PDOs on CAN. EtherCAT carries the same objects and the
-same process data as CoE, so that a transport such as pysoem needs no more than this: each
-`Access` of `setup` by `sdo_write` or `sdo_read`, and in every cycle `outputs` into the slave's
-output bytes and `inputs` out of its input bytes, with `ENABLING` as the way into operation. What
-CANopen does by NMT, SYNC and heartbeat is there the state machine of EtherCAT, its cycle and the
-watchdog of the sync manager.
+same process data as CoE, so a transport such as pysoem can use this module as it is: each `Access`
+of `identity`, `abort`, `mapping` and `setup` becomes a call of `sdo_write` or `sdo_read`. In every
+cycle `outputs` goes into the slave's output bytes; its input bytes, decoded by the layouts of
+`PDOS[1:]`, go into `inputs`. `ENABLING` is the way into operation. The transport itself assigns the
+PDOs to the sync managers (1C12h, 1C13h). EtherCAT's state machine, its cycle and the watchdog of
+the sync manager take the place of NMT, SYNC and heartbeat.
 
 References:
     CiA 402 (IEC 61800-7-201); ETG.6010, Implementation Directive for CiA 402 Drive Profile.
@@ -18,7 +19,7 @@ from dataclasses import dataclass
 from math import tau
 from typing import Final
 
-from cjt_gym.canbus.protocols.cia402_objects import CST, OBJECTS, PDOS, State, state_of
+from cjt_gym.canbus.protocols.cia402_objects import CST, OBJECTS, PDOS, Pdo, State, state_of
 from cjt_gym.canbus.protocols.contract import Mode, Settings, Update
 from cjt_gym.canbus.protocols.layout import Layout
 from cjt_gym.errors import ProtocolError
@@ -126,6 +127,17 @@ class Profile:
             self._compare((0x608F, 1), self.increments),
             write((0x6071, 0), 0),
             write((0x6060, 0), CST),
+        )
+
+    def mapping(self, pdo: Pdo) -> Sequence[Access]:
+        """Return the accesses that say which objects a PDO holds."""
+        entries = [
+            index << 16 | sub << 8 | OBJECTS[index, sub].field.bits for index, sub in pdo.objects
+        ]
+        return (
+            write((pdo.mapping, 0), 0),
+            *(write((pdo.mapping, at), entry) for at, entry in enumerate(entries, 1)),
+            write((pdo.mapping, 0), len(entries)),
         )
 
     def outputs(self, word: int, torque: float) -> bytes:

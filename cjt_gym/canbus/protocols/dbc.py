@@ -1,8 +1,8 @@
 """Any drive or sensor that a DBC file describes, with a mapping of its signals.
 
-A node without `tau_cmd` in its mapping is a sensor: it is never commanded and never enabled. Torque
+A node without `tau_cmd` in its mapping is a sensor and is never commanded or enabled. Torque
 sensor, second encoder and drive may be different nodes, each with its own mapping. Rolling counters
-and checksums in commands are not made up; a drive that needs these needs a protocol of its own.
+and checksums in commands are not supported; a drive that needs them needs its own protocol.
 """
 
 from __future__ import annotations

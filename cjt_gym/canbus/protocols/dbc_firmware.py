@@ -119,9 +119,9 @@ DBC: Final = DriveProtocol(
     title="Any DBC file with a mapping",
     side="motor",
     before=(
-        "Find out which signals enable the drive, and whether it stops by itself where commands "
-        "fail to come. It has to show that in `state` or `error`; where it cannot, it is only "
-        "armed with `unwatched = true`, and with a person at the switch."
+        "Find out which signals enable the drive, and whether it stops by itself when commands "
+        "stop arriving. It has to show this in `state` or `error`; otherwise it can only be armed "
+        "with `unwatched = true`, and somebody should be at the emergency switch."
     ),
     fd=False,
     nodes=(0, 0x1FFFFFFF),

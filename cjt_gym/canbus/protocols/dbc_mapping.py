@@ -1,20 +1,20 @@
 """Which signals of a DBC file are which values of a joint: a mapping of the kind that logs have.
 
 A mapping is a TOML file with a table per column, as :mod:`cjt_gym.records.mapping` describes, in
-which a signal is called ``/Message:Signal``. So the same file reads a trace of the bus. Its table
-`[can]` has what only a master needs; all but `dbc` may be left out:
+which signals are named ``/Message:Signal``. The same file can be used to read a trace of the bus.
+The table `[can]` holds what only the master needs; everything but `dbc` is optional:
 
 ================  ==============================================================================
 `dbc`             the DBC file, beside the mapping
-`enabled`         signals that a command sets while torque is wanted
-`disabled`        the same while it is not
-`clear`           the same to leave a fault
-`state`           `source`, and lists of what it shows when `booting`, `disabled`, `enabled`,
+`enabled`         signals to set in a command while the drive should make torque
+`disabled`        signals to set in a command while it should not
+`clear`           signals to set in a command to leave a fault
+`state`           `source`, and lists of its values when `booting`, `disabled`, `enabled`,
                   `fault`
-`error`           a signal that is zero where all is in order
+`error`           a signal that is zero unless there is a fault
 `temperature`     a signal [degC]
 `v_bus`           a signal [V]
-`cycle_ms`        for messages by name: time between two, where the DBC file does not say it [ms]
+`cycle_ms`        cycle times of messages, by name, if the DBC file does not state them [ms]
 ================  ==============================================================================
 
 The column `tau_cmd` names the signal of the commanded torque, or `i_cmd` that of the current.

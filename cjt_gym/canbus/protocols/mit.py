@@ -1,12 +1,12 @@
 """The MIT mini-cheetah protocol, as CubeMars (T-Motor) AK actuators speak it.
 
-One frame commands angle, velocity, both gains and torque; it is answered at once with angle,
-velocity, torque, temperature and error. All are integers over ranges that differ from model to
-model, and are meant at the output of the gear.
+One frame commands angle, velocity, both gains and torque. The drive answers at once with angle,
+velocity, torque, temperature and error. All values are integers that span ranges specific to the
+model, and refer to the output of the gear.
 
-What it does not have: the watchdog time is set over the serial line (a drive that misses commands
-makes no torque until the next one), and no frame shows whether the motor is on. A drive answers
-every frame, so it is polled with the frame that switches the motor off.
+The protocol cannot set the watchdog time, which is set over the serial line (after missed commands
+the drive makes no torque until the next one), and no frame shows whether the motor is on. Because a
+drive answers every frame, it is polled with the frame that switches the motor off.
 
 References:
     CubeMars, AK Series Actuator Driver Manual V1.0.8, section 5.3. B. Katz, A low cost modular

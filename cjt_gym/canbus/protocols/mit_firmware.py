@@ -149,10 +149,10 @@ MIT: Final = DriveProtocol(
     side="output",
     before=(
         "Calibrate the motor; set its CAN identifier, the MIT mode, and its CAN timeout, which is "
-        "the only watchdog there is. Without a timeout it keeps the last torque, and no frame "
-        "shows whether it has one: it is only armed with `unwatched = true`. Angle and "
-        "velocity at the ends of their ranges are taken for unknown, so set the zero such that "
-        "the joint stays within."
+        "the only watchdog. Without a timeout the drive keeps the last torque, and no frame shows "
+        "whether a timeout is set, so it can only be armed with `unwatched = true`. Angles and "
+        "velocities at the ends of their ranges count as unknown; choose the zero so that the "
+        "joint stays between them."
     ),
     fd=False,
     nodes=(1, 255),

@@ -1,14 +1,15 @@
 """ODrive CANSimple: the master's side.
 
-An identifier of 11 bits is the node times 32 plus a command. Values are little-endian integers and
-floats, in revolutions of the motor. What a drive sends it sends in its own cycle or when asked with
-a remote frame; the heartbeat always comes. Commands are not answered, but feed the watchdog of the
-drive, which may expire while the axis is idle, too: clear the errors just before enabling.
+The 11-bit identifier is 32 times the node plus the command. Values are little-endian integers and
+floats, in revolutions of the motor. A drive sends messages periodically or on request by a remote
+frame; it always sends the heartbeat. It does not answer commands, but they feed its watchdog. The
+watchdog can also expire while the axis is idle, so errors are cleared just before enabling.
 
-A drive leaves the factory with its watchdog off. It is switched on over CAN where the endpoints are
-known, else with the maker's tool; either way it has to prove itself before the joint is armed.
+Drives are shipped with the watchdog off. It is switched on over CAN if its endpoints are known,
+otherwise with the manufacturer's tool; either way it is tested before the joint is armed.
 
-Boards of the older firmware 0.5 differ in their errors and show no temperature: option `firmware`.
+Boards with the older firmware 0.5 have other error codes and report no temperature: see the option
+`firmware`.
 
 References:
     ODrive Robotics, CAN Protocol, and ``odrive-cansimple.dbc`` of firmwares 0.6.10 and 0.5.6.

@@ -215,11 +215,11 @@ ODRIVE: Final = DriveProtocol(
     side="motor",
     before=(
         "Calibrate the motor; set `can.node_id` and the baud rate; set `config.enable_watchdog`, "
-        "which is off from the factory, and `config.watchdog_timeout`, or give their endpoints "
-        'below, by which both are set and read back. With `reports = "cyclic"` '
+        "which is off by default, and `config.watchdog_timeout`, or give their endpoints "
+        'below so that both are set and read back over CAN. With `reports = "cyclic"` '
         "set the cycles of encoder and current to `cycle_ms`, and those of temperature and supply "
-        "to 100 ms. Angles and torques are those of the motor's shaft; its torque constant is the "
-        "drive's."
+        "to 100 ms. Angles and torques refer to the motor's shaft; the torque constant is the one "
+        "that is set in the drive."
     ),
     fd=False,
     nodes=(0, 62),

@@ -1,8 +1,8 @@
 """The effect table: everything that separates a real joint from the linear one.
 
-One row per effect. From this table come the options of the environments, the names that can
-be randomised, the candidates of a diagnosis, the documentation and the contract tests. An
-effect is one row here and one term in the kernel; `fields` name the kernel's parameters.
+One row per effect. The options of the environments, the names that can be randomised, the
+documentation and the contract tests are derived from this table. An effect is one row here and one
+term in the kernel; `fields` name the kernel's parameters.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Effects of what the joint is attached to."""
+"""Effects of the load."""
 
 from __future__ import annotations
 

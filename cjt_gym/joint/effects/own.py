@@ -1,4 +1,4 @@
-"""Effects of one's own: rows that act on parameters that the kernel has."""
+"""Custom effects: rows that act on existing parameters of the kernel."""
 
 from __future__ import annotations
 

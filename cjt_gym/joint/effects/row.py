@@ -1,4 +1,4 @@
-"""What one row of the effect table says."""
+"""One row of the effect table."""
 
 from __future__ import annotations
 

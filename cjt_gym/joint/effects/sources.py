@@ -1,4 +1,4 @@
-"""Where the physics of the effects comes from."""
+"""Sources of the physics of the effects."""
 
 TOOLBOX = "Malzahn, Roozing, Tsagarakis, The Compliant Joint Toolbox for MATLAB"
 EMPS = "Janot, Gautier, Brunot (2019), Data Set and Reference Models of EMPS"

@@ -1,13 +1,13 @@
 """The fast lanes: the most common joints, sixteen side by side in vector registers.
 
-`advance` moves joints by one control step. What it cannot move it leaves, and says how many: these
-take `cjt_gym.joint.kernel`, which moves every joint there is. That kernel is the reference: the
-lanes solve the same equations by the same scheme, and `tests/physics/test_blocks.py` compares them.
+`advance` moves joints by one control step and returns how many it could not handle; these are left
+to `cjt_gym.joint.kernel`, which handles every joint. That kernel is the reference: the lanes solve
+the same equations by the same scheme, and `tests/physics/test_blocks.py` compares the two.
 
 ==============  ====================================================================
-`blocks`        who may use the lanes; what goes into them and comes back: `advance`
+`blocks`        which joints can use the lanes; copying to and from them: `advance`
 `substeps`      the substeps of a control step, written as if for one joint
-`vectors`       vectors of numbers that compiled code computes with like floats
+`vectors`       vectors of numbers that compiled code uses like floats
 `vector_math`   their sine, cosine and exponential function
 ==============  ====================================================================
 """

@@ -103,7 +103,7 @@ class Blocks(NamedTuple):
 
 
 def kind_of(joint: Joint, voltage: bool) -> Kind | None:
-    """Return what the joints of a batch have in common, or None for the general kernel."""
+    """Return the features that the joints of a batch share, or None for the general kernel."""
     structure = joint.structure_row
     groups = structure.groups
     if joint.drive != "current" or voltage or groups[1] == groups[2]:
@@ -185,7 +185,7 @@ def read_friction(p: Any, setup: Setup, kind: Kind, s: Floats, lane: int) -> boo
 
 @lean
 def is_plain(p: Any) -> bool:
-    """Whether the sensors report what is true, at once."""
+    """Whether the sensors report true values without delay."""
     if is_late(p) or distorts(p) or p.dropout > 0.0:
         return False
     if p.torque_cutoff > 0.0 or p.velocity_cutoff > 0.0:

@@ -3,8 +3,8 @@
 The same equations and the same scheme as `substep`, for joints that a current source drives
 through linear springs, with Coulomb and one-sided viscous friction (smooth or sharp) and cogging.
 WIDTH joints form a block: each of its rows holds one quantity, a number per joint; `p` are its
-parameters and `s` is scratch. The code reads
-as if there were one joint; where joints differ in what they do, `choose` takes both ways.
+parameters and `s` is scratch. The code reads as if for a single joint; where joints take different
+branches, `choose` computes both.
 """
 
 from __future__ import annotations

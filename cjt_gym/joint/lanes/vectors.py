@@ -1,4 +1,4 @@
-"""Vectors of numbers, one per joint, that compiled code computes with as if they were floats.
+"""Vectors of numbers, one per joint, that compiled code uses as if they were floats.
 
 `Lanes` is a vector of WIDTH doubles and `Mask` one of WIDTH conditions. Arithmetic and comparisons
 act lane by lane, also between a vector and a float, and so do `&`, `|` and `~` of conditions;

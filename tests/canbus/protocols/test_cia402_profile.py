@@ -48,12 +48,15 @@ def test_a_drive_runs_without_canopen() -> None:
     settings = settings_for("cia402")
     profile = Profile(settings)
     slave = Slave(profile)
-    for access in (profile.identity(), profile.abort(), *profile.setup()):
+    mapping = [access for pdo in PDOS for access in profile.mapping(pdo)]
+    for access in (profile.identity(), profile.abort(), *mapping, *profile.setup()):
         if access.value is None:
             assert access.accepts(slave.sdo_read(*access.key))
         else:
             slave.sdo_write(*access.key, access.data)
     assert slave.objects[0x6060, 0] == b"\x0a"
+    entries = [slave.objects[PDOS[0].mapping, sub].hex() for sub in (0, 1, 2)]
+    assert entries == ["02", "10004060", "10007160"]  # 6040h and 6071h, 16 bits each
     for _, word, state in ENABLING:
         answer = PDOS[1].layout.decode(slave.exchange(profile.outputs(word, 0.0)))
         assert profile.shows(int(answer["Statusword"]), state)
