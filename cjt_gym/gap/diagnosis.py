@@ -296,6 +296,8 @@ class Evidence:
         replays: Measured, nominal and explained signals by channel.
         steps: Names of the effects and the residuals' rms after each, in the order of discovery.
         replay_dt: Sample time of the replays [s].
+        restarted: After which time each of them begins anew from what was measured [s]; 0 for one
+            replay of the whole record.
         ladder: Replay errors from the nominal joint to the explained one.
         regimes: For each stage with a gap its regimes before, and what is left of each as a share
             of the same total; the stage with the largest gap first.
@@ -311,6 +313,7 @@ class Evidence:
     replays: Mapping[str, Mapping[str, Floats]] = field(default_factory=dict)
     steps: tuple[tuple[str, Mapping[str, float]], ...] = ()
     replay_dt: float = 1e-3
+    restarted: float = 0.0
     ladder: tuple[Step, ...] = ()
     regimes: Mapping[str, tuple[tuple[Regime, ...], tuple[Regime, ...]]] = field(
         default_factory=dict

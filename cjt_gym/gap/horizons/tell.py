@@ -30,8 +30,9 @@ from cjt_gym.gap.horizons.by_torque import (
 )
 from cjt_gym.gap.horizons.fit import Fit, Problem
 from cjt_gym.gap.horizons.inverse import Spent, seen_in_torque
-from cjt_gym.gap.horizons.judge import LOUD, Judgement, Row
+from cjt_gym.gap.horizons.judge import LOUD, NEAR, Judgement, Row
 from cjt_gym.gap.horizons.model import Term, motor_inertia
+from cjt_gym.gap.horizons.pictured import pictured
 from cjt_gym.gap.horizons.scatter import Scatter
 from cjt_gym.gap.horizons.sheet import stated_tolerance
 from cjt_gym.gap.horizons.spread import Spread, spread_of
@@ -95,6 +96,8 @@ def retold(
         seen = {}
     if loud:  # nothing predicts the motion: the torque alone tells
         effects = tuple(e for e in effects if not covered(e.name, seen))
+    if not (regressed or loud):
+        seen = _beside(judged, seen)
     by_torque = told_by_torque(judged, seen, effects, alone=regressed or loud)
     held = by_torque and loud and not regressed
     effects = tuple(sorted((*effects, *by_torque), key=lambda e: -e.gap_removed))
@@ -119,10 +122,27 @@ def retold(
         unexplained=unexplained,
         joint=joint_of(judged, effects, record),
         suggestion=_suggestion(judged, effects, first),
-        evidence=replace(first.evidence, ladder=()),
+        evidence=pictured(judged, first.evidence),
         horizons=horizons_of(judged),
         regimes=first.regimes if rows else (),
     )
+
+
+def _beside(judged: Judgement, seen: Mapping[str, Spent]) -> dict[str, Spent]:
+    """Return what a torque shows and a fit that predicts does not contradict.
+
+    A fit that has the effect has to find it as large; one that has not must leave something open.
+    """
+    if judged.found is None:
+        return {}
+    fit, open_ = judged.found.fit, main_row(judged).found > NEAR
+    values = fit.model.values(fit.z)
+    fitted = {t.name: v for t, v in zip(fit.model.terms, values, strict=True)}
+    return {
+        name: one
+        for name, one in seen.items()
+        if (agrees(one, fitted[name]) if name in fitted else open_)
+    }
 
 
 def _suggestion(judged: Judgement, effects: Sequence[NamedEffect], first: Diagnosis) -> Suggestion:

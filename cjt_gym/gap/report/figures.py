@@ -29,9 +29,11 @@ def replay_charts(diagnosis: Diagnosis) -> list[Chart]:
         t = np.arange(len(signals["measured"]), dtype=np.float64) * evidence.replay_dt
         shown = [("measured", "measured"), *models]
         curves = [Curve(label, key, t, signals[key]) for key, label in shown]
-        errors = [relative(signals[key], signals["measured"]) for key, _ in models]
-        aid = f"Error {' before, '.join(percent(e) for e in errors)}"
-        aid += " after, relative to the signal." if len(errors) > 1 else " of the signal."
+        aid = "Held-out stretches, one after the other, each from a measured start."
+        if not evidence.restarted:
+            errors = [relative(signals[key], signals["measured"]) for key, _ in models]
+            aid = f"Error {' before, '.join(percent(e) for e in errors)}"
+            aid += " after, relative to the signal." if len(errors) > 1 else " of the signal."
         label = f"{text} [{units.get(name, source.torque)}]"
         charts.append(Chart(text.capitalize(), aid, "time [s]", label, curves, zoom="time"))
     return charts

@@ -201,7 +201,9 @@ def _signals(diagnosis: Diagnosis) -> str:
     replayed = _charts("all", charts[:1]) + _charts("half", charts[1:])
     if not replayed:
         return ""
-    aid = "Open-loop replay of the recorded command. Drag over a stretch of time to enlarge it, "
+    again = diagnosis.evidence.restarted
+    aid = f"Predictions of {number(again)} s each" if again else "Open-loop replay"
+    aid += " under the recorded input. Drag over a stretch of time to enlarge it, "
     return _aid(f"{aid}double-click to see all again.") + replayed
 
 

@@ -140,6 +140,15 @@ def test_its_joint_predicts_no_worse_than_datasheet_and_regression(told: Diagnos
             assert row.least_squares is None or row.found <= 1.02 * row.least_squares
 
 
+def test_its_pictures_show_the_joint_that_is_the_answer(told: Diagnosis) -> None:
+    drawn = told.evidence.replays["q_m"]
+    before, after = (drawn[key] - drawn["measured"] for key in ("before", "after"))
+    assert told.evidence.restarted == pytest.approx(0.5, abs=0.01)
+    ratio = np.std(after) / np.std(before)
+    (row,) = (h for h in told.horizons if h.seconds == 0.5 and h.channel == "q_m")
+    assert ratio == pytest.approx(row.found / row.datasheet, rel=0.5)
+
+
 def test_it_names_the_friction_and_not_the_guess(told: Diagnosis) -> None:
     named = {effect.name for effect in told.effects}
     assert named & {"coulomb", "coulomb_asym"}

@@ -1,0 +1,82 @@
+"""What a report draws of a joint that was judged by its predictions."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cjt_gym.gap.diagnosis import Evidence
+from cjt_gym.gap.horizons.forward import CHANNELS, followed, predict
+from cjt_gym.gap.horizons.judge import Judgement
+from cjt_gym.gap.horizons.log import Log
+from cjt_gym.gap.horizons.windows import WHOLE, Group, Windows
+from cjt_gym.joint import Joint
+
+Floats = NDArray[np.float64]
+KEYS = ("measured", "before", "after")
+
+
+def pictured(judged: Judgement, first: Evidence) -> Evidence:
+    """Return evidence whose signals are what datasheet and answer predict of held-out data.
+
+    The residuals and maps of the stages are those of another joint, and are left out.
+
+    Args:
+        judged: The judgement.
+        first: Evidence of the stages, of which the sources stay.
+    """
+    groups = _drawn(judged.case.test)
+    log = judged.case.test.logs[groups[0].log]
+    parts = [_stretches(judged, log, group) for group in groups]
+    signals = {
+        channel: {key: np.concatenate([part[channel][key] for part in parts]) for key in KEYS}
+        for channel in log.measured
+    }
+    nothing: Floats = np.zeros(0)
+    return replace(
+        Evidence(nothing, {}, {}, source=first.source),
+        replays=signals, replay_dt=log.dt, restarted=groups[0].length * log.dt,
+    )  # fmt: skip
+
+
+def _stretches(judged: Judgement, log: Log, group: Group) -> dict[str, dict[str, Floats]]:
+    """Return what was measured and predicted in windows, one after the other, by channel."""
+    starts = _apart(group)
+    rows = starts[:, None] + np.arange(group.length)
+    joints = (judged.case.joint, judged.joint)
+    before, after = (_predicted(joint, log, group, starts) for joint in joints)
+    return {
+        channel: {
+            "measured": log.measured[channel][rows].reshape(-1),
+            "before": before[..., CHANNELS[channel]].reshape(-1),
+            "after": after[..., CHANNELS[channel]].reshape(-1),
+        }
+        for channel in log.measured
+    }
+
+
+def _drawn(windows: Windows) -> list[Group]:
+    """Return the windows of one record that are drawn: pieces as a whole, or the longest ones."""
+    whole = [g for g in windows.groups if g.horizons == (WHOLE,)]
+    if whole:
+        return [g for g in whole if g.log == whole[0].log]
+    return [max(windows.groups, key=lambda g: (g.length, len(g.starts)))]
+
+
+def _apart(group: Group) -> NDArray[np.int64]:
+    """Return the starts of windows that do not overlap."""
+    kept: list[int] = []
+    for start in np.sort(group.starts).tolist():
+        if not kept or start >= kept[-1] + group.length:
+            kept.append(start)
+    return np.array(kept)
+
+
+def _predicted(joint: Joint, log: Log, group: Group, starts: NDArray[np.int64]) -> Floats:
+    """Return what a joint predicts in windows, shape (W, length, 3); 0 where it is not finite."""
+    order = np.argsort(group.starts)
+    leads = group.leads[order][np.searchsorted(group.starts[order], starts)]
+    lengths = np.full(len(starts), group.length)
+    return np.nan_to_num(predict(joint, log, starts, lengths, leads, followed(joint, log)))
