@@ -35,8 +35,11 @@ FIRST = "coulomb"
 """Dry friction is tried from a grid at once: damping alone may have taken its place."""
 FAR = 0.5
 """Deviation of a logarithm from which a start is tried at other magnitudes, too."""
-ALIKE = 2.0
-"""Difference of the cost up to which two models fit alike."""
+ALIKE, ALIKE_PLAIN = 2.0, 12.0
+"""Difference of the cost up to which two models fit alike, and up to which plain dry friction is
+still a rival of a law that refines it: a wrong input makes small differences between them."""
+REFINED = ("stribeck", "presliding", "coulomb_asym", "load_friction")
+"""Laws of friction that refine the plain one."""
 
 
 @dataclass(frozen=True)
@@ -373,4 +376,13 @@ def _rivals(
 ) -> tuple[str, ...]:
     others = [t for t in terms if t.name != term.name]
     found = extend(problem, less, others, 2)
-    return tuple(t.name for f, t in found if f.cost + price(t) < fit.cost + price(term) + ALIKE)
+    plain = [t for t in others if t.name == FIRST] if term.name in REFINED else []
+    simple = extend(problem, less, plain, 1)
+    return tuple(
+        dict.fromkeys(
+            t.name
+            for allowance, fits in ((ALIKE, found), (ALIKE_PLAIN, simple))
+            for f, t in fits
+            if f.cost + price(t) < fit.cost + price(term) + allowance
+        )
+    )
