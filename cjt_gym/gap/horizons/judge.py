@@ -299,10 +299,14 @@ def _tested(problem: Problem, test: Problem, found: Found) -> tuple[Found, tuple
 
 
 def _no_worse(case: Case, joints: dict[str, Joint], name: str) -> bool:
-    """Return whether a joint predicts no worse than datasheet and least squares, at any horizon."""
+    """Return whether a joint predicts no worse than simpler ones, at any horizon.
+
+    These are the datasheet, least squares, and for a search's end its fit without any effect.
+    """
+    simpler = ("datasheet", "least squares", *(["base"] if name == "found" else []))
     for windows in {id(w): w for w in (case.test, case.all)}.values():
         own = relative(windows, windows.errors(joints[name]))
-        for other in ("datasheet", "least squares"):
+        for other in simpler:
             if other in joints:
                 errors = relative(windows, windows.errors(joints[other]))
                 if any(own[key] > max(_slack(key) * errors[key], TRIVIAL) for key in own):
