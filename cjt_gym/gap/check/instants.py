@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cjt_gym.gap.check.balance import Floats, left_over
+from cjt_gym.gap.check.balance import Floats, factors, left_over
 from cjt_gym.gap.check.clock import even
 from cjt_gym.gap.check.pieces import smooth
 from cjt_gym.gap.check.view import View
@@ -33,6 +33,8 @@ EXPLAINED = 0.5
 """Deviation that a motion's balance may leave, as a share, for its instants to be judged."""
 CLEARLY = 0.5
 """Mean square that the best shift must leave, as a share of that without any."""
+HEAVY = 0.5
+"""Share of the inertia without a shift that must be left at the best one."""
 APART = 1.5
 """Samples of such a shift that are told."""
 WHAT_TO_DO = "samples_late in the mapping puts its values into the rows of their instants"
@@ -149,8 +151,8 @@ def _rows(record: Record) -> int:
 def _shift(view: View) -> float | None:
     """Return by how many samples the motion follows its torque; None where that cannot be told."""
     balance = view.motor
-    if balance is None or view.motor_angle == "tau":
-        return None
+    if balance is None or view.motor_angle == "tau" or view.drive == "v":
+        return None  # a voltage moves the motor late by itself
     terms = [balance[name] for name in ("a", "v", "s", "one", "q")]
     if not view.records[0].prismatic:
         terms += [np.sin(balance["q"]), np.cos(balance["q"])]
@@ -160,16 +162,19 @@ def _shift(view: View) -> float | None:
         for k, piece in enumerate(view.stretches)
         if len(piece["t"]) > 2 * width
     }
-    left = np.array([_left(view, torques, terms, shift) for shift in SHIFTS])
-    best = int(np.argmin(left))
-    now = left[int(np.flatnonzero(SHIFTS == 0.0)[0])]
+    tried = [_earlier(view, torques, shift) for shift in SHIFTS]
+    left = np.array([left_over(y, terms) / max(float(np.std(y)), 1e-300) for y in tried])
+    best, none = int(np.argmin(left)), int(np.flatnonzero(SHIFTS == 0.0)[0])
+    now = left[none]
     if best in (0, len(SHIFTS) - 1) or left[best] > EXPLAINED:
         return None
+    if factors(tried[best], terms)[0] < HEAVY * factors(tried[none], terms)[0]:
+        return None  # it is the inertia that comes late
     return float(SHIFTS[best]) if left[best] ** 2 < CLEARLY * now**2 else 0.0
 
 
-def _left(view: View, torques: dict[int, Floats], terms: list[Floats], shift: float) -> float:
-    """Return what the terms leave of an earlier torque, as a share of its deviation."""
+def _earlier(view: View, torques: dict[int, Floats], shift: float) -> Floats:
+    """Return the torque so many samples before the joint's motion, where it moves."""
     balance = view.motor
     assert balance is not None
     y = np.zeros(len(balance))
@@ -177,4 +182,4 @@ def _left(view: View, torques: dict[int, Floats], terms: list[Floats], shift: fl
         own = balance["stretch"] == k
         at = balance["time"][own] - shift * view.dt
         y[own] = np.interp(at, view.stretches[k]["t"], torque)
-    return left_over(y, terms) / max(float(np.std(y)), 1e-300)
+    return y

@@ -11,7 +11,7 @@ import numpy as np
 from cjt_gym.gap.check.balance import FEWEST, Balance, Floats
 from cjt_gym.gap.check.body import Body
 from cjt_gym.gap.check.channels import Channel, channels_of
-from cjt_gym.gap.check.pieces import Columns, changes, stretches
+from cjt_gym.gap.check.pieces import Columns, changes, gain, stretches
 from cjt_gym.joint import STRUCTURES, JointFile, Structure
 from cjt_gym.records import Record
 
@@ -271,14 +271,16 @@ class View:
         return max((width for width in WIDTHS if width <= most), key=self._sharpness)
 
     def _sharpness(self, width: int) -> float:
-        """Return how sharply a smoothing shows the acceleration."""
-        found = None
-        if self.motor_body is not None and self.drive is not None:
-            found = self.motor_body.balance(width)
-        if found is None:
+        """Return how sharply a smoothing shows the acceleration, which is more than its noise."""
+        body, found = self.motor_body, None
+        if body is not None and self.drive is not None:
+            found = body.balance(width)
+        if body is None or found is None:
             return 0.0
         least = found.least(found["a"], ("v", "s", "one"))
-        return 1.0 / least if least > 0.0 else 0.0
+        noise = body.angle_noise * gain(width, 2, self.dt, body.angle)
+        own = 1.0 - noise**2 / max(float(np.mean(found["a"] ** 2)), 1e-300)
+        return max(own, 0.0) / least if least > 0.0 else 0.0
 
 
 def _likely(record: Record, channels: Mapping[str, Channel]) -> Structure:

@@ -26,6 +26,8 @@ LOSS = 0.002
 square ampere can be told [1/K]."""
 CREEP = 0.002
 """Velocity over which the toolbox smooths dry friction, which then creeps [rad/s]."""
+SLOWEST = 0.02
+"""Longest time constant of a drive [s]: what is slower is the mechanics."""
 HEAVIEST = 10.0
 """Largest weight that is looked for, in torques that are rarely exceeded: a pendulum that is swung
 up is heavier than its motor is strong."""
@@ -104,17 +106,27 @@ def _inertia(joint: Joint) -> Number:
 
 
 def _put_inertia(joint: Joint) -> Put:
-    p = joint.parameters
-    own = body_group(joint.structure_row, "m")
+    own = {
+        f"I_{b}": joint.parameters.get(f"I_{b}", 0.0) for b in body_group(joint.structure_row, "m")
+    }
+    total = sum(own.values())
+    guess = {
+        s: x for s, x in own.items() if not math.isfinite(tolerance_of(joint.file, s, INERTIA))
+    }
+    known = total - sum(guess.values())
 
     def put(draft: Draft, values: Sequence[float]) -> None:
-        factor = values[0]
-        row = draft.row("inertia")
-        row["I_m"] = p.get("I_m", 0.0) * factor
-        if "g" in own:
-            row["I_g"] = p.get("I_g", 0.0) * factor
-        if "l" in own and p.get("I_l", 0.0) > 0.0:
-            draft.row("load_inertia")["I_l"] = p.get("I_l", 0.0) * factor
+        """Change what is a guess, or all in proportion where none is or that does not do."""
+        rest = values[0] * total - known
+        changed = {
+            s: x * rest / (total - known) for s, x in guess.items() if x > 0.0 and rest > 0.0
+        }
+        new = own | changed if changed else {s: x * values[0] for s, x in own.items()}
+        draft.row("inertia")["I_m"] = new["I_m"]
+        if "I_g" in own:
+            draft.row("inertia")["I_g"] = new["I_g"]
+        if own.get("I_l", 0.0) > 0.0:
+            draft.row("load_inertia")["I_l"] = new["I_l"]
 
     return put
 
@@ -257,7 +269,8 @@ def _drive(logs: Sequence[Log]) -> list[Term]:
     dt, factor = logs[0].dt, UNLIKELY if logs[0].drive == "i" else 1.0
     longest = max(0.02, 4.0 * dt)
     delay = Number("delay", "s", 0.0, 0.5 * dt, low=0.0, high=longest)
-    lag = Number("bandwidth", "Hz", 0.1 / dt, 0.5, True, 0.2, 0.5 / dt)
+    slowest = min(1.0 / (2.0 * np.pi * SLOWEST), 0.05 / dt)
+    lag = Number("bandwidth", "Hz", 0.1 / dt, 0.5, True, slowest, 0.5 / dt)
     return [
         Term("command_delay", (delay,), _set("command_delay", "delay"), nominal=(0.0,),
              starts=tuple((k * dt,) for k in (0.7, 1.5, 3.0) if k * dt < longest), family="late",

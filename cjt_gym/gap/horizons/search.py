@@ -38,8 +38,8 @@ FAR = 0.5
 ALIKE, ALIKE_PLAIN = 2.0, 12.0
 """Difference of the cost up to which two models fit alike, and up to which plain dry friction is
 still a rival of a law that refines it: a wrong input makes small differences between them."""
-REFINED = ("stribeck", "presliding", "coulomb_asym", "load_friction")
-"""Laws of friction that refine the plain one."""
+REFINED = ("stribeck", "presliding", "coulomb_asym", "load_friction", "damping")
+"""Laws of friction that refine the plain one, or take its place."""
 
 
 @dataclass(frozen=True)
@@ -351,7 +351,9 @@ def pruned(problem: Problem, base: Fit, fit: Fit, terms: Sequence[Term], fixed: 
         fit = less[min(weak, key=lambda k: worths[k].fall)]
     rivals = []
     for k, term in enumerate(fit.model.terms):
-        rivals.append(_rivals(problem, less[k], fit, term, terms) if k in own else ())
+        others = terms if k in own else [t for t in terms if t.name == FIRST]
+        free = k in own or term.name in REFINED
+        rivals.append(_rivals(problem, less[k], fit, term, others) if free else ())
     return Found(fit, base, tuple(worths), tuple(rivals), tuple(less))
 
 

@@ -47,6 +47,8 @@ OUTSIDE = 3.0
 MIMICS = frozenset({"gravity", "thermal_derating", "viscous_asym", "load_friction"})
 """Effects that position, time or a wrong input may mimic: confirmed only where much depends on
 them."""
+LATE = frozenset({"command_delay", "current_lag"})
+"""Effects that only a measured current tells from what is slow behind it."""
 MUCH = 0.5
 """Share of the squared error that such an effect has to take away."""
 NOTHING = 1e-3
@@ -248,6 +250,7 @@ def _named(
     firm = firm and not genuine and not same
     firm = firm and (test is None or test.fall > 0.0)
     firm = firm and (term.name not in MIMICS or removed > MUCH)
+    firm = firm and (term.name not in LATE or judged.case.logs[0].drive == "i")
     firm = firm and not judged.unexplained and _worst(judged).found < LOUD
     confidence = float(np.clip(1.0 - 0.5 ** (worth.clear / worth.needed), 0.05, 0.99))
     return NamedEffect(
