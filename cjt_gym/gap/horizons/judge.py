@@ -299,18 +299,20 @@ def _tested(problem: Problem, test: Problem, found: Found) -> tuple[Found, tuple
 
 
 def _no_worse(case: Case, joints: dict[str, Joint], name: str) -> bool:
-    """Return whether a joint predicts no worse than simpler ones, at any horizon.
+    """Return whether a joint predicts no worse than datasheet and least squares, at any horizon.
 
-    These are the datasheet, least squares, and for a search's end its fit without any effect.
+    Where it does worse than going on at the same speed, it must not lose against its fit without
+    any effect, either.
     """
-    simpler = ("datasheet", "least squares", *(["base"] if name == "found" else []))
     for windows in {id(w): w for w in (case.test, case.all)}.values():
         own = relative(windows, windows.errors(joints[name]))
-        for other in simpler:
-            if other in joints:
-                errors = relative(windows, windows.errors(joints[other]))
-                if any(own[key] > max(_slack(key) * errors[key], TRIVIAL) for key in own):
-                    return False
+        for other in {"datasheet", "least squares", "base"} & joints.keys() - {name}:
+            errors = relative(windows, windows.errors(joints[other]))
+            lost = [k for k in own if own[k] > max(_slack(k) * errors[k], TRIVIAL)]
+            if lost and (
+                other != "base" or any(own[k] > 1.0 for k in lost if k[1] > min(HORIZONS))
+            ):
+                return False
     return True
 
 
