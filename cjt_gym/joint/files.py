@@ -162,14 +162,13 @@ def _on_one_line(quantity: Quantity) -> Inline:
 
 
 def is_path(name_or_path: str | Path) -> bool:
-    """Return whether this is the path of a file rather than the name of a shipped joint."""
+    """Return whether this is the path of a file rather than the name of a shipped joint.
+
+    Names have no ending, so that `elbow.tml` is a file that is missing rather than no joint.
+    """
     if isinstance(name_or_path, Path):
         return True
-    return (
-        name_or_path.endswith((".toml", TOOLBOX_SUFFIX))
-        or "/" in name_or_path
-        or "\\" in name_or_path
-    )
+    return bool(Path(name_or_path).suffix) or "/" in name_or_path or "\\" in name_or_path
 
 
 def read_joint_text(path: Path) -> str:

@@ -486,6 +486,11 @@ def test_unknown_joint() -> None:
     assert isinstance(caught.value, LookupError)
 
 
+def test_a_name_with_an_ending_is_a_file_that_is_missing() -> None:
+    with pytest.raises(MissingFileError, match=r"elbow.tml does not exist"):
+        load_joint_file("elbow.tml")
+
+
 def test_missing_and_unreadable_file(tmp_path: Path) -> None:
     with pytest.raises(MissingFileError, match="nowhere.toml does not exist"):
         load_joint_file(tmp_path / "nowhere.toml")
