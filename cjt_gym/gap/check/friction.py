@@ -48,7 +48,13 @@ def one_way(view: View) -> str:
 
 
 def seen(
-    view: View, balance: Balance, term: Floats, against: Sequence[str], unit: str, instead: str
+    view: View,
+    balance: Balance,
+    term: Floats,
+    against: Sequence[str],
+    unit: str,
+    instead: str,
+    share: float = TORQUE,
 ) -> Verdict:
     """Return whether a torque shows whose column is given, of size 1 where it is at its most.
 
@@ -59,6 +65,7 @@ def seen(
         against: The columns that it must be told from.
         unit: Of its factor.
         instead: What to record where it does not show.
+        share: Of the driving torque, up to which its least size may come.
     """
     size = balance.least(term, against)
     most = float(np.quantile(np.abs(term), 0.95)) or float(np.abs(term).max(initial=0.0))
@@ -67,7 +74,7 @@ def seen(
     if own < APART:
         why = f"all but {percent(own)} of what it does could be inertia or other friction"
         return Unseen(why, instead)
-    if np.isfinite(torque) and torque <= TORQUE * balance.level:
+    if np.isfinite(torque) and torque <= share * balance.level:
         return Seen(size, unit)
     driven = f"while the joint is driven by {balance.level:.2g} {view.torque_unit}"
     return Unseen(f"{only_from(torque, view.torque_unit)}, {driven}", instead)

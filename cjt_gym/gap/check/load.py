@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from cjt_gym.gap.check.balance import Balance, factors
+from cjt_gym.gap.check.balance import Balance, Floats, factors
 from cjt_gym.gap.check.friction import INERTIA, seen
-from cjt_gym.gap.check.verdicts import Seen, Unseen, Verdict, no_balance, only_from
+from cjt_gym.gap.check.verdicts import TORQUE, Seen, Unseen, Verdict, no_balance, only_from
 from cjt_gym.gap.check.view import View
 
+WEIGHT = 1.0
+"""Share of the driving torque up to which the least weight may come: a pendulum that is swung up
+weighs more than its motor gives."""
 FREE = "Record with a free load, its angle q_l and the joint torque tau."
 OFFSET = "On a straight axis look for a weight as torque_offset."
 HELD = Unseen("the output is held", FREE)
@@ -66,7 +71,7 @@ def gravity(view: View) -> Verdict:
     angle, slow = balance["q"], balance.slow(1.0, view.dt)
     names, instead = ("a", "v", "s", "one"), "Record motion over half a turn of the load, slowly."
     found = [
-        _by_torque(view, balance, wave(angle - angle.mean()) * slow, names, instead)
+        _by_torque(view, balance, wave(angle - angle.mean()) * slow, names, instead, WEIGHT)
         for wave in (np.sin, np.cos)
     ]
     best = next((verdict for verdict in found if isinstance(verdict, Seen)), None)
@@ -77,5 +82,12 @@ def gravity(view: View) -> Verdict:
     return Unseen(f"{way}, so that {found[0].why}", instead)
 
 
-def _by_torque(view: View, balance: Balance, term, names, instead: str) -> Verdict:  # type: ignore[no-untyped-def]
-    return seen(view, balance, term, names, view.torque_unit, instead)
+def _by_torque(
+    view: View,
+    balance: Balance,
+    term: Floats,
+    names: Sequence[str],
+    instead: str,
+    share: float = TORQUE,
+) -> Verdict:
+    return seen(view, balance, term, names, view.torque_unit, instead, share)
