@@ -137,7 +137,8 @@ def _beside(judged: Judgement, seen: Mapping[str, Spent]) -> dict[str, Spent]:
     """
     if judged.found is None:
         return {}
-    fit, open_ = judged.found.fit, main_row(judged).found > NEAR
+    fit = judged.found.base if judged.answer == "base" else judged.found.fit
+    open_ = main_row(judged).found > NEAR
     values = fit.model.values(fit.z)
     fitted = {t.name: v for t, v in zip(fit.model.terms, values, strict=True)}
     return {
