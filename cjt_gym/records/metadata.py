@@ -90,12 +90,19 @@ def facts_path(table: Path) -> Path:
         RecordError: Something else has that name, such as the configuration of a run.
     """
     path = table.with_suffix(".toml")
-    if path.exists() and not {"dt", "units"} <= set(read_toml(path, RecordError)):
+    if path.exists() and not _is_of_record(path):
         raise RecordError(
             f"The record {table} needs the file {path} beside it, which is there and belongs to "
             "no record. Give the record another name."
         )
     return path
+
+
+def _is_of_record(path: Path) -> bool:
+    try:
+        return {"dt", "units"} <= set(read_toml(path, RecordError))
+    except RecordError:
+        return False
 
 
 def metadata_text(record: Record) -> str:

@@ -13,10 +13,11 @@ import pytest
 
 from cjt_gym.cli import main
 from cjt_gym.disk import check_file_name, whole, write_text
-from cjt_gym.errors import ConfigurationError
+from cjt_gym.errors import ConfigurationError, RecordError
 from cjt_gym.records import FORMATS, Record, formats, write_record
 
 RECORD = Record({"t": [0.0, 0.1], "q_m": [0.0, 1.0]}, {"t": "s", "q_m": "rad"})
+FACTS = "dt = 0.1\n[units]\n"
 WRITTEN = [suffix for suffix, form in FORMATS.items() if form.write is not None]
 
 
@@ -32,7 +33,7 @@ def test_a_disk_that_is_full_leaves_what_was_there(
     path, beside = tmp_path / f"run{suffix}", tmp_path / "run.toml"
     if there:
         path.write_text("old")
-        beside.write_text("facts")
+        beside.write_text(FACTS)
     form = FORMATS[suffix]
     assert form.write is not None
 
@@ -51,7 +52,17 @@ def test_a_disk_that_is_full_leaves_what_was_there(
     assert left(tmp_path) == (sorted(["run.toml", f"run{suffix}"]) if there else [])
     if there:
         assert path.read_text() == "old"
-        assert beside.read_text() == "facts"
+        assert beside.read_text() == FACTS
+
+
+def test_what_is_no_record_is_not_overwritten(tmp_path: Path) -> None:
+    beside = tmp_path / "run.toml"
+    for text in ("no TOML at all", "[bus]\n"):
+        beside.write_text(text)
+        with pytest.raises(RecordError, match="belongs to no record"):
+            write_record(RECORD, tmp_path / "run.csv")
+        assert left(tmp_path) == ["run.toml"]
+        assert beside.read_text() == text
 
 
 def test_a_kill_while_writing_leaves_what_was_there(tmp_path: Path) -> None:
