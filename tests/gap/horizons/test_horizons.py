@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+import cjt_gym.gap.horizons.search as search_of
 from cjt_gym.gap import Diagnosis, diagnose
 from cjt_gym.gap.horizons.baseline import least_squares
 from cjt_gym.gap.horizons.fit import Problem
@@ -162,3 +165,22 @@ def test_a_guess_that_is_far_off_is_corrected_and_not_named() -> None:
     found = diagnose(record(), datasheet(12.0), "rigid")
     assert {effect.name for effect in found.effects} == {"coulomb", "damping"}
     assert found.joint.effects["inertia"]["I_m"].value == pytest.approx(0.02, rel=0.1)
+
+
+def test_the_best_model_that_is_left_wins_not_the_best_before_pruning(
+    plain: tuple[Case, Found], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    case, whole = plain
+    terms = candidates(case.joint, scales_of(case.joint, case.logs), case.logs)
+    base, problem = whole.base.model, Problem(case.fit)
+    best = replace(whole.fit, cost=whole.fit.cost - 100.0)
+    ends = iter([best])
+    monkeypatch.setattr(search_of, "extended", lambda *_: next(ends, whole.fit))
+    monkeypatch.setattr(
+        search_of, "pruned", lambda _p, first, fit, *_: replace(
+            whole, fit=first if fit is best else fit
+        ),
+    )  # fmt: skip
+    found = search(problem, base, terms)
+    assert "coulomb" in {t.name for t in found.fit.model.terms}
+    assert found.fit.cost < whole.base.cost
