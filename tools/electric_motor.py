@@ -2,8 +2,8 @@
 
 It needs gym-electric-motor, which is no dependency, in an environment of its own:
 
-    python -m venv /tmp/gem && /tmp/gem/bin/pip install gym-electric-motor==3.0.3
-    /tmp/gem/bin/python tools/electric_motor.py
+    python -m venv gem && gem/bin/pip install gym-electric-motor==3.0.3
+    gem/bin/python tools/electric_motor.py
 """
 
 from __future__ import annotations

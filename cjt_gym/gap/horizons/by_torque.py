@@ -35,6 +35,7 @@ EITHER: Mapping[str, tuple[str, ...]] = {
 DRY = frozenset(
     {"coulomb", "coulomb_asym", "stribeck", "presliding", "load_coulomb", "load_friction"}
 )
+"""Laws of dry friction, of which a regression sees only the plain one."""
 SAME: Mapping[str, frozenset[str]] = {
     "damping": frozenset({"viscous_asym"}),
     "coulomb": DRY,
@@ -95,10 +96,8 @@ def _numbers(one: Spent, joint: Joint) -> dict[str, Interval]:
         return {
             SYMBOLS[one.name]: _interval(one.name, SYMBOLS[one.name], one.values[0], half, joint)
         }
-    (a, b), size = (
-        one.values,
-        max(math.hypot(*one.values), 1e-12),
-    )  # the load needs a cos q + b sin q
+    a, b = one.values  # the load needs a cos q + b sin q
+    size = max(math.hypot(a, b), 1e-12)
     return {
         "torque": _interval("gravity", "torque", size, half, joint),
         "angle": _interval("gravity", "angle", -math.atan2(a, b), half / size, joint),

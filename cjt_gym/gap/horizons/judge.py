@@ -58,7 +58,7 @@ BALANCED = 3
 """How often horizons at which a joint would be worse get twice the weight."""
 ALL = np.ones(6, dtype=bool)
 LOUD = 0.6
-"""Relative error over the longest horizon from which nothing counts as explained."""
+"""Relative error, the shortest horizon left out, from which nothing counts as explained."""
 TRIVIAL = 0.03
 """Relative error that is left to no one's concern."""
 
