@@ -20,12 +20,14 @@ from cjt_gym.gap.horizons.rows import base_terms, candidates, likelier, scales_o
 from cjt_gym.gap.horizons.search import Found, Worth, search, worth
 from cjt_gym.gap.horizons.windows import (
     HORIZONS,
+    TRIVIAL,
     WHOLE,
     Windows,
     cut,
     make_windows,
     relative,
     split,
+    worse,
 )
 from cjt_gym.joint import Joint, JointFile, Structure
 from cjt_gym.joint.configure import resolve_effects
@@ -59,8 +61,6 @@ BALANCED = 3
 ALL = np.ones(6, dtype=bool)
 LOUD = 0.6
 """Relative error, the shortest horizon left out, from which nothing counts as explained."""
-TRIVIAL = 0.03
-"""Relative error that is left to no one's concern."""
 
 
 @dataclass(frozen=True)
@@ -305,10 +305,11 @@ def _no_worse(case: Case, joints: dict[str, Joint], name: str) -> bool:
     any effect, either.
     """
     for windows in {id(w): w for w in (case.test, case.all)}.values():
-        own = relative(windows, windows.errors(joints[name]))
+        errors = windows.errors(joints[name])
+        own = relative(windows, errors)
+        slack = {key: _slack(key) for key in windows.keys}
         for other in {"datasheet", "least squares", "base"} & joints.keys() - {name}:
-            errors = relative(windows, windows.errors(joints[other]))
-            lost = [k for k in own if own[k] > max(_slack(k) * errors[k], TRIVIAL)]
+            lost = worse(windows, errors, windows.errors(joints[other]), slack)
             if lost and (
                 other != "base" or any(own[k] > 1.0 for k in lost if k[1] > min(HORIZONS))
             ):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -15,6 +15,7 @@ from cjt_gym.joint import Joint
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+Key = tuple[str, float]
 HORIZONS = (0.02, 0.1, 0.5)
 """How far ahead a joint is asked to predict [s]."""
 SHORTEST = 3
@@ -35,6 +36,10 @@ WHOLE = 0.0
 """The horizon of a piece that is predicted from its first sample to its last."""
 LONG = 400
 """Samples of such a piece that count."""
+DECISIVE = 12
+"""Pieces beside which a single one decides nothing."""
+TRIVIAL = 0.03
+"""Relative error that is left to no one's concern."""
 TINY = 1e-12
 _NONE: tuple[Integers, Integers] = (np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))
 
@@ -80,7 +85,7 @@ class Windows:
 
     logs: tuple[Log, ...]
     groups: tuple[Group, ...]
-    keys: tuple[tuple[str, float], ...]
+    keys: tuple[Key, ...]
     scales: Floats
 
     @property
@@ -117,7 +122,7 @@ class Windows:
         Errors are in units of what the channel did. Where the prediction ceases to be finite they
         are a hundred.
         """
-        parts: dict[tuple[str, float], list[Floats]] = {key: [] for key in self.keys}
+        parts: dict[Key, list[Floats]] = {key: [] for key in self.keys}
         used = {group.log for group in self.groups}
         states = {n: followed(joint, self.logs[n]) for n in used}
         for group in self.groups:
@@ -137,7 +142,7 @@ class Windows:
             found.append(np.where(np.abs(error) < 100.0, error, 100.0))
         return found
 
-    def _kinds(self, group: Group) -> list[tuple[tuple[str, float], Integers]]:
+    def _kinds(self, group: Group) -> list[tuple[Key, Integers]]:
         log = self.logs[group.log]
         return [
             ((channel, horizon), group.points(horizon, log.dt))
@@ -145,11 +150,11 @@ class Windows:
             for channel in log.measured
         ]
 
-    def pieces(self, key: tuple[str, float]) -> Integers:
+    def pieces(self, key: Key) -> Integers:
         """Return in which piece each window of a kind lies, shape (W,)."""
         return np.concatenate([g.pieces for g in self.groups_of(key)])
 
-    def groups_of(self, key: tuple[str, float]) -> list[Group]:
+    def groups_of(self, key: Key) -> list[Group]:
         """Return the groups with errors of a kind."""
         return [g for g in self.groups if key in [kind for kind, _ in self._kinds(g)]]
 
@@ -276,7 +281,7 @@ def _spread(
 
 def _scaled(logs: tuple[Log, ...], groups: tuple[Group, ...]) -> Windows:
     blank = Windows(logs, groups, (), np.zeros(0))
-    sums: dict[tuple[str, float], list[float]] = {}
+    sums: dict[Key, list[float]] = {}
     for group in groups:
         log = logs[group.log]
         for key, points in blank._kinds(group):
@@ -289,7 +294,7 @@ def _scaled(logs: tuple[Log, ...], groups: tuple[Group, ...]) -> Windows:
     return Windows(logs, groups, tuple(sums), scales)
 
 
-def _stays(log: Log, key: tuple[str, float], group: Group, points: Integers) -> Floats:
+def _stays(log: Log, key: Key, group: Group, points: Integers) -> Floats:
     """Return the channel if the joint went on as it does at the start, shape (W, points)."""
     channel, horizon = key
     if channel == "tau" or horizon == WHOLE:
@@ -299,13 +304,40 @@ def _stays(log: Log, key: tuple[str, float], group: Group, points: Integers) -> 
     return np.asarray(q[:, None] + v[:, None] * points * log.dt, dtype=np.float64)
 
 
-def relative(windows: Windows, errors: Sequence[Floats]) -> dict[tuple[str, float], float]:
+def relative(windows: Windows, errors: Sequence[Floats]) -> dict[Key, float]:
     """Return the relative error of each kind: 1 is no better than going on as at the start."""
     return {key: float(np.sqrt(np.mean(e**2))) for key, e in zip(windows.keys, errors, strict=True)}
 
 
+def worse(
+    windows: Windows, own: Sequence[Floats], other: Sequence[Floats], slack: Mapping[Key, float]
+) -> list[Key]:
+    """Return at which horizons errors are larger than others, whichever piece is left out.
+
+    One piece of a record in which something happens that is not in the record, such as a brake,
+    decides nothing as long as there are `DECISIVE` others.
+
+    Args:
+        windows: What was predicted.
+        own: Errors of each kind.
+        other: Those that they are compared with.
+        slack: For each kind, how much larger they may be.
+    """
+    found = []
+    for key, a, b in zip(windows.keys, own, other, strict=True):
+        _, pieces = np.unique(windows.pieces(key), return_inverse=True)
+        mine, limit = (np.bincount(pieces, np.mean(e**2, axis=1)) for e in (a, slack[key] * b))
+        counted = [np.ones(len(mine), dtype=bool) for _ in range(2)]
+        counted[1][np.argmax(mine - limit)] = len(mine) <= DECISIVE
+        if all(
+            mine[k].sum() > max(limit[k].sum(), TRIVIAL**2 * np.sum(k[pieces])) for k in counted
+        ):
+            found.append(key)
+    return found
+
+
 def bootstrapped(
-    windows: Windows, before: Sequence[Floats], after: Sequence[Floats], key: tuple[str, float]
+    windows: Windows, before: Sequence[Floats], after: Sequence[Floats], key: Key
 ) -> tuple[float, float]:
     """Return the 95 % interval of the share by which an error falls, over pieces of the record."""
     k = windows.keys.index(key)
