@@ -22,6 +22,7 @@ tau = { value = 40.0, unit = "N m" }
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -49,8 +50,14 @@ SHARED = ("bus", "control", "emulator", "joints")
 OWN = ("name", "drive", "sensors", "joint", "limits")
 """What the joints of a list share, and what each has of its own."""
 CONTROL = ("rate_hz", "priority", "missed", "overrun", "watchdog", "soft", "torque")
-WATCHDOG = 1.75
-"""Control steps without a command after which a drive stops by itself, where none is given."""
+LATE = 0.01
+"""By how much a command may be late where nothing else is asked for [s].
+
+An ordinary computer without a real-time kernel holds a loop up by a few milliseconds now and then,
+even where nothing else runs; drives stop by themselves after 100 ms as they are delivered (moteus).
+"""
+SPARE = 0.75
+"""Control steps by which a drive's watchdog outlasts the latest command that is no fault."""
 TORQUES = ("auto", "sensor", "spring")
 Table = Mapping[str, Any]
 
@@ -195,8 +202,7 @@ def parse_hardware(document: Table, origin: str, folder: Path) -> HardwareConfig
     joint, joint_name, effects = read_joint(document["joint"], f"[joint] of {origin}", folder)
     control = Section(document["control"], f"[control] of {origin}", CONTROL)
     dt = 1.0 / control.number("rate_hz", "Hz", high=20e3)
-    watchdog = control.quantity("watchdog", "s", low=dt, high=1.0, default=WATCHDOG * dt)
-    overrun = control.quantity("overrun", "s", low=0.0, high=1.0, default=dt)
+    overrun, watchdog, missed = _allowances(control, dt)
     if overrun > watchdog:
         raise ConfigurationError(
             f"overrun of {control.owner} must be <= watchdog, {watchdog:.4g} s, after which the "
@@ -216,7 +222,7 @@ def parse_hardware(document: Table, origin: str, folder: Path) -> HardwareConfig
         effects=effects,
         dt=dt,
         priority=control.whole("priority", 1, 99, default=None),
-        missed=control.whole("missed", 0, 100, default=1),
+        missed=missed,
         overrun=overrun,
         soft=control.quantity("soft", "s", low=0.0, high=10.0, default=0.1),
         torque=control.choice("torque", TORQUES),
@@ -224,3 +230,17 @@ def parse_hardware(document: Table, origin: str, folder: Path) -> HardwareConfig
         emulator=emulator,
         origin=origin,
     )
+
+
+def _allowances(control: Section, dt: float) -> tuple[float, float, int]:
+    """Return how late a command may be, the drive's watchdog [s], and reports that may be missing.
+
+    What is not given follows from what is: no command may come later than the watchdog allows, and
+    while the loop is held up no reports are read.
+    """
+    given = control.quantity("watchdog", "s", low=dt, high=1.0, default=None)
+    late = max(LATE, dt) if given is None else min(max(LATE, dt), given)
+    overrun = control.quantity("overrun", "s", low=0.0, high=1.0, default=late)
+    watchdog = min(1.0, overrun + (1.0 + SPARE) * dt) if given is None else given
+    missed = max(1, min(100, math.ceil(overrun / dt)))
+    return overrun, watchdog, control.whole("missed", 0, 100, default=missed)

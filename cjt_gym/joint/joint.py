@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cjt_gym.errors import ConfigurationError, ParameterError, SimulationError
 from cjt_gym.joint import linear
-from cjt_gym.joint.arrays import CHANNELS, WORK_ROWS, WORK_WIDTH
+from cjt_gym.joint.arrays import CHANNELS, LAGGED, REFERENCE, WORK_ROWS, WORK_WIDTH
 from cjt_gym.joint.batch import JointBatch
 from cjt_gym.joint.border import checked_array
 from cjt_gym.joint.configure import EffectSpec, EffectValues, pack, resolve_effects
@@ -161,7 +161,8 @@ class Joint:
                 shape (samples,), zero if absent.
             dt: Sample time [s].
             x0: Initial [q_m q_g q_l dq_m dq_g dq_l], zero if absent; merged bodies follow the
-                first of them.
+                first of them. A joint that starts in motion has had its first command before:
+                delay and lag of the command begin with it instead of zero.
             voltage: Instead of tau_m, the voltage of a voltage drive [V], shape (samples,), or
                 (samples, 2) for v_q and v_d of `dq`.
             dt_physics: Substep [s]; dt is a whole multiple of it.
@@ -180,9 +181,12 @@ class Joint:
         loads = np.zeros(samples) if load is None else checked_array("load", load, (samples,))
         batch = JointBatch(self, 1, dt, dt_physics, voltage=voltage is not None)
         batch.seed(0, seed)
-        if x0 is not None:
-            batch.arrays.state[0] = checked_array("x0", x0, (6,))
+        start = np.zeros(6) if x0 is None else checked_array("x0", x0, (6,))
+        batch.arrays.state[0] = start
         batch.restart(np.ones(1, dtype=np.bool_), loads[:1])
+        if start[3:].any() and samples:
+            batch.arrays.commands[0] = commands[0]
+            batch.arrays.memory[0, [REFERENCE, LAGGED]] = commands[0, 0]
         measured, true = np.zeros((samples, 8)), np.zeros((samples, 12))
         done = simulate(batch.arrays, batch.setup, commands, loads, measured, true)
         if done < samples:

@@ -6,7 +6,7 @@ import copy
 from pathlib import Path
 from typing import Any
 
-from cjt_gym.canbus.config import WATCHDOG, HardwareConfig, parse_hardware
+from cjt_gym.canbus.config import HardwareConfig, parse_hardware
 from cjt_gym.canbus.emulator import Emulator
 from cjt_gym.canbus.plant import CanPlant
 from cjt_gym.canbus.virtual import VirtualLink
@@ -28,6 +28,11 @@ DRIVES: dict[str, dict[str, Any]] = {
 SET_BEFORE = ("mit", "dbc")
 """Protocols that cannot set a drive's watchdog: what is emulated here had it set before."""
 
+SHARP = {"missed": 1, "overrun": 1.0, "watchdog": 1.75}
+"""What a control step of virtual time, in which nothing is ever late, can keep [steps]."""
+PATIENT = 0.0135
+"""A drive's watchdog where nothing else is asked for, at 500 Hz [s]."""
+
 BASE: dict[str, Any] = {
     "bus": {"interface": "virtual", "channel": "bench"},
     "drive": DRIVES["odrive"],
@@ -42,13 +47,22 @@ def document(**changes: dict[str, Any]) -> dict[str, Any]:
     for name, table in changes.items():
         tables[name] = table if name == "drive" else tables.get(name, {}) | table
     if tables["drive"]["protocol"] in SET_BEFORE:
-        time = tables["control"].get("watchdog", {"value": WATCHDOG / 500, "unit": "s"})
+        time = tables["control"].get("watchdog", {"value": PATIENT, "unit": "s"})
         tables["emulator"] = {"watchdog": time} | tables.get("emulator", {})
     return tables
 
 
+def sharp(**control: Any) -> dict[str, Any]:
+    """Return the table [control] with allowances that only virtual time can keep."""
+    control = BASE["control"] | control
+    step = 1.0 / max(control["rate_hz"], 1.0)
+    times = {k: {"value": SHARP[k] * step, "unit": "s"} for k in ("overrun", "watchdog")}
+    return {"missed": SHARP["missed"]} | times | control
+
+
 def config(**changes: dict[str, Any]) -> HardwareConfig:
-    """Return a configuration with some of its tables changed."""
+    """Return a configuration with some of its tables changed, as sharp as virtual time allows."""
+    changes["control"] = sharp(**changes.get("control", {}))
     return parse_hardware(document(**changes), "bench.toml", Path())
 
 

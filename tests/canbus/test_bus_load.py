@@ -21,7 +21,7 @@ from cjt_gym.canbus.nodes import Nodes
 from cjt_gym.canbus.virtual import VirtualLink
 from cjt_gym.cli import main
 from cjt_gym.errors import ConfigurationError, UnknownNameError
-from tests.canbus.bench import DRIVES, document, toml
+from tests.canbus.bench import DRIVES, document, sharp, toml
 
 BITRATE = 250_000
 
@@ -75,6 +75,7 @@ def test_fd_frames_send_their_data_fast(size: int) -> None:
 def joints(*protocols: str, **changes: Any) -> dict[str, Any]:
     """Return a document that lists a joint for each of these protocols."""
     tables = document(**changes)
+    tables["control"] = sharp(**tables["control"])
     tables["emulator"] = {"watchdog": {"value": 0.0035, "unit": "s"}}
     shared = {name: tables[name] for name in ("bus", "control", "emulator")}
     own = [
@@ -87,7 +88,9 @@ def joints(*protocols: str, **changes: Any) -> dict[str, Any]:
 def is_carried(drive: dict[str, Any], rate: float) -> bool:
     """Whether an emulated bus keeps up with a loop."""
     bus = {"bitrate": BITRATE, "options": {"data_bitrate": BITRATE}}
-    config = parse_hardware(document(drive=drive, bus=bus, control={"rate_hz": rate}), "x", Path())
+    config = parse_hardware(
+        document(drive=drive, bus=bus, control=sharp(rate_hz=rate)), "x", Path()
+    )
     emulator = Emulator(config)
     link, nodes = VirtualLink(emulator), Nodes.of(config)
     talk, master = Dialogue(link, nodes), nodes.drive.master

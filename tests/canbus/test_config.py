@@ -90,3 +90,22 @@ def test_missing_tables_and_files_are_named(tmp_path: Path) -> None:
 def test_limits_are_numbers() -> None:
     limits = config().limits
     assert all(np.isfinite([limits.tau, limits.tau_rate, limits.tau_joint, limits.deflection]))
+
+
+@pytest.mark.parametrize(
+    ("control", "overrun", "watchdog", "missed"),
+    [
+        ({"rate_hz": 500}, 0.01, 0.0135, 5),
+        ({"rate_hz": 1000}, 0.01, 0.01175, 10),
+        ({"rate_hz": 50}, 0.02, 0.055, 1),
+        ({"rate_hz": 500, "overrun": {"value": 0.002, "unit": "s"}}, 0.002, 0.0055, 1),
+        ({"rate_hz": 500, "watchdog": {"value": 0.004, "unit": "s"}}, 0.004, 0.004, 2),
+        ({"rate_hz": 500, "missed": 0}, 0.01, 0.0135, 0),
+    ],
+)
+def test_allowances_that_are_not_given_follow_from_the_others(
+    control: dict[str, Any], overrun: float, watchdog: float, missed: int
+) -> None:
+    given = parse_hardware(document(control=control), "x", Path())
+    assert (given.overrun, given.drive.settings.watchdog) == pytest.approx((overrun, watchdog))
+    assert given.missed == missed

@@ -43,6 +43,25 @@ def test_lag_answers_a_step_exactly(bandwidth: float, h: float) -> None:
     np.testing.assert_allclose(record["true_i"][1:], mean, rtol=1e-9)
 
 
+@pytest.mark.parametrize("moving", [False, True])
+@pytest.mark.parametrize(
+    ("effect", "impulse"),
+    [
+        ({"current_lag": {"bandwidth": 10.0}}, 1.0 / (2.0 * math.pi * 10.0)),
+        ({"command_delay": {"delay": 0.025}}, 0.025),
+    ],
+)
+def test_a_joint_that_starts_in_motion_has_had_its_command(
+    effect: Effects, impulse: float, moving: bool
+) -> None:
+    """One at rest waits for it; the impulse that it lacks for good is that of a wait so long."""
+    joint, speed = rigid(effect), 0.5 if moving else 0.0
+    x0 = [0.0, 0.0, 0.0, speed, speed, speed]
+    v = joint.simulate(np.full(2000, 10.0), dt=1e-3, x0=x0)["true_dq_m"]
+    gained = (v[-1] - speed) * inertia(joint)
+    assert gained == pytest.approx(10.0 * (1.999 - (0.0 if moving else impulse)), rel=1e-9)
+
+
 @pytest.mark.parametrize("bandwidth", [50.0, 300.0])
 def test_lag_is_3_db_down_at_its_bandwidth(bandwidth: float) -> None:
     """And 45 degrees late; the held command and the mean over a substep cost (w h)^2 / 12."""

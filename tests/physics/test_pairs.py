@@ -75,6 +75,7 @@ def driven(joint: Joint, h: float, seed: int = 1) -> Floats:
     t = np.arange(SAMPLES) * 1e-3
     tau_m = 1.2 * joint.torque_limit * np.sign(np.sin(2 * np.pi * 60.0 * t + 0.1))
     tau_m = tau_m * np.where(t < 0.02, 1.0, 0.3)
+    tau_m[0] = 0.0  # delay and rate limit begin with what is commanded first
     fixed = joint.structure_row.output_fixed
     load = (0.3 if fixed else 20.0) * np.cos(2 * np.pi * 40.0 * t)
     speed = -1.0  # against the first command: it turns round

@@ -38,7 +38,7 @@ class Balance:
             and what else is known at these samples.
         scatter: Deviation of y about what moves the body, one smoothed sample [N m].
         width: Samples over which everything was smoothed.
-        level: Torque that drives the body, its 95 % quantile [N m].
+        level: Torque of the motor or of the load that drives the body, its 95 % quantile [N m].
     """
 
     y: Floats

@@ -72,13 +72,14 @@ class Body:
         if len(y) < FEWEST:
             return None
         joined |= {"s": np.sign(joined["v"]), "one": np.ones(len(y))}
-        level = float(np.quantile(np.abs(joined["u"]), 0.95))
+        level = max(float(np.quantile(np.abs(joined[name]), 0.95)) for name in ("u", "pushed"))
         return Balance(y, joined, self._scatter(y, joined, width), width, level)
 
     def _part(self, k: int, piece: Columns, width: int, limit: float) -> Columns:
         """Return the columns of a stretch where the body moves."""
         found = motion(piece, self.angle, self.stiffness, width)
         found |= {"y": smooth(self.torque(piece), width), "u": smooth(self.driving(piece), width)}
+        found["pushed"] = smooth(piece.get("tau_l", np.zeros(len(piece["t"]))), width)
         if "tau" in piece:
             found["tau"] = smooth(piece["tau"], width)
         found |= {"time": piece["t"], "stretch": np.full(len(piece["t"]), float(k))}

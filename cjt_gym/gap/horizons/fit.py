@@ -214,7 +214,8 @@ class Problem:
 def deafness(model: Model, z: Floats) -> float:
     """Return the logarithm of the torque that moves a free joint off by a given error.
 
-    Over a time h it is about 2 I / h^2 + d / h for inertia I and damping d.
+    Over a time h it is about 2 I / h^2 + d / h for inertia I and damping d. What the motor makes of
+    its current counts where there is one, and of all torque the share that friction leaves.
     """
     draft = model.draft(z)
     p, shape = model.joint.parameters, model.joint.structure_row
@@ -223,8 +224,12 @@ def deafness(model: Model, z: Floats) -> float:
     own = {**rows.get("inertia", {}), **rows.get("load_inertia", {}), **rows.get("damping", {})}
     inertia = sum(_number(own.get(f"I_{b}", p.get(f"I_{b}", 0.0))) for b in free)
     damping = sum(_number(own.get(f"d_{b}", p.get(f"d_{b}", 0.0))) for b in free)
+    names = {term.name for term in model.terms}
     constant = _number(rows.get("torque_constant", {}).get("k_t", p.k_t)) / p.k_t
-    return float(np.log((2.0 * inertia / LISTEN**2 + damping / LISTEN) / constant))
+    lost = rows.get("load_friction", {}) if "load_friction" in names else {}
+    heard = constant * (1.0 - sum(_number(lost.get(f"mu_{b}", 0.0)) for b in free))
+    size = 2.0 * inertia / LISTEN**2 + damping / LISTEN
+    return float(np.log(size / max(heard, LEAST)))
 
 
 def _number(value: object) -> float:

@@ -218,16 +218,18 @@ class Scales:
     """What is large on a record; searches start from shares of it.
 
     Attributes:
-        torque: Motor torque, rms of what varies [N m].
+        torque: Torque of motor and load, rms of what varies [N m].
         speed: Motor speed, rms [rad/s].
-        peak: Motor torque that is rarely exceeded [N m].
+        peak: That torque's size that is rarely exceeded [N m].
         travel: Range of the motor's angle [rad].
+        driven: Share of the torque that is the motor's.
     """
 
     torque: float
     speed: float
     peak: float
     travel: float
+    driven: float = 1.0
 
 
 def body_group(structure: Structure, body: str) -> tuple[str, ...]:

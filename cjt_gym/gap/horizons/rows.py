@@ -33,6 +33,10 @@ HEAVIEST = 10.0
 up is heavier than its motor is strong."""
 SWING = 0.4
 """Travel from which a weight can be told from a constant torque [rad]."""
+BACKDRIVEN = 0.02
+"""Share of the torque that must be the motor's for its torque constant to be looked for."""
+MOST_LOST = 0.5
+"""Largest share of the transmitted torque that friction takes, as in the effect table."""
 BODIES = {"m": "motor", "g": "gear", "l": "load"}
 
 
@@ -40,7 +44,8 @@ def scales_of(joint: Joint, logs: Sequence[Log]) -> Scales:
     """Return what is large on some records."""
     p = joint.parameters
     gain = p.k_t * p.n / (p.r if logs[0].voltage else 1.0)
-    torque = np.concatenate([gain * log.command[log.whole] for log in logs])
+    own = [gain * log.command[log.whole] for log in logs]
+    torque = np.concatenate([x + log.load[log.whole] for x, log in zip(own, logs, strict=True)])
     speed = np.concatenate([log.speed[log.whole] for log in logs])
     travel = max(float(np.ptp(log.states[log.whole, 0])) for log in logs)
     return Scales(
@@ -48,6 +53,7 @@ def scales_of(joint: Joint, logs: Sequence[Log]) -> Scales:
         max(float(np.sqrt(np.mean(speed**2))), 1e-9),
         max(float(np.percentile(np.abs(torque), 99)), 1e-9),
         max(travel, 1e-9),
+        float(np.std(np.concatenate(own))) / max(float(np.std(torque)), 1e-300),
     )
 
 
@@ -67,13 +73,11 @@ def base_terms(joint: Joint, scales: Scales) -> tuple[Term, ...]:
     found = [
         Term("inertia", (_inertia(joint),), _put_inertia(joint), "motor", nominal=(1.0,)),
         _damping(joint, scales),
-        Term(
-            "torque_constant",
-            (datasheet_number(file, "k_t", K_T, 10.0),),
-            _set("torque_constant", "k_t"),
-            nominal=(file.parameters.k_t,),
-        ),
     ]
+    if scales.driven > BACKDRIVEN:
+        number = datasheet_number(file, "k_t", K_T, 10.0)
+        put = _set("torque_constant", "k_t")
+        found.append(Term("torque_constant", (number,), put, nominal=(file.parameters.k_t,)))
     if groups.groups[1] != groups.groups[2] and file.parameters.get("k_b", 0.0) > 0.0:
         number = datasheet_number(file, "k_b", STIFFNESS, 100.0)
         found.append(
@@ -226,7 +230,7 @@ def _friction(joint: Joint, scales: Scales, body: str) -> list[Term]:
     slope = 0.1 * scales.torque / scales.speed
     steep = scales.torque / scales.travel
     sigma = Number(f"sigma_{body}", "N m/rad", 100.0 * steep, 0.7, True, 0.5 * steep, 1e6 * steep)
-    mu = Number(f"mu_{body}", "-", 0.0, 0.05, low=0.0, high=2.0)
+    mu = Number(f"mu_{body}", "-", 0.0, 0.05, low=0.0, high=MOST_LOST)
     return [
         Term("coulomb", (d_c,), coulomb, name, starts=((nominal + level,),), nominal=(nominal,),
              family="dry", factor=LIKELY),
