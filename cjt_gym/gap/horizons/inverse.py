@@ -40,6 +40,9 @@ OUTSIDE = 3.0
 """Tolerances, and deviations, beyond which a damping is more than the datasheet's."""
 PLACES = {"damping": (1,), "coulomb": (2,), "torque_offset": (3,), "gravity": (4, 5)}
 """Columns of the regressors that stand for an effect."""
+DRAG, HALF = "damping", 0.5
+"""What is too small to be seen, but others take its torque where it is left out; and the share of
+such an effect that must be left beside it."""
 SETS = (("coulomb",), ("coulomb", "torque_offset"), ("coulomb", "gravity"))
 """Effects of each start."""
 
@@ -88,6 +91,11 @@ class Spent:
     deviations: tuple[float, ...]
     share: float
 
+    @property
+    def size(self) -> float:
+        """Size of its coefficients."""
+        return float(np.hypot.reduce(self.values))
+
 
 def spent(joint: Joint, logs: Sequence[Log], names: Sequence[str]) -> list[Spent]:
     """Return on which of some effects the torque is clearly spent, stretch predicting stretch.
@@ -100,7 +108,7 @@ def spent(joint: Joint, logs: Sequence[Log], names: Sequence[str]) -> list[Spent
     columns, torque = _moving(joint, logs)
     if len(torque) < BLOCKS * SHORTEST:
         return []
-    names = list(names)
+    asked, names = names, list(names)
     while names:
         full, fits = _predicted(columns, torque, names)
         weights = {name: _gain(full, _predicted(columns, torque, _less(names, name))[0])
@@ -109,7 +117,14 @@ def spent(joint: Joint, logs: Sequence[Log], names: Sequence[str]) -> list[Spent
         if not weak:
             break
         names.remove(min(weak, key=lambda n: weights[n][0]))
-    return [_spent(name, names, fits, weights[name][0]) for name in names]
+    alone = [_spent(name, names, fits, weights[name][0]) for name in names]
+    if not names or DRAG in names or DRAG not in asked:
+        return alone
+    error, fits = _predicted(columns, torque, [*names, DRAG])
+    if error.sum() >= full.sum() or fits[:, -1].mean() < 0.0:
+        return alone
+    beside = (_spent(one.name, [*names, DRAG], fits, one.share) for one in alone)
+    return [new for old, new in zip(alone, beside, strict=True) if new.size > HALF * old.size]
 
 
 def seen_in_torque(

@@ -47,6 +47,8 @@ OUTSIDE = 3.0
 MIMICS = frozenset({"gravity", "thermal_derating", "viscous_asym", "load_friction"})
 """Effects that position, time or a wrong input may mimic: confirmed only where much depends on
 them."""
+LEVELS = frozenset({"coulomb", "coulomb_asym"})
+"""Dry friction that is left at speed, without which falling friction would fall to nothing."""
 LATE = frozenset({"command_delay", "current_lag"})
 """Effects that only a measured current tells from what is slow behind it."""
 MUCH = 0.5
@@ -170,11 +172,7 @@ def _effects(
     judged: Judgement, excluded: Mapping[str, str], seen: Mapping[str, Spent]
 ) -> tuple[NamedEffect, ...]:
     """Return the effects that deserve a name, by the share of the error that they take away."""
-    if (
-        judged.found is None
-        or judged.problem is None
-        or judged.answer in ("datasheet", "least squares")
-    ):
+    if judged.found is None or judged.problem is None or judged.answer == "datasheet":
         return _of_drive(judged)
     found, problem = judged.found, judged.problem
     spread = spread_of(problem, found.fit)
@@ -182,9 +180,21 @@ def _effects(
     for k, term in enumerate(found.fit.model.terms):
         there = judged.answer == "found" or term.name in judged.joint.effects
         if there and term.name not in excluded and _deserves(judged, k, term, seen):
-            named.append(_named(judged, problem, spread, k, term))
+            effect = _named(judged, problem, spread, k, term)
+            named.append(_regressed(judged, effect) if judged.answer == "least squares" else effect)
     named += [e for e in _of_drive(judged) if e.name not in {n.name for n in named}]
     return tuple(sorted(_folded(named), key=lambda e: -e.gap_removed))
+
+
+def _regressed(judged: Judgement, effect: NamedEffect) -> NamedEffect:
+    """Return an effect that a search has found, with the numbers of the regression given."""
+    given = judged.joint.effects[effect.name]
+    numbers = {
+        symbol: replace(one, value=x, low=min(one.low, x), high=max(one.high, x))
+        for symbol, one in effect.parameters.items()
+        if isinstance(x := given.get(symbol, one.value), float)
+    }
+    return as_tentative(replace(effect, parameters=numbers))
 
 
 def _folded(named: Sequence[NamedEffect]) -> list[NamedEffect]:
@@ -251,6 +261,7 @@ def _named(
     firm = firm and not genuine and not same
     firm = firm and (test is None or test.fall > 0.0)
     firm = firm and (term.name not in MIMICS or removed > MUCH)
+    firm = firm and (term.name != "stribeck" or bool(names & LEVELS))
     firm = firm and (term.name not in LATE or judged.case.logs[0].drive == "i")
     firm = firm and not judged.unexplained and _worst(judged).found < LOUD
     confidence = float(np.clip(1.0 - 0.5 ** (worth.clear / worth.needed), 0.05, 0.99))

@@ -32,6 +32,8 @@ def record(
     noise: float = 0.0,
     seed: int = 0,
     gap: tuple[float, float] | None = None,
+    *,
+    pushed: bool = False,
 ) -> Record:
     """Return a record of the mass under slow and fast torques.
 
@@ -41,6 +43,7 @@ def record(
         noise: Deviation of the measured current [A], which nothing specifies.
         seed: Of torque and noise.
         gap: First and last instant of a stretch that is lost [s].
+        pushed: Whether the torque is not the motor's but comes from outside, and is measured.
     """
     rng = np.random.default_rng(seed)
     t = np.arange(int(seconds / DT)) * DT
@@ -59,8 +62,10 @@ def record(
     step = 2.0 * np.pi / 65536
     columns = {"t": t, "q_m": step * np.round(angle / step), "i": u}
     columns["i"] = u + noise * rng.standard_normal(len(t))
+    if pushed:
+        columns |= {"tau_l": columns["i"], "i": np.zeros(len(t))}
     keep = np.ones(len(t), dtype=bool)
     if gap is not None:
         keep = (t < gap[0]) | (t > gap[1])
-    units = {"t": "s", "q_m": "rad", "i": "A"}
+    units = {"t": "s", "q_m": "rad", "i": "A"} | ({"tau_l": "N m"} if pushed else {})
     return Record({n: x[keep] for n, x in columns.items()}, units, structure="rigid")

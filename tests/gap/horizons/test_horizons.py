@@ -87,6 +87,15 @@ def test_noise_of_the_current_that_nobody_specified_does_not_hide_friction() -> 
     assert 0.6 < 2.0 * numbers["inertia"] < 1.6, "a deaf joint would be several times too heavy"
 
 
+def test_a_joint_that_is_pushed_without_current_tells_its_friction() -> None:
+    """Nothing is looked for in shares of the motor's torque, and its constant cannot be told."""
+    told = diagnose(record(pushed=True), datasheet(), "rigid")
+    named = {effect.name: effect for effect in told.effects}
+    assert {"coulomb", "damping"} <= named.keys()
+    assert named["coulomb"].parameters["d_cm"].value == pytest.approx(DRY, rel=0.1)
+    assert "torque_constant" not in told.joint.found["covariance"]["names"]  # type: ignore[operator,index]
+
+
 def test_no_friction_is_found_where_there_is_none() -> None:
     assert "coulomb" not in values_of(found_in(case_of(dry=0.0)))
 
