@@ -223,6 +223,7 @@ class Scales:
         peak: That torque's size that is rarely exceeded [N m].
         travel: Range of the motor's angle [rad].
         driven: Share of the torque that is the motor's.
+        fast: Motor speed that is rarely exceeded [rad/s].
     """
 
     torque: float
@@ -230,6 +231,7 @@ class Scales:
     peak: float
     travel: float
     driven: float = 1.0
+    fast: float = 1.0
 
 
 def body_group(structure: Structure, body: str) -> tuple[str, ...]:

@@ -33,6 +33,9 @@ HEAVIEST = 10.0
 up is heavier than its motor is strong."""
 SWING = 0.4
 """Travel from which a weight can be told from a constant torque [rad]."""
+BRAKED = 1.5
+"""Torque of damping at a speed that is rarely exceeded, in torques that are: hardly more than one,
+as a joint at its highest speed does not accelerate; a weight may help."""
 BACKDRIVEN = 0.02
 """Share of the torque that must be the motor's for its torque constant to be looked for."""
 MOST_LOST = 0.5
@@ -48,12 +51,14 @@ def scales_of(joint: Joint, logs: Sequence[Log]) -> Scales:
     torque = np.concatenate([x + log.load[log.whole] for x, log in zip(own, logs, strict=True)])
     speed = np.concatenate([log.speed[log.whole] for log in logs])
     travel = max(float(np.ptp(log.states[log.whole, 0])) for log in logs)
+    fast = max(float(np.percentile(np.abs(speed), 99)), 1e-9)
     return Scales(
         max(float(np.std(torque)), 1e-3 * float(np.abs(torque).max()), 1e-9),
         max(float(np.sqrt(np.mean(speed**2))), 1e-9),
         max(float(np.percentile(np.abs(torque), 99)), 1e-9),
         max(travel, 1e-9),
         float(np.std(np.concatenate(own))) / max(float(np.std(torque)), 1e-300),
+        fast,
     )
 
 
@@ -142,10 +147,11 @@ def _damping(joint: Joint, scales: Scales) -> Term:
     step = max(0.05 * scales.torque / scales.speed, 0.1 * start)
     stated = min((tolerance_of(joint.file, f"d_{b}", math.inf) for b in own), default=math.inf)
     known = start > 0.0 and math.isfinite(stated)
+    most = max(BRAKED * scales.peak / scales.fast, 2.0 * start)
     number = (
-        Number("d_m", "N m s/rad", start, stated, True, start / 100.0, start * 100.0, True)
+        Number("d_m", "N m s/rad", start, stated, True, start / 100.0, most, True)
         if known
-        else Number("d_m", "N m s/rad", start, step, low=0.0)
+        else Number("d_m", "N m s/rad", start, step, low=0.0, high=most)
     )
 
     def put(draft: Draft, values: Sequence[float]) -> None:

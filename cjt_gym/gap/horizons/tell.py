@@ -59,6 +59,8 @@ MOST_ADVICE = 2
 """Sentences of advice of each kind."""
 SKEW = frozenset({"coulomb_asym", "viscous_asym", "torque_offset"})
 """Effects that differ between the directions, of which several together are one another's rest."""
+HALVED = 0.5
+"""Error, over that of the datasheet, from which there is a gap though nothing has a name."""
 REFINED = 0.1
 """Relative difference from which a refined value is told."""
 COMBINED = ("gravity", "viscous_asym")
@@ -363,7 +365,9 @@ def _verdict(judged: Judgement, effects: Sequence[NamedEffect], *, suspected: bo
     open_ = bool(judged.unexplained) or loud
     if not effects:
         better = any(r.found < 0.85 * r.datasheet for r in judged.rows)
-        return "unexplained" if open_ and (better or suspected or loud) else "no_gap"
+        main = main_row(judged)
+        moved = main.found < HALVED * main.datasheet and _refined(judged, known=True)
+        return "unexplained" if moved or (open_ and (better or suspected or loud)) else "no_gap"
     return "partly_explained" if open_ else "explained"
 
 
@@ -389,8 +393,13 @@ def _unexplained(judged: Judgement, verdict: str, left: Sequence[Row]) -> Unexpl
     return Unexplained(share, STAGES[row.channel], f"{said} {text}".strip(), predictable)
 
 
-def _refined(judged: Judgement) -> str:
-    """Return which values of the joint given differ from the datasheet's, though none is named."""
+def _refined(judged: Judgement, *, known: bool = False) -> str:
+    """Return which values of the joint given differ from the datasheet's, though none is named.
+
+    Args:
+        judged: The judgement.
+        known: Whether guesses of the datasheet, and what it allows, do not count.
+    """
     if judged.found is None or judged.answer not in ("found", "base"):
         return ""
     fit = judged.found.fit if judged.answer == "found" else judged.found.base
@@ -398,6 +407,8 @@ def _refined(judged: Judgement) -> str:
     for term, values in zip(fit.model.terms, fit.model.values(fit.z), strict=True):
         scale = motor_inertia(judged.case.joint) if term.name == "inertia" else 1.0
         value, nominal = scale * values[0], scale * term.nominal[0]
+        if known and term.numbers[0].prior:
+            continue
         if abs(value - nominal) > REFINED * max(abs(value), abs(nominal)):
             said.append(f"{term.name} {value:.3g} for {nominal:.3g}")
     return f"No cause is named; refined values predict better: {', '.join(said)}." if said else ""
