@@ -168,6 +168,7 @@ _CHANNEL_UNITS: Mapping[str, str] = {
     "dq_g": "rad/s",
     "dq_l": "rad/s",
     "tau": "N m",
+    "tau_l": "N m",
     "i": "A",
     "v": "V",
 }

@@ -236,14 +236,18 @@ def search(
         chosen = [min(begun, key=lambda fit: _priced(fit, fixed))]
     ends = [*(extended(problem, fit, terms, progress) for fit in chosen), *begun]
     best: Found | None = None
+    seen: list[set[tuple[str, str | None, str | None]]] = []
     for end in sorted(ends, key=lambda fit: _priced(fit, fixed)):
         if best is not None and _priced(best.fit, fixed) <= _priced(end, fixed) + ALIKE:
             break
-        found = tested(pruned(problem, first, end, terms, fixed))
+        if _keys(end) in seen:
+            continue  # the same terms, but from a worse start
+        seen.append(_keys(end))
+        found = tested(pruned(problem, first, end))
         if best is None or _priced(found.fit, fixed) < _priced(best.fit, fixed):
             best = found
     assert best is not None
-    return best
+    return replace(best, rivals=rivals_of(problem, best, terms))
 
 
 def _priced(fit: Fit, fixed: int) -> float:
@@ -339,22 +343,28 @@ def _accepted(problem: Problem, less: Fit, more: Fit, term: Term) -> bool:
     return worth(problem, less, more, term).enough
 
 
-def pruned(problem: Problem, base: Fit, fit: Fit, terms: Sequence[Term], fixed: int) -> Found:
-    """Return a search's end: terms that are not needed left out, the others weighed."""
+def pruned(problem: Problem, base: Fit, fit: Fit) -> Found:
+    """Return a search's end without the terms that are not needed; no rivals are looked for."""
     while True:
         less = leaves(problem, fit)
         worths = [worth(problem, one, fit, fit.model.terms[k]) for k, one in enumerate(less)]
         own = [k for k, t in enumerate(fit.model.terms) if t.key not in _keys(base)]
         weak = [k for k in own if not worths[k].enough]
         if not weak:
-            break
+            return Found(fit, base, tuple(worths), ((),) * len(worths), tuple(less))
         fit = less[min(weak, key=lambda k: worths[k].fall)]
+
+
+def rivals_of(problem: Problem, found: Found, terms: Sequence[Term]) -> tuple[tuple[str, ...], ...]:
+    """Return for each term of a search's end the names of others that would do in its place."""
+    given = _keys(found.base)
     rivals = []
-    for k, term in enumerate(fit.model.terms):
-        others = terms if k in own else [t for t in terms if t.name == FIRST]
-        free = k in own or term.name in REFINED
-        rivals.append(_rivals(problem, less[k], fit, term, others) if free else ())
-    return Found(fit, base, tuple(worths), tuple(rivals), tuple(less))
+    for k, term in enumerate(found.fit.model.terms):
+        own = term.key not in given
+        others = terms if own else [t for t in terms if t.name == FIRST]
+        free = own or term.name in REFINED
+        rivals.append(_rivals(problem, found.less[k], found.fit, term, others) if free else ())
+    return tuple(rivals)
 
 
 def _keys(fit: Fit) -> set[tuple[str, str | None, str | None]]:

@@ -36,7 +36,7 @@ WHOLE = 0.0
 """The horizon of a piece that is predicted from its first sample to its last."""
 LONG = 400
 """Samples of such a piece that count."""
-DECISIVE = 12
+DECISIVE = 8
 """Pieces beside which a single one decides nothing."""
 TRIVIAL = 0.03
 """Relative error that is left to no one's concern."""

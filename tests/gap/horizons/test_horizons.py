@@ -17,7 +17,7 @@ from cjt_gym.gap.horizons.model import Model
 from cjt_gym.gap.horizons.predictable import predictable
 from cjt_gym.gap.horizons.rows import base_terms, candidates, scales_of
 from cjt_gym.gap.horizons.search import Found, search
-from cjt_gym.gap.horizons.windows import cut, make_windows, relative, split
+from cjt_gym.gap.horizons.windows import cut, make_windows, relative, split, worse
 from cjt_gym.joint import get_structure
 from cjt_gym.joint.joint import Joint
 from tests.gap.horizons.rotor import DAMPING, DRY, DT, INERTIA, datasheet, record
@@ -110,6 +110,21 @@ def test_no_window_spans_a_gap() -> None:
             assert not inside.any()
 
 
+def test_one_piece_of_a_record_decides_nothing(plain: tuple[Case, Found]) -> None:
+    windows = plain[0].fit
+    other = [np.full((len(windows.pieces(key)), 4), 0.5) for key in windows.keys]
+    better, slack = [0.8 * e for e in other], dict.fromkeys(windows.keys, 1.02)
+    assert worse(windows, better, other, slack) == []
+    assert worse(windows, other, better, slack) == list(windows.keys)
+    braked = [e.copy() for e in better]
+    for key, e in zip(windows.keys, braked, strict=True):
+        e[windows.pieces(key) == windows.pieces(key)[0]] = 50.0
+    assert worse(windows, braked, other, slack) == []
+    first = [e.copy() for e in other]  # what is worse there alone does not make others better
+    first[0][0] = 50.0
+    assert worse(windows, first, better, slack) == list(windows.keys)
+
+
 def test_what_is_held_out_lies_between_what_is_fitted() -> None:
     log = to_log(record(), datasheet(), RIGID)
     fitted, held = split([log], cut([log]))
@@ -190,6 +205,7 @@ def test_the_best_model_that_is_left_wins_not_the_best_before_pruning(
             whole, fit=first if fit is best else fit
         ),
     )  # fmt: skip
+    monkeypatch.setattr(search_of, "rivals_of", lambda *_: ())
     found = search(problem, base, terms)
     assert "coulomb" in {t.name for t in found.fit.model.terms}
     assert found.fit.cost < whole.base.cost

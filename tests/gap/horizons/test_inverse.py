@@ -70,6 +70,20 @@ def test_what_is_not_there_is_not_seen(arm: JointFile) -> None:
     assert "torque_offset" not in {one.name for one in seen}
 
 
+def test_a_damping_too_small_to_be_seen_does_not_make_friction_larger(arm: JointFile) -> None:
+    off = []
+    for seed in range(6):
+        case = make_case([held_record(seed, 3.0)], [], arm, get_structure("rigid"))
+        asked = ["coulomb", "gravity", "damping"]
+        seen = {one.name: one for one in spent(case.joint, case.logs, asked)}
+        assert "damping" not in seen, "3 N m of disturbance hide it"
+        alone = {one.name: one for one in spent(case.joint, case.logs, asked[:2])}
+        off.append([one["coulomb"].values[0] - DRY for one in (seen, alone)])
+    beside, taken = np.mean(off, axis=0)
+    assert taken > 0.5, "of its torque on average, were it left out"
+    assert abs(beside) < 0.5 * taken
+
+
 def judgement(arm: JointFile, **values: float) -> Judgement:
     """Return a judgement of the record, for a datasheet with other values."""
     file = replace(arm, parameters=arm.parameters.replace(**values))
