@@ -237,8 +237,9 @@ def judge(
         candidates(case.joint, scales, case.logs), seen_in_torque(case.joint, case.logs)
     )
     found = search(
-        problem, base, terms, suspects, progress, lambda one: _tested(problem, test, one)[0]
-    )
+        problem, base, terms, suspects, progress,
+        lambda one: _tested(problem, test, one)[0], lambda fit: _held(test, fit).cost,
+    )  # fmt: skip
     tests = _tested(problem, test, found)[1]
     found = _polished(case, problem, found, joints)
     joints["found"] = found.fit.model.at(found.fit.z)
@@ -283,19 +284,22 @@ def _left(error: float, one: Predictable) -> bool:
 def _tested(problem: Problem, test: Problem, found: Found) -> tuple[Found, tuple[Worth, ...]]:
     """Return a search without what held-out data refute, and what they say of the rest."""
     while True:
-        fit, base = found.fit, len(found.base.model.terms)
-        errors = test.errors(fit.model, fit.z)
-        more = Fit(fit.model, fit.z, test.cost(Model(fit.model.joint), np.zeros(0), errors), errors)
-        tests = []
-        for k, term in enumerate(fit.model.terms):
-            less = found.less[k]
-            e = test.errors(less.model, less.z)
-            one = Fit(less.model, less.z, test.cost(Model(fit.model.joint), np.zeros(0), e), e)
-            tests.append(worth(test, one, more, term))
+        base, more = len(found.base.model.terms), _held(test, found.fit)
+        tests = [
+            worth(test, _held(test, less), more, term)
+            for less, term in zip(found.less, found.fit.model.terms, strict=True)
+        ]
         refuted = [k for k in range(base, len(tests)) if tests[k].fall < -tests[k].price]
         if not refuted:
             return found, tuple(tests)
         found = found.dropped(problem, min(refuted, key=lambda k: tests[k].fall))
+
+
+def _held(test: Problem, fit: Fit) -> Fit:
+    """Return a fit with its errors and its cost on held-out data."""
+    errors = test.errors(fit.model, fit.z)
+    cost = test.cost(Model(fit.model.joint), np.zeros(0), errors)
+    return Fit(fit.model, fit.z, cost, errors)
 
 
 def _no_worse(case: Case, joints: dict[str, Joint], name: str) -> bool:
@@ -329,7 +333,7 @@ def _polished(case: Case, problem: Problem, found: Found, joints: dict[str, Join
     """
     problem = replace(problem)
     problem.force = 0.0
-    model, z = _held(found.fit.model, found.fit.z)
+    model, z = _weighed(found.fit.model, found.fit.z)
     limits = [relative(case.fit, case.fit.errors(joints[n])) for n in joints if n != "stages"]
     fit = problem.fit(model, z)
     for _ in range(BALANCED):
@@ -343,7 +347,7 @@ def _polished(case: Case, problem: Problem, found: Found, joints: dict[str, Join
     return replace(found, fit=fit)
 
 
-def _held(model: Model, z: Floats) -> tuple[Model, Floats]:
+def _weighed(model: Model, z: Floats) -> tuple[Model, Floats]:
     """Return a model whose inertia is known nearly as it is, and coordinates."""
     terms, z = [], z.copy()
     for k, (term, values) in enumerate(zip(model.terms, model.values(z), strict=True)):

@@ -210,11 +210,13 @@ def search(
     suspects: Sequence[str] = (),
     progress: Callable[[str], None] = lambda _: None,
     tested: Callable[[Found], Found] = lambda found: found,
+    held: Callable[[Fit], float] = lambda _: 0.0,
 ) -> Found:
     """Return the terms that a record calls for.
 
     Several searches from different starts may end at different models. They are pruned in the order
-    of their costs, until no other could still be better than the best that is left.
+    of their costs, on held-out data, too, until no other could still be better than the best that
+    is left.
 
     Args:
         problem: The windows.
@@ -223,7 +225,12 @@ def search(
         suspects: Names of terms to begin with, in the order of their weight.
         progress: Is told in words what is being done.
         tested: Takes out of a search's end what held-out data refute.
+        held: Returns the cost of a fit on held-out data.
     """
+
+    def total(fit: Fit) -> float:
+        return _priced(fit, fixed) + held(fit)
+
     first = best_start(problem, base)
     dry = [term for term in terms if term.name == FIRST]
     begun = [first, *(begin(problem, first, term) for term in dry)]
@@ -235,17 +242,18 @@ def search(
     else:
         chosen = [min(begun, key=lambda fit: _priced(fit, fixed))]
     ends = [*(extended(problem, fit, terms, progress) for fit in chosen), *begun]
-    best: Found | None = None
+    best, least = None, np.inf
     seen: list[set[tuple[str, str | None, str | None]]] = []
-    for end in sorted(ends, key=lambda fit: _priced(fit, fixed)):
-        if best is not None and _priced(best.fit, fixed) <= _priced(end, fixed) + ALIKE:
+    for cost, end in sorted(((total(fit), fit) for fit in ends), key=lambda pair: pair[0]):
+        if least <= cost + ALIKE:
             break
         if _keys(end) in seen:
             continue  # the same terms, but from a worse start
         seen.append(_keys(end))
         found = tested(pruned(problem, first, end))
-        if best is None or _priced(found.fit, fixed) < _priced(best.fit, fixed):
-            best = found
+        left = total(found.fit)
+        if best is None or left < least:
+            best, least = found, left
     assert best is not None
     return replace(best, rivals=rivals_of(problem, best, terms))
 
