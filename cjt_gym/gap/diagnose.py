@@ -66,7 +66,7 @@ def diagnose(
     records: Record | Sequence[Record],
     joint: str | Joint | JointFile | None = None,
     structure: str | None = None,
-    validate: Record | Sequence[Record] = (),
+    validate: Record | Sequence[Record] | None = None,
     progress: Progress = silent,
 ) -> Diagnosis:
     """Return where the gap between a joint and its simulation is, why, and how far it shrinks.
@@ -89,7 +89,7 @@ def diagnose(
         1
     """
     started = time.perf_counter()
-    given, held = _as_list(records), _as_list(validate)
+    given, held = _as_list(records), _as_list(() if validate is None else validate)
     first = given[0]
     file, shape = _joint(first, joint, structure)
     exam = examine(given, file, shape)

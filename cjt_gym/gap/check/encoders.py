@@ -81,11 +81,11 @@ def in_step(
 
 
 def _moved(record: Record, late: float) -> Record:
-    """Return a record whose q_l is that of the instants at which it was read."""
+    """Return a record whose q_l and dq_l are those of the instants at which they were read."""
     t = record.t
-    x = np.interp(t + late, t, record[LATE])
+    x = {name: np.interp(t + late, t, record[name]) for name in (LATE, "dq_l") if name in record}
     first, last = np.searchsorted(t, [t[0] - late, t[-1] - late + 1e-12])
-    return record.with_columns({LATE: x}).slice(int(first), int(last))
+    return record.with_columns(x).slice(int(first), int(last))
 
 
 def _at(view: View, balance: Balance, name: str) -> np.ndarray:

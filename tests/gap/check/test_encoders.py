@@ -70,6 +70,11 @@ def test_the_fault_is_told_and_mended() -> None:
     assert "0.75 samples (3 ms)" in told[0]
     (mended,), (held,) = in_step([record], [two_angles(3e-3, stiffness=3e3)], sheet(), SHAPE)
     assert len(held) == len(mended)
+    with_speed = record.with_columns(
+        {"dq_l": np.gradient(record["q_l"], record.t)}, {"dq_l": "rad/s"}
+    )
+    (moved,), _ = in_step([with_speed], [], sheet(), SHAPE)
+    assert moved["dq_l"][5:-5] == pytest.approx(np.gradient(moved["q_l"], DT)[5:-5], abs=1e-2)
     fresh = two_angles(0.0)
     assert len(record) - 1 <= len(mended) <= len(record)
     assert mended["q_l"] == pytest.approx(fresh["q_l"][: len(mended)], abs=1e-4)
