@@ -13,7 +13,6 @@ from cjt_gym.gap.horizons.log import Log
 from cjt_gym.gap.horizons.model import Draft, Number, Put, Scales, Term, body_group
 from cjt_gym.gap.horizons.sheet import GUESSED, VAGUE, datasheet_number, tolerance_of
 from cjt_gym.joint import EFFECTS, Joint
-from cjt_gym.joint.configure import EffectValue
 
 Floats = NDArray[np.float64]
 K_T, INERTIA, STIFFNESS = 0.05, 0.1, 0.1
@@ -339,20 +338,6 @@ def _gravity(joint: Joint, scales: Scales) -> Term:
         starts=((size, 0.0), (0.0, size), (-size, 0.0), (0.0, -size)), replaces=("torque_offset",),
         factor=RARE,
     )  # fmt: skip
-
-
-def ripple(kind: str, f: float, size: float) -> Term:
-    """Return a torque that repeats with the motor's angle at f periods per revolution."""
-    unit = "N m" if kind == "cogging" else "-"
-    numbers = (Number("a", unit, 0.0, size), Number("b", unit, 0.0, size))
-
-    def put(draft: Draft, values: Sequence[float]) -> None:
-        row = draft.row(kind)
-        for symbol, value in zip(("f", "a", "b"), (f, *values), strict=True):
-            old: EffectValue = row[symbol]
-            row[symbol] = (*(old if isinstance(old, tuple) else ()), value)
-
-    return Term(kind, numbers, put, nominal=(0.0, 0.0), starts=((size, 0.0), (0.0, size)))
 
 
 def _torque_sensor(logs: Sequence[Log]) -> list[Term]:

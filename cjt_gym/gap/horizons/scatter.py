@@ -17,7 +17,6 @@ Floats = NDArray[np.float64]
 STEP = 0.01
 """Change of a coordinate, in its scale, over which slopes are taken."""
 DIGITS = 8
-SCALE = "scale"
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +24,7 @@ class Scatter:
     """The numbers of effects that a fit has moved, and how they go with its coordinates.
 
     A number of the file need not be one of the fit: the damping in the negative direction is fitted
-    as a difference, a weight as two components. The amplitudes of a ripple count as their scale.
+    as a difference, a weight as two components.
 
     Attributes:
         spread: How sure the coordinates are.
@@ -43,10 +42,10 @@ class Scatter:
     def of(cls, spread: Spread) -> Scatter:
         """Return the numbers of a fit."""
         z = spread.fit.z
-        middle = _numbers(spread.model, z, z)
+        middle = _numbers(spread.model, z)
         slopes = np.zeros((len(middle), len(z)))
         for k, ahead in enumerate(STEP * np.eye(len(z))):
-            up, down = (_numbers(spread.model, x, z) for x in (z + ahead, z - ahead))
+            up, down = (_numbers(spread.model, x) for x in (z + ahead, z - ahead))
             slopes[:, k] = [(up[n] - down[n]) / (2.0 * STEP) for n in middle]
         moved = np.flatnonzero(slopes.any(axis=1))
         names, values = list(middle), np.array(list(middle.values()))
@@ -63,7 +62,7 @@ class Scatter:
         for name, value, slope in zip(self.names, self.values, self.slopes, strict=True):
             way = self.spread.matrix @ slope
             way *= self.spread.factor / np.sqrt(max(float(slope @ way), 1e-300))
-            ends = sorted(_numbers(self.spread.model, z + s * way, z)[name] for s in (-1.0, 1.0))
+            ends = sorted(_numbers(self.spread.model, z + s * way)[name] for s in (-1.0, 1.0))
             found[name] = Interval(float(value), ends[0], ends[1], "")
         return found
 
@@ -86,19 +85,14 @@ class Scatter:
         }
 
 
-def _numbers(model: Model, z: Floats, middle: Floats) -> dict[str, float]:
-    """Return the numbers of the effects at coordinates; of series, the scale against the middle."""
-    nominal = model.draft(middle).effects
-    found = {}
-    for name, values in model.draft(z).effects.items():
-        series = [p.symbol for p in EFFECTS[name].parameters if p.series and p.symbol != "f"]
-        for symbol, value in values.items():
-            if isinstance(value, int | float) and symbol != SCALE:
-                found[f"{name}.{symbol}"] = float(value)
-        if series:
-            x, y = (np.concatenate([v[s] for s in series]) for v in (values, nominal[name]))
-            found[f"{name}.{SCALE}"] = float(x @ y / max(float(y @ y), 1e-300))
-    return found
+def _numbers(model: Model, z: Floats) -> dict[str, float]:
+    """Return the numbers of the effects at coordinates."""
+    return {
+        f"{name}.{symbol}": float(value)
+        for name, values in model.draft(z).effects.items()
+        for symbol, value in values.items()
+        if isinstance(value, int | float)
+    }
 
 
 def _short(x: float) -> float:

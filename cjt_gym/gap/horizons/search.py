@@ -38,6 +38,8 @@ FAR = 0.5
 ALIKE, ALIKE_PLAIN = 2.0, 12.0
 """Difference of the cost up to which two models fit alike, and up to which plain dry friction is
 still a rival of a law that refines it: a wrong input makes small differences between them."""
+LATE, EDGE = "late", 0.02
+"""Family of delays and lags, and how near to its bound, relative, one is at it."""
 REFINED = ("stribeck", "presliding", "coulomb_asym", "load_friction", "damping")
 """Laws of friction that refine the plain one, or take its place."""
 
@@ -348,7 +350,17 @@ def begin(problem: Problem, fit: Fit, term: Term) -> Fit:
 
 
 def _accepted(problem: Problem, less: Fit, more: Fit, term: Term) -> bool:
-    return worth(problem, less, more, term).enough
+    own = next(k for k, t in enumerate(more.model.terms) if t.key == term.key)
+    return not _at_an_edge(more, own) and worth(problem, less, more, term).enough
+
+
+def _at_an_edge(fit: Fit, index: int) -> bool:
+    """Return whether a delay or lag is as long as any may be: something else is slow then."""
+    term, values = fit.model.terms[index], fit.model.values(fit.z)[index]
+    return term.family == LATE and any(
+        value < (1.0 + EDGE) * n.low if n.log else value > (1.0 - EDGE) * n.high
+        for n, value in zip(term.numbers, values, strict=True)
+    )
 
 
 def pruned(problem: Problem, base: Fit, fit: Fit) -> Found:
@@ -357,7 +369,7 @@ def pruned(problem: Problem, base: Fit, fit: Fit) -> Found:
         less = leaves(problem, fit)
         worths = [worth(problem, one, fit, fit.model.terms[k]) for k, one in enumerate(less)]
         own = [k for k, t in enumerate(fit.model.terms) if t.key not in _keys(base)]
-        weak = [k for k in own if not worths[k].enough]
+        weak = [k for k in own if not worths[k].enough or _at_an_edge(fit, k)]
         if not weak:
             return Found(fit, base, tuple(worths), ((),) * len(worths), tuple(less))
         fit = less[min(weak, key=lambda k: worths[k].fall)]

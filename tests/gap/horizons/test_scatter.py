@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from cjt_gym.gap.horizons.model import Draft, Model, Scales
-from cjt_gym.gap.horizons.rows import _friction, _gravity, base_terms, ripple
+from cjt_gym.gap.horizons.model import Model, Scales
+from cjt_gym.gap.horizons.rows import _friction, _gravity, base_terms
 from cjt_gym.gap.horizons.scatter import Scatter
 from cjt_gym.gap.horizons.spread import Spread
 from cjt_gym.joint.joint import Joint
-from cjt_gym.joint.quantity import Quantity
 from tests.gap.horizons.rotor import datasheet
 
 SCALES = Scales(torque=1.0, speed=1.0, peak=2.0, travel=3.0)
@@ -51,33 +49,3 @@ def test_the_components_of_a_weight_become_its_size_and_angle() -> None:
         {"gravity.torque": 1.0, "gravity.angle": 0.0}, abs=1e-12
     )
     assert found.matrix == pytest.approx(np.diag([4e-4, 1e-4]), rel=1e-3, abs=1e-9)
-
-
-def test_the_amplitudes_of_a_ripple_become_its_scale() -> None:
-    found = scatter([ripple("cogging", 7.0, 0.1)], [3.0, 4.0], np.diag([0.25, 0.25]))
-    assert found.names == ("cogging.scale",)
-    assert found.values == pytest.approx([1.0])
-    assert found.matrix == pytest.approx(np.array([[0.01]]), rel=1e-6)
-
-
-def moved(factor: float, *guesses: str) -> tuple[float, float]:
-    """Return the inertias of motor and load after a factor on their sum."""
-    sheet = datasheet()
-    bodies = {"I_m": 0.02, "I_l": 0.06}
-    quantities = {
-        s: Quantity(x, "kg m^2", "sheet", guess=s in guesses, tolerance=None)
-        for s, x in bodies.items()
-    }
-    joint = Joint(
-        replace(sheet, parameters=sheet.parameters.replace(**quantities)), "rigid", "current", {}
-    )
-    (term,) = (t for t in base_terms(joint, SCALES) if t.name == "inertia")
-    draft = Draft(joint.file, {})
-    term.put(draft, (factor,))
-    return draft.effects["inertia"]["I_m"], draft.effects["load_inertia"]["I_l"]  # type: ignore[return-value]
-
-
-def test_the_part_of_an_inertia_that_is_a_guess_takes_the_change() -> None:
-    assert moved(2.0, "I_l") == pytest.approx((0.02, 0.14))
-    assert moved(2.0) == pytest.approx((0.04, 0.12))
-    assert moved(0.1, "I_l") == pytest.approx((0.002, 0.006)), "less than what is known is left"
