@@ -105,7 +105,7 @@ def load_dbc_mapping(name: str, n: float) -> DbcMapping:
     if wrong := [key for key in given if key not in KEYS]:
         raise unknown_name(f"key in [can] of {path}", wrong[0], KEYS)
     try:
-        columns = load_mapping({"n": n, **document}).columns
+        columns = load_mapping(document, n).columns
     except CjtGymError as error:
         raise ConfigurationError(f"{error} (in {path})") from error
     return _checked(_Reader(path, _database(path.parent / str(given["dbc"]))), given, columns)
