@@ -17,6 +17,7 @@ from cjt_gym.training.learning.algorithms import (
     load_weights,
     make_environment,
     make_model,
+    steps_of,
 )
 from cjt_gym.training.learning.callbacks import Companion, restore
 from cjt_gym.training.learning.config import TrainConfig, environment_arguments
@@ -60,7 +61,7 @@ def _trained(
     model.set_logger(Logger(None, _writers(run)))
     companion = Companion(run, config, quiet)
     try:
-        _learn(model, config, companion)
+        _learn(model, config, companion, quiet)
     except KeyboardInterrupt:
         companion.checkpoint()
         run.note(status="stopped", reason="interrupted")
@@ -140,9 +141,13 @@ def _restored(run: RunFolder, model: BaseAlgorithm, env: VecEnv, quiet: bool) ->
     )
 
 
-def _learn(model: BaseAlgorithm, config: TrainConfig, companion: Companion) -> None:
+def _learn(model: BaseAlgorithm, config: TrainConfig, companion: Companion, quiet: bool) -> None:
     """Learn until the last step, telling a numerical breakdown from other errors."""
     remaining = config.total_steps - model.num_timesteps
+    planned = model.num_timesteps + steps_of(model, max(remaining, 0))
+    if planned > config.total_steps:
+        text = f"{planned} steps instead of {config.total_steps}: all environments take whole "
+        _say(text + f"rollouts of {config.algorithm} together", quiet)
     try:
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", message="You are trying to run PPO on the GPU")
