@@ -95,11 +95,7 @@ class CanArm:
 
     @property
     def link(self) -> Link:
-        """Connection to the bus.
-
-        Raises:
-            HardwareError: The bus is not connected.
-        """
+        """Connection to the bus."""
         return self._shared.link
 
     # ---- before a run
@@ -174,11 +170,7 @@ class CanArm:
             return self._hear()
 
     def stop(self) -> None:
-        """End a run: fade all torques out and switch the drives off. The joints stay armed.
-
-        Raises:
-            HardwareFault: A joint failed meanwhile.
-        """
+        """End a run: fade all torques out and switch the drives off. The joints stay armed."""
         if not any(joint.state is State.RUNNING for joint in self.joints):
             return
         with self._all_off_on_fault():
@@ -190,11 +182,7 @@ class CanArm:
         self._quiet.close()
 
     def fail(self, kind: str, text: str, k: int = 0) -> None:
-        """End the run with a fault of the k-th joint that the caller found.
-
-        Raises:
-            HardwareFault: Always, if a run was in progress.
-        """
+        """End the run with a fault of the k-th joint that the caller found."""
         with self._all_off_on_fault():
             self.joints[k].fail(kind, text)
 

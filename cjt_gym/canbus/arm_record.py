@@ -30,14 +30,7 @@ class ArmRecord:
     def __init__(
         self, path: str | Path, joints: int, dt: float, watcher: Watcher | None = None
     ) -> None:
-        """Prepare the record; the file is created when the last joint starts.
-
-        Args:
-            path: The file, in any format that records are written in.
-            joints: Number of joints.
-            dt: Control step [s].
-            watcher: Receives every row, or None.
-        """
+        """Prepare the record; the file is created when the last joint starts."""
         self.path = self.rows_path = Path(path)
         self._joints, self.dt, self._watcher = joints, dt, watcher
         self._parts: list[JointRows] = []
@@ -76,11 +69,7 @@ class ArmRecord:
             self._rows += 1
 
     def end(self, name: str, facts: Mapping[str, Any]) -> None:
-        """Mark a joint as ended; the last one completes the record.
-
-        Raises:
-            OSError: The disk is full.
-        """
+        """Mark a joint as ended; the last one completes the record."""
         self._closed.setdefault(name, facts)
         if len(self._closed) < self._joints or self._journal is None:
             return

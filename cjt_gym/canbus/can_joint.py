@@ -45,14 +45,7 @@ class CanJoint:
         lock: threading.RLock,
         begin_record: BeginRecord | None = None,
     ) -> None:
-        """Prepare, without touching the bus.
-
-        Args:
-            config: Configuration of the joint.
-            link: Connection to the bus.
-            lock: Guards decisions on torque; joints that stop together share it.
-            begin_record: Starts the record of the first run, or None.
-        """
+        """Prepare, without touching the bus."""
         self.config, self.link = config, link
         self.nodes = Nodes.of(config)
         self.sense = Sense(config, frozenset(self.nodes.latest))
@@ -97,11 +90,7 @@ class CanJoint:
 
     # ---- before a run
     def connect(self) -> None:
-        """Configure the nodes, and wait for a value of every channel.
-
-        Raises:
-            HardwareError: A node does not answer.
-        """
+        """Configure the nodes, and wait for a value of every channel."""
         self.link.watch(self._supervise, self.config.dt / LOOKS)
         self._talk.set_up()
         self.guard.move(State.IDLE)
@@ -110,9 +99,6 @@ class CanJoint:
         """Measure the delays of bus and loop without moving the joint [s].
 
         The keys are the simulator's effects; see `Timing.delay`.
-
-        Raises:
-            HardwareError: The joint is not connected, or a run is in progress.
         """
         if self.state not in (State.IDLE, State.ARMED):
             raise HardwareError(
@@ -122,11 +108,7 @@ class CanJoint:
         return self._talk.rehearse().delay(self.config.dt)
 
     def arm(self) -> None:
-        """Arm the joint without moving it; see `CanArm.arm`.
-
-        Raises:
-            HardwareError: It is not connected or is outside its limits, or its watchdog failed.
-        """
+        """Arm the joint without moving it; see `CanArm.arm`."""
         self._talk.make_ready(self.config.drive.settings.watchdog)
         seen = self._seen(self._completed(), 0.0)
         trouble = self.nodes.trouble(is_on=False) or self.guard.check(seen)
@@ -135,11 +117,7 @@ class CanJoint:
         self.guard.move(State.ARMED)
 
     def reset(self) -> Measurement:
-        """Return the measurement for the start of a run.
-
-        Raises:
-            HardwareError: The joint is not armed, or is in fault.
-        """
+        """Return the measurement for the start of a run."""
         if self.state is not State.ARMED:
             raise HardwareError(
                 f"The joint must be armed before it is moved, it is {self.state.value}. Call "
@@ -153,15 +131,7 @@ class CanJoint:
 
     # ---- a run
     def start(self, tau_ref: float) -> None:
-        """Start the record and switch the drive on with zero torque; `begin` must follow.
-
-        Args:
-            tau_ref: First reference torque [N m], for the record; NaN for none.
-
-        Raises:
-            HardwareFault: The drive does not switch on.
-            HardwareError: The joint is not armed.
-        """
+        """Start the record and switch the drive on with zero torque; `begin` must follow."""
         self._tau_ref = tau_ref if math.isfinite(tau_ref) else self._tau_ref
         self.timing, self._round_trip = Timing(), 0.0
         hot = "temperature" in self.nodes.latest
@@ -185,12 +155,7 @@ class CanJoint:
             self._begin = self.due = t
 
     def send(self, command: float, tau_ref: float) -> None:
-        """Send a motor torque [N m], limited; the reference torque goes to the record.
-
-        Raises:
-            HardwareFault: The joint failed; its torque is off.
-            HardwareError: The joint is not running.
-        """
+        """Send a motor torque [N m], limited; the reference torque goes to the record."""
         self._tau_ref = tau_ref if math.isfinite(tau_ref) else self._tau_ref
         if self.state is not State.RUNNING:
             self._raise()
@@ -225,11 +190,7 @@ class CanJoint:
             self.due = self._begin + self._k * self.config.dt
 
     def hear(self) -> Measurement:
-        """Read what has arrived and return the measurement, checked.
-
-        Raises:
-            HardwareFault: The check failed; the torque is off.
-        """
+        """Read what has arrived and return the measurement, checked."""
         with self._lock:
             self._raise_if_tripped()
             try:
@@ -290,11 +251,7 @@ class CanJoint:
         self._talk.repeat_off()
 
     def fail(self, kind: str, text: str) -> None:
-        """End the run with a fault.
-
-        Raises:
-            HardwareFault: Always, where a run was on.
-        """
+        """End the run with a fault."""
         self.trip(Fault(kind, text, self.link.now()))
         self._raise_if_tripped()
 

@@ -57,21 +57,13 @@ class Dialogue:
                 )
 
     def set_up(self) -> None:
-        """Configure all nodes, and wait for a value of every channel.
-
-        Raises:
-            HardwareError: A node does not answer.
-        """
+        """Configure all nodes, and wait for a value of every channel."""
         for node in self._nodes.all:
             self.perform(node, node.master.configure())
         self.listen()
 
     def make_ready(self, watchdog: float) -> None:
-        """Clear faults, test the drive's watchdog unless it is unwatched, and listen.
-
-        Raises:
-            HardwareError: A node does not answer, or the watchdog failed.
-        """
+        """Clear faults, test the drive's watchdog unless it is unwatched, and listen."""
         drive = self._nodes.drive
         for node in self._nodes.all:
             self.perform(node, node.master.clear())
@@ -81,20 +73,12 @@ class Dialogue:
         self.listen()
 
     def switch_on(self) -> None:
-        """Switch the drive on.
-
-        Raises:
-            HardwareError: It refuses.
-        """
+        """Switch the drive on."""
         drive = self._nodes.drive
         self.perform(drive, [*drive.master.clear(), *drive.master.enable()])
 
     def listen(self) -> None:
-        """Poll until every channel is fresh.
-
-        Raises:
-            HardwareError: A channel stays silent.
-        """
+        """Poll until every channel is fresh."""
         link, nodes = self.link, self._nodes
         nodes.hear(link.receive())  # what arrived before now
         end = link.now() + PATIENCE
@@ -132,12 +116,6 @@ class Dialogue:
 
         It is switched on with zero torque and gets no command for the watchdog's time; then it must
         be off.
-
-        Args:
-            watchdog: Time without a command after which it has to be off [s].
-
-        Raises:
-            HardwareError: It is still on, or its reports do not show its state.
         """
         node = self._nodes.drive
         if not node.master.shows_stop:

@@ -28,12 +28,7 @@ class EmulatedArm:
     def __init__(
         self, configs: Sequence[HardwareConfig], joints: Sequence[Joint] | None = None
     ) -> None:
-        """Boot all nodes at time zero.
-
-        Args:
-            configs: Configuration of each joint.
-            joints: Joints to emulate; by default the `emulated_joint` of each.
-        """
+        """Boot all nodes at time zero."""
         self.emulators = [
             Emulator(
                 replace(

@@ -92,11 +92,7 @@ class Journal:
             watcher.begin(columns, facts)
 
     def write(self, row: Sequence[float]) -> None:
-        """Append a sample, with its values in the order of the columns.
-
-        Raises:
-            OSError: The row cannot be written; the file ends with the one before.
-        """
+        """Append a sample, with its values in the order of the columns."""
         self._append(self._format % tuple(row))
         self.rows += 1
         if self._watcher is not None:

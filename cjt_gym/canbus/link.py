@@ -122,11 +122,7 @@ class BusLink:
             pass
 
     def send(self, messages: Sequence[can.Message]) -> None:
-        """Send frames.
-
-        Raises:
-            HardwareError: The bus rejects them.
-        """
+        """Send frames."""
         try:
             for message in messages:
                 self._bus.send(message)
@@ -134,11 +130,7 @@ class BusLink:
             raise HardwareError(f"The bus does not take a frame: {error}.") from error
 
     def receive(self) -> list[Arrival]:
-        """Return all frames since the last call, in order of arrival.
-
-        Raises:
-            HardwareError: The bus is lost.
-        """
+        """Return all frames since the last call, in order of arrival."""
         if self._failure is not None:
             raise HardwareError(f"The bus is lost: {self._failure}.") from self._failure
         inbox = self._inbox

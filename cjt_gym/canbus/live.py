@@ -43,10 +43,6 @@ class LiveView:
     def __init__(self, configs: Sequence[HardwareConfig], port: int) -> None:
         """Start the server.
 
-        Args:
-            configs: Configuration of each joint.
-            port: TCP port on this machine; 0 picks a free one.
-
         Raises:
             ConfigurationError: The port is out of range or taken.
         """

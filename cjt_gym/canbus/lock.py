@@ -32,12 +32,7 @@ class NodeLock:
     """
 
     def __init__(self, bus: str, node: int) -> None:
-        """Take the lock.
-
-        Args:
-            bus: Identity of the bus.
-            node: Address of the node.
-        """
+        """Take the lock."""
         name = re.sub(r"[^A-Za-z0-9]+", "-", f"{bus}-{node}")
         self.path = FOLDER / f"cjt-gym-{name}.lock"
         self._file = _opened(self.path)
@@ -62,11 +57,7 @@ class NodeLock:
 
 
 def _opened(path: Path) -> int:
-    """Return the open file of a lock, creating it if needed.
-
-    Raises:
-        HardwareError: The path is taken by something else.
-    """
+    """Return the open file of a lock, creating it if needed."""
     safe = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
     for flags in (os.O_RDWR, os.O_RDWR | os.O_CREAT | os.O_EXCL, os.O_RDONLY):
         try:

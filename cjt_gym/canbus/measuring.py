@@ -72,12 +72,7 @@ class Sense:
         self._before.clear()
 
     def complete(self, values: Mapping[str, float], t: float) -> dict[str, float]:
-        """Return all channels of a measurement.
-
-        Args:
-            values: Latest reports.
-            t: Time of the motor's angle [s].
-        """
+        """Return all channels of a measurement."""
         full = dict(values)
         q_m = full["q_m"]
         full.setdefault("dq_m", self._rate("q_m", q_m, t))

@@ -66,13 +66,7 @@ class Node:
     """
 
     def __init__(self, settings: NodeSettings, owed: int, overrun: float) -> None:
-        """Start without a report.
-
-        Args:
-            settings: Settings of the node.
-            owed: Number of answers that may be outstanding.
-            overrun: Time for which this computer may stall while reports queue up [s].
-        """
+        """Start without a report."""
         self.name, self.address = settings.name, settings.settings.node
         self.master: Master = protocol_of(settings.protocol).master(settings.settings)
         self.is_unwatched = settings.settings.unwatched
@@ -95,11 +89,6 @@ class Node:
         A polled node may answer once per poll, plus all outstanding answers when it is first heard.
         One that reports by itself may send a frame per period, plus a burst of those that were held
         up.
-
-        Args:
-            arrival: The frame.
-            period: Time between two reports of its kind [s].
-            oldest: Age above which such a report counts as missing [s].
         """
         t, message = arrival
         most = self._owed if self.is_asked else (oldest + self._overrun) / period + 1.0

@@ -60,11 +60,7 @@ class CanPlant:
 
     @property
     def link(self) -> Link:
-        """Connection to the bus.
-
-        Raises:
-            HardwareError: The bus is not connected.
-        """
+        """Connection to the bus."""
         return self.whole.link
 
     @property
@@ -85,16 +81,7 @@ class CanPlant:
         return self.whole.reset(seed)[0]
 
     def step(self, command: Floats, tau_ref: float = math.nan) -> Measurement:
-        """Command a motor torque for one control period and return the next measurement.
-
-        Args:
-            command: Motor torque [N m], shape (1,); magnitude and rate are limited.
-            tau_ref: Reference torque [N m], for the record.
-
-        Raises:
-            HardwareFault: The joint failed; its torque is off.
-            HardwareError: The joint is not armed.
-        """
+        """Command a motor torque for one control period and return the next measurement."""
         return self.whole.step(command, np.array([tau_ref]))[0]
 
     def stop(self) -> None:
@@ -102,11 +89,7 @@ class CanPlant:
         self.whole.stop()
 
     def fail(self, kind: str, text: str) -> None:
-        """End the run with a fault that the caller found.
-
-        Raises:
-            HardwareFault: Always, if a run was in progress.
-        """
+        """End the run with a fault that the caller found."""
         self.whole.fail(kind, text)
 
     def close(self) -> None:

@@ -135,13 +135,7 @@ class RunLog:
     """The record of a joint's first run, if any; see `Recorder`."""
 
     def __init__(self, config: HardwareConfig, sense: Sense, begin: BeginRecord | None) -> None:
-        """Prepare the record.
-
-        Args:
-            config: Configuration of the joint.
-            sense: Completes what is measured.
-            begin: Starts the record, or None.
-        """
+        """Prepare the record."""
         versions()
         self._config, self._sense, self._begin = config, sense, begin
         self._facts: dict[str, Any] = {}
@@ -152,11 +146,7 @@ class RunLog:
         self._facts |= facts
 
     def begin(self, tau_ref: float, shows_temperature: bool, stamps: str) -> None:
-        """Start the record; see `Beginning`.
-
-        Raises:
-            ConfigurationError: The file cannot be written, or the record is there already.
-        """
+        """Start the record; see `Beginning`."""
         if self._begin is not None and self._record is None:
             self._record = self._begin(
                 Beginning(
@@ -170,11 +160,7 @@ class RunLog:
             self._record.note(sample)
 
     def end(self, timing: Timing, **known: Any) -> None:
-        """Complete the record.
-
-        Raises:
-            HardwareError: The disk is full.
-        """
+        """Complete the record."""
         if self._record is None:
             return
         record, self._record, self._begin = self._record, None, None
@@ -194,16 +180,7 @@ class RunRecord:
     def __init__(
         self, path: str | Path, beginning: Beginning, watcher: Watcher | None = None
     ) -> None:
-        """Start the record.
-
-        Args:
-            path: The file, in any format that records are written in.
-            beginning: What is known at the start.
-            watcher: Receives every row, or None.
-
-        Raises:
-            ConfigurationError: The file cannot be written, or the record is there already.
-        """
+        """Start the record."""
         self._beginning, self._columns = beginning, beginning.columns
         self._dt = beginning.config.dt
         self._journal = Journal(path, self._columns, self._dt, beginning.known, watcher)

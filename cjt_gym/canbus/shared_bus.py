@@ -23,13 +23,7 @@ class SharedLink:
     """
 
     def __init__(self, joints: int, dt: float, link: Link | None = None) -> None:
-        """Share a link.
-
-        Args:
-            joints: Number of joints.
-            dt: Control step [s].
-            link: Connection to the bus, if it is open already.
-        """
+        """Share a link."""
         self._link = link
         self.taps = tuple(Tap(self) for _ in range(joints))
         self._dt = dt
@@ -41,11 +35,7 @@ class SharedLink:
 
     @property
     def link(self) -> Link:
-        """Connection to the bus.
-
-        Raises:
-            HardwareError: The bus is not open.
-        """
+        """Connection to the bus."""
         if self._link is None:
             raise HardwareError("The joint is not connected. Call connect() first.")
         return self._link
@@ -74,11 +64,7 @@ class SharedLink:
         self._waiting = []
 
     def flush(self) -> None:
-        """Send the frames held back; those for all nodes, such as SYNC, once and last.
-
-        Raises:
-            HardwareError: The bus rejects them.
-        """
+        """Send the frames held back; those for all nodes, such as SYNC, once and last."""
         waiting, self._waiting = self._waiting or [], None
         self.link.send(_once(waiting))
 
@@ -154,19 +140,11 @@ class Tap:
         self._shared.wait_until(t)
 
     def send(self, messages: Frames) -> None:
-        """Send frames, or hold them back until all joints have sent.
-
-        Raises:
-            HardwareError: The bus rejects them.
-        """
+        """Send frames, or hold them back until all joints have sent."""
         self._shared.send(messages)
 
     def receive(self) -> list[Arrival]:
-        """Return all frames since the last call of this joint.
-
-        Raises:
-            HardwareError: The bus is lost.
-        """
+        """Return all frames since the last call of this joint."""
         self._shared.deliver()
         return [self.inbox.popleft() for _ in range(len(self.inbox))]
 

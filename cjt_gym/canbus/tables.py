@@ -27,11 +27,6 @@ class Section:
     def __init__(self, table: object, owner: str, known: Iterable[str] | None = None) -> None:
         """Take a table.
 
-        Args:
-            table: What should be a table.
-            owner: Its name in messages.
-            known: Allowed keys; None for any.
-
         Raises:
             ConfigurationError: It is not a table, or has an unknown key.
         """

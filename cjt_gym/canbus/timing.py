@@ -30,12 +30,7 @@ class Timing:
     answers: array[float] = field(default_factory=lambda: array("d"))
 
     def answered(self, sent: float, arrivals: Sequence[Arrival]) -> float:
-        """Note and return the time from a command to the first frame after it [s]; 0 without one.
-
-        Args:
-            sent: Time of the command [s].
-            arrivals: Frames read at the end of its control period.
-        """
+        """Note and return the time from a command to the next frame [s]; 0 without one."""
         took = next((t - sent for t, _ in arrivals if t >= sent), None)
         if took is not None:
             self.answers.append(took)
@@ -61,11 +56,7 @@ class Timing:
         return {name: round(float(np.median(v)), 6) for name, v in self._delays(dt).items()}
 
     def randomization(self, dt: float) -> dict[str, dict[str, Any]]:
-        """Return the range of these delays, from 5 to 95 %, as a randomization for environments.
-
-        Args:
-            dt: Control step [s].
-        """
+        """Return the range of these delays, from 5 to 95 %, as a randomization for environments."""
         found = {}
         for name, values in self._delays(dt).items():
             low, high = (round(float(q), 6) for q in np.percentile(values, (5.0, 95.0)))

@@ -48,11 +48,7 @@ class VirtualLink:
                 self._supervise(self.emulator.now)
 
     def send(self, messages: Sequence[can.Message]) -> None:
-        """Send frames.
-
-        Raises:
-            HardwareError: The bus is lost.
-        """
+        """Send frames."""
         if self.is_off:
             raise HardwareError("The bus does not take a frame: it is off.")
         for message in messages:
@@ -61,11 +57,7 @@ class VirtualLink:
         self.emulator.send(messages)
 
     def receive(self) -> list[Arrival]:
-        """Return all frames since the last call.
-
-        Raises:
-            HardwareError: The bus is lost.
-        """
+        """Return all frames since the last call."""
         if self.is_off:
             raise HardwareError("The bus is lost: it is off.")
         self._inbox += [Arrival(due.t, due.message) for due in self.emulator.receive()]

@@ -57,13 +57,7 @@ class Wire:
     """One direction of a bus; frames keep their order."""
 
     def __init__(self, settings: EmulatorSettings, seed: int, medium: Medium | None = None) -> None:
-        """Make an empty wire.
-
-        Args:
-            settings: Latency, jitter, loss and load.
-            seed: Seed of its random times and losses.
-            medium: Wire shared with the other directions; None if frames take no time of their own.
-        """
+        """Make an empty wire."""
         self.settings = settings
         self._medium = medium
         self._random = np.random.default_rng(seed)

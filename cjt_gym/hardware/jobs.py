@@ -160,11 +160,7 @@ def _missing(runs: Sequence[Run]) -> Sequence[Run]:
 
 
 def _is_complete(path: Path, jobs: Sequence[Job]) -> bool:
-    """Return whether a record is complete.
-
-    Raises:
-        ConfigurationError: It belongs to another run.
-    """
+    """Return whether a record is complete."""
     known = read_record(path).provenance
     if "fault" in known or "timing_us" not in known:
         return False

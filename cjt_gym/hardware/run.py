@@ -33,14 +33,7 @@ class Law(Protocol):
 def carry_out(
     run: Run, configs: Sequence[HardwareConfig], link: Link | None, watcher: Watcher | None
 ) -> dict[str, Any]:
-    """Carry out a run and return its result.
-
-    Args:
-        run: The run.
-        configs: Configuration of each joint.
-        link: Connection to an emulated bus; None for the real one.
-        watcher: Receives every row of the record, or None.
-    """
+    """Carry out a run and return its result."""
     with CanArm(configs, link, run.path, watcher) as arm:
         policies = [_policy(arm, k, job) for k, job in enumerate(run.jobs)]  # before the bus
         arm.connect()

@@ -42,9 +42,6 @@ class SlcanPort:
 
         Args:
             link: Path for a symbolic link to it, so that a configuration can name it.
-
-        Raises:
-            ConfigurationError: The path is taken.
         """
         self._link = Path(link) if link else None
         if self._link is not None:

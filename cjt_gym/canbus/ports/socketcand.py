@@ -58,9 +58,6 @@ class SocketcandPort:
             host: Address to listen on.
             port: TCP port; 0 takes a free one.
             channel: Channel that clients may open.
-
-        Raises:
-            ConfigurationError: The address cannot be used.
         """
         self.channel = channel
         self._clients: list[_Client] = []

@@ -79,11 +79,7 @@ class Access:
         return field.to_bits(self.value).to_bytes(field.bits // 8, "little")
 
     def accepts(self, data: bytes) -> bool:
-        """Return whether the value that was read is right.
-
-        Raises:
-            ProtocolError: It contradicts the configuration.
-        """
+        """Return whether the value that was read is right."""
         field = OBJECTS[self.key].field
         bits = int.from_bytes(data[: field.bits // 8], "little")
         return self.accept is None or self.accept(int(field.from_bits(bits)))
@@ -174,11 +170,7 @@ class Profile:
         return Update(channels, mode, error, f"error {error:#06x}" if error else "")
 
     def shows(self, statusword: int, wanted: int | None) -> bool:
-        """Return whether a statusword shows a state, or any state for None.
-
-        Raises:
-            ProtocolError: It shows a fault while the drive is being enabled.
-        """
+        """Return whether a statusword shows a state, or any state for None."""
         state = state_of(statusword)
         if wanted in RUNNING and state in (State.FAULT, State.FAULT_REACTION):
             raise ProtocolError(f"Drive {self.settings.node} refuses to run: it has a fault.")

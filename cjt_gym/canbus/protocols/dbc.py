@@ -33,11 +33,7 @@ AS_NUMBERS: Final = {"decode_choices": False}
 
 
 def mapping_of(settings: Settings) -> DbcMapping:
-    """Return the mapping that the settings name.
-
-    Raises:
-        ConfigurationError: It is not valid, or a torque constant is needed and not given.
-    """
+    """Return the mapping that the settings name."""
     mapping = load_dbc_mapping(settings.options["file"], settings.scaling.gear_ratio)
     if mapping.is_current and settings.scaling.torque_constant is None:
         raise ConfigurationError(

@@ -47,11 +47,7 @@ class Cycles:
     """Periodic reports of a node, each with its own period."""
 
     def __init__(self, periods: Mapping[str, float]) -> None:
-        """Prepare without starting.
-
-        Args:
-            periods: Time between two reports, by name [s].
-        """
+        """Prepare without starting."""
         self._periods = periods
         self._due: dict[str, float] = {}
 
