@@ -59,7 +59,7 @@ class Section:
             return default
         value = self._given(key, '"..."')
         if not isinstance(value, str) or not value:
-            raise ConfigurationError(f"{key} of {self.owner} must be a text, got {value!r}.")
+            raise ConfigurationError(f"{key} of {self.owner} must be a string, got {value!r}.")
         return value
 
     def choice(self, key: str, allowed: Sequence[str]) -> str:

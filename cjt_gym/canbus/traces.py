@@ -64,7 +64,7 @@ def read_trace(
                 values[name].append(value)
     if not stamps:
         raise RecordError(
-            f"No frame of {path} is of these nodes. Compare their protocols and addresses."
+            f"No frame of {path} is from these nodes. Check their protocols and addresses."
         )
     table: dict[str, NDArray[Any]] = {}
     for name, shown in values.items():

@@ -4,9 +4,9 @@ One frame commands angle, velocity, both gains and torque. The drive answers at 
 velocity, torque, temperature and error. All values are integers that span ranges specific to the
 model, and refer to the output of the gear.
 
-The watchdog time is set over the serial line, not by this protocol; when commands cease, the drive
-makes no torque until the next one. No frame shows whether the motor is on. As a drive answers every
-frame, it is polled with the one that switches the motor off.
+The watchdog time is set over the serial line, not by this protocol; once it expires, the drive
+makes no torque until the next command. No frame shows whether the motor is on. As a drive answers
+every frame, it is polled with the one that switches the motor off.
 
 References:
     CubeMars, AK Series Actuator Driver Manual V1.0.8, section 5.3. B. Katz, A low cost modular
