@@ -91,8 +91,8 @@ class Dialogue:
             missing = [name for name, (age, oldest) in ages.items() if age > oldest]
         if missing:
             raise HardwareError(
-                f"No report of {', '.join(missing)} within {PATIENCE:g} s. Check that the nodes are "
-                "powered and set to report it."
+                f"No report of {', '.join(missing)} within {PATIENCE:g} s. Check that the nodes "
+                "are powered and set to report it."
             )
 
     def rehearse(self) -> Timing:
