@@ -103,7 +103,7 @@ def _any(known: str, words: set[str]) -> bool:
 
 def _table(column: str, name: str, values: NDArray[Any]) -> str:
     allowed = units_of(column)
-    unit = _unit(name, allowed)
+    unit = allowed[0] if len(allowed) == 1 else _unit(name, allowed)
     lines = [f"[columns.{column}]{_range(values)}", f"source = {json.dumps(name)}"]
     among = "" if unit else f"  # {', '.join(allowed)}"
     lines.append(f'unit = "{unit or UNKNOWN}"{among}')
