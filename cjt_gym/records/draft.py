@@ -54,7 +54,7 @@ def draft(log: str, table: Mapping[str, NDArray[Any]]) -> str:
     guesses: dict[str, str] = {}
     rest: list[str] = []
     for name, values in table.items():
-        column = guess(name) if values.dtype.kind in NUMBERS and values.ndim == 1 else None
+        column = guess(name) if _has_numbers(values) else None
         if column is None or column in guesses:
             rest.append(f"# [columns.{UNKNOWN}]{_range(values)}\n# source = {json.dumps(name)}\n")
         else:
@@ -123,8 +123,12 @@ def _unit(name: str, allowed: tuple[str, ...]) -> str | None:
     return None
 
 
+def _has_numbers(values: NDArray[Any]) -> bool:
+    return values.dtype.kind in NUMBERS and values.ndim == 1 and bool(np.isfinite(values).any())
+
+
 def _range(values: NDArray[Any]) -> str:
     """Return from where to where values go, as a comment."""
-    if values.dtype.kind not in NUMBERS or not np.isfinite(values).any():
+    if not _has_numbers(values):
         return "  # no numbers"
     return f"  # from {np.nanmin(values):.6g} to {np.nanmax(values):.6g}"

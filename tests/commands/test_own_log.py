@@ -129,3 +129,19 @@ def test_columns_are_guessed_by_name(name: str, wanted: str) -> None:
     lines = draft("log.csv", {name: np.arange(3.0)}).splitlines()
     text = "\n".join(line.split("  # ")[0] for line in lines)
     assert wanted in text
+
+
+def test_a_column_without_numbers_is_not_taken_for_the_time() -> None:
+    text = draft("log.csv", {"timestamp": np.full(3, np.nan), "pos": np.arange(3.0)})
+    assert "[columns.t]" not in text
+    assert 'dt = "?"' in text
+
+
+def test_a_log_without_a_line_of_names_is_told_so(
+    log: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log.write_text(log.read_text("utf-8").partition("\n")[2], encoding="utf-8")
+    assert main(["check", str(log)]) == 2
+    said = capsys.readouterr().err
+    assert "must begin with a line of column names" in said
+    assert "got the numbers 0.0" in said

@@ -135,9 +135,10 @@ def _no_longer_than_the_training(
 
 
 def steps_of(model: BaseAlgorithm, total: int) -> int:
-    """Return how many steps a model takes when it is told to learn for so many: whole rollouts."""
-    each = model.n_steps if isinstance(model, OnPolicyAlgorithm) else 1
-    return math.ceil(total / (each * model.n_envs)) * each * model.n_envs
+    """Return how many steps a model is at after learning up to a total, in whole rollouts."""
+    each = model.n_envs * (model.n_steps if isinstance(model, OnPolicyAlgorithm) else 1)
+    done = model.num_timesteps
+    return done + math.ceil(max(total - done, 0) / each) * each
 
 
 def _schedule(name: str, ends: Mapping[str, Any]) -> Callable[[float], float]:

@@ -59,9 +59,13 @@ def _trained(
         return run
     _continue(run, model, env, config, quiet)
     model.set_logger(Logger(None, _writers(run)))
-    companion = Companion(run, config, quiet)
+    steps = steps_of(model, config.total_steps)
+    if steps > config.total_steps:
+        text = f"{steps} steps instead of {config.total_steps}: all environments take whole "
+        _say(text + f"rollouts of {config.algorithm} together", quiet)
+    companion = Companion(run, config, steps, quiet)
     try:
-        _learn(model, config, companion, quiet)
+        _learn(model, config, companion)
     except KeyboardInterrupt:
         companion.checkpoint()
         run.note(status="stopped", reason="interrupted")
@@ -141,13 +145,9 @@ def _restored(run: RunFolder, model: BaseAlgorithm, env: VecEnv, quiet: bool) ->
     )
 
 
-def _learn(model: BaseAlgorithm, config: TrainConfig, companion: Companion, quiet: bool) -> None:
+def _learn(model: BaseAlgorithm, config: TrainConfig, companion: Companion) -> None:
     """Learn until the last step, telling a numerical breakdown from other errors."""
     remaining = config.total_steps - model.num_timesteps
-    planned = model.num_timesteps + steps_of(model, max(remaining, 0))
-    if planned > config.total_steps:
-        text = f"{planned} steps instead of {config.total_steps}: all environments take whole "
-        _say(text + f"rollouts of {config.algorithm} together", quiet)
     try:
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", message="You are trying to run PPO on the GPU")
