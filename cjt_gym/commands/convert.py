@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from cjt_gym.console import Answer
+from cjt_gym.console.logs import gear_ratio_of
 from cjt_gym.disk import refuse_inputs, write_text
-from cjt_gym.errors import ConfigurationError, MissingFileError, UnknownNameError
-from cjt_gym.joint import load_joint_file, to_toml
+from cjt_gym.errors import ConfigurationError
+from cjt_gym.joint import to_toml
 from cjt_gym.joint.files import TOOLBOX_SUFFIX
 from cjt_gym.joint.toolbox_files import read_toolbox
 from cjt_gym.records import (
@@ -18,7 +19,6 @@ from cjt_gym.records import (
     Record,
     Repair,
     draft_mapping,
-    joint_of,
     one_joint,
     read_log,
     write_record,
@@ -97,7 +97,7 @@ def _write_draft(options: argparse.Namespace) -> Answer:
 
 def _read(options: argparse.Namespace) -> tuple[tuple[Record, ...], tuple[Repair, ...]]:
     if options.bus is None:
-        n = _gear_ratio(joint_of(options.log, options.mapping))
+        n = gear_ratio_of(options.log, options.mapping)
         records, repairs = read_log(options.log, options.mapping, n=n)
         if options.joint is not None:
             records = tuple(one_joint(record, options.joint) for record in records)
@@ -110,14 +110,6 @@ def _read(options: argparse.Namespace) -> tuple[tuple[Record, ...], tuple[Repair
     nodes = [(protocol_of(node.protocol), node.settings) for node in config.nodes]
     joint = config.joint
     return read_trace(options.log, nodes, joint=joint.parameters.name, structure=joint.structure)
-
-
-def _gear_ratio(joint: str | Path | None) -> float | None:
-    """Return the gear ratio of the joint that a log names, which need not be at hand."""
-    try:
-        return None if joint is None else load_joint_file(joint).gear_ratio
-    except (MissingFileError, UnknownNameError):
-        return None
 
 
 def _numbered(path: Path, k: int, count: int) -> Path:

@@ -13,7 +13,7 @@ from pathlib import Path
 from cjt_gym.console import Answer
 from cjt_gym.console.options import asked_effects
 from cjt_gym.disk import refuse_inputs, write_text
-from cjt_gym.errors import ConfigurationError, RecordError
+from cjt_gym.errors import ConfigurationError, RecordError, UnknownNameError
 from cjt_gym.gap import Diagnosis, diagnose
 from cjt_gym.gap.orient import orient
 from cjt_gym.gap.report import WIDTH, summary, write_report
@@ -76,7 +76,7 @@ def run(options: argparse.Namespace) -> Answer:
     tell = Teller(started)
     tell("reading records")
     joint = _nominal(options)
-    file = load_joint_file(joint)
+    file = _loaded(joint, options)
     fitted, notes = _read(options.records, options, file)
     held, more = _read(options.validate, options, file)
     structure = options.structure or fitted[0].structure or file.structure
@@ -248,6 +248,18 @@ def _nominal(options: argparse.Namespace) -> str | Path:
             "Give the nominal joint: --joint NAME or --joint FILE.toml."
         )
     return joint
+
+
+def _loaded(joint: str | Path, options: argparse.Namespace) -> JointFile:
+    try:
+        return load_joint_file(joint)
+    except UnknownNameError as error:
+        if options.joint is not None:
+            raise
+        raise ConfigurationError(
+            f"{options.records[0]} names the joint {joint}, which neither ships nor is a file "
+            "beside it. Give its file: --joint FILE.toml."
+        ) from error
 
 
 def _json(diagnosis: Diagnosis, loop: InTheLoop, repairs: Sequence[Repair]) -> str:

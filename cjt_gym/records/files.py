@@ -28,7 +28,10 @@ NOMINAL = "nominal.toml"
 
 
 def read_record(
-    path_or_name: str | Path, allow_nan: bool = False, mapping: MappingLike | None = None
+    path_or_name: str | Path,
+    allow_nan: bool = False,
+    mapping: MappingLike | None = None,
+    n: float | None = None,
 ) -> Record:
     """Read a record from its table or the ``.toml`` beside it, or a shipped one by its name.
 
@@ -42,6 +45,7 @@ def read_record(
         mapping: Which column is which, in which unit, where the table has other names: a TOML file
             or the same as dictionaries, see :mod:`cjt_gym.records.mapping`. Left out, the file
             ``run.map.toml`` beside the table counts, if there is one.
+        n: Gear ratio of the joint, used where the mapping gives none.
 
     Raises:
         RecordError: There is no such record, or its files are not valid.
@@ -52,7 +56,7 @@ def read_record(
         (24841, 'm')
     """
     path = table_path(path_or_name)
-    chosen = mapping_of(path, mapping)
+    chosen = mapping_of(path, mapping, n)
     if chosen is None:
         facts = read_metadata(path.with_suffix(".toml"))
         columns = format_of(path).read(path)

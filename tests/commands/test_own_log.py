@@ -66,6 +66,19 @@ def test_the_gear_ratio_comes_from_the_joint_that_the_log_names(
     assert largest_angle(log, capsys) == pytest.approx(0.002, rel=1e-6)
 
 
+def test_a_plot_takes_the_ratio_of_the_joint_too(log: Path) -> None:
+    mapped(log, 'joint = "orange_80_6000"')
+    assert main(["plot", str(log), "--out", str(log.with_suffix(".svg"))]) == 0
+
+
+def test_a_joint_that_is_not_at_hand_is_asked_for(
+    log: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mapped(log, 'joint = "my_joint"\nn = 10')
+    assert main(["diagnose", str(log)]) == 2
+    assert "names the joint my_joint, which neither ships" in capsys.readouterr().err
+
+
 def test_a_ratio_in_the_mapping_goes_before_that_of_the_joint(
     log: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -90,7 +103,7 @@ def test_without_a_joint_the_ratio_is_asked_for(
     mapped(log)
     assert joint_of(log) is None
     assert main(["check", str(log)]) == 2
-    assert "a line n = ... at the top, or a joint that has n" in capsys.readouterr().err
+    assert 'a line n = ... at the top, or joint = "..." with a joint' in capsys.readouterr().err
 
 
 def test_a_log_without_a_mapping_leads_to_a_draft_that_works_once_it_is_edited(
