@@ -119,14 +119,19 @@ def read_bus(table: object, owner: str) -> BusSettings:
 
 
 def read_joint(table: object, owner: str, folder: Path) -> tuple[Joint, str, EffectSpec]:
-    """Return the joint of the table [joint] without effects, its name or path, and the effects."""
+    """Return the joint of the table [joint] without effects, its name or path, and the effects.
+
+    Where the table gives none, the effects are those of the joint file.
+    """
     given = Section(table, owner, JOINT)
     name = given.text("file")
     beside = folder / name
     known = str(beside) if name.endswith(".toml") and os.path.isfile(beside) else name
     usual = load_joint_file(known).structure or "output_fixed_rigid_gearbox"
     structure = given.text("structure", usual)
-    effects = given.table.get("effects", [])
+    effects = given.table.get("effects")
+    if effects is None:
+        effects = load_joint(known, structure).effects
     if not isinstance(effects, list | Mapping):
         raise ConfigurationError(
             f"effects of {owner} must be a list of names or a table of effects, got {effects!r}."
