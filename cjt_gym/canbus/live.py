@@ -41,11 +41,7 @@ class LiveView:
     """
 
     def __init__(self, configs: Sequence[HardwareConfig], port: int) -> None:
-        """Start the server.
-
-        Raises:
-            ConfigurationError: The port is out of range or taken.
-        """
+        """Start the server."""
         if not 0 <= port <= 65535:
             raise ConfigurationError(f"The port of --live must be from 0 to 65535, got {port}.")
         self.context = foxglove.Context()

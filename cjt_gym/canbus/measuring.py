@@ -33,9 +33,6 @@ class Sense:
         Args:
             config: Configuration of the joint.
             reported: Channels that the nodes report.
-
-        Raises:
-            ConfigurationError: The motor's angle or the joint torque cannot be known.
         """
         p, row = config.joint.parameters, config.joint.structure_row
         has = {**dict.fromkeys(reported, True), "i": bool({"i", "tau_m"} & reported)}

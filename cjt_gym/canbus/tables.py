@@ -25,11 +25,7 @@ class Section:
     """
 
     def __init__(self, table: object, owner: str, known: Iterable[str] | None = None) -> None:
-        """Take a table.
-
-        Raises:
-            ConfigurationError: It is not a table, or has an unknown key.
-        """
+        """Take a table."""
         if not isinstance(table, Mapping):
             raise ConfigurationError(f"{owner} must be a table, got {table!r}.")
         self.table: Mapping[str, Any] = table

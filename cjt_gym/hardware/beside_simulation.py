@@ -40,11 +40,7 @@ REAL, NOMINAL = "real", "nominal"
 
 
 def tasks_of(names: Sequence[str]) -> tuple[str, ...]:
-    """Return the runs that are named, or all.
-
-    Raises:
-        UnknownNameError: There is no such run.
-    """
+    """Return the runs that are named, or all."""
     for name in names:
         if name not in RUNS:
             raise unknown_name("task", name, RUNS)

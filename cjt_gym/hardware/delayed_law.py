@@ -121,9 +121,6 @@ class PolicyLaw:
             arm: The joints of the bus.
             k: Index of the joint to command.
             reference: Reference torque at every control step [N m].
-
-        Raises:
-            ConfigurationError: It was trained with another control step.
         """
         self._arm, self._k, config = arm, k, arm.configs[k]
         agent = load_agent(word)
@@ -143,12 +140,7 @@ class PolicyLaw:
         self._has_begun = False
 
     def act(self, measured: Measurement, reference: Floats) -> Floats:
-        """Return the motor torque for a control step [N m], shape (1,).
-
-        Raises:
-            HardwareFault: The action is outside its space.
-            ConfigurationError: A channel of the observation is not measured.
-        """
+        """Return the motor torque for a control step [N m], shape (1,)."""
         task = self._task
         if self._has_begun:
             task.advance(measured)

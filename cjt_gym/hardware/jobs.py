@@ -68,11 +68,7 @@ class Run:
 
 
 def runs_of(configs: Sequence[HardwareConfig], options: argparse.Namespace) -> Sequence[Run]:
-    """Return the runs to carry out; of a series, those not recorded yet.
-
-    Raises:
-        ConfigurationError: An option is out of its range.
-    """
+    """Return the runs to carry out; of a series, those not recorded yet."""
     check_seed(options.seed)
     out = None if options.dry_run else options.out
     each = [of_joint(options, k, configs) for k in range(len(configs))]
@@ -101,11 +97,7 @@ def runs_of(configs: Sequence[HardwareConfig], options: argparse.Namespace) -> S
 def of_joint(
     options: argparse.Namespace, k: int, configs: Sequence[HardwareConfig]
 ) -> argparse.Namespace:
-    """Return the options of the k-th joint, with its own controller or policy and reference.
-
-    Raises:
-        ConfigurationError: An option is given neither once nor once per joint.
-    """
+    """Return the options of the k-th joint, with its own controller or policy and reference."""
     own = {**vars(options), "seed": options.seed + APART * k}
     for name in ("controller", "policy"):
         words = own[name]
@@ -199,11 +191,7 @@ def _with_amplitude(
 
 
 def tracking(config: HardwareConfig, options: argparse.Namespace) -> Job:
-    """Return the task of a joint that tracks a reference under a controller or policy.
-
-    Raises:
-        ConfigurationError: An option is out of its range.
-    """
+    """Return the task of a joint that tracks a reference under a controller or policy."""
     word = options.reference
     record = read_record(word) if Path(word).suffix or word in record_names() else None
     record = record and part_of(record, config.name)

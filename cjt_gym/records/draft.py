@@ -56,7 +56,9 @@ def draft(log: str, table: Mapping[str, NDArray[Any]]) -> str:
     for name, values in table.items():
         column = guess(name) if _has_numbers(values) else None
         if column is None or column in guesses:
-            rest.append(f"# [columns.{UNKNOWN}]{_range(values)}\n# source = {json.dumps(name)}\n")
+            rest.append(
+                f"# [columns.{UNKNOWN}]{_range(values)}\n# source = {json.dumps(name, ensure_ascii=False)}\n"
+            )
         else:
             guesses[column] = name
     head = HEAD.format(log=log)
@@ -104,7 +106,10 @@ def _any(known: str, words: set[str]) -> bool:
 def _table(column: str, name: str, values: NDArray[Any]) -> str:
     allowed = units_of(column)
     unit = allowed[0] if len(allowed) == 1 else _unit(name, allowed)
-    lines = [f"[columns.{column}]{_range(values)}", f"source = {json.dumps(name)}"]
+    lines = [
+        f"[columns.{column}]{_range(values)}",
+        f"source = {json.dumps(name, ensure_ascii=False)}",
+    ]
     among = "" if unit else f"  # {', '.join(allowed)}"
     lines.append(f'unit = "{unit or UNKNOWN}"{among}')
     if unit in ("counts", "counts/s"):

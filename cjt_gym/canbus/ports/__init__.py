@@ -20,9 +20,6 @@ def open_port(settings: BusSettings) -> Port:
 
     ``socketcand`` gives a server, ``slcan`` an adapter on a pseudo-terminal, with a link to it if
     the channel is a path, and anything else python-can's own bus.
-
-    Raises:
-        ConfigurationError: It cannot be opened.
     """
     if settings.interface == "socketcand":
         return SocketcandPort(settings.host, settings.port, settings.channel)

@@ -69,9 +69,6 @@ class Field:
         """Return the bits of a value as a non-negative number.
 
         Values are rounded to the nearest step, halves down.
-
-        Raises:
-            ProtocolError: The value is not finite, or outside the field's range.
         """
         if not isfinite(value):
             raise ProtocolError(f"{self.name} must be a finite number, got {value}.")
@@ -159,22 +156,14 @@ class Layout:
         return tuple(places)
 
     def encode(self, values: Mapping[str, float]) -> bytes:
-        """Encode values; fields not given are zero.
-
-        Raises:
-            ProtocolError: A value does not fit its field.
-        """
+        """Encode values; fields not given are zero."""
         number = 0
         for each, at in self._places:
             number |= each.to_bits(values.get(each.name, 0.0)) << at
         return number.to_bytes(self.size, self.order)
 
     def decode(self, data: bytes | bytearray) -> dict[str, float]:
-        """Decode data; bytes after the last field are ignored.
-
-        Raises:
-            ProtocolError: The data is too short.
-        """
+        """Decode data; bytes after the last field are ignored."""
         size, least = self.size, self.least
         if len(data) < least:
             raise ProtocolError(f"The frame must have {least} bytes of data, got {len(data)}.")

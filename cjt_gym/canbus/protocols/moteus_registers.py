@@ -187,11 +187,7 @@ def subframe(base: int, kind: int, first: int, values: Sequence[float] | int) ->
 
 
 def read(data: bytes | bytearray) -> list[Subframe]:
-    """Decode a frame; unknown registers give plain numbers.
-
-    Raises:
-        ProtocolError: The data is not a sequence of subframes.
-    """
+    """Decode a frame; unknown registers give plain numbers."""
     found: list[Subframe] = []
     at = 0
     while at < len(data):
