@@ -56,9 +56,7 @@ def draft(log: str, table: Mapping[str, NDArray[Any]]) -> str:
     for name, values in table.items():
         column = guess(name) if _has_numbers(values) else None
         if column is None or column in guesses:
-            rest.append(
-                f"# [columns.{UNKNOWN}]{_range(values)}\n# source = {json.dumps(name, ensure_ascii=False)}\n"
-            )
+            rest.append(f"# [columns.{UNKNOWN}]{_range(values)}\n# source = {_quoted(name)}\n")
         else:
             guesses[column] = name
     head = HEAD.format(log=log)
@@ -108,7 +106,7 @@ def _table(column: str, name: str, values: NDArray[Any]) -> str:
     unit = allowed[0] if len(allowed) == 1 else _unit(name, allowed)
     lines = [
         f"[columns.{column}]{_range(values)}",
-        f"source = {json.dumps(name, ensure_ascii=False)}",
+        f"source = {_quoted(name)}",
     ]
     among = "" if unit else f"  # {', '.join(allowed)}"
     lines.append(f'unit = "{unit or UNKNOWN}"{among}')
@@ -130,6 +128,10 @@ def _unit(name: str, allowed: tuple[str, ...]) -> str | None:
 
 def _has_numbers(values: NDArray[Any]) -> bool:
     return values.dtype.kind in NUMBERS and values.ndim == 1 and bool(np.isfinite(values).any())
+
+
+def _quoted(name: str) -> str:
+    return json.dumps(name, ensure_ascii=False)
 
 
 def _range(values: NDArray[Any]) -> str:
