@@ -44,11 +44,7 @@ class Dialogue:
         self._nodes = nodes
 
     def perform(self, node: Node, steps: Iterable[Step]) -> None:
-        """Carry out steps one by one; the node confirms each, on the second attempt at the latest.
-
-        Raises:
-            HardwareError: The node does not confirm a step, or the bus rejects a frame.
-        """
+        """Carry out steps one by one; the node confirms each, on the second attempt at the latest."""
         for step in steps:
             if not (self._try(step) or step.optional or self._try(step)):
                 raise HardwareError(

@@ -169,11 +169,7 @@ def open_link(settings: BusSettings) -> BusLink:
 
 
 def open_bus(settings: BusSettings) -> can.BusABC:
-    """Return the python-can bus that a configuration describes.
-
-    Raises:
-        ConfigurationError: It cannot be opened.
-    """
+    """Return the python-can bus that a configuration describes."""
     options = dict(settings.options)
     if settings.interface == "socketcand":
         host, port = settings.host, settings.port
