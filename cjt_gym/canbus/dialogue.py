@@ -44,7 +44,7 @@ class Dialogue:
         self._nodes = nodes
 
     def perform(self, node: Node, steps: Iterable[Step]) -> None:
-        """Carry out steps one by one; the node confirms each, on the second attempt at the latest."""
+        """Carry out steps one by one; the node must confirm each within two attempts."""
         for step in steps:
             if not (self._try(step) or step.optional or self._try(step)):
                 raise HardwareError(
