@@ -203,7 +203,8 @@ def scatter(joint: Joint) -> Floats:
         step = parts[-1] if "resolution" in known else 0.0
         values.append(math.hypot(noise, step / math.sqrt(12.0)))
     angles = [value or ENCODER for value in values[:3]]
-    torque = values[3] or joint.parameters.k_b * math.hypot(angles[1], angles[2])
+    stiffness = joint.parameters.get("k_b", 1.0)  # without a spring no torque is measured
+    torque = values[3] or stiffness * math.hypot(angles[1], angles[2])
     return np.array([torque, *angles])
 
 

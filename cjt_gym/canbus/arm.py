@@ -1,4 +1,4 @@
-"""The joints of a bus, one or several, run in step by one loop."""
+"""One loop that runs the joints of a bus in step."""
 
 from __future__ import annotations
 
@@ -34,22 +34,21 @@ Floats = NDArray[np.float64]
 
 @final
 class CanArm:
-    """The joints of one CAN bus.
+    """The joints of a CAN bus.
 
-    Nothing moves before `arm`. A run begins with `reset`, which measures, and the first `step`,
-    which switches the drives on; it goes on with one `step` per control step, at absolute
-    deadlines. Every joint is a `CanJoint` with its own limits, states and watchdog. In each control
-    step the commands of all go out together, then the loop waits once for the deadline and takes
-    what has arrived; it never waits for one joint. A fault of one takes the torque of all away,
-    switches off, completes the record and raises `HardwareFault`. Used as a context manager it also
-    does so when the code within raises, or is interrupted; an interrupt while the drives are
-    switched on does so anyway.
+    Nothing moves before `arm`. A run starts with `reset`, which measures; the first `step` switches
+    the drives on, and every `step` takes one control period, with absolute deadlines. Each joint is
+    a `CanJoint` with its own limits, state and watchdog. In each period all commands are sent
+    together; the loop then waits for the deadline once and reads what has arrived, never for a
+    single joint. A fault of any joint removes the torque of all, switches the drives off, completes
+    the record and raises `HardwareFault`. So does an exception or interrupt in the body of a `with`
+    statement, and an interrupt while the drives are on.
 
     Attributes:
-        configs: One for each joint.
+        configs: Configuration of each joint.
         dt: Control step [s].
         joints: The joints, in the order of the configuration.
-        fault: Name of the joint that ended a run with a fault, and the fault; or None.
+        fault: The fault that ended a run, with the name of its joint; None if there was none.
     """
 
     def __init__(
@@ -59,17 +58,17 @@ class CanArm:
         record: str | Path | None = None,
         watcher: Watcher | None = None,
     ) -> None:
-        """Prepare, without touching the bus.
+        """Prepare without touching the bus.
 
         Args:
-            configs: One for each joint, as `load_joints` returns them.
-            link: The way to the bus; by default python-can's bus as configured.
-            record: Where the record of all joints is written; None for none.
-            watcher: Shown what the record gets, while the run goes on; None for nobody.
+            configs: Configuration of each joint, from `load_joints`.
+            link: Connection to the bus; python-can's bus as configured by default.
+            record: File for the record of all joints, or None.
+            watcher: Receives every row of the record during the run, or None.
 
         Raises:
-            ConfigurationError: The record is there already.
-            RecordError: The TOML file beside the record is there, and of something else.
+            ConfigurationError: The record exists.
+            RecordError: The TOML file beside the record belongs to something else.
         """
         self.configs = tuple(configs)
         self.dt = configs[0].dt
@@ -88,7 +87,7 @@ class CanArm:
             joint.on_fault = partial(self._spread, joint.config.name)
 
     def _record(self, path: str | Path, watcher: Watcher | None) -> BeginRecord:
-        """Return what begins the record: that of one joint has its columns without its name."""
+        """Return the function that starts the record of a joint."""
         refuse_taken(Path(path))
         if len(self.configs) == 1:
             return partial(RunRecord, path, watcher=watcher)
@@ -96,19 +95,15 @@ class CanArm:
 
     @property
     def link(self) -> Link:
-        """The way to the bus.
-
-        Raises:
-            HardwareError: It is not connected.
-        """
+        """Connection to the bus."""
         return self._shared.link
 
     # ---- before a run
     def connect(self) -> None:
-        """Open the bus, set all nodes up, and wait until every channel was heard.
+        """Open the bus, configure all nodes, and wait for a value of every channel.
 
         Raises:
-            HardwareError: Another process commands a drive, or a node does not answer.
+            HardwareError: Another process uses a drive, or a node does not answer.
             ConfigurationError: The bus cannot be opened.
         """
         bus = self.configs[0].bus
@@ -125,14 +120,14 @@ class CanArm:
             raise
 
     def arm(self) -> None:
-        """Allow the joints to be moved, one after the other; they still are not.
+        """Arm the joints one after another, without moving them.
 
-        Each drive is switched on once, with zero torque, to show that it stops by itself where no
-        command comes, unless the configuration says that it is unwatched.
+        Unless the configuration declares a drive unwatched, it is switched on with zero torque to
+        prove that its watchdog stops it when commands cease.
 
         Raises:
-            HardwareError: They are not connected, what one shows is not within its limits, or its
-                torque might outlive this program.
+            HardwareError: A joint is not connected or is outside its limits, or its watchdog
+                failed.
         """
         if isinstance(self.link, BusLink):
             gc.collect()  # now, for it is kept out of the run
@@ -140,30 +135,30 @@ class CanArm:
             joint.arm()
 
     def reset(self, seed: int | None = None) -> list[Measurement]:
-        """End a run that is on, softly, and return the measurements with which another begins.
+        """End the current run softly, and return the measurements for the start of the next.
 
         Args:
-            seed: Not used: real joints draw nothing.
+            seed: Not used.
 
         Raises:
-            HardwareError: A joint is not armed, or ended with a fault.
+            HardwareError: A joint is not armed, or is in fault.
         """
         self.stop()
         return [joint.reset() for joint in self.joints]
 
     # ---- a run
     def step(self, commands: Floats, tau_ref: Floats | None = None) -> list[Measurement]:
-        """Command motor torques for one control step and return the next measurements.
+        """Command motor torques for one control period and return the next measurements.
 
         The first step after `reset` switches the drives on.
 
         Args:
-            commands: Motor torque of each joint [N m], shape (joints,); they are limited, and so
-                are their rates.
-            tau_ref: Joint torque that was wanted of each [N m], for the record.
+            commands: Motor torque of each joint [N m], shape (joints,); magnitude and rate are
+                limited.
+            tau_ref: Reference torque of each joint [N m], for the record.
 
         Raises:
-            HardwareFault: Something went wrong with one; the torque of all is off.
+            HardwareFault: A joint failed; all torques are off.
             HardwareError: The joints are not armed.
         """
         wanted = np.full(len(self.joints), np.nan) if tau_ref is None else np.asarray(tau_ref)
@@ -175,11 +170,7 @@ class CanArm:
             return self._hear()
 
     def stop(self) -> None:
-        """End a run softly: fade all torques out, then switch the drives off; they stay armed.
-
-        Raises:
-            HardwareFault: Something went wrong on the way.
-        """
+        """End a run: fade all torques out and switch the drives off. The joints stay armed."""
         if not any(joint.state is State.RUNNING for joint in self.joints):
             return
         with self._all_off_on_fault():
@@ -191,18 +182,14 @@ class CanArm:
         self._quiet.close()
 
     def fail(self, kind: str, text: str, k: int = 0) -> None:
-        """End the run with a fault of the k-th joint that was found elsewhere.
-
-        Raises:
-            HardwareFault: Always, where a run was on.
-        """
+        """End the run with a fault of the k-th joint that the caller found."""
         with self._all_off_on_fault():
             self.joints[k].fail(kind, text)
 
     def close(self) -> None:
         """End a run, complete the record and release the bus.
 
-        The run ends softly; while an exception is on its way it ends at once, as with any fault.
+        The run ends softly, or at once if an exception is being handled.
         """
         error = sys.exc_info()[1]
         try:
@@ -226,7 +213,7 @@ class CanArm:
 
     # ---- within a run
     def _start(self, wanted: Floats) -> None:
-        """Switch the drives on one by one, keeping alive those that are on already."""
+        """Switch the drives on one by one, and keep feeding those that are on."""
         if isinstance(self.link, BusLink):
             self._quiet.enter_context(quiet_machine(self.configs[0].priority))
         try:
@@ -246,7 +233,7 @@ class CanArm:
             self._shared.let_go()
 
     def _send(self, each: Callable[[CanJoint, int], None]) -> None:
-        """Let every joint send, all frames together."""
+        """Send the frames of all joints together."""
         with self._lock:  # nobody else may send between them
             self._shared.gather()
             try:
@@ -266,7 +253,7 @@ class CanArm:
 
     @contextlib.contextmanager
     def _all_off_on_fault(self) -> Iterator[None]:
-        """Repeat after a fault that all drives are to be off, and raise the fault that began it."""
+        """After a fault, command all drives off again and raise the original fault."""
         try:
             yield
         except HardwareFault:
@@ -281,7 +268,7 @@ class CanArm:
             raise HardwareFault(replace(fault, text=text)) from None
 
     def _spread(self, name: str, fault: Fault) -> None:
-        """Take the torque of all joints away because of a fault of one."""
+        """Remove the torque of all joints because one has failed."""
         if self.fault is not None:
             return
         self.fault = name, fault

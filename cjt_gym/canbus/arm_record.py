@@ -1,4 +1,4 @@
-"""One record of several joints: their columns side by side, after the name of the joint."""
+"""One record for several joints, with the joint's name before each column."""
 
 from __future__ import annotations
 
@@ -19,25 +19,18 @@ COMMANDS = ("i_cmd", "tau_cmd")
 
 @final
 class ArmRecord:
-    """A record that begins when all joints have begun theirs, and ends when all have ended.
+    """A record that starts once all joints have started, and ends once all have ended.
 
     Attributes:
         path: Its file.
-        rows_path: The file that has its rows until it is complete.
+        rows_path: File that holds its rows until it is complete.
         dt: Control step [s].
     """
 
     def __init__(
         self, path: str | Path, joints: int, dt: float, watcher: Watcher | None = None
     ) -> None:
-        """Prepare it; the file is made with the last joint.
-
-        Args:
-            path: Where it is to be, in any format that records are written in.
-            joints: How many there are.
-            dt: Control step [s].
-            watcher: Shown what it gets; None for nobody.
-        """
+        """Prepare the record; the file is created when the last joint starts."""
         self.path = self.rows_path = Path(path)
         self._joints, self.dt, self._watcher = joints, dt, watcher
         self._parts: list[JointRows] = []
@@ -46,7 +39,7 @@ class ArmRecord:
         self._closed: dict[str, Any] = {}
 
     def begin(self, beginning: Beginning) -> JointRows:
-        """Begin the part of a joint."""
+        """Start the columns of a joint."""
         part = JointRows(self, beginning)
         self._parts.append(part)
         if len(self._parts) == self._joints:
@@ -66,7 +59,7 @@ class ArmRecord:
         self.path, self.rows_path = self._journal.wanted, self._journal.path
 
     def fill(self, is_last: bool = False) -> None:
-        """Write the rows that all joints have, at the end also what only some have."""
+        """Write the rows that all joints have; at the end, also those that only some have."""
         if self._journal is None:
             return
         enough = any if is_last else all
@@ -76,11 +69,7 @@ class ArmRecord:
             self._rows += 1
 
     def end(self, name: str, facts: Mapping[str, Any]) -> None:
-        """Note that a joint has ended; with the last one the record is complete.
-
-        Raises:
-            OSError: It does not fit on the disk.
-        """
+        """Mark a joint as ended; the last one completes the record."""
         self._closed.setdefault(name, facts)
         if len(self._closed) < self._joints or self._journal is None:
             return
@@ -99,7 +88,7 @@ class ArmRecord:
 
 @final
 class JointRows:
-    """The part of one joint in the record of all; it takes rows as `RunRecord` does."""
+    """The columns of one joint; takes rows as `RunRecord` does."""
 
     def __init__(self, whole: ArmRecord, beginning: Beginning) -> None:
         self._whole, self._beginning = whole, beginning
@@ -115,13 +104,13 @@ class JointRows:
         self._last = [0.0] * len(self._plain)
 
     def note(self, sample: Sample) -> None:
-        """Take a row; it is written once all joints have theirs."""
+        """Take a row, which is written once all joints have theirs."""
         row = self._beginning.row(sample)
         self.rows.append([row[name] for name in self._plain])
         self._whole.fill()
 
     def take(self) -> list[float]:
-        """Return the next row; behind the end the last one, without torque."""
+        """Return the next row; beyond the end, the last one with zero torque."""
         if self.rows:
             self._last = self.rows.popleft()
             return self._last
@@ -131,6 +120,6 @@ class JointRows:
         ]
 
     def close(self, timing: Timing, **known: Any) -> None:
-        """End this joint's part."""
+        """End the columns of this joint."""
         facts = {"timing_us": timing.summary(), "delays_s": timing.delay(self._whole.dt)}
         self._whole.end(self.name, {**facts, **known})

@@ -1,4 +1,4 @@
-"""Which bus a configuration means, however it is written."""
+"""Identify a bus regardless of how it is spelled."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ HERE = "this-machine"
 
 
 def bus_identity(settings: BusSettings) -> str:
-    """Return what tells a bus from others on this machine; two spellings of one give the same."""
+    """Return a name that is the same for every spelling of a bus, and differs between buses."""
     interface, options = settings.interface.lower(), settings.options
     if interface == "socketcand":
         host = machine_of(str(options.get("host", settings.host)))
@@ -22,9 +22,9 @@ def bus_identity(settings: BusSettings) -> str:
 
 
 def machine_of(host: str) -> str:
-    """Return one name for all addresses and names of a machine.
+    """Return a single name for all addresses and names of a machine.
 
-    What cannot be found out now is taken as it is written: connecting will fail, too.
+    A name that cannot be resolved is returned unchanged; connecting will fail, too.
     """
     try:
         found = socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)
@@ -35,7 +35,7 @@ def machine_of(host: str) -> str:
 
 
 def _is_here(address: str) -> bool:
-    """Whether an address is one of this machine: only those can be bound."""
+    """Return whether an address belongs to this machine: only such can be bound."""
     plain = ipaddress.ip_address(address.split("%")[0])
     if plain.is_loopback or plain.is_unspecified:
         return True
@@ -49,6 +49,6 @@ def _is_here(address: str) -> bool:
 
 
 def _device(channel: str) -> str:
-    """Return the device behind a path, such as those below /dev/serial, else the channel."""
+    """Return the device behind a path such as those in /dev/serial, otherwise the channel."""
     path = re.sub(r"@\d+$", "", channel)  # slcan: the baud rate of the serial line
     return os.path.realpath(path) if os.path.isabs(path) else channel

@@ -1,8 +1,8 @@
-"""Which rate a bus can carry, before anything is armed: from frames that emulated drives exchange.
+"""Predict the control rate that a bus can carry, from frames exchanged with emulated drives.
 
-Every joint is run for a while with its emulated drive, at its own rate and at half of it, and the
-time that its frames take on the wire is added up. What does not depend on the rate, such as
-heartbeats, and what does, such as commands, then follow from the two.
+Every joint is run with its emulated drive at the configured rate and at half of it, and the time of
+its frames on the wire is added up. The two runs separate what depends on the rate, such as
+commands, from what does not, such as heartbeats.
 """
 
 from __future__ import annotations
@@ -31,16 +31,16 @@ SECONDS: Final = 0.4
 
 @dataclass(frozen=True)
 class JointLoad:
-    """What one joint asks of the bus.
+    """Load of one joint on the bus.
 
     Attributes:
-        name: Its name, or that of its drive where it is the only one.
-        protocol: What its drive speaks.
-        node: Number of its drive.
-        frames: At the configured rate [1/s].
-        bits: The same, with stuffing [bit/s].
-        share: Of the bus's time, at the configured rate.
-        fixed: Of the bus's time, whatever the rate.
+        name: Name of the joint, or "drive" if it is the only one.
+        protocol: Protocol of its drive.
+        node: Address of its drive.
+        frames: Frames at the configured rate [1/s].
+        bits: Bits at the configured rate, stuff bits included [bit/s].
+        share: Share of the bus's time at the configured rate.
+        fixed: Share of the bus's time at any rate.
     """
 
     name: str
@@ -54,13 +54,13 @@ class JointLoad:
 
 @dataclass(frozen=True)
 class BusLoad:
-    """What all joints ask of the bus.
+    """Load of all joints on the bus.
 
     Attributes:
-        joints: One by one.
-        rate_hz: The configured rate.
+        joints: Load of each joint.
+        rate_hz: Configured rate [Hz].
         bitrate: Nominal bit rate [bit/s].
-        data_bitrate: Of the data phase of CAN FD [bit/s].
+        data_bitrate: Bit rate of CAN FD's data phase [bit/s].
     """
 
     joints: tuple[JointLoad, ...]
@@ -75,14 +75,14 @@ class BusLoad:
 
     @property
     def most_hz(self) -> float:
-        """The rate at which the bus is busy all the time; 0 where it is without any command."""
+        """Rate at which the bus is fully loaded [Hz]; 0 if it is so without commands."""
         fixed = sum(joint.fixed for joint in self.joints)
         per_hz = (self.share - fixed) / self.rate_hz
         return max(0.0, 1.0 - fixed) / per_hz
 
     @property
     def saturating(self) -> tuple[str, ...]:
-        """Names of the joints that find no room, in the order in which they are listed."""
+        """Names of the joints for which there is no room, in the order of the configuration."""
         filled = np.cumsum([joint.share for joint in self.joints])
         return tuple(j.name for j, at in zip(self.joints, filled, strict=True) if at > 1.0)
 
@@ -92,12 +92,12 @@ def bus_load(
     bitrate: float | None = None,
     data_bitrate: float | None = None,
 ) -> BusLoad:
-    """Return what the joints of a configuration ask of their bus.
+    """Return the load of configured joints on their bus.
 
     Args:
-        configs: One for each joint; they share bus and rate.
-        bitrate: Instead of the configuration's [bit/s].
-        data_bitrate: The same for the data phase of CAN FD [bit/s].
+        configs: Configuration of each joint; they share bus and rate.
+        bitrate: Nominal bit rate that replaces the configured one [bit/s].
+        data_bitrate: The same for CAN FD's data phase [bit/s].
     """
     bus = configs[0].bus
     nominal = float(bitrate or bus.bitrate or BITRATE)
@@ -114,7 +114,7 @@ def bus_load(
 
 
 def _slower(config: HardwareConfig) -> HardwareConfig:
-    """Return the same at half the rate."""
+    """Return the configuration at half the rate."""
     nodes = tuple(
         replace(
             node,
@@ -133,7 +133,7 @@ def _slower(config: HardwareConfig) -> HardwareConfig:
 def _exchanged(
     config: HardwareConfig, bitrate: float, data_bitrate: float
 ) -> tuple[float, float, float]:
-    """Return frames and bits per second and the share of the bus's time that they take."""
+    """Return frames and bits per second, and their share of the bus's time."""
     bus = replace(config.bus, bitrate=None)
     emulator = Emulator(replace(config, bus=bus))
     link = VirtualLink(emulator)

@@ -1,4 +1,4 @@
-"""One joint of those that a loop serves: its states, its part of every control step, its faults."""
+"""A joint in the loop: its states, its part of every control period, its faults."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ from cjt_gym.plant import Limits, Measurement
 
 @final
 class CanJoint:
-    """One joint on a bus, as the loop of `CanArm` runs it.
+    """One joint on a bus, run by the loop of `CanArm`.
 
-    A control step is `send`, then `went_out` once the frames of all joints are on the bus, then at
-    the deadline `hear`.
+    A control period is `send`, `went_out` once the frames of all joints are on the bus, and `hear`
+    at the deadline.
 
     Attributes:
-        config: The joint on its bus.
-        nodes: Latest values.
-        sense: What is measured.
+        config: Configuration of the joint.
+        nodes: Its nodes with their latest values.
+        sense: Completes what is measured.
         guard: State, limits and faults.
-        timing: Regularity of the latest run.
+        timing: Timing of the latest run.
         record: The record of a run.
-        due: When the next command is due [s].
-        on_fault: Called once with the fault that ended a run, by whatever thread found it.
+        due: Time at which the next command is due [s].
+        on_fault: Called once with the fault that ended a run, from the thread that found it.
     """
 
     def __init__(
@@ -45,14 +45,7 @@ class CanJoint:
         lock: threading.RLock,
         begin_record: BeginRecord | None = None,
     ) -> None:
-        """Prepare, without touching the bus.
-
-        Args:
-            config: The joint on its bus.
-            link: The way to it.
-            lock: Held by whoever decides on torque; joints that stop together share one.
-            begin_record: Begins the record of the first run; None for none.
-        """
+        """Prepare, without touching the bus."""
         self.config, self.link = config, link
         self.nodes = Nodes.of(config)
         self.sense = Sense(config, frozenset(self.nodes.latest))
@@ -71,7 +64,7 @@ class CanJoint:
     # ---- what it is
     @property
     def limits(self) -> Limits:
-        """What may be commanded and borne."""
+        """Limits of commands and measurements."""
         s = self.config.limits
         low, high = self.nodes.drive.master.torque_range
         return Limits(tau=min(s.tau, -low, high), dq_m=s.dq_m, tau_joint=s.tau_joint)
@@ -83,12 +76,12 @@ class CanJoint:
 
     @property
     def sent(self) -> float:
-        """Motor torque that was commanded last [N m], 0 before a run and after a fault."""
+        """Latest commanded motor torque [N m]; 0 before a run and after a fault."""
         return self.guard.commanded if self.state is State.RUNNING else 0.0
 
     @property
     def lateness(self) -> float:
-        """Time by which the last command was late [s]."""
+        """Lateness of the last command [s]."""
         return self.timing.lateness[-1] if self.timing.lateness else 0.0
 
     def age(self) -> float:
@@ -97,22 +90,15 @@ class CanJoint:
 
     # ---- before a run
     def connect(self) -> None:
-        """Set the nodes up, and wait until every channel was heard.
-
-        Raises:
-            HardwareError: A node does not answer.
-        """
+        """Configure the nodes, and wait for a value of every channel."""
         self.link.watch(self._supervise, self.config.dt / LOOKS)
         self._talk.set_up()
         self.guard.move(State.IDLE)
 
     def measured_delay(self) -> dict[str, float]:
-        """Return the delays of bus and loop as they are now, without moving the joint [s].
+        """Measure the delays of bus and loop without moving the joint [s].
 
-        The keys are those of the simulator's effects, as in a record; see `Timing.delay`.
-
-        Raises:
-            HardwareError: It is not connected, or moves.
+        The keys are the simulator's effects; see `Timing.delay`.
         """
         if self.state not in (State.IDLE, State.ARMED):
             raise HardwareError(
@@ -122,12 +108,7 @@ class CanJoint:
         return self._talk.rehearse().delay(self.config.dt)
 
     def arm(self) -> None:
-        """Allow the joint to be moved; it still is not; see `CanArm.arm`.
-
-        Raises:
-            HardwareError: It is not connected, what it shows is not within its limits, or its
-                torque might outlive this program.
-        """
+        """Arm the joint without moving it; see `CanArm.arm`."""
         self._talk.make_ready(self.config.drive.settings.watchdog)
         seen = self._seen(self._completed(), 0.0)
         trouble = self.nodes.trouble(is_on=False) or self.guard.check(seen)
@@ -136,11 +117,7 @@ class CanJoint:
         self.guard.move(State.ARMED)
 
     def reset(self) -> Measurement:
-        """Return the measurement with which a run begins.
-
-        Raises:
-            HardwareError: The joint is not armed, or ended with a fault.
-        """
+        """Return the measurement for the start of a run."""
         if self.state is not State.ARMED:
             raise HardwareError(
                 f"The joint must be armed before it is moved, it is {self.state.value}. Call "
@@ -154,15 +131,7 @@ class CanJoint:
 
     # ---- a run
     def start(self, tau_ref: float) -> None:
-        """Begin the record and switch the drive on, with zero torque; `begin` has to follow.
-
-        Args:
-            tau_ref: First joint torque that is wanted [N m], for the record; NaN for none.
-
-        Raises:
-            HardwareFault: The drive does not switch on.
-            HardwareError: The joint is not armed.
-        """
+        """Start the record and switch the drive on with zero torque; `begin` must follow."""
         self._tau_ref = tau_ref if math.isfinite(tau_ref) else self._tau_ref
         self.timing, self._round_trip = Timing(), 0.0
         hot = "temperature" in self.nodes.latest
@@ -178,7 +147,7 @@ class CanJoint:
             raise
 
     def begin(self, t: float) -> None:
-        """Count control steps from a time on [s]."""
+        """Start counting control steps at a time [s]."""
         with self._lock:
             self.nodes.hear(self.link.receive())
             for node in self.nodes.all:
@@ -186,12 +155,7 @@ class CanJoint:
             self._begin = self.due = t
 
     def send(self, command: float, tau_ref: float) -> None:
-        """Command a motor torque [N m] now, limited, with the joint torque that is wanted.
-
-        Raises:
-            HardwareFault: Something went wrong; the torque is off.
-            HardwareError: The joint is not running.
-        """
+        """Send a motor torque [N m], limited; the reference torque goes to the record."""
         self._tau_ref = tau_ref if math.isfinite(tau_ref) else self._tau_ref
         if self.state is not State.RUNNING:
             self._raise()
@@ -201,7 +165,7 @@ class CanJoint:
         self.fade(allowed)
 
     def fade(self, torque: float) -> None:
-        """Send a torque that is allowed, such as one on the way to zero [N m]."""
+        """Send a torque without limiting it, such as one that fades to zero [N m]."""
         with self._lock:
             self._raise_if_tripped()
             self.timing.lateness.append(max(self.link.now() - self.due, 0.0))
@@ -213,7 +177,7 @@ class CanJoint:
             self._now_sent = torque
 
     def went_out(self) -> None:
-        """Note what was sent, and set the next deadline."""
+        """Note what was sent and set the next deadline."""
         with self._lock:
             self._raise_if_tripped()
             self._sent = self.link.now()
@@ -226,11 +190,7 @@ class CanJoint:
             self.due = self._begin + self._k * self.config.dt
 
     def hear(self) -> Measurement:
-        """Take what has arrived; return the measurement, or raise what is wrong with it.
-
-        Raises:
-            HardwareFault: Something is; the torque is off.
-        """
+        """Read what has arrived and return the measurement, checked."""
         with self._lock:
             self._raise_if_tripped()
             try:
@@ -267,11 +227,11 @@ class CanJoint:
             self.record.end(self.timing)
 
     def switch_off(self) -> None:
-        """Tell the drive once more to be off; nothing else changes."""
+        """Command the drive off once more."""
         self._talk.switch_off()
 
     def close(self, error: BaseException | None) -> None:
-        """Complete the record; a run that is still on ends at once because of an exception."""
+        """Complete the record; a run in progress ends at once, as on an exception."""
         if self.state is State.DISCONNECTED:
             return
         try:
@@ -283,7 +243,7 @@ class CanJoint:
                 self.guard.state = State.DISCONNECTED
 
     def abandon(self, error: BaseException) -> None:
-        """End a run at once because of an exception from elsewhere, as often as after a fault."""
+        """End a run at once because of an exception, as after a fault."""
         interrupted = isinstance(error, KeyboardInterrupt | SystemExit)
         kind = "interrupt" if interrupted else "exception"
         text = f"{type(error).__name__}: {error}".rstrip(".")
@@ -291,16 +251,12 @@ class CanJoint:
         self._talk.repeat_off()
 
     def fail(self, kind: str, text: str) -> None:
-        """End the run with a fault.
-
-        Raises:
-            HardwareFault: Always, where a run was on.
-        """
+        """End the run with a fault."""
         self.trip(Fault(kind, text, self.link.now()))
         self._raise_if_tripped()
 
     def trip(self, fault: Fault) -> None:
-        """Switch off because of a fault, once, and complete the record."""
+        """Switch off because of a fault and complete the record; only the first call acts."""
         with self._lock:
             if self.state not in (State.ARMED, State.RUNNING):
                 return
@@ -315,7 +271,7 @@ class CanJoint:
                 self.on_fault(fault)
 
     def _supervise(self, now: float) -> None:
-        """Take the torque away where the loop does not come back; called all the time."""
+        """Remove the torque if the loop does not return; called regularly."""
         late = self.guard.late(now - self.due)
         if self.state is State.RUNNING and late is not None:
             self.trip(late)
@@ -329,7 +285,7 @@ class CanJoint:
             self._raise()
 
     def _raise(self) -> NoReturn:
-        """Raise the fault that ended the run; `CanArm` repeats that the drives are to be off."""
+        """Raise the fault that ended the run; `CanArm` then commands the drives off again."""
         if self.guard.fault is not None:
             raise HardwareFault(self.guard.fault)
         raise HardwareError(

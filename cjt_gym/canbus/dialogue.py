@@ -1,4 +1,4 @@
-"""Talking with the nodes where no deadline presses: setting up, listening, switching off."""
+"""Exchanges with the nodes outside a run: configure, listen, switch off."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ LOOKS = 4
 
 @final
 class Dialogue:
-    """Says to the nodes of a joint what takes more than one frame.
+    """Exchanges of several frames with the nodes of a joint.
 
     Attributes:
-        link: The way to them.
+        link: Connection to the bus.
     """
 
     def __init__(self, link: Link, nodes: Nodes) -> None:
@@ -44,11 +44,7 @@ class Dialogue:
         self._nodes = nodes
 
     def perform(self, node: Node, steps: Iterable[Step]) -> None:
-        """Take steps one by one, each confirmed by the node; each is tried twice.
-
-        Raises:
-            HardwareError: The node does not confirm one, or the bus does not take it.
-        """
+        """Carry out steps one by one; the node must confirm each within two attempts."""
         for step in steps:
             if not (self._try(step) or step.optional or self._try(step)):
                 raise HardwareError(
@@ -57,21 +53,13 @@ class Dialogue:
                 )
 
     def set_up(self) -> None:
-        """Set all nodes up, and wait until every channel was heard.
-
-        Raises:
-            HardwareError: One does not answer.
-        """
+        """Configure all nodes, and wait for a value of every channel."""
         for node in self._nodes.all:
             self.perform(node, node.master.configure())
         self.listen()
 
     def make_ready(self, watchdog: float) -> None:
-        """Clear faults, have the drive prove its watchdog unless it is unwatched, and listen.
-
-        Raises:
-            HardwareError: A node does not answer, or the drive does not stop by itself.
-        """
+        """Clear faults, test the drive's watchdog unless it is unwatched, and listen."""
         drive = self._nodes.drive
         for node in self._nodes.all:
             self.perform(node, node.master.clear())
@@ -81,20 +69,12 @@ class Dialogue:
         self.listen()
 
     def switch_on(self) -> None:
-        """Switch the drive on.
-
-        Raises:
-            HardwareError: It refuses.
-        """
+        """Switch the drive on."""
         drive = self._nodes.drive
         self.perform(drive, [*drive.master.clear(), *drive.master.enable()])
 
     def listen(self) -> None:
-        """Poll until every channel is fresh.
-
-        Raises:
-            HardwareError: One stays away.
-        """
+        """Poll until every channel is fresh."""
         link, nodes = self.link, self._nodes
         nodes.hear(link.receive())  # what arrived before now
         end = link.now() + PATIENCE
@@ -107,12 +87,12 @@ class Dialogue:
             missing = [name for name, (age, oldest) in ages.items() if age > oldest]
         if missing:
             raise HardwareError(
-                f"Nothing fresh was heard of {', '.join(missing)} within {PATIENCE:g} s. Check "
-                "that the nodes are powered, and what they are set to report."
+                f"No report of {', '.join(missing)} within {PATIENCE:g} s. Check that the nodes "
+                "are powered and set to report it."
             )
 
     def rehearse(self) -> Timing:
-        """Ask the nodes for `REHEARSAL` control steps as in a run, and return its regularity."""
+        """Poll the nodes for `REHEARSAL` control periods as in a run, and return the timing."""
         timing, link, nodes = Timing(), self.link, self._nodes
         due = link.now()
         for _ in range(REHEARSAL):
@@ -128,15 +108,10 @@ class Dialogue:
         return timing
 
     def prove_watchdog(self, watchdog: float) -> None:
-        """Have the drive show that it stops by itself where no command comes.
+        """Test that the drive stops by itself when commands cease.
 
-        It is switched on with zero torque and left alone for that time; then it must be off.
-
-        Args:
-            watchdog: Time without a command after which it has to be off [s].
-
-        Raises:
-            HardwareError: It is still on, or its reports do not show what it is.
+        It is switched on with zero torque and gets no command for the watchdog's time; then it must
+        be off.
         """
         node = self._nodes.drive
         if not node.master.shows_stop:
@@ -153,7 +128,7 @@ class Dialogue:
             )
 
     def _stops(self, node: Node, watchdog: float, is_last: bool) -> bool:
-        """Switch the drive on, be silent, and look whether it has stopped; leave it off."""
+        """Switch the drive on, wait, and return whether it has stopped; leave it off."""
         link, nodes = self.link, self._nodes
         try:
             try:
@@ -179,7 +154,7 @@ class Dialogue:
             self.repeat_off()
 
     def _modes(self, node: Node) -> set[Mode]:
-        """Return the modes that the frames show that have arrived."""
+        """Return the modes shown by the frames that have arrived."""
         found: set[Mode] = set()
         for arrival in self.link.receive():
             with contextlib.suppress(ProtocolError):
@@ -190,12 +165,12 @@ class Dialogue:
         return found
 
     def switch_off(self) -> None:
-        """Take the drive's torque away and switch it off, as far as the bus lets it."""
+        """Command zero torque and switch the drive off, if the bus still works."""
         with contextlib.suppress(HardwareError, ProtocolError):
             self.link.send(self._nodes.drive.master.disable())
 
     def repeat_off(self) -> None:
-        """Switch off some more times, should a frame have been lost."""
+        """Switch off a few more times in case a frame was lost."""
         for _ in range(AFTERWARDS):
             self.switch_off()
             self.link.wait_until(self.link.now() + self._nodes.dt)

@@ -1,4 +1,4 @@
-"""What would be sent: a run against the emulated nominal joint that shows its frames."""
+"""A dry run against the emulated nominal joint that prints the frames sent."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ SHOWN = 40
 
 @final
 class Frames:
-    """Shows the first frames that are sent, and counts all."""
+    """Prints the first frames sent, and counts all."""
 
     def __init__(self) -> None:
         self.count = 0

@@ -17,23 +17,18 @@ from cjt_gym.joint import Joint
 
 @final
 class EmulatedArm:
-    """Emulators that share time and bus; it is served and linked as one of them is.
+    """Emulators that share time and bus; used like a single one.
 
     Attributes:
-        emulators: One for each joint.
-        medium: What all frames share, where the bus has a bit rate.
-        now: Time that they have been advanced to [s].
+        emulators: Emulator of each joint.
+        medium: The wire that all frames share, if the bus has a bit rate.
+        now: Current time of the emulation [s].
     """
 
     def __init__(
         self, configs: Sequence[HardwareConfig], joints: Sequence[Joint] | None = None
     ) -> None:
-        """Boot all nodes at time zero.
-
-        Args:
-            configs: One for each joint.
-            joints: What is emulated; by default `emulated_joint` of each.
-        """
+        """Boot all nodes at time zero."""
         self.emulators = [
             Emulator(
                 replace(
@@ -57,7 +52,7 @@ class EmulatedArm:
         return [emulator.torque for emulator in self.emulators]
 
     def send(self, messages: Sequence[can.Message]) -> None:
-        """Put frames of a master on the bus now; every node hears them."""
+        """Put frames of a master on the bus now; all nodes receive them."""
         for message in messages:
             self._in.put(self.now, message)
         self._deliver(self.now)
@@ -67,11 +62,11 @@ class EmulatedArm:
         return self._out.take(self.now)
 
     def next(self) -> float:
-        """Return until when nothing happens by itself that a master could notice [s]."""
+        """Return the time of the next event that a master could notice [s]."""
         return min(self._in.next(), self._out.next(), *(e.next() for e in self.emulators))
 
     def advance(self, t: float) -> None:
-        """Let time pass until `t` [s]."""
+        """Advance the time to `t` [s]."""
         while (next_ := self._in.next()) <= t:
             self._advance_all(next_)
             self._deliver(next_)
@@ -91,7 +86,7 @@ class EmulatedArm:
             self._collect()
 
     def _collect(self) -> None:
-        """Put what the nodes have sent on the bus."""
+        """Put the frames of the nodes on the bus."""
         found = [due for emulator in self.emulators for due in emulator.receive()]
         for due in sorted(found, key=lambda due: due.t):
             self._out.put(due.t, due.message)
@@ -100,7 +95,7 @@ class EmulatedArm:
 def emulator_of(
     configs: Sequence[HardwareConfig], joints: Sequence[Joint] | None = None
 ) -> Emulator | EmulatedArm:
-    """Return what emulates the joints of a configuration, one or several; see `EmulatedArm`."""
+    """Return the emulator of one joint, or the `EmulatedArm` of several."""
     if len(configs) > 1:
         return EmulatedArm(configs, joints)
     return Emulator(configs[0], None if joints is None else joints[0])

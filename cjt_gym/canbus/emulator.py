@@ -1,7 +1,7 @@
 """A drive and its sensors with a simulated joint behind them, on an emulated bus.
 
-Nothing here reads a clock: time is told. So the same emulator serves real clients in real time,
-and tests faster than that.
+Time is an argument, never a clock, so the same emulator serves real clients in real time and tests
+that run faster.
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ AMBIENT = 25.0
 
 
 def emulated_joint(config: HardwareConfig, effects: Any = None) -> Joint:
-    """Return the joint that is emulated: the nominal one with sensors and effects.
+    """Return the joint to emulate: the nominal one with sensors and effects.
 
     Args:
-        config: The joint on its bus; noise and quantization of its sensors are always on where the
-            joint file knows them.
-        effects: What it has instead of the effects of the configuration.
+        config: Configuration of the joint; sensor noise and quantization are on wherever the joint
+            file gives them.
+        effects: Effects that replace those of the configuration.
     """
     nominal, wanted = config.joint, config.effects if effects is None else effects
     listed = wanted if isinstance(wanted, Mapping) else dict.fromkeys(wanted or ())
@@ -58,7 +58,7 @@ def emulated_joint(config: HardwareConfig, effects: Any = None) -> Joint:
 
 
 def medium_of(config: HardwareConfig) -> Medium | None:
-    """Return what the frames of a bus share, None where no bit rate is given."""
+    """Return the wire that the frames of a bus share; None without a bit rate."""
     bus = config.bus
     if bus.bitrate is None:
         return None
@@ -71,8 +71,8 @@ class Node:
 
     Attributes:
         name: Its name in the configuration.
-        firmware: What it does.
-        alive: Whether it takes and sends frames; a dead one is silent.
+        firmware: Its firmware.
+        alive: Whether it receives and sends frames.
     """
 
     name: str
@@ -82,26 +82,26 @@ class Node:
 
 @final
 class Emulator:
-    """Nodes, the joint that they move and measure, and the bus that they share.
+    """Nodes, the joint that they move and measure, and their bus.
 
     Attributes:
-        joint: The joint, with all its effects.
+        joint: The joint with all its effects.
         plant: Its simulation.
         nodes: The drive, then the sensors.
-        now: Time that it has been advanced to [s].
-        torque: Motor torque that acts [N m].
-        torque_changed: Called with the time and the torque whenever it changes, or None.
-        tamper: Function of a frame from a node, its name and the time, that returns what the bus
-            makes of it; None for an honest bus.
-        medium: What its frames share, where the bus has a bit rate.
+        now: Current time of the emulation [s].
+        torque: Present motor torque [N m].
+        torque_changed: Called with time and torque when the torque changes, or None.
+        tamper: Called with every frame of a node, its name and the time; returns the frames that
+            arrive instead. None for an honest bus.
+        medium: The wire that all frames share, if the bus has a bit rate.
     """
 
     def __init__(self, config: HardwareConfig, joint: Joint | None = None) -> None:
         """Boot the nodes at time zero, the joint at rest.
 
         Args:
-            config: The joint on its bus.
-            joint: What is emulated; by default `emulated_joint(config)`.
+            config: Configuration of the joint.
+            joint: Joint to emulate; `emulated_joint(config)` by default.
         """
         settings = config.emulator
         self.joint = emulated_joint(config) if joint is None else joint
@@ -139,7 +139,7 @@ class Emulator:
         self._deliver(self.now)
 
     def inject(self, message: can.Message, t: float) -> None:
-        """Let a frame set out to the master at a time [s], whoever may have sent it."""
+        """Send a frame to the master at a time [s], from no node in particular."""
         self._out.put(t, message)
 
     def receive(self) -> list[Due]:
@@ -147,11 +147,11 @@ class Emulator:
         return self._out.take(self.now)
 
     def next(self) -> float:
-        """Return until when nothing happens by itself that a master could notice [s]."""
+        """Return the time of the next event that a master could notice [s]."""
         return min(self._out.next(), self._in.next(), (self._ticks + WAKE / TICK) * TICK)
 
     def advance(self, t: float) -> None:
-        """Let time pass until `t` [s]."""
+        """Advance the time to `t` [s]."""
         while (tick := (self._ticks + 1) * TICK) <= t:
             self._deliver(tick)
             self._command[0] = self.torque
@@ -163,7 +163,7 @@ class Emulator:
         self.now = max(self.now, t)
 
     def _deliver(self, t: float) -> None:
-        """Hand the frames to the nodes that have arrived by a time [s]."""
+        """Deliver the frames that have arrived by a time [s] to the nodes."""
         arrived = self._in.take(t)
         for due in arrived:
             self.now = max(self.now, due.t)
@@ -174,14 +174,14 @@ class Emulator:
             self._obey()
 
     def _obey(self) -> None:
-        """Let the drive's torque act."""
+        """Apply the drive's torque to the joint."""
         torque = self.drive.torque
         if torque != self.torque and self.torque_changed is not None:
             self.torque_changed(self.now, torque)
         self.torque = torque
 
     def _look(self) -> None:
-        """Show the nodes what the joint does."""
+        """Give the nodes the joint's present values."""
         channels = self.channels()
         for node in self.nodes:
             reports = node.firmware.update(channels, self.now)
@@ -211,7 +211,7 @@ class Emulator:
 
 
 class Emulated(Protocol):
-    """What can be served: an emulator, or several on one bus."""
+    """Interface of an emulator, or of several on one bus."""
 
     @property
     def now(self) -> float: ...
@@ -232,9 +232,9 @@ def serve(
 
     Args:
         emulator: The emulator.
-        ports: Where clients are; all are on the same bus. The first one is waited on.
-        speed: Time of the joint over that of the clock on the wall.
-        stopped: Says whether to stop.
+        ports: Ends of the bus for clients; the loop waits on the first.
+        speed: Speed of simulated time relative to the clock.
+        stopped: Returns whether to stop.
     """
     begin = time.perf_counter() - emulator.now / speed
     while not stopped():

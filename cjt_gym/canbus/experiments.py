@@ -1,4 +1,4 @@
-"""Identification experiments: motor torques that show what a diagnosis asks for."""
+"""Identification experiments: motor torques that excite what a diagnosis needs to see."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ class Experiment:
 
     Attributes:
         name: Its name.
-        summary: What it does and what for.
-        seconds: How long it takes [s].
+        summary: Its motion and its purpose.
+        seconds: Its duration [s].
         share: Its amplitude as a share of the largest torque.
-        shape: Returns the torque over time [s], within [-1, 1].
+        shape: Torque as a function of time [s], within [-1, 1].
     """
 
     name: str
@@ -40,21 +40,21 @@ class Experiment:
 
 
 def _triangle(t: Floats, period: float | Floats) -> Floats:
-    """Return a triangular wave that begins at zero and rises."""
+    """Return a triangular wave that starts at zero and rises."""
     phase = (t / period) % 1.0
     wave = 4.0 * np.minimum(phase, np.minimum(np.abs(0.5 - phase), 1.0 - phase))
     return np.asarray(np.where(phase < 0.5, wave, -wave))
 
 
 def _friction_map(t: Floats) -> Floats:
-    """Ramps to and fro, every four seconds at another rate."""
+    """Ramp to and fro, every four seconds at another rate."""
     periods = np.array([4.0, 2.0, 1.0, 0.5, 0.25])
     part = np.minimum((t // 4.0).astype(int), len(periods) - 1)
     return np.asarray(_triangle(t - 4.0 * part, periods[part]))
 
 
 def _chirp(t: Floats) -> Floats:
-    """Sweep exponentially, so that every octave gets the same time."""
+    """Sweep exponentially: each octave takes the same time."""
     rate = np.log(HIGH / LOW) / 10.0
     return np.asarray(np.sin(2.0 * np.pi * LOW * np.expm1(rate * t) / rate))
 
@@ -68,21 +68,21 @@ def _multisine(t: Floats) -> Floats:
 
 
 def _steps(t: Floats) -> Floats:
-    """Random levels, held for 0.3 s, the same ones each time."""
+    """Return random levels, held for 0.3 s, the same in every run."""
     levels = np.random.default_rng(0).uniform(-1.0, 1.0, int(t[-1] / 0.3) + 1)
     levels[0] = 0.0
     return np.asarray(levels[(t / 0.3).astype(int)])
 
 
 def _breakaway(t: Floats) -> Floats:
-    """From rest slowly up and down, with a pause, to both sides in turn."""
+    """Rise slowly from rest and return, pause, and do the same in the other direction."""
     part, within = (t // 2.5).astype(int), t % 2.5
     rise = np.clip(1.0 - np.abs(within - 1.0), 0.0, 1.0)
     return np.asarray(rise * np.where(part % 2 == 0, 1.0, -1.0))
 
 
 def _loops(t: Floats) -> Floats:
-    """Loops that grow: play and hysteresis show in their width at every size."""
+    """Return growing loops, whose width shows play and hysteresis at every size."""
     sizes = np.array([0.1, 0.2, 0.4, 0.7, 1.0])
     part = np.minimum((t // 3.0).astype(int), len(sizes) - 1)
     return np.asarray(sizes[part] * np.sin(2.0 * np.pi * (t - 3.0 * part) / 1.5))
@@ -123,13 +123,13 @@ EXPERIMENTS: dict[str, Experiment] = {
 def experiment_torque(name: str, joint: Joint, limits: SafetyLimits, dt: float) -> Floats:
     """Return the motor torque of an experiment at every control step [N m], shape (samples,).
 
-    It is as large as its share of the torque limit, or as the nominal joint may have it within
-    its limits, and begins and ends at zero.
+    Its size is its share of the torque limit, or less where the nominal joint would leave its
+    limits. It starts and ends at zero.
 
     Args:
         name: One of `EXPERIMENTS`.
         joint: The nominal joint.
-        limits: What keeps the joint safe.
+        limits: Limits of the joint.
         dt: Control step [s].
 
     Raises:
@@ -145,12 +145,12 @@ def experiment_torque(name: str, joint: Joint, limits: SafetyLimits, dt: float) 
 
 
 def fitting_share(joint: Joint, torque: Floats, limits: SafetyLimits, dt: float) -> float:
-    """Return the share of a motor torque [N m] with which the nominal joint keeps its limits.
+    """Return the share of a motor torque that keeps the nominal joint within its limits.
 
     Args:
         joint: The nominal joint.
         torque: At every control step [N m], shape (samples,).
-        limits: What keeps the joint safe; of its motion `HEADROOM` is used.
+        limits: Limits of the joint; `HEADROOM` of its motion is used.
         dt: Control step [s].
     """
     share = 1.0

@@ -1,4 +1,4 @@
-"""How long a frame takes on the wire: every bit of it, with those that are stuffed in.
+"""Time of a frame on the wire, stuff bits included.
 
 References:
     ISO 11898-1:2015, 10.4 (frames), 10.5 (bit stuffing), 10.4.2.6 (CRC).
@@ -25,8 +25,8 @@ class FrameBits(NamedTuple):
     """Bits of a frame.
 
     Attributes:
-        nominal: At the nominal bit rate.
-        fast: At the bit rate of the data phase; none without a switch of the rate.
+        nominal: Bits at the nominal bit rate.
+        fast: Bits at the bit rate of the data phase.
     """
 
     nominal: int
@@ -34,12 +34,12 @@ class FrameBits(NamedTuple):
 
 
 def wire_time(message: can.Message, bitrate: float, data_bitrate: float) -> float:
-    """Return how long a frame keeps the bus busy, with the space to the next one [s].
+    """Return how long a frame occupies the bus, with the interframe space [s].
 
     Args:
         message: The frame.
         bitrate: Nominal bit rate [bit/s].
-        data_bitrate: Of the data phase of CAN FD frames that switch to it [bit/s].
+        data_bitrate: Bit rate of CAN FD's data phase [bit/s].
     """
     bits = bits_of(message)
     return bits.nominal / bitrate + bits.fast / data_bitrate
@@ -67,7 +67,7 @@ def bits_of(message: can.Message) -> FrameBits:
 
 
 def _head(message: can.Message, control: Sequence[int]) -> list[int]:
-    """Return the bits up to the length code, for FD frames up to the switch of the rate."""
+    """Return the bits up to the length code, or up to the switch of the bit rate in FD frames."""
     remote = int(message.is_remote_frame)
     identifier = message.arbitration_id
     if message.is_extended_id:
@@ -88,7 +88,7 @@ def crc(bits: Sequence[int]) -> int:
 
 
 def stuffed(bits: Sequence[int]) -> int:
-    """Return how many bits are stuffed in."""
+    """Return the number of stuff bits."""
     count, run, last = 0, 0, -1
     for bit in bits:
         run = run + 1 if bit == last else 1

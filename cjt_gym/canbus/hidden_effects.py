@@ -1,4 +1,4 @@
-"""Effects that are drawn and not shown, so that a diagnosis can be tried blind."""
+"""Randomly drawn hidden effects, for trying a diagnosis blind."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def draw_hidden(joint: Joint, seed: int) -> dict[str, dict[str, Any]]:
 
     Args:
         joint: The nominal joint.
-        seed: The same number draws the same effects.
+        seed: Seed of the draw.
     """
     rng = np.random.default_rng(seed)
     row = joint.structure_row
@@ -48,7 +48,7 @@ def draw_hidden(joint: Joint, seed: int) -> dict[str, dict[str, Any]]:
 
 
 def _scaled(joint: Joint, name: str, values: Any, rng: np.random.Generator) -> dict[str, Any]:
-    """Return the values of an effect, its size changed by a random factor."""
+    """Return the values of an effect, scaled by a random factor."""
     factor = float(rng.uniform(LEAST, MOST))
     scaled = dict(values)
     for symbol in EFFECTS[name].size:

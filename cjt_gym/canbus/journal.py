@@ -1,4 +1,4 @@
-"""The record of a run as it is written: appended row by row, complete whenever the run ends."""
+"""The record of a run, written row by row, so that it is complete whenever the run ends."""
 
 from __future__ import annotations
 
@@ -20,26 +20,26 @@ RESERVE = 1 << 16
 
 
 class Watcher(Protocol):
-    """Who looks at a record while it is written."""
+    """Observer of a record while it is written."""
 
     def begin(self, columns: Sequence[str], facts: Mapping[str, Any]) -> None:
-        """See that a record begins: its columns, and what is known of it."""
+        """Called when a record starts, with its columns and metadata."""
 
     def see(self, row: Sequence[float]) -> None:
-        """See a row."""
+        """Called with each row."""
 
     def end(self, known: Mapping[str, Any]) -> None:
-        """See that it ends, and what is known then, such as the fault that ended it."""
+        """Called when it ends, with what is known then, such as the fault."""
 
 
 @final
 class Journal:
-    """A record on its way: a CSV file to which every sample is handed as soon as it is known.
+    """A record in progress: a CSV file to which every sample is appended at once.
 
-    Each row goes to the operating system in one call, so that it outlives this process; the facts
-    beside it are written at the beginning, and again at the end, for which some of the disk is kept
-    free. A row that does not fit on the disk is left out as a whole. A record of another format is
-    made from it by `close`.
+    Each row is handed to the operating system in one call, so it survives this process. The
+    metadata is written at the start and again at the end; disk space for that is reserved. A row
+    that does not fit on the disk is left out whole. `close` converts the file if another format was
+    asked for.
 
     Attributes:
         path: The CSV file.
@@ -57,14 +57,14 @@ class Journal:
         """Begin a record.
 
         Args:
-            path: Where the record is to be, in any format that records are written in.
+            path: The file, in any format that records are written in.
             columns: Names of its columns, "t" first.
             dt: Control step [s].
-            facts: Joint, structure, versions, provenance, sensors, as a `Record` takes them.
-            watcher: Shown what it gets; None for nobody.
+            facts: Further arguments of `Record`: joint, structure, versions, provenance, sensors.
+            watcher: Receives every row, or None.
 
         Raises:
-            ConfigurationError: The file cannot be written, or the record is there already.
+            ConfigurationError: The file cannot be written, or exists.
             RecordError: See `refuse_taken`.
         """
         self.wanted = Path(path)
@@ -92,11 +92,7 @@ class Journal:
             watcher.begin(columns, facts)
 
     def write(self, row: Sequence[float]) -> None:
-        """Append a sample, its values in the order of the columns.
-
-        Raises:
-            OSError: It cannot be written; the file ends with the row before.
-        """
+        """Append a sample, with its values in the order of the columns."""
         self._append(self._format % tuple(row))
         self.rows += 1
         if self._watcher is not None:
@@ -114,7 +110,7 @@ class Journal:
         self._size += len(data)
 
     def _give_up(self) -> None:
-        """Leave nothing behind of a record that could not be begun."""
+        """Remove the files of a record that could not be started."""
         if self._file >= 0:
             os.close(self._file)
             self._file = -1
@@ -124,14 +120,14 @@ class Journal:
         """End the record.
 
         Args:
-            **known: What else belongs to its provenance, such as the fault that ended it.
+            **known: Further entries of its provenance, such as the fault that ended it.
 
         Returns:
-            The record's file, None where nothing was recorded; a second call does nothing more.
+            The record's file, or None if nothing was recorded. A second call has no effect.
 
         Raises:
-            OSError: What is known at the end, or the other format, does not fit on the disk; the
-                CSV file and what was known at the beginning are left.
+            OSError: The final metadata or the converted file does not fit on the disk; the CSV file
+                and the initial metadata remain.
         """
         if self._file < 0:
             return self.path if self.rows else None
@@ -156,7 +152,7 @@ class Journal:
         return written
 
     def _describe(self, known: Mapping[str, Any]) -> None:
-        """Write the facts beside the table, whole or not at all."""
+        """Write the metadata beside the table, whole or not at all."""
         columns = {name: [0.0] for name in self._columns}
         provenance = {**self._facts.get("provenance", {}), **known}
         units = default_units(self._columns)
@@ -166,11 +162,11 @@ class Journal:
 
 
 def refuse_taken(path: Path) -> None:
-    """Refuse a place for a record where there is something already.
+    """Raise an error if a record's file exists already.
 
     Raises:
-        ConfigurationError: The record is there already.
-        RecordError: The file with its facts is there, and of something else.
+        ConfigurationError: The record exists.
+        RecordError: The TOML file beside it belongs to something else.
     """
     for there in (path, path.with_suffix(SUFFIX)):
         if there.exists():
@@ -182,9 +178,9 @@ def refuse_taken(path: Path) -> None:
 
 
 def _reserved(folder: Path) -> int:
-    """Return an open file without a name that takes `RESERVE` bytes of a disk until it is closed.
+    """Return an open file that occupies `RESERVE` bytes of the disk until it is closed.
 
-    It is gone with the process, however that ends.
+    It has no name, so it vanishes with the process however that ends.
     """
     with tempfile.TemporaryFile(dir=folder, buffering=0) as file:
         if file.write(bytes(RESERVE)) < RESERVE:

@@ -1,4 +1,4 @@
-"""The way to the nodes: frames out, frames in with their times of arrival, and the clock."""
+"""Connection to the nodes: frames out, frames in with their arrival times, and a clock."""
 
 from __future__ import annotations
 
@@ -32,18 +32,18 @@ PTYS = "/dev/pts/"
 
 
 class Arrival(NamedTuple):
-    """A frame and when it arrived, on the clock of its link [s]."""
+    """A frame and its arrival time on the clock of its link [s]."""
 
     t: float
     message: can.Message
 
 
 class Link(Protocol):
-    """A bus and the clock by which it is used."""
+    """A bus with its clock."""
 
     @property
     def stamps(self) -> str:
-        """Whose clock tells when frames arrived."""
+        """Clock of the arrival times."""
         ...
 
     def now(self) -> float:
@@ -51,14 +51,14 @@ class Link(Protocol):
         ...
 
     def wait_until(self, t: float) -> None:
-        """Wait for a time [s]; return at once where it has passed."""
+        """Wait until a time [s]; return at once if it has passed."""
         ...
 
     def send(self, messages: Sequence[can.Message]) -> None:
         """Send frames.
 
         Raises:
-            HardwareError: The bus does not take them.
+            HardwareError: The bus rejects them.
         """
         ...
 
@@ -71,7 +71,7 @@ class Link(Protocol):
         ...
 
     def watch(self, supervise: Callable[[float], None], every: float) -> None:
-        """Have `supervise(now)` called at least `every` so often [s], whatever the loop does."""
+        """Call `supervise(now)` at least once in `every` seconds, whatever the loop does."""
         ...
 
     def close(self) -> None:
@@ -81,11 +81,10 @@ class Link(Protocol):
 
 @final
 class BusLink:
-    """A link over a python-can bus, with a thread that receives and the machine's clock.
+    """A link over a python-can bus, with a receiving thread and the machine's clock.
 
-    The thread takes every frame as soon as it arrives and notes the time, so that none is lost
-    and none seems younger than it is while the loop computes. Where the interface stamps frames,
-    its stamp tells when that was.
+    The thread takes every frame as it arrives and notes the time, so that none is lost or seems too
+    recent while the loop computes. If the interface stamps frames, its stamps give the time.
     """
 
     def __init__(self, bus: can.BusABC, clock: StampClock | None = None) -> None:
@@ -93,7 +92,7 @@ class BusLink:
 
         Args:
             bus: The bus.
-            clock: That of its stamps; None for frames that arrive when they are received.
+            clock: Clock of its stamps; None counts frames as arrived when received.
         """
         self._bus = bus
         self._clock = clock or StampClock(RECEPTION)
@@ -107,7 +106,7 @@ class BusLink:
 
     @property
     def stamps(self) -> str:
-        """Whose clock tells when frames arrived, by what has come so far."""
+        """Clock of the arrival times, from the frames so far."""
         return self._clock.kind
 
     def now(self) -> float:
@@ -115,7 +114,7 @@ class BusLink:
         return time.perf_counter()
 
     def wait_until(self, t: float) -> None:
-        """Sleep until shortly before a time [s], then wait for it without sleeping."""
+        """Sleep until shortly before a time [s], then busy-wait."""
         remaining = t - time.perf_counter()
         if remaining > SPIN:
             time.sleep(remaining - SPIN)
@@ -123,11 +122,7 @@ class BusLink:
             pass
 
     def send(self, messages: Sequence[can.Message]) -> None:
-        """Send frames.
-
-        Raises:
-            HardwareError: The bus does not take them.
-        """
+        """Send frames."""
         try:
             for message in messages:
                 self._bus.send(message)
@@ -135,18 +130,14 @@ class BusLink:
             raise HardwareError(f"The bus does not take a frame: {error}.") from error
 
     def receive(self) -> list[Arrival]:
-        """Return all frames since the last call, in order of arrival.
-
-        Raises:
-            HardwareError: The bus is lost.
-        """
+        """Return all frames since the last call, in order of arrival."""
         if self._failure is not None:
             raise HardwareError(f"The bus is lost: {self._failure}.") from self._failure
         inbox = self._inbox
         return [inbox.popleft() for _ in range(len(inbox))]
 
     def watch(self, supervise: Callable[[float], None], every: float) -> None:
-        """Have `supervise(now)` called at least `every` so often [s] by the receiving thread."""
+        """Call `supervise(now)` at least once in `every` seconds from the receiving thread."""
         self._every, self._supervise = every, supervise
 
     def close(self) -> None:
@@ -178,11 +169,7 @@ def open_link(settings: BusSettings) -> BusLink:
 
 
 def open_bus(settings: BusSettings) -> can.BusABC:
-    """Return the python-can bus that a configuration describes.
-
-    Raises:
-        ConfigurationError: It cannot be opened.
-    """
+    """Return the python-can bus that a configuration describes."""
     options = dict(settings.options)
     if settings.interface == "socketcand":
         host, port = settings.host, settings.port
@@ -211,7 +198,7 @@ def open_bus(settings: BusSettings) -> can.BusABC:
 
 
 def _probe(host: str, port: int) -> None:
-    """Find out whether anybody listens: python-can's client would try for ten seconds."""
+    """Raise an error if no server listens; python-can's client would try for ten seconds."""
     try:
         socket.create_connection((host, port), timeout=2.0).close()
     except OSError as error:
@@ -223,10 +210,10 @@ def _probe(host: str, port: int) -> None:
 
 @contextlib.contextmanager
 def quiet_machine(priority: int | None) -> Iterator[None]:
-    """Keep the garbage collector out of what runs within, and give it real-time priority.
+    """Disable the garbage collector within, and run at real-time priority.
 
     Args:
-        priority: Priority of SCHED_FIFO from 1 to 99, or None to leave the scheduler alone.
+        priority: Priority of SCHED_FIFO from 1 to 99; None changes nothing.
 
     Raises:
         ConfigurationError: The priority is not permitted.

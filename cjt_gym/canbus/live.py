@@ -1,7 +1,7 @@
-"""A run as it goes on, for Foxglove: a WebSocket server with the channels, limits and faults.
+"""Live view of a run for Foxglove: a WebSocket server with channels, limits and faults.
 
-Each row of the record is sent after the frames of its control step, in the topic that it has in an
-MCAP file of the record, so that one layout of the viewer serves both.
+Each row of the record is sent after the frames of its control period, in the topic that an MCAP
+file of the record uses, so the same viewer layout works for both.
 """
 
 from __future__ import annotations
@@ -32,24 +32,16 @@ FAREWELL: Final = 0.3
 
 @final
 class LiveView:
-    """Shows runs to whoever connects; a `Watcher` of their records.
+    """A `Watcher` that shows records to connected viewers.
 
     Attributes:
-        context: What the topics belong to; sinks of Foxglove's SDK may be added to it.
-        address: Where viewers connect.
-        link: Opens it in Foxglove.
+        context: Context of the topics; further sinks of Foxglove's SDK may be added to it.
+        address: Address for viewers.
+        link: Link that opens it in Foxglove.
     """
 
     def __init__(self, configs: Sequence[HardwareConfig], port: int) -> None:
-        """Begin to serve.
-
-        Args:
-            configs: One for each joint.
-            port: TCP port of this machine; 0 for any that is free.
-
-        Raises:
-            ConfigurationError: The port is out of range or taken.
-        """
+        """Start the server."""
         if not 0 <= port <= 65535:
             raise ConfigurationError(f"The port of --live must be from 0 to 65535, got {port}.")
         self.context = foxglove.Context()
@@ -74,7 +66,7 @@ class LiveView:
         self._begun, self._last, self._told = 0, 0.0, -math.inf
 
     def begin(self, columns: Sequence[str], facts: Mapping[str, Any]) -> None:
-        """Take the columns of a run; those of each joint of several are a topic."""
+        """Take the columns of a run; each joint gets its own topic."""
         topics: dict[str, list[tuple[int, str]]] = {}
         for k, column in enumerate(columns):
             name, _, plain = column.rpartition(JOINT_MARK)
@@ -88,7 +80,7 @@ class LiveView:
         self._say(0.0, LogLevel.Info, str(facts.get("joint") or "all joints"), "The run begins.")
 
     def see(self, row: Sequence[float]) -> None:
-        """Send a row, and from time to time the limits."""
+        """Send a row, and the limits from time to time."""
         t = row[0]
         stamp = self._begun + round(t * 1e9)
         for channel, fields in self._fields:
@@ -101,7 +93,7 @@ class LiveView:
         self._last = t
 
     def end(self, known: Mapping[str, Any]) -> None:
-        """Send how a run ended."""
+        """Send the end of a run."""
         fault = known.get("fault")
         if fault is None:
             self._say(self._last, LogLevel.Info, "", "The run has ended.")
@@ -116,7 +108,7 @@ class LiveView:
         self._faults.log(Log(timestamp=at, level=level, name=name, message=text), log_time=stamp)
 
     def _channel(self, topic: str, fields: Iterable[str]) -> foxglove.Channel:
-        """Return the channel of a topic; that of a run before is closed."""
+        """Return the channel of a topic, and close that of an earlier run."""
         if topic in self._channels:
             self._channels[topic].close()
         kind = {"type": "object", "additionalProperties": {"type": "number"}}
@@ -126,7 +118,7 @@ class LiveView:
         return self._channels[topic]
 
     def close(self) -> None:
-        """Serve no longer, after what was sent last has gone out."""
+        """Stop the server once everything has been sent."""
         time.sleep(FAREWELL)
         self._server.stop()
 
@@ -142,7 +134,7 @@ def _topic(base: str, name: str) -> str:
 
 
 def limits_of(limits: SafetyLimits) -> dict[str, dict[str, float]]:
-    """Return what keeps a joint safe, by the column that it bounds: "low" and "high".
+    """Return the limits "low" and "high" by the column that they bound.
 
     Example:
         >>> from cjt_gym.canbus.config import load_hardware

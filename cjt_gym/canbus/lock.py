@@ -1,7 +1,7 @@
-"""One process commands a node: a lock that the operating system gives back when a process dies.
+"""A lock that lets one process at a time use a node; it is released when the process dies.
 
-It goes by the bus, however that is written, and lies in a folder that is the same for every process
-of the machine. A file that is there and is no lock is left as it is.
+Its name follows from the identity of the bus, and its folder is the same for all processes of the
+machine. A file there that is not a lock is left alone.
 """
 
 from __future__ import annotations
@@ -22,22 +22,17 @@ WIDTH: Final = 16
 
 @final
 class NodeLock:
-    """A lock on one node of one bus, held from its making to `release`.
+    """A lock on one node of a bus, held until `release`.
 
     Attributes:
-        path: Its file, which stays where it is.
+        path: Its file, which is never deleted.
 
     Raises:
-        HardwareError: Another process holds it, or something else has its name.
+        HardwareError: Another process holds it, or its path is taken by something else.
     """
 
     def __init__(self, bus: str, node: int) -> None:
-        """Take the lock.
-
-        Args:
-            bus: What tells the bus from others on this machine.
-            node: Number of the node.
-        """
+        """Take the lock."""
         name = re.sub(r"[^A-Za-z0-9]+", "-", f"{bus}-{node}")
         self.path = FOLDER / f"cjt-gym-{name}.lock"
         self._file = _opened(self.path)
@@ -55,18 +50,14 @@ class NodeLock:
             os.write(self._file, str(os.getpid()).encode().ljust(WIDTH))
 
     def release(self) -> None:
-        """Give the lock back; a second call does nothing."""
+        """Release the lock; a second call has no effect."""
         if self._file >= 0:
             os.close(self._file)
             self._file = -1
 
 
 def _opened(path: Path) -> int:
-    """Return the open file of a lock, made where there is none.
-
-    Raises:
-        HardwareError: Something else is there.
-    """
+    """Return the open file of a lock, creating it if needed."""
     safe = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
     for flags in (os.O_RDWR, os.O_RDWR | os.O_CREAT | os.O_EXCL, os.O_RDONLY):
         try:
@@ -85,7 +76,7 @@ def _opened(path: Path) -> int:
 
 
 def _is_lock(file: int) -> bool:
-    """Whether an open file is a lock, or empty, and has no other name."""
+    """Return whether an open file is a lock or empty, and has no other name."""
     known = os.fstat(file)
     is_own = stat.S_ISREG(known.st_mode) and known.st_nlink == 1 and known.st_size <= WIDTH
     return is_own and re.fullmatch(rb"\d* *", _content(file)) is not None

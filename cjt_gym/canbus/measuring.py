@@ -1,4 +1,4 @@
-"""From what nodes report to the measurement that every plant gives."""
+"""From the nodes' reports to the measurement of a plant."""
 
 from __future__ import annotations
 
@@ -16,26 +16,23 @@ from cjt_gym.plant import Measurement
 
 @final
 class Sense:
-    """Completes what is reported by what the structure of the joint says.
+    """Completes the reported channels from the structure of the joint.
 
-    A rigid gearbox has its motor's angle, a fixed output stands still, and where no sensor reports
-    the joint torque it is the spring's, k_b times its deflection, zero where a run begins. What
-    is unknown is NaN.
+    A rigid gearbox has the motor's angle, and a fixed output does not move. Without a torque sensor
+    the joint torque is k_b times the spring's deflection since the start of the run. Unknown
+    channels are NaN.
 
     Attributes:
-        measured: Names of the measurement's channels that a sensor reports.
-        torque: Where joint torque comes from: "sensor" or "spring".
+        measured: Channels that a sensor reports.
+        torque: Source of the joint torque: "sensor" or "spring".
     """
 
     def __init__(self, config: HardwareConfig, reported: frozenset[str]) -> None:
-        """Find out what can be known.
+        """Determine which channels can be known.
 
         Args:
-            config: The joint on its bus.
-            reported: Channels that some node reports.
-
-        Raises:
-            ConfigurationError: The motor's angle or the joint torque cannot be known.
+            config: Configuration of the joint.
+            reported: Channels that the nodes report.
         """
         p, row = config.joint.parameters, config.joint.structure_row
         has = {**dict.fromkeys(reported, True), "i": bool({"i", "tau_m"} & reported)}
@@ -66,18 +63,13 @@ class Sense:
         self._before: dict[str, tuple[float, float]] = {}
 
     def zero(self, values: Mapping[str, float]) -> None:
-        """Take the present deflection as that of the relaxed spring, and forget velocities."""
+        """Take the present deflection as zero torque, and forget velocities."""
         q_g = values.get("q_g", values["q_m"] if self._merged else math.nan)
         self._relaxed = q_g - values.get("q_l", 0.0)
         self._before.clear()
 
     def complete(self, values: Mapping[str, float], t: float) -> dict[str, float]:
-        """Return all channels of a measurement.
-
-        Args:
-            values: What was reported last.
-            t: When the motor's angle was [s].
-        """
+        """Return all channels of a measurement."""
         full = dict(values)
         q_m = full["q_m"]
         full.setdefault("dq_m", self._rate("q_m", q_m, t))
@@ -99,12 +91,12 @@ class Sense:
         return full
 
     def _rate(self, name: str, value: float, t: float) -> float:
-        """Return the velocity by the difference to the value before."""
+        """Return the velocity from the difference to the previous value."""
         before, then = self._before.get(name, (value, t))
         self._before[name] = (value, t)
         return (value - before) / (t - then) if t > then else 0.0
 
     def measurement(self, full: Mapping[str, float], t: float) -> Measurement:
-        """Return completed channels as a plant gives them, each of shape (1,)."""
+        """Return completed channels as a plant's measurement, each of shape (1,)."""
         rows = np.array([[t], *([full[name]] for name in CHANNELS)])
         return Measurement(**dict(zip(("t", *CHANNELS), rows, strict=True)))

@@ -1,4 +1,4 @@
-"""The nodes of a joint as a master sees them: latest values, their ages, and excess reports."""
+"""The nodes of a joint as the master sees them: latest values, their ages, excess reports."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SPARE = 2.0
 
 @dataclass
 class _Account:
-    """How many more frames of one identifier may come, and when the latest came [s]."""
+    """Frames of one identifier that may still come, and the time of the latest [s]."""
 
     credit: float
     t: float
@@ -35,11 +35,11 @@ class Latest:
 
     Attributes:
         value: In the channel's unit.
-        t: When its frame arrived [s].
+        t: Arrival time of its frame [s].
         period: Time between two reports [s].
-        oldest: Age from which it is missing [s].
+        oldest: Age above which it counts as missing [s].
         node: Name of the node that reports it.
-        label: What it is called where it is missing.
+        label: Its name in the fault when it is missing.
     """
 
     value: float = math.nan
@@ -52,27 +52,21 @@ class Latest:
 
 @final
 class Node:
-    """One node: its master, and how often its frames have come.
+    """One node: its master, and a count of its frames.
 
     Attributes:
         name: Its name in the configuration.
         address: Its number on the bus.
         master: Its protocol.
-        mode: The mode it showed last, or None.
-        error: The error it showed last.
+        mode: Its latest reported mode, or None.
+        error: Its latest reported error.
         text: That error in words.
         is_asked: Whether it reports only when asked.
-        is_unwatched: Whether it is accepted that it does not stop by itself.
+        is_unwatched: Whether its configuration accepts that it may not stop by itself.
     """
 
     def __init__(self, settings: NodeSettings, owed: int, overrun: float) -> None:
-        """Begin without a report.
-
-        Args:
-            settings: The node.
-            owed: Answers that may be outstanding.
-            overrun: Time for which this computer may stand still, and reports wait for it [s].
-        """
+        """Start without a report."""
         self.name, self.address = settings.name, settings.settings.node
         self.master: Master = protocol_of(settings.protocol).master(settings.settings)
         self.is_unwatched = settings.settings.unwatched
@@ -84,22 +78,17 @@ class Node:
         self._accounts: dict[int, _Account] = {}
 
     def asked(self) -> None:
-        """Note that the node was asked: it may answer with one frame of each kind more."""
+        """Note that the node was polled, and may answer with one more frame of each kind."""
         if self.is_asked:
             for account in self._accounts.values():
                 account.credit = min(account.credit + 1.0, self._owed)
 
     def is_excess(self, arrival: Arrival, period: float, oldest: float) -> bool:
-        """Whether a frame came more often than it should.
+        """Return whether a frame comes more often than it should.
 
-        A node that is asked may answer once, and when it is first heard all that may be
-        outstanding. One that reports by itself earns a frame per period, and may send at once what
-        was held up for as long as a report may be old and this computer may stand still.
-
-        Args:
-            arrival: The frame.
-            period: Time between two reports of its kind [s].
-            oldest: Age from which such a report is missing [s].
+        A polled node may answer once per poll, plus all outstanding answers when it is first heard.
+        One that reports by itself may send a frame per period, plus a burst of those that were held
+        up.
         """
         t, message = arrival
         most = self._owed if self.is_asked else (oldest + self._overrun) / period + 1.0
@@ -111,7 +100,7 @@ class Node:
         return account.credit < -0.5
 
     def forgive(self) -> None:
-        """Forget how often frames have come."""
+        """Reset the count of frames."""
         self._accounts.clear()
 
 
@@ -121,10 +110,10 @@ class Nodes:
 
     Attributes:
         dt: Control step [s].
-        missed: Reports that may be missing in a row.
+        missed: Number of consecutive reports that may be missing.
         all: The drive, then the sensors.
-        latest: Latest value of every channel, by name; the first node that reports it counts.
-        strange: Frames that could not be decoded while no run was on.
+        latest: Latest value of every channel, from the first node that reports it.
+        strange: Number of undecodable frames outside a run.
     """
 
     dt: float
@@ -137,8 +126,8 @@ class Nodes:
     def of(config: HardwareConfig) -> Nodes:
         """Return the nodes of a configuration.
 
-        Of answers those may be outstanding that may be missing, and those to the commands by which
-        a loop that was late, though no overrun, catches up.
+        Outstanding answers are those that may be missing, and those to the commands by which a late
+        loop catches up.
         """
         owed = config.missed + math.ceil(config.overrun / config.dt)
         every = [Node(settings, owed, config.overrun) for settings in config.nodes]
@@ -153,7 +142,7 @@ class Nodes:
         return nodes
 
     def claims(self, message: can.Message) -> bool:
-        """Whether a frame is from one of these nodes, right or wrong."""
+        """Return whether a frame is from one of these nodes, valid or not."""
         try:
             return any(node.master.decode(message) is not None for node in self.all)
         except ProtocolError:
@@ -165,7 +154,7 @@ class Nodes:
         return self.all[0]
 
     def hear(self, arrivals: Sequence[Arrival]) -> Fault | None:
-        """Take frames; return what is wrong with them, the first of it."""
+        """Take frames, and return the first fault found in them."""
         found: Fault | None = None
         for arrival in arrivals:
             found = self._hear_one(arrival) or found
@@ -204,11 +193,11 @@ class Nodes:
         return None
 
     def oldest(self, period: float) -> float:
-        """Return the age from which a report with that period is missing [s]."""
+        """Return the age above which a report with that period counts as missing [s]."""
         return (1.0 + self.missed) * period + 0.5 * self.dt
 
     def ages(self, now: float) -> dict[str, tuple[float, float]]:
-        """Return the age of every channel and that from which it is missing [s]."""
+        """Return the age of every channel and the age above which it counts as missing [s]."""
         return {each.label: (now - each.t, each.oldest) for each in self.latest.values()}
 
     def values(self) -> dict[str, float]:
@@ -216,7 +205,7 @@ class Nodes:
         return {name: latest.value for name, latest in self.latest.items()}
 
     def trouble(self, is_on: bool) -> Fault | None:
-        """Return what the drive complains of, or that it is not on while it should be."""
+        """Return the drive's error, or that it is off while it should be on."""
         for node in self.all:
             if node.mode is Mode.FAULT or node.error:
                 return Fault("drive", f"{node.name} reports {node.text or 'a fault'}.")
@@ -225,11 +214,11 @@ class Nodes:
         return None
 
     def poll(self) -> list[can.Message]:
-        """Return the frames that ask all nodes for a report."""
+        """Return the frames that poll all nodes."""
         return [frame for node in self.all for frame in self._asking(node)]
 
     def command(self, tau_m: float) -> list[can.Message]:
-        """Return the frames that command a motor torque [N m] and ask the sensors."""
+        """Return the frames that command a motor torque [N m] and poll the sensors."""
         frames = list(self.drive.master.command(tau_m))
         self.drive.asked()
         for node in self.all[1:]:

@@ -1,4 +1,4 @@
-"""A real joint, or an emulated one, behind the contract of simulated plants."""
+"""A real or emulated joint with the interface of a simulated plant."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ Floats = NDArray[np.float64]
 
 @final
 class CanPlant:
-    """One joint on a CAN bus, as a plant: the only joint of a `CanArm`, which see.
+    """One joint on a CAN bus as a plant: a `CanArm` with a single joint.
 
     Attributes:
-        config: The joint on its bus.
-        whole: The bus with its one joint, and the loop that runs it.
-        joint: That joint: latest values, safety, regularity.
+        config: Configuration of the joint.
+        whole: The `CanArm` that runs the loop.
+        joint: Its joint, with latest values, safety and timing.
     """
 
     def __init__(
@@ -35,13 +35,13 @@ class CanPlant:
         record: str | Path | None = None,
         **facts: Any,
     ) -> None:
-        """Prepare, without touching the bus.
+        """Prepare without touching the bus.
 
         Args:
-            config: The joint on its bus.
-            link: The way to it; by default python-can's bus as configured.
-            record: Where the record of the run is written; None for none.
-            **facts: What else belongs to the record's provenance.
+            config: Configuration of the joint.
+            link: Connection to the bus; python-can's bus as configured by default.
+            record: File for the record of the run, or None.
+            **facts: Further entries of the record's provenance.
         """
         self.config = config
         self.whole = CanArm([config], link, record)
@@ -55,16 +55,12 @@ class CanPlant:
 
     @property
     def limits(self) -> Limits:
-        """What may be commanded and borne."""
+        """Limits of commands and measurements."""
         return self.joint.limits
 
     @property
     def link(self) -> Link:
-        """The way to the nodes.
-
-        Raises:
-            HardwareError: It is not connected.
-        """
+        """Connection to the bus."""
         return self.whole.link
 
     @property
@@ -73,40 +69,27 @@ class CanPlant:
         return self.joint.state
 
     def connect(self) -> None:
-        """Open the bus, set the nodes up, and wait until every channel was heard."""
+        """Open the bus, configure the nodes, and wait for a value of every channel."""
         self.whole.connect()
 
     def arm(self) -> None:
-        """Allow the joint to be moved; it still is not."""
+        """Arm the joint without moving it."""
         self.whole.arm()
 
     def reset(self, seed: int | None = None) -> Measurement:
-        """End a run that is on, softly, and return the measurement with which another begins."""
+        """End the current run softly, and return the measurement for the start of the next."""
         return self.whole.reset(seed)[0]
 
     def step(self, command: Floats, tau_ref: float = math.nan) -> Measurement:
-        """Command a motor torque for one control step and return the next measurement.
-
-        Args:
-            command: Motor torque [N m], shape (1,); it is limited, and so is its rate.
-            tau_ref: Joint torque that was wanted [N m], for the record.
-
-        Raises:
-            HardwareFault: Something went wrong; the torque is off.
-            HardwareError: The joint is not armed.
-        """
+        """Command a motor torque for one control period and return the next measurement."""
         return self.whole.step(command, np.array([tau_ref]))[0]
 
     def stop(self) -> None:
-        """End a run softly: fade the torque out and switch the drive off; the joint stays armed."""
+        """End a run: fade the torque out and switch the drive off. The joint stays armed."""
         self.whole.stop()
 
     def fail(self, kind: str, text: str) -> None:
-        """End the run with a fault that was found elsewhere.
-
-        Raises:
-            HardwareFault: Always, where a run was on.
-        """
+        """End the run with a fault that the caller found."""
         self.whole.fail(kind, text)
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""The record of a run on a bus: which columns it has, what is known of it, a row per step."""
+"""The record of a run on a bus: its columns, its metadata, and a row per control step."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ from cjt_gym.errors import HardwareError
 
 @cache
 def versions() -> dict[str, str]:
-    """Return the versions of what makes a record; the first call takes long."""
+    """Return the versions of the software that makes a record; the first call is slow."""
     return {name: version(name) for name in ("cjt-gym", "numpy", "python-can")}
 
 
 class Sample(NamedTuple):
-    """What was measured at a deadline, and what was commanded there.
+    """Measurement and command at a deadline.
 
     Attributes:
         k: Number of the control step.
         measured: Channels of the measurement, by name.
-        torque: Motor torque that is commanded [N m].
-        tau_ref: Joint torque that is wanted [N m].
-        age: Of the motor's angle [s].
-        lateness: Of the command behind its deadline [s].
-        round_trip: From the command before to the first report after it [s], 0 where none came.
+        torque: Commanded motor torque [N m].
+        tau_ref: Reference torque [N m].
+        age: Age of the motor's angle [s].
+        lateness: Lateness of the command [s].
+        round_trip: Time from the previous command to the first report after it [s]; 0 without one.
     """
 
     k: int
@@ -47,15 +47,15 @@ class Sample(NamedTuple):
 
 @dataclass(frozen=True)
 class Beginning:
-    """What the record of a joint begins with.
+    """What is known of a joint when its record starts.
 
     Attributes:
-        config: The joint on its bus.
-        sense: What is measured.
-        tau_ref: First joint torque that is wanted [N m], NaN where the run has none.
-        shows_temperature: Whether some node reports its temperature.
-        stamps: Whose clock tells when a frame arrived.
-        facts: What else belongs to its provenance.
+        config: Configuration of the joint.
+        sense: Completes what is measured.
+        tau_ref: First reference torque [N m]; NaN if the run has none.
+        shows_temperature: Whether a node reports its temperature.
+        stamps: Clock of the arrival times.
+        facts: Further entries of its provenance.
     """
 
     config: HardwareConfig
@@ -74,7 +74,7 @@ class Beginning:
 
     @property
     def known(self) -> dict[str, Any]:
-        """What is known at the beginning."""
+        """Metadata at the start."""
         joint, drive, names = self.config.joint, self.config.drive, self.sense.measured
         return {
             "joint": joint.parameters.name,
@@ -94,7 +94,7 @@ class Beginning:
         }
 
     def row(self, sample: Sample) -> dict[str, float]:
-        """Return what a sample has in any column, by name."""
+        """Return the values of a sample by column."""
         p = self.config.joint.parameters
         return {
             **sample.measured,
@@ -109,11 +109,11 @@ class Beginning:
 
 
 class Recorder(Protocol):
-    """What takes the samples of a run.
+    """Interface of what takes the samples of a run.
 
     Attributes:
         path: Its file.
-        rows_path: The file that has its rows until it is complete.
+        rows_path: File that holds its rows until it is complete.
     """
 
     path: Path
@@ -123,7 +123,7 @@ class Recorder(Protocol):
         """Append a row."""
 
     def close(self, timing: Timing, **known: Any) -> None:
-        """Complete it with how regular the run was, and whatever else is known."""
+        """Complete it with the timing of the run and further facts."""
 
 
 BeginRecord = Callable[[Beginning], Recorder]
@@ -132,31 +132,21 @@ BeginRecord = Callable[[Beginning], Recorder]
 
 @final
 class RunLog:
-    """The record of a joint's first run, if there is one; see `Recorder`."""
+    """The record of a joint's first run, if any; see `Recorder`."""
 
     def __init__(self, config: HardwareConfig, sense: Sense, begin: BeginRecord | None) -> None:
-        """Prepare it.
-
-        Args:
-            config: The joint on its bus.
-            sense: What is measured.
-            begin: Begins the record; None for none.
-        """
+        """Prepare the record."""
         versions()
         self._config, self._sense, self._begin = config, sense, begin
         self._facts: dict[str, Any] = {}
         self._record: Recorder | None = None
 
     def know(self, **facts: Any) -> None:
-        """Add what is known to the provenance of a record that is not begun yet."""
+        """Add facts to the provenance of a record that has not started yet."""
         self._facts |= facts
 
     def begin(self, tau_ref: float, shows_temperature: bool, stamps: str) -> None:
-        """Begin it, see `Beginning`.
-
-        Raises:
-            ConfigurationError: The file cannot be written, or the record is there already.
-        """
+        """Start the record; see `Beginning`."""
         if self._begin is not None and self._record is None:
             self._record = self._begin(
                 Beginning(
@@ -170,11 +160,7 @@ class RunLog:
             self._record.note(sample)
 
     def end(self, timing: Timing, **known: Any) -> None:
-        """Complete it.
-
-        Raises:
-            HardwareError: It does not fit on the disk.
-        """
+        """Complete the record."""
         if self._record is None:
             return
         record, self._record, self._begin = self._record, None, None
@@ -189,21 +175,12 @@ class RunLog:
 
 @final
 class RunRecord:
-    """A record that is on disk up to the latest control step; see `Recorder`."""
+    """A record on disk, up to date with the latest control step; see `Recorder`."""
 
     def __init__(
         self, path: str | Path, beginning: Beginning, watcher: Watcher | None = None
     ) -> None:
-        """Begin it.
-
-        Args:
-            path: Where it is to be, in any format that records are written in.
-            beginning: What it begins with.
-            watcher: Shown what it gets; None for nobody.
-
-        Raises:
-            ConfigurationError: The file cannot be written, or the record is there already.
-        """
+        """Start the record."""
         self._beginning, self._columns = beginning, beginning.columns
         self._dt = beginning.config.dt
         self._journal = Journal(path, self._columns, self._dt, beginning.known, watcher)
@@ -215,7 +192,7 @@ class RunRecord:
         self._journal.write([row[name] for name in self._columns])
 
     def close(self, timing: Timing, **known: Any) -> None:
-        """Complete it with how regular the run was, and whatever else is known."""
+        """Complete it with the timing of the run and further facts."""
         facts = {
             "timing_us": timing.summary(),
             "delays_s": timing.delay(self._dt),

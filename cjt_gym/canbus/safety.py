@@ -1,7 +1,7 @@
-"""What keeps a real joint safe, whoever controls it: states, limits, faults.
+"""Safety of a real joint under any controller: states, limits, faults.
 
-All of it is here, and all of it is always on. `Guard` has no bus and no clock: it is told what was
-measured and what is wanted, and says what may be commanded or which fault ends the run.
+It is always on. `Guard` has neither bus nor clock: it is given measurements and wanted commands,
+and returns allowed commands or the fault that ends the run.
 """
 
 from __future__ import annotations
@@ -53,12 +53,12 @@ MOVES: Mapping[State, frozenset[State]] = {
 
 @dataclass(frozen=True)
 class Fault:
-    """What ended a run.
+    """The reason for which a run ended.
 
     Attributes:
         kind: A name of `FAULTS`.
         text: What happened, with values and units.
-        t: When it was found, on the clock of the link [s].
+        t: Time at which it was found, on the clock of the link [s].
     """
 
     kind: str
@@ -70,10 +70,10 @@ class Fault:
 
 
 class HardwareFault(HardwareError):
-    """A run was ended by a fault; the joint is without torque and disabled.
+    """A fault ended the run; the joint is disabled and without torque.
 
     Attributes:
-        fault: What happened.
+        fault: The fault.
     """
 
     fault: Fault
@@ -85,18 +85,18 @@ class HardwareFault(HardwareError):
 
 @dataclass(frozen=True)
 class SafetyLimits:
-    """What a joint may be asked for and what it may show; all at the link side.
+    """Limits of commands and measurements, all on the link side.
 
     Attributes:
-        tau: Largest motor torque that is commanded [N m].
-        tau_rate: Largest change of it over time [N m/s].
+        tau: Largest commanded motor torque [N m].
+        tau_rate: Largest rate of the commanded torque [N m/s].
         dq_m: Largest motor speed [rad/s].
         q_low: Lowest motor angle [rad].
         q_high: Highest motor angle [rad].
         tau_joint: Largest joint torque [N m].
         deflection: Largest spring deflection [rad].
-        temperature: Highest temperature that the drive reports [degC].
-        current: Largest motor current that is measured [A].
+        temperature: Highest reported temperature [degC].
+        current: Largest measured motor current [A].
     """
 
     tau: float
@@ -112,12 +112,12 @@ class SafetyLimits:
 
 @dataclass(frozen=True)
 class Seen:
-    """What was measured at a control step.
+    """Measurements of a control step.
 
     Attributes:
         values: Channels such as "q_m" [rad], "tau" [N m], "temperature" [degC], by name.
-        ages: Age of the latest report of each channel and that from which it is missing [s].
-        elapsed: Time since the control step before [s].
+        ages: Age of each channel's latest report, and the age above which it counts as missing [s].
+        elapsed: Time since the previous control step [s].
     """
 
     values: Mapping[str, float]
@@ -149,17 +149,17 @@ OUT_OF_SPACE = 1e-6
 
 @final
 class Guard:
-    """Says what may be commanded, and finds what is wrong.
+    """Limits commands and detects faults.
 
     Attributes:
         limits: The limits.
         dt: Control step [s].
-        soft: Time over which torque is given at the start and taken at the end [s].
+        soft: Time over which torque fades in at the start and out at the end [s].
         overrun: Time by which a command may be late [s].
-        missed: Control steps for which reports may stay away.
+        missed: Number of control steps without reports that are tolerated.
         state: State of the joint.
-        fault: What ended the run, or None.
-        commanded: Motor torque that was allowed last [N m].
+        fault: The fault that ended the run, or None.
+        commanded: Latest allowed motor torque [N m].
     """
 
     def __init__(
@@ -178,7 +178,7 @@ class Guard:
         """Change the state.
 
         Raises:
-            HardwareError: It does not follow the present one.
+            HardwareError: It cannot follow the present one.
         """
         if state not in MOVES[self.state]:
             able = ", ".join(sorted(s.value for s in MOVES[self.state]))
@@ -197,9 +197,9 @@ class Guard:
         self.fault, self.state = fault, State.FAULT
 
     def allowed(self, command: float) -> float | Fault:
-        """Return the motor torque that may be commanded instead [N m], or a fault.
+        """Return the allowed motor torque [N m], or a fault.
 
-        A torque beyond the limit is limited, and so is its rate; at the start it grows softly.
+        Magnitude and rate are limited; at the start the torque fades in.
         """
         if not math.isfinite(command):
             return Fault("command", f"The command must be a finite torque in N m, got {command}.")
@@ -212,7 +212,7 @@ class Guard:
         return self.commanded
 
     def late(self, lateness: float) -> Fault | None:
-        """Return the fault of a command that is late by more than it may [s], or None."""
+        """Return the fault of a command that is too late [s], or None."""
         if lateness <= self.overrun:
             return None
         return Fault(
@@ -222,14 +222,14 @@ class Guard:
         )
 
     def fading(self) -> Iterator[float]:
-        """Yield the motor torques that take the last one softly to zero [N m], step by step."""
+        """Yield motor torques that fade from the last one to zero, one per control step [N m]."""
         begin, steps = self.commanded, max(1, round(self.soft / self.dt))
         for k in range(steps):
             self.commanded = begin * (1.0 - (k + 1) / steps)
             yield self.commanded
 
     def check(self, seen: Seen) -> Fault | None:
-        """Return what is wrong with a measurement, None where nothing is."""
+        """Return the fault in a measurement, or None."""
         return self._late(seen) or self._corrupt(seen) or self._beyond(seen) or self._ignored(seen)
 
     def _late(self, seen: Seen) -> Fault | None:
@@ -261,7 +261,7 @@ class Guard:
         return None
 
     def _ignored(self, seen: Seen) -> Fault | None:
-        """Find a drive that is off though it does not say so: it makes no torque."""
+        """Return the fault of a drive that is silently off, as it makes no torque."""
         made = abs(seen.values.get("tau_m", math.inf))
         wanted = abs(self.commanded)
         is_deaf = wanted > WANTED * self.limits.tau and made < MADE * wanted
@@ -295,7 +295,7 @@ def _out_of_range(what: str, allowed: str, value: float, unit: str) -> Fault:
 
 
 def check_action(action: float) -> Fault | None:
-    """Return what is wrong with an action of an environment, whose space is [-1, 1]."""
+    """Return the fault of an action outside [-1, 1], or None."""
     if math.isfinite(action) and abs(action) <= 1.0 + OUT_OF_SPACE:
         return None
     return Fault("command", f"The action must be within [-1, 1], got {action}.")

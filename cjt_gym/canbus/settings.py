@@ -1,4 +1,4 @@
-"""The tables of a hardware configuration, one by one."""
+"""The tables of a hardware configuration."""
 
 from __future__ import annotations
 
@@ -32,18 +32,18 @@ RAMP = 0.01
 
 @dataclass(frozen=True)
 class BusSettings:
-    """Where the bus is.
+    """The bus.
 
     Attributes:
-        interface: A name of python-can's interfaces.
+        interface: Name of a python-can interface.
         channel: Its channel.
         host: Host of a socketcand server.
         port: Its TCP port.
-        bitrate: [bit/s]; None leaves it to the interface.
+        bitrate: Bit rate [bit/s]; None leaves it to the interface.
         fd: Whether frames may be CAN FD.
-        stamps: Whose clock tells when a frame arrived; one of `STAMPS`.
-        options: Whatever else python-can's interface takes.
-        owner: What messages call the table.
+        stamps: Clock of the arrival times; one of `STAMPS`.
+        options: Further arguments of python-can's interface.
+        owner: Name of the table in messages.
     """
 
     interface: str
@@ -58,7 +58,7 @@ class BusSettings:
 
     @property
     def identity(self) -> str:
-        """What tells the bus from others on this machine."""
+        """Identity of the bus on this machine."""
         server = f"-{self.host}-{self.port}" if self.interface == "socketcand" else ""
         return f"{self.interface}{server}-{self.channel}"
 
@@ -69,8 +69,8 @@ class NodeSettings:
 
     Attributes:
         name: "drive", or the name of a sensor.
-        protocol: A name of the table of protocols.
-        settings: What the protocol needs.
+        protocol: Name of its protocol.
+        settings: Settings for the protocol.
     """
 
     name: str
@@ -83,14 +83,13 @@ class EmulatorSettings:
     """How an emulated bus and clock behave.
 
     Attributes:
-        latency: Time that a frame takes [s].
-        jitter: Mean of a further random time, exponentially distributed [s].
+        latency: Transit time of a frame [s].
+        jitter: Mean of an additional, exponentially distributed time [s].
         loss: Share of frames that are lost.
-        load: Fraction of the bus that other nodes occupy, for which frames wait.
-        speed: Time of the joint over that of the clock on the wall.
-        seed: Of the sensors' noise and of latency and loss.
-        watchdog: Time without a command after which the drive stops, as set in it beforehand [s];
-            0: as it leaves the factory.
+        load: Share of the bus that other nodes take; frames wait for them.
+        speed: Speed of simulated time relative to the clock.
+        seed: Seed of sensor noise, latency and loss.
+        watchdog: Watchdog time stored in the drive [s]; 0 is the factory setting.
     """
 
     latency: float = 0.0
@@ -120,14 +119,19 @@ def read_bus(table: object, owner: str) -> BusSettings:
 
 
 def read_joint(table: object, owner: str, folder: Path) -> tuple[Joint, str, EffectSpec]:
-    """Return the joint of the table [joint] without effects, its name or path, and its effects."""
+    """Return the joint of the table [joint] without effects, its name or path, and the effects.
+
+    Where the table gives none, the effects are those of the joint file.
+    """
     given = Section(table, owner, JOINT)
     name = given.text("file")
     beside = folder / name
     known = str(beside) if name.endswith(".toml") and os.path.isfile(beside) else name
     usual = load_joint_file(known).structure or "output_fixed_rigid_gearbox"
     structure = given.text("structure", usual)
-    effects = given.table.get("effects", [])
+    effects = given.table.get("effects")
+    if effects is None:
+        effects = load_joint(known, structure).effects
     if not isinstance(effects, list | Mapping):
         raise ConfigurationError(
             f"effects of {owner} must be a list of names or a table of effects, got {effects!r}."
@@ -140,11 +144,11 @@ class NodeReader:
     """Reads the tables [drive] and [sensors.NAME] of a joint.
 
     Attributes:
-        folder: What paths are relative to.
+        folder: Folder for relative paths.
         joint: The nominal joint.
         dt: Control step [s].
-        watchdog: Time without a command after which a drive is to stop by itself [s].
-        stored: The same as set in an emulated drive beforehand [s].
+        watchdog: Time without a command after which a drive must stop [s].
+        stored: Watchdog time stored in an emulated drive [s].
     """
 
     folder: Path
@@ -209,7 +213,7 @@ def read_limits(table: object, owner: str, joint: Joint) -> SafetyLimits:
 
 
 def _span(limits: Section) -> tuple[float, float]:
-    """Return lowest and highest motor angle: `q_m = { low = -1.0, high = 1.0, unit = "rad" }`."""
+    """Return the range of the motor angle: `q_m = { low = -1.0, high = 1.0, unit = "rad" }`."""
     if "q_m" not in limits:
         return -math.inf, math.inf
     given = Section(limits.table["q_m"], f"q_m of {limits.owner}", ("low", "high", "unit"))

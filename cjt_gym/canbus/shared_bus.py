@@ -1,4 +1,4 @@
-"""One bus for several joints: each has a link of its own, all frames go through one."""
+"""One bus for several joints, each with its own link."""
 
 from __future__ import annotations
 
@@ -16,20 +16,14 @@ Frames = Sequence[can.Message]
 
 @final
 class SharedLink:
-    """The bus of several joints.
+    """A link that several joints share.
 
     Attributes:
-        taps: A link for each joint.
+        taps: Link of each joint.
     """
 
     def __init__(self, joints: int, dt: float, link: Link | None = None) -> None:
-        """Share a link.
-
-        Args:
-            joints: How many share it.
-            dt: Control step [s].
-            link: The way to the bus, where it is open already.
-        """
+        """Share a link."""
         self._link = link
         self.taps = tuple(Tap(self) for _ in range(joints))
         self._dt = dt
@@ -41,56 +35,48 @@ class SharedLink:
 
     @property
     def link(self) -> Link:
-        """The way to the bus.
-
-        Raises:
-            HardwareError: It is not open.
-        """
+        """Connection to the bus."""
         if self._link is None:
             raise HardwareError("The joint is not connected. Call connect() first.")
         return self._link
 
     def open(self, link: Link) -> None:
-        """Share a link from now on."""
+        """Share a link."""
         self._link = link
 
     def close(self) -> None:
-        """Close the link that is shared, if there is one."""
+        """Close the shared link, if there is one."""
         if self._link is not None:
             self._link.close()
         self._link = None
         self._watching.clear()
 
     def keep_alive(self, frames: Callable[[], Frames]) -> None:
-        """Send these frames once in every control step while somebody waits, until `let_go`."""
+        """Send these frames once per control period during waits, until `let_go`."""
         self._kept.append(frames)
 
     def let_go(self) -> None:
-        """Send nothing by itself any more."""
+        """Stop sending during waits."""
         self._kept.clear()
 
     def gather(self) -> None:
-        """Keep all frames that are sent from now on, until `flush`."""
+        """Hold all frames back until `flush`."""
         self._waiting = []
 
     def flush(self) -> None:
-        """Send what was gathered; frames for all nodes, such as SYNC, once and last.
-
-        Raises:
-            HardwareError: The bus does not take them.
-        """
+        """Send the frames held back; those for all nodes, such as SYNC, once and last."""
         waiting, self._waiting = self._waiting or [], None
         self.link.send(_once(waiting))
 
     def send(self, messages: Frames) -> None:
-        """Send frames, or gather them."""
+        """Send frames, or hold them back."""
         if self._waiting is None:
             self.link.send(messages)
         else:
             self._waiting += messages
 
     def wait_until(self, t: float) -> None:
-        """Wait for a time [s], and keep alive meanwhile."""
+        """Wait until a time [s], keeping drives alive meanwhile."""
         while self._kept and (due := max(self._fed + self._dt, self.link.now())) <= t:
             self.link.wait_until(due)
             self.link.send(_once([frame for frames in self._kept for frame in frames()]))
@@ -98,13 +84,13 @@ class SharedLink:
         self.link.wait_until(t)
 
     def deliver(self) -> None:
-        """Hand what has arrived to the joints that it is from, to all where that is not known."""
+        """Deliver what has arrived to the joints that it is from, or to all if that is unknown."""
         for arrival in self.link.receive():
             for tap in self._takers(arrival.message):
                 tap.inbox.append(arrival)
 
     def _takers(self, message: can.Message) -> tuple[Tap, ...]:
-        """Return whose frames these are; some protocols tell drives by the first byte alone."""
+        """Return the joints a frame is from; in some protocols the first byte names the drive."""
         if message.is_error_frame or len(self.taps) == 1:
             return self.taps
         key = (message.arbitration_id, message.is_extended_id, bytes(message.data[:1]))
@@ -117,7 +103,7 @@ class SharedLink:
         return known
 
     def watch(self, supervise: Callable[[float], None], every: float) -> None:
-        """Have another `supervise(now)` called at least `every` so often [s]."""
+        """Call another `supervise(now)` at least once in `every` seconds."""
         self._watching.append(supervise)
         self.link.watch(self._supervise, every)
 
@@ -128,11 +114,11 @@ class SharedLink:
 
 @final
 class Tap:
-    """The link of one joint of several.
+    """The link of one of several joints.
 
     Attributes:
-        inbox: What this joint has not fetched yet.
-        claims: Says whether a frame is from a node of this joint.
+        inbox: Frames that this joint has not read yet.
+        claims: Returns whether a frame is from a node of this joint.
     """
 
     def __init__(self, shared: SharedLink) -> None:
@@ -142,7 +128,7 @@ class Tap:
 
     @property
     def stamps(self) -> str:
-        """Whose clock tells when frames arrived."""
+        """Clock of the arrival times."""
         return self._shared.link.stamps
 
     def now(self) -> float:
@@ -150,42 +136,34 @@ class Tap:
         return self._shared.link.now()
 
     def wait_until(self, t: float) -> None:
-        """Wait for a time [s]; joints that are on already are kept on meanwhile."""
+        """Wait until a time [s], keeping drives alive meanwhile."""
         self._shared.wait_until(t)
 
     def send(self, messages: Frames) -> None:
-        """Send frames, or keep them for the others'.
-
-        Raises:
-            HardwareError: The bus does not take them.
-        """
+        """Send frames, or hold them back until all joints have sent."""
         self._shared.send(messages)
 
     def receive(self) -> list[Arrival]:
-        """Return all frames since the last call of this joint.
-
-        Raises:
-            HardwareError: The bus is lost.
-        """
+        """Return all frames since the last call of this joint."""
         self._shared.deliver()
         return [self.inbox.popleft() for _ in range(len(self.inbox))]
 
     def watch(self, supervise: Callable[[float], None], every: float) -> None:
-        """Have `supervise(now)` called at least `every` so often [s]."""
+        """Call `supervise(now)` at least once in `every` seconds."""
         self._shared.watch(supervise, every)
 
     def close(self) -> None:
-        """Leave the bus to the others."""
+        """Do nothing: the others still use the bus."""
 
 
 def _once(messages: Frames) -> Frames:
-    """Return frames without those that are the same as a later one."""
+    """Return frames without those that are repeated later."""
     last = {_key(message): k for k, message in enumerate(messages)}
     return [messages[k] for k in sorted(last.values())]
 
 
 def _key(message: can.Message) -> tuple[object, ...]:
-    """Return what makes two frames the same one: only those for all nodes are."""
+    """Return a key that repeated frames share; only frames for all nodes are ever the same."""
     return (
         message.arbitration_id,
         message.is_extended_id,

@@ -1,4 +1,4 @@
-"""When a frame arrived: by the clock of the interface where it has one, else by the machine's."""
+"""Arrival times of frames, by the clock of the interface or else the machine's."""
 
 from __future__ import annotations
 
@@ -25,21 +25,20 @@ JUMP: Final = 0.1
 
 
 def clock_of(interface: str, asked: str) -> StampClock:
-    """Return the clock of an interface's stamps, where these are asked for, see `STAMPS`."""
+    """Return the clock of an interface's stamps if they are asked for; see `STAMPS`."""
     own = CLOCKS.get(interface, "interface" if asked == "interface" else RECEPTION)
     return StampClock(RECEPTION if asked == RECEPTION else own)
 
 
 @final
 class StampClock:
-    """Tells on the machine's clock when a frame was stamped by another one.
+    """Converts stamps of another clock to the machine's.
 
-    A frame is received after it was stamped, never before; so the least difference between the two
-    clocks that was seen lately is that of the clocks, and what goes beyond it is how long a frame
-    waited to be received.
+    A frame is never received before it is stamped. So the least difference seen recently is the
+    offset between the clocks, and any excess is the time a frame waited to be received.
 
     Attributes:
-        kind: Whose clock it is; `RECEPTION` as long as it has stamped nothing.
+        kind: Kind of the clock; `RECEPTION` until its first stamp.
 
     Example:
         >>> clock = StampClock("hardware")
@@ -54,11 +53,11 @@ class StampClock:
         self._begun = -math.inf
 
     def arrived(self, stamp: float, received: float) -> float:
-        """Return when a frame arrived [s], on the clock by which it was received.
+        """Return the arrival time of a frame on the machine's clock [s].
 
         Args:
-            stamp: Time on the other clock [s]; zero or less, or NaN, where it gave none.
-            received: When it was received [s].
+            stamp: Time on the other clock [s]; NaN or <= 0 if there is none.
+            received: Time of reception [s].
         """
         if self._kind == RECEPTION or not stamp > 0.0:
             return received

@@ -1,4 +1,4 @@
-"""Reading the tables of a configuration: every mistake is one clear error."""
+"""Reads the tables of a configuration; every mistake is one clear error."""
 
 from __future__ import annotations
 
@@ -14,27 +14,18 @@ REQUIRED: Any = object()
 
 
 class Section:
-    """A table, with a method for each kind of value.
+    """A table with a method for each kind of value.
 
-    Every method returns the default where the key is absent and there is one, and raises
-    ConfigurationError where it is missing, of another kind or out of range.
+    Each method returns the default, if it has one, for an absent key, and raises ConfigurationError
+    for a missing or invalid value.
 
     Attributes:
-        table: What it holds.
-        owner: What messages call it.
+        table: Its content.
+        owner: Its name in messages.
     """
 
     def __init__(self, table: object, owner: str, known: Iterable[str] | None = None) -> None:
-        """Take a table.
-
-        Args:
-            table: What is said to be one.
-            owner: What messages call it.
-            known: Keys that it may have; None for any.
-
-        Raises:
-            ConfigurationError: It is no table, or has a key that is not known.
-        """
+        """Take a table."""
         if not isinstance(table, Mapping):
             raise ConfigurationError(f"{owner} must be a table, got {table!r}.")
         self.table: Mapping[str, Any] = table
@@ -59,16 +50,16 @@ class Section:
         return key not in self.table and default is not REQUIRED
 
     def text(self, key: str, default: Any = REQUIRED) -> Any:
-        """Return a text that is not empty."""
+        """Return a non-empty string."""
         if self._is_left_out(key, default):
             return default
         value = self._given(key, '"..."')
         if not isinstance(value, str) or not value:
-            raise ConfigurationError(f"{key} of {self.owner} must be a text, got {value!r}.")
+            raise ConfigurationError(f"{key} of {self.owner} must be a string, got {value!r}.")
         return value
 
     def choice(self, key: str, allowed: Sequence[str]) -> str:
-        """Return one of some texts, the first of them where none is given."""
+        """Return one of some strings; the first is the default."""
         value = self.table.get(key, allowed[0])
         if value not in allowed:
             raise ConfigurationError(
@@ -122,7 +113,7 @@ class Section:
         high: float = math.inf,
         default: Any = REQUIRED,
     ) -> Any:
-        """Return a value that is written with its unit, from `low` to `high` [unit]."""
+        """Return a value with a unit, from `low` to `high` [unit]."""
         if self._is_left_out(key, default):
             return default
         entry = self._given(key, f'{{ value = ..., unit = "{unit}" }}')

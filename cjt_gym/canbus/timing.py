@@ -1,4 +1,4 @@
-"""How regular a control loop was, and how old what it saw."""
+"""Timing of a control loop: lateness, and ages of what it saw."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ PERCENTILES = (50.0, 90.0, 99.0, 99.9, 99.99, 100.0)
 
 @dataclass
 class Timing:
-    """Times of every control step of a run, in seconds.
+    """Times of all control steps of a run [s].
 
     Attributes:
-        lateness: Of the command behind its deadline.
-        ages: Of the motor's angle at the instant of control.
-        answers: From a command to the first report after it.
+        lateness: Lateness of the command.
+        ages: Age of the motor's angle when it is used.
+        answers: Time from a command to the first report after it.
     """
 
     lateness: array[float] = field(default_factory=lambda: array("d"))
@@ -30,19 +30,14 @@ class Timing:
     answers: array[float] = field(default_factory=lambda: array("d"))
 
     def answered(self, sent: float, arrivals: Sequence[Arrival]) -> float:
-        """Note and return how long the first frame after a command took [s], 0 where none came.
-
-        Args:
-            sent: When the command was sent [s].
-            arrivals: What was heard at the end of its control step.
-        """
+        """Note and return the time from a command to the next frame [s]; 0 without one."""
         took = next((t - sent for t, _ in arrivals if t >= sent), None)
         if took is not None:
             self.answers.append(took)
         return took or 0.0
 
     def summary(self) -> dict[str, Any]:
-        """Return percentiles of each in microseconds, as plain data; empty without samples."""
+        """Return percentiles of each in microseconds; empty without samples."""
         return {
             name: {f"p{p:g}": round(float(value) * 1e6, 1) for p, value in _percentiles(values)}
             for name, values in vars(self).items()
@@ -50,22 +45,18 @@ class Timing:
         }
 
     def delay(self, dt: float) -> dict[str, float]:
-        """Return what the loop adds to a joint, as values of the simulator's delays [s].
+        """Return the delays of the loop, as values of the simulator's delay effects [s].
 
-        The command acts as late as it is sent, and half of what it takes until the answer; what is
-        measured is as old as it was on arrival and the other half.
+        The command is delayed by its lateness and half of the round trip, the measurement by its
+        age on arrival and the other half.
 
         Args:
-            dt: Control step [s], the answer's time where none was seen.
+            dt: Control step [s], which stands for the round trip if there was no answer.
         """
         return {name: round(float(np.median(v)), 6) for name, v in self._delays(dt).items()}
 
     def randomization(self, dt: float) -> dict[str, dict[str, Any]]:
-        """Return how these delays vary, as environments draw parameters: from 5 to 95 % of them.
-
-        Args:
-            dt: Control step [s].
-        """
+        """Return the range of these delays, from 5 to 95 %, as a randomization for environments."""
         found = {}
         for name, values in self._delays(dt).items():
             low, high = (round(float(q), 6) for q in np.percentile(values, (5.0, 95.0)))

@@ -1,7 +1,6 @@
-"""Traces of a bus as records, through the protocols of the nodes on it.
+"""Reads traces of a bus as records, by the protocols of its nodes.
 
-A trace whose messages a DBC file describes needs nothing from here: :func:`read_log` reads it like
-any other log, with the DBC file and a mapping beside it.
+:func:`read_log` reads traces with a DBC file and a mapping beside them like any other log.
 """
 
 from __future__ import annotations
@@ -32,21 +31,21 @@ Node = tuple[DriveProtocol, Settings]
 def read_trace(
     path: str | Path, nodes: Sequence[Node], **facts: Any
 ) -> tuple[tuple[Record, ...], tuple[Repair, ...]]:
-    """Return what the nodes of a joint said on a bus, and what they were commanded.
+    """Return the reports and commands of a joint's nodes.
 
-    The time base is that of the commands, or of the channel that is reported most often.
+    The time base is that of the commands, or of the most frequent channel.
 
     Args:
         path: A trace that python-can reads: ``.log`` of candump, ``.asc``, ``.blf``, ``.trc``.
         nodes: Protocol and settings of drive and sensors.
-        facts: `joint`, `structure`, `sensors`, `provenance`, as a :class:`Record` takes them.
+        facts: Further arguments of :class:`Record`: `joint`, `structure`, `sensors`, `provenance`.
 
     Returns:
         A record per piece of the trace, and what was repaired or noticed: frames that break their
         protocol are counted.
 
     Raises:
-        RecordError: The trace cannot be read, or none of its frames is of these nodes.
+        RecordError: The trace cannot be read, or no frame is from these nodes.
     """
     path = Path(path)
     stamps: dict[str, list[int]] = defaultdict(list)
@@ -65,7 +64,7 @@ def read_trace(
                 values[name].append(value)
     if not stamps:
         raise RecordError(
-            f"No frame of {path} is of these nodes. Compare their protocols and addresses."
+            f"No frame of {path} is from these nodes. Check their protocols and addresses."
         )
     table: dict[str, NDArray[Any]] = {}
     for name, shown in values.items():
@@ -79,7 +78,7 @@ def read_trace(
 
 
 def _said(master: Master, frame: Any) -> Mapping[str, float]:
-    """Return what a frame reports or commands, by columns of a record."""
+    """Return what a frame reports or commands, by column."""
     torque = master.commanded(frame)
     if torque is not None:
         return {COMMAND: torque}

@@ -16,13 +16,13 @@ from cjt_gym.errors import HardwareError
 
 @final
 class VirtualLink:
-    """A link whose clock is that of an emulator: it runs as fast as the machine can.
+    """A link with the emulator's clock, which runs as fast as the machine allows.
 
     Attributes:
         emulator: The emulator.
-        is_off: Whether the bus is lost; set it to try that.
-        sent: Called with every frame that is sent and the time, or None.
-        stamps: Frames arrive when they are received.
+        is_off: Whether the bus is lost; set it to simulate that.
+        sent: Called with every frame sent and its time, or None.
+        stamps: Clock of the arrival times.
     """
 
     stamps = RECEPTION
@@ -40,7 +40,7 @@ class VirtualLink:
         return self.emulator.now
 
     def wait_until(self, t: float) -> None:
-        """Let the emulator's time pass."""
+        """Advance the emulator's time."""
         while self.emulator.now < t:
             self.emulator.advance(min(t, self.emulator.now + self._every))
             self._inbox += [Arrival(due.t, due.message) for due in self.emulator.receive()]
@@ -48,11 +48,7 @@ class VirtualLink:
                 self._supervise(self.emulator.now)
 
     def send(self, messages: Sequence[can.Message]) -> None:
-        """Send frames.
-
-        Raises:
-            HardwareError: The bus is lost.
-        """
+        """Send frames."""
         if self.is_off:
             raise HardwareError("The bus does not take a frame: it is off.")
         for message in messages:
@@ -61,11 +57,7 @@ class VirtualLink:
         self.emulator.send(messages)
 
     def receive(self) -> list[Arrival]:
-        """Return all frames since the last call.
-
-        Raises:
-            HardwareError: The bus is lost.
-        """
+        """Return all frames since the last call."""
         if self.is_off:
             raise HardwareError("The bus is lost: it is off.")
         self._inbox += [Arrival(due.t, due.message) for due in self.emulator.receive()]
@@ -73,9 +65,9 @@ class VirtualLink:
         return found
 
     def watch(self, supervise: Callable[[float], None], every: float) -> None:
-        """Have `supervise(now)` called every so often [s] while time passes."""
+        """Call `supervise(now)` at least once in `every` seconds of the emulator's time."""
         self._supervise, self._every = supervise, every
 
     def close(self) -> None:
-        """Forget who watches; the emulator goes on to be usable."""
+        """Forget the supervisors; the emulator remains usable."""
         self._supervise = None

@@ -21,8 +21,8 @@ class Due(NamedTuple):
     """A frame on its way.
 
     Attributes:
-        t: When it arrives [s].
-        order: Number that tells frames of the same time apart.
+        t: Arrival time [s].
+        order: Number that orders frames of the same time.
         message: The frame.
     """
 
@@ -33,12 +33,12 @@ class Due(NamedTuple):
 
 @final
 class Medium:
-    """What all frames of a bus share: one at a time goes through, each as long as its bits take.
+    """The wire that all frames of a bus share: one at a time, each for as long as its bits take.
 
     Attributes:
         bitrate: Nominal bit rate [bit/s].
-        data_bitrate: Of CAN FD's data phase [bit/s].
-        free: From when on the next frame may be sent [s].
+        data_bitrate: Bit rate of CAN FD's data phase [bit/s].
+        free: Time from which the next frame may be sent [s].
     """
 
     def __init__(self, bitrate: float, data_bitrate: float) -> None:
@@ -46,7 +46,7 @@ class Medium:
         self.free = 0.0
 
     def carry(self, t: float, message: can.Message) -> float:
-        """Return when a frame is through that is ready to be sent at a time [s]."""
+        """Return when a frame that is ready at a time [s] has been sent."""
         time = wire_time(message, self.bitrate, self.data_bitrate)
         self.free = max(self.free, t) + time
         return self.free
@@ -57,14 +57,7 @@ class Wire:
     """One direction of a bus; frames keep their order."""
 
     def __init__(self, settings: EmulatorSettings, seed: int, medium: Medium | None = None) -> None:
-        """Make an empty one.
-
-        Args:
-            settings: How it behaves.
-            seed: Of what is random about it.
-            medium: What its frames share with those of other directions; None for a bus on which
-                no frame takes time by itself.
-        """
+        """Make an empty wire."""
         self.settings = settings
         self._medium = medium
         self._random = np.random.default_rng(seed)
@@ -73,7 +66,7 @@ class Wire:
         self._latest = 0.0
 
     def put(self, t: float, message: can.Message) -> None:
-        """Send a frame at a time [s]; some are lost."""
+        """Send a frame at a time [s], unless it is lost."""
         s = self.settings
         if s.loss and self._random.random() < s.loss:
             return
@@ -89,7 +82,7 @@ class Wire:
         heapq.heappush(self._on_way, Due(self._latest, self._order, message))
 
     def _waiting(self, message: can.Message) -> float:
-        """Return the time that a frame waits for others [s]: a queue at constant service time.
+        """Return the time a frame waits for others [s]: a queue with constant service time.
 
         Its mean is that of an M/D/1 queue, load / (2 (1 - load)) frames.
         """
@@ -98,7 +91,7 @@ class Wire:
         return float(frame + self._random.exponential(frame * load / (2.0 * (1.0 - load))))
 
     def next(self) -> float:
-        """Return when the next frame arrives [s], infinity where none is on its way."""
+        """Return when the next frame arrives [s]; infinity without one."""
         return self._on_way[0].t if self._on_way else np.inf
 
     def take(self, t: float) -> list[Due]:

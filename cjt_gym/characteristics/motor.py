@@ -225,12 +225,11 @@ def best_point(p: JointParameters) -> tuple[float, float]:
         best = lost + math.sqrt(lost**2 + lost * dq / slope)
         return min(best, largest, (zero_torque_speed(p) - dq) / slope)
 
-    def loss(dq: float) -> float:
-        tau = best_torque(dq)
-        return -(tau - friction(p, dq)) * dq / (slope * tau**2 + tau * dq)
-
     found = minimize_scalar(
-        loss, bounds=(1e-9 * fastest, fastest), method="bounded", options={"xatol": 1e-9 * fastest}
+        lambda dq: -_efficiency_at(p, best_torque(dq), dq),
+        bounds=(1e-9 * fastest, fastest),
+        method="bounded",
+        options={"xatol": 1e-9 * fastest},
     )
     return best_torque(float(found.x)), float(found.x)
 
@@ -239,5 +238,10 @@ def best_efficiency(p: JointParameters) -> float:
     """Return the largest efficiency within supply voltage and peak current [-]; 0 if none."""
     if no_load_speed(p) == 0.0:
         return 0.0
-    tau, dq = best_point(p)
-    return max(0.0, float((tau - friction(p, dq)) * dq / (speed_drop(p) * tau**2 + tau * dq)))
+    return max(0.0, _efficiency_at(p, *best_point(p)))
+
+
+def _efficiency_at(p: JointParameters, tau: float, dq: float) -> float:
+    """Return the efficiency at a point; without friction it tends to 1 where the torque is 0."""
+    lost = float(friction(p, dq))
+    return (1.0 - lost / tau if lost else 1.0) * dq / (speed_drop(p) * tau + dq)

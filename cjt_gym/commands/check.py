@@ -11,9 +11,8 @@ from cjt_gym.gap.check import Examination, examine
 from cjt_gym.gap.check.text import text
 from cjt_gym.gap.report import WIDTH
 from cjt_gym.joint import STRUCTURES, JointFile, get_structure, load_joint_file
-from cjt_gym.records import Record, read_log, record_names
-
-NOMINAL = "nominal.toml"
+from cjt_gym.records import joint_of, read_log, record_names
+from cjt_gym.records.files import NOMINAL
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -30,8 +29,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> Answer:
     """Examine the record and print what it tells."""
     structure = None if options.structure is None else get_structure(options.structure)
-    records, _ = read_log(options.record, options.mapping)
-    found = examine(records, _joint(records[0], options.joint), structure)
+    joint = _joint(options)
+    n = None if joint is None else joint.gear_ratio
+    records, _ = read_log(options.record, options.mapping, n=n)
+    found = examine(records, joint, structure)
     return to_json(found), text(found, WIDTH)
 
 
@@ -46,16 +47,13 @@ def to_json(found: Examination) -> dict[str, object]:
     }
 
 
-def _joint(record: Record, given: str | None) -> JointFile | None:
-    """Return the nominal joint that was given or is found beside the record; None without one."""
-    if given is not None:
-        return load_joint_file(given)
-    if record.joint_file is not None:
-        try:
-            return load_joint_file(record.joint_file)
-        except (MissingFileError, UnknownNameError) as error:
-            sys.stderr.write(f"cjt-gym: examined without a joint. {error}\n")
-            return None
-    if record.origin is not None and (beside := record.origin.parent / NOMINAL).is_file():
-        return load_joint_file(beside)
-    return None
+def _joint(options: argparse.Namespace) -> JointFile | None:
+    """Return the nominal joint that was given or that the record names; None without one."""
+    if options.joint is not None:
+        return load_joint_file(options.joint)
+    named = joint_of(options.record, options.mapping)
+    try:
+        return None if named is None else load_joint_file(named)
+    except (MissingFileError, UnknownNameError) as error:
+        sys.stderr.write(f"cjt-gym: examined without a joint. {error}\n")
+        return None

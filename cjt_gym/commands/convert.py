@@ -8,13 +8,24 @@ from pathlib import Path
 from typing import Any
 
 from cjt_gym.console import Answer
+from cjt_gym.console.logs import gear_ratio_of
 from cjt_gym.disk import refuse_inputs, write_text
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import to_toml
 from cjt_gym.joint.files import TOOLBOX_SUFFIX
 from cjt_gym.joint.toolbox_files import read_toolbox
-from cjt_gym.records import FORMATS, Record, Repair, one_joint, read_log, write_record
+from cjt_gym.records import (
+    FORMATS,
+    Record,
+    Repair,
+    draft_mapping,
+    one_joint,
+    read_log,
+    write_record,
+)
+from cjt_gym.records.draft import UNKNOWN
 from cjt_gym.records.files import table_path
+from cjt_gym.records.mapping import SUFFIX
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -31,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--defaults", metavar="JOINT", help=text)
     add("--joint", metavar="NAME", help="the joint of which LOG, or the configuration, has several")
     endings = ", ".join(ending for ending, form in FORMATS.items() if form.write is not None)
-    text = f"file to write ({endings}; .toml for a joint)"
+    text = f"file to write ({endings}; .toml for a joint; {SUFFIX} for a draft of LOG's mapping)"
     add("--out", type=Path, required=True, metavar="FILE", help=text)
 
 
@@ -39,6 +50,8 @@ def run(options: argparse.Namespace) -> Answer:
     """Read, repair, write, and say what was repaired."""
     if Path(options.log).suffix == TOOLBOX_SUFFIX:
         return _write_joint(options)
+    if options.out.name.endswith(SUFFIX):
+        return _write_draft(options)
     if options.defaults is not None:
         raise ConfigurationError(f"--defaults is for a joint (.m), got the log {options.log}.")
     records, repairs = _read(options)
@@ -72,9 +85,20 @@ def _write_joint(options: argparse.Namespace) -> Answer:
     return {"joint": str(options.out), "parameters": count}, f"{options.out}: {count} parameters"
 
 
+def _write_draft(options: argparse.Namespace) -> Answer:
+    """Write a mapping to be edited."""
+    if options.out.exists():
+        raise ConfigurationError(f"{options.out} exists. Give another --out, or move it away.")
+    text = draft_mapping(options.log)
+    write_text(options.out, text)
+    told = f'{options.out}: a draft. Check every guess and replace every "{UNKNOWN}" in it.'
+    return {"mapping": str(options.out), "text": text}, told
+
+
 def _read(options: argparse.Namespace) -> tuple[tuple[Record, ...], tuple[Repair, ...]]:
     if options.bus is None:
-        records, repairs = read_log(options.log, options.mapping)
+        n = gear_ratio_of(options.log, options.mapping)
+        records, repairs = read_log(options.log, options.mapping, n=n)
         if options.joint is not None:
             records = tuple(one_joint(record, options.joint) for record in records)
         return records, repairs

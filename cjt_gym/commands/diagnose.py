@@ -13,7 +13,7 @@ from pathlib import Path
 from cjt_gym.console import Answer
 from cjt_gym.console.options import asked_effects
 from cjt_gym.disk import refuse_inputs, write_text
-from cjt_gym.errors import ConfigurationError, RecordError
+from cjt_gym.errors import ConfigurationError, RecordError, UnknownNameError
 from cjt_gym.gap import Diagnosis, diagnose
 from cjt_gym.gap.orient import orient
 from cjt_gym.gap.report import WIDTH, summary, write_report
@@ -26,7 +26,8 @@ from cjt_gym.joint import (
     to_toml,
 )
 from cjt_gym.joint.build import file_of
-from cjt_gym.records import Record, Repair, read_log, record_names
+from cjt_gym.records import Record, Repair, joint_of, read_log, record_names
+from cjt_gym.records.files import NOMINAL
 from cjt_gym.training.evaluation.after_diagnosis import InTheLoop, agents_for, in_the_loop
 
 SECONDS, WINDOW = 60.0, 10.0
@@ -35,7 +36,6 @@ MOST_REPAIRS = 6
 """Repairs that are told on the terminal; the report lists all."""
 ENOUGH = 500
 """Samples below which a piece of a log is left out where there are longer ones."""
-NOMINAL = "nominal.toml"
 FILES = ("diagnosis.json", "report.html", "joint.toml")
 CLEAR = "\r\x1b[2K"
 NO_LOOP = InTheLoop(None, (), ())
@@ -75,10 +75,10 @@ def run(options: argparse.Namespace) -> Answer:
         raise ConfigurationError(f"--seconds must be >= {WINDOW:g} s, got {options.seconds:g}.")
     tell = Teller(started)
     tell("reading records")
-    fitted, notes = _read(options.records, options)
-    held, more = _read(options.validate, options)
-    joint = _nominal(fitted[0], options.joint)
-    file = load_joint_file(joint)
+    joint = _nominal(options)
+    file = _loaded(joint, options)
+    fitted, notes = _read(options.records, options, file)
+    held, more = _read(options.validate, options, file)
     structure = options.structure or fitted[0].structure or file.structure
     if structure is None:
         raise ConfigurationError(
@@ -205,12 +205,14 @@ class Teller:
             sys.stderr.flush()
 
 
-def _read(words: Sequence[str], options: argparse.Namespace) -> tuple[list[Record], list[Repair]]:
+def _read(
+    words: Sequence[str], options: argparse.Namespace, joint: JointFile
+) -> tuple[list[Record], list[Repair]]:
     """Return records and what was repaired in them."""
     records: list[Record] = []
     repairs: list[Repair] = []
     for word in words:
-        found, notes = read_log(word, options.mapping, options.seconds)
+        found, notes = read_log(word, options.mapping, options.seconds, joint.gear_ratio)
         pieces = sorted(found, key=len, reverse=True)
         records += [piece for piece in pieces if len(piece) >= ENOUGH] or pieces
         repairs += notes
@@ -237,18 +239,27 @@ def _oriented(
     return [record for record, _ in pairs], [repair for _, found in pairs for repair in found]
 
 
-def _nominal(record: Record, given: str | None) -> str | Path:
+def _nominal(options: argparse.Namespace) -> str | Path:
     """Return the nominal joint that was given, that the record names, or that lies beside it."""
-    if given is not None:
-        return given
-    if record.joint_file is not None:
-        return record.joint_file
-    if record.origin is not None and (beside := record.origin.parent / NOMINAL).is_file():
-        return beside
-    raise ConfigurationError(
-        f"{record.owner} names no joint, and there is no {NOMINAL} beside it. "
-        "Give the nominal joint: --joint NAME or --joint FILE.toml."
-    )
+    joint = options.joint or joint_of(options.records[0], options.mapping)
+    if joint is None:
+        raise ConfigurationError(
+            f"{options.records[0]} names no joint, and there is no {NOMINAL} beside it. "
+            "Give the nominal joint: --joint NAME or --joint FILE.toml."
+        )
+    return joint
+
+
+def _loaded(joint: str | Path, options: argparse.Namespace) -> JointFile:
+    try:
+        return load_joint_file(joint)
+    except UnknownNameError as error:
+        if options.joint is not None:
+            raise
+        raise ConfigurationError(
+            f"{options.records[0]} names the joint {joint}, which neither ships nor is a file "
+            "beside it. Give its file: --joint FILE.toml."
+        ) from error
 
 
 def _json(diagnosis: Diagnosis, loop: InTheLoop, repairs: Sequence[Repair]) -> str:

@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from cjt_gym.console import Answer
+from cjt_gym.console.logs import read_own
 from cjt_gym.disk import refuse_inputs
 from cjt_gym.errors import ConfigurationError, unknown_name
-from cjt_gym.records import Record, read_record
+from cjt_gym.records import Record
 
 SUFFIXES = (".html", ".png", ".svg", ".pdf")
 
@@ -37,7 +38,7 @@ def run(options: argparse.Namespace) -> Answer:
 
     refuse_inputs([options.out], options.records)
     traces = [
-        Trace(Path(word).stem, _part(read_record(word), options.between, word))
+        Trace(Path(word).stem, _part(read_own(word), options.between, word))
         for word in options.records
     ]
     known = {name for trace in traces for name in trace.record.columns if name != "t"}

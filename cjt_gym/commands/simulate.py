@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from cjt_gym.baselines import CONTROLLERS
 from cjt_gym.console import Answer
 from cjt_gym.console.controllers import CONTROLLER_HELP
+from cjt_gym.console.logs import read_own
 from cjt_gym.console.options import (
     USUAL,
     add_conditions,
@@ -36,7 +37,7 @@ from cjt_gym.joint.effect_words import plain_effects
 from cjt_gym.plant import SimulatedPlant
 from cjt_gym.plant.randomization import Randomization
 from cjt_gym.plant.simulated import DT_PHYSICS
-from cjt_gym.records import FORMATS, Record, read_record, record_names, write_record
+from cjt_gym.records import FORMATS, Record, record_names, write_record
 from cjt_gym.signals import Signal, make_signals, sampled_signal, signal_from_file
 from cjt_gym.training.tuning.gains import choose, files_of, gains_in_record
 
@@ -136,7 +137,7 @@ class Task:
 def _task(options: argparse.Namespace) -> Task:
     """Return what the options, and the record they may name as reference, ask for."""
     word = options.reference
-    recorded = read_record(word) if Path(word).suffix or word in record_names() else None
+    recorded = read_own(word) if Path(word).suffix or word in record_names() else None
     commanded = recorded is not None and any(name in recorded for name in COMMANDS)
     tracked = recorded is None or "tau_ref" in recorded
     controller = options.controller or (NONE if commanded and not tracked else TRACKING)

@@ -1,1 +1,1 @@
-"""Runs on joints on a bus, real or emulated: what is asked for, one joint or several, figures."""
+"""Runs on real or emulated joints on a bus."""

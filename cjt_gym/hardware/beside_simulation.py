@@ -1,4 +1,4 @@
-"""Tasks of the benchmark on a real joint, and its figures beside those of the simulation."""
+"""Benchmark tasks on a real joint, with its figures beside those of the simulation."""
 
 from __future__ import annotations
 
@@ -40,11 +40,7 @@ REAL, NOMINAL = "real", "nominal"
 
 
 def tasks_of(names: Sequence[str]) -> tuple[str, ...]:
-    """Return the runs that are asked for, all where none is named.
-
-    Raises:
-        UnknownNameError: There is no such run.
-    """
+    """Return the runs that are named, or all."""
     for name in names:
         if name not in RUNS:
             raise unknown_name("task", name, RUNS)
@@ -52,7 +48,7 @@ def tasks_of(names: Sequence[str]) -> tuple[str, ...]:
 
 
 def reference_of(run: str, amplitude: float, dt: float, duration: float, seed: int) -> Floats:
-    """Return the joint torque that is wanted at every control step of a run [N m]."""
+    """Return the reference torque at every control step of a run [N m]."""
     signal, seconds = bandwidth_reference(SWEEP_SHARE * amplitude), SWEEP
     if run != SWEEP_NAME:
         signal, seconds = task_reference(run, amplitude), duration
@@ -68,21 +64,21 @@ def side_by_side(
     joints: Sequence[str],
     seed: int,
 ) -> list[dict[str, Any]]:
-    """Return the rows of the benchmark on the real joint and on simulated ones.
+    """Return benchmark rows of the real joint and of simulated ones.
 
-    All follow the references of the records. The real joint's torque is the measured one; what its
-    sensor's noise makes of the command cannot be told from it.
+    All follow the references of the records. For the real joint the measured torque counts, from
+    which noise amplification cannot be determined.
 
     Args:
-        config: The joint on its bus.
-        controller: A row of the table of controllers; not used where there is a policy.
+        config: Configuration of the joint.
+        controller: Name of a controller; ignored if there is a policy.
         policy: Run folder of a policy, or None.
         paths: Records of `RUNS`.
-        joints: Files of further joints than the nominal one, such as what a diagnosis found.
-        seed: Of the simulated sensors' noise.
+        joints: Files of further joints beside the nominal one, such as the result of a diagnosis.
+        seed: Seed of the simulated sensor noise.
 
     Raises:
-        ConfigurationError: The joint torque was not measured, or a joint has no name of its own.
+        ConfigurationError: The joint torque was not measured, or joint names are not distinct.
     """
     records = {name: part_of(read_record(path), config.name) for name, path in paths.items()}
     for record in records.values():
@@ -112,7 +108,7 @@ def side_by_side(
 
 
 def _traces(record: Record) -> Traces:
-    """Return a record as an episode: sample k is what holds at the end of control step k."""
+    """Return a record as an episode; sample k is the end of control step k."""
     wanted, tau, command = (record[n][None, :] for n in ("tau_ref", "tau", "tau_cmd"))
     ended = np.zeros((1, len(record) - 1), dtype=np.bool_)
     return Traces(wanted[:, 1:], tau[:, 1:], tau[:, 1:], command[:, :-1], ended, record.dt)
@@ -126,10 +122,9 @@ def _simulated(
     law: Controller | None,
     seed: int,
 ) -> Traces:
-    """Return what the agent does in a simulated joint along the reference of a record.
+    """Return a run of the agent on a simulated joint with the reference of a record.
 
-    It observes and acts in the units of the nominal joint, as on the real one; a controller has the
-    gains that it has there.
+    Observations, actions and gains are scaled for the nominal joint, as on the real one.
     """
     arguments = agent.arguments(conditions) | {
         "reference": sampled_signal(
@@ -158,7 +153,7 @@ def _rows(
 
 
 def _pieces(run: Traces) -> Traces:
-    """Return a long run as a batch of episodes of a second each, without the first second."""
+    """Return a long run as a batch of one-second episodes, without the first second."""
     steps = round(PIECE / run.dt)
     count = run.tau.shape[1] // steps
     if count < 2:

@@ -1,4 +1,4 @@
-"""What commands a joint on a bus: a controller with gains for its delay, or a policy."""
+"""Controllers with gains for the delay of a joint on a bus, and policies in their place."""
 
 from __future__ import annotations
 
@@ -40,17 +40,16 @@ bear `SPARE_DELAY` beyond what they are designed for."""
 
 
 def law_for(word: str, joint: Joint, dt: float, delays: Mapping[str, float]) -> Controller:
-    """Return a controller with gains that are designed for measured delays.
+    """Return a controller with gains designed for measured delays.
 
     Args:
-        word: A row of `CONTROLLERS`, or a gain file, whose gains are taken as they are.
+        word: Name of a controller, or a gain file, whose gains are used unchanged.
         joint: The nominal joint.
         dt: Control step [s].
-        delays: What was measured [s]; all of them add up.
+        delays: Measured delays [s], which add up.
 
     Raises:
-        ConfigurationError: No gains keep the loop robust with this delay, or the given ones have no
-            margin with it.
+        ConfigurationError: No gains are robust to this delay, or the given ones have no margin.
     """
     late = sum(delays.values())
     steps = max(0, math.ceil((late - LEFT_TO_SPARE) / dt))
@@ -71,12 +70,12 @@ def law_for(word: str, joint: Joint, dt: float, delays: Mapping[str, float]) -> 
 
 
 def _borne(loop: LoopModel, law: LinearLaw, most: int) -> int:
-    """Return the delay that a law bears [samples], at most so many; -1 where it bears none."""
+    """Return the delay that a law tolerates [samples], up to a maximum; -1 for none."""
     return next((n for n in range(most + 1) if not is_stable(loop.later(n), law)), most + 1) - 1
 
 
 def _delayed(joint: Joint, delay: float) -> Joint:
-    """Return a joint whose measurement is late [s]."""
+    """Return a joint with delayed measurements [s]."""
     if not delay:
         return joint
     wanted = {**joint.effects, "measurement_delay": {"delay": delay}}
@@ -91,9 +90,10 @@ def _without_torch(agent: Any) -> Any:
 
 
 def _warn_of_another_joint(agent: Any, config: HardwareConfig) -> None:
-    """Warn where a policy was trained on one joint, or structure, and is to move another.
+    """Warn if a policy was trained on another joint or structure.
 
-    A file that it was trained on may well describe this joint, as that of a diagnosis does.
+    Training on a joint file gives no warning: the file may describe this joint, as after a
+    diagnosis.
     """
     if agent.config.env.get("observe_joint"):
         return
@@ -111,19 +111,16 @@ def _warn_of_another_joint(agent: Any, config: HardwareConfig) -> None:
 
 
 class PolicyLaw:
-    """A policy in the place of a controller: it sees of a joint what its environment shows."""
+    """A policy with the interface of a controller."""
 
     def __init__(self, word: str, arm: CanArm, k: int, reference: Floats) -> None:
-        """Load it.
+        """Load the policy.
 
         Args:
-            word: Run folder, exported policy, or name of one that ships.
+            word: Run folder, exported policy, or name of a policy that ships.
             arm: The joints of the bus.
-            k: Which of them it commands.
-            reference: Joint torque that is wanted at every control step [N m].
-
-        Raises:
-            ConfigurationError: It was trained at another control step.
+            k: Index of the joint to command.
+            reference: Reference torque at every control step [N m].
         """
         self._arm, self._k, config = arm, k, arm.configs[k]
         agent = load_agent(word)
@@ -143,12 +140,7 @@ class PolicyLaw:
         self._has_begun = False
 
     def act(self, measured: Measurement, reference: Floats) -> Floats:
-        """Return the motor torque for a control step [N m], shape (1,).
-
-        Raises:
-            HardwareFault: The action is out of its space.
-            ConfigurationError: A channel of the observation is not measured.
-        """
+        """Return the motor torque for a control step [N m], shape (1,)."""
         task = self._task
         if self._has_begun:
             task.advance(measured)

@@ -1,4 +1,4 @@
-"""What `cjt-gym hardware` is asked to run: references, controllers, records, series that go on."""
+"""The runs of `cjt-gym hardware`: references, controllers, records, resumed series."""
 
 from __future__ import annotations
 
@@ -37,15 +37,14 @@ DRY = 1.0
 
 @dataclass(frozen=True)
 class Job:
-    """What one joint does in a run.
+    """The task of one joint in a run.
 
     Attributes:
-        name: The joint's, where the configuration lists several.
-        reference: Joint torque that is wanted, or motor torque that is commanded [N m], by control
-            step.
-        controller: A row of `CONTROLLERS`, a gain file, or `NONE`.
+        name: Name of the joint, if the configuration lists several.
+        reference: Reference torque, or commanded motor torque, at every control step [N m].
+        controller: Name of a controller, a gain file, or `NONE`.
         policy: Run folder of a policy, or None.
-        facts: What else belongs to the record's provenance.
+        facts: Further entries of the record's provenance.
     """
 
     name: str
@@ -60,8 +59,8 @@ class Run:
     """One run of all joints.
 
     Attributes:
-        path: Its record, None for none.
-        jobs: One for each joint.
+        path: File for its record, or None.
+        jobs: Task of each joint.
     """
 
     path: Path | None
@@ -69,11 +68,7 @@ class Run:
 
 
 def runs_of(configs: Sequence[HardwareConfig], options: argparse.Namespace) -> Sequence[Run]:
-    """Return the runs that are asked for; of a series those that are not recorded yet.
-
-    Raises:
-        ConfigurationError: An option is out of its range.
-    """
+    """Return the runs to carry out; of a series, those not recorded yet."""
     check_seed(options.seed)
     out = None if options.dry_run else options.out
     each = [of_joint(options, k, configs) for k in range(len(configs))]
@@ -102,11 +97,7 @@ def runs_of(configs: Sequence[HardwareConfig], options: argparse.Namespace) -> S
 def of_joint(
     options: argparse.Namespace, k: int, configs: Sequence[HardwareConfig]
 ) -> argparse.Namespace:
-    """Return the options of the k-th joint: its controller or policy, and a reference of its own.
-
-    Raises:
-        ConfigurationError: There are neither one of them for all joints, nor one for each.
-    """
+    """Return the options of the k-th joint, with its own controller or policy and reference."""
     own = {**vars(options), "seed": options.seed + APART * k}
     for name in ("controller", "policy"):
         words = own[name]
@@ -121,20 +112,20 @@ def of_joint(
 
 
 def _check_words(runs: Sequence[Run]) -> None:
-    """Refuse a controller that there is not, before the bus is touched."""
+    """Raise an error for an unknown controller before the bus is used."""
     for job in (job for run in runs for job in run.jobs):
         if job.policy is None and job.controller != NONE:
             choose(job.controller)
 
 
 def _experiment(name: str, config: HardwareConfig, options: argparse.Namespace) -> Job:
-    """Return what a joint does in an identification experiment."""
+    """Return the task of a joint in an identification experiment."""
     torque = experiment_torque(name, config.joint, config.limits, config.dt)
     return Job(config.name, torque, NONE, None, {"excitation": name, "mode": "open loop"})
 
 
 def _task(name: str, config: HardwareConfig, options: argparse.Namespace) -> Job:
-    """Return what a joint does in a run of the benchmark."""
+    """Return the task of a joint in a benchmark run."""
     from cjt_gym.hardware.beside_simulation import SECONDS, reference_of
 
     seconds = SECONDS if options.duration is None else options.duration
@@ -147,7 +138,7 @@ def _task(name: str, config: HardwareConfig, options: argparse.Namespace) -> Job
 
 
 def _missing(runs: Sequence[Run]) -> Sequence[Run]:
-    """Return the runs of a series that have no complete record; move broken records away."""
+    """Return the runs of a series without a complete record; move incomplete ones away."""
     found = []
     for run in runs:
         path = run.path
@@ -161,11 +152,7 @@ def _missing(runs: Sequence[Run]) -> Sequence[Run]:
 
 
 def _is_complete(path: Path, jobs: Sequence[Job]) -> bool:
-    """Return whether a record is all of a run.
-
-    Raises:
-        ConfigurationError: It is that of another one.
-    """
+    """Return whether a record is complete."""
     known = read_record(path).provenance
     if "fault" in known or "timing_us" not in known:
         return False
@@ -183,12 +170,12 @@ def _is_complete(path: Path, jobs: Sequence[Job]) -> bool:
 def _with_amplitude(
     config: HardwareConfig, options: argparse.Namespace, make: Callable[[float], Floats]
 ) -> tuple[float, Floats]:
-    """Return amplitude and reference [N m]; without a given one the nominal joint keeps its limits.
+    """Return amplitude and reference [N m]; the default keeps the nominal joint within its limits.
 
     Args:
         config: The joint on its bus.
-        options: Of the command.
-        make: Makes the reference of an amplitude, which it is proportional to.
+        options: Options of the command.
+        make: Makes the reference for an amplitude, to which it is proportional.
     """
     if options.amplitude is not None:
         if not 0.0 < options.amplitude <= config.limits.tau:
@@ -204,11 +191,7 @@ def _with_amplitude(
 
 
 def tracking(config: HardwareConfig, options: argparse.Namespace) -> Job:
-    """Return what a joint does along a reference, under a controller or a policy.
-
-    Raises:
-        ConfigurationError: An option is out of its range.
-    """
+    """Return the task of a joint that tracks a reference under a controller or policy."""
     word = options.reference
     record = read_record(word) if Path(word).suffix or word in record_names() else None
     record = record and part_of(record, config.name)

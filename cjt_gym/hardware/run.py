@@ -1,4 +1,4 @@
-"""One run of `cjt-gym hardware`: the joints of a bus in step, each with what drives it."""
+"""One run of `cjt-gym hardware`: the joints of a bus, each with its controller or policy."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 
 
 class Law(Protocol):
-    """What commands a joint: a controller, or a policy in its place."""
+    """Interface of what commands a joint: a controller, or a policy in its place."""
 
     def act(self, measured: Measurement, reference: Floats) -> Floats:
         """Return the motor torque for a control step [N m], shape (1,)."""
@@ -33,14 +33,7 @@ class Law(Protocol):
 def carry_out(
     run: Run, configs: Sequence[HardwareConfig], link: Link | None, watcher: Watcher | None
 ) -> dict[str, Any]:
-    """Carry out a run and return what came out.
-
-    Args:
-        run: What is to be done.
-        configs: One for each joint.
-        link: The way to an emulated bus; None for the real one.
-        watcher: Shown what the record gets; None for nobody.
-    """
+    """Carry out a run and return its result."""
     with CanArm(configs, link, run.path, watcher) as arm:
         policies = [_policy(arm, k, job) for k, job in enumerate(run.jobs)]  # before the bus
         arm.connect()
@@ -68,15 +61,15 @@ def _rms(errors: Floats) -> float:
 
 
 def _policy(arm: CanArm, k: int, job: Job) -> Law | None:
-    """Return the policy of a joint, None where it has none; note the job in the record to come."""
+    """Return the policy of a joint, or None; add the task to the record's provenance."""
     arm.joints[k].record.know(**job.facts)
     return None if job.policy is None else PolicyLaw(job.policy, arm, k, job.reference)
 
 
 def _law(arm: CanArm, k: int, job: Job) -> Law | None:
-    """Return the controller of a joint, None for the reference itself; note its gains.
+    """Return the controller of a joint, or None; add its gains to the record's provenance.
 
-    They are designed for the delay that is measured now.
+    Gains are designed for the delay measured now.
     """
     joint = arm.joints[k]
     if job.controller == NONE:

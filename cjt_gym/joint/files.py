@@ -64,6 +64,11 @@ class JointFile:
         """Name of the joint."""
         return self.parameters.name
 
+    @property
+    def gear_ratio(self) -> float | None:
+        """Gear ratio n; None where the file gives none."""
+        return self.parameters.n if "n" in self.parameters else None
+
     def hash_hex(self) -> str:
         """Return the SHA-256 over axis, parameters, effects, sensors and sampling, in hexadecimal.
 

@@ -21,9 +21,12 @@ LONGEST = 64
 """Characters of a unit."""
 _POWER = re.compile(r"\*\*|\^|[⁰¹²³⁴⁵⁶⁷⁸⁹]")
 _POWER_OF_A_NAME = re.compile(r"(?<=[^\W\d_])(?:\s*(?:\*\*|\^)\s*\(?-?\d\)?|⁻?[⁰¹²³⁴⁵⁶⁷⁸⁹])")
+_BARE_POWER = re.compile(r"(?<=m)2\b")
+_INERTIA = re.compile(r"\b(k?g)(c?m)(?=\^|\*\*|²)")
 _DEFINITIONS = (
     "radian = [angle] = rad",
     "newton_meter = newton * meter = Nm",
+    "newton_meter_second = newton * meter * second = Nms",
     "newton_centimeter = newton * centimeter = Ncm",
     "@alias turn = rev",
     "@alias ohm = Ohm",
@@ -85,7 +88,8 @@ def _registry() -> pint.UnitRegistry[float]:
 
 @cache
 def _parsed(unit: str) -> Any:
-    """Return pint's unit of that name, or None."""
+    """Return pint's unit of that name, such as "gcm2" of a datasheet, or None."""
+    unit = _INERTIA.sub(r"\1 \2", _BARE_POWER.sub("^2", unit))
     if len(unit) > LONGEST or _POWER.search(_POWER_OF_A_NAME.sub("", unit)):
         return None  # pint calculates powers of numbers, which may take for ever
     try:

@@ -6,10 +6,10 @@ A file in order is a record (:func:`read_record`); a log as machines write it be
 
 from cjt_gym.records.checks import FloatArray
 from cjt_gym.records.columns import COLUMNS, TRUE_PREFIX, Column, default_units
-from cjt_gym.records.files import read_record, record_names, write_record
+from cjt_gym.records.files import joint_of, read_record, record_names, write_record
 from cjt_gym.records.formats import FORMATS
 from cjt_gym.records.joints import joints_of, one_joint, part_of
-from cjt_gym.records.logs import iter_record, read_log
+from cjt_gym.records.logs import draft_mapping, iter_record, read_log
 from cjt_gym.records.mapping import load_mapping
 from cjt_gym.records.record import Record, concat
 from cjt_gym.records.repair import clean, clean_pieces
@@ -30,8 +30,10 @@ __all__ = [
     "clean_pieces",
     "concat",
     "default_units",
+    "draft_mapping",
     "informative_windows",
     "iter_record",
+    "joint_of",
     "joints_of",
     "load_mapping",
     "one_joint",

@@ -15,18 +15,23 @@ from cjt_gym.disk import whole
 from cjt_gym.errors import RecordError, unknown_name
 from cjt_gym.records.alignment import aligned
 from cjt_gym.records.formats import FORMATS, Table, format_of
-from cjt_gym.records.mapping import SUFFIX, ColumnMapping, load_mapping
+from cjt_gym.records.mapping import SUFFIX, ColumnMapping, load_mapping, read_document
 from cjt_gym.records.metadata import facts_path, metadata_text, read_metadata
-from cjt_gym.records.record import Record
+from cjt_gym.records.record import Record, joint_beside
 from cjt_gym.records.sources import clock, mapped
 
 MappingLike = str | Path | Mapping[str, Any]
 ROWS = 100_000
 """Rows of a table that are read at a time."""
+NOMINAL = "nominal.toml"
+"""Joint file beside a log that names no joint."""
 
 
 def read_record(
-    path_or_name: str | Path, allow_nan: bool = False, mapping: MappingLike | None = None
+    path_or_name: str | Path,
+    allow_nan: bool = False,
+    mapping: MappingLike | None = None,
+    n: float | None = None,
 ) -> Record:
     """Read a record from its table or the ``.toml`` beside it, or a shipped one by its name.
 
@@ -40,6 +45,7 @@ def read_record(
         mapping: Which column is which, in which unit, where the table has other names: a TOML file
             or the same as dictionaries, see :mod:`cjt_gym.records.mapping`. Left out, the file
             ``run.map.toml`` beside the table counts, if there is one.
+        n: Gear ratio of the joint, used where the mapping gives none.
 
     Raises:
         RecordError: There is no such record, or its files are not valid.
@@ -50,7 +56,7 @@ def read_record(
         (24841, 'm')
     """
     path = table_path(path_or_name)
-    chosen = mapping_of(path, mapping)
+    chosen = mapping_of(path, mapping, n)
     if chosen is None:
         facts = read_metadata(path.with_suffix(".toml"))
         columns = format_of(path).read(path)
@@ -73,16 +79,48 @@ def joined(pieces: Iterable[Table]) -> dict[str, NDArray[Any]]:
     }
 
 
-def mapping_of(path: Path, mapping: MappingLike | None) -> ColumnMapping | None:
+def mapping_of(
+    path: Path, mapping: MappingLike | None, n: float | None = None
+) -> ColumnMapping | None:
     """Return the mapping that was given, or else the one beside a table, or else None.
+
+    Args:
+        path: The table.
+        mapping: The mapping that was given.
+        n: Gear ratio, used where the mapping gives none.
 
     Raises:
         RecordError: It is not valid.
     """
+    found = _given_or_beside(path, mapping)
+    return None if found is None else load_mapping(found, n)
+
+
+def joint_of(path_or_name: str | Path, mapping: MappingLike | None = None) -> str | Path | None:
+    """Return the joint to load for a log: the one it names, or else nominal.toml beside it.
+
+    Args:
+        path_or_name: The log, which is not read itself.
+        mapping: Which column is which; see :func:`read_record`.
+
+    Raises:
+        RecordError: There is no such log, or the files that describe it are not valid.
+    """
+    path = table_path(path_or_name)
+    found, beside = _given_or_beside(path, mapping), path.with_suffix(".toml")
+    facts = {} if found is None else read_document(found)
+    if beside.is_file():
+        facts |= read_metadata(beside)
+    named = facts.get("joint")
+    if isinstance(named, str):
+        return joint_beside(path, named)
+    nominal = path.with_name(NOMINAL)
+    return nominal if nominal.is_file() else None
+
+
+def _given_or_beside(path: Path, mapping: MappingLike | None) -> MappingLike | None:
     beside = path.with_suffix(SUFFIX)
-    if mapping is None:
-        return load_mapping(beside) if beside.is_file() else None
-    return load_mapping(mapping)
+    return beside if mapping is None and beside.is_file() else mapping
 
 
 def facts_of(path: Path, mapping: ColumnMapping) -> dict[str, Any]:

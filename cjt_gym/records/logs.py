@@ -14,6 +14,7 @@ from cjt_gym.errors import RecordError
 from cjt_gym.records.alignment import aligned
 from cjt_gym.records.checks import FloatArray
 from cjt_gym.records.columns import COLUMNS, TRUE_PREFIX, default_units
+from cjt_gym.records.draft import draft
 from cjt_gym.records.files import (
     ROWS,
     MappingLike,
@@ -23,7 +24,7 @@ from cjt_gym.records.files import (
     table_path,
 )
 from cjt_gym.records.formats import Table, format_of
-from cjt_gym.records.mapping import ColumnMapping
+from cjt_gym.records.mapping import SUFFIX, ColumnMapping
 from cjt_gym.records.metadata import read_metadata
 from cjt_gym.records.record import Record
 from cjt_gym.records.repair import make_records
@@ -77,14 +78,16 @@ class Log:
         return {name: numbers_of(np.asarray(table[name]), name, str(self.path)) for name in used}
 
 
-def open_log(path_or_name: str | Path, mapping: MappingLike | None = None) -> Log:
-    """Return a log, of which only the beginning has been read.
+def open_log(
+    path_or_name: str | Path, mapping: MappingLike | None = None, n: float | None = None
+) -> Log:
+    """Return a log, of which only the beginning has been read; arguments as for `read_log`.
 
     Raises:
         RecordError: There is no such file, or its columns are not known.
     """
     path = table_path(path_or_name)
-    chosen = mapping_of(path, mapping)
+    chosen = mapping_of(path, mapping, n)
     beginning = next(iter(format_of(path).stream(path, ROWS)), {})
     if chosen is not None:
         facts = facts_of(path, chosen)
@@ -106,6 +109,7 @@ def read_log(
     path_or_name: str | Path,
     mapping: MappingLike | None = None,
     seconds: float | None = None,
+    n: float | None = None,
 ) -> tuple[tuple[Record, ...], tuple[Repair, ...]]:
     """Read a log as it comes, and repair it.
 
@@ -118,6 +122,7 @@ def read_log(
         mapping: Which column is which; see :func:`cjt_gym.records.read_record`.
         seconds: Of a longer log, only its most informative windows of so many seconds in all
             [s]; see :func:`cjt_gym.records.informative_windows`.
+        n: Gear ratio of the joint, used where the mapping gives none.
 
     Returns:
         A record per piece of the log, and what was repaired or noticed.
@@ -130,7 +135,7 @@ def read_log(
         >>> len(records), len(repairs)
         (1, 0)
     """
-    log = open_log(path_or_name, mapping)
+    log = open_log(path_or_name, mapping, n)
     if seconds is not None:
         from cjt_gym.records.windows import windows_of
 
@@ -162,16 +167,25 @@ def iter_record(
         yield from records
 
 
+def draft_mapping(path_or_name: str | Path) -> str:
+    """Return a mapping to be edited, guessed from the names of the columns of a log.
+
+    Raises:
+        RecordError: There is no such log, or it cannot be read.
+    """
+    path = table_path(path_or_name)
+    return draft(path.name, next(iter(format_of(path).stream(path, ROWS)), {}))
+
+
 def _unexplained(path: Path, names: list[str]) -> Log:
     """Return a log of which nothing but the names of its columns is known."""
     known = tuple(name for name in names if name.removeprefix(TRUE_PREFIX) in COLUMNS)
-    if not known:
+    if set(known) <= {"t"}:
         listing = ", ".join(names[:40]) + (", ..." if len(names) > 40 else "")
         raise RecordError(
             f"No column of {path} has the name of a record's column ({', '.join(COLUMNS)}). "
-            f"Columns there: {listing or 'none'}. Say which is which in a mapping "
-            f'{path.stem}.map.toml, such as  [columns.q_m]  with  source = "..."  and  '
-            'unit = "deg".'
+            f"Columns there: {listing or 'none'}. Say which is which in a mapping beside it; a "
+            f"draft to edit:  cjt-gym convert {path} --out {path.with_suffix(SUFFIX)}"
         )
     others = [name for name in names if name not in known]
     left = f" Left out: {', '.join(others)}." if others else ""

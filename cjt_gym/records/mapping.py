@@ -20,9 +20,9 @@ A mapping has a table per column of the record. All of its keys are optional:
                     values of different instants; need not be whole for what is measured
 ==================  ===========================================================================
 
-Beside the table `columns` stand the gear ratio `n` and whatever the TOML file of a record may hold:
-`dt`, `joint`, `structure`, `sensors`, `provenance`. A table `can` is for drives that are commanded
-by the same mapping, and not read here.
+Beside the table `columns` stand the gear ratio `n` (left out, that of the joint) and whatever the
+TOML file of a record may hold: `dt`, `joint`, `structure`, `sensors`, `provenance`. A table `can`
+is for drives that are commanded by the same mapping, and not read here.
 """
 
 from __future__ import annotations
@@ -98,8 +98,12 @@ class ColumnMapping:
         return {n: column.samples_late for n, column in self.columns.items() if column.samples_late}
 
 
-def load_mapping(mapping: str | Path | Mapping[str, Any]) -> ColumnMapping:
+def load_mapping(mapping: str | Path | Mapping[str, Any], n: float | None = None) -> ColumnMapping:
     """Return a mapping, from its TOML file or as the same nested dictionaries.
+
+    Args:
+        mapping: The file or the dictionaries.
+        n: Gear ratio of the joint, used where the mapping gives none.
 
     Raises:
         RecordError: The file is absent or is not TOML, or a key or its value is not valid.
@@ -108,17 +112,27 @@ def load_mapping(mapping: str | Path | Mapping[str, Any]) -> ColumnMapping:
         >>> load_mapping({"columns": {"q_m": {"source": "pos", "unit": "deg"}}}).units
         {'q_m': 'rad'}
     """
+    owner = "the mapping" if isinstance(mapping, Mapping) else str(mapping)
+    return _mapping(owner, read_document(mapping), n)
+
+
+def read_document(mapping: str | Path | Mapping[str, Any]) -> dict[str, Any]:
+    """Return what a mapping says, unchecked.
+
+    Raises:
+        RecordError: The file is absent or is not TOML.
+    """
     if isinstance(mapping, Mapping):
-        return _mapping("the mapping", dict(mapping))
+        return dict(mapping)
     path = Path(mapping)
     try:
-        return _mapping(str(path), read_toml(path, RecordError))
+        return read_toml(path, RecordError)
     except OSError as error:
         raise RecordError(f"There is no mapping {path}: {error.strerror}.") from error
 
 
-def _mapping(owner: str, document: dict[str, Any]) -> ColumnMapping:
-    columns, n = document.pop("columns", None), document.pop("n", None)
+def _mapping(owner: str, document: dict[str, Any], n: float | None) -> ColumnMapping:
+    columns, n = document.pop("columns", None), document.pop("n", n)
     document.pop("can", None)
     if not isinstance(columns, dict) or not columns:
         raise RecordError(
@@ -268,6 +282,7 @@ def _gear(what: str, given: Mapping[str, Any], si: str, n: float | None) -> floa
         )
     if n is None:
         raise RecordError(
-            f"{what} is on the motor's side and needs the gear ratio: a line  n = ...  at the top."
+            f"{what} is on the motor's side and needs the gear ratio: a line  n = ...  at the top, "
+            'or  joint = "..."  with a joint that has n.'
         )
     return float(n ** GEARED[si])

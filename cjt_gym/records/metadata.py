@@ -143,7 +143,8 @@ def _parse(path: Path) -> dict[str, Any]:
     except FileNotFoundError:
         raise RecordError(
             f"The record needs a file {path} beside its table, with the sample time dt = ... [s] "
-            'and the table [units] that gives every column its unit, such as  q_m = "rad".'
+            'and the table [units] that gives every column its unit, such as  q_m = "rad"; or, for '
+            f"a log with other names, a mapping:  cjt-gym convert LOG --out {path.stem}.map.toml"
         ) from None
 
 

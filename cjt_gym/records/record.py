@@ -163,8 +163,7 @@ class Record:
         """The joint to load: the file of that name beside the record, else the bare name."""
         if self.joint is None or self.origin is None:
             return self.joint
-        beside = self.origin.parent / self.joint
-        return beside if os.path.isfile(beside) else self.joint
+        return joint_beside(self.origin, self.joint)
 
     def slice(self, start: int | None = None, stop: int | None = None) -> Record:
         """Return the samples from ``start`` up to but not including ``stop``, as in a Python slice.
@@ -189,6 +188,12 @@ class Record:
         return replace(
             self, columns={**self.columns, **columns}, units={**self.units, **(units or {})}
         )
+
+
+def joint_beside(origin: Path, name: str) -> str | Path:
+    """Return the joint to load: the file of that name beside a record, else the bare name."""
+    beside = origin.parent / name
+    return beside if os.path.isfile(beside) else name
 
 
 def concat(records: Sequence[Record]) -> Record:

@@ -9,6 +9,8 @@ import pytest
 from cjt_gym.canbus.config import load_hardware, parse_hardware
 from cjt_gym.canbus.emulator import emulated_joint
 from cjt_gym.errors import CjtGymError, ConfigurationError, MissingFileError
+from cjt_gym.joint import load_joint, to_toml
+from cjt_gym.joint.build import file_of
 from tests.canbus.bench import config, document, toml
 
 
@@ -109,3 +111,15 @@ def test_allowances_that_are_not_given_follow_from_the_others(
     given = parse_hardware(document(control=control), "x", Path())
     assert (given.overrun, given.drive.settings.watchdog) == pytest.approx((overrun, watchdog))
     assert given.missed == missed
+
+
+def test_the_emulated_joint_has_the_effects_of_its_file_unless_others_are_given(
+    tmp_path: Path,
+) -> None:
+    known = load_joint("orange_80_6000", "output_fixed", effects={"coulomb": {"d_cm": 3.0}})
+    (tmp_path / "mine.toml").write_text(to_toml(file_of(known)), encoding="utf-8")
+    for given, wanted in (({}, {"coulomb"}), ({"effects": []}, set())):
+        joint = {"file": "mine.toml", "structure": "output_fixed", **given}
+        found = parse_hardware({**document(), "joint": joint}, "bench.toml", tmp_path)
+        assert set(emulated_joint(found).effects) - {"noise", "quantization"} == wanted
+    assert found.joint.effects == {}, "the nominal joint of controllers has none"

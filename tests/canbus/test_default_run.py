@@ -18,6 +18,7 @@ from cjt_gym.canbus.virtual import VirtualLink
 from cjt_gym.cli import main
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.hardware.delayed_law import law_for
+from cjt_gym.joint import JointFile, JointParameters, load_joint, to_toml
 from cjt_gym.records import read_record
 from cjt_gym.training.tuning.gains import write_gains
 from tests.canbus.bench import config, document, toml
@@ -133,3 +134,12 @@ def test_a_temperature_that_is_lost_now_and_then_ends_no_run() -> None:
     for _ in range(500):  # a second without one
         plant.step(np.zeros(1))
     plant.close()
+
+
+def test_a_joint_without_a_spring_has_a_law(tmp_path: Path) -> None:
+    values = {"I_m": 0.75, "n": 50.0, "k_t": 0.06, "r": 0.4, "v_0": 48.0, "i_p": 20.0, "d_m": 1.0}
+    path = tmp_path / "bench.toml"
+    file = JointFile(JointParameters.from_values("bench", values))
+    path.write_text(to_toml(file), encoding="utf-8")
+    rigid = load_joint(path, "rigid")
+    assert law_for("pd_feedforward", rigid, 1e-3, {"command_delay.delay": 1e-3}) is not None

@@ -118,7 +118,7 @@ def test_frames_that_break_their_protocol_are_counted(tmp_path: Path) -> None:
 
 def test_a_trace_of_other_nodes_is_told(tmp_path: Path) -> None:
     (tmp_path / "run.log").write_text("(1700000000.700000) can0 7FF#00\n")
-    with pytest.raises(RecordError, match="No frame of .* is of these nodes"):
+    with pytest.raises(RecordError, match="No frame of .* is from these nodes"):
         read_trace(tmp_path / "run.log", nodes("odrive"))
 
 

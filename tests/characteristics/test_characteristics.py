@@ -341,3 +341,8 @@ class TestEffects:
         assert characteristic(p, "t_p") == pytest.approx(0.07 * 80.0 * 15.0)
         ratio = characteristic(p, "f_0") / characteristic(file.parameters, "f_0")
         assert ratio == pytest.approx(np.sqrt(5000.0 / 6000.0))
+
+
+def test_a_datasheet_without_friction_loses_nothing_without_torque() -> None:
+    values = {"n": 50.0, "k_t": 0.06, "r": 0.4, "v_0": 48.0, "i_p": 20.0, "I_m": 0.75}
+    assert best_efficiency(JointParameters.from_values("new", values)) == pytest.approx(1.0)

@@ -185,3 +185,11 @@ def test_units_that_are_arithmetic_or_broken_are_refused(unit: str) -> None:
 def test_powers_of_units_are_read(unit: str) -> None:
     scale = 1e-3 if unit == "mN m" else 1.0
     assert in_usual_unit(Quantity(1.0, unit), ("N m",), "tau").value == pytest.approx(scale)
+
+
+@pytest.mark.parametrize("unit", ["g cm^2", "gcm2", "gcm²", "g cm2", "gcm^2", "g*cm**2"])
+def test_inertias_are_read_as_datasheets_write_them(unit: str) -> None:
+    found = in_usual_unit(Quantity(1.0, unit), ("kg m^2",), "I_m")
+    assert found.value == pytest.approx(1e-7)
+    heavy = in_usual_unit(Quantity(1.0, unit.replace("g", "kg", 1)), ("kg m^2",), "I_m")
+    assert heavy.value == pytest.approx(1e-4)

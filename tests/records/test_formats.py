@@ -69,7 +69,7 @@ def test_damaged_lines_cost_only_themselves(tmp_path: Path) -> None:
 
 def test_a_log_without_any_known_name_says_how_to_map_it(tmp_path: Path) -> None:
     (tmp_path / "log.csv").write_text("time,pos\n0,0\n1,1\n")
-    with pytest.raises(RecordError, match=r"Columns there: time, pos. .* log.map.toml"):
+    with pytest.raises(RecordError, match=r"Columns there: time, pos. .* --out .*log.map.toml"):
         read_log(tmp_path / "log.csv")
 
 

@@ -117,6 +117,21 @@ def test_a_policy_runs_on_another_joint_but_not_at_another_rate(finished: RunFol
         policy.arguments(Conditions("lemon_50_6000", dt_control=2e-3))
 
 
+@pytest.mark.parametrize(
+    ("asked", "taken"), [(100, 104), (1, 8), (600, 1024)], ids=["short", "one", "two rollouts"]
+)
+def test_a_training_takes_the_steps_asked_for_or_says_how_many_instead(
+    tiny: TrainConfig,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    asked: int,
+    taken: int,
+) -> None:
+    run = train(replace(tiny, total_steps=asked), tmp_path / "run")
+    assert run.facts["steps"] == taken
+    assert f"{taken} steps instead of {asked}" in capsys.readouterr().err
+
+
 def test_a_killed_run_goes_on_from_its_last_checkpoint(tiny: TrainConfig, tmp_path: Path) -> None:
     config = replace(tiny, total_steps=400_000)
     (tmp_path / "long.toml").write_text(to_toml(config.to_dict()), encoding="utf-8")

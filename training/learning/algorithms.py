@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from sb3_contrib import TQC, RecurrentPPO
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
@@ -115,7 +117,28 @@ def _options(config: TrainConfig, algorithm: type[BaseAlgorithm]) -> dict[str, A
             raise ConfigurationError(f"{unknown_name('option', name, known)} {where}")
         if isinstance(value, Mapping):
             options[name] = _schedule(name, value)
-    return options
+    return _no_longer_than_the_training(options, config, algorithm)
+
+
+def _no_longer_than_the_training(
+    options: dict[str, Any], config: TrainConfig, algorithm: type[BaseAlgorithm]
+) -> dict[str, Any]:
+    """Return options whose rollouts take no more steps than the training has."""
+    if not issubclass(algorithm, OnPolicyAlgorithm):
+        return options
+    usual = inspect.signature(algorithm).parameters
+    n_steps = math.ceil(max(config.total_steps, 2) / config.num_envs)
+    if n_steps >= options.get("n_steps", usual["n_steps"].default):
+        return options
+    size, batch = n_steps * config.num_envs, options.get("batch_size", usual["batch_size"].default)
+    return options | {"n_steps": n_steps, "batch_size": size if size % batch else batch}
+
+
+def steps_of(model: BaseAlgorithm, total: int) -> int:
+    """Return how many steps a model is at after learning up to a total, in whole rollouts."""
+    each = model.n_envs * (model.n_steps if isinstance(model, OnPolicyAlgorithm) else 1)
+    done = model.num_timesteps
+    return done + math.ceil(max(total - done, 0) / each) * each
 
 
 def _schedule(name: str, ends: Mapping[str, Any]) -> Callable[[float], float]:

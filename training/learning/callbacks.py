@@ -43,12 +43,12 @@ class Companion(BaseCallback):
     has a patience.
     """
 
-    def __init__(self, run: RunFolder, config: TrainConfig, quiet: bool = False) -> None:
-        """Prepare; `quiet` leaves the progress bar out."""
+    def __init__(self, run: RunFolder, config: TrainConfig, steps: int, quiet: bool) -> None:
+        """Prepare for so many steps; `quiet` leaves the progress bar out."""
         super().__init__()
         self.run_folder, self.config = run, config
         self._bar: Any = tqdm(
-            total=config.total_steps, unit="step", unit_scale=True, disable=quiet, desc="training"
+            total=steps, unit="step", unit_scale=True, disable=quiet, desc="training"
         )
         self._errors: deque[float] = deque(maxlen=RECENT)
         self._returns: deque[float] = deque(maxlen=RECENT)

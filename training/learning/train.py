@@ -17,6 +17,7 @@ from cjt_gym.training.learning.algorithms import (
     load_weights,
     make_environment,
     make_model,
+    steps_of,
 )
 from cjt_gym.training.learning.callbacks import Companion, restore
 from cjt_gym.training.learning.config import TrainConfig, environment_arguments
@@ -58,7 +59,11 @@ def _trained(
         return run
     _continue(run, model, env, config, quiet)
     model.set_logger(Logger(None, _writers(run)))
-    companion = Companion(run, config, quiet)
+    steps = steps_of(model, config.total_steps)
+    if steps > config.total_steps:
+        text = f"{steps} steps instead of {config.total_steps}: all environments take whole "
+        _say(text + f"rollouts of {config.algorithm} together", quiet)
+    companion = Companion(run, config, steps, quiet)
     try:
         _learn(model, config, companion)
     except KeyboardInterrupt:

@@ -1,4 +1,4 @@
-"""Ends of a CAN bus on which an emulated node serves: python-can, socketcand, slcan on a pty."""
+"""Ends of a CAN bus for the emulator: python-can, socketcand, slcan on a pseudo-terminal."""
 
 from __future__ import annotations
 
@@ -16,13 +16,10 @@ PTY = "pty"
 
 
 def open_port(settings: BusSettings) -> Port:
-    """Return the end on which an emulator serves.
+    """Return the emulator's end of a bus.
 
-    With ``socketcand`` it is a server, with ``slcan`` an adapter on a pseudo-terminal, to which the
-    channel becomes a link where it is a path; with anything else python-can's own bus.
-
-    Raises:
-        ConfigurationError: It cannot be opened.
+    ``socketcand`` gives a server, ``slcan`` an adapter on a pseudo-terminal, with a link to it if
+    the channel is a path, and anything else python-can's own bus.
     """
     if settings.interface == "socketcand":
         return SocketcandPort(settings.host, settings.port, settings.channel)
@@ -32,7 +29,7 @@ def open_port(settings: BusSettings) -> Port:
 
 
 def _adapter(link: str | None) -> Port:
-    """Return an slcan adapter; Windows has no pseudo-terminals, nor the modules for them."""
+    """Return an slcan adapter; Windows has neither pseudo-terminals nor their modules."""
     try:
         from cjt_gym.canbus.ports.slcan import SlcanPort
     except ModuleNotFoundError as error:

@@ -1,4 +1,4 @@
-"""A port on any bus that python-can knows: virtual, socketcan, an adapter."""
+"""A port on any python-can bus: virtual, socketcan, an adapter."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ class BusPort:
 
     @property
     def address(self) -> str:
-        """What python-can calls the bus."""
+        """The bus, as python-can names it."""
         return str(self.bus.channel_info)
 
     def receive(self, timeout: float) -> Sequence[can.Message]:
-        """Return what has arrived, waiting up to `timeout` [s] where nothing has."""
+        """Return what has arrived, waiting up to `timeout` [s] for it."""
         found = []
         message = self.bus.recv(timeout)
         while message is not None:
@@ -34,7 +34,7 @@ class BusPort:
         return found
 
     def send(self, message: can.Message) -> None:
-        """Send a frame; without a receiver it is lost, as on a bus."""
+        """Send a frame; without a receiver it is lost."""
         self.bus.send(message)
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""What an emulator asks of its end of the bus."""
+"""Interface of the emulator's end of a bus."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ import can
 
 
 class Port(Protocol):
-    """An end of a bus that takes and gives frames."""
+    """An end of a bus that sends and receives frames."""
 
     @property
     def address(self) -> str:
-        """Where a client finds it, in words."""
+        """Address for clients, in words."""
         ...
 
     def receive(self, timeout: float) -> Sequence[can.Message]:
-        """Return what has arrived, waiting up to `timeout` [s] where nothing has."""
+        """Return what has arrived, waiting up to `timeout` [s] for it."""
         ...
 
     def send(self, message: can.Message) -> None:
-        """Send a frame to whoever listens."""
+        """Send a frame to all clients."""
         ...
 
     def close(self) -> None:

@@ -41,10 +41,7 @@ class SlcanPort:
         """Open a pseudo-terminal.
 
         Args:
-            link: Path that becomes a symbolic link to it, so that a configuration can name it.
-
-        Raises:
-            ConfigurationError: There is something else at that path.
+            link: Path for a symbolic link to it, so that a configuration can name it.
         """
         self._link = Path(link) if link else None
         if self._link is not None:
@@ -84,7 +81,7 @@ class SlcanPort:
         return [message for message in found if message is not None]
 
     def send(self, message: can.Message) -> None:
-        """Send a frame to the client; where it does not read, the frame is lost."""
+        """Send a frame to the client; it is lost if the client does not read."""
         if self._is_open and not message.is_error_frame:
             self._write(line_of(message))
 
@@ -101,7 +98,7 @@ class SlcanPort:
             self._unsent = self._unsent[os.write(self._master, self._unsent) :]
 
     def _obey(self, line: bytes) -> can.Message | None:
-        """Answer a command; return the frame that it sends, if it does."""
+        """Answer a command; return the frame that it sends, if any."""
         name = line[:1]
         if name in (b"O", b"L"):
             self._is_open = True
@@ -121,7 +118,7 @@ class SlcanPort:
 
 
 def parse_line(line: bytes) -> can.Message | None:
-    """Return the frame of a line without its end, None where it is none.
+    """Return the frame that a line stands for, or None.
 
     Example:
         >>> parse_line(b"t1232FF00").data.hex()
@@ -155,7 +152,7 @@ def parse_line(line: bytes) -> can.Message | None:
 
 
 def line_of(message: can.Message) -> bytes:
-    r"""Return a frame as a line with its end.
+    r"""Return a frame as a line.
 
     Example:
         >>> line_of(can.Message(arbitration_id=0x123, data=[255, 0], is_extended_id=False))

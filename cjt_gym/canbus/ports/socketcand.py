@@ -30,7 +30,7 @@ _LIMIT = 64
 
 @final
 class _Client:
-    """A connection and how far it has come."""
+    """A connection and its state."""
 
     def __init__(self, connection: socket.socket) -> None:
         connection.setblocking(False)
@@ -43,7 +43,7 @@ class _Client:
 
     @property
     def is_raw(self) -> bool:
-        """Whether it wants frames."""
+        """Whether the client gets frames."""
         return time.monotonic() >= self.raw_from
 
 
@@ -52,15 +52,12 @@ class SocketcandPort:
     """A socketcand server that serves one channel to any number of clients."""
 
     def __init__(self, host: str = "127.0.0.1", port: int = 29536, channel: str = "can0") -> None:
-        """Listen.
+        """Start the server.
 
         Args:
             host: Address to listen on.
             port: TCP port; 0 takes a free one.
-            channel: Name of the channel that clients may open.
-
-        Raises:
-            ConfigurationError: The address cannot be listened on.
+            channel: Channel that clients may open.
         """
         self.channel = channel
         self._clients: list[_Client] = []
@@ -108,7 +105,7 @@ class SocketcandPort:
         self._spread(message, None)
 
     def close(self) -> None:
-        """Hang up and stop listening."""
+        """Close all connections and stop the server."""
         for client in list(self._clients):
             self._drop(client)
         self._server.close()
@@ -128,7 +125,7 @@ class SocketcandPort:
             self._clients.remove(client)
 
     def _write(self, client: _Client, text: bytes) -> None:
-        """Send without waiting: a client that does not read loses frames, as on a bus."""
+        """Send without waiting; a client that does not read loses frames."""
         client.unsent += text if len(client.unsent) < LONGEST * 16 else b""
         try:
             client.unsent = client.unsent[client.connection.send(client.unsent) :]
@@ -165,7 +162,7 @@ class SocketcandPort:
                 self._write(client, line)
 
     def _obey(self, client: _Client, words: list[bytes]) -> can.Message | None:
-        """Answer a command; return the frame that it sends, if it does."""
+        """Answer a command; return the frame that it sends, if any."""
         name = words[0] if words else b""
         if name == b"open" and len(words) == 2:
             client.is_open = words[1].decode("ascii", "replace") == self.channel
@@ -187,7 +184,7 @@ class SocketcandPort:
 
 
 def parse_send(words: Sequence[bytes]) -> can.Message | None:
-    """Return the frame of the words behind ``send``, None where they make none.
+    """Return the frame given by the words after ``send``, or None.
 
     Example:
         >>> parse_send([b"123", b"2", b"a", b"ff"]).data.hex()
@@ -212,7 +209,7 @@ def parse_send(words: Sequence[bytes]) -> can.Message | None:
 
 
 def frame_text(message: can.Message) -> bytes:
-    """Return a frame as a client in raw mode gets it.
+    """Return a frame as sent to a client in raw mode.
 
     Example:
         >>> frame_text(can.Message(arbitration_id=1, data=b"xy", is_extended_id=False))

@@ -1,6 +1,6 @@
-"""What drives speak: one file and one row for each protocol.
+"""Drive protocols: one file and one row for each.
 
-:data:`PROTOCOLS` has the rows; :mod:`~cjt_gym.canbus.protocols.contract` says what a protocol is.
+:data:`PROTOCOLS` holds the rows; :mod:`~cjt_gym.canbus.protocols.contract` defines a protocol.
 """
 
 from typing import Final
@@ -22,10 +22,10 @@ PROTOCOLS: Final[dict[str, DriveProtocol]] = {
 
 
 def protocol_of(name: str) -> DriveProtocol:
-    """Return the protocol of that name.
+    """Return a protocol by name.
 
     Raises:
-        UnknownNameError: There is none.
+        UnknownNameError: There is no such protocol.
     """
     if name not in PROTOCOLS:
         raise unknown_name("protocol", name, PROTOCOLS)

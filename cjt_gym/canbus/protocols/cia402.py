@@ -1,9 +1,9 @@
 """CiA 402 over CANopen, cyclic synchronous torque: the master's side.
 
 A command is an RPDO with controlword and target torque, followed by a SYNC. The drive answers with
-two TPDOs: state, position and torque; velocity, current and error. It is set up by SDOs beforehand,
-one at a time. The drive monitors the master's heartbeat, which is sent along with commands. The
-part that does not depend on CANopen is in `cia402_profile.py`.
+two TPDOs: state, position and torque; velocity, current and error. It is configured by SDOs, one at
+a time, and monitors the master's heartbeat, which is sent with the commands. What does not depend
+on CANopen is in `cia402_profile.py`.
 
 References:
     CiA 301 and CiA 402 (IEC 61800-7-201): the finite state automaton and its controlword.
@@ -69,7 +69,7 @@ class Cia402Master:
         self._count = count()
 
     def configure(self) -> Sequence[Step]:
-        """Return the steps that set up PDOs, heartbeats and torque mode, and start the node."""
+        """Return the steps that configure PDOs, heartbeats and torque mode, and start the node."""
         time = max(1, ceil(self.settings.watchdog * 1e3 - 1e-6))  # in whole milliseconds, never off
         watched = self.settings.options["master_node"] << 16 | time
         steps = [
@@ -93,7 +93,7 @@ class Cia402Master:
         return [*steps, heard]
 
     def clear(self) -> Sequence[Step]:
-        """Return the steps; a fault ends with the rising edge of a bit."""
+        """Return the steps that clear a fault by the rising edge of a bit."""
         reset = self._frames(Controlword.RESET)
         return [
             Step("Lower the reset bit", self._frames(Controlword.DISABLE_VOLTAGE)),
@@ -101,7 +101,7 @@ class Cia402Master:
         ]
 
     def enable(self) -> Sequence[Step]:
-        """Return the steps through the finite state automaton, with zero torque."""
+        """Return the steps through the state machine, with zero torque."""
         return [
             Step(text, frames, self._shows(state), 1.0, frames)
             for text, word, state in ENABLING
@@ -109,13 +109,13 @@ class Cia402Master:
         ]
 
     def command(self, tau_m: float) -> Sequence[Message]:
-        """Return the RPDO, SYNC and, when it is due, the heartbeat."""
+        """Return the RPDO, SYNC and, when due, the heartbeat."""
         torque = self.settings.scaling.drive_torque(tau_m)
         beat = [self._heartbeat()] if next(self._count) % self._beat_every == 0 else []
         return [*self._process(Controlword.ENABLE, torque), *beat]
 
     def commanded(self, frame: Message) -> float | None:
-        """Return the target torque of the RPDO; zero where its controlword takes it away."""
+        """Return the target torque of the RPDO; zero if its controlword disables it."""
         if not is_plain(frame, RPDO.cob_id + self.settings.node):
             return None
         return self.settings.scaling.torque(self.profile.commanded(bytes(frame.data)))
@@ -129,7 +129,7 @@ class Cia402Master:
         return self._process(Controlword.DISABLE_VOLTAGE, 0.0)
 
     def decode(self, frame: Message) -> Update | None:
-        """Return what a TPDO, an emergency or a heartbeat says; answers to SDOs say nothing."""
+        """Decode a TPDO, an emergency or a heartbeat; answers to SDOs are empty."""
         if frame.is_extended_id or frame.is_remote_frame or frame.is_error_frame:
             return None
         identifier, node = frame.arbitration_id, self.settings.node
@@ -162,7 +162,7 @@ class Cia402Master:
         return Step(text, [frame_of(0x000, bytes([command, self.settings.node]))])
 
     def _shows(self, wanted: int | None) -> Callable[[Message], bool]:
-        """Return what says whether a frame shows a state, or any state for None."""
+        """Return the test whether a frame shows a state, or any state for None."""
         first = TPDOS[0]
         layout, identifier = first.layout, first.cob_id + self.settings.node
 
@@ -175,7 +175,7 @@ class Cia402Master:
         return confirmed
 
     def _map(self, pdo: Pdo) -> Sequence[Step]:
-        """Return the steps that set up a PDO: it is off while its objects change."""
+        """Return the steps that configure a PDO, which is off while its objects change."""
         identifier = pdo.cob_id + self.settings.node
         steps = [
             self._write((pdo.parameters, 1), 1 << 31 | identifier),
@@ -190,7 +190,7 @@ class Cia402Master:
         return self._access(write(key, value))
 
     def _access(self, access: Access) -> Step:
-        """Return the step that does an access by an SDO."""
+        """Return the step that makes an access by SDO."""
         if access.value is None:
             request = b"\x40" + _address(access.key) + bytes(4)
             return self._exchange(access.text, access.key, request, _read_right(access))

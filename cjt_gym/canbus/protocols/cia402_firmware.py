@@ -1,7 +1,7 @@
 """CiA 402 over CANopen, cyclic synchronous torque: the drive's side, and the row of the table.
 
-The object dictionary, SDO, NMT and heartbeat are those of the `canopen` library's own node, which
-here talks to a list of frames in place of a bus.
+Object dictionary, SDO, NMT and heartbeat are those of the `canopen` library's node, connected to a
+list of frames instead of a bus.
 """
 
 from __future__ import annotations
@@ -56,13 +56,13 @@ TPDOS: Final = tuple(pdo for pdo in PDOS if not pdo.to_drive)
 
 @dataclass(frozen=True)
 class _Setting:
-    """How a PDO is set up.
+    """The configuration of a PDO.
 
     Attributes:
-        identifier: With bit 31 where it is off.
+        identifier: Its identifier, with bit 31 set if it is off.
         kind: Transmission type.
         time: Its event timer [s].
-        objects: Index, subindex and bytes of what it carries.
+        objects: Index, subindex and size of its objects.
     """
 
     identifier: int
@@ -72,7 +72,7 @@ class _Setting:
 
 
 class Cia402Firmware(StagedFirmware):
-    """Answers as a drive does; see :class:`~cjt_gym.canbus.protocols.contract.Firmware`."""
+    """Behaves as a drive; see :class:`~cjt_gym.canbus.protocols.contract.Firmware`."""
 
     def __init__(self, settings: Settings) -> None:
         super().__init__(settings, PowerStage(settings.limits, watchdog=0.0))
@@ -98,7 +98,7 @@ class Cia402Firmware(StagedFirmware):
         self._set: dict[str, _Setting] = {}
 
     def boot(self, now: float) -> Sequence[Message]:
-        """Start, with the boot-up message, to pre-operational."""
+        """Start in pre-operational, with the boot-up message."""
         self._outbox.now = now
         self._start()
         self.stage.boot()
@@ -130,7 +130,7 @@ class Cia402Firmware(StagedFirmware):
         return self._outbox.take()
 
     def update(self, channels: Mapping[str, float], now: float) -> Sequence[Message]:
-        """Take the joint's values; return heartbeats, timed PDOs and emergencies that are due."""
+        """Take the joint's values; return the heartbeats, timed PDOs and emergencies due."""
         self._channels = channels
         self._outbox.now = now
         self.stage.supervise(channels, now)
@@ -155,7 +155,7 @@ class Cia402Firmware(StagedFirmware):
         return value
 
     def _show(self, index: int, subindex: int, od: Any) -> int | None:
-        """Return what the drive makes up itself; None for what is only stored."""
+        """Return the value of an object that the drive determines, or None."""
         options: Mapping[str, Any] = self.settings.options
         channels, scaling = self._channels, self.settings.scaling
         stored = self._node.data_store.get(index, {}).get(subindex)
@@ -207,7 +207,7 @@ class Cia402Firmware(StagedFirmware):
             self._set.clear()
 
     def _control(self, word: int) -> None:
-        """Step the finite state automaton of the profile."""
+        """Step the profile's state machine."""
         rising, self._word = word & ~self._word, word
         if self.mode is Mode.FAULT:
             if rising & 0x80:
@@ -235,7 +235,7 @@ class Cia402Firmware(StagedFirmware):
         return state | VOLTAGE_AND_REMOTE
 
     def _setting(self, pdo: Pdo) -> _Setting:
-        """Return how a PDO is set up now."""
+        """Return the present configuration of a PDO."""
         if pdo.name not in self._set:
             entries = [
                 self._value(pdo.mapping, at)
@@ -257,7 +257,7 @@ class Cia402Firmware(StagedFirmware):
                 self._send(setting)
 
     def _send_timed(self, pdo: Pdo, now: float) -> None:
-        """Send a PDO of its own time if it is due."""
+        """Send a timed PDO if it is due."""
         setting = self._setting(pdo)
         if setting.kind < 254 or not setting.time:
             return

@@ -29,7 +29,7 @@ class CanObject:
         name: Its name in the profile.
         field: Its type and unit.
         access: "ro", "rw" or "const".
-        default: Its value after switching on; None where the drive makes it up.
+        default: Its value after power-up; None if the drive determines it.
     """
 
     index: int
@@ -50,14 +50,14 @@ class Pdo:
     """A process data object.
 
     Attributes:
-        name: As the standard calls it, from the drive's view.
+        name: Its name in the standard, from the drive's point of view.
         to_drive: Whether the drive receives it.
-        cob_id: Identifier without the node.
+        cob_id: Identifier without the node's number.
         parameters: Index of its communication parameters.
         mapping: Index of its mapping.
-        objects: The objects that it carries.
-        kind: Transmission type: 1 with every SYNC, 255 by itself.
-        event_ms: Time between two, for type 255 [ms].
+        objects: Objects that it carries.
+        kind: Transmission type: 1 with every SYNC, 255 event-driven.
+        event_ms: Event timer of type 255 [ms].
     """
 
     name: str
@@ -170,7 +170,7 @@ class State:
 
 
 def state_of(statusword: int) -> int:
-    """Return the state that a statusword shows, one of :class:`State`."""
+    """Return the :class:`State` that a statusword shows."""
     low = statusword & 0x4F
     if low in (State.NOT_READY, State.SWITCH_ON_DISABLED, State.FAULT, State.FAULT_REACTION):
         return low
@@ -178,7 +178,7 @@ def state_of(statusword: int) -> int:
 
 
 def object_dictionary(node: int) -> Any:
-    """Return the dictionary of an emulated drive at a node, for `canopen` and for EDS files."""
+    """Return the object dictionary of an emulated drive, for `canopen` and EDS files."""
     made: Any = ObjectDictionary()  # type: ignore[no-untyped-call]
     made.node_id = node
     for index, rows in groupby(OBJECTS.values(), lambda row: row.index):

@@ -1,12 +1,12 @@
-"""CiA 402 without its bus: what a drive is told and says, in objects of its dictionary.
+"""CiA 402 without the bus: commands and reports as objects of the drive's dictionary.
 
-CANopen (`cia402.py`) carries it in SDOs and PDOs on CAN. EtherCAT carries the same objects and the
-same process data as CoE, so a transport such as pysoem can use this module as it is: each `Access`
-of `identity`, `abort`, `mapping` and `setup` becomes a call of `sdo_write` or `sdo_read`. In every
-cycle `outputs` goes into the slave's output bytes; its input bytes, decoded by the layouts of
-`PDOS[1:]`, go into `inputs`. `ENABLING` is the way into operation. The transport itself assigns the
-PDOs to the sync managers (1C12h, 1C13h). EtherCAT's state machine, its cycle and the watchdog of
-the sync manager take the place of NMT, SYNC and heartbeat.
+CANopen (`cia402.py`) carries it in SDOs and PDOs on CAN. EtherCAT carries the same objects and
+process data (CoE), so a transport such as pysoem can use this module unchanged: each `Access` of
+`identity`, `abort`, `mapping` and `setup` becomes a call of `sdo_write` or `sdo_read`; in every
+cycle `outputs` fills the slave's output bytes, and its input bytes, decoded by the layouts of
+`PDOS[1:]`, go into `inputs`. `ENABLING` lists the transitions into operation. The transport assigns
+the PDOs to the sync managers (1C12h, 1C13h). EtherCAT's state machine, cycle and sync manager
+watchdog replace NMT, SYNC and heartbeat.
 
 References:
     CiA 402 (IEC 61800-7-201); ETG.6010, Implementation Directive for CiA 402 Drive Profile.
@@ -30,7 +30,7 @@ Key = tuple[int, int]
 
 
 class Controlword:
-    """Commands to the finite state automaton."""
+    """Commands to the state machine."""
 
     DISABLE_VOLTAGE: Final = 0x00
     SHUTDOWN: Final = 0x06
@@ -60,10 +60,10 @@ class Access:
     """One access to an object of the drive's dictionary.
 
     Attributes:
-        text: What it is for.
+        text: Its purpose.
         key: Index and subindex.
-        value: What is written; None to read.
-        accept: Says whether a value that was read is right, or raises ProtocolError.
+        value: Value to write; None to read.
+        accept: Checks a value that was read, or raises ProtocolError.
     """
 
     text: str
@@ -73,17 +73,13 @@ class Access:
 
     @property
     def data(self) -> bytes:
-        """What is written, as the drive takes it."""
+        """The value to write, encoded."""
         assert self.value is not None
         field = OBJECTS[self.key].field
         return field.to_bits(self.value).to_bytes(field.bits // 8, "little")
 
     def accepts(self, data: bytes) -> bool:
-        """Return whether what was read is right.
-
-        Raises:
-            ProtocolError: It is not what the configuration says.
-        """
+        """Return whether the value that was read is right."""
         field = OBJECTS[self.key].field
         bits = int.from_bytes(data[: field.bits // 8], "little")
         return self.accept is None or self.accept(int(field.from_bits(bits)))
@@ -95,11 +91,11 @@ def write(key: Key, value: int) -> Access:
 
 
 class Profile:
-    """What one drive is told and says; see the module.
+    """Commands and reports of one drive; see the module.
 
     Attributes:
-        settings: Of the drive.
-        output: The process data to the drive.
+        settings: Settings of the drive.
+        output: Process data to the drive.
     """
 
     def __init__(self, settings: Settings) -> None:
@@ -112,15 +108,15 @@ class Profile:
         self.output: Layout = PDOS[0].layout
 
     def identity(self) -> Access:
-        """Return the access that looks for a drive of this profile."""
+        """Return the access that checks for a drive of this profile."""
         return Access("Look for a drive", (0x1000, 0), accept=self._is_a_drive)
 
     def abort(self) -> Access:
-        """Return the access by which a broken connection is a fault."""
+        """Return the access that makes a broken connection a fault."""
         return write((0x6007, 0), 1)
 
     def setup(self) -> Sequence[Access]:
-        """Return the accesses that compare the drive's ratings and choose torque mode."""
+        """Return the accesses that check the drive's ratings and select torque mode."""
         return (
             self._compare((0x6076, 0), round(self.rated_torque * 1e3)),
             self._compare((0x6075, 0), round(self.rated_current * 1e3)),
@@ -130,7 +126,7 @@ class Profile:
         )
 
     def mapping(self, pdo: Pdo) -> Sequence[Access]:
-        """Return the accesses that say which objects a PDO holds."""
+        """Return the accesses that define the objects of a PDO."""
         entries = [
             index << 16 | sub << 8 | OBJECTS[index, sub].field.bits for index, sub in pdo.objects
         ]
@@ -141,19 +137,19 @@ class Profile:
         )
 
     def outputs(self, word: int, torque: float) -> bytes:
-        """Return the process data that commands a state and a torque of the drive [N m]."""
+        """Return the process data that command a state and a torque at the drive [N m]."""
         values = {"Controlword": word, "Target torque": torque / self.rated_torque * 1e3}
         return self.output.encode(values)
 
     def commanded(self, data: bytes) -> float:
-        """Return the torque [N m] that process data command, zero where they take it away."""
+        """Return the torque [N m] that process data command; zero if they disable it."""
         values = self.output.decode(data)
         if int(values["Controlword"]) & 0x0F != Controlword.ENABLE:
             return 0.0
         return values["Target torque"] * self.rated_torque / 1e3
 
     def inputs(self, values: Mapping[str, float]) -> Update:
-        """Return what process data of the drive say, by the names of their objects."""
+        """Decode process data of the drive, given by the names of their objects."""
         scaling = self.settings.scaling
         channels = {}
         if (raw := values.get("Position")) is not None:
@@ -174,11 +170,7 @@ class Profile:
         return Update(channels, mode, error, f"error {error:#06x}" if error else "")
 
     def shows(self, statusword: int, wanted: int | None) -> bool:
-        """Return whether a statusword shows a state, or any state for None.
-
-        Raises:
-            ProtocolError: It shows a fault on the way into operation.
-        """
+        """Return whether a statusword shows a state, or any state for None."""
         state = state_of(statusword)
         if wanted in RUNNING and state in (State.FAULT, State.FAULT_REACTION):
             raise ProtocolError(f"Drive {self.settings.node} refuses to run: it has a fault.")

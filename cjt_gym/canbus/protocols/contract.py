@@ -1,10 +1,8 @@
-"""What every drive protocol is: a master and a firmware that turn values into frames and back.
+"""Interfaces of drive protocols: a master and a firmware that convert values and frames.
 
-Neither touches a bus, a clock or a thread: frames go in, frames come out, and the time is an
-argument. So the same two run against real drives, against each other in one process, and in tests
-at any speed. All values at this border are SI and on the link side, named as the columns of a
-record; what a drive itself counts in (motor revolutions, per mille of its rated torque) stays
-behind the :class:`Scaling`.
+Neither uses a bus, clock or thread: frames go in and out, and time is an argument. So both run
+against real drives, against each other, and in tests at any speed. All values are SI and on the
+link side, named as the columns of a record; :class:`Scaling` converts the drive's own units.
 
 The order in which a master is used::
 
@@ -66,7 +64,7 @@ NO_CHANNELS: Final[Mapping[str, float]] = {}
 
 
 class Mode(Enum):
-    """What a drive is doing."""
+    """Mode of a drive."""
 
     BOOTING = "booting"
     DISABLED = "disabled"
@@ -75,7 +73,7 @@ class Mode(Enum):
 
 
 class Fault(Enum):
-    """Why a drive has stopped by itself; every protocol has its own codes for these."""
+    """Reason for which a drive has stopped; every protocol has its own codes for these."""
 
     WATCHDOG = "no command in time"
     OVER_TEMPERATURE = "too hot"
@@ -90,13 +88,13 @@ class Fault(Enum):
 
 @dataclass(frozen=True)
 class Update:
-    """What one frame says; what it does not say is absent.
+    """Content of a frame; what it does not contain is absent.
 
     Attributes:
-        channels: Values by the names of :data:`CHANNELS`, link side, SI.
-        mode: The mode it shows, if it shows one.
-        error: The drive's own error code, 0 for none, if it shows one.
-        text: That error in words.
+        channels: Values of :data:`CHANNELS`, link side, SI.
+        mode: The mode, if given.
+        error: The drive's error code, if given; 0 for no error.
+        text: The error in words.
     """
 
     channels: Mapping[str, float] = field(default_factory=dict)
@@ -107,17 +105,17 @@ class Update:
 
 @dataclass(frozen=True)
 class Step:
-    """Frames to send, and what has to be heard before the next step.
+    """Frames to send, and the confirmation that the next step requires.
 
     Attributes:
-        text: What the step does, in words.
-        frames: To send, in this order.
-        confirmed: Says of each frame heard since whether it confirms the step; it raises
-            ProtocolError where the drive refuses. None: nothing has to be heard.
-        timeout: How long to wait for it [s].
-        meanwhile: To send once in every period while waiting, so that the drive's watchdog is
-            fed and its state is asked for.
-        optional: Whether the next step may follow though this one was not confirmed.
+        text: Description of the step.
+        frames: Frames to send, in order.
+        confirmed: Returns whether a frame confirms the step, or raises ProtocolError if the drive
+            refuses. None if no confirmation is needed.
+        timeout: Time to wait for it [s].
+        meanwhile: Frames to send once per period while waiting, to feed the watchdog and poll the
+            state.
+        optional: Whether the next step may follow without confirmation.
     """
 
     text: str
@@ -130,15 +128,15 @@ class Step:
 
 @dataclass(frozen=True)
 class Scaling:
-    """From a drive's own shaft to the link side: ``q = sign * (angle - offset) / gear_ratio``.
+    """From the drive's shaft to the link side: ``q = sign * (angle - offset) / gear_ratio``.
 
     Attributes:
-        gear_ratio: Turns of the drive's shaft per turn of the link; 1 for a drive that counts at
-            the output of its gear.
-        sign: -1 where the drive counts the other way round.
-        offset: What the drive shows where the angle is zero [rad, drive's shaft].
-        torque_constant: Torque of the drive's shaft per ampere [N m/A], where a protocol commands
-            or reports currents only; None if not needed.
+        gear_ratio: Turns of the drive's shaft per turn of the link; 1 if it counts at the gear's
+            output.
+        sign: -1 if the drive counts in the opposite direction.
+        offset: The drive's reading at zero angle [rad, drive's shaft].
+        torque_constant: Torque at the drive's shaft per ampere [N m/A], for protocols that know
+            currents only; otherwise None.
 
     Raises:
         ConfigurationError: A value is out of its range.
@@ -188,16 +186,16 @@ class Scaling:
 
 @dataclass(frozen=True)
 class Limits:
-    """Beyond these an emulated drive stops, whatever the command; link side.
+    """Limits beyond which an emulated drive stops; link side.
 
     Attributes:
-        tau_m: Torque above which it clips what it is told [N m].
+        tau_m: Torque to which it clips commands [N m].
         dq_m: Speed [rad/s].
         temperature: Of motor or power stage [degC].
         v_low: Lowest supply voltage [V].
         v_high: Highest supply voltage [V].
-        watchdog: Time without a command, as set in the drive before, with its maker's tool [s]; 0:
-            as the drive leaves the factory, which for most is without a watchdog.
+        watchdog: Watchdog time stored in the drive with its maker's tool [s]; 0 is the factory
+            setting, which for most drives is off.
     """
 
     tau_m: float = inf
@@ -210,16 +208,16 @@ class Limits:
 
 @dataclass(frozen=True)
 class Settings:
-    """What makes a protocol that of one drive on one bus.
+    """Settings of a protocol for one drive.
 
     Attributes:
         node: Its address, in the protocol's range.
         scaling: From its shaft to the link side.
         period: Time between two commands [s].
-        watchdog: Time without a command after which the drive has to stop by itself [s].
-        options: What only this protocol knows, checked by its row in the table of protocols.
-        limits: Of the emulated drive.
-        unwatched: Whether it is accepted that the drive does not show that it stops by itself.
+        watchdog: Time without a command after which the drive must stop by itself [s].
+        options: Options of the protocol, checked by its row in the table.
+        limits: Limits of the emulated drive.
+        unwatched: Whether to accept a drive that cannot prove that it stops by itself.
     """
 
     node: int = 1
@@ -235,10 +233,11 @@ class Master(Protocol):
     """The commanding side of a protocol, for one drive.
 
     Attributes:
-        channels: The names of :data:`CHANNELS` that this drive reports.
-        periods: For each of these the time between two reports while it is commanded [s].
-        torque_range: Lowest and highest motor torque that a command can carry, link side [N m].
-        shows_stop: Whether its reports tell a drive that has stopped by itself from one that is on.
+        channels: Names of the :data:`CHANNELS` that this drive reports.
+        periods: Time between two reports of each channel while commanded [s].
+        torque_range: Range of motor torques that a command can carry, link side [N m].
+        shows_stop: Whether its reports distinguish a drive that has stopped by itself from one that
+            is on.
     """
 
     @property
@@ -254,60 +253,60 @@ class Master(Protocol):
     def shows_stop(self) -> bool: ...  # noqa: D102
 
     def configure(self) -> Iterable[Step]:
-        """Return the steps that make the drive report, and stop by itself when not commanded."""
+        """Return the steps that start the drive's reports and its watchdog."""
         ...
 
     def clear(self) -> Sequence[Step]:
-        """Return the steps out of a fault, to disabled."""
+        """Return the steps from a fault to disabled."""
         ...
 
     def enable(self) -> Sequence[Step]:
-        """Return the steps to torque control with zero torque."""
+        """Return the steps to torque control, at zero torque."""
         ...
 
     def command(self, tau_m: float) -> Sequence[Message]:
         """Return the frames for a motor torque [N m, link side].
 
         Raises:
-            ProtocolError: The torque is not finite, or not within `torque_range`.
+            ProtocolError: The torque is not finite, or outside `torque_range`.
         """
         ...
 
     def commanded(self, frame: Message) -> float | None:
-        """Return the motor torque that a frame of a master commands [N m, link side].
+        """Return the motor torque commanded by a frame of a master [N m, link side].
 
-        None for a frame that is no command to this drive. It is what :meth:`command` would have
-        been given, whatever the drive makes of it.
+        It is the argument of :meth:`command`, or None for a frame that is not a command to this
+        drive.
 
         Raises:
-            ProtocolError: The frame is a command and breaks the protocol.
+            ProtocolError: The frame is a command that breaks the protocol.
         """
         ...
 
     def poll(self) -> Sequence[Message]:
-        """Return the frames that ask for a report without commanding, if it has to be asked."""
+        """Return the frames that poll the drive without commanding it, if it needs polling."""
         ...
 
     def disable(self) -> Sequence[Message]:
-        """Return the frames that set zero torque and switch the power stage off."""
+        """Return the frames for zero torque and power stage off."""
         ...
 
     def decode(self, frame: Message) -> Update | None:
-        """Return what a frame says, or None if it is not from this drive.
+        """Decode a frame; return None if it is not from this drive.
 
         Raises:
-            ProtocolError: The frame is this drive's and breaks the protocol.
+            ProtocolError: The frame is from this drive and breaks the protocol.
         """
         ...
 
 
 class Firmware(Protocol):
-    """The drive's side of a protocol; the physics of the joint is handed in.
+    """The drive's side of a protocol; the joint's physics is handed in.
 
     Attributes:
-        mode: What the drive is doing.
-        fault: Why it stopped by itself, if it did.
-        torque: Motor torque that it makes now, link side [N m]; 0 unless enabled.
+        mode: Mode of the drive.
+        fault: Reason for which it stopped, if it did.
+        torque: Present motor torque, link side [N m]; 0 unless enabled.
     """
 
     @property
@@ -320,26 +319,26 @@ class Firmware(Protocol):
     def torque(self) -> float: ...  # noqa: D102
 
     def boot(self, now: float) -> Sequence[Message]:
-        """Start, as after switching the supply on, and return what it says then."""
+        """Power up, and return the frames sent at that time."""
         ...
 
     def receive(self, frame: Message, now: float) -> Sequence[Message]:
-        """Take a frame from the bus and return the answers; a frame for others has none."""
+        """Take a frame from the bus, and return the answers."""
         ...
 
     def update(self, channels: Mapping[str, float], now: float) -> Sequence[Message]:
-        """Take the joint's present values and return the reports that are due.
+        """Take the joint's present values, and return the reports due.
 
-        Watchdog and limits act here, so it is called at least once a millisecond of `now`.
+        Watchdog and limits act here, so call it at least once per millisecond of `now`.
 
         Args:
-            channels: Values by the names of :data:`CHANNELS`, link side.
+            channels: Values of :data:`CHANNELS`, link side.
             now: Time [s].
         """
         ...
 
     def fail(self, fault: Fault) -> None:
-        """Fault now, as if by itself."""
+        """Enter a fault now."""
         ...
 
 
@@ -351,7 +350,7 @@ def frame_of(
     remote: bool = False,
     fd: bool = False,
 ) -> Message:
-    """Return a frame; CAN FD frames are sent with the fast bit rate."""
+    """Return a frame; CAN FD frames switch to the fast bit rate."""
     return Message(
         arbitration_id=arbitration_id,
         data=data,
@@ -363,7 +362,7 @@ def frame_of(
 
 
 def is_plain(frame: Message, arbitration_id: int) -> bool:
-    """Return whether it is a frame with data and this identifier of 11 bits."""
+    """Return whether it is a data frame with this 11-bit identifier."""
     return (
         frame.arbitration_id == arbitration_id
         and not frame.is_extended_id

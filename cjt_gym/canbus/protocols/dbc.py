@@ -1,8 +1,9 @@
-"""Any drive or sensor that a DBC file describes, with a mapping of its signals.
+"""Any drive or sensor with a DBC file, through a mapping of its signals.
 
-A node without `tau_cmd` in its mapping is a sensor and is never commanded or enabled. Torque
-sensor, second encoder and drive may be different nodes, each with its own mapping. Rolling counters
-and checksums in commands are not supported; a drive that needs them needs its own protocol.
+A node without a command (`tau_cmd` or `i_cmd`) in its mapping is a sensor, and is never commanded
+or enabled. Torque sensor, second encoder and drive may be different nodes, each with its own
+mapping. Rolling counters and checksums in commands are not supported; a drive that needs them needs
+its own protocol.
 """
 
 from __future__ import annotations
@@ -32,11 +33,7 @@ AS_NUMBERS: Final = {"decode_choices": False}
 
 
 def mapping_of(settings: Settings) -> DbcMapping:
-    """Return the mapping that the settings name.
-
-    Raises:
-        ConfigurationError: It is not valid, or a torque constant is needed and not given.
-    """
+    """Return the mapping that the settings name."""
     mapping = load_dbc_mapping(settings.options["file"], settings.scaling.gear_ratio)
     if mapping.is_current and settings.scaling.torque_constant is None:
         raise ConfigurationError(
@@ -47,14 +44,14 @@ def mapping_of(settings: Settings) -> DbcMapping:
 
 
 def torque_of_command(mapping: DbcMapping, settings: Settings) -> float:
-    """Return the link-side motor torque of one unit of the commanded column."""
+    """Return the link-side motor torque per unit of the commanded column."""
     if not mapping.is_current:
         return 1.0
     return (settings.scaling.torque_constant or 0.0) * settings.scaling.gear_ratio
 
 
 def range_of(signal: Any) -> tuple[float, float]:
-    """Return the values that a signal can carry, from its bits and its declared range."""
+    """Return the range of a signal, from its bits and its declared range."""
     if signal.is_float:
         low, high = -inf, inf
     else:
@@ -67,7 +64,7 @@ def range_of(signal: Any) -> tuple[float, float]:
 
 
 class Codec:
-    """Frames of a DBC file's messages, by name and by identifier."""
+    """Encodes and decodes the messages of a DBC file."""
 
     def __init__(self, mapping: DbcMapping) -> None:
         self.messages = {each.name: each for each in mapping.database.messages}
@@ -84,7 +81,7 @@ class Codec:
         return self.messages[where[0]].get_signal_by_name(where[1])
 
     def encode(self, name: str, values: Mapping[str, float]) -> Message:
-        """Return a message; signals that are not given have their initial value."""
+        """Return a message; signals not given have their initial value."""
         message = self.messages[name]
         try:
             data = message.encode({**self.defaults[name], **values}, strict=True)
@@ -97,7 +94,7 @@ class Codec:
     def decode(
         self, frame: Message, names: Iterable[str]
     ) -> tuple[str, Mapping[str, float]] | None:
-        """Return name and values of a frame; None where it is none of the named messages."""
+        """Return name and values of a frame, or None if it is none of the named messages."""
         message = self.by_frame.get((frame.arbitration_id, frame.is_extended_id))
         if message is None or message.name not in names:
             return None
@@ -116,7 +113,7 @@ def _default(signal: Any) -> float:
 
 
 class DbcMaster:
-    """Commands one drive, or hears one sensor; see the contract's `Master`."""
+    """Commands one drive, or reads one sensor; see the contract's `Master`."""
 
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
@@ -141,18 +138,18 @@ class DbcMaster:
             self.torque_range = (min(ends), max(ends))
 
     def configure(self) -> Sequence[Step]:
-        """Return the one step that waits for a report."""
+        """Return the step that waits for a report."""
         return [Step("Wait for a report", (), self._reports, 1.0, self.poll())]
 
     def clear(self) -> Sequence[Step]:
-        """Return the one step, with the signals of `clear`."""
+        """Return the step with the signals of `clear`."""
         if not self._mapping.phases["clear"]:
             return []
         frames = self._send("clear", 0.0)
         return [Step("Clear the fault", frames, self._shows(Mode.FAULT, False), 1.0, frames)]
 
     def enable(self) -> Sequence[Step]:
-        """Return the one step, with the signals of `enabled` and zero torque."""
+        """Return the step with the signals of `enabled` and zero torque."""
         if self._mapping.command is None:
             return []
         frames = self._send("enabled", 0.0)
@@ -160,11 +157,11 @@ class DbcMaster:
         return [Step("Zero torque", frames, confirmed, 1.0, frames)]
 
     def command(self, tau_m: float) -> Sequence[Message]:
-        """Return the frames with torque and the signals of `enabled`; none for a sensor."""
+        """Return the frames with the torque and the signals of `enabled`; none for a sensor."""
         return self._send("enabled", tau_m)
 
     def commanded(self, frame: Message) -> float | None:
-        """Return the torque in the commanding message."""
+        """Return the torque in a command."""
         if self._mapping.command is None:
             return None
         (message, signal), column = self._mapping.command
@@ -182,7 +179,7 @@ class DbcMaster:
         return self._send("disabled", 0.0)
 
     def decode(self, frame: Message) -> Update | None:
-        """Return what one of the mapped messages says."""
+        """Decode a mapped message."""
         found = self._codec.decode(frame, self._heard)
         if found is None:
             return None

@@ -34,7 +34,7 @@ def _by_message(signals: Iterable[Signal]) -> dict[str, list[str]]:
 
 
 class DbcFirmware(StagedFirmware):
-    """Answers as the mapping's node would; see the contract's `Firmware`."""
+    """Behaves as the mapping's node; see the contract's `Firmware`."""
 
     def __init__(self, settings: Settings) -> None:
         super().__init__(settings)
@@ -53,14 +53,14 @@ class DbcFirmware(StagedFirmware):
         )
 
     def boot(self, now: float) -> Sequence[Message]:
-        """Start, with all of its reports."""
+        """Start with all reports."""
         self.stage.boot()
         self._told = {}
         self._cycles.begin(now)
         return [self._report(name) for name in self._reports]
 
     def receive(self, frame: Message, now: float) -> Sequence[Message]:
-        """Take a command; it is not answered."""
+        """Take a command, without an answer."""
         try:
             found = self._codec.decode(frame, self._commands)
         except ProtocolError:
@@ -78,7 +78,7 @@ class DbcFirmware(StagedFirmware):
         return []
 
     def update(self, channels: Mapping[str, float], now: float) -> Sequence[Message]:
-        """Take the joint's values; return the reports that are due."""
+        """Take the joint's values; return the reports due."""
         self._channels = channels
         self.stage.supervise(channels, now)
         return [self._report(name) for name in self._cycles.due(now)]

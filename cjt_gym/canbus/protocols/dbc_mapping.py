@@ -1,8 +1,8 @@
-"""Which signals of a DBC file are which values of a joint: a mapping of the kind that logs have.
+"""Mapping of a DBC file's signals to the values of a joint, in the format of log mappings.
 
-A mapping is a TOML file with a table per column, as :mod:`cjt_gym.records.mapping` describes, in
-which signals are named ``/Message:Signal``. The same file can be used to read a trace of the bus.
-The table `[can]` holds what only the master needs; everything but `dbc` is optional:
+A mapping is a TOML file with a table per column, as in :mod:`cjt_gym.records.mapping`, in which
+signals are named ``/Message:Signal``. The same file also reads traces of the bus. The table `[can]`
+is for the master; everything but `dbc` is optional:
 
 ================  ==============================================================================
 `dbc`             the DBC file, beside the mapping
@@ -58,18 +58,18 @@ Signal = tuple[str, str]
 
 @dataclass(frozen=True)
 class DbcMapping:
-    """A mapping with its DBC file.
+    """A mapping and its DBC file.
 
     Attributes:
-        database: The messages.
-        channels: Signal of each channel that is reported, and how it becomes the channel.
-        command: Signal of the commanded torque, or current, and how a column becomes it.
-        is_current: Whether it is a current.
-        phases: For "enabled", "disabled" and "clear" the signals that are set then.
+        database: Messages of the DBC file.
+        channels: Signal of each reported channel, with its conversion.
+        command: Signal of the commanded torque or current, with its conversion.
+        is_current: Whether the command is a current.
+        phases: Signals that are set for "enabled", "disabled" and "clear".
         state: Signal of the mode.
-        modes: What it shows in each mode.
+        modes: Values of the mode's signal.
         error: Signal of the error.
-        cycles: Time between two of a message by its name [s]; none where nothing is known.
+        cycles: Cycle times of messages by name [s], where known.
     """
 
     database: Database
@@ -87,12 +87,12 @@ def load_dbc_mapping(name: str, n: float) -> DbcMapping:
     """Return a mapping from its file.
 
     Args:
-        name: Its path, or the name of one that comes with the package: "example_drive",
-            "joint_sensor", "torque_sensor", "load_encoder".
-        n: Gear ratio, where the mapping does not say it.
+        name: Its path, or the name of one that ships: "example_drive", "joint_sensor",
+            "torque_sensor", "load_encoder".
+        n: Gear ratio, used where the mapping gives none.
 
     Raises:
-        ConfigurationError: The file, its DBC file or what they say is not valid.
+        ConfigurationError: The mapping or its DBC file is not valid.
     """
     path = _path_of(name)
     try:
@@ -105,7 +105,7 @@ def load_dbc_mapping(name: str, n: float) -> DbcMapping:
     if wrong := [key for key in given if key not in KEYS]:
         raise unknown_name(f"key in [can] of {path}", wrong[0], KEYS)
     try:
-        columns = load_mapping({"n": n, **document}).columns
+        columns = load_mapping(document, n).columns
     except CjtGymError as error:
         raise ConfigurationError(f"{error} (in {path})") from error
     return _checked(_Reader(path, _database(path.parent / str(given["dbc"]))), given, columns)
@@ -136,13 +136,13 @@ def _database(path: Path) -> Database:
 
 @dataclass(frozen=True)
 class _Reader:
-    """Looks names up in the DBC file."""
+    """Looks up names in the DBC file."""
 
     path: Path
     database: Database
 
     def signal(self, source: object, what: str) -> Signal:
-        """Return the message and the signal that a source names."""
+        """Return the message and signal that a source names."""
         place = f"{what} of {self.path}"
         if not isinstance(source, str) or source[:1] != "/" or ":" not in source:
             raise ConfigurationError(f'{place} must be "/Message:Signal", got {source!r}.')
@@ -156,7 +156,7 @@ class _Reader:
         return message, signal
 
     def phase(self, given: Mapping[str, Any], name: str) -> Mapping[Signal, float]:
-        """Return the signals that are set in a phase."""
+        """Return the signals set in a phase."""
         table = self.table(given, name)
         for source, value in table.items():
             if isinstance(value, bool) or not isinstance(value, int | float):

@@ -1,4 +1,4 @@
-"""The data of frames: which bits hold which value, written once for codec, page and tests.
+"""Layouts of frame data, written once for codec, documentation and tests.
 
 The fields of a :class:`Layout` follow each other without gaps. In a little-endian layout the first
 one takes the least significant bits of the data read as one little-endian number; in a big-endian
@@ -26,13 +26,13 @@ class Field:
     """A value in the data of a frame: ``value = raw * scale + offset``.
 
     Attributes:
-        name: Its name in the maker's document.
-        bits: Its length.
-        kind: What the bits are: a "uint", an "int" in two's complement, an IEEE 754 "float".
+        name: Its name in the manufacturer's document.
+        bits: Its number of bits.
+        kind: Its type: "uint", "int" (two's complement) or "float" (IEEE 754).
         scale: Value of one step of the raw number.
-        offset: Value where the raw number is zero.
-        unit: Unit of the value; empty for a plain number.
-        text: What it is, in a few words.
+        offset: Value of the raw number zero.
+        unit: Its unit; empty for a plain number.
+        text: Short description.
         names: Names of raw numbers, or of their bits.
     """
 
@@ -59,19 +59,16 @@ class Field:
 
     @property
     def range(self) -> tuple[float, float]:
-        """Smallest and largest value [unit]; a float field has no end."""
+        """Smallest and largest value [unit]; unbounded for a float."""
         if self.kind == "float":
             return float("-inf"), float("inf")
         low, high = (raw * self.scale + self.offset for raw in self.raw_range)
         return min(low, high), max(low, high)
 
     def to_bits(self, value: float) -> int:
-        """Return the bits of a value, as a number that is not negative.
+        """Return the bits of a value as a non-negative number.
 
-        A value between two steps becomes the nearest, one half way between them the lower.
-
-        Raises:
-            ProtocolError: The value is not finite, or outside of the field's range.
+        Values are rounded to the nearest step, halves down.
         """
         if not isfinite(value):
             raise ProtocolError(f"{self.name} must be a finite number, got {value}.")
@@ -89,7 +86,7 @@ class Field:
         return number & (1 << self.bits) - 1
 
     def from_bits(self, bits: int) -> float:
-        """Return the value of bits that were read; NaN and infinities come as they are."""
+        """Return the value of bits; NaN and infinities are passed through."""
         if self.kind == "float":
             number: float = struct.unpack(
                 FLOATS[self.bits], bits.to_bytes(self.bits // 8, "little")
@@ -111,7 +108,7 @@ def _float_bits(given: Field, raw: float) -> int:
 
 
 def nothing(bits: int) -> Field:
-    """Return a field of reserved bits, which are written as zero and not read."""
+    """Return a field of reserved bits, which are written as zero and ignored."""
     return Field("", bits)
 
 
@@ -120,8 +117,8 @@ class Layout:
     """The data of a frame.
 
     Attributes:
-        fields: Its fields, in the order of the module's first paragraph.
-        order: Byte order of the whole.
+        fields: Its fields, in the order given in the module's docstring.
+        order: Byte order.
 
     Example:
         >>> layout = Layout((Field("speed", 12, scale=0.5), nothing(4)), "big")
@@ -139,7 +136,7 @@ class Layout:
 
     @cached_property
     def least(self) -> int:
-        """Number of bytes up to the last that is not reserved."""
+        """Number of bytes up to the last one that is not reserved."""
         ends, bits = [0], 0
         for each in self.fields:
             bits += each.bits
@@ -149,7 +146,7 @@ class Layout:
 
     @cached_property
     def _places(self) -> tuple[tuple[Field, int], ...]:
-        """Fields that are not reserved, and where the lowest bit of each is in the number."""
+        """Fields that are not reserved, with the position of their lowest bit."""
         places, bits = [], 0
         for each in self.fields:
             at = bits if self.order == "little" else self.size * 8 - bits - each.bits
@@ -159,22 +156,14 @@ class Layout:
         return tuple(places)
 
     def encode(self, values: Mapping[str, float]) -> bytes:
-        """Return the data that holds the values; what is not given is zero.
-
-        Raises:
-            ProtocolError: A value does not fit its field.
-        """
+        """Encode values; fields not given are zero."""
         number = 0
         for each, at in self._places:
             number |= each.to_bits(values.get(each.name, 0.0)) << at
         return number.to_bytes(self.size, self.order)
 
     def decode(self, data: bytes | bytearray) -> dict[str, float]:
-        """Return the values that the data holds; bytes behind the last field are not read.
-
-        Raises:
-            ProtocolError: The data is shorter than the fields that are not reserved.
-        """
+        """Decode data; bytes after the last field are ignored."""
         size, least = self.size, self.least
         if len(data) < least:
             raise ProtocolError(f"The frame must have {least} bytes of data, got {len(data)}.")

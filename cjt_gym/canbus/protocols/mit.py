@@ -1,12 +1,12 @@
-"""The MIT mini-cheetah protocol, as CubeMars (T-Motor) AK actuators speak it.
+"""The MIT mini-cheetah protocol of CubeMars (T-Motor) AK actuators.
 
 One frame commands angle, velocity, both gains and torque. The drive answers at once with angle,
 velocity, torque, temperature and error. All values are integers that span ranges specific to the
 model, and refer to the output of the gear.
 
-The protocol cannot set the watchdog time, which is set over the serial line (after missed commands
-the drive makes no torque until the next one), and no frame shows whether the motor is on. Because a
-drive answers every frame, it is polled with the frame that switches the motor off.
+The watchdog time is set over the serial line, not by this protocol; once it expires, the drive
+makes no torque until the next command. No frame shows whether the motor is on. As a drive answers
+every frame, it is polled with the one that switches the motor off.
 
 References:
     CubeMars, AK Series Actuator Driver Manual V1.0.8, section 5.3. B. Katz, A low cost modular
@@ -69,7 +69,7 @@ def _over(name: str, bits: int, low: float, high: float, unit: str, text: str) -
 
 
 def command_layout(ranges: tuple[float, float, float]) -> Layout:
-    """Return the layout of a command, over the ends of the ranges of angle, velocity, torque."""
+    """Return the layout of a command for ranges of angle, velocity and torque."""
     p, v, t = ranges
     return Layout(
         (
@@ -98,7 +98,7 @@ def reply_layout(ranges: tuple[float, float, float], size: int = 8) -> Layout:
 
 
 def ranges_of(settings: Settings) -> tuple[float, float, float]:
-    """Return the ends of the ranges of angle [rad], velocity [rad/s] and torque [N m]."""
+    """Return the largest angle [rad], velocity [rad/s] and torque [N m]."""
     if given := settings.options["ranges"]:
         position, velocity, torque = given
         return float(position), float(velocity), float(torque)
@@ -123,27 +123,27 @@ class MitMaster:
         self.shows_stop = False
 
     def configure(self) -> Sequence[Step]:
-        """Return the one step that looks whether the drive answers."""
+        """Return the step that checks whether the drive answers."""
         return [self._step("Switch off and look whether it answers", EXIT)]
 
     def clear(self) -> Sequence[Step]:
-        """Return the one step; a fault whose cause is gone ends where the motor is switched off."""
+        """Return the step that switches the motor off, which clears faults whose cause is gone."""
         return [self._step("Switch off", EXIT)]
 
     def enable(self) -> Sequence[Step]:
-        """Return the steps; the command before makes sure that no old one comes to life."""
+        """Return the steps; the first command replaces any old one in the drive."""
         return [
             Step("Forget the last command", self.command(0.0), self._heard),
             self._step("Switch on", ENTER),
         ]
 
     def command(self, tau_m: float) -> Sequence[Message]:
-        """Return the one frame, with both gains zero."""
+        """Return the frame with both gains zero."""
         torque = self.settings.scaling.drive_torque(tau_m)
         return [self._frame(self._command.encode({"torque": torque}))]
 
     def commanded(self, frame: Message) -> float | None:
-        """Return the torque of a command; a mode is none."""
+        """Return the torque of a command; frames that set a mode have none."""
         if not is_plain(frame, self.settings.node) or len(frame.data) != self._command.size:
             return None
         if bytes(frame.data) in (ENTER, EXIT, ZERO):
@@ -151,15 +151,15 @@ class MitMaster:
         return self.settings.scaling.torque(self._command.decode(frame.data)["torque"])
 
     def poll(self) -> Sequence[Message]:
-        """Return the frame that switches off, which is answered and harmless."""
+        """Return the frame that switches the motor off, which the drive answers."""
         return [self._frame(EXIT)]
 
     def disable(self) -> Sequence[Message]:
-        """Return zero torque and the frame that switches off."""
+        """Return zero torque and the frame that switches the motor off."""
         return [*self.command(0.0), self._frame(EXIT)]
 
     def decode(self, frame: Message) -> Update | None:
-        """Return what a reply says; angle and velocity at an end of their range are NaN."""
+        """Decode a reply; angle and velocity at an end of their range are NaN."""
         if not is_plain(frame, self._reply_id) or not frame.data:
             return None
         if frame.data[0] != self.settings.node:
@@ -183,7 +183,7 @@ class MitMaster:
         return Update(channels, Mode.FAULT if error else None, error, text)
 
     def _within(self, name: str, values: Mapping[str, float]) -> float:
-        """Return a value, NaN at the ends of its range, where a drive shows what is beyond."""
+        """Return a value, or NaN at the ends of its range, to which a drive clips it."""
         low, high = self._ends[name]
         return values[name] if low < values[name] < high else nan
 

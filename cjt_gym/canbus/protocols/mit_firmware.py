@@ -44,7 +44,7 @@ AMBIENT: Final = 25.0
 
 
 class MitFirmware(StagedFirmware):
-    """Answers as a drive does; see :class:`~cjt_gym.canbus.protocols.contract.Firmware`."""
+    """Behaves as a drive; see :class:`~cjt_gym.canbus.protocols.contract.Firmware`."""
 
     def __init__(self, settings: Settings) -> None:
         stage = PowerStage(settings.limits, settings.limits.watchdog, forgiving=True)
@@ -56,13 +56,13 @@ class MitFirmware(StagedFirmware):
         self._zero = 0.0
 
     def boot(self, now: float) -> Sequence[Message]:
-        """Start; it says nothing."""
+        """Start silently."""
         self._told = NO_CHANNELS
         self.stage.boot()
         return []
 
     def receive(self, frame: Message, now: float) -> Sequence[Message]:
-        """Take a command or a mode; both are answered."""
+        """Take and answer a command or a mode."""
         if not is_plain(frame, self.settings.node) or frame.dlc != 8:
             return []
         data = bytes(frame.data)
@@ -81,7 +81,7 @@ class MitFirmware(StagedFirmware):
         return [self._reply()]
 
     def update(self, channels: Mapping[str, float], now: float) -> Sequence[Message]:
-        """Take the joint's values; it reports only when asked."""
+        """Take the joint's values; the drive reports only when polled."""
         self._channels = channels
         self._act()
         self.stage.supervise(channels, now)

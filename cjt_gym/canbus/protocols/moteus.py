@@ -1,11 +1,10 @@
 """moteus: registers over CAN FD.
 
-Every command is one frame that writes mode, torque and watchdog time and asks for the state, which
-comes back in one frame. Torque control is the position mode with all of its gains at zero.
+Every command is one frame that writes mode, torque and watchdog time and queries the state, which
+the drive returns in one frame. Torque control is position mode with all gains zero.
 
-After its watchdog a moteus does what `servo.timeout_mode` says, which is braking where it was not
-set: set it to 0 (stopped). The mode "timeout" is shown here as a fault with the code 11, because
-only a stop leaves it.
+When its watchdog expires, a moteus enters `servo.timeout_mode`, which brakes by default: set it to
+0 (stopped). The mode "timeout" is reported as a fault with code 11, because only a stop leaves it.
 
 References:
     mjbots Robotic Systems, moteus: docs/protocol/can.md, docs/protocol/registers.md,
@@ -86,27 +85,27 @@ class MoteusMaster:
         }
 
     def configure(self) -> Sequence[Step]:
-        """Return the one step that looks whether the drive answers; the rest is in each command."""
+        """Return the step that checks whether the drive answers; each command sets the rest."""
         return [Step("Look whether it answers", self.poll(), lambda frame: bool(self._read(frame)))]
 
     def clear(self) -> Sequence[Step]:
-        """Return the one step; a stop clears faults."""
+        """Return the step that stops the drive, which clears faults."""
         return [Step("Stop", [self._frame(STOP + STATE)], self._shows(STOPPED))]
 
     def enable(self) -> Sequence[Step]:
-        """Return the one step to position mode without gains."""
+        """Return the step to position mode without gains."""
         zero = self.command(0.0)
         return [Step("Zero torque", zero, self._shows(POSITION), meanwhile=zero)]
 
     def command(self, tau_m: float) -> Sequence[Message]:
-        """Return the one frame."""
+        """Return the frame."""
         torque = self.settings.scaling.drive_torque(tau_m)
         if isnan(torque):
             raise ProtocolError(f"Feedforward torque must be a finite number, got {torque}.")
         return [self._frame(self._gains + subframe(WRITE, FLOAT, 0x022, [torque]) + STATE)]
 
     def commanded(self, frame: Message) -> float | None:
-        """Return the feedforward torque that is written."""
+        """Return the feedforward torque written by a frame."""
         if frame.is_error_frame or frame.is_remote_frame:
             return None
         if frame.arbitration_id & 0x7FFF != self._to_drive & 0x7FFF:
@@ -118,15 +117,15 @@ class MoteusMaster:
         return self.settings.scaling.torque(torque)
 
     def poll(self) -> Sequence[Message]:
-        """Return the frame that asks for the state."""
+        """Return the frame that queries the state."""
         return [self._frame(STATE)]
 
     def disable(self) -> Sequence[Message]:
-        """Return the frame that stops; the power stage is off at once."""
+        """Return the stop frame, which switches the power stage off at once."""
         return [self._frame(STOP + STATE)]
 
     def decode(self, frame: Message) -> Update | None:
-        """Return what an answer says."""
+        """Decode an answer."""
         values = self._read(frame)
         if not values:
             return None

@@ -63,7 +63,7 @@ KP, KD = 4.0, 0.05
 
 
 class MoteusFirmware(StagedFirmware):
-    """Answers as a drive does; see :class:`~cjt_gym.canbus.protocols.contract.Firmware`."""
+    """Behaves as a drive; see :class:`~cjt_gym.canbus.protocols.contract.Firmware`."""
 
     def __init__(self, settings: Settings) -> None:
         super().__init__(settings)
@@ -72,13 +72,13 @@ class MoteusFirmware(StagedFirmware):
         self._stored = settings.limits.watchdog or DEFAULT_TIMEOUT
 
     def boot(self, now: float) -> Sequence[Message]:
-        """Start; it says nothing."""
+        """Start silently."""
         self.stage.boot()
         self._told = {}
         return []
 
     def receive(self, frame: Message, now: float) -> Sequence[Message]:
-        """Take a frame for this drive; answer if it asks for an answer."""
+        """Take a frame for this drive, and answer if it asks for that."""
         if frame.is_error_frame or frame.is_remote_frame or frame.arbitration_id > 0xFFFF:
             return []
         if frame.arbitration_id & 0xFF not in (self.settings.node, BROADCAST):
@@ -98,7 +98,7 @@ class MoteusFirmware(StagedFirmware):
         return [frame_of(identifier, pad(data), extended=is_extended(identifier), fd=True)]
 
     def update(self, channels: Mapping[str, float], now: float) -> Sequence[Message]:
-        """Take the joint's values; it reports only when asked."""
+        """Take the joint's values; the drive reports only when queried."""
         self._channels = channels
         self._act()
         self.stage.supervise(channels, now)
@@ -118,7 +118,7 @@ class MoteusFirmware(StagedFirmware):
             self._act()
 
     def _act(self) -> None:
-        """Make the torque of the position mode; it keeps no integral."""
+        """Set the torque of position mode, without an integral term."""
         told = self._told
         if not told:
             return

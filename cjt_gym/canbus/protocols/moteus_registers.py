@@ -1,8 +1,8 @@
-"""moteus: the table of its registers, and the subframes that read and write them.
+"""moteus: table of registers, and the subframes that read and write them.
 
-A CAN FD frame is a row of subframes, each of which writes, asks for or answers with some registers
-in a row, all of one type: an integer of 8, 16 or 32 bits or a float. What one step of an integer
-means depends on the quantity. NaN is the lowest integer. Unused bytes at the end are 0x50.
+A CAN FD frame is a sequence of subframes. Each one writes, queries or returns consecutive registers
+of one type: an integer of 8, 16 or 32 bits, or a float. The step of an integer depends on the
+quantity; the lowest integer stands for NaN. Unused bytes at the end are 0x50.
 
 References:
     mjbots Robotic Systems, moteus: docs/protocol/can.md and docs/protocol/registers.md.
@@ -91,10 +91,10 @@ class MoteusRegister:
 
     Attributes:
         number: Its number.
-        name: Its name in the maker's document.
-        quantity: What it holds, one of :data:`STEPS`.
+        name: Its name in the manufacturer's document.
+        quantity: Its quantity, one of :data:`STEPS`.
         writable: Whether a master may write it.
-        text: More to know about it.
+        text: Remarks.
         names: Names of its numbers.
     """
 
@@ -106,7 +106,7 @@ class MoteusRegister:
     names: Mapping[int, str] | None = None
 
     def field(self, kind: int) -> Field:
-        """Return it as a value of one type."""
+        """Return the field of one type."""
         unit, steps = STEPS[self.quantity]
         names = self.names or {}
         if kind == FLOAT:
@@ -149,13 +149,13 @@ LENGTHS: Final = (*range(9), 12, 16, 20, 24, 32, 48, 64)
 
 
 class Subframe(NamedTuple):
-    """What a subframe says of registers in a row.
+    """Content of a subframe: consecutive registers.
 
     Attributes:
         kind: "write", "ask", "reply" or "error".
         numbers: Numbers of the registers.
         type: Their type in this frame.
-        values: Their values; none where it asks.
+        values: Their values; empty in a query.
     """
 
     kind: Literal["write", "ask", "reply", "error"]
@@ -171,7 +171,7 @@ def subframe(base: int, kind: int, first: int, values: Sequence[float] | int) ->
         base: WRITE, ASK or REPLY.
         kind: Type of the registers.
         first: Number of the first register.
-        values: The values; for ASK how many registers.
+        values: The values, or the number of registers for ASK.
 
     Raises:
         ProtocolError: A value does not fit its register.
@@ -187,11 +187,7 @@ def subframe(base: int, kind: int, first: int, values: Sequence[float] | int) ->
 
 
 def read(data: bytes | bytearray) -> list[Subframe]:
-    """Return what a frame says; unknown registers come as plain numbers.
-
-    Raises:
-        ProtocolError: The data is not a row of subframes.
-    """
+    """Decode a frame; unknown registers give plain numbers."""
     found: list[Subframe] = []
     at = 0
     while at < len(data):
@@ -223,7 +219,7 @@ def read(data: bytes | bytearray) -> list[Subframe]:
 
 
 def said(frame: Sequence[Subframe], kind: str) -> dict[int, float]:
-    """Return the values by the numbers of their registers that a frame writes or answers with."""
+    """Return the values that a frame writes or returns, by register number."""
     return {
         number: value
         for each in frame
@@ -233,10 +229,10 @@ def said(frame: Sequence[Subframe], kind: str) -> dict[int, float]:
 
 
 def pad(data: bytes) -> bytes:
-    """Return data of a length that a CAN FD frame can have.
+    """Pad data to a length that CAN FD allows.
 
     Raises:
-        ProtocolError: It is more than 64 bytes.
+        ProtocolError: There are more than 64 bytes.
     """
     if len(data) > LENGTHS[-1]:
         raise ProtocolError(f"A frame must have at most 64 bytes of data, got {len(data)}.")
@@ -245,7 +241,7 @@ def pad(data: bytes) -> bytes:
 
 @cache
 def field_of(number: int, kind: int) -> Field:
-    """Return a register as a value of one type."""
+    """Return the field of a register in one type."""
     return REGISTERS[number].field(kind)
 
 
@@ -271,7 +267,7 @@ def _unpacked(
 
 
 def _step(number: int, kind: int) -> float:
-    """Return what one step of an integer means."""
+    """Return the value of one step of an integer."""
     register = REGISTERS.get(number)
     return STEPS[register.quantity][1][kind] if register else 1.0
 

@@ -77,7 +77,7 @@ class OdriveMaster:
         )
 
     def configure(self) -> Iterator[Step]:
-        """Yield the steps that wait for a heartbeat and set the watchdog where they can."""
+        """Yield the steps that wait for a heartbeat and set the watchdog if possible."""
         yield Step("Wait for a heartbeat", (), self._alive, timeout=2.0)
         if not any(self._endpoints) and self.settings.options["firmware"] != "0.5":
             ask = [self._request("Get_Version")]
@@ -90,7 +90,7 @@ class OdriveMaster:
                 yield self._sdo(f"Set the watchdog's {what}", endpoint, value)
 
     def clear(self) -> Sequence[Step]:
-        """Return the one step."""
+        """Return the step that clears errors."""
         return [
             Step(
                 "Clear the errors",
@@ -101,7 +101,7 @@ class OdriveMaster:
         ]
 
     def enable(self) -> Sequence[Step]:
-        """Return the steps to closed loop control of the torque."""
+        """Return the steps to closed-loop torque control."""
         zero = self._frame("Set_Input_Torque")
         mode = {"Control_Mode": TORQUE_CONTROL, "Input_Mode": PASSTHROUGH}
         return [
@@ -116,7 +116,7 @@ class OdriveMaster:
         ]
 
     def command(self, tau_m: float) -> Sequence[Message]:
-        """Return the torque, and what asks for reports where the drive does not send by itself."""
+        """Return the torque command, and requests for reports that are not periodic."""
         torque = self.settings.scaling.drive_torque(tau_m)
         return [self._frame("Set_Input_Torque", Input_Torque=torque), *self.poll()]
 
@@ -128,7 +128,7 @@ class OdriveMaster:
         return self.settings.scaling.torque(values["Input_Torque"])
 
     def poll(self) -> Sequence[Message]:
-        """Return the remote frames that ask for reports; none where it sends by itself."""
+        """Return the remote frames that request reports; none if the drive sends periodically."""
         if not self._ask:
             return []
         slow = self._slow if self._count % self._every == 0 else ()
@@ -143,7 +143,7 @@ class OdriveMaster:
         ]
 
     def decode(self, frame: Message) -> Update | None:
-        """Return what a message of this axis says."""
+        """Decode a message of this axis."""
         if frame.is_extended_id or frame.is_remote_frame or frame.is_error_frame:
             return None
         node, command = divmod(frame.arbitration_id, 32)
@@ -198,7 +198,7 @@ class OdriveMaster:
         return wanted(int(values["Axis_Error"]), int(values["Axis_State"]))
 
     def _find_endpoints(self, frame: Message) -> bool:
-        """Take the endpoints of the watchdog from the version in a frame; whether it has one."""
+        """Take the watchdog's endpoints from the version in a frame; return whether it has one."""
         if frame.arbitration_id != self._id("Get_Version") or frame.is_remote_frame:
             return False
         values = MESSAGES["Get_Version"].layout.decode(frame.data)

@@ -61,7 +61,7 @@ COMMANDS: Final = {row.command: row for row in MESSAGES.values() if row.to_drive
 
 
 class OdriveFirmware(StagedFirmware):
-    """Answers as an axis does; see :class:`~cjt_gym.canbus.protocols.contract.Firmware`."""
+    """Behaves as an axis; see :class:`~cjt_gym.canbus.protocols.contract.Firmware`."""
 
     def __init__(self, settings: Settings) -> None:
         super().__init__(settings)
@@ -81,14 +81,14 @@ class OdriveFirmware(StagedFirmware):
         self._cycles = Cycles(periods)
 
     def boot(self, now: float) -> Sequence[Message]:
-        """Start, with a heartbeat."""
+        """Start with a heartbeat."""
         self.stage.boot()
         self.stage.in_torque_mode = False
         self._cycles.begin(now)
         return [self._report("Heartbeat")]
 
     def receive(self, frame: Message, now: float) -> Sequence[Message]:
-        """Take a message for this axis; answer where it asks."""
+        """Take a message for this axis, and answer requests."""
         node, command = divmod(frame.arbitration_id, 32)
         row = self._known.get(command)
         if frame.is_extended_id or frame.is_error_frame or row is None:
@@ -105,7 +105,7 @@ class OdriveFirmware(StagedFirmware):
         return self._obey(row.name, values, now)
 
     def update(self, channels: Mapping[str, float], now: float) -> Sequence[Message]:
-        """Take the joint's values; return the messages of its cycles that are due."""
+        """Take the joint's values; return the periodic messages due."""
         self._channels = channels
         self.stage.supervise(channels, now)
         return [self._report(name) for name in self._cycles.due(now)]

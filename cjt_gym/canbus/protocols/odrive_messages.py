@@ -1,4 +1,4 @@
-"""ODrive CANSimple: the table of its messages.
+"""ODrive CANSimple: table of messages.
 
 References:
     ODrive Robotics, CAN Protocol, and ``odrive-cansimple.dbc`` of firmwares 0.6.10 and 0.5.6.
@@ -28,7 +28,7 @@ __all__ = [
 
 
 class State:
-    """Numbers of the axis states that matter here."""
+    """Numbers of the axis states used here."""
 
     UNDEFINED: Final = 0
     IDLE: Final = 1
@@ -112,10 +112,10 @@ class OdriveMessage:
 
     Attributes:
         command: Low five bits of the identifier.
-        name: Its name in the maker's document.
+        name: Its name in the manufacturer's document.
         to_drive: Whether the master sends it.
-        layout: What it holds.
-        text: More to know about it.
+        layout: Layout of its data.
+        text: Remarks.
     """
 
     command: int
@@ -243,11 +243,11 @@ SLOW_PERIOD: Final = 0.1
 
 
 def reports_of(firmware: str) -> dict[int, OdriveMessage]:
-    """Return what a drive of this firmware sends, by commands."""
+    """Return the messages that a drive of this firmware sends, by command."""
     rows = (row for row in MESSAGES.values() if not row.to_drive)
     return {row.command: row for row in rows if firmware != "0.5" or row.name in IN_05}
 
 
 def error_text(error: int, errors: Mapping[int, str] = ERRORS) -> str:
-    """Return the bits of an error in words."""
+    """Return an error in words."""
     return ", ".join(text for bit, text in errors.items() if error & bit) or f"error {error:#x}"

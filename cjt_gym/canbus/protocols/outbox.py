@@ -1,4 +1,4 @@
-"""A bus that is a list of frames, for libraries that want to send on a bus."""
+"""A bus that only collects frames, for libraries that send on a bus."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["Outbox"]
 
 @dataclass
 class Cycle:
-    """A frame that `canopen` wants sent periodically."""
+    """A frame that `canopen` sends periodically."""
 
     frame: Message
     period: float
@@ -27,7 +27,7 @@ class Cycle:
 
 @dataclass
 class Outbox:
-    """What `canopen` takes for a bus: frames wait here until the firmware hands them out."""
+    """A bus for `canopen`, in which frames wait until the firmware sends them."""
 
     now: float = 0.0
     waiting: list[Message] = field(default_factory=list)
@@ -38,12 +38,12 @@ class Outbox:
         self.waiting.append(frame)
 
     def send_periodic(self, frame: Message, period: float) -> Cycle:
-        """Keep a frame that is to be sent every `period` [s]."""
+        """Keep a frame to be sent every `period` [s]."""
         self.cycles.append(Cycle(frame, period, self.now + period))
         return self.cycles[-1]
 
     def take(self) -> list[Message]:
-        """Return what waits, with what is due by now."""
+        """Return the frames that are waiting or due."""
         self.cycles = [cycle for cycle in self.cycles if cycle.on]
         for cycle in self.cycles:
             if self.now >= cycle.due:

@@ -1,4 +1,4 @@
-"""What every drive does whatever it speaks: switch on and off, obey, give up, limit itself."""
+"""The power stage of an emulated drive, independent of its protocol."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ __all__ = ["PowerStage"]
 
 @dataclass
 class PowerStage:
-    """Modes, watchdog and limits of an emulated drive; a firmware speaks for one.
+    """Modes, watchdog and limits of an emulated drive.
 
     Attributes:
-        limits: Beyond which it faults.
-        watchdog: Time without a command after which it gives up [s]; 0 switches this off.
-        forgiving: After its watchdog it makes no torque but stays enabled, and obeys the next
-            command; otherwise it faults.
-        in_torque_mode: Whether it controls torque; in other modes it makes none here.
-        mode: What it is doing.
-        fault: Why it stopped by itself.
+        limits: Limits beyond which it faults.
+        watchdog: Time without a command after which it stops [s]; 0 for no watchdog.
+        forgiving: Whether it stays enabled without torque when the watchdog expires, and obeys the
+            next command; otherwise it faults.
+        in_torque_mode: Whether it controls torque; other modes make none here.
+        mode: Present mode.
+        fault: Reason for which it stopped.
     """
 
     limits: Limits
@@ -36,21 +36,21 @@ class PowerStage:
 
     @property
     def torque(self) -> float:
-        """Motor torque that it makes now, link side [N m]."""
+        """Present motor torque, link side [N m]."""
         return self._demand if self.mode is Mode.ENABLED and self.in_torque_mode else 0.0
 
     def boot(self) -> None:
-        """Start: disabled, without fault."""
+        """Start disabled, without a fault."""
         self.mode, self.fault, self._demand = Mode.DISABLED, None, 0.0
 
     def enable(self, now: float) -> bool:
-        """Switch on with zero torque; return whether it is on."""
+        """Switch on with zero torque; return whether that succeeded."""
         if self.mode is Mode.DISABLED:
             self.mode, self._demand, self._heard = Mode.ENABLED, 0.0, now
         return self.mode is Mode.ENABLED
 
     def disable(self) -> None:
-        """Switch off; a fault stays."""
+        """Switch off; a fault remains."""
         self._demand = 0.0
         if self.mode is Mode.ENABLED:
             self.mode = Mode.DISABLED
@@ -60,21 +60,21 @@ class PowerStage:
         self.mode, self.fault, self._demand = Mode.FAULT, fault, 0.0
 
     def clear(self) -> None:
-        """Leave a fault, to disabled."""
+        """Go from a fault to disabled."""
         if self.mode is Mode.FAULT:
             self.mode, self.fault = Mode.DISABLED, None
 
     def feed(self, now: float) -> None:
-        """Let the watchdog know that the master lives."""
+        """Feed the watchdog."""
         self._heard = now
 
     def demand(self, tau_m: float) -> None:
-        """Make this torque from now on [N m, link side]; what is not finite is none."""
+        """Set the torque [N m, link side]; a value that is not finite gives zero."""
         limit = self.limits.tau_m
         self._demand = min(max(tau_m, -limit), limit) if isfinite(tau_m) else 0.0
 
     def supervise(self, channels: Mapping[str, float], now: float) -> None:
-        """Fault where the joint is beyond the limits, or where no command came in time."""
+        """Enter a fault if the joint exceeds the limits or the watchdog has expired."""
         if self.mode is not Mode.ENABLED:
             return
         if self.watchdog and now - self._heard > self.watchdog:

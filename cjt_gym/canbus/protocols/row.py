@@ -1,4 +1,4 @@
-"""A row of the table of protocols; how the table `[drive]` of a configuration becomes settings."""
+"""Rows of the table of protocols, and settings from the table `[drive]` of a configuration."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ __all__ = ["DriveProtocol", "Option", "Register", "settings_of"]
 
 @dataclass(frozen=True)
 class Option:
-    """Something that only one protocol knows.
+    """An option of a protocol.
 
     Attributes:
-        default: Its value where it is not given; its type is that of the option.
-        text: What it is.
-        choices: The values it may have, as a tuple or a range; empty for any of its type.
+        default: Default value, which also gives the type.
+        text: Description.
+        choices: Allowed values, as a tuple or range; empty for any value of the type.
     """
 
     default: Any
@@ -30,14 +30,14 @@ class Option:
 
 @dataclass(frozen=True)
 class Register:
-    """A frame, register or object of a protocol, for its page.
+    """A frame, register or object of a protocol, for its documentation.
 
     Attributes:
-        address: Where it is found, as the maker writes it.
+        address: Its address as the manufacturer writes it.
         direction: "to drive", "from drive" or "both".
-        name: Its name in the maker's document.
-        fields: What it holds.
-        text: More to know about it.
+        name: Its name in the manufacturer's document.
+        fields: Its fields.
+        text: Remarks.
     """
 
     address: str
@@ -48,28 +48,26 @@ class Register:
 
 
 def _anything(options: Mapping[str, Any]) -> None:
-    """Find nothing wrong with options that are valid one by one."""
+    """Accept any combination of valid options."""
 
 
 @dataclass(frozen=True)
 class DriveProtocol:
-    """A protocol: all that the rest of the package knows of it.
+    """A drive protocol, as the rest of the package sees it.
 
     Attributes:
         name: Its name in a configuration.
-        title: What it is, in words.
-        side: Which shaft its angles and torques belong to: that of the motor or of the gear's
-            output.
-        before: What has to be set in the drive before, with the maker's own tools.
+        title: Its full name.
+        side: Shaft of its angles and torques: that of the motor or of the gear's output.
+        before: What must be set in the drive first, with the manufacturer's tools.
         fd: Whether it needs CAN FD.
-        nodes: Lowest and highest address of a drive.
-        options: What only this protocol knows.
-        check: Raises ConfigurationError where options do not fit together.
-        command_enables: Whether a command switches the power stage on by itself, so that only its
-            absence keeps a drive off.
-        master: Makes the commanding side.
-        firmware: Makes the drive's side.
-        registers: What its page lists.
+        nodes: Range of addresses.
+        options: Its own options.
+        check: Raises ConfigurationError if options contradict each other.
+        command_enables: Whether any command switches the power stage on.
+        master: Makes the master.
+        firmware: Makes the firmware.
+        registers: Entries of its documentation.
     """
 
     name: str
@@ -101,21 +99,21 @@ def settings_of(
     limits: Limits | None = None,
     owner: str = "[drive]",
 ) -> Settings:
-    """Return the settings that the table `[drive]` of a configuration asks for.
+    """Return the settings for the table `[drive]` of a configuration.
 
     Args:
         protocol: The protocol.
         drive: The table: `node`, `gear_ratio`, `sign`, `offset` [rad, drive's shaft],
             `torque_constant` [N m/A, drive's shaft], `unwatched` and the options of the protocol.
-        n: Gear ratio of the joint: that of the drive where its protocol counts at the motor.
+        n: Gear ratio of the joint, used for a protocol that counts at the motor.
         period: Time between two commands [s].
-        watchdog: Time without a command after which the drive has to stop by itself [s].
-        limits: Of the emulated drive.
-        owner: What error messages call the table.
+        watchdog: Time without a command after which the drive must stop by itself [s].
+        limits: Limits of the emulated drive.
+        owner: Name of the table in error messages.
 
     Raises:
         ConfigurationError: A value is not valid.
-        UnknownNameError: A key is not known.
+        UnknownNameError: A key is unknown.
     """
     known = (*COMMON, *protocol.options)
     if wrong := [key for key in drive if key not in known]:

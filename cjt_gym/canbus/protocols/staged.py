@@ -1,4 +1,4 @@
-"""What the firmwares of all emulated drives share: a power stage, and reports in cycles."""
+"""Base of the firmwares of all emulated drives: power stage and periodic reports."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ __all__ = ["Cycles", "StagedFirmware"]
 
 
 class StagedFirmware:
-    """A firmware whose modes, watchdog and limits are those of a power stage.
+    """A firmware with the modes, watchdog and limits of a power stage.
 
     Attributes:
-        settings: What makes it that of one drive.
+        settings: Settings of the drive.
         stage: Its power stage.
     """
 
@@ -25,12 +25,12 @@ class StagedFirmware:
 
     @property
     def mode(self) -> Mode:
-        """What it is doing."""
+        """Present mode."""
         return self.stage.mode
 
     @property
     def fault(self) -> Fault | None:
-        """Why it stopped by itself."""
+        """Reason for which it stopped."""
         return self.stage.fault
 
     @property
@@ -39,28 +39,24 @@ class StagedFirmware:
         return self.stage.torque
 
     def fail(self, fault: Fault) -> None:
-        """Fault now."""
+        """Enter a fault."""
         self.stage.fail(fault)
 
 
 class Cycles:
-    """Reports that a node sends by itself, each in a cycle of its own."""
+    """Periodic reports of a node, each with its own period."""
 
     def __init__(self, periods: Mapping[str, float]) -> None:
-        """Begin none yet.
-
-        Args:
-            periods: Time between two reports, by name [s].
-        """
+        """Prepare without starting."""
         self._periods = periods
         self._due: dict[str, float] = {}
 
     def begin(self, now: float) -> None:
-        """Begin all cycles at a time [s]."""
+        """Start all cycles at a time [s]."""
         self._due = {name: now + period for name, period in self._periods.items()}
 
     def due(self, now: float) -> list[str]:
-        """Return the names of the reports that are due by a time [s]."""
+        """Return the names of the reports due by a time [s]."""
         names = [name for name, due in self._due.items() if now >= due]
         for name in names:
             self._due[name] = max(self._due[name] + self._periods[name], now)

@@ -117,6 +117,11 @@ def _is_number(cell: str) -> bool:
 
 def _check_names(path: Path, names: list[str]) -> None:
     COLUMNS.check(len(names), path, RecordError)
+    if all(map(_is_number, names)):
+        raise RecordError(
+            f"{path} must begin with a line of column names, such as  time_ms,angle_deg,i_mA, "
+            f"got the numbers {', '.join(names[:4])}. Write such a line at its top."
+        )
     seen = set()
     for name in names:
         if name in seen:

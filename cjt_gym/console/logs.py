@@ -1,0 +1,23 @@
+"""Records and logs as commands read them: with the joint that they name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from cjt_gym.errors import MissingFileError, UnknownNameError
+from cjt_gym.joint import load_joint_file
+from cjt_gym.records import Record, joint_of, read_record
+
+
+def gear_ratio_of(log: str | Path, mapping: str | None = None) -> float | None:
+    """Return the gear ratio of the joint that a log names, if it is at hand and has one."""
+    joint = joint_of(log, mapping)
+    try:
+        return None if joint is None else load_joint_file(joint).gear_ratio
+    except (MissingFileError, UnknownNameError):
+        return None
+
+
+def read_own(log: str | Path) -> Record:
+    """Return a record, with the gear ratio of its joint where its mapping gives none."""
+    return read_record(log, n=gear_ratio_of(log))

@@ -1,0 +1,141 @@
+"""A draft of a mapping for a log with columns of its own, guessed from their names."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cjt_gym.records.tables.flat import NUMBERS
+from cjt_gym.records.units import units_of
+
+UNKNOWN: Final = "?"
+HEAD: Final = """\
+# Draft: which column of {log} is which, guessed from the names. Check every guess, replace every
+# "?", and delete what is not needed. sign, scale, offset and more: docs/records.md.
+# joint = "joint.toml"  # nominal joint: a name, or a file beside the log
+# structure = "rigid"  # one of those that  cjt-gym joints  lists
+# n = 100  # gear ratio, needed for side = "motor" unless the joint gives it
+"""
+KINDS: Final = {
+    "temperature": "temp temperature degc",
+    "t": "t time timestamp stamp clock ms us ns sec seconds",
+    "dq": "dq qd qdot vel velocity speed omega w rpm dtheta deg/s rad/s",
+    "i": "i iq current cur curr amp amps ampere ma",
+    "v": "u v uq vq volt volts voltage mv",
+    "tau": "tau torque trq moment nm",
+    "q": "q pos position angle theta phi enc encoder deg rad rev counts",
+}
+"""Words by which a quantity is known, those that also occur in others' names last."""
+COMMAND: Final = "cmd command commanded set setpoint target des desired demand goal"
+REFERENCE: Final = "ref reference"
+LOAD: Final = "l load link out output joint arm"
+GEAR: Final = "g gear"
+MOTOR: Final = "m motor rotor"
+OUTSIDE: Final = "load ext external"
+SIDED: Final = ("q_m", "dq_m", "tau_m", "tau_cmd")
+
+
+def draft(log: str, table: Mapping[str, NDArray[Any]]) -> str:
+    """Return the text of a mapping to be edited.
+
+    Args:
+        log: Name of the log.
+        table: Its columns, or the beginning of them.
+
+    Example:
+        >>> print(draft("a.csv", {"motor_pos_deg": np.array([0.0, 90.0])}).splitlines()[-4])
+        [columns.q_m]  # from 0 to 90
+    """
+    guesses: dict[str, str] = {}
+    rest: list[str] = []
+    for name, values in table.items():
+        column = guess(name) if _has_numbers(values) else None
+        if column is None or column in guesses:
+            rest.append(f"# [columns.{UNKNOWN}]{_range(values)}\n# source = {_quoted(name)}\n")
+        else:
+            guesses[column] = name
+    head = HEAD.format(log=log)
+    if "t" not in guesses:
+        head += f'dt = "{UNKNOWN}"  # sample time [s], as no column looks like the time\n'
+    tables = [_table(column, name, table[name]) for column, name in guesses.items()]
+    return "\n".join([head, *tables, *rest])
+
+
+def guess(name: str) -> str | None:
+    """Return the column of a record that a name suggests; None where it suggests none.
+
+    Example:
+        >>> guess("Motor Speed (rpm)"), guess("iq_ref"), guess("gripper")
+        ('dq_m', 'i_cmd', None)
+    """
+    words = _words(name)
+    kind = next((kind for kind, known in KINDS.items() if _any(known, words)), None)
+    commanded, reference = _any(COMMAND, words), _any(REFERENCE, words)
+    if kind in (None, "t", "temperature"):
+        return kind
+    if kind == "i" or kind == "v":
+        return "i_cmd" if commanded or reference else kind
+    if kind == "tau":
+        asked = "tau_cmd" if commanded else "tau_ref" if reference else None
+        own = "tau_m" if _any(MOTOR, words) else "tau_l" if _any(OUTSIDE, words) else "tau"
+        return asked or own
+    if commanded or reference:
+        return "q_ref" if kind == "q" else None
+    return kind + ("_l" if _any(LOAD, words) else "_g" if _any(GEAR, words) else "_m")
+
+
+def _words(name: str) -> set[str]:
+    """Return the words of a name in small letters, and the units of a velocity as one."""
+    own = name.rpartition(":")[2] or name
+    plain = re.sub(r"([a-z])([A-Z][a-z])", r"\1 \2", own).lower()
+    words = set(re.findall(r"[a-z]+", plain))
+    return words | {f"{unit}/s" for unit in re.findall(r"(deg|rad)(?:/|_|p|ps|/sec)s", plain)}
+
+
+def _any(known: str, words: set[str]) -> bool:
+    return not words.isdisjoint(known.split())
+
+
+def _table(column: str, name: str, values: NDArray[Any]) -> str:
+    allowed = units_of(column)
+    unit = allowed[0] if len(allowed) == 1 else _unit(name, allowed)
+    lines = [
+        f"[columns.{column}]{_range(values)}",
+        f"source = {_quoted(name)}",
+    ]
+    among = "" if unit else f"  # {', '.join(allowed)}"
+    lines.append(f'unit = "{unit or UNKNOWN}"{among}')
+    if unit in ("counts", "counts/s"):
+        lines.append(f'counts_per_rev = "{UNKNOWN}"')
+    if column in SIDED:
+        lines.append('side = "?"  # motor: taken before the gear; link: after it, or there is none')
+    return "\n".join(lines) + "\n"
+
+
+def _unit(name: str, allowed: tuple[str, ...]) -> str | None:
+    """Return the unit at the end of a name: ``pos_deg``, ``Speed (rpm)``, ``vel_deg_s``."""
+    for unit in sorted(allowed, key=len, reverse=True):
+        pattern = re.escape(unit).replace("/", "[/_]").replace(r"\ ", "[ ._*]?")
+        if re.search(rf"(?:^|[\W_]){pattern}[\])]?$", name):
+            return unit
+    return None
+
+
+def _has_numbers(values: NDArray[Any]) -> bool:
+    return values.dtype.kind in NUMBERS and values.ndim == 1 and bool(np.isfinite(values).any())
+
+
+def _quoted(name: str) -> str:
+    return json.dumps(name, ensure_ascii=False)
+
+
+def _range(values: NDArray[Any]) -> str:
+    """Return from where to where values go, as a comment."""
+    if not _has_numbers(values):
+        return "  # no numbers"
+    return f"  # from {np.nanmin(values):.6g} to {np.nanmax(values):.6g}"

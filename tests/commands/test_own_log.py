@@ -1,0 +1,160 @@
+"""Commands on a log as a machine wrote it: other names, degrees, milliampere, before the gear."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cjt_gym.cli import main
+from cjt_gym.joint import load_joint_file, to_toml
+from cjt_gym.records import joint_of, read_log
+from cjt_gym.records.draft import draft
+
+N = load_joint_file("orange_80_6000").gear_ratio
+MAPPING = """
+structure = "output_fixed_rigid_gearbox"
+[columns.t]
+source = "time_ms"
+unit = "ms"
+[columns.q_m]
+source = "Motor Position"
+unit = "deg"
+side = "motor"
+[columns.i]
+source = "cur"
+unit = "mA"
+"""
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    """A log of two seconds without any file beside it."""
+    t = np.arange(2000) * 1e-3
+    q = 0.002 * np.sin(2.0 * np.pi * 2.0 * t)
+    columns = [1e3 * t, np.rad2deg(N * q), 500.0 * np.sin(2.0 * np.pi * 2.0 * t + 0.1)]
+    header = "time_ms,Motor Position,cur"
+    np.savetxt(
+        tmp_path / "log.csv", np.column_stack(columns), delimiter=",", header=header, comments=""
+    )
+    return tmp_path / "log.csv"
+
+
+def mapped(log: Path, head: str = "") -> None:
+    log.with_suffix(".map.toml").write_text(head + MAPPING, encoding="utf-8")
+
+
+def largest_angle(log: Path, capsys: pytest.CaptureFixture[str], *words: str) -> float:
+    """Return the largest angle [rad] that a command sees."""
+    out = log.with_name("clean.npz")
+    assert main(["convert", str(log), "--out", str(out), *words]) == 0, capsys.readouterr().err
+    return float(np.max(read_log(out)[0][0]["q_m"]))
+
+
+@pytest.mark.parametrize("where", ["mapping", "toml", "nominal", "file"])
+def test_the_gear_ratio_comes_from_the_joint_that_the_log_names(
+    log: Path, capsys: pytest.CaptureFixture[str], where: str
+) -> None:
+    joint = to_toml(load_joint_file("orange_80_6000"))
+    mapped(log, {"mapping": 'joint = "orange_80_6000"', "file": 'joint = "my.toml"'}.get(where, ""))
+    if where == "toml":
+        log.with_suffix(".toml").write_text('joint = "orange_80_6000"\n')
+    if where in ("nominal", "file"):
+        log.with_name({"file": "my.toml"}.get(where, "nominal.toml")).write_text(joint)
+    assert largest_angle(log, capsys) == pytest.approx(0.002, rel=1e-6)
+
+
+def test_a_plot_takes_the_ratio_of_the_joint_too(log: Path) -> None:
+    mapped(log, 'joint = "orange_80_6000"')
+    assert main(["plot", str(log), "--out", str(log.with_suffix(".svg"))]) == 0
+
+
+def test_a_joint_that_is_not_at_hand_is_asked_for(
+    log: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mapped(log, 'joint = "my_joint"\nn = 10')
+    assert main(["diagnose", str(log)]) == 2
+    assert "names the joint my_joint, which neither ships" in capsys.readouterr().err
+
+
+def test_a_ratio_in_the_mapping_goes_before_that_of_the_joint(
+    log: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mapped(log, 'joint = "orange_80_6000"\nn = 10')
+    assert largest_angle(log, capsys) == pytest.approx(0.0002 * N, rel=1e-6)
+
+
+@pytest.mark.parametrize("command", ["check", "diagnose"])
+def test_the_gear_ratio_comes_from_the_joint_that_is_given(
+    log: Path, capsys: pytest.CaptureFixture[str], command: str
+) -> None:
+    mapped(log)
+    more = [] if command == "check" else ["--validate", "nowhere.csv"]
+    main([command, str(log), "--joint", "orange_80_6000", "--json", *more])
+    said = capsys.readouterr()
+    assert "nowhere.csv" in said.err if more else json.loads(said.out)
+
+
+def test_without_a_joint_the_ratio_is_asked_for(
+    log: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mapped(log)
+    assert joint_of(log) is None
+    assert main(["check", str(log)]) == 2
+    assert 'a line n = ... at the top, or joint = "..." with a joint' in capsys.readouterr().err
+
+
+def test_a_log_without_a_mapping_leads_to_a_draft_that_works_once_it_is_edited(
+    log: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["check", str(log)]) == 2
+    hint = capsys.readouterr().err.rpartition("a draft to edit: cjt-gym ")[2].rstrip(".\n")
+    assert main(hint.split()) == 0
+    path = log.with_suffix(".map.toml")
+    text = path.read_text(encoding="utf-8")
+    assert main(["check", str(log)]) == 2
+    assert "unit of columns.q_m" in capsys.readouterr().err
+    assert main(hint.split()) == 2, "an edited draft is not overwritten"
+    text = text.replace('unit = "?"  # rad', 'unit = "deg"  # rad')
+    text = text.replace('unit = "?"  # A', 'unit = "mA"  # A').replace(
+        'side = "?"', 'side = "motor"'
+    )
+    path.write_text('joint = "orange_80_6000"\n' + text, encoding="utf-8")
+    assert largest_angle(log, capsys) == pytest.approx(0.002, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("name", "wanted"),
+    [
+        ("time_ms", '[columns.t]\nsource = "time_ms"\nunit = "ms"'),
+        ("motorVel [rad/s]", '[columns.dq_m]\nsource = "motorVel [rad/s]"\nunit = "rad/s"'),
+        ("vel_deg_s", '[columns.dq_m]\nsource = "vel_deg_s"\nunit = "deg/s"'),
+        ("joint_theta", '[columns.q_l]\nsource = "joint_theta"\nunit = "?"'),
+        ("i_cmd_mA", '[columns.i_cmd]\nsource = "i_cmd_mA"\nunit = "mA"'),
+        ("torque.ref (Nm)", '[columns.tau_ref]\nsource = "torque.ref (Nm)"\nunit = "N m"'),
+        ("/knee:position", '[columns.q_m]\nsource = "/knee:position"\nunit = "?"'),
+        ("fault code", '# [columns.?]\n# source = "fault code"'),
+    ],
+)
+def test_columns_are_guessed_by_name(name: str, wanted: str) -> None:
+    lines = draft("log.csv", {name: np.arange(3.0)}).splitlines()
+    text = "\n".join(line.split("  # ")[0] for line in lines)
+    assert wanted in text
+
+
+def test_a_column_without_numbers_is_not_taken_for_the_time() -> None:
+    text = draft("log.csv", {"timestamp": np.full(3, np.nan), "pos": np.arange(3.0)})
+    assert "[columns.t]" not in text
+    assert 'dt = "?"' in text
+
+
+def test_a_log_without_a_line_of_names_is_told_so(
+    log: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log.write_text(log.read_text("utf-8").partition("\n")[2], encoding="utf-8")
+    assert main(["check", str(log)]) == 2
+    said = capsys.readouterr().err
+    assert "must begin with a line of column names" in said
+    assert "got the numbers 0.0" in said
