@@ -43,6 +43,8 @@ from cjt_gym.gap.shrink import HARM, Gap, measure_gap
 from cjt_gym.gap.suggest import cautious, suggest
 from cjt_gym.gap.unknown import Leftover, untouched, verdict
 from cjt_gym.joint import Joint, JointFile, get_structure, load_joint_file
+from cjt_gym.joint.build import file_of
+from cjt_gym.joint.configure import resolve_effects
 from cjt_gym.joint.structures import Structure
 from cjt_gym.records import Record
 
@@ -191,7 +193,9 @@ def _joint(
 ) -> tuple[JointFile, Structure]:
     """Return the nominal joint and the structure, given or named by the record."""
     if isinstance(joint, Joint):
-        return joint.file, get_structure(structure or joint.structure)
+        own = resolve_effects(None, joint.file, joint.structure_row, joint.drive)
+        file = joint.file if joint.effects == own else file_of(joint)
+        return file, get_structure(structure or joint.structure)
     if joint is None and record.joint_file is None:
         raise ConfigurationError(
             f"{record.owner} names no joint. Give the nominal joint: a name, a file or a Joint."

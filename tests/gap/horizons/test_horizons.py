@@ -96,6 +96,13 @@ def test_a_joint_that_is_pushed_without_current_tells_its_friction() -> None:
     assert "torque_constant" not in told.joint.found["covariance"]["names"]  # type: ignore[operator,index]
 
 
+def test_effects_of_a_joint_that_is_given_are_a_part_of_what_is_known() -> None:
+    dry = {"coulomb": {"d_cm": DRY, "d_cg": 0.0, "d_cl": 0.0, "dq_0": 0.0}}
+    known = Joint(datasheet(1.0), "rigid", "current", dry)
+    assert "coulomb" in {effect.name for effect in diagnose(record(), known.file, "rigid").effects}
+    assert "coulomb" not in {effect.name for effect in diagnose(record(), known).effects}
+
+
 def test_no_friction_is_found_where_there_is_none() -> None:
     assert "coulomb" not in values_of(found_in(case_of(dry=0.0)))
 
