@@ -10,7 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.gap.horizons.log import Log
-from cjt_gym.gap.horizons.model import Draft, Number, Put, Scales, Term, body_group
+from cjt_gym.gap.horizons.model import (
+    Draft,
+    Number,
+    Put,
+    Scales,
+    Term,
+    body_group,
+    motor_inertia,
+)
 from cjt_gym.gap.horizons.sheet import GUESSED, VAGUE, datasheet_number, tolerance_of
 from cjt_gym.joint import EFFECTS, Joint
 
@@ -35,6 +43,8 @@ SWING = 0.4
 BRAKED = 1.5
 """Torque of damping at a speed that is rarely exceeded, in torques that are: hardly more than one,
 as a joint at its highest speed does not accelerate; a weight may help."""
+COASTING = 0.1
+"""Share of what its inertia takes that counts as the torque of a joint that nothing drives."""
 BACKDRIVEN = 0.02
 """Share of the torque that must be the motor's for its torque constant to be looked for."""
 MOST_LOST = 0.5
@@ -51,12 +61,15 @@ def scales_of(joint: Joint, logs: Sequence[Log]) -> Scales:
     speed = np.concatenate([log.speed[log.whole] for log in logs])
     travel = max(float(np.ptp(log.states[log.whole, 0])) for log in logs)
     fast = max(float(np.percentile(np.abs(speed), 99)), 1e-9)
+    moved = motor_inertia(joint) * np.concatenate([log.acceleration[log.whole] for log in logs])
+    peak = max(float(np.percentile(np.abs(x), 99)) for x in (torque, moved))
+    usual = float(np.std(torque))
     return Scales(
-        max(float(np.std(torque)), 1e-3 * float(np.abs(torque).max()), 1e-9),
+        max(usual, COASTING * float(np.std(moved)), 1e-3 * float(np.abs(torque).max()), 1e-9),
         max(float(np.sqrt(np.mean(speed**2))), 1e-9),
-        max(float(np.percentile(np.abs(torque), 99)), 1e-9),
+        max(peak, 1e-9),
         max(travel, 1e-9),
-        float(np.std(np.concatenate(own))) / max(float(np.std(torque)), 1e-300),
+        float(np.std(np.concatenate(own))) / max(usual, 1e-300),
         fast,
     )
 
