@@ -38,11 +38,7 @@ class CompensatedPd(Controller):
     lead: float
 
     def _prepare(self) -> None:
-        """Check the numbers that all share, and make the linear law.
-
-        Raises:
-            ConfigurationError: One of them is out of range.
-        """
+        """Check the numbers that all share, and make the linear law."""
         self.dt = self.model.dt
         check_sampling(self)
         check(self, "kp", "", low=0.0)

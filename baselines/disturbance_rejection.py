@@ -32,9 +32,6 @@ def disturbance_rejection_law(
         kp: Proportional gain [-].
         kd: Derivative gain [s].
         observer_hz: Where the observer's poles are [Hz].
-
-    Raises:
-        ConfigurationError: The joint torque does not show all states.
     """
     observer = designed(model, observer_hz)
     rate = next(name for name in ("dq_g", "dq_m") if name in observer.names)

@@ -52,9 +52,6 @@ def h_infinity_law(model: SampledJoint, bandwidth_hz: float, effort: float) -> L
         model: The joint.
         bandwidth_hz: Up to which disturbances are to be rejected [Hz].
         effort: Weight of the command against the torque [-].
-
-    Raises:
-        ConfigurationError: The torque of the joint cannot be held.
     """
     check_torque_controllable(model)
     shaped, weight = shaped_joint(model, bandwidth_hz, effort)

@@ -46,10 +46,6 @@ def lqg_law(model: SampledJoint, effort: float, drift: float) -> LinearLaw:
         effort: Weight of the command against the torque [-].
         drift: Standard deviation of the disturbance's step per sample, in units of the torque
             sensor's noise [-].
-
-    Raises:
-        ConfigurationError: The joint is not stabilisable or not observable, or its torque cannot
-            be held.
     """
     feedback = quadratic_feedback(model, effort, 0.0)
     step = drift * float(model.loop.scatter[0])

@@ -29,9 +29,6 @@ def lqi_law(model: SampledJoint, effort: float, reset: float) -> LinearLaw:
         model: The joint.
         effort: Weight of the command against the torque [-].
         reset: Weight of the integral of the torque error [1/s].
-
-    Raises:
-        ConfigurationError: The joint is not stabilisable, or its torque cannot be held.
     """
     feedback = quadratic_feedback(model, effort, reset)
     states = static()

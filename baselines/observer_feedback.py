@@ -30,10 +30,6 @@ def observer_feedback_law(
         bandwidth_hz: Natural frequency that the torsional mode gets [Hz].
         damping: Its damping ratio, in (0, 1) [-].
         observer_hz: Where the observer's poles are [Hz].
-
-    Raises:
-        ConfigurationError: The joint is not stabilisable or not observable, or its torque cannot
-            be held.
     """
     w = 2.0 * np.pi * bandwidth_hz
     mode = w * complex(-damping, np.sqrt(1.0 - damping**2))

@@ -57,9 +57,6 @@ def outer_dob_law(
         dob_hz: Cut-off of Q [Hz].
         prefilter_hz: Cut-off of the prefilter's Qf, 0 for none [Hz].
         lead: With at least 0.5 the derivative is that of r' - tau.
-
-    Raises:
-        ConfigurationError: The closed loop cannot be inverted.
     """
     what, dt = f"the torque loop of {model.name}", model.dt
     loop = closed_plant(model, kp, kd, lead >= 0.5)

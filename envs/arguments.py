@@ -20,12 +20,7 @@ Class = TypeVar("Class", bound=type)
 
 
 def _told(text: str, shown: str | None = None) -> dict[str, str | None]:
-    """Return what the table says of an argument.
-
-    Args:
-        text: What it means, with its unit.
-        shown: What stands in the place of its default.
-    """
+    """Return what the table says of an argument."""
     return {"text": text, "shown": shown}
 
 

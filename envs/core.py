@@ -177,9 +177,6 @@ class Episodes:
     def take_own_reward(self, told: Mapping[str, NDArray[Any]] | None = None) -> None:
         """Put the reward of the function that was given, if any, where that of the task stands.
 
-        Args:
-            told: What a step reports, if not of the simulated joints.
-
         Raises:
             ConfigurationError: It gives something else than a number per episode.
         """

@@ -223,9 +223,6 @@ def sampled(reference: Any, steps: int, dt: float) -> Any:
             `make_signals` takes; or a list of these.
         steps: Control steps for which it is asked, that of the preview included.
         dt: Control step [s].
-
-    Raises:
-        ConfigurationError: The array has another shape, or a value is not a finite number.
     """
     if isinstance(reference, (list, tuple)):
         return [sampled(each, steps, dt) for each in reference]

@@ -245,14 +245,7 @@ def inertias(p: Plant) -> Floats:
 
 
 def dampings(p: Plant, attach: int, gear: bool, bar: bool) -> Floats:
-    """Return the matrix of linear dampings, shape (4, 4).
-
-    Args:
-        p: Plant.
-        attach: Body that the mount is attached to.
-        gear: Whether the damper of the gear acts.
-        bar: Whether the damper of the bar acts.
-    """
+    """Return the matrix of linear dampings, shape (4, 4)."""
     matrix = np.diag([p.d_m, p.d_g, p.d_l, 0.0])
     between = ((MOTOR, GEAR, p.d_mg * gear), (GEAR, LOAD, p.d_gl * bar), (attach, 3, p.d_f))
     for one, other, d in between:

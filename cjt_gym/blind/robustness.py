@@ -24,9 +24,6 @@ def by_defect(rows: Sequence[Row]) -> dict[str, Any]:
     A case counts for every defect it has. First and all names count where a known effect is to be
     seen, false alarms where there is none at all, wrong confirmed names everywhere. A case that
     could not be diagnosed counts against all of them.
-
-    Args:
-        rows: Scores of cases, as `score_case` gives them.
     """
     kinds = {kind: [r for r in rows if kind in r["defects"]] for kind in (*DEFECTS, MIXED)}
     if not any(kinds[kind] for kind in DEFECTS):

@@ -126,13 +126,6 @@ def write_files(
 ) -> Diagnosis:
     """Write diagnosis.json, report.html, joint.toml, and the next excitation if there is one.
 
-    Args:
-        diagnosis: What was found.
-        folder: Where to write.
-        name: Of the record, for the heading of the report.
-        repairs: What was repaired in the records.
-        loop: What it is worth in a closed loop.
-
     Returns:
         The diagnosis, which now names its excitation file.
     """

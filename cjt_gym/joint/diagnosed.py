@@ -84,11 +84,7 @@ def covariance_of(file: JointFile) -> Covariance | None:
 
 
 def ranges_of(file: JointFile) -> dict[str, Range]:
-    """Return the ranges in which a joint was identified, by quantity.
-
-    Raises:
-        ParameterError: One of them is not a range.
-    """
+    """Return the ranges in which a joint was identified, by quantity."""
     return {name: _range(file, name) for name in QUANTITIES if name in file.found}
 
 

@@ -39,9 +39,6 @@ def tell_outside(file: JointFile, met: Met) -> None:
     Args:
         file: The joint file, whose [found] states the ranges.
         met: Lowest and highest value by quantity, in the units of the file.
-
-    Raises:
-        ParameterError: The file states something that is no range.
     """
     if is_told(file):
         return

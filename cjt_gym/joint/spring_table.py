@@ -31,10 +31,6 @@ def spring_rows(effects: Mapping[str, Mapping[str, Any]], owner: str) -> NDArray
 
     Points of deflections >= 0 alone count for the other direction, too.
 
-    Args:
-        effects: Effects with their values.
-        owner: Name of their owner, for messages.
-
     Raises:
         ParameterError: There are fewer than two points, or the deflections or torques do not rise.
     """

@@ -20,10 +20,6 @@ def aligned(
 
     Rows at either end of the log that lack one of the columns then are left out.
 
-    Args:
-        pieces: Columns of the log, one piece after the other.
-        late: Rows by which columns are late; negative where they are early.
-
     Raises:
         RecordError: Nothing is left.
     """

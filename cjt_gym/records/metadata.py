@@ -58,9 +58,6 @@ def checked_facts(owner: str, facts: Mapping[str, Any]) -> dict[str, Any]:
     Args:
         owner: What error messages call the document.
         facts: Its tables and values.
-
-    Raises:
-        RecordError: As for :func:`read_metadata`.
     """
     known = (*SCALARS, *TABLES)
     for key in facts:

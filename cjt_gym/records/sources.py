@@ -43,11 +43,7 @@ class Clock:
 
 
 def clock(mapping: ColumnMapping, table: Table, owner: str) -> Clock:
-    """Return the time base of a log: that of ``t``, or else of the topic with most messages.
-
-    Raises:
-        RecordError: The column that the mapping names is not there.
-    """
+    """Return the time base of a log: that of ``t``, or else of the topic with most messages."""
     if "t" in mapping.columns:
         source = mapping.columns["t"]
         first = _source(mapping, "t", source.source, table, owner)
@@ -65,15 +61,6 @@ def mapped(mapping: ColumnMapping, table: Table, base: Clock, owner: str) -> dic
 
     A column with a clock of its own is brought to the record's: commands hold their value, what is
     measured is interpolated between neighbours, and missing (NaN) where these are far apart.
-
-    Args:
-        mapping: Which column is which.
-        table: Columns of the log.
-        base: Time base of the record.
-        owner: What error messages call the log.
-
-    Raises:
-        RecordError: A column that the mapping names is not there, or the lengths do not fit.
     """
     columns: dict[str, FloatArray] = {}
     t = None

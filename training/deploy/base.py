@@ -66,11 +66,7 @@ class BaseLaw:
 
 
 def base_law(config: TrainConfig, settings: Settings) -> BaseLaw | None:
-    """Return the base controller of a training, None where it has none.
-
-    Raises:
-        ConfigurationError: It learns series, solves programs, or is code of one's own.
-    """
+    """Return the base controller of a training, None where it has none."""
     choice = base_of(config.env)
     if choice is None:
         return None

@@ -76,10 +76,6 @@ class Exported(Trained):
     def check_whole(self, form: str, linear: bool = True) -> None:
         """Refuse to be a controller by itself where the base controller is missing.
 
-        Args:
-            form: What is to be made of it, for the message.
-            linear: Whether that takes linear base controllers alone.
-
         Raises:
             ConfigurationError: A policy that adds to a controller lacks it.
         """

@@ -97,12 +97,7 @@ def write_onnx(policy: Exported, path: str | Path) -> Path:
 
 
 def shapes_of(layout: Layout, order: int | None) -> tuple[dict[str, int], dict[str, int]]:
-    """Return how many numbers each input and each output holds.
-
-    Args:
-        layout: Of the policy.
-        order: States of the base controller, None without one.
-    """
+    """Return how many numbers each input and each output holds."""
     width = PAST * layout.history
     inputs = dict.fromkeys(INPUTS, 1) | {"reference": layout.preview + 1}
     inputs |= {"history": width, "command": 1, "begin": 1}

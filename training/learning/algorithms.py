@@ -43,9 +43,6 @@ def make_environment(config: TrainConfig) -> VecEnv:
     """Return the batch of environments of a configuration, normalised as it says.
 
     Torch takes the number of threads that the configuration says.
-
-    Raises:
-        ConfigurationError: An option is not one of the algorithm's.
     """
     torch.set_num_threads(config.threads)
     env: VecEnv = _batch(config)
@@ -130,11 +127,7 @@ def _schedule(name: str, ends: Mapping[str, Any]) -> Callable[[float], float]:
 
 
 def load_weights(model: BaseAlgorithm, path: Path) -> None:
-    """Read the weights of networks and optimiser, and nothing but numbers, into a model.
-
-    Raises:
-        ConfigurationError: The file is damaged, or of another network.
-    """
+    """Read the weights of networks and optimiser, and nothing but numbers, into a model."""
     with parsing(f"{path} must hold the weights of this network", ConfigurationError):
         model.set_parameters(str(path), device=model.device)
 

@@ -77,13 +77,7 @@ class Trained(ABC):
 
 
 def scales_on(layout: Layout, own: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, float]:
-    """Return the scales on another joint: what they were over the usual ones, times those there.
-
-    Args:
-        layout: The observation of the policy.
-        own: Arguments of the environment of the training.
-        other: Those of the environment with the other joint.
-    """
+    """Return the scales on another joint: what they were over the usual ones, times those there."""
     scales = layout.scales()
     plain = dict.fromkeys((*scales, "disturbance", "randomization"))
     here, there = (Episodes(1, **{**a, **plain}).settings.layout.scales() for a in (own, other))

@@ -44,11 +44,6 @@ def train_seeds(config: TrainConfig, out: str | Path, seeds: int, jobs: int) -> 
 def runs_of(config: TrainConfig, out: str | Path, seeds: int) -> list[tuple[TrainConfig, Path]]:
     """Return configuration and run folder of each training from several seeds.
 
-    Args:
-        config: What to train.
-        out: Path of the run folders without _k.
-        seeds: How many.
-
     Raises:
         ConfigurationError: There are none, or so many environments that trainings share seeds.
     """

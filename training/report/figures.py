@@ -48,11 +48,7 @@ def learning_figure(progress: Sequence[Mapping[str, float]], levels: Mapping[str
 
 
 def traces_figure(tasks: Mapping[str, Mapping[str, Traces]]) -> str:
-    """Return the first episode under every agent: torque above, error below.
-
-    Args:
-        tasks: By task, by agent, what happened.
-    """
+    """Return the first episode under every agent: torque above, error below."""
     with canvas(WIDTH, 4.4) as (figure, written):
         axes = figure.subplots(2, len(tasks), sharex=True, squeeze=False, height_ratios=(1.5, 1.0))
         for column, (task, agents) in enumerate(tasks.items()):

@@ -86,9 +86,6 @@ class Choice:
 
         Warns:
             CjtGymWarning: The gains were tuned for another joint or another structure.
-
-        Raises:
-            ConfigurationError: The law does not fit the joint or the sample time.
         """
         name, structure = (str(self.facts.get(key, "")) for key in ("joint", "structure"))
         same_joint = Path(name).stem in (joint.file.name, Path(joint.parameters.origin).stem)
@@ -154,14 +151,7 @@ def files_of(word: str | Path) -> list[Path]:
 def write_gains(
     path: Path, controller: str, gains: Mapping[str, float], facts: Mapping[str, Any]
 ) -> Path:
-    """Write a gain file and return its path.
-
-    Args:
-        path: A TOML file.
-        controller: What `get_entry` takes.
-        gains: Its gains, by name, in the units of the row.
-        facts: How they were found.
-    """
+    """Write a gain file and return its path."""
     units = {gain.name: gain.unit for gain in get_entry(controller).tunable}
     values = {name: {"value": value, "unit": units[name]} for name, value in gains.items()}
     path.parent.mkdir(parents=True, exist_ok=True)

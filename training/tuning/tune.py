@@ -186,12 +186,7 @@ class Errors:
     task: NDArray[np.int64]
 
     def over(self, base: Errors, rows: NDArray[np.int64] | None = None) -> float:
-        """Return the rms error over that of a base, geometric mean over the tasks [-].
-
-        Args:
-            base: Errors in the same episodes.
-            rows: Which episodes count; all unless given.
-        """
+        """Return the rms error over that of a base, geometric mean over the tasks [-]."""
         rows = np.arange(len(self.task)) if rows is None else rows
         sums = [np.bincount(self.task[rows], weights=e.squares[rows]) for e in (self, base)]
         drawn = sums[1] > 0.0
@@ -322,9 +317,6 @@ def tune(
             is resumed; with other settings it starts again.
         jobs: Processes side by side.
         report: Told how many candidates were tried, and the least cost.
-
-    Raises:
-        ConfigurationError: The law does not fit the joint.
     """
     problem = Problem(search)
     log = TrialLog(search, trials)
