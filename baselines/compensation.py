@@ -64,12 +64,7 @@ class CompensatedPd(Controller):
     ) -> Floats:
         """Return what is added to the command [N m], shape (n,).
 
-        Args:
-            measurement: What the joints report.
-            reference: Wanted joint torque [N m], shape (n,).
-            applied: Motor torque since the sample before [N m], shape (n,); that of a joint without
-                a past is its joint torque.
-            fresh: Joints without a past, shape (n,).
+        `applied` is the motor torque since the sample before; of a fresh joint its joint torque.
         """
 
 

@@ -139,12 +139,7 @@ def frequency_response(
 ) -> Complex:
     """Return C (s - A)^-1 B + D, shape (points, outputs, inputs).
 
-    Args:
-        a: Of the system, continuous, or sampled with points z = exp(s dt).
-        b: Likewise.
-        c: Likewise.
-        d: Likewise.
-        s: Points of the complex plane, shape (points,).
+    Of a sampled system the points s, shape (points,), are z = exp(s dt).
     """
     x = np.linalg.solve(s[:, None, None] * np.eye(len(a)) - a, b + 0j)
     return np.asarray(c @ x + d, dtype=np.complex128)
