@@ -80,14 +80,7 @@ class OwnController(Controller):
 
 
 def own_entry(word: str) -> ControllerEntry:
-    """Return the row of a controller of one's own.
-
-    Raises:
-        MissingFileError: There is no such file.
-        UnknownNameError: It has nothing of that name.
-        ConfigurationError: It cannot be imported, or the name is no controller; or, later, what
-            it makes is none.
-    """
+    """Return the row of a controller of one's own."""
     path, name = path_of(word), word.rpartition(":")[2]
     if not path.is_file():
         raise MissingFileError(f"The controller {word} does not exist: there is no file {path}.")

@@ -99,11 +99,7 @@ DEFAULTS: dict[str, Any] = {one.name: one.default for one in fields(TaskArgument
 
 
 def complete(arguments: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the arguments with their defaults and those that the joint states.
-
-    Raises:
-        ConfigurationError: An argument is not one of them.
-    """
+    """Return the arguments with their defaults and those that the joint states."""
     for name in arguments:
         if name not in DEFAULTS:
             what = "argument of TorqueTrackingEnv"

@@ -136,10 +136,6 @@ class Episodes:
         Args:
             action: See `step`.
             ended: Which episodes ended, shape (num,).
-
-        Raises:
-            ConfigurationError: The action has the wrong shape or is not finite.
-            SimulationError: A state ceased to be finite.
         """
         if not ended.any():
             self.step(action)
@@ -175,11 +171,7 @@ class Episodes:
         self.take_own_reward()
 
     def take_own_reward(self, told: Mapping[str, NDArray[Any]] | None = None) -> None:
-        """Put the reward of the function that was given, if any, where that of the task stands.
-
-        Raises:
-            ConfigurationError: It gives something else than a number per episode.
-        """
+        """Put the reward of the function that was given, if any, where that of the task stands."""
         if self.reward is None:
             return
         told = self.info() if told is None else told
@@ -247,10 +239,6 @@ def make_base(given: ControllerOrFactory | None, joint: Joint, dt: float) -> Bas
         given: A controller, its name, a function (joint, dt) -> controller, or None.
         joint: The joint.
         dt: Control step [s].
-
-    Raises:
-        UnknownNameError: There is no controller of that name.
-        ConfigurationError: It is none of these.
     """
     if given is None:
         return None

@@ -106,11 +106,7 @@ class Defects:
 
 
 def check_defects(kinds: Iterable[str]) -> tuple[str, ...]:
-    """Return names of defects in their usual order.
-
-    Raises:
-        UnknownNameError: There is no such defect.
-    """
+    """Return names of defects in their usual order."""
     asked = set(kinds)
     for name in sorted(asked - set(DEFECTS)):
         raise unknown_name("defect", name, DEFECTS)

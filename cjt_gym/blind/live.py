@@ -64,11 +64,7 @@ class Live:
         """The latest sample; at first that at rest."""
 
     def step(self, current: float) -> Sample:
-        """Command a current [A], and return the next sample.
-
-        Raises:
-            ConfigurationError: The run has no further sample.
-        """
+        """Command a current [A], and return the next sample."""
         if self._k + 1 == len(self._command):
             raise ConfigurationError(f"The run ends after {self._k + 1} samples. Begin another.")
         self._command[self._k] = current

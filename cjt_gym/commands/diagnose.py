@@ -213,11 +213,7 @@ def _read(words: Sequence[str], options: argparse.Namespace) -> tuple[list[Recor
 def _oriented(
     records: Sequence[Record], joint: JointFile, structure: str
 ) -> tuple[list[Record], list[Repair]]:
-    """Return records whose channels agree in their signs, and what was turned.
-
-    Raises:
-        RecordError: A channel has another unit than its record states.
-    """
+    """Return records whose channels agree in their signs, and what was turned."""
     pairs = [orient(record, joint, get_structure(structure)) for record in records]
     for record, repairs in pairs:
         odd = [repair.text for repair in repairs if repair.kind == "unit"]

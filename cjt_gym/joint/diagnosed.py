@@ -56,11 +56,7 @@ class Range:
 
 
 def covariance_of(file: JointFile) -> Covariance | None:
-    """Return the covariance in a joint file, or None.
-
-    Raises:
-        ParameterError: It is not one.
-    """
+    """Return the covariance in a joint file, or None."""
     table = file.found.get("covariance")
     if table is None:
         return None

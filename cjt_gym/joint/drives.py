@@ -40,11 +40,7 @@ NEEDED_PARAMETERS: dict[str, tuple[str, ...]] = {
 
 
 def get_drive(name: str) -> int:
-    """Return the number of a drive in the kernel.
-
-    Raises:
-        UnknownNameError: There is none of that name.
-    """
+    """Return the number of a drive in the kernel."""
     if name not in DRIVES:
         raise unknown_name("drive", name, DRIVES)
     return list(DRIVES).index(name)

@@ -48,11 +48,7 @@ def body_matrices(p: JointParameters, structure: Structure) -> tuple[Matrix, Mat
 
 
 def reduced_matrices(p: JointParameters, structure: Structure) -> tuple[Matrix, Matrix, Matrix]:
-    """Return S'IS, S'DS and S'KS, each of shape (size, size).
-
-    Raises:
-        ParameterError: A coordinate of the structure has no inertia.
-    """
+    """Return S'IS, S'DS and S'KS, each of shape (size, size)."""
     s = structure.selection
     inertia, damping, stiffness = (s.T @ m @ s for m in body_matrices(p, structure))
     for group, value in enumerate(np.diag(inertia)):

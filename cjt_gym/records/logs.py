@@ -78,11 +78,7 @@ class Log:
 
 
 def open_log(path_or_name: str | Path, mapping: MappingLike | None = None) -> Log:
-    """Return a log, of which only the beginning has been read.
-
-    Raises:
-        RecordError: There is no such file, or its columns are not known.
-    """
+    """Return a log, of which only the beginning has been read."""
     path = table_path(path_or_name)
     chosen = mapping_of(path, mapping)
     beginning = next(iter(format_of(path).stream(path, ROWS)), {})

@@ -83,11 +83,7 @@ def mapped(mapping: ColumnMapping, table: Table, base: Clock, owner: str) -> dic
 
 
 def numbers_of(values: NDArray[Any], name: str, owner: str) -> FloatArray:
-    """Return the values of a column of a log.
-
-    Raises:
-        RecordError: They are not one real number per row.
-    """
+    """Return the values of a column of a log."""
     if values.dtype.kind not in NUMBERS or values.ndim != 1:
         raise RecordError(
             f"Column {name!r} of {owner} must hold real numbers, one per row, got the type "

@@ -80,11 +80,7 @@ def units_of(column: str) -> tuple[str, ...]:
 
 
 def unit_of(column: str, name: str, what: str) -> Unit:
-    """Return a unit of a column by its name.
-
-    Raises:
-        RecordError: The column cannot have this unit.
-    """
+    """Return a unit of a column by its name."""
     allowed = units_of(column)
     if name not in allowed:
         raise RecordError(

@@ -13,11 +13,7 @@ BACKENDS = ("loky", "ray", "dask")
 
 
 def cluster(backend: str, jobs: int) -> AbstractContextManager[Any]:
-    """Return joblib's context for a backend, with its cluster.
-
-    Raises:
-        ConfigurationError: The backend is not installed.
-    """
+    """Return joblib's context for a backend, with its cluster."""
     from joblib import parallel_config
 
     count = (os.cpu_count() or 1) if jobs < 1 else jobs

@@ -91,10 +91,6 @@ def check(
         target: "numpy", "onnx" or "c".
         header: Text of the header, for "c", with the prefix "policy".
         records: Recorded signals to compare on, too.
-
-    Raises:
-        ConfigurationError: A record does not have the control step of the policy, or a signal that
-            it needs.
     """
     runs = [recorded(agent), *(replayed(agent, record) for record in records)]
     try:

@@ -43,11 +43,7 @@ def fast_policy(agent: PolicyAgent) -> Callable[[Floats], Floats]:
 
 
 def exported(agent: PolicyAgent) -> Exported:
-    """Return a trained policy without what trained it.
-
-    Raises:
-        ConfigurationError: Its network is not a chain of linear layers and known activations.
-    """
+    """Return a trained policy without what trained it."""
     network = network_of(agent)
     if network is None:
         raise ConfigurationError(

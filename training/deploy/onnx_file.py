@@ -68,12 +68,7 @@ class Graph:
 
 
 def write_onnx(policy: Exported, path: str | Path) -> Path:
-    """Write the graph and return its path.
-
-    Raises:
-        ConfigurationError: The package onnx is not installed, or the base controller is no linear
-            law.
-    """
+    """Write the graph and return its path."""
     try:
         from onnx import checker, helper
     except ImportError as error:
@@ -197,11 +192,7 @@ class OnnxStepper:
     """An exported graph at work, by onnxruntime on one thread; as `Stepper`."""
 
     def __init__(self, path: str | Path) -> None:
-        """Open a graph.
-
-        Raises:
-            ConfigurationError: onnxruntime is not installed, or the file is not of ours.
-        """
+        """Open a graph."""
         try:
             import onnxruntime
         except ImportError as error:

@@ -203,9 +203,6 @@ def task_reference(task: str, amplitude: float) -> Signal:
     """Return the reference of a task of the benchmark.
 
     "step": random levels held for 0.5 s; the others as the environments have them.
-
-    Raises:
-        UnknownNameError: There is no such task.
     """
     if task not in TASKS:
         raise unknown_name("task", task, TASKS)

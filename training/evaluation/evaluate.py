@@ -118,11 +118,7 @@ def pool(batches: Sequence[Traces]) -> Traces:
 
 
 def check_episodes(episodes: int, seed: int) -> None:
-    """Refuse a number of episodes, or a seed, that has no draws of its own.
-
-    Raises:
-        ConfigurationError: One of them is out of range.
-    """
+    """Refuse a number of episodes, or a seed, that has no draws of its own."""
     if not 1 <= episodes <= SEED_BLOCK:
         raise ConfigurationError(f"episodes must be >= 1 and <= {SEED_BLOCK}, got {episodes}.")
     if seed < 0:

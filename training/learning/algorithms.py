@@ -65,11 +65,7 @@ def _batch(config: TrainConfig) -> VecEnv:
 
 
 def make_model(config: TrainConfig, env: VecEnv) -> BaseAlgorithm:
-    """Return the model of a configuration, not yet trained.
-
-    Raises:
-        ConfigurationError: An option is not one of the algorithm's, or not valid.
-    """
+    """Return the model of a configuration, not yet trained."""
     algorithm = CLASSES[config.algorithm]
     options = _options(config, algorithm)
     network: dict[str, Any] = {
@@ -161,11 +157,7 @@ def observation_scaling(env: VecNormalize) -> tuple[Floats, Floats]:
 
 
 def load_normalization(env: VecEnv, path: Path) -> None:
-    """Read what `save_normalization` wrote into an environment.
-
-    Raises:
-        ConfigurationError: It is damaged, or of another environment.
-    """
+    """Read what `save_normalization` wrote into an environment."""
     if not isinstance(env, VecNormalize):
         return
     arrays = read_arrays(path, ConfigurationError)

@@ -250,12 +250,7 @@ def environment_arguments(env: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def base_of(env: Mapping[str, Any]) -> Choice | None:
-    """Return the base controller of a section [env] with its gains, None where it has none.
-
-    Raises:
-        ConfigurationError: A gain is out of its range, or there are gains of no controller.
-        UnknownNameError: There is no such controller or gain.
-    """
+    """Return the base controller of a section [env] with its gains, None where it has none."""
     name, gains = env.get("base_controller"), env.get(BASE_GAINS)
     if gains is not None and (name is None or not isinstance(gains, Mapping)):
         raise ConfigurationError(

@@ -56,9 +56,6 @@ class Trained(ABC):
 
         On another joint than its own, torques and velocities are scaled as is usual for that one;
         a scale that was another one in training keeps its ratio to the usual one.
-
-        Raises:
-            ConfigurationError: The control step is another one.
         """
         layout = self.layout
         if abs(layout.dt - conditions.dt_control) > 1e-12:

@@ -60,12 +60,7 @@ class Choice:
         return get_entry(self.controller)
 
     def with_gains(self, gains: Mapping[str, float]) -> Choice:
-        """Return a copy in which some gains are replaced.
-
-        Raises:
-            UnknownNameError: The controller has no gain of that name.
-            ConfigurationError: A gain is out of its range.
-        """
+        """Return a copy in which some gains are replaced."""
         for name, value in gains.items():
             if isinstance(value, bool) or not isinstance(value, (int, float)):
                 raise ConfigurationError(
@@ -127,11 +122,7 @@ def choose(word: str | Path) -> Choice:
 
 
 def choose_listed(word: str | Path) -> Choice:
-    """Return the same for a word that stands in a file: code of one's own is refused.
-
-    Raises:
-        ConfigurationError: The word names code.
-    """
+    """Return the same for a word that stands in a file: code of one's own is refused."""
     if is_own(str(word)):
         raise ConfigurationError(
             f"A file cannot name code to be imported, got {word}. Give a controller of the table, "
