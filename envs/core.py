@@ -233,13 +233,7 @@ def report_of(episodes: Episodes, tau: Floats, tau_measured: Floats) -> dict[str
 
 
 def make_base(given: ControllerOrFactory | None, joint: Joint, dt: float) -> BaseController | None:
-    """Return the controller that actions are added to, None for none.
-
-    Args:
-        given: A controller, its name, a function (joint, dt) -> controller, or None.
-        joint: The joint.
-        dt: Control step [s].
-    """
+    """Return the controller that actions are added to, None for none."""
     if given is None:
         return None
     if isinstance(given, str):

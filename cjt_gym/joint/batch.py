@@ -176,10 +176,6 @@ class JointBatch:
         """Step joints in blocks if they are of a kind that blocks support.
 
         It gives what the general kernel gives, faster.
-
-        Args:
-            joint: That of the batch.
-            threads: How many threads may step blocks at once.
         """
         self.kind = kind_of(joint, self.setup.is_voltage)
         num = self.arrays.tau.shape[0]

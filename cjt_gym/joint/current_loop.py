@@ -52,18 +52,9 @@ def regulate(
     dq_m: float,
     period: float,
 ) -> None:
-    """Write the voltages until the next sample, and advance the integrals, in place.
+    """Write the voltages [V] until the next sample, and advance the integrals [A s], in place.
 
-    Args:
-        p: Parameter record: what the controller was told (`loop_...`), p, n, v_0 and i_p.
-        drive: Number of the drive, not `CURRENT`.
-        integrals: [z_q, z_d] [A s].
-        volts: Receives [v_q, v_d] [V].
-        wanted: Current on the q axis that is wanted [A].
-        i_q: Current on the q axis [A].
-        i_d: Current on the d axis [A].
-        dq_m: Motor velocity on the link side [rad/s].
-        period: Time until the next sample [s].
+    The gains are those that the controller was told, `loop_...` of the parameter record.
     """
     w = min(2.0 * math.pi * p.loop_bandwidth, FASTEST / period)
     inductance = 0.0 if drive == STATIC else p.loop_l_a

@@ -187,10 +187,9 @@ def restart(batch: Batch, setup: Setup, i: int, load: float, work: Floats) -> No
 def step_batch(
     batch: Batch, setup: Setup, commands: Floats, load: Floats, mask: NDArray[np.bool_]
 ) -> int:
-    """Advance the joints in a mask by one control step.
+    """Advance the joints in a mask by one control step; return the first that diverged, else -1.
 
-    Returns:
-        -1, or the first joint whose state ceased to be finite; its state stays as it was.
+    Its state stays as it was.
     """
     work = np.zeros((WORK_ROWS, WORK_WIDTH))
     failed = -1

@@ -63,12 +63,7 @@ def tell_outside(file: JointFile, met: Met) -> None:
 
 
 def frequency_of(x: Floats, dt: float) -> float:
-    """Return the frequency below which 95 % of a signal's power lies [Hz].
-
-    Args:
-        x: The signal, shape (n,).
-        dt: Sample time [s].
-    """
+    """Return the frequency below which 95 % of a signal's power lies [Hz]."""
     power = np.abs(np.fft.rfft(x - np.mean(x))) ** 2
     total = np.cumsum(power)
     if total[-1] == 0.0:

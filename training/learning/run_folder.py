@@ -176,13 +176,7 @@ def open_run(path: str | Path) -> RunFolder:
 
 
 def begin_run(path: str | Path, config: TrainConfig, joint: Joint) -> RunFolder:
-    """Return the run folder for a configuration: a new one, or the one that is there already.
-
-    Args:
-        path: The folder.
-        config: What is to be trained.
-        joint: The joint it is trained on.
-    """
+    """Return the run folder for a configuration: a new one, or the one that is there already."""
     folder = Path(path)
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         if not folder.is_dir() or not _is_ours(folder):

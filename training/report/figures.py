@@ -18,12 +18,7 @@ WIDTH = 7.2
 
 
 def learning_figure(progress: Sequence[Mapping[str, float]], levels: Mapping[str, float]) -> str:
-    """Return the learning curve with the levels of those that do not learn.
-
-    Args:
-        progress: Rows of `progress.csv`.
-        levels: By name of a controller its error on the validation episodes [N m].
-    """
+    """Return the learning curve, with the validation errors of those that do not learn [N m]."""
     with canvas(WIDTH, 2.8) as (figure, written):
         axis: Any = figure.subplots()
         steps = np.array([row["steps"] for row in progress]) / 1e3
