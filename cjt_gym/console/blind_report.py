@@ -12,7 +12,7 @@ import numpy as np
 from cjt_gym.blind.score import agrees
 from cjt_gym.blind.table import defect_rows, lines
 from cjt_gym.datasheet.blocks import Block
-from cjt_gym.datasheet.drawing import BLUE, GREY, ORANGE, canvas
+from cjt_gym.datasheet.drawing import BLUE, GREY, ORANGE, WHOLE, canvas
 from cjt_gym.training import report
 
 COLUMNS = (
@@ -67,7 +67,7 @@ def write_report(result: Mapping[str, Any], path: Path) -> Path:
     """Write the page: table, confusion matrix, reliability, shrink, all cases."""
     summary, rows = result["summary"], result["cases"]
     settings = ", ".join(f"{k} {v}" for k, v in result["settings"].items() if v is not None)
-    scores = [[name.replace("  ", "\N{EM SPACE}"), value] for name, value in lines(summary)]
+    scores = [[name.replace("  ", "· "), value] for name, value in lines(summary)]
     parts = [
         report.paragraph(
             f"{summary['cases']} joints with hidden effects ({settings}). Each was simulated by a "
@@ -149,7 +149,7 @@ def _confusion(confusion: Mapping[str, Any]) -> str:
     names = sorted({*confusion["true"], *confusion["first"]}, key=lambda n: (n[0] == "(", n))
     true = [name for name in names if name in confusion["true"]]
     first = [name for name in names if name in confusion["first"]]
-    with canvas(3.0 + 0.3 * len(first), 2.0 + 0.25 * len(true)) as (figure, written):
+    with canvas(max(WHOLE, 3.0 + 0.3 * len(first)), 2.0 + 0.25 * len(true)) as (figure, written):
         axes = figure.subplots()
         for row, column, count in confusion["counts"]:
             colour = BLUE if agrees(row, column) else ORANGE
@@ -167,7 +167,7 @@ def _confusion(confusion: Mapping[str, Any]) -> str:
 
 def _reliability(confidence: Mapping[str, Any]) -> str:
     """Return the reliability diagram: share of right names over confidence."""
-    with canvas(5.0, 4.0) as (figure, written):
+    with canvas(WHOLE, 3.2) as (figure, written):
         axes = figure.subplots()
         axes.plot([0.0, 1.0], [0.0, 1.0], "--", color=GREY)
         for k, entry in enumerate(confidence["bins"]):
@@ -182,7 +182,7 @@ def _reliability(confidence: Mapping[str, Any]) -> str:
 
 def _shrink(rows: Sequence[Mapping[str, Any]]) -> str:
     """Return predicted over true shrink, with the intervals that were predicted."""
-    with canvas(5.0, 4.0) as (figure, written):
+    with canvas(WHOLE, 3.2) as (figure, written):
         axes = figure.subplots()
         axes.plot([0.0, 1.0], [0.0, 1.0], "--", color=GREY)
         for row in rows:
