@@ -12,18 +12,16 @@ direction of the compensation is that of the velocity w which the reference asks
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import final
 
 import numpy as np
 
 from cjt_gym.baselines.compensation import CompensatedPd, compensated_row
 from cjt_gym.baselines.controller import Floats, Mask, check
-from cjt_gym.baselines.entry import SPRUNG, Gain
+from cjt_gym.baselines.entry import Gain
 from cjt_gym.baselines.feedforward import ReferenceVelocity
 from cjt_gym.baselines.friction_feedforward import SHARE, SMOOTHING
-from cjt_gym.baselines.pid import KD, KP, LATE
-from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.plant import Measurement
 
 RATE_HZ = 1.0
@@ -52,18 +50,13 @@ class AdaptiveFriction(CompensatedPd):
         ConfigurationError: A number is out of range.
     """
 
-    model: SampledJoint
-    kp: float
-    kd: float
-    lead: float
     rate_hz: float
     threshold: float
     share: float
     torque_limit: float
-    dt: float = field(init=False)
 
     def __post_init__(self) -> None:
-        self._prepare()
+        super().__post_init__()
         check(self, "rate_hz", "Hz", above=0.0)
         check(self, "threshold", "rad/s", above=0.0)
         check(self, "share", "", low=0.0)
@@ -105,12 +98,8 @@ ROW = compensated_row(
     summary="Feed-forward of reference and of a friction level that is learnt, and PD.",
     source="Friedland, Park (1992), IEEE Transactions on Automatic Control 37(10)",
     tunable=(
-        KP,
-        KD,
-        LATE,
         Gain("rate_hz", "Hz", 0.01, 20.0, log=True),
         Gain("threshold", "rad/s", 1e-3, 1.0, log=True),
         Gain("share", "-", 0.0, 1.5),
     ),
-    structures=SPRUNG,
 )

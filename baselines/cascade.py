@@ -21,14 +21,7 @@ RESETS = (0.5, 2.0, 5.0, 10.0, 20.0, 50.0, 150.0, 400.0)
 
 
 def cascade_law(model: SampledJoint, kt: float, kv: float, ki: float) -> LinearLaw:
-    """Return the law; see the module.
-
-    Args:
-        model: The joint.
-        kt: Velocity per torque error [rad/(s N m)].
-        kv: Torque per velocity error [N m s/rad].
-        ki: Torque per angle, from the integral [N m/rad].
-    """
+    """Return the law; see the module, and the row for its gains."""
     error = {"reference": kt, "tau": -kt, "dq_l": 1.0, "dq_m": -1.0}
     proportional = static(**{name: kv * weight for name, weight in error.items()})
     integral = integrator(ki, model.dt, 1.0 + kv * kt, **error)

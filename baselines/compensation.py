@@ -9,19 +9,22 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import Any, final
 
 import numpy as np
 
 from cjt_gym.baselines.controller import Controller, Floats, Mask, check, check_sampling
-from cjt_gym.baselines.entry import ControllerEntry, Gains
+from cjt_gym.baselines.entry import SPRUNG, ControllerEntry, Gain, Gains
 from cjt_gym.baselines.feedforward import pd_defaults, pd_law
 from cjt_gym.baselines.linear_law import LawMemory
+from cjt_gym.baselines.pid import KD, KP, LATE
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.joint import Joint
 from cjt_gym.plant import Measurement, limits_of
 
 
+@dataclass(eq=False)
 class CompensatedPd(Controller):
     """Feed-forward, PD and a compensation; see the module.
 
@@ -36,13 +39,9 @@ class CompensatedPd(Controller):
     kp: float
     kd: float
     lead: float
+    dt: float = field(init=False)
 
-    def _prepare(self) -> None:
-        """Check the numbers that all share, and make the linear law.
-
-        Raises:
-            ConfigurationError: One of them is out of range.
-        """
+    def __post_init__(self) -> None:
         self.dt = self.model.dt
         check_sampling(self)
         check(self, "kp", "", low=0.0)
@@ -68,18 +67,14 @@ class CompensatedPd(Controller):
     ) -> Floats:
         """Return what is added to the command [N m], shape (n,).
 
-        Args:
-            measurement: What the joints report.
-            reference: Wanted joint torque [N m], shape (n,).
-            applied: Motor torque since the sample before [N m], shape (n,); that of a joint without
-                a past is its joint torque.
-            fresh: Joints without a past, shape (n,).
+        `applied` is the motor torque since the sample before; of a fresh joint its joint torque.
         """
 
 
 def compensated_row(
     law: Callable[..., CompensatedPd],
     more: Callable[[SampledJoint, Gains], Gains],
+    tunable: tuple[Gain, ...],
     **row: Any,
 ) -> ControllerEntry:
     """Return the row of such a law.
@@ -87,6 +82,7 @@ def compensated_row(
     Args:
         law: Makes it for a sampled joint, gains by their names, and a torque limit.
         more: Gains beside those of PD, for a joint and the PD gains that are designed for it.
+        tunable: Those gains.
         **row: What else `ControllerEntry` says.
     """
 
@@ -98,4 +94,5 @@ def compensated_row(
     def build(joint: Joint, dt: float, gains: Gains) -> Controller:
         return law(SampledJoint(joint, dt), **gains, torque_limit=limits_of(joint).tau)
 
+    row = {"structures": SPRUNG, "tunable": (KP, KD, LATE, *tunable)} | row
     return ControllerEntry(defaults=defaults, build=build, **row)

@@ -80,12 +80,7 @@ def is_composed(word: str) -> bool:
 
 @lru_cache(maxsize=256)
 def composed(word: str) -> ControllerEntry:
-    """Return the row of a controller that is put together from the parts that a word names.
-
-    Raises:
-        UnknownNameError: There is no such part.
-        ConfigurationError: Parts are named twice, share a gain, or more than one observes.
-    """
+    """Return the row of a controller that is put together from the parts that a word names."""
     parts = tuple(_part(name, word) for name in word.split(JOINED))
     _check(parts, word)
 

@@ -86,9 +86,6 @@ class CurrentController:
             currents: Measured currents [i_q, i_d] [A], shape (n, 2).
             dq_m: Motor velocity on the link side [rad/s], shape (n,).
             fresh: Joints without a past, shape (n,): their integrals begin at zero.
-
-        Raises:
-            ConfigurationError: The shapes differ.
         """
         shape = wanted.shape
         if not (shape == dq_m.shape == fresh.shape and currents.shape == (*shape, 2)):

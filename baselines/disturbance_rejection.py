@@ -25,17 +25,7 @@ OBSERVERS = (0.02, 0.1, 0.2, 0.4, 0.7, 1.0, 1.5, 2.0, 3.0, 4.0)
 def disturbance_rejection_law(
     model: SampledJoint, kp: float, kd: float, observer_hz: float
 ) -> LinearLaw:
-    """Return the law; see the module.
-
-    Args:
-        model: The joint.
-        kp: Proportional gain [-].
-        kd: Derivative gain [s].
-        observer_hz: Where the observer's poles are [Hz].
-
-    Raises:
-        ConfigurationError: The joint torque does not show all states.
-    """
+    """Return the law; see the module, and the row for its gains."""
     observer = designed(model, observer_hz)
     rate = next(name for name in ("dq_g", "dq_m") if name in observer.names)
     weights = {"tau": -kp, rate: -kd * model.joint.parameters.k_b, "disturbance": -1.0}

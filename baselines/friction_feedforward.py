@@ -12,17 +12,15 @@ added.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import final
 
 import numpy as np
 
 from cjt_gym.baselines.compensation import CompensatedPd, compensated_row
 from cjt_gym.baselines.controller import Floats, Mask, check
-from cjt_gym.baselines.entry import SPRUNG, Gain
+from cjt_gym.baselines.entry import Gain
 from cjt_gym.baselines.feedforward import ReferenceVelocity
-from cjt_gym.baselines.pid import KD, KP, LATE
-from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.joint import Joint
 from cjt_gym.plant import Measurement
 
@@ -74,17 +72,12 @@ class FrictionFeedForward(CompensatedPd):
         ConfigurationError: A number is out of range.
     """
 
-    model: SampledJoint
-    kp: float
-    kd: float
-    lead: float
     share: float
     smoothing: float
     torque_limit: float
-    dt: float = field(init=False)
 
     def __post_init__(self) -> None:
-        self._prepare()
+        super().__post_init__()
         check(self, "share", "", low=0.0)
         check(self, "smoothing", "rad/s", above=0.0)
         self.friction = KnownFriction(self.model.joint, self.dt, self.share, self.smoothing)
@@ -102,11 +95,7 @@ ROW = compensated_row(
     summary="Feed-forward of reference and known friction, and PD.",
     source="Armstrong-Helouvry, Dupont, Canudas de Wit (1994), Automatica 30(7)",
     tunable=(
-        KP,
-        KD,
-        LATE,
         Gain("share", "-", 0.0, 1.5),
         Gain("smoothing", "rad/s", 1e-4, 1.0, log=True),
     ),
-    structures=SPRUNG,
 )

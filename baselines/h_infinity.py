@@ -46,16 +46,7 @@ TRUST = 0.1
 
 
 def h_infinity_law(model: SampledJoint, bandwidth_hz: float, effort: float) -> LinearLaw:
-    """Return the law; see the module.
-
-    Args:
-        model: The joint.
-        bandwidth_hz: Up to which disturbances are to be rejected [Hz].
-        effort: Weight of the command against the torque [-].
-
-    Raises:
-        ConfigurationError: The torque of the joint cannot be held.
-    """
+    """Return the law; see the module, and the row for its gains."""
     check_torque_controllable(model)
     shaped, weight = shaped_joint(model, bandwidth_hz, effort)
     feedback = from_w_plane(*chain(weight, robust_controller(*shaped)[0]), model.dt)

@@ -18,12 +18,7 @@ from cjt_gym.baselines.plant_model import SampledJoint
 
 
 def integral_law(model: SampledJoint, ki: float) -> LinearLaw:
-    """Return the law; see the module.
-
-    Args:
-        model: The joint.
-        ki: Integral gain [1/s].
-    """
+    """Return the law; see the module, and the row for its gains."""
     integral = integrator(ki, model.dt, 1.0, reference=1.0, tau=-1.0)
     return assemble(model.dt, static(reference=1.0), integral)
 

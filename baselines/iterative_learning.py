@@ -28,7 +28,7 @@ References:
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import final
 
 import numpy as np
@@ -39,7 +39,6 @@ from cjt_gym.baselines.controller import Floats, Mask, check
 from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST, Gain, Gains
 from cjt_gym.baselines.feedforward import pd_law
 from cjt_gym.baselines.linear_law import LinearLaw
-from cjt_gym.baselines.pid import KD, KP, LATE
 from cjt_gym.baselines.plant_model import LoopModel, SampledJoint
 from cjt_gym.baselines.robust import make_bench
 from cjt_gym.errors import ConfigurationError
@@ -82,18 +81,13 @@ class IterativeLearning(CompensatedPd):
         ConfigurationError: A number is out of range, or learning would not converge.
     """
 
-    model: SampledJoint
-    kp: float
-    kd: float
-    lead: float
     rate: float
     cutoff_hz: float
     trial_s: float
     torque_limit: float
-    dt: float = field(init=False)
 
     def __post_init__(self) -> None:
-        self._prepare()
+        super().__post_init__()
         check(self, "rate", "", above=0.0)
         check(self, "cutoff_hz", "Hz", above=0.0)
         check(self, "trial_s", "s", low=2.0 * self.dt)
@@ -199,9 +193,6 @@ ROW = compensated_row(
     source="Arimoto, Kawamura, Miyazaki (1984), Journal of Robotic Systems 1(2); Bristow, "
     "Tharayil, Alleyne (2006), IEEE Control Systems Magazine 26(3)",
     tunable=(
-        KP,
-        KD,
-        LATE,
         Gain("rate", "-", 0.01, 1.9),
         Gain("cutoff_hz", "Hz", 0.5, 200.0, log=True),
         Gain("trial_s", "s", 0.01, 60.0, log=True, asked=True),

@@ -39,18 +39,7 @@ def observed_feedback(feedback: Feedback, observer: LinearObserver) -> Block:
 
 
 def lqg_law(model: SampledJoint, effort: float, drift: float) -> LinearLaw:
-    """Return the law; see the module.
-
-    Args:
-        model: The joint.
-        effort: Weight of the command against the torque [-].
-        drift: Standard deviation of the disturbance's step per sample, in units of the torque
-            sensor's noise [-].
-
-    Raises:
-        ConfigurationError: The joint is not stabilisable or not observable, or its torque cannot
-            be held.
-    """
+    """Return the law; see the module, and the row for its gains."""
     feedback = quadratic_feedback(model, effort, 0.0)
     step = drift * float(model.loop.scatter[0])
     observer = _observer(model, step)

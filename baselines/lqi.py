@@ -23,16 +23,7 @@ from cjt_gym.baselines.state_feedback import (
 
 
 def lqi_law(model: SampledJoint, effort: float, reset: float) -> LinearLaw:
-    """Return the law; see the module.
-
-    Args:
-        model: The joint.
-        effort: Weight of the command against the torque [-].
-        reset: Weight of the integral of the torque error [1/s].
-
-    Raises:
-        ConfigurationError: The joint is not stabilisable, or its torque cannot be held.
-    """
+    """Return the law; see the module, and the row for its gains."""
     feedback = quadratic_feedback(model, effort, reset)
     states = static()
     states.d[:] = -feedback.states @ measured_states(model)

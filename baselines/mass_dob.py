@@ -33,12 +33,7 @@ from cjt_gym.baselines.rational import (
 
 @lru_cache(maxsize=64)
 def mass_observer(model: SampledJoint, cutoff_hz: float) -> Block:
-    """Return the block of f; see the module.
-
-    Args:
-        model: The joint.
-        cutoff_hz: Cut-off of Q [Hz].
-    """
+    """Return the block of f; see the module, and the row for its gains."""
     p, dt, inertia = model.joint.parameters, model.dt, model.inertia
     damping = p.get("d_m", 0.0) + p.get("d_g", 0.0)
     low = low_pass(2, cutoff_hz)

@@ -19,12 +19,7 @@ from cjt_gym.baselines.plant_model import SampledJoint
 
 
 def momentum_dob_law(model: SampledJoint, bandwidth_hz: float) -> LinearLaw:
-    """Return the law; see the module.
-
-    Args:
-        model: The joint.
-        bandwidth_hz: Of the observer [Hz].
-    """
+    """Return the law; see the module, and the row for its gains."""
     friction = momentum_observer(model, bandwidth_hz).block(disturbance=1.0)
     return assemble(model.dt, static(reference=1.0), friction)
 

@@ -23,18 +23,7 @@ from cjt_gym.baselines.state_feedback import placed_feedback, reference_and_comm
 def observer_feedback_law(
     model: SampledJoint, bandwidth_hz: float, damping: float, observer_hz: float
 ) -> LinearLaw:
-    """Return the law; see the module.
-
-    Args:
-        model: The joint.
-        bandwidth_hz: Natural frequency that the torsional mode gets [Hz].
-        damping: Its damping ratio, in (0, 1) [-].
-        observer_hz: Where the observer's poles are [Hz].
-
-    Raises:
-        ConfigurationError: The joint is not stabilisable or not observable, or its torque cannot
-            be held.
-    """
+    """Return the law; see the module, and the row for its gains."""
     w = 2.0 * np.pi * bandwidth_hz
     mode = w * complex(-damping, np.sqrt(1.0 - damping**2))
     feedback = placed_feedback(model, [mode, mode.conjugate(), *_others(model)])

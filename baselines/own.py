@@ -80,17 +80,7 @@ class OwnController(Controller):
 
 
 def own_entry(word: str) -> ControllerEntry:
-    """Return the row of a controller of one's own.
-
-    Args:
-        word: PATH.py:NAME.
-
-    Raises:
-        MissingFileError: There is no such file.
-        UnknownNameError: It has nothing of that name.
-        ConfigurationError: It cannot be imported, or the name is no controller; or, later, what
-            it makes is none.
-    """
+    """Return the row of a controller of one's own."""
     path, name = path_of(word), word.rpartition(":")[2]
     if not path.is_file():
         raise MissingFileError(f"The controller {word} does not exist: there is no file {path}.")
@@ -106,11 +96,6 @@ def own_entry(word: str) -> ControllerEntry:
 
 def entry_of(word: str, name: str, make: Callable[..., Any]) -> ControllerEntry:
     """Return the row of what makes a controller.
-
-    Args:
-        word: What it is called in tables.
-        name: What it is called where it has no docstring.
-        make: Class or function of (joint, dt) and its gains.
 
     Raises:
         ConfigurationError: A gain that it lists is none.

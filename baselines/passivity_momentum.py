@@ -19,14 +19,7 @@ from cjt_gym.baselines.plant_model import SampledJoint
 def passivity_momentum_law(
     model: SampledJoint, shaping: float, damping: float, bandwidth_hz: float
 ) -> LinearLaw:
-    """Return the law; see the module.
-
-    Args:
-        model: The joint.
-        shaping: B / B_d [-].
-        damping: D_s [N m s/rad].
-        bandwidth_hz: Of the observer [Hz].
-    """
+    """Return the law; see the module, and the row for its gains."""
     friction = momentum_observer(model, bandwidth_hz).block(disturbance=1.0)
     return assemble(model.dt, passivity_block(shaping, damping), friction)
 

@@ -79,11 +79,7 @@ def unobservable_modes(a: Floats, c: Floats) -> list[Mode]:
 def check_observable(
     a: Floats, c: Floats, outputs: tuple[str, ...], what: str, states: Sequence[str] = ()
 ) -> None:
-    """Check that outputs show every mode of a continuous system.
-
-    Raises:
-        ConfigurationError: They do not; the message names the modes.
-    """
+    """Check that outputs show every mode of a continuous system."""
     hidden = unobservable_modes(a, c)
     if hidden:
         raise ConfigurationError(
@@ -94,11 +90,7 @@ def check_observable(
 
 
 def check_stabilisable(a: Floats, b: Floats, what: str) -> None:
-    """Check that an input moves every mode of a continuous system that is not stable.
-
-    Raises:
-        ConfigurationError: It does not; the message names the modes.
-    """
+    """Check that an input moves every mode of a continuous system that is not stable."""
     scale = float(np.max(np.abs(np.linalg.eigvals(a))))
     stuck = [mode for mode in unobservable_modes(a.T, b.T) if mode.pole.real > -1e-9 * scale]
     if stuck:

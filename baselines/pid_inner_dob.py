@@ -24,11 +24,7 @@ from cjt_gym.baselines.plant_model import SampledJoint
 def inner_dob_law(
     model: SampledJoint, kp: float, kd: float, dob_hz: float, lead: float = 0.0
 ) -> LinearLaw:
-    """Return the law; see the module, and `cjt_gym.baselines.pid` for its gains.
-
-    Raises:
-        ConfigurationError: The joint cannot be inverted.
-    """
+    """Return the law; see the module, and `cjt_gym.baselines.pid` for its gains."""
     return pd_law(kp, kd, model.dt, inner_observer(model, dob_hz), lead=lead)
 
 

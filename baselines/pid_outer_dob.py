@@ -48,19 +48,7 @@ def outer_dob_law(
     prefilter_hz: float,
     lead: float = 1.0,
 ) -> LinearLaw:
-    """Return the law; see the module.
-
-    Args:
-        model: The joint.
-        kp: Proportional gain [-].
-        kd: Derivative gain [s].
-        dob_hz: Cut-off of Q [Hz].
-        prefilter_hz: Cut-off of the prefilter's Qf, 0 for none [Hz].
-        lead: With at least 0.5 the derivative is that of r' - tau.
-
-    Raises:
-        ConfigurationError: The closed loop cannot be inverted.
-    """
+    """Return the law; see the module, and the row for its gains."""
     what, dt = f"the torque loop of {model.name}", model.dt
     loop = closed_plant(model, kp, kd, lead >= 0.5)
     order, delay = loop.relative_order, model.loop.delay

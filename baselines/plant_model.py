@@ -163,9 +163,6 @@ def loop_model(joint: Joint, dt: float) -> LoopModel:
     """Return the loop around a joint with the delays and filters that its effects give it.
 
     Delays are whole samples, all of them at the input; those of single encoders are left out.
-
-    Raises:
-        ConfigurationError: The delays are longer than `LONGEST_DELAY` samples.
     """
     model = mechanics(joint, dt)
     late = sum(setting(joint, name, "delay") for name in DELAY_EFFECTS)

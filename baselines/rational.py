@@ -81,11 +81,7 @@ def low_pass(order: int, cutoff_hz: float) -> Rational:
 
 
 def inverse_times(plant: Rational, low: Rational, what: str) -> Rational:
-    """Return the low pass divided by a plant.
-
-    Raises:
-        ConfigurationError: The plant's inverse is not stable, or the low pass not steep enough.
-    """
+    """Return the low pass divided by a plant."""
     if low.relative_order < plant.relative_order:
         raise ConfigurationError(
             f"The low pass before the inverse of {what} must have at least order "

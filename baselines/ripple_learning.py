@@ -17,18 +17,16 @@ References:
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import final
 
 import numpy as np
 
 from cjt_gym.baselines.compensation import CompensatedPd, compensated_row
 from cjt_gym.baselines.controller import Floats, Mask, check
-from cjt_gym.baselines.entry import SPRUNG, Gain
+from cjt_gym.baselines.entry import Gain
 from cjt_gym.baselines.friction_feedforward import SMOOTHING
 from cjt_gym.baselines.observers.momentum import momentum_observer
-from cjt_gym.baselines.pid import KD, KP, LATE
-from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.joint import Joint
 from cjt_gym.plant import Measurement
 
@@ -60,17 +58,12 @@ class RippleLearning(CompensatedPd):
         ConfigurationError: A number is out of range.
     """
 
-    model: SampledJoint
-    kp: float
-    kd: float
-    lead: float
     rate: float
     observer_hz: float
     torque_limit: float
-    dt: float = field(init=False)
 
     def __post_init__(self) -> None:
-        self._prepare()
+        super().__post_init__()
         check(self, "rate", "1/s", above=0.0)
         self.periods = ripple_periods(self.model.joint)
         self._observer = momentum_observer(self.model, self.observer_hz)
@@ -126,11 +119,7 @@ ROW = compensated_row(
     source="Widrow, Stearns (1985), Adaptive Signal Processing, chapter 11; Bodson, Douglas "
     "(1997), Automatica 33(12)",
     tunable=(
-        KP,
-        KD,
-        LATE,
         Gain("rate", "1/s", 0.01, 100.0, log=True),
         Gain("observer_hz", "Hz", 1.0, 200.0, log=True),
     ),
-    structures=SPRUNG,
 )

@@ -135,16 +135,7 @@ def best_gains(
     law: Callable[[Mapping[str, float]], LinearLaw],
     candidates: Iterable[Mapping[str, float]],
 ) -> dict[str, float]:
-    """Return the candidate with the least cost whose loop is robust; see the module.
-
-    Args:
-        model: The joint; delays among its effects are taken into account.
-        law: Makes the law from gains.
-        candidates: Gains.
-
-    Raises:
-        ConfigurationError: None is robust, or the law can be made with none.
-    """
+    """Return the candidate with the least cost whose loop is robust; see the module."""
     with threadpool_limits(1):  # small matrices gain nothing from threads
         return _best(model, law, candidates)
 

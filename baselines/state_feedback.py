@@ -75,9 +75,6 @@ def quadratic_feedback(model: SampledJoint, effort: float, reset: float) -> Feed
         model: The joint.
         effort: Weight of the command against the torque, > 0.
         reset: Weight of the integral z of the torque error [1/s]; 0 for none.
-
-    Raises:
-        ConfigurationError: The joint is not stabilisable, or its torque cannot be held.
     """
     check_torque_controllable(model)
     plant, delay = model.mechanics, model.loop.delay
@@ -101,9 +98,6 @@ def placed_feedback(model: SampledJoint, poles: Sequence[complex]) -> Feedback:
     """Return the feedback with closed-loop poles in the s plane [rad/s], one per state.
 
     The poles that the delay adds stay at z = 0.
-
-    Raises:
-        ConfigurationError: The joint is not stabilisable, or its torque cannot be held.
     """
     check_torque_controllable(model)
     plant, delay = model.mechanics, model.loop.delay

@@ -4,6 +4,7 @@ From `TaskArguments` come the signature of the environments, the names and defau
 and TOML files take, the checks of names, and the table of the documentation.
 """
 
+# ruff: noqa: RUF009 - `_told` returns fields
 from __future__ import annotations
 
 import inspect
@@ -19,84 +20,56 @@ from cjt_gym.plant.randomization import Randomization
 Class = TypeVar("Class", bound=type)
 
 
-def _told(text: str, shown: str | None = None) -> dict[str, str | None]:
-    """Return what the table says of an argument.
-
-    Args:
-        text: What it means, with its unit.
-        shown: What stands in the place of its default.
-    """
-    return {"text": text, "shown": shown}
+def _told(default: Any, text: str, shown: str | None = None) -> Any:
+    """Return an argument by its default, its meaning, and what the table shows as its default."""
+    return field(default=default, metadata={"text": text, "shown": shown})
 
 
 @dataclass(frozen=True, kw_only=True)
 class TaskArguments:
     """What an environment is told; see the table of `TorqueTrackingEnv`."""
 
-    joint: str | Joint = field(default="orange_80_6000", metadata=_told("name, path or `Joint`"))
-    structure: str | None = field(
-        default=None,
-        metadata=_told(
-            "one of the five", 'that of the joint file, or "output_fixed_rigid_gearbox"'
-        ),
+    joint: str | Joint = _told("orange_80_6000", "name, path or `Joint`")
+    structure: str | None = _told(
+        None, "one of the five", 'that of the joint file, or "output_fixed_rigid_gearbox"'
     )
-    drive: str | None = field(
-        default=None,
-        metadata=_told('"current", "static", "rl" or "dq"', 'that of the joint file, or "current"'),
+    drive: str | None = _told(
+        None, '"current", "static", "rl" or "dq"', 'that of the joint file, or "current"'
     )
-    effects: Any = field(
-        default=None,
-        metadata=_told("names or {name: values}; None for those that the joint file lists"),
+    effects: Any = _told(None, "names or {name: values}; None for those that the joint file lists")
+    parameters: Mapping[str, float] | None = _told(
+        None, "parameters that replace those of the joint file"
     )
-    parameters: Mapping[str, float] | None = field(
-        default=None, metadata=_told("parameters that replace those of the joint file")
+    randomization: Randomization = _told(
+        None, '"mild", "wide", "identified" or {name: variation}, see below'
     )
-    randomization: Randomization = field(
-        default=None, metadata=_told('"mild", "wide", "identified" or {name: variation}, see below')
+    base_controller: ControllerOrFactory | None = _told(
+        None, "name of a controller, controller, or function (joint, dt) -> one"
     )
-    base_controller: ControllerOrFactory | None = field(
-        default=None,
-        metadata=_told("name of a controller, controller, or function (joint, dt) -> one"),
+    reference: Any = _told(
+        "mixed",
+        '"step", "chirp", "multisine", "smooth", "mixed", file, `Signal`, array of torques '
+        "[N m], one per control step, or function of time [s]",
     )
-    reference: Any = field(
-        default="mixed",
-        metadata=_told(
-            '"step", "chirp", "multisine", "smooth", "mixed", file, `Signal`, array of torques '
-            "[N m], one per control step, or function of time [s]"
-        ),
+    disturbance: Any = _told(
+        None, "the same for load torque [N m] or, output fixed, velocity [rad/s]"
     )
-    disturbance: Any = field(
-        default=None,
-        metadata=_told("the same for load torque [N m] or, output fixed, velocity [rad/s]"),
+    torque_amplitude: float | None = _told(
+        None, "amplitude of named references [N m]", "from the joint"
     )
-    torque_amplitude: float | None = field(
-        default=None, metadata=_told("amplitude of named references [N m]", "from the joint")
+    velocity_scale: float | None = _told(None, "divides velocities [rad/s]", "from the task")
+    action_scale: float | None = _told(
+        None, "torque of an action of 1 [N m]", "3 (0.5 with a base) `torque_amplitude`"
     )
-    velocity_scale: float | None = field(
-        default=None, metadata=_told("divides velocities [rad/s]", "from the task")
-    )
-    action_scale: float | None = field(
-        default=None,
-        metadata=_told("torque of an action of 1 [N m]", "3 (0.5 with a base) `torque_amplitude`"),
-    )
-    preview: int = field(
-        default=0, metadata=_told("future samples of the reference in the observation")
-    )
-    history: int | None = field(
-        default=None, metadata=_told("past samples in the observation", "4, or delay + 2")
-    )
-    observe_joint: bool = field(
-        default=False, metadata=_told("whether four numbers of the datasheet end the observation")
-    )
-    episode_steps: int = field(default=1000, metadata=_told("control steps until truncation"))
-    dt_control: float = field(default=1e-3, metadata=_told("control step [s]"))
-    dt_physics: float = field(default=1e-4, metadata=_told("substep [s], a whole fraction of it"))
-    reward_weights: Mapping[str, float] | None = field(
-        default=None, metadata=_told("{term: weight}")
-    )
-    reward: Callable[[Mapping[str, Any]], Any] | None = field(
-        default=None,
-        metadata=_told("function that replaces the sum of the terms, see below"),
+    preview: int = _told(0, "future samples of the reference in the observation")
+    history: int | None = _told(None, "past samples in the observation", "4, or delay + 2")
+    observe_joint: bool = _told(False, "whether four numbers of the datasheet end the observation")
+    episode_steps: int = _told(1000, "control steps until truncation")
+    dt_control: float = _told(1e-3, "control step [s]")
+    dt_physics: float = _told(1e-4, "substep [s], a whole fraction of it")
+    reward_weights: Mapping[str, float] | None = _told(None, "{term: weight}")
+    reward: Callable[[Mapping[str, Any]], Any] | None = _told(
+        None, "function that replaces the sum of the terms, see below"
     )
 
 
@@ -104,11 +77,7 @@ DEFAULTS: dict[str, Any] = {one.name: one.default for one in fields(TaskArgument
 
 
 def complete(arguments: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the arguments with their defaults and those that the joint states.
-
-    Raises:
-        ConfigurationError: An argument is not one of them.
-    """
+    """Return the arguments with their defaults and those that the joint states."""
     for name in arguments:
         if name not in DEFAULTS:
             what = "argument of TorqueTrackingEnv"

@@ -136,10 +136,6 @@ class Episodes:
         Args:
             action: See `step`.
             ended: Which episodes ended, shape (num,).
-
-        Raises:
-            ConfigurationError: The action has the wrong shape or is not finite.
-            SimulationError: A state ceased to be finite.
         """
         if not ended.any():
             self.step(action)
@@ -175,14 +171,7 @@ class Episodes:
         self.take_own_reward()
 
     def take_own_reward(self, told: Mapping[str, NDArray[Any]] | None = None) -> None:
-        """Put the reward of the function that was given, if any, where that of the task stands.
-
-        Args:
-            told: What a step reports, if not of the simulated joints.
-
-        Raises:
-            ConfigurationError: It gives something else than a number per episode.
-        """
+        """Put the reward of the function that was given, if any, where that of the task stands."""
         if self.reward is None:
             return
         told = self.info() if told is None else told
@@ -244,17 +233,7 @@ def report_of(episodes: Episodes, tau: Floats, tau_measured: Floats) -> dict[str
 
 
 def make_base(given: ControllerOrFactory | None, joint: Joint, dt: float) -> BaseController | None:
-    """Return the controller that actions are added to, None for none.
-
-    Args:
-        given: A controller, its name, a function (joint, dt) -> controller, or None.
-        joint: The joint.
-        dt: Control step [s].
-
-    Raises:
-        UnknownNameError: There is no controller of that name.
-        ConfigurationError: It is none of these.
-    """
+    """Return the controller that actions are added to, None for none."""
     if given is None:
         return None
     if isinstance(given, str):

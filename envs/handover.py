@@ -69,14 +69,7 @@ def _numbers(form: str, value: Any) -> list[int]:
 
 
 def table_of(*parts: Any) -> NDArray[np.int64]:
-    """Return where all arrays lie; it holds while these live and are not replaced.
-
-    Args:
-        parts: Batch, Setup, Kind, Blocks, Task, Control.
-
-    Raises:
-        TypeError: An array is not what the compiled step takes it for.
-    """
+    """Return where all arrays lie; it holds while these live and are not replaced."""
     numbers = []
     for part, (kind, forms) in zip(parts, PARTS, strict=True):
         assert type(part) is kind

@@ -115,11 +115,7 @@ def default_load(name: str, structure: str, parameters: Mapping[str, float]) -> 
 
 
 def default_amplitude(p: JointParameters) -> float:
-    """Return a tenth of the peak torque, or three times the Coulomb friction if that is more [N m].
-
-    Raises:
-        ConfigurationError: The joint has no peak current.
-    """
+    """Return a tenth of the peak torque, or thrice the Coulomb friction if that is more [N m]."""
     if "i_p" not in p:
         raise ConfigurationError(
             f"torque_amplitude [N m] is needed: {p.origin} gives no peak current i_p from which to "
@@ -139,9 +135,6 @@ def joint_numbers(joint: Joint, amplitude: float) -> tuple[float, ...]:
     Args:
         joint: The joint as its datasheet has it.
         amplitude: Torque amplitude [N m].
-
-    Raises:
-        ConfigurationError: The structure has no spring.
     """
     p = joint.parameters
     if "k_b" not in p or joint.structure == "rigid":
@@ -163,13 +156,7 @@ def joint_numbers(joint: Joint, amplitude: float) -> tuple[float, ...]:
 
 
 def make_settings(given: TaskArguments) -> Settings:
-    """Resolve the arguments of an environment.
-
-    Raises:
-        ConfigurationError: A number is out of its range.
-        UnknownNameError: A name is not known.
-        ParameterError: The joint lacks what is asked of it.
-    """
+    """Resolve the arguments of an environment."""
     joint, structure, drive = given.joint, given.structure, given.drive
     effects, parameters, dt_physics = given.effects, given.parameters, given.dt_physics
     assert structure is not None
@@ -223,9 +210,6 @@ def sampled(reference: Any, steps: int, dt: float) -> Any:
             `make_signals` takes; or a list of these.
         steps: Control steps for which it is asked, that of the preview included.
         dt: Control step [s].
-
-    Raises:
-        ConfigurationError: The array has another shape, or a value is not a finite number.
     """
     if isinstance(reference, (list, tuple)):
         return [sampled(each, steps, dt) for each in reference]
@@ -242,11 +226,7 @@ def sampled(reference: Any, steps: int, dt: float) -> Any:
 
 
 def _history(joint: Joint, given: TaskArguments, variations: Mapping[str, Variation]) -> int:
-    """Return how many past samples are observed, at least those that are on their way.
-
-    Raises:
-        ConfigurationError: Fewer are asked for.
-    """
+    """Return how many past samples are observed, at least those that are on their way."""
     late = _lateness(joint, {}, given.dt_control)
     if given.history is None:
         longest = _lateness(joint, variations, given.dt_control)

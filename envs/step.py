@@ -39,12 +39,6 @@ def step_blocks(address: int, begin: int, end: int, thread: int) -> int:
 
     A call for all blocks turns actions into commands first; one for some finds them there.
 
-    Args:
-        address: Where the table of `cjt_gym.envs.handover` lies.
-        begin: First block.
-        end: Behind the last block.
-        thread: Whose scratch to use.
-
     Returns:
         How many joints it left to the general kernel, whose episodes it then has not concluded,
         or `BAD_ACTION` before anything has moved.

@@ -48,9 +48,6 @@ def observer_block(
         dt: Sample time [s].
         what: What P is, for errors.
         signal: The measured signal, as weights of `SIGNALS`.
-
-    Raises:
-        ConfigurationError: P cannot be inverted.
     """
     order = max(plant.relative_order, 1)
     inverse = tustin(inverse_times(plant, low_pass(order, cutoff_hz), what), dt)

@@ -114,13 +114,7 @@ class TimeVaryingKalman:
         self._sent = np.zeros((0, self.model.delay + 1))
 
     def step(self, measurement: Measurement, command: Floats, fresh: Mask) -> dict[str, Floats]:
-        """Return the estimates at this sample, each of shape (n,).
-
-        Args:
-            measurement: What the joints report now.
-            command: Motor torque since the sample before [N m], shape (n,).
-            fresh: Joints without a past, shape (n,).
-        """
+        """Return the estimates at this sample, each of shape (n,)."""
         m, n = self.model, len(command)
         if len(self._x) != n:
             fresh = np.ones(n, dtype=np.bool_)

@@ -72,11 +72,6 @@ class LinearObserver:
     def step(self, measurement: Measurement, command: Floats, fresh: Mask) -> dict[str, Floats]:
         """Return the estimates at this sample, each of shape (n,).
 
-        Args:
-            measurement: What the joints report now.
-            command: Motor torque since the sample before [N m], shape (n,).
-            fresh: Joints without a past, shape (n,): they are taken to have been at rest.
-
         Raises:
             ConfigurationError: The command does not fit the measurement.
         """

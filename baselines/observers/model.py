@@ -56,18 +56,7 @@ class DesignModel:
 def design_model(
     model: SampledJoint, outputs: tuple[str, ...] = ("tau",), disturbance: bool = True
 ) -> DesignModel:
-    """Return the model of a joint.
-
-    Args:
-        model: The joint; its delays are rounded up to samples.
-        outputs: Measured signals, any of `MEASURED`.
-        disturbance: Whether a constant motor torque is among the states.
-
-    Raises:
-        UnknownNameError: An output is not one of these.
-        ConfigurationError: An output is named twice or none is; or the outputs do not show all
-            states, see `check_observable`.
-    """
+    """Return the model of a joint."""
     _check_outputs(outputs)
     plant, joint = mechanics_for(model, outputs), model.joint
     fixed, states = plant.fixed, _state_names(joint, len(plant.b))

@@ -17,14 +17,12 @@ from cjt_gym.blind.files import write_case, write_labels
 from cjt_gym.blind.known import KNOWN
 from cjt_gym.blind.outside import OUTSIDE
 from cjt_gym.blind.plan import SMALL
-from cjt_gym.blind.variants import VARIANTS
 
 __all__ = [
     "DEFECTS",
     "KNOWN",
     "OUTSIDE",
     "SMALL",
-    "VARIANTS",
     "Bench",
     "Case",
     "Log",

@@ -33,23 +33,13 @@ class Bench:
         return datasheet_text(self.sheet, name)
 
     def record(self, current: Floats, seed: int = 0) -> Record:
-        """Return the record of a run from rest.
-
-        Args:
-            current: Command at every sample [A], shape (n,).
-            seed: Seed of the noise and of the sampling instants.
-        """
+        """Return the record of a run from rest, for a current at every sample [A], shape (n,)."""
         return self._run(current, Gains(limit=self.sheet.i_p), seed, {"mode": "open loop"})
 
     def track(self, reference: Floats, kp: float, seed: int = 0) -> Record:
         """Return the record of a run from rest in a closed loop.
 
-        The motor torque is reference + kp (reference - measured torque).
-
-        Args:
-            reference: Wanted joint torque at every sample [N m], shape (n,).
-            kp: Gain [-].
-            seed: Seed of the noise and of the sampling instants.
+        The motor torque is reference + kp (reference - measured torque) [N m].
         """
         p = self.sheet.values
         per_ampere = 1.0 / (p["k_t"] * p["n"])

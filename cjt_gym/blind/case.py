@@ -8,17 +8,16 @@ from typing import Any, Final
 
 import numpy as np
 
-from cjt_gym.blind import variants
 from cjt_gym.blind.control import Gains
 from cjt_gym.blind.defects import Defects, check_defects, draw_defects, not_counted
-from cjt_gym.blind.excitation import REST, excitation
+from cjt_gym.blind.excitation import excitation
 from cjt_gym.blind.hidden import Draw
 from cjt_gym.blind.joints import Datasheet, as_stated, draw_joint
 from cjt_gym.blind.known import KNOWN
 from cjt_gym.blind.outside import OUTSIDE
 from cjt_gym.blind.plan import Plan, draw_plan
 from cjt_gym.blind.plant import CHANNELS, Floats, World
-from cjt_gym.blind.replay import noise_floor, true_gap
+from cjt_gym.blind.replay import noise_floor, replay_errors
 from cjt_gym.blind.run import Run, draw_chances, instants, run
 from cjt_gym.blind.scales import Scales, scales_of
 from cjt_gym.blind.settle import settled
@@ -76,7 +75,6 @@ def draw_case(
     excitation: str | None = None,
     closed_loop: bool | None = None,
     strength: float = 1.0,
-    variant: str | None = None,
     duration: float = DURATION,
     joint: int | None = None,
     defects: Iterable[str] = (),
@@ -91,19 +89,17 @@ def draw_case(
         excitation: Kind of excitation of the first record; None draws it.
         closed_loop: Whether the first record is taken in a closed loop; None draws it.
         strength: Factor on the magnitudes of the effects, such as SMALL.
-        variant: A disorder of the records, one of VARIANTS.
-        duration: Of each record [s]; tripled in the variant "long".
+        duration: Of each record [s].
         joint: Seed of the joint and its datasheet alone, so that several cases can have the same;
             None takes it from `seed`.
         defects: What is wrong with the records and the datasheet, of DEFECTS.
 
     Raises:
-        UnknownNameError: An effect, place, structure, excitation, variant or defect has no such
-            name.
+        UnknownNameError: An effect, place, structure, excitation or defect has no such name.
         ConfigurationError: The structure cannot have an effect, or a number is out of range.
     """
     streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(6)]
-    wishes = (effects, structure, excitation, closed_loop, strength, variant, duration)
+    wishes = (effects, structure, excitation, closed_loop, strength, duration)
     plan = draw_plan(*wishes, streams[0], streams[1])
     plan = replace(plan, defects=check_defects(defects))
     of_joint = streams[2] if joint is None else np.random.default_rng(joint)
@@ -117,12 +113,9 @@ def _case(
     of_records: np.random.Generator,
     of_defects: np.random.Generator,
 ) -> Case:
-    world, sheet = draw_joint(plan.structure, of_joint, plan.dt)
+    world, sheet = draw_joint(plan.structure, of_joint)
     flaws = draw_defects(plan.defects, plan.structure, sheet, of_defects)
     world, told = flaws.applied(world), flaws.stated(sheet)
-    if plan.variant == "moving_start":
-        start = {"twist": of_joint.uniform(-1.0, 1.0) * 3.0 / sheet.values["k_b"], "v": 0.1}
-        world = replace(world, start=start)
     signals = [
         _signal(plan, world, sheet, turn, rng) for turn, rng in enumerate(of_records.spawn(2))
     ]
@@ -136,11 +129,7 @@ def _case(
     ]
     order = int(seeds[3].integers(2**32))
     logs = [_log(plan, told, flaws, result, turn, order) for turn, result in enumerate(runs)]
-    models = {
-        "stated": as_stated(world, told),
-        "no_effects": replace(world, resolution=(0.0,) * 5),
-        "true": true,
-    }
+    models = {"stated": as_stated(world, told), "true": true}
     without = {
         effect.name: settled(_hide(world, plan, scales, seeds_of_effects, leave_out=k)[0])
         for k, (effect, _) in enumerate(plan.effects)
@@ -150,7 +139,10 @@ def _case(
         "signature": signatures(true, without, told, runs[0]),
         "true": {symbol: getattr(true.plant, symbol) for symbol in sheet.values},
         "stated": told.values,
-        "gap": true_gap(models, runs[1]) | {"floor": noise_floor(runs[1])},
+        "gap": {
+            "free_run": {name: replay_errors(model, runs[1]) for name, model in models.items()},
+            "floor": noise_floor(runs[1]),
+        },
         "defects": flaws.to_dict(),
         "not_counted": not_counted(plan.structure, told, world, hidden),
     }
@@ -161,18 +153,14 @@ def _signal(
     plan: Plan, world: World, sheet: Datasheet, turn: int, rng: np.random.Generator
 ) -> Floats:
     """Return the command [A] of an open loop or the torque reference [N m] of a closed one."""
-    samples = round(plan.duration / plan.dt)
-    rest = 0.0 if plan.variant == "moving_start" else REST
     free = not plan.structure.is_locked
-    kind = plan.excitations[turn]
-    unit = excitation(kind, samples, plan.dt, rng, rest, gentle=free)
+    samples = round(plan.duration / sheet.dt)
+    unit = excitation(plan.excitations[turn], samples, sheet.dt, rng, gentle=free)
     p = sheet.values
     whole = p["I_m"] + p["I_g"] + (p["I_l"] if free else 0.0)
     strongest = 0.6 * sheet.i_p * p["k_t"] * p["n"]
     torque = whole * rng.uniform(10.0, 35.0) if free else p["k_b"] * rng.uniform(0.003, 0.012)
     torque = min(torque, strongest)
-    if plan.variant == "saturated":
-        torque = 2.5 * strongest
     if plan.closed[turn]:
         share = p["I_l"] / whole if free else 1.0
         return unit * torque * share
@@ -215,19 +203,10 @@ def _record(
 
 
 def _log(plan: Plan, sheet: Datasheet, flaws: Defects, result: Run, turn: int, order: int) -> Log:
-    """Return what is recorded of a run.
-
-    Rows are lost at random in each record, but both lack the same channels: `order` seeds that.
-    """
+    """Return what is recorded of a run, less the rows that are lost at random."""
     t = result.times if flaws.stamped else instants(sheet.dt, len(result.command))
     columns = {"t": t, "i_cmd": result.command}
     columns |= {name: result.measured[:, CHANNELS.index(name)] for name in sheet.channels}
-    if plan.variant == "dropped_rows":
-        columns = variants.drop_rows(columns, np.random.default_rng((order, turn)))
-    elif plan.variant == "stale_rows":
-        columns = variants.repeat_rows(columns, np.random.default_rng((order, turn)))
-    elif plan.variant == "missing_channels":
-        columns = variants.without_channels(columns, np.random.default_rng(order))
     columns = flaws.lost(columns, sheet.dt, np.random.default_rng((order, turn, 1)))
     mode = "closed loop" if plan.closed[turn] else "open loop"
     return Log(columns, mode, plan.excitations[turn])
@@ -249,6 +228,5 @@ def _label(plan: Plan, parameters: dict[str, dict[str, float]]) -> dict[str, Any
         "structure": plan.structure.name,
         "excitation": list(plan.excitations),
         "closed_loop": list(plan.closed),
-        "variant": plan.variant,
         "duration": plan.duration,
     }

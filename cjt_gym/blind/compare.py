@@ -64,10 +64,6 @@ suffix of the body and the label."""
 def compare(label: Label, effect: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return the numbers of a named effect that can be compared, each with the true one.
 
-    Args:
-        label: Key of the case.
-        effect: One of the effects of diagnosis.json.
-
     Returns:
         Rows with `effect`, `parameter`, `true`, `value`, `low`, `high` and whether the interval
         covers the true value, `covered`. None where the name or the place is wrong.

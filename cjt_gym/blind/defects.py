@@ -106,11 +106,7 @@ class Defects:
 
 
 def check_defects(kinds: Iterable[str]) -> tuple[str, ...]:
-    """Return names of defects in their usual order.
-
-    Raises:
-        UnknownNameError: There is no such defect.
-    """
+    """Return names of defects in their usual order."""
     asked = set(kinds)
     for name in sorted(asked - set(DEFECTS)):
         raise unknown_name("defect", name, DEFECTS)
@@ -161,12 +157,6 @@ def not_counted(
 
     A guessed inertia is expected to be another; a channel with more noise than is stated is noisy,
     even where no such effect is hidden: "noise:q_m".
-
-    Args:
-        structure: Structure of the joint.
-        sheet: What the diagnosis is told.
-        world: The joint without its effects.
-        hidden: Effects with their places, such as "noise:tau", that are hidden.
     """
     names = {"load_inertia" if symbol == "I_l" else "inertia" for symbol in sheet.guesses}
     if structure.name == "rigid" and names:

@@ -22,7 +22,6 @@ def excitation(
     samples: int,
     dt: float,
     rng: np.random.Generator,
-    rest: float = REST,
     gentle: bool = False,
 ) -> Floats:
     """Return an excitation with values in about [-1, 1], shape (samples,).
@@ -32,10 +31,9 @@ def excitation(
         samples: Number of samples.
         dt: Time between them [s].
         rng: Random numbers.
-        rest: Zeros at the beginning [s].
         gentle: Whether to take out what is slow, so that a free joint does not run away.
     """
-    idle = round(rest / dt)
+    idle = round(REST / dt)
     top = min(60.0, 0.2 / dt)
     busy = EXCITATIONS[kind](samples - idle, dt, top, rng)
     signal = np.concatenate([np.zeros(idle), busy])

@@ -119,11 +119,6 @@ def draw_joint(
     """Return a random joint without any effect, and its datasheet.
 
     Every value of the datasheet is off by a normal deviate of its tolerance.
-
-    Args:
-        structure: How the bodies hang together.
-        rng: Random numbers.
-        dt: Time between samples [s].
     """
     plant = draw_plant(structure, rng)
     resolution, noise = draw_sensors(plant, rng)

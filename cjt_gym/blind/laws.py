@@ -1,7 +1,8 @@
 """Laws of force of one joint, as scalar functions of its state.
 
 Both integrators, the fine-step one and the one that detects events, call these. Torques are on the
-link side [N m]; friction levels are what a dry contact can hold.
+link side [N m]; friction levels are what a dry contact can hold. `warm` is the
+progress of warming up.
 """
 
 from __future__ import annotations
@@ -131,16 +132,7 @@ def drag_bristles(p: Plant, x: Floats) -> None:
 def friction_levels(
     p: Plant, body: int, v: float, torque: float, q_m: float, warm: float
 ) -> tuple[float, float]:
-    """Return the levels of dry friction of a body for positive and negative motion.
-
-    Args:
-        p: Plant.
-        body: MOTOR, GEAR or LOAD.
-        v: Velocity of the body.
-        torque: Torque that the joint transmits.
-        q_m: Angle of the motor.
-        warm: Progress of warming up.
-    """
+    """Return the levels of dry friction of a body for positive and negative motion."""
     if body == MOTOR:
         up, down, rise, mu = p.up_m, p.down_m, p.rise_m, p.mu_m
         if p.cold > 0.0:
@@ -194,15 +186,7 @@ def weight(p: Plant, q_l: float) -> float:
 
 @jit
 def outer_torque(p: Plant, x: Floats, body: int, t: float, torque: float) -> float:
-    """Return the torque on a body from everything but its neighbours and its dry friction.
-
-    Args:
-        p: Plant.
-        x: State.
-        body: MOTOR, GEAR or LOAD.
-        t: Time [s].
-        torque: Torque that the joint transmits, which the gear ripple is proportional to.
-    """
+    """Return the torque on a body from everything but its neighbours and its dry friction."""
     v = x[V + body]
     total = -body_damping(p, body, v) * v - bristle_level(p, body) * x[BRISTLE + body] / p.z_s
     if body == MOTOR:
@@ -245,14 +229,7 @@ def inertias(p: Plant) -> Floats:
 
 
 def dampings(p: Plant, attach: int, gear: bool, bar: bool) -> Floats:
-    """Return the matrix of linear dampings, shape (4, 4).
-
-    Args:
-        p: Plant.
-        attach: Body that the mount is attached to.
-        gear: Whether the damper of the gear acts.
-        bar: Whether the damper of the bar acts.
-    """
+    """Return the matrix of linear dampings, shape (4, 4)."""
     matrix = np.diag([p.d_m, p.d_g, p.d_l, 0.0])
     between = ((MOTOR, GEAR, p.d_mg * gear), (GEAR, LOAD, p.d_gl * bar), (attach, 3, p.d_f))
     for one, other, d in between:

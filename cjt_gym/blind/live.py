@@ -44,14 +44,7 @@ class Live:
     def __init__(
         self, world: World, samples: int, seed: int = 0, fine_step: float = FINE_STEP
     ) -> None:
-        """Begin.
-
-        Args:
-            world: The joint as it is.
-            samples: How many samples the run has at most.
-            seed: Seed of the noise and of the sampling instants.
-            fine_step: Longest step of the integrator [s].
-        """
+        """Begin."""
         self._joint = (packed(world.plant), packed(world.drive), packed(world.sensing))
         self._frame, self._resolution = frame_of(world), np.array(world.resolution)
         self._chances = draw_chances(world, samples, np.random.default_rng(seed))
@@ -64,11 +57,7 @@ class Live:
         """The latest sample; at first that at rest."""
 
     def step(self, current: float) -> Sample:
-        """Command a current [A], and return the next sample.
-
-        Raises:
-            ConfigurationError: The run has no further sample.
-        """
+        """Command a current [A], and return the next sample."""
         if self._k + 1 == len(self._command):
             raise ConfigurationError(f"The run ends after {self._k + 1} samples. Begin another.")
         self._command[self._k] = current

@@ -52,14 +52,7 @@ class Recipe:
 
 
 def recipe(seed: int, index: int, structure: str | None = None, logs: str = "clean") -> Recipe:
-    """Return what a case of a test is made of.
-
-    Args:
-        seed: Seed of the test.
-        index: Number of the case.
-        structure: Structure of all cases; None draws it.
-        logs: "clean", or "rough" for such as real ones are.
-    """
+    """Return what a case of a test is made of."""
     rng = np.random.default_rng((seed, index))
     kind = _order(seed, index // SIZE, logs)[index % SIZE]
     shapes = list(STRUCTURE_SHARES) if structure is None else [structure]

@@ -8,7 +8,6 @@ from typing import Final
 
 import numpy as np
 
-from cjt_gym.blind import variants
 from cjt_gym.blind.excitation import DRAWN
 from cjt_gym.blind.hidden import Effect
 from cjt_gym.blind.known import KNOWN
@@ -49,7 +48,6 @@ class Plan:
         strength: Factor on their magnitudes.
         excitations: Kinds of excitation of the two records.
         closed: Whether the loop is closed in the two records.
-        variant: One of VARIANTS, or None for orderly records.
         duration: Of each record [s].
         defects: Kinds of defects of the records, of DEFECTS.
     """
@@ -59,14 +57,8 @@ class Plan:
     strength: float
     excitations: tuple[str, str]
     closed: tuple[bool, bool]
-    variant: str | None
     duration: float
     defects: tuple[str, ...] = ()
-
-    @property
-    def dt(self) -> float:
-        """Time between samples [s]."""
-        return 0.01 if self.variant == "slow_sampling" else 1e-3
 
 
 def draw_plan(
@@ -75,13 +67,12 @@ def draw_plan(
     excitation: str | None,
     closed_loop: bool | None,
     strength: float,
-    variant: str | None,
     duration: float,
     of_joint: np.random.Generator,
     of_records: np.random.Generator,
 ) -> Plan:
     """Return a plan; None leaves a choice to chance. See `draw_case` for the arguments."""
-    _check(structure, excitation, variant, strength, duration)
+    _check(structure, excitation, strength, duration)
     named = None if effects is None else tuple(effects)
     form = _structure(structure, named, of_joint)
     return Plan(
@@ -90,22 +81,14 @@ def draw_plan(
         strength=strength,
         excitations=_excitations(excitation, of_records),
         closed=_loops(closed_loop, of_records),
-        variant=variant,
-        duration=3.0 * duration if variant == "long" else duration,
+        duration=duration,
     )
 
 
-def _check(
-    structure: str | None,
-    kind: str | None,
-    variant: str | None,
-    strength: float,
-    duration: float,
-) -> None:
+def _check(structure: str | None, kind: str | None, strength: float, duration: float) -> None:
     for what, name, names in (
         ("structure", structure, STRUCTURES),
         ("excitation", kind, DRAWN),
-        ("variant", variant, variants.VARIANTS),
     ):
         if name is not None and name not in names:
             raise unknown_name(what, name, names)

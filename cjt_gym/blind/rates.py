@@ -2,67 +2,33 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+from scipy.stats import binomtest
 
-NORMAL: Final = 1.959964
 BINS: Final = (0.0, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 1.0)
 """Edges of the bins of confidence."""
 DRAWS: Final = 2000
 
 
-@dataclass(frozen=True)
-class Rate:
-    """A share of cases.
+def rate(hits: Iterable[bool]) -> dict[str, Any]:
+    """Return counts and share of what is true, with a 95 % interval (Wilson, 1927, JASA 22).
 
-    Attributes:
-        hits: Cases that count.
-        total: All cases.
-    """
-
-    hits: int
-    total: int
-
-    @property
-    def share(self) -> float | None:
-        """Share of the hits; None where there is no case."""
-        return self.hits / self.total if self.total else None
-
-    @property
-    def interval(self) -> tuple[float, float]:
-        """95 % interval of the share (Wilson, 1927, JASA 22); all of [0, 1] without a case."""
-        if not self.total:
-            return 0.0, 1.0
-        n, p, z = self.total, self.hits / self.total, NORMAL
-        middle = (p + z * z / (2 * n)) / (1 + z * z / n)
-        half = z / (1 + z * z / n) * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
-        return max(middle - half, 0.0), min(middle + half, 1.0)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return counts, share and interval as plain values."""
-        low, high = self.interval
-        return {
-            "hits": self.hits,
-            "total": self.total,
-            "share": self.share,
-            "low": low,
-            "high": high,
-        }
-
-
-def rate(hits: Iterable[bool]) -> Rate:
-    """Return the share of what is true.
+    Without a case the share is None and the interval is all of [0, 1].
 
     Example:
-        >>> rate([True, True, False]).to_dict()["hits"]
+        >>> rate([True, True, False])["hits"]
         2
     """
     values = list(hits)
-    return Rate(sum(values), len(values))
+    n, count = len(values), sum(values)
+    if not n:
+        return {"hits": 0, "total": 0, "share": None, "low": 0.0, "high": 1.0}
+    low, high = binomtest(count, n).proportion_ci(0.95, "wilson")
+    ends = {"low": float(low), "high": float(high)}
+    return {"hits": count, "total": n, "share": count / n} | ends
 
 
 def mean(values: Sequence[float]) -> dict[str, Any]:
@@ -97,10 +63,8 @@ def reliability(confidences: Sequence[float], right: Sequence[bool]) -> dict[str
         inside = [n for n in range(len(at)) if at[n] == k]
         if not inside:
             continue
-        share = Rate(sum(bool(right[n]) for n in inside), len(inside))
+        share = rate(bool(right[n]) for n in inside)
         confidence = float(np.mean([confidences[n] for n in inside]))
-        error += len(inside) * abs(share.hits / share.total - confidence)
-        bins.append(
-            {"from": BINS[k], "to": BINS[k + 1], "confidence": confidence} | share.to_dict()
-        )
+        error += len(inside) * abs(share["share"] - confidence)
+        bins.append({"from": BINS[k], "to": BINS[k + 1], "confidence": confidence} | share)
     return {"bins": bins, "error": error / len(at) if len(at) else None, "total": len(at)}

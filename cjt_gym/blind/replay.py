@@ -13,31 +13,20 @@ from cjt_gym.blind.plant import Floats, World
 from cjt_gym.blind.run import Run, no_chances, run
 from cjt_gym.blind.state import CREEP, V
 
-WINDOW = 0.5
-"""Time after which the windowed replay restarts from the true state [s]."""
 REPLAY_STEP = 2e-5
 """Step of the integrator in a replay [s]."""
 
 Errors = dict[str, float]
 
 
-def replay_errors(model: World, truth: Run, window: float | None) -> Errors:
-    """Return the replay error of each signal, relative to the spread of the true one.
-
-    Args:
-        model: The model.
-        truth: The record, with its clean channels and states.
-        window: Time between restarts from the true state [s]; None for a replay without.
-    """
-    samples = len(truth.command)
-    every = 0 if window is None else max(round(window / model.sampling), 1)
+def replay_errors(model: World, truth: Run) -> Errors:
+    """Return the replay error of each signal of a record, as a share of its true spread."""
     result = run(
         model,
         truth.command,
         Gains(),
-        no_chances(model, samples),
+        no_chances(model, len(truth.command)),
         restarts=remembered(model, truth.states),
-        every=every,
         fine_step=REPLAY_STEP,
     )
     one, other = _signals(truth), _signals(result)
@@ -51,14 +40,6 @@ def remembered(model: World, states: Floats) -> Floats:
     kept = states.copy()
     kept[:, CREEP] = 0.0
     return kept
-
-
-def true_gap(models: dict[str, World], truth: Run) -> dict[str, dict[str, Errors]]:
-    """Return the replay errors of models by kind of replay ("windows", "free_run") and name."""
-    return {
-        kind: {name: replay_errors(model, truth, window) for name, model in models.items()}
-        for kind, window in (("windows", WINDOW), ("free_run", None))
-    }
 
 
 def noise_floor(record: Run) -> Errors:

@@ -24,9 +24,6 @@ def by_defect(rows: Sequence[Row]) -> dict[str, Any]:
     A case counts for every defect it has. First and all names count where a known effect is to be
     seen, false alarms where there is none at all, wrong confirmed names everywhere. A case that
     could not be diagnosed counts against all of them.
-
-    Args:
-        rows: Scores of cases, as `score_case` gives them.
     """
     kinds = {kind: [r for r in rows if kind in r["defects"]] for kind in (*DEFECTS, MIXED)}
     if not any(kinds[kind] for kind in DEFECTS):
@@ -37,10 +34,10 @@ def by_defect(rows: Sequence[Row]) -> dict[str, Any]:
 def _score(rows: Sequence[Row]) -> dict[str, Any]:
     known = [row for row in rows if row["truth"] and not row["invisible"]]
     none = [row for row in rows if row["kind"] == "none"]
-    shares = {
+    return {
+        "cases": len(rows),
         "first_right": rate(row["first_right"] for row in known),
         "exact": rate(row["exact"] for row in known),
         "no_wrong_confirmed": rate(not (row["wrong_confirmed"] or row["error"]) for row in rows),
         "no_false_alarm": rate(not (row["named"] or row["error"]) for row in none),
     }
-    return {"cases": len(rows)} | {name: share.to_dict() for name, share in shares.items()}

@@ -18,7 +18,6 @@ class Scales:
     Attributes:
         current: Root mean square of the current [A].
         peak: Largest command [A].
-        rush: 95th percentile of the rate of the command, of samples where it changes [A/s].
         motor_torque: Root mean square of the motor torque [N m].
         joint_torque: Root mean square of the joint torque [N m].
         speed: Root mean square of the velocities of motor, gear and load [rad/s].
@@ -30,7 +29,6 @@ class Scales:
 
     current: float
     peak: float
-    rush: float
     motor_torque: float
     joint_torque: float
     speed: tuple[float, float, float]
@@ -44,13 +42,11 @@ def scales_of(world: World, run: Run) -> Scales:
     """Return the sizes of the signals of a run."""
     p, x = world.plant, run.states
     current, tau = _rms(x[:, CURRENT]), _rms(run.clean[:, 4])
-    change = np.abs(np.diff(run.command)) / world.sampling
     q_m, speed = x[:, Q], [_rms(x[:, V + body]) for body in range(3)]
     spring = p.k_g if world.structure.gear_is_soft else p.k_b
     return Scales(
         current=current,
         peak=float(np.abs(run.command).max()),
-        rush=float(np.percentile(change[change > 0.0], 95)) if change.any() else 1.0,
         motor_torque=p.k_t * p.n * current,
         joint_torque=tau,
         speed=(speed[0], speed[1], speed[2]),

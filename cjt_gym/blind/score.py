@@ -185,23 +185,23 @@ def summarise(rows: Sequence[Row]) -> dict[str, Any]:
         "cases": len(rows),
         "failed": sum(row["error"] is not None for row in rows),
         "first_right": {
-            "known": rate(row["first_right"] for row in known).to_dict(),
-            "single": rate(row["first_right"] for row in single).to_dict(),
-            "pair": rate(row["first_right"] for row in pair).to_dict(),
+            "known": rate(row["first_right"] for row in known),
+            "single": rate(row["first_right"] for row in single),
+            "pair": rate(row["first_right"] for row in pair),
         },
-        "exact": rate(row["exact"] for row in known).to_dict(),
+        "exact": rate(row["exact"] for row in known),
         "f1": mean([row["f1"] for row in known]),
-        "false_alarms": rate(bool(row["named"]) for row in none).to_dict(),
-        "called_unexplained": rate(row["recognised"] for row in known + none).to_dict(),
+        "false_alarms": rate(bool(row["named"]) for row in none),
+        "called_unexplained": rate(row["recognised"] for row in known + none),
         "outside": {
-            "recognised": rate(row["recognised"] for row in outside).to_dict(),
+            "recognised": rate(row["recognised"] for row in outside),
             "known_beside_named": rate(
                 bool(set(row["named"]) & set(row["truth"])) for row in beside
-            ).to_dict(),
+            ),
         },
         "wrong_confirmed": {
-            "with_outside": rate(bool(row["wrong_confirmed"]) for row in outside).to_dict(),
-            "without_outside": rate(bool(row["wrong_confirmed"]) for row in known + none).to_dict(),
+            "with_outside": rate(bool(row["wrong_confirmed"]) for row in outside),
+            "without_outside": rate(bool(row["wrong_confirmed"]) for row in known + none),
         },
         "coverage": _coverage(numbers),
         "shrink": _shrinks(rows),
@@ -210,7 +210,7 @@ def summarise(rows: Sequence[Row]) -> dict[str, Any]:
         "confusion": _confusion(rows),
         "defects": by_defect(rows),
         "structures": {
-            name: rate(row["first_right"] for row in known if row["structure"] == name).to_dict()
+            name: rate(row["first_right"] for row in known if row["structure"] == name)
             for name in sorted({str(row["structure"]) for row in known})
         },
         "seconds": _seconds([row["seconds"] for row in rows if row["seconds"] is not None]),
@@ -220,13 +220,13 @@ def summarise(rows: Sequence[Row]) -> dict[str, Any]:
 
 def _coverage(numbers: Sequence[Row]) -> dict[str, Any]:
     kinds = sorted({(n["effect"], n["parameter"]) for n in numbers})
-    return rate(n["covered"] for n in numbers).to_dict() | {
+    return rate(n["covered"] for n in numbers) | {
         "parameters": {
             f"{effect}.{parameter}": rate(
                 n["covered"]
                 for n in numbers
                 if (n["effect"], n["parameter"]) == (effect, parameter)
-            ).to_dict()
+            )
             for effect, parameter in kinds
         }
     }
@@ -238,7 +238,7 @@ def _shrinks(rows: Sequence[Row]) -> dict[str, Any]:
     return {
         "error": mean(errors),
         "median": float(np.median(errors)) if errors else None,
-        "within_5_points": rate(error <= 0.05 for error in errors).to_dict(),
+        "within_5_points": rate(error <= 0.05 for error in errors),
     }
 
 
@@ -250,9 +250,9 @@ def _invisible(rows: Sequence[Row]) -> dict[str, Any]:
     cases = [row for row in rows if row["invisible"]]
     return {
         "cases": len(cases),
-        "right": rate(bool(r["named"]) and not r["wrong"] for r in cases).to_dict(),
-        "silent": rate(not r["named"] for r in cases).to_dict(),
-        "wrong": rate(bool(r["wrong"]) for r in cases).to_dict(),
+        "right": rate(bool(r["named"]) and not r["wrong"] for r in cases),
+        "silent": rate(not r["named"] for r in cases),
+        "wrong": rate(bool(r["wrong"]) for r in cases),
     }
 
 

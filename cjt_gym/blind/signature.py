@@ -45,11 +45,7 @@ def signatures(
 ) -> dict[str, float]:
     """Return the size of the trace of each effect in a record, in standard deviations.
 
-    Args:
-        true: The joint as it is.
-        without: The joint without one of its effects, by the name of that effect.
-        sheet: Its datasheet: tolerances, and the channels that are measured.
-        record: A record of it.
+    `without` has the joint without one of its effects, by the name of that effect.
     """
     used = [CHANNELS.index(name) for name in sheet.channels]
     here = _at_ends(true, record)[:, used]
@@ -67,11 +63,6 @@ def signatures(
         spread = _scattered(true, other, sheet, len(record.command))
         out[name] = math.hypot(float(np.linalg.norm(left)), spread)
     return out
-
-
-def is_visible(signature: float) -> bool:
-    """Return whether an effect with that signature can be found."""
-    return signature >= VISIBLE
 
 
 def _ends(world: World, samples: int) -> slice:

@@ -94,11 +94,7 @@ def run(options: argparse.Namespace) -> Answer:
 
 
 def check_rms(rms: float, joint: Joint) -> None:
-    """Refuse a multisine that the motor cannot give.
-
-    Raises:
-        ConfigurationError: Its rms [N m] is not above zero, or above the motor's peak torque.
-    """
+    """Refuse a multisine that the motor cannot give."""
     p = joint.parameters
     most = p.k_t * p.n * p.i_p if "i_p" in p else math.inf
     if not 0.0 < rms <= most:

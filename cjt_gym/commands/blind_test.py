@@ -59,7 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> Answer:
     """Draw, diagnose, score; write `blind_test.json`, `cases.csv` and `report.html`."""
-    from cjt_gym.blind.report import write_csv, write_report  # needs the extra "report"
+    from cjt_gym.console.blind_report import write_csv, write_report  # needs the extra "report"
 
     _check(options)
     out: Path = options.out

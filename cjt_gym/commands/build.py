@@ -41,11 +41,7 @@ def run(options: argparse.Namespace) -> Answer:
 
 
 def _written(joints: Mapping[str, Joint], folder: Path, table: str) -> dict[str, Path]:
-    """Write a file per joint, none before all may be written; return their paths.
-
-    Raises:
-        ConfigurationError: A name cannot be that of a file, or a file is there that differs.
-    """
+    """Write a file per joint, none before all may be written; return their paths."""
     for name in joints:
         check_file_name(name, f"The name of a joint of {table}")
     paths = {name: folder / f"{name}.toml" for name in joints}

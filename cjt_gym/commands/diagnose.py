@@ -126,13 +126,6 @@ def write_files(
 ) -> Diagnosis:
     """Write diagnosis.json, report.html, joint.toml, and the next excitation if there is one.
 
-    Args:
-        diagnosis: What was found.
-        folder: Where to write.
-        name: Of the record, for the heading of the report.
-        repairs: What was repaired in the records.
-        loop: What it is worth in a closed loop.
-
     Returns:
         The diagnosis, which now names its excitation file.
     """
@@ -222,11 +215,7 @@ def _read(
 def _oriented(
     records: Sequence[Record], joint: JointFile, structure: str
 ) -> tuple[list[Record], list[Repair]]:
-    """Return records whose channels agree in their signs, and what was turned.
-
-    Raises:
-        RecordError: A channel has another unit than its record states.
-    """
+    """Return records whose channels agree in their signs, and what was turned."""
     pairs = [orient(record, joint, get_structure(structure)) for record in records]
     for record, repairs in pairs:
         odd = [repair.text for repair in repairs if repair.kind == "unit"]

@@ -82,11 +82,7 @@ def run(options: argparse.Namespace) -> None:
 
 
 def with_options(config: HardwareConfig, options: argparse.Namespace) -> HardwareConfig:
-    """Return a configuration whose emulator behaves as the options say.
-
-    Raises:
-        ConfigurationError: A value is out of its range.
-    """
+    """Return a configuration whose emulator behaves as the options say."""
     names = ("speed", "latency", "jitter", "loss", "load", "seed")
     given = {name: getattr(options, name) for name in names if getattr(options, name) is not None}
     for name, value in given.items():

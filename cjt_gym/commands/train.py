@@ -57,11 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def environment(env: Mapping[str, Any], options: argparse.Namespace) -> dict[str, Any]:
-    """Return a section [env] with what the options replace; see `transferred` for another joint.
-
-    Raises:
-        CjtGymError: There is no such joint, preset or effect.
-    """
+    """Return a section [env] with what the options replace; see `transferred` for another joint."""
     kept = dict(env) if options.joint is None else transferred(env, options.joint)
     given = {
         "structure": options.structure,

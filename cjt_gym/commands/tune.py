@@ -29,7 +29,8 @@ from cjt_gym.training.benchmark.cluster import BACKENDS, cluster
 from cjt_gym.training.evaluation.rollout import joint_of
 from cjt_gym.training.tuning.gains import WITH, choose, read_gains, write_gains
 from cjt_gym.training.tuning.limits import Limits
-from cjt_gym.training.tuning.tune import Outcome, Search, tune
+from cjt_gym.training.tuning.problem import Search
+from cjt_gym.training.tuning.tune import Outcome, tune
 
 LIMITS = {
     "gain_margin": "smallest gain margin [-]",

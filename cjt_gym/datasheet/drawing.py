@@ -46,12 +46,7 @@ STYLE: Any = {
 
 @contextmanager
 def canvas(width: float = HALF, height: float = 2.55) -> Iterator[tuple[Figure, Callable[[], str]]]:
-    """Yield a figure in the style of the sheets, and what writes it as SVG text.
-
-    Args:
-        width: [inch].
-        height: [inch].
-    """
+    """Yield a figure in the style of the sheets, its size in inches, and what writes it as SVG."""
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(width, height), layout="constrained")
 

@@ -43,12 +43,7 @@ PREAMBLE = """
 
 
 def to_pdf(sheet: Sheet, *, image: bool = False) -> list[bytes]:
-    """Return a sheet as one PDF document, or as one PNG image per page.
-
-    Args:
-        sheet: The sheet.
-        image: Whether images are wanted, of 100 pixels per inch.
-    """
+    """Return a sheet as one PDF document, or as one PNG image per page."""
     import typst
 
     with tempfile.TemporaryDirectory() as folder:

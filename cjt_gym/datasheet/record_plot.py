@@ -45,13 +45,7 @@ class Trace:
 
 
 def write_plot(traces: Sequence[Trace], columns: Sequence[str] | None, out: Path) -> list[str]:
-    """Draw records and write the picture whole; return the columns that are drawn.
-
-    Args:
-        traces: The records.
-        columns: What to draw, or None for all.
-        out: Where to; the ending says in which format.
-    """
+    """Draw records and write the picture whole; return the columns that are drawn."""
     panels = _panels(traces, columns)
     kind = out.suffix.lower().removeprefix(".")
     with canvas(WIDTH, MARGIN + PANEL * max(len(panels), 1)) as (figure, svg):

@@ -1,4 +1,15 @@
-"""The arrays that the kernel works on, and the meaning of their columns and rows."""
+"""The arrays that the kernel works on, and the meaning of their columns and rows.
+
+Compiled functions call things alike: `batch` all joints and `i` one of them, `setup` what they
+share; `p` the parameters of the joint, `memory` what its effects remember, `work` its scratch
+rows; `body` MOTOR, GEAR or LOAD, `which` GEAR_SPRING or BAR, `drive` the number of the drive;
+angles and deflections [rad], `dq` and `rate` velocities [rad/s], `side` the direction of motion,
++1 or -1, which counts at rest; `tau` the transmitted torque [N m], `load` the load torque [N m]
+or, where the output is fixed, its velocity [rad/s]; `command` on the q axis and `command_d` on
+the d axis, current [A] or voltage [V]; `k` torque per ampere [N m/A], `r` resistance of the
+winding [Ohm]; `h` the substep [s]; `keep` whether to keep a new state of the hysteresis, `held`
+1 to start from the one in memory, 0 to start relaxed.
+"""
 
 from __future__ import annotations
 

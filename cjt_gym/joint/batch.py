@@ -35,11 +35,7 @@ LONGEST_DELAY = 100_000
 
 
 def substeps_of(dt: float, dt_physics: float) -> int:
-    """Return how many substeps make a control step.
-
-    Raises:
-        ConfigurationError: dt is not a whole multiple of dt_physics, or one is not > 0.
-    """
+    """Return how many substeps make a control step."""
     if not (dt > 0.0 and dt_physics > 0.0 and math.isfinite(dt) and math.isfinite(dt_physics)):
         raise ConfigurationError(
             f"dt_control and dt_physics must be > 0 s, got {dt:g} s and {dt_physics:g} s."
@@ -180,10 +176,6 @@ class JointBatch:
         """Step joints in blocks if they are of a kind that blocks support.
 
         It gives what the general kernel gives, faster.
-
-        Args:
-            joint: That of the batch.
-            threads: How many threads may step blocks at once.
         """
         self.kind = kind_of(joint, self.setup.is_voltage)
         num = self.arrays.tau.shape[0]

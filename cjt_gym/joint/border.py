@@ -33,9 +33,6 @@ def checked_array(
         finite: Whether NaN and infinity are errors; of the type of the result, so that a number
             too large for it counts as infinite.
 
-    Raises:
-        ConfigurationError: The values are not real numbers, of another shape, or not finite.
-
     Example:
         >>> checked_array("load", [1, 2], (2,))
         array([1., 2.])

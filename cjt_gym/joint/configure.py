@@ -328,11 +328,7 @@ def _typical_offer(effect: Effect) -> str:
 
 
 def is_known(effect: Effect, file: JointFile) -> bool:
-    """Return whether a joint file gives the values that switch an effect on.
-
-    Raises:
-        ParameterError: It has some of them, and lacks others.
-    """
+    """Return whether a joint file gives the values that switch an effect on."""
     size = [p for p in effect.parameters if p.symbol in effect.size]
     if effect.name in file.effects:
         return True
@@ -365,9 +361,6 @@ def pack(
     Effects add up: each adds to its fields what differs from its neutral value. Parameters that
     neither structure nor drive needs become zero; without a peak current the current is not
     limited.
-
-    Raises:
-        ParameterError: The joint lacks a parameter that the structure or the drive needs.
     """
     record = np.zeros(1, PARAMETER_DTYPE)
     for name, value in NEUTRAL.items():

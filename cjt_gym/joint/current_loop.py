@@ -52,18 +52,9 @@ def regulate(
     dq_m: float,
     period: float,
 ) -> None:
-    """Write the voltages until the next sample, and advance the integrals, in place.
+    """Write the voltages [V] until the next sample, and advance the integrals [A s], in place.
 
-    Args:
-        p: Parameter record: what the controller was told (`loop_...`), p, n, v_0 and i_p.
-        drive: Number of the drive, not `CURRENT`.
-        integrals: [z_q, z_d] [A s].
-        volts: Receives [v_q, v_d] [V].
-        wanted: Current on the q axis that is wanted [A].
-        i_q: Current on the q axis [A].
-        i_d: Current on the d axis [A].
-        dq_m: Motor velocity on the link side [rad/s].
-        period: Time until the next sample [s].
+    The gains are those that the controller was told, `loop_...` of the parameter record.
     """
     w = min(2.0 * math.pi * p.loop_bandwidth, FASTEST / period)
     inductance = 0.0 if drive == STATIC else p.loop_l_a
@@ -120,19 +111,7 @@ def terminal_volts(
     is_voltage: bool,
     dq_m: float,
 ) -> tuple[float, float]:
-    """Return the voltages (v_q, v_d) at the winding, whatever makes them [V].
-
-    Args:
-        p: Parameter record.
-        k: Torque per ampere on the link side [N m/A].
-        r: Winding resistance [Ohm].
-        drive: Number of the drive.
-        currents: [i_q, i_d] [A].
-        command: Voltage [V] or wanted current [A] on the q axis.
-        command_d: Voltage on the d axis [V].
-        is_voltage: Whether the command is a voltage.
-        dq_m: Motor velocity on the link side [rad/s].
-    """
+    """Return the voltages (v_q, v_d) at the winding, whatever makes them [V]."""
     if drive == STATIC:
         return r * currents[0] + k * dq_m, 0.0
     if drive == RL:
@@ -148,10 +127,6 @@ def with_current_loop(joint: Joint, dt_physics: float) -> Joint:
 
     A drive that takes currents, and one whose effects say what its loop is (a bandwidth of 0 is
     none), stay as they are.
-
-    Args:
-        joint: The joint.
-        dt_physics: Substep, at most once in which a typical controller samples [s].
     """
     if joint.drive == "current" or NAME in joint.effects or not dt_physics > 0.0:
         return joint
@@ -178,12 +153,7 @@ def _loop_of(joint: Joint) -> tuple[float, float]:
 
 
 def check_loop(joint: Joint, h: float) -> None:
-    """Raise ConfigurationError where the controller cannot keep its rate or bandwidth.
-
-    Args:
-        joint: The joint.
-        h: Substep [s].
-    """
+    """Raise ConfigurationError where the controller cannot keep its rate or bandwidth."""
     bandwidth, rate = _loop_of(joint)
     if bandwidth == 0.0:
         return

@@ -56,11 +56,7 @@ class Range:
 
 
 def covariance_of(file: JointFile) -> Covariance | None:
-    """Return the covariance in a joint file, or None.
-
-    Raises:
-        ParameterError: It is not one.
-    """
+    """Return the covariance in a joint file, or None."""
     table = file.found.get("covariance")
     if table is None:
         return None
@@ -84,11 +80,7 @@ def covariance_of(file: JointFile) -> Covariance | None:
 
 
 def ranges_of(file: JointFile) -> dict[str, Range]:
-    """Return the ranges in which a joint was identified, by quantity.
-
-    Raises:
-        ParameterError: One of them is not a range.
-    """
+    """Return the ranges in which a joint was identified, by quantity."""
     return {name: _range(file, name) for name in QUANTITIES if name in file.found}
 
 

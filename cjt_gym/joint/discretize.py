@@ -39,15 +39,9 @@ MAX_TERMS = 30
 def discretize(
     p: Any, groups: tuple[int, int, int], h: float, a: Matrix, b: Matrix, scratch: Matrix
 ) -> None:
-    """Write the discrete A and B of one joint for a step h [s].
+    """Write the discrete A and B of one joint for a step h, with `scratch` of the shape `SCRATCH`.
 
-    Args:
-        p: Parameter record.
-        groups: Coordinate of motor, gear and load; -1 for a prescribed load.
-        h: Step [s].
-        a: Result, shape (order, order).
-        b: Result, shape (order, 2 + size): motor torque, load input, torque per coordinate.
-        scratch: Space to work in, of the shape `SCRATCH`.
+    Columns of B: motor torque, load input, torque per coordinate; shape (order, 2 + size).
     """
     order, size = a.shape[0], b.shape[1] - 2
     velocity = order - size

@@ -38,15 +38,6 @@ def disturbed_load(
     A prescribed motion gets the mean velocity of a sine, so that its angle is exact at each
     sample. A free load gets the torque of a person: noise through a first-order low pass, and
     noise through a lightly damped resonance, the tremor.
-
-    Args:
-        p: Parameter record.
-        memory: What the joint remembers.
-        setup: What the joints share.
-        rng: Random streams of all joints.
-        i: Which joint.
-        k: Control steps since reset.
-        load: Load torque [N m] or load velocity [rad/s] that is given.
     """
     if setup.groups[2] < 0:
         if p.motion_amplitude > 0.0:

@@ -40,11 +40,7 @@ NEEDED_PARAMETERS: dict[str, tuple[str, ...]] = {
 
 
 def get_drive(name: str) -> int:
-    """Return the number of a drive in the kernel.
-
-    Raises:
-        UnknownNameError: There is none of that name.
-    """
+    """Return the number of a drive in the kernel."""
     if name not in DRIVES:
         raise unknown_name("drive", name, DRIVES)
     return list(DRIVES).index(name)
@@ -60,19 +56,7 @@ def clip(x: float, limit: float) -> float:
 def static_current(
     p: Any, k: float, r: float, command: float, is_voltage: bool, dq_m: float
 ) -> tuple[float, float]:
-    """Return the current of the drive without inductance and its slope over dq_m.
-
-    Args:
-        p: Parameter record.
-        k: Torque per ampere on the link side [N m/A].
-        r: Winding resistance [Ohm].
-        command: Voltage [V] or wanted current [A].
-        is_voltage: Which of the two.
-        dq_m: Motor velocity on the link side [rad/s].
-
-    Returns:
-        Current [A] and slope [A s/rad], the slope <= 0.
-    """
+    """Return the current without inductance [A] and its slope over dq_m, <= 0 [A s/rad]."""
     if is_voltage:
         current, slope = (clip(command, p.v_0) - k * dq_m) / r, -k / r
     else:

@@ -21,14 +21,7 @@ CHANNEL_VALUES = ("std", "noise", "resolution", "value")
 def usual_effects(
     effects: Mapping[str, Mapping[str, Setting]], axis: str, origin: str, mistakes: Mistakes
 ) -> dict[str, dict[str, Setting]]:
-    """Return the entries of effects with their values in the usual units.
-
-    Args:
-        effects: Entries by effect.
-        axis: "rotary" or "prismatic".
-        origin: Where they come from, for messages.
-        mistakes: Takes effects, keys and units that the table does not know.
-    """
+    """Return the entries of effects with their values in the usual units."""
     found = {}
     for name, entries in effects.items():
         if name not in EFFECTS:

@@ -177,12 +177,7 @@ def is_path(name_or_path: str | Path) -> bool:
 
 
 def read_joint_text(path: Path) -> str:
-    """Return the text of a joint file.
-
-    Raises:
-        MissingFileError: There is no file at this path.
-        ParameterError: It is not a text.
-    """
+    """Return the text of a joint file."""
     try:
         return read_text(path, ParameterError)
     except FileNotFoundError as error:

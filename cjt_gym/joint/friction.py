@@ -65,14 +65,6 @@ def level(
 ) -> tuple[float, float]:
     """Return the level g of dry friction [N m] and its slope over velocity [N m s/rad].
 
-    Args:
-        p: Parameter record.
-        work: Scratch rows with the friction of the bodies.
-        body: MOTOR, GEAR or LOAD.
-        dq: Velocity of the body [rad/s].
-        side: +1 or -1, the direction of motion.
-        tau: Transmitted torque [N m].
-
     References:
         Armstrong-Helouvry, Dupont, Canudas de Wit (1994), Automatica 30(7).
     """
@@ -110,21 +102,10 @@ def coulomb_friction(
 def sliding_friction(
     p: Any, work: Floats, body: int, dq: float, side: float, tau: float
 ) -> tuple[float, float]:
-    """Return the friction of a sliding body and its slope over velocity.
+    """Return the friction of a sliding body [N m] and its slope over velocity [N m s/rad].
 
     With dq_0 = 0 the sign is sharp: the slope of the jump is left out, and at dq = 0 the
     value is the limit from `side`.
-
-    Args:
-        p: Parameter record.
-        work: Scratch rows with the friction of the bodies.
-        body: MOTOR, GEAR or LOAD.
-        dq: Velocity of the body [rad/s].
-        side: +1 or -1, the direction of motion, which counts where dq = 0.
-        tau: Transmitted torque [N m].
-
-    Returns:
-        Torque [N m] and slope [N m s/rad].
 
     References:
         Malzahn, Roozing, Tsagarakis, The Compliant Joint Toolbox for MATLAB, section
@@ -152,21 +133,9 @@ def bristles(
 
         dz/dt = dq - sigma_0 |dq| z / g(dq),     torque = sigma_0 z + sigma_1 dz/dt
 
-    The torque returned is the mean over h, so that its work is that of the continuous law, which
+    Returned are the mean torque over h [N m], its slope over velocity [N m s/rad] and the new
+    deflection; the torque is the mean so that its work is that of the continuous law, which
     is passive for sigma_1 <= 4 g / |dq|; a larger one is limited to that.
-
-    Args:
-        p: Parameter record.
-        work: Scratch rows with the friction of the bodies.
-        body: MOTOR, GEAR or LOAD.
-        z: Deflection [rad].
-        dq: Velocity of the body [rad/s].
-        side: +1 or -1, the direction of motion, which counts where dq = 0.
-        tau: Transmitted torque [N m].
-        h: Duration [s].
-
-    Returns:
-        Mean torque [N m], its slope over velocity [N m s/rad], the new deflection [rad].
 
     References:
         Canudas de Wit, Olsson, Astrom, Lischinsky (1995), IEEE Transactions on Automatic

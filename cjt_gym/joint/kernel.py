@@ -97,15 +97,6 @@ def control_step(
     """Advance joint i by one control step and measure; return whether input and state are finite.
 
     A NaN has to be caught before it acts: limits and friction compare, and would hide it.
-
-    Args:
-        batch: All joints.
-        setup: What they share.
-        i: Which joint.
-        command: Command on the q axis, current [A] or voltage [V].
-        command_d: Voltage on the d axis [V].
-        load: Load torque [N m] or load velocity [rad/s], held over the step.
-        work: Scratch rows.
     """
     if not math.isfinite(command + command_d + load):
         return False
@@ -196,17 +187,9 @@ def restart(batch: Batch, setup: Setup, i: int, load: float, work: Floats) -> No
 def step_batch(
     batch: Batch, setup: Setup, commands: Floats, load: Floats, mask: NDArray[np.bool_]
 ) -> int:
-    """Advance the joints in a mask by one control step.
+    """Advance the joints in a mask by one control step; return the first that diverged, else -1.
 
-    Args:
-        batch: All joints.
-        setup: What they share.
-        commands: Commands on the q and d axes, shape (n, 2).
-        load: Load torque [N m] or load velocity [rad/s], shape (n,).
-        mask: Which joints, shape (n,).
-
-    Returns:
-        -1, or the first joint whose state ceased to be finite; its state stays as it was.
+    Its state stays as it was.
     """
     work = np.zeros((WORK_ROWS, WORK_WIDTH))
     failed = -1

@@ -48,11 +48,7 @@ def body_matrices(p: JointParameters, structure: Structure) -> tuple[Matrix, Mat
 
 
 def reduced_matrices(p: JointParameters, structure: Structure) -> tuple[Matrix, Matrix, Matrix]:
-    """Return S'IS, S'DS and S'KS, each of shape (size, size).
-
-    Raises:
-        ParameterError: A coordinate of the structure has no inertia.
-    """
+    """Return S'IS, S'DS and S'KS, each of shape (size, size)."""
     s = structure.selection
     inertia, damping, stiffness = (s.T @ m @ s for m in body_matrices(p, structure))
     for group, value in enumerate(np.diag(inertia)):
@@ -139,12 +135,7 @@ def frequency_response(
 ) -> Complex:
     """Return C (s - A)^-1 B + D, shape (points, outputs, inputs).
 
-    Args:
-        a: Of the system, continuous, or sampled with points z = exp(s dt).
-        b: Likewise.
-        c: Likewise.
-        d: Likewise.
-        s: Points of the complex plane, shape (points,).
+    Of a sampled system the points s, shape (points,), are z = exp(s dt).
     """
     x = np.linalg.solve(s[:, None, None] * np.eye(len(a)) - a, b + 0j)
     return np.asarray(c @ x + d, dtype=np.complex128)

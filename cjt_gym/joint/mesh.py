@@ -83,17 +83,7 @@ def held_friction(p: Any, memory: Floats, setup: Setup, command: float, work: Fl
 def rigid_torque(
     p: Any, memory: Floats, setup: Setup, command: float, load: float, v: float, work: Floats
 ) -> float:
-    """Return the mean torque that a rigid joint passed on to its load over a substep [N m].
-
-    Args:
-        p: Parameter record.
-        memory: What its effects remember.
-        setup: What the batch shares.
-        command: Current [A] or voltage [V].
-        load: Load torque [N m].
-        v: Mean velocity, exactly zero where friction holds the joint [rad/s].
-        work: Scratch rows, with the end of the substep in row FREE.
-    """
+    """Return the mean torque that a rigid joint passed on to its load over a substep [N m]."""
     if v == 0.0 and p.dq_0 == 0.0:
         drag = held_friction(p, memory, setup, command, work)
     else:

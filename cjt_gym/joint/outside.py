@@ -39,9 +39,6 @@ def tell_outside(file: JointFile, met: Met) -> None:
     Args:
         file: The joint file, whose [found] states the ranges.
         met: Lowest and highest value by quantity, in the units of the file.
-
-    Raises:
-        ParameterError: The file states something that is no range.
     """
     if is_told(file):
         return
@@ -66,12 +63,7 @@ def tell_outside(file: JointFile, met: Met) -> None:
 
 
 def frequency_of(x: Floats, dt: float) -> float:
-    """Return the frequency below which 95 % of a signal's power lies [Hz].
-
-    Args:
-        x: The signal, shape (n,).
-        dt: Sample time [s].
-    """
+    """Return the frequency below which 95 % of a signal's power lies [Hz]."""
     power = np.abs(np.fft.rfft(x - np.mean(x))) ** 2
     total = np.cumsum(power)
     if total[-1] == 0.0:

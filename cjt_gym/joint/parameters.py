@@ -200,10 +200,6 @@ def check_quantities(
         origin: Where they come from, for messages.
         is_whole: Whether none is missing because of a mistake, so that they are held against each
             other, too.
-
-    Raises:
-        ParameterError: A symbol is unknown, or a value has a wrong unit, is out of range, or
-            differs silently from its partner for the other direction; all that is wrong.
     """
     mistakes, checked = Mistakes(origin), {}
     for symbol, quantity in quantities.items():

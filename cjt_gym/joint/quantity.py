@@ -101,10 +101,6 @@ def _frozen(value: object) -> Plain:
 def parse_quantity(entry: object, owner: str) -> Quantity:
     """Return the quantity that a joint file writes as ``{ value = 1.0, unit = "rad" }``.
 
-    Args:
-        entry: The parsed TOML value.
-        owner: What the quantity is and where it stands, such as "k_b of params/x.toml".
-
     Raises:
         ParameterError: A key is unknown or missing, or a value has the wrong type or is not finite.
     """

@@ -34,17 +34,10 @@ def ripple_torque(
 
         sum_j (a_j cos(f_j q) + b_j sin(f_j q)) * (1, tau or k i)
 
+    with rows [f, a, b, kind] of the table: cogging adds N m, the others are shares of the
+    transmitted torque or of the motor torque (see `RIPPLES`);
     and that of the current sensors' offsets. The spatial frequency counts periods per revolution
-    of q_m, which is the rotor angle divided by n: f = n k for the k-th harmonic of the rotor.
-
-    Args:
-        p: Parameter record.
-        table: Rows [f, a, b, kind], shape (rows, 4), see `RIPPLES`: cogging adds N m, the others
-            are shares of the transmitted torque and of the motor torque.
-        q_m: Motor angle on the link side [rad].
-        tau: Transmitted torque [N m].
-        k: Torque per ampere [N m/A].
-        current: Current [A].
+    of q_m [rad], which is the rotor angle divided by n: f = n k for the k-th harmonic of the rotor.
     """
     total = 0.0
     for j in range(table.shape[0]):

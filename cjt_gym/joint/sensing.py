@@ -217,15 +217,7 @@ def measure(batch: Batch, setup: Setup, i: int, first: bool, late: bool, work: F
 
     Noise is added to the physical quantity and the sum is quantized. Where velocities are
     differentiated they are the backward difference of the measured angle, low-pass filtered. A
-    lost frame leaves the measurement as it was.
-
-    Args:
-        batch: All joints.
-        setup: What they share.
-        i: Which joint.
-        first: Whether this is the first measurement after a reset.
-        late: Whether any channel is late.
-        work: Scratch rows, with the lateness of each channel in whole steps.
+    lost frame leaves the measurement as it was. Rows of `work` hold how late each channel is.
     """
     p, memory = batch.p[i], batch.memory[i]
     distorted = distorts(p)

@@ -30,13 +30,6 @@ def spring_rows(effects: Mapping[str, Mapping[str, Any]], owner: str) -> NDArray
     """Return the rows of the table among the effects, shape (points, 5); none without a table.
 
     Points of deflections >= 0 alone count for the other direction, too.
-
-    Args:
-        effects: Effects with their values.
-        owner: Name of their owner, for messages.
-
-    Raises:
-        ParameterError: There are fewer than two points, or the deflections or torques do not rise.
     """
     values = effects.get(NAME)
     if values is None or not any(values["torque"]):

@@ -66,13 +66,7 @@ def bouc_wen(zeta: float, dx: float, scale: float) -> tuple[float, float]:
 
         scale dzeta = dx - (|dx| zeta + dx |zeta|) / 2
 
-    Args:
-        zeta: State in [-1, 1].
-        dx: Change of deflection [rad].
-        scale: Deflection over which a loop rises to 63 % [rad].
-
-    Returns:
-        New state and its integral over the path [rad].
+    Returned are the new state, in [-1, 1], and its integral over the path [rad].
 
     References:
         Ismail, Ikhouane, Rodellar (2009), Archives of Computational Methods in Engineering 16.
@@ -110,17 +104,7 @@ def slip_stiffness(p: Any, j: int, count: int) -> tuple[float, float]:
 
 @lean
 def hysteresis(p: Any, memory: Floats, dx: float, keep: bool, held: float) -> tuple[float, float]:
-    """Return the torque after a change of deflection and its integral over the path.
-
-    Args:
-        p: Parameter record.
-        memory: Memory of the joint.
-        dx: Change of deflection [rad].
-        keep: Whether to keep the new state.
-        held: 1 to start from the state in memory, 0 to start relaxed.
-
-    Returns:
-        Torque [N m] and integral [N m rad].
+    """Return the torque after a change of deflection [N m], its integral over the path [N m rad].
 
     References:
         Al-Bender, Lampaert, Swevers (2005), IEEE Transactions on Automatic Control 50(11).
@@ -186,22 +170,10 @@ def path_torque(
     keep: bool,
     held: float,
 ) -> tuple[float, float]:
-    """Return the mean torque of a spring over a substep that deflects it from x0 to x1.
+    """Return the mean torque of a spring over a substep from x0 to x1, and its slope over the rate.
 
-    Args:
-        p: Parameter record.
-        memory: Memory of the joint.
-        which: GEAR_SPRING or BAR.
-        x0: Deflection of the spring itself at the start [rad].
-        x1: The same at the end; less than h rate apart where play takes a part of the way.
-        rate: Mean velocity [rad/s].
-        h: Substep [s].
-        touching: Whether the spring is deflected at the end.
-        keep: Whether to keep the new state of the hysteresis.
-        held: 1 to start from the state of the hysteresis in memory, 0 to start relaxed.
-
-    Returns:
-        Torque [N m] and its slope over the rate [N m s/rad].
+    The torque is in N m, the slope in N m s/rad. Where play takes a part of the way, x0 and x1
+    are less than h rate apart; `touching` says whether the spring is deflected at the end.
     """
     stiffness, damping, k_3, is_loop = p.k_g, p.d_mg, 0.0, False
     if which == BAR:
@@ -272,21 +244,7 @@ def added_torque(
     h: float,
     keep: bool,
 ) -> tuple[float, float]:
-    """Return the mean torque that a spring adds to the linear joint over a substep.
-
-    Args:
-        p: Parameter record.
-        memory: Memory of the joint.
-        groups: Coordinates of the bodies.
-        which: GEAR_SPRING or BAR.
-        start: Deflection at the start [rad].
-        rate: Mean velocity of the deflection [rad/s].
-        h: Substep [s].
-        keep: Whether to keep the new state of the hysteresis.
-
-    Returns:
-        Torque [N m] and its slope over the rate [N m s/rad].
-    """
+    """Return the mean torque that a spring adds to the linear joint, and its slope over rate."""
     if has_play(p, groups, which):
         return played_torque(p, memory, which, start, rate, h, keep)
     end = start + h * rate

@@ -118,20 +118,6 @@ def substep(
 
     Where the equations are not solved, it says so in work and leaves the state as it was, unless
     it is told to take what it has.
-
-    Args:
-        p: Parameter record.
-        memory: What its effects remember.
-        ripple: Its ripple rows, shape (rows, 4).
-        a: Discrete system matrix, shape (order, order).
-        b: Discrete inputs, shape (order, 2 + size).
-        setup: What the batch shares.
-        currents: [i_q, i_d] [A].
-        command: Current [A] or voltage [V] on the q axis.
-        command_d: Voltage on the d axis [V].
-        load: Load torque [N m] or, where the output is fixed, load velocity [rad/s].
-        work: Scratch rows, with the state in row X.
-        last: Whether to go on without a solution.
     """
     order, size, drive = setup.order, setup.size, setup.drive
     motor, half = order - size + setup.groups[0], 0.5 * setup.h

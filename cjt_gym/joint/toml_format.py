@@ -30,19 +30,11 @@ Entry = TypeVar("Entry")
 def parse_document(text: str, origin: str, mistakes: Mistakes) -> dict[str, Any]:
     """Return the content of a joint file, with checked syntax.
 
-    Args:
-        text: Content of a joint file.
-        origin: Where the text comes from, for messages.
-        mistakes: Takes what is wrong with single entries, which the content then lacks.
-
     Returns:
         `name`, `source` and `axis` as texts; `structure` and `drive` likewise, or None; quantities
         by symbol in `parameters` and `sampling`; settings by effect, then by parameter in `effects`
         ("body" and "channel" are texts); quantities by channel, then "resolution" and "noise" in
         `sensors`; plain data in `found`.
-
-    Raises:
-        ParameterError: The text is no TOML.
     """
     raw = _parse_toml(text, origin)
     known = _known(raw, TOP_LEVEL_KEYS, "key", origin, mistakes)

@@ -41,9 +41,6 @@ def in_usual_unit(quantity: Quantity, units: tuple[str, ...], owner: str) -> Qua
         units: Units that are usual here, such as ("N m/rad",); "-" for a pure number.
         owner: What the quantity is and where it stands.
 
-    Raises:
-        ParameterError: Its unit is unknown, or of another kind.
-
     Example:
         >>> in_usual_unit(Quantity(3.0, "mN m/A"), ("N m/A", "N m/V"), "k_t").value
         0.003

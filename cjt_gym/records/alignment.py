@@ -19,13 +19,6 @@ def aligned(
     """Yield the pieces of a log with late columns moved to earlier rows, early ones to later.
 
     Rows at either end of the log that lack one of the columns then are left out.
-
-    Args:
-        pieces: Columns of the log, one piece after the other.
-        late: Rows by which columns are late; negative where they are early.
-
-    Raises:
-        RecordError: Nothing is left.
     """
     ahead = max((ceil(x) for x in late.values() if x > 0.0), default=0)
     behind = max((ceil(-x) for x in late.values() if x < 0.0), default=0)

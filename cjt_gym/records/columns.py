@@ -87,11 +87,7 @@ COLUMNS: Final[dict[str, Column]] = {
 
 
 def column_of(name: str) -> Column:
-    """Return the row of the column table for a column, with or without the prefix ``true_``.
-
-    Raises:
-        RecordError: The name is not one a record may hold.
-    """
+    """Return the row of the column table for a column, with or without the prefix ``true_``."""
     joint, _, plain = name.rpartition(JOINT_MARK)
     row = COLUMNS.get(plain.removeprefix(TRUE_PREFIX))
     if row is None or plain == TRUE_PREFIX + "t" or (joint and plain == "t"):

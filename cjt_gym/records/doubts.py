@@ -38,12 +38,7 @@ Columns = Mapping[str, FloatArray]
 
 
 def doubts(columns: Columns, dt: float) -> list[Repair]:
-    """Return what looks wrong in the columns of a record.
-
-    Args:
-        columns: Columns in SI units, each of shape (n,); NaN where a sample is missing.
-        dt: Sample time [s].
-    """
+    """Return what looks wrong in the columns of a record."""
     found = [_clipped(name, columns[name]) for name in ("tau", "i", "v") if name in columns]
     found += [_many_turns(name, columns[name]) for name in columns if name.startswith("q_")]
     found += [_too_strong(name, columns[name]) for name in ("i", "i_cmd") if name in columns]

@@ -42,21 +42,12 @@ class Format:
     write: Callable[[Mapping[str, FloatArray], Path], None] | None = None
 
     def read(self, path: Path) -> Table:
-        """Return the columns of a file.
-
-        Raises:
-            RecordError: It is not of this format, a value in it cannot be read, or it holds more
-                than it may.
-        """
+        """Return the columns of a file."""
         with parsing(f"{path} must be {self.what}", RecordError):
             return _checked(path, self.reader(path))
 
     def stream(self, path: Path, rows: int) -> Iterator[Table]:
-        """Yield the columns of a file in pieces of so many rows.
-
-        Raises:
-            RecordError: It is not of this format, or holds more than it may.
-        """
+        """Yield the columns of a file in pieces of so many rows."""
 
         def pieces() -> Iterator[Table]:
             stream = self.streamer or (lambda path, rows: sliced(self.reader(path), rows))
@@ -100,11 +91,7 @@ FORMATS: Final[dict[str, Format]] = {
 
 
 def format_of(path: Path) -> Format:
-    """Return the format that the suffix of a file names.
-
-    Raises:
-        RecordError: It names none.
-    """
+    """Return the format that the suffix of a file names."""
     try:
         return FORMATS[path.suffix.lower()]
     except KeyError:

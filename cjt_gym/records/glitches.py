@@ -1,6 +1,7 @@
 """Samples of one channel that cannot be what they say: glitches, repeated ones, turns of a counter.
 
-Commands are never touched: a command may do anything.
+Commands are never touched: a command may do anything. A channel has the shape (n,), with NaN where
+a sample is missing.
 """
 
 from __future__ import annotations
@@ -36,9 +37,6 @@ def glitches(x: FloatArray) -> NDArray[np.bool_]:
     The edges of a glitch exceed nearly all changes of the channel in the samples around it, its
     steady slope taken off, and lead back to where the channel came from. A step stays where it is;
     so it is none.
-
-    Args:
-        x: The channel, shape (n,); NaN where a sample is missing.
     """
     out = np.zeros(len(x), dtype=bool)
     known = np.flatnonzero(np.isfinite(x))
@@ -106,9 +104,6 @@ def stale(x: FloatArray) -> NDArray[np.bool_]:
     That is so for a few equal samples between two of a steady motion, where the change after them
     makes up for what was missed, and for any few equal samples of a channel so finely resolved
     that chance does not make them equal.
-
-    Args:
-        x: The channel, shape (n,); NaN where a sample is missing.
     """
     out = np.zeros(len(x), dtype=bool)
     known = np.flatnonzero(np.isfinite(x))
@@ -146,9 +141,6 @@ def _more_than_chance(d: FloatArray, lattice: float) -> bool:
 
 def held(x: FloatArray) -> tuple[NDArray[np.bool_], int]:
     """Return which samples only hold the last one of a sensor slower than the log, and its period.
-
-    Args:
-        x: The channel, shape (n,); NaN where a sample is missing.
 
     Returns:
         Whether a sample is held, shape (n,), and after how many samples a new one comes; 1 where
@@ -188,10 +180,6 @@ def unwrapped(x: FloatArray, turn: float) -> tuple[FloatArray, int]:
 
     Jumps are taken for those of a counter where each is a turn long, but for what the angle moves
     between samples, and the angle stays within a turn. Otherwise the angle comes back as it is.
-
-    Args:
-        x: The angle, shape (n,); NaN where a sample is missing.
-        turn: What the counter covers, in the unit of the angle.
     """
     known = np.isfinite(x)
     y = x[known]

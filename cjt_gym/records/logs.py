@@ -81,11 +81,7 @@ class Log:
 def open_log(
     path_or_name: str | Path, mapping: MappingLike | None = None, n: float | None = None
 ) -> Log:
-    """Return a log, of which only the beginning has been read; arguments as for `read_log`.
-
-    Raises:
-        RecordError: There is no such file, or its columns are not known.
-    """
+    """Return a log, of which only the beginning has been read; arguments as for `read_log`."""
     path = table_path(path_or_name)
     chosen = mapping_of(path, mapping, n)
     beginning = next(iter(format_of(path).stream(path, ROWS)), {})

@@ -58,9 +58,6 @@ def checked_facts(owner: str, facts: Mapping[str, Any]) -> dict[str, Any]:
     Args:
         owner: What error messages call the document.
         facts: Its tables and values.
-
-    Raises:
-        RecordError: As for :func:`read_metadata`.
     """
     known = (*SCALARS, *TABLES)
     for key in facts:
@@ -84,11 +81,7 @@ def write_metadata(record: Record, path: Path) -> None:
 
 
 def facts_path(table: Path) -> Path:
-    """Return the path of the TOML file beside a table that is to be written.
-
-    Raises:
-        RecordError: Something else has that name, such as the configuration of a run.
-    """
+    """Return the path of the TOML file beside a table that is to be written."""
     path = table.with_suffix(".toml")
     if path.exists() and not _is_of_record(path):
         raise RecordError(

@@ -43,11 +43,7 @@ class Clock:
 
 
 def clock(mapping: ColumnMapping, table: Table, owner: str) -> Clock:
-    """Return the time base of a log: that of ``t``, or else of the topic with most messages.
-
-    Raises:
-        RecordError: The column that the mapping names is not there.
-    """
+    """Return the time base of a log: that of ``t``, or else of the topic with most messages."""
     if "t" in mapping.columns:
         source = mapping.columns["t"]
         first = _source(mapping, "t", source.source, table, owner)
@@ -65,15 +61,6 @@ def mapped(mapping: ColumnMapping, table: Table, base: Clock, owner: str) -> dic
 
     A column with a clock of its own is brought to the record's: commands hold their value, what is
     measured is interpolated between neighbours, and missing (NaN) where these are far apart.
-
-    Args:
-        mapping: Which column is which.
-        table: Columns of the log.
-        base: Time base of the record.
-        owner: What error messages call the log.
-
-    Raises:
-        RecordError: A column that the mapping names is not there, or the lengths do not fit.
     """
     columns: dict[str, FloatArray] = {}
     t = None
@@ -96,11 +83,7 @@ def mapped(mapping: ColumnMapping, table: Table, base: Clock, owner: str) -> dic
 
 
 def numbers_of(values: NDArray[Any], name: str, owner: str) -> FloatArray:
-    """Return the values of a column of a log.
-
-    Raises:
-        RecordError: They are not one real number per row.
-    """
+    """Return the values of a column of a log."""
     if values.dtype.kind not in NUMBERS or values.ndim != 1:
         raise RecordError(
             f"Column {name!r} of {owner} must hold real numbers, one per row, got the type "

@@ -80,16 +80,7 @@ def units_of(column: str) -> tuple[str, ...]:
 
 
 def unit_of(column: str, name: str, what: str) -> Unit:
-    """Return a unit of a column by its name.
-
-    Args:
-        column: Name of the column.
-        name: Name of the unit.
-        what: What the error message calls it.
-
-    Raises:
-        RecordError: The column cannot have this unit.
-    """
+    """Return a unit of a column by its name."""
     allowed = units_of(column)
     if name not in allowed:
         raise RecordError(

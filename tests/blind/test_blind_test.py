@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -147,7 +148,8 @@ def test_goes_on_where_it_stopped(
     assert set(printed["summary"]["defects"]) == {"gaps", "all"}
     page = (tmp_path / "report.html").read_text()
     assert page.count("<svg") == 3
-    assert "<td>gaps</td><td>3</td><td>0 of 3, 0 %</td>" in page
+    cells = re.findall(r"<td[^>]*>([^<]*)", page)
+    assert cells[cells.index("gaps") :][:3] == ["gaps", "3", "0 of 3, 0 %"]
     assert not any(loads in page for loads in ("<link", "<script", 'src="http', "url(http"))
 
 

@@ -218,8 +218,11 @@ def test_times_closer_than_any_clock_shows_are_the_same() -> None:
 
 
 def test_rows_that_repeat_while_the_joint_moves_are_marked() -> None:
-    case = draw_case(2, effects=[], variant="stale_rows", duration=4.0)
-    columns = dict(case.diagnose.columns)
+    columns = dict(draw_case(2, effects=[], duration=4.0).diagnose.columns)
+    rows = np.arange(len(columns["t"]))
+    stale = np.random.default_rng(2).random(len(rows)) < 0.01
+    newest = np.maximum.accumulate(np.where(stale, 0, rows))
+    columns |= {name: v[newest] for name, v in columns.items() if name != "t"}
     same = np.all(
         [np.diff(v, prepend=np.nan) == 0.0 for name, v in columns.items() if name != "t"], axis=0
     )

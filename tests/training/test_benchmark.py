@@ -16,8 +16,9 @@ from cjt_gym.training.evaluation.conditions import (
     realistic_conditions,
     task_reference,
 )
-from cjt_gym.training.evaluation.evaluate import evaluate
+from cjt_gym.training.evaluation.evaluate import SEED_BLOCK, evaluate, first_seed
 from cjt_gym.training.evaluation.rollout import ControllerAgent, rollout
+from cjt_gym.training.evaluation.tasks import BENCHMARK_TASKS
 from cjt_gym.training.learning.config import VALIDATION_SEEDS
 from cjt_gym.training.learning.run_folder import RunFolder
 
@@ -71,6 +72,12 @@ def test_every_agent_meets_the_same_references_joints_and_noise(task: str) -> No
 
 def test_seeds_of_training_validation_and_evaluation_are_apart() -> None:
     assert VALIDATION_SEEDS < EVALUATION_SEEDS
+
+
+def test_tasks_and_seeds_of_the_benchmark_share_no_episode() -> None:
+    first = sorted(first_seed(task, seed) for task in BENCHMARK_TASKS for seed in range(20))
+    assert first[0] == EVALUATION_SEEDS
+    assert np.diff(first).min() == SEED_BLOCK
 
 
 def test_bad_requests_are_refused() -> None:

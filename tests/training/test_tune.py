@@ -21,14 +21,8 @@ from cjt_gym.training.evaluation.rollout import ControllerAgent, joint_of
 from cjt_gym.training.learning.config import VALIDATION_SEEDS, environment_arguments
 from cjt_gym.training.tuning.gains import choose, read_gains, write_gains
 from cjt_gym.training.tuning.limits import Assessment, Limits, _by_simulation, _noise, assess
-from cjt_gym.training.tuning.tune import (
-    HELD_OUT_SEEDS,
-    TUNING_SEEDS,
-    Search,
-    to_gains,
-    to_point,
-    tune,
-)
+from cjt_gym.training.tuning.problem import HELD_OUT_SEEDS, TUNING_SEEDS, Search
+from cjt_gym.training.tuning.tune import to_gains, to_point, tune
 
 JOINT = "orange_80_6000"
 GAINS = {"kp": 0.3, "kd": 0.004, "lead": 1.0}

@@ -13,11 +13,7 @@ BACKENDS = ("loky", "ray", "dask")
 
 
 def cluster(backend: str, jobs: int) -> AbstractContextManager[Any]:
-    """Return joblib's context for a backend, with its cluster.
-
-    Raises:
-        ConfigurationError: The backend is not installed.
-    """
+    """Return joblib's context for a backend, with its cluster."""
     from joblib import parallel_config
 
     count = (os.cpu_count() or 1) if jobs < 1 else jobs
@@ -39,14 +35,7 @@ def cluster(backend: str, jobs: int) -> AbstractContextManager[Any]:
 
 
 def join_ray(workers: int | None = None) -> Any:
-    """Return Ray, connected to the cluster that `RAY_ADDRESS` names, else to one on this machine.
-
-    Args:
-        workers: Cores of a cluster that is started here; all of this machine if absent.
-
-    Raises:
-        ModuleNotFoundError: Ray is not installed.
-    """
+    """Return Ray, connected to the cluster of `RAY_ADDRESS`, else to one on this machine."""
     ray = import_module("ray")
     if not ray.is_initialized():
         here = {} if "RAY_ADDRESS" in os.environ else {"num_cpus": workers or os.cpu_count()}

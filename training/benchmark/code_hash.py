@@ -16,11 +16,7 @@ LIBRARIES = ("numba", "numpy", "scipy")
 
 @lru_cache
 def code_hash(parts: tuple[str, ...] = COUNTED) -> str:
-    """Return the SHA-256 over the code and the gains that results come from, in hexadecimal.
-
-    Args:
-        parts: Parts of the package that they come from.
-    """
+    """Return the SHA-256 over the code and the gains that results come from, in hexadecimal."""
     digest = hashlib.sha256()
     for name in ("cjt-gym", *LIBRARIES):
         digest.update(f"{name} {version(name)}\n".encode())
@@ -32,10 +28,6 @@ def code_hash(parts: tuple[str, ...] = COUNTED) -> str:
 
 def sources(folder: Traversable, name: str) -> Iterator[tuple[str, bytes]]:
     """Give the files of a folder that results come from.
-
-    Args:
-        folder: A folder of the package.
-        name: What its files are called by.
 
     Yields:
         Path and content.

@@ -29,12 +29,7 @@ def _floats(values: Sequence[float | None]) -> Any:
 
 
 def trace_figure(results: Sequence[Result], tasks: Sequence[str]) -> str:
-    """Return the first episode of every task under the best agents and the last.
-
-    Args:
-        results: Cells of one joint, structure and seed, the best first.
-        tasks: Tasks to show.
-    """
+    """Return the first episode of every task under the best agents and the last."""
     rows = -(-len(tasks) // COLUMNS_OF_TASKS)
     chosen = [*results[:BEST], *results[BEST:][-1:]]
     with canvas(WIDTH, 1.9 * rows + 0.4) as (figure, written):
@@ -63,11 +58,7 @@ def trace_figure(results: Sequence[Result], tasks: Sequence[str]) -> str:
 
 
 def bode_figure(results: Sequence[Result]) -> str:
-    """Return gain and phase from reference to torque: simulated sweep and linear model.
-
-    Args:
-        results: Cells of one joint, structure and seed, the best first.
-    """
+    """Return gain and phase from reference to torque: simulated sweep and linear model."""
     with canvas(WIDTH, 4.2) as (figure, written):
         upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1.5, 1.0))
         for place, result in reversed(list(enumerate(results))):

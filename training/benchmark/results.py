@@ -81,13 +81,7 @@ def rankings(results: Sequence[Result]) -> dict[Group, list[Place]]:
 
 
 def write_benchmark(results: Sequence[Result], out: Path, facts: Sequence[str]) -> str:
-    """Write `benchmark.json`, `benchmark.txt`, `ranking.json` and `report.html`; return a text.
-
-    Args:
-        results: The cells, of all seeds.
-        out: Folder.
-        facts: Sentences for the report about what was run.
-    """
+    """Write `benchmark.json`, `benchmark.txt`, `ranking.json` and `report.html`; return a text."""
     rows, places = merge(results), rankings(results)
     write_rows(rows, out)
     plain = [

@@ -58,13 +58,7 @@ class Outcome:
 
 
 def run_demo(config: TrainConfig, out: Path, episodes: int = EPISODES) -> Outcome:
-    """Do everything but the report.
-
-    Args:
-        config: The training; with a base controller.
-        out: Folder; the run goes to `RUN` in it, and is gone on with if it is there.
-        episodes: Episodes per task of the comparison.
-    """
+    """Do everything but the report."""
     clock = {"begin": time.monotonic()}
     _say("1. the real EMPS drive, replayed in closed loop")
     replayed = replay()

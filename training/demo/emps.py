@@ -1,4 +1,4 @@
-"""The real EMPS drive, replayed in closed loop: `python -m cjt_gym.training.demo.emps`.
+"""The real EMPS drive, replayed in closed loop; see `examples/emps.py`.
 
 The recorded reference drives the recorded position controller around the simulated drive, which
 has the published parameters; nothing is fitted. The errors of drive force, velocity and position
@@ -19,9 +19,6 @@ References:
 
 from __future__ import annotations
 
-import argparse
-import json
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -145,28 +142,9 @@ def _beginning(record: Record) -> tuple[Floats, tuple[float, float]]:
     return state, (float(parabola(-record.dt)), float(parabola(-2.0 * record.dt)))
 
 
-def main() -> None:
-    """Replay a record and print its errors beside the published ones."""
-    parser = argparse.ArgumentParser(description="Replay the EMPS record in closed loop.")
-    parser.add_argument("--record", choices=sorted(PUBLISHED), default="emps")
-    parser.add_argument("--continuous", action="store_true", help="a continuous controller")
-    parser.add_argument("--json", action="store_true", help="print JSON")
-    arguments = parser.parse_args()
-    result = replay(arguments.record, arguments.continuous)
-    if arguments.json:
-        text = json.dumps({"errors": result.errors(), "published": result.published})
-    else:
-        text = summary(result)
-    sys.stdout.write(text + "\n")
-
-
 def summary(result: Replay) -> str:
     """Return the errors of a replay beside the published ones, as lines of text."""
     lines = [f"{result.name}: relative error, simulated in closed loop (published)"]
     for name, error in result.errors().items():
         lines.append(f"  {name:8s}  {error:8.5f} %  ({result.published[name]:8.5f} %)")
     return "\n".join(lines)
-
-
-if __name__ == "__main__":
-    main()

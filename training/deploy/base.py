@@ -66,11 +66,7 @@ class BaseLaw:
 
 
 def base_law(config: TrainConfig, settings: Settings) -> BaseLaw | None:
-    """Return the base controller of a training, None where it has none.
-
-    Raises:
-        ConfigurationError: It learns series, solves programs, or is code of one's own.
-    """
+    """Return the base controller of a training, None where it has none."""
     choice = base_of(config.env)
     if choice is None:
         return None
@@ -80,11 +76,7 @@ def base_law(config: TrainConfig, settings: Settings) -> BaseLaw | None:
 
 
 def read_base(facts: Mapping[str, Any] | None, arrays: Mapping[str, Any]) -> BaseLaw | None:
-    """Return what `BaseLaw.facts` and `BaseLaw.arrays` gave, None where a file has no such law.
-
-    Raises:
-        ConfigurationError: An array has the wrong shape or type.
-    """
+    """Return what `BaseLaw.facts` and `BaseLaw.arrays` gave, None where a file has no such law."""
     if facts is None or not facts["linear"]:
         return None
     order, count = len(arrays["base_c"]), len(SIGNALS)

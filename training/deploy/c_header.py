@@ -29,15 +29,7 @@ ACTIVATIONS: Final = {
 
 
 def c_header(policy: Exported, prefix: str = "policy") -> str:
-    """Return the text of the header.
-
-    Args:
-        policy: What it computes.
-        prefix: What its names begin with.
-
-    Raises:
-        ConfigurationError: Its base controller cannot be written in C.
-    """
+    """Return the text of the header."""
     policy.check_whole("C", linear=False)
     name = identifier(prefix, "policy")
     layout, network, base = policy.layout, policy.on_its_joint, policy.base

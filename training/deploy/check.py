@@ -62,11 +62,7 @@ class CStepper:
     """A header at work, compiled for this machine."""
 
     def __init__(self, header: str, layout: Layout) -> None:
-        """Compile it.
-
-        Raises:
-            ConfigurationError: There is no C compiler, or it does not take the header.
-        """
+        """Compile it."""
         self._library = compiled(SHIM, {"policy.h": header})
         self._step = self._library.step
         number = ctypes.c_double
@@ -95,10 +91,6 @@ def check(
         target: "numpy", "onnx" or "c".
         header: Text of the header, for "c", with the prefix "policy".
         records: Recorded signals to compare on, too.
-
-    Raises:
-        ConfigurationError: A record does not have the control step of the policy, or a signal that
-            it needs.
     """
     runs = [recorded(agent), *(replayed(agent, record) for record in records)]
     try:
@@ -151,12 +143,7 @@ def recorded(agent: PolicyAgent) -> Run:
 
 
 def replayed(agent: PolicyAgent, record: Record) -> Run:
-    """Return the signals of a record, and what policy and base controller command to them.
-
-    Raises:
-        ConfigurationError: The record does not have the control step of the policy, or a signal
-            that it needs.
-    """
+    """Return the signals of a record, and what policy and base controller command to them."""
     layout = agent.layout
     columns = _columns(record, exported(agent), layout)
     count, ahead = len(record), np.arange(layout.preview + 1)

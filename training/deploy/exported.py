@@ -74,15 +74,7 @@ class Exported(Trained):
         return self.network.with_end(np.clip(self.layout.joint_numbers, -CLIP, CLIP).tolist())
 
     def check_whole(self, form: str, linear: bool = True) -> None:
-        """Refuse to be a controller by itself where the base controller is missing.
-
-        Args:
-            form: What is to be made of it, for the message.
-            linear: Whether that takes linear base controllers alone.
-
-        Raises:
-            ConfigurationError: A policy that adds to a controller lacks it.
-        """
+        """Refuse to be a controller by itself where the base controller is missing."""
         base = self.base
         if self.kind == "learned" or (base is not None and (base.is_linear or not linear)):
             return
@@ -132,12 +124,7 @@ def save_exported(policy: Exported, path: str | Path) -> Path:
 
 
 def load_exported(path: str | Path) -> Exported:
-    """Read a policy that `save_exported` wrote; nothing but numbers and texts is taken from it.
-
-    Raises:
-        MissingFileError: There is no such file.
-        ConfigurationError: It is not a policy of ours.
-    """
+    """Read a policy that `save_exported` wrote; nothing but numbers and texts is taken from it."""
     file = Path(path)
     if not os.path.isfile(file):
         raise MissingFileError(

@@ -33,9 +33,6 @@ def fast_policy(agent: PolicyAgent) -> Callable[[Floats], Floats]:
     It gives what `agent.act` gives, without torch's overhead. A network that is not a chain of
     linear layers and known activations goes through torch as before.
 
-    Args:
-        agent: The policy.
-
     Returns:
         Function from an observation, shape (size,), to the action, shape (1,).
     """
@@ -46,11 +43,7 @@ def fast_policy(agent: PolicyAgent) -> Callable[[Floats], Floats]:
 
 
 def exported(agent: PolicyAgent) -> Exported:
-    """Return a trained policy without what trained it.
-
-    Raises:
-        ConfigurationError: Its network is not a chain of linear layers and known activations.
-    """
+    """Return a trained policy without what trained it."""
     network = network_of(agent)
     if network is None:
         raise ConfigurationError(

@@ -68,12 +68,7 @@ class Graph:
 
 
 def write_onnx(policy: Exported, path: str | Path) -> Path:
-    """Write the graph and return its path.
-
-    Raises:
-        ConfigurationError: The package onnx is not installed, or the base controller is no linear
-            law.
-    """
+    """Write the graph and return its path."""
     try:
         from onnx import checker, helper
     except ImportError as error:
@@ -97,12 +92,7 @@ def write_onnx(policy: Exported, path: str | Path) -> Path:
 
 
 def shapes_of(layout: Layout, order: int | None) -> tuple[dict[str, int], dict[str, int]]:
-    """Return how many numbers each input and each output holds.
-
-    Args:
-        layout: Of the policy.
-        order: States of the base controller, None without one.
-    """
+    """Return how many numbers each input and each output holds."""
     width = PAST * layout.history
     inputs = dict.fromkeys(INPUTS, 1) | {"reference": layout.preview + 1}
     inputs |= {"history": width, "command": 1, "begin": 1}
@@ -202,11 +192,7 @@ class OnnxStepper:
     """An exported graph at work, by onnxruntime on one thread; as `Stepper`."""
 
     def __init__(self, path: str | Path) -> None:
-        """Open a graph.
-
-        Raises:
-            ConfigurationError: onnxruntime is not installed, or the file is not of ours.
-        """
+        """Open a graph."""
         try:
             import onnxruntime
         except ImportError as error:

@@ -78,11 +78,7 @@ class InTheLoop:
 def agents_for(
     controllers: Sequence[str], policies: Sequence[str], records: Sequence[Record]
 ) -> tuple[Agent, ...]:
-    """Return the controllers and policies to compare; none where none is asked for.
-
-    Raises:
-        CjtGymError: There is no such controller or policy, or no record has a reference for it.
-    """
+    """Return the controllers and policies to compare; none where none is asked for."""
     if not (controllers or policies):
         return ()
     from cjt_gym.training.benchmark import make_agents

@@ -66,11 +66,7 @@ class Conditions:
 
     @property
     def amplitude(self) -> float:
-        """Amplitude of the references [N m].
-
-        Raises:
-            ConfigurationError: It is not given and the joint has no peak current.
-        """
+        """Amplitude of the references [N m]."""
         if self.torque_amplitude is not None:
             return self.torque_amplitude
         return default_amplitude(load_joint_file(self.joint).parameters)
@@ -175,11 +171,6 @@ def transferred(env: Mapping[str, Any], joint: str) -> dict[str, Any]:
     effects, these act, and nothing varies. A file without any, as one from a datasheet, takes over
     the effects by name, with its own numbers or those of `realistic_effects`, and what varies;
     what cannot act in it, or of which nothing is known, is left out.
-
-    Args:
-        env: Arguments of an environment, with structure and drive to use if the file
-            states none.
-        joint: Name of the other joint, or path of its file.
     """
     file = load_joint_file(joint)
     moved = {**env, "joint": joint}
@@ -212,9 +203,6 @@ def task_reference(task: str, amplitude: float) -> Signal:
     """Return the reference of a task of the benchmark.
 
     "step": random levels held for 0.5 s; the others as the environments have them.
-
-    Raises:
-        UnknownNameError: There is no such task.
     """
     if task not in TASKS:
         raise unknown_name("task", task, TASKS)

@@ -29,6 +29,7 @@ NOISE_DURATION = 1.0  # thousand samples of the noise [s]
 CHARACTER_EPISODES = 8  # as a sweep takes 8 s
 SEED_BLOCK = 10_000  # seeds between two tasks: the most episodes of one
 BLOCKS_PER_SEED = 8  # such blocks between two seeds
+FURTHER = 1 << 40  # seeds between the first so many tasks and the next
 
 
 @dataclass(frozen=True)
@@ -118,11 +119,7 @@ def pool(batches: Sequence[Traces]) -> Traces:
 
 
 def check_episodes(episodes: int, seed: int) -> None:
-    """Refuse a number of episodes, or a seed, that has no draws of its own.
-
-    Raises:
-        ConfigurationError: One of them is out of range.
-    """
+    """Refuse a number of episodes, or a seed, that has no draws of its own."""
     if not 1 <= episodes <= SEED_BLOCK:
         raise ConfigurationError(f"episodes must be >= 1 and <= {SEED_BLOCK}, got {episodes}.")
     if seed < 0:
@@ -131,8 +128,9 @@ def check_episodes(episodes: int, seed: int) -> None:
 
 def first_seed(task: str, seed: int) -> int:
     """Return the seed of a task's first episode, in a block of held-out episodes."""
-    names = list(BENCHMARK_TASKS)
-    return EVALUATION_SEEDS + SEED_BLOCK * (seed * BLOCKS_PER_SEED + names.index(task))
+    further, block = divmod(list(BENCHMARK_TASKS).index(task), BLOCKS_PER_SEED)
+    own = SEED_BLOCK * (seed * BLOCKS_PER_SEED + block)
+    return EVALUATION_SEEDS + FURTHER * further + own
 
 
 def evaluate(

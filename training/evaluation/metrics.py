@@ -134,18 +134,12 @@ def settling_time(traces: Traces) -> float:
 
 
 def frequency_response(traces: Traces, low: float, high: float) -> tuple[Floats, Complex]:
-    """Return the response from reference to torque, averaged over bands of a twelfth octave.
+    """Return frequencies [Hz] and responses from reference to torque there, shape (bands,).
+
+    They are averaged over bands of a twelfth octave, from `low` to `high` [Hz].
 
     In each band it is the sum over episodes and bins of conj(R) T over that of |R|^2 (the H1
     estimate), with R and T the discrete Fourier transforms of reference and torque.
-
-    Args:
-        traces: Episodes whose reference excites all frequencies in between.
-        low: Lowest frequency [Hz].
-        high: Highest frequency [Hz].
-
-    Returns:
-        Frequencies [Hz], shape (bands,), and the response there [-].
     """
     f = np.fft.rfftfreq(traces.tau.shape[1], traces.dt)
     wanted, got = np.fft.rfft(traces.reference), np.fft.rfft(traces.tau)
@@ -161,10 +155,7 @@ def frequency_response(traces: Traces, low: float, high: float) -> tuple[Floats,
 def bandwidth(traces: Traces, low: float, high: float) -> float:
     """Return where the response first falls 3 dB below what it is in the lowest octave [Hz].
 
-    Args:
-        traces: Episodes whose reference excites all frequencies in between.
-        low: Lowest frequency [Hz].
-        high: Highest frequency [Hz], which is returned where the torque follows that far.
+    Where the torque follows up to `high` [Hz], that is returned.
     """
     f, response = frequency_response(traces, low, high)
     gain = np.abs(response)

@@ -175,9 +175,6 @@ def rollout(
     """Run an agent over `num` episodes of `steps` control steps, the same for every agent.
 
     Joint i draws its parameters, its reference and its noise from seed + i, whoever drives it.
-
-    Raises:
-        SimulationError: A state ceased to be finite.
     """
     arguments = agent.arguments(conditions) | {"reference": reference, "episode_steps": steps}
     return run_episodes(agent, arguments, num, seed)
@@ -189,11 +186,7 @@ def joint_of(conditions: Conditions) -> Joint:
 
 
 def run_task(agent: Agent, setting: Setting, num: int, seed: int) -> Traces:
-    """Run an agent over `num` episodes of a task of the benchmark.
-
-    Raises:
-        SimulationError: A state ceased to be finite.
-    """
+    """Run an agent over `num` episodes of a task of the benchmark."""
     steps = round(setting.duration / setting.conditions.dt_control)
     if agent.renders and setting.rendering is not None:
         assert isinstance(agent, ControllerAgent)
@@ -230,9 +223,6 @@ def run_episodes(
             torque by the measured motion, unless it renders them by itself; what counts is their
             torque by the true motion.
         of_motor: Whether to keep the motor's torque instead of the joint's.
-
-    Raises:
-        SimulationError: A state ceased to be finite.
     """
     episodes = Episodes(num, **arguments)
     episodes.plant.seed(seed)

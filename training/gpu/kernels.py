@@ -48,14 +48,7 @@ def step_episodes(
 ) -> None:
     """Advance an episode by one control step and observe.
 
-    Args:
-        batch: The joints.
-        setup: What they share.
-        task: The episodes.
-        control: Actions and torques of the base controller.
-        program: What varies within an episode.
-        draws: What has been drawn.
-        failed: Set to 1 + the index of an episode that had no finite action or state, shape (1,).
+    `failed`, shape (1,), becomes 1 + the index of one without a finite action or state.
     """
     i = cuda.grid(1)
     if i >= task.load.shape[0]:
@@ -88,17 +81,7 @@ def begin_episodes(
     last: NDArray[np.float32],
     everyone: bool,
 ) -> None:
-    """Begin an episode anew that has ended.
-
-    Args:
-        batch: The joints.
-        setup: What they share.
-        task: The episodes.
-        program: What varies.
-        draws: What has been drawn.
-        last: Takes the last observation of the one that ended, shape (n, size).
-        everyone: Whether all begin, also those that have not ended.
-    """
+    """Begin an episode anew that has ended, or every one; `last` takes what it observed last."""
     i = cuda.grid(1)
     if i >= task.load.shape[0] or not (everyone or task.terminated[i] or task.truncated[i]):
         return

@@ -46,13 +46,7 @@ class TorchLaw:
     def act(
         self, measured: torch.Tensor, reference: torch.Tensor, fresh: torch.Tensor
     ) -> torch.Tensor:
-        """Return the motor torque to command until the next sample, shape (n,) [N m].
-
-        Args:
-            measured: Columns of `CHANNELS`, shape (n, 8).
-            reference: Joint torque that is wanted now [N m], shape (n,).
-            fresh: Joints that have just begun, shape (n,).
-        """
+        """Return the motor torque to command until the next sample, shape (n,) [N m]."""
         w = self._w
         w[REFERENCE], w[1:COMMAND] = reference, measured[:, self.columns].T
         still = w.clone()

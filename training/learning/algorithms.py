@@ -45,9 +45,6 @@ def make_environment(config: TrainConfig) -> VecEnv:
     """Return the batch of environments of a configuration, normalised as it says.
 
     Torch takes the number of threads that the configuration says.
-
-    Raises:
-        ConfigurationError: An option is not one of the algorithm's.
     """
     torch.set_num_threads(config.threads)
     env: VecEnv = _batch(config)
@@ -70,11 +67,7 @@ def _batch(config: TrainConfig) -> VecEnv:
 
 
 def make_model(config: TrainConfig, env: VecEnv) -> BaseAlgorithm:
-    """Return the model of a configuration, not yet trained.
-
-    Raises:
-        ConfigurationError: An option is not one of the algorithm's, or not valid.
-    """
+    """Return the model of a configuration, not yet trained."""
     algorithm = CLASSES[config.algorithm]
     options = _options(config, algorithm)
     network: dict[str, Any] = {
@@ -153,11 +146,7 @@ def _schedule(name: str, ends: Mapping[str, Any]) -> Callable[[float], float]:
 
 
 def load_weights(model: BaseAlgorithm, path: Path) -> None:
-    """Read the weights of networks and optimiser, and nothing but numbers, into a model.
-
-    Raises:
-        ConfigurationError: The file is damaged, or of another network.
-    """
+    """Read the weights of networks and optimiser, and nothing but numbers, into a model."""
     with parsing(f"{path} must hold the weights of this network", ConfigurationError):
         model.set_parameters(str(path), device=model.device)
 
@@ -191,11 +180,7 @@ def observation_scaling(env: VecNormalize) -> tuple[Floats, Floats]:
 
 
 def load_normalization(env: VecEnv, path: Path) -> None:
-    """Read what `save_normalization` wrote into an environment.
-
-    Raises:
-        ConfigurationError: It is damaged, or of another environment.
-    """
+    """Read what `save_normalization` wrote into an environment."""
     if not isinstance(env, VecNormalize):
         return
     arrays = read_arrays(path, ConfigurationError)

@@ -200,9 +200,6 @@ def restore(model: BaseAlgorithm, env: VecEnv, checkpoint: Path) -> dict[str, An
     """Put a checkpoint's weights, optimiser, statistics and replay buffer back; return its state.
 
     Nothing but numbers is read from its files.
-
-    Raises:
-        ConfigurationError: A file of it is damaged, such as by a full disk.
     """
     with parsing(f"The checkpoint {checkpoint} must be whole", ConfigurationError):
         state: dict[str, Any] = read_json(checkpoint / "state.json", ConfigurationError)

@@ -195,16 +195,7 @@ SECTIONS = {
 
 
 def from_dict(data: Mapping[str, Any], origin: str) -> TrainConfig:
-    """Return the configuration that plain data describe.
-
-    Args:
-        data: What a TOML file holds.
-        origin: Its name, for messages.
-
-    Raises:
-        ConfigurationError: A key is not known or a value is out of range.
-        UnknownNameError: A name is not known.
-    """
+    """Return the configuration that plain data describe."""
     values = dict(data)
     _check_keys(values, TrainConfig, origin)
     for name, section in SECTIONS.items():
@@ -250,12 +241,7 @@ def config_names() -> tuple[str, ...]:
 
 
 def environment_arguments(env: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the arguments of `TorqueTrackingEnv` for a section [env].
-
-    Raises:
-        ConfigurationError: A key is not one of them, or a gain is out of its range.
-        UnknownNameError: There is no such controller or gain.
-    """
+    """Return the arguments of `TorqueTrackingEnv` for a section [env]."""
     arguments = complete({key: value for key, value in env.items() if key != BASE_GAINS})
     base = base_of(env)
     if base is not None:
@@ -264,12 +250,7 @@ def environment_arguments(env: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def base_of(env: Mapping[str, Any]) -> Choice | None:
-    """Return the base controller of a section [env] with its gains, None where it has none.
-
-    Raises:
-        ConfigurationError: A gain is out of its range, or there are gains of no controller.
-        UnknownNameError: There is no such controller or gain.
-    """
+    """Return the base controller of a section [env] with its gains, None where it has none."""
     name, gains = env.get("base_controller"), env.get(BASE_GAINS)
     if gains is not None and (name is None or not isinstance(gains, Mapping)):
         raise ConfigurationError(

@@ -34,12 +34,9 @@ def arguments_of(config: TrainConfig) -> list[dict[str, Any]]:
 
 
 def datasheets(config: TrainConfig, seed: int, count: int) -> list[dict[str, Any]]:
-    """Return arguments of `TorqueTrackingEnv` for joints of drawn datasheets.
+    """Return arguments of `TorqueTrackingEnv` for joints whose datasheets are drawn.
 
-    Args:
-        config: Of the training; [datasheets] has the ranges.
-        seed: Of the draws.
-        count: How many; frequencies are spread evenly, in logarithm, over their range.
+    Their frequencies are spread evenly, in logarithm, over their range.
     """
     own, ranges = environment_arguments(config.env), config.datasheets
     settings = Episodes(1, **own).settings

@@ -56,9 +56,6 @@ class Trained(ABC):
 
         On another joint than its own, torques and velocities are scaled as is usual for that one;
         a scale that was another one in training keeps its ratio to the usual one.
-
-        Raises:
-            ConfigurationError: The control step is another one.
         """
         layout = self.layout
         if abs(layout.dt - conditions.dt_control) > 1e-12:
@@ -77,13 +74,7 @@ class Trained(ABC):
 
 
 def scales_on(layout: Layout, own: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, float]:
-    """Return the scales on another joint: what they were over the usual ones, times those there.
-
-    Args:
-        layout: The observation of the policy.
-        own: Arguments of the environment of the training.
-        other: Those of the environment with the other joint.
-    """
+    """Return the scales on another joint: what they were over the usual ones, times those there."""
     scales = layout.scales()
     plain = dict.fromkeys((*scales, "disturbance", "randomization"))
     here, there = (Episodes(1, **{**a, **plain}).settings.layout.scales() for a in (own, other))

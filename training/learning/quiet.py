@@ -69,9 +69,6 @@ def sensor_noise(config: TrainConfig) -> SensorNoise:
     """Return the noise on the observations of a configuration, of joints at rest.
 
     The base controller acts, with a reference of zero; the policy does not.
-
-    Raises:
-        ConfigurationError: The torque sensor has no noise.
     """
     joints = arguments_of(config)
     episodes = max(FEWEST, EPISODES // len(joints))

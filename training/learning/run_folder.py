@@ -79,11 +79,7 @@ class RunFolder:
 
     @property
     def facts(self) -> dict[str, Any]:
-        """What `run.json` says.
-
-        Raises:
-            ConfigurationError: It is not as it was written.
-        """
+        """What `run.json` says."""
         path = self.path / MARKER
         facts = read_json(path, ConfigurationError)
         if not isinstance(facts, dict):
@@ -107,9 +103,6 @@ class RunFolder:
 
         The lock is that of the operating system, which takes it back from a process that ends,
         however it ends.
-
-        Raises:
-            ConfigurationError: Another process is training in it.
         """
         with (self.path / LOCK).open("a", encoding="utf-8") as file:
             try:
@@ -183,16 +176,7 @@ def open_run(path: str | Path) -> RunFolder:
 
 
 def begin_run(path: str | Path, config: TrainConfig, joint: Joint) -> RunFolder:
-    """Return the run folder for a configuration: a new one, or the one that is there already.
-
-    Args:
-        path: The folder.
-        config: What is to be trained.
-        joint: The joint it is trained on.
-
-    Raises:
-        ConfigurationError: The folder holds something else, or a run of another configuration.
-    """
+    """Return the run folder for a configuration: a new one, or the one that is there already."""
     folder = Path(path)
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         if not folder.is_dir() or not _is_ours(folder):

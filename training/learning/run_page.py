@@ -28,9 +28,6 @@ def write_run_page(run: RunFolder, episodes: int = EPISODES) -> Path:
     """Write `page.html` into the folder of a run, and return its path.
 
     The policy, and its base controller alone, are run on episodes that the training did not see.
-
-    Raises:
-        ConfigurationError: The run has no model yet.
     """
     facts, config = run.facts, run.config
     agents: list[Agent] = [load_policy(run.path)]

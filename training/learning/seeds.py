@@ -42,16 +42,7 @@ def train_seeds(config: TrainConfig, out: str | Path, seeds: int, jobs: int) -> 
 
 
 def runs_of(config: TrainConfig, out: str | Path, seeds: int) -> list[tuple[TrainConfig, Path]]:
-    """Return configuration and run folder of each training from several seeds.
-
-    Args:
-        config: What to train.
-        out: Path of the run folders without _k.
-        seeds: How many.
-
-    Raises:
-        ConfigurationError: There are none, or so many environments that trainings share seeds.
-    """
+    """Return configuration and run folder of each training from several seeds."""
     if seeds < 1 or config.num_envs > STRIDE:
         raise ConfigurationError(
             f"--seeds must be >= 1 and num_envs at most {STRIDE}, got {seeds} and "

@@ -81,12 +81,7 @@ def _trained(
 
 
 def start_from(run: str, config: TrainConfig, model: BaseAlgorithm, env: VecEnv) -> None:
-    """Give a model the weights, the optimiser and the statistics of the best one of another run.
-
-    Raises:
-        MissingFileError: There is no such folder.
-        ConfigurationError: It is not a run of ours, has no model yet, or its network does not fit.
-    """
+    """Give a model the weights, the optimiser and the statistics of the best one of another run."""
     before = open_run(run)
     if not (before.path / "model.zip").is_file():
         raise ConfigurationError(f"start_from: {run} has no model yet. Train it first.")
@@ -130,11 +125,7 @@ def _continue(
 
 
 def _restored(run: RunFolder, model: BaseAlgorithm, env: VecEnv, quiet: bool) -> int:
-    """Restore the newest checkpoint that can be read; return its step.
-
-    Raises:
-        ConfigurationError: None can be.
-    """
+    """Restore the newest checkpoint that can be read; return its step."""
     for checkpoint in reversed(run.checkpoints()):
         try:
             return int(restore(model, env, checkpoint)["steps"])

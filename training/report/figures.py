@@ -18,12 +18,7 @@ WIDTH = 7.2
 
 
 def learning_figure(progress: Sequence[Mapping[str, float]], levels: Mapping[str, float]) -> str:
-    """Return the learning curve with the levels of those that do not learn.
-
-    Args:
-        progress: Rows of `progress.csv`.
-        levels: By name of a controller its error on the validation episodes [N m].
-    """
+    """Return the learning curve, with the validation errors of those that do not learn [N m]."""
     with canvas(WIDTH, 2.8) as (figure, written):
         axis: Any = figure.subplots()
         steps = np.array([row["steps"] for row in progress]) / 1e3
@@ -48,11 +43,7 @@ def learning_figure(progress: Sequence[Mapping[str, float]], levels: Mapping[str
 
 
 def traces_figure(tasks: Mapping[str, Mapping[str, Traces]]) -> str:
-    """Return the first episode under every agent: torque above, error below.
-
-    Args:
-        tasks: By task, by agent, what happened.
-    """
+    """Return the first episode under every agent: torque above, error below."""
     with canvas(WIDTH, 4.4) as (figure, written):
         axes = figure.subplots(2, len(tasks), sharex=True, squeeze=False, height_ratios=(1.5, 1.0))
         for column, (task, agents) in enumerate(tasks.items()):

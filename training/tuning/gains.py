@@ -60,12 +60,7 @@ class Choice:
         return get_entry(self.controller)
 
     def with_gains(self, gains: Mapping[str, float]) -> Choice:
-        """Return a copy in which some gains are replaced.
-
-        Raises:
-            UnknownNameError: The controller has no gain of that name.
-            ConfigurationError: A gain is out of its range.
-        """
+        """Return a copy in which some gains are replaced."""
         for name, value in gains.items():
             if isinstance(value, bool) or not isinstance(value, (int, float)):
                 raise ConfigurationError(
@@ -86,9 +81,6 @@ class Choice:
 
         Warns:
             CjtGymWarning: The gains were tuned for another joint or another structure.
-
-        Raises:
-            ConfigurationError: The law does not fit the joint or the sample time.
         """
         name, structure = (str(self.facts.get(key, "")) for key in ("joint", "structure"))
         same_joint = Path(name).stem in (joint.file.name, Path(joint.parameters.origin).stem)
@@ -130,11 +122,7 @@ def choose(word: str | Path) -> Choice:
 
 
 def choose_listed(word: str | Path) -> Choice:
-    """Return the same for a word that stands in a file: code of one's own is refused.
-
-    Raises:
-        ConfigurationError: The word names code.
-    """
+    """Return the same for a word that stands in a file: code of one's own is refused."""
     if is_own(str(word)):
         raise ConfigurationError(
             f"A file cannot name code to be imported, got {word}. Give a controller of the table, "
@@ -154,14 +142,7 @@ def files_of(word: str | Path) -> list[Path]:
 def write_gains(
     path: Path, controller: str, gains: Mapping[str, float], facts: Mapping[str, Any]
 ) -> Path:
-    """Write a gain file and return its path.
-
-    Args:
-        path: A TOML file.
-        controller: What `get_entry` takes.
-        gains: Its gains, by name, in the units of the row.
-        facts: How they were found.
-    """
+    """Write a gain file and return its path."""
     units = {gain.name: gain.unit for gain in get_entry(controller).tunable}
     values = {name: {"value": value, "unit": units[name]} for name, value in gains.items()}
     path.parent.mkdir(parents=True, exist_ok=True)

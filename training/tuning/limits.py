@@ -152,14 +152,7 @@ class Assessment:
 
 
 def assess(law: Controller, joint: Joint, plant: LinearPlant, amplitude: float) -> Assessment:
-    """Return what the limits look at.
-
-    Args:
-        law: The controller.
-        joint: The joint with all its effects.
-        plant: Its linear model.
-        amplitude: Of the references [N m], for laws that are not linear.
-    """
+    """Return what the limits look at."""
     sampled = SampledJoint(joint, plant.dt)
     robust = law.linear is None or is_robust(sampled, law.linear)
     model = probe_law(law, joint, plant.dt)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from cjt_gym.joint.effects.row import BODIES, Effect, EffectParameter, number, per_body
+from functools import partial
+
+from cjt_gym.joint.effects.row import BODIES, EffectParameter, effect, number, per_body
 from cjt_gym.joint.effects.sources import ARMSTRONG, LUGRE, PASSIVE_LUGRE, SERVO_FRICTION, TOOLBOX
 
 _NONLINEAR = f"{TOOLBOX}, section Nonlinear Dynamics"
@@ -68,98 +70,84 @@ def _viscous() -> tuple[EffectParameter, ...]:
     )
 
 
+row = partial(effect, "motor")
+
 FRICTION_EFFECTS = (
-    Effect(
+    row(
         "damping",
-        "motor",
         "Viscous damping differs from nominal.",
         f"{TOOLBOX}, section Modeling (mechanical subsystem)",
-        per_body(
+        *per_body(
             "d_", "N m s/rad", 50.0, "Viscous damping of the {body}", 0.02, "torque", replaces=True
         ),
     ),
-    Effect(
+    row(
         "coulomb",
-        "motor",
         "Coulomb friction, -d_c tanh(dq / dq_0), equal in both directions.",
         _NONLINEAR,
-        _coulomb(asymmetric=False),
+        *_coulomb(asymmetric=False),
         size=("d_cm", "d_cg", "d_cl"),
         excludes=("coulomb_asym",),
     ),
-    Effect(
+    row(
         "coulomb_asym",
-        "motor",
         "Coulomb friction whose level differs between the two directions.",
         _NONLINEAR,
-        _coulomb(asymmetric=True),
+        *_coulomb(asymmetric=True),
         size=("d_cm", "d_cg", "d_cl", "d_cm_n", "d_cg_n", "d_cl_n"),
         excludes=("coulomb",),
     ),
-    Effect(
+    row(
         "viscous_asym",
-        "motor",
         "Viscous friction with another coefficient at negative velocity.",
         _NONLINEAR,
-        _viscous(),
+        *_viscous(),
     ),
-    Effect(
+    row(
         "stribeck",
-        "motor",
         "Breakaway above the Coulomb level, falling with speed: d_c + d_s exp(-(dq / v_s)^2).",
         ARMSTRONG,
-        (
-            *_own_level("Coulomb level of the {body}, on top of other rows"),
-            *per_body(
-                "d_s",
-                "N m",
-                20.0,
-                "Breakaway of the {body} above its Coulomb level",
-                0.015,
-                "torque",
-            ),
-            number(
-                "v_s",
-                "rad/s",
-                2.0,
-                "Stribeck velocity, at which the excess has fallen to 37 %",
-                "v_s",
-                low=0.005,
-                joint_parameter="v_s",
-                typical=0.05,
-            ),
-            DQ_0,
+        *_own_level("Coulomb level of the {body}, on top of other rows"),
+        *per_body(
+            "d_s", "N m", 20.0, "Breakaway of the {body} above its Coulomb level", 0.015, "torque"
         ),
+        number(
+            "v_s",
+            "rad/s",
+            2.0,
+            "Stribeck velocity, at which the excess has fallen to 37 %",
+            "v_s",
+            low=0.005,
+            joint_parameter="v_s",
+            typical=0.05,
+        ),
+        DQ_0,
         size=("d_sm", "d_sg", "d_sl", "d_cm", "d_cg", "d_cl"),
     ),
-    Effect(
+    row(
         "presliding",
-        "motor",
         "Friction through elastic bristles (LuGre); it takes all dry friction of its body.",
         f"{LUGRE}; damping limited as in {PASSIVE_LUGRE}",
-        (
-            *_own_level("Coulomb level of the {body}, on top of other rows"),
-            *per_body(
-                "sigma_", "N m/rad", 1e6, "Stiffness of the bristles of the {body}", 10.0, "torque"
-            ),
-            number(
-                "sigma_1",
-                "N m s/rad",
-                100.0,
-                "Damping of the bristles, limited to 4 d_c / |dq| to stay passive",
-                "sigma_1",
-                default=0.0,
-                typical=0.0,
-            ),
+        *_own_level("Coulomb level of the {body}, on top of other rows"),
+        *per_body(
+            "sigma_", "N m/rad", 1e6, "Stiffness of the bristles of the {body}", 10.0, "torque"
+        ),
+        number(
+            "sigma_1",
+            "N m s/rad",
+            100.0,
+            "Damping of the bristles, limited to 4 d_c / |dq| to stay passive",
+            "sigma_1",
+            default=0.0,
         ),
         size=("sigma_m", "sigma_g", "sigma_l", "d_cm", "d_cg", "d_cl"),
     ),
-    Effect(
+    row(
         "load_friction",
-        "motor",
         "Dry friction that grows with the transmitted torque: mu |tau|.",
         SERVO_FRICTION,
-        (*per_body("mu_", "-", 0.5, "Friction of the {body} per transmitted torque", 0.05), DQ_0),
+        *per_body("mu_", "-", 0.5, "Friction of the {body} per transmitted torque", 0.05),
+        DQ_0,
         size=("mu_m", "mu_g", "mu_l"),
     ),
 )

@@ -9,13 +9,7 @@ from cjt_gym.joint.effects.row import PLACES, STAGES, Effect
 
 
 def checked_row(row: Effect, table: Mapping[str, Effect]) -> Effect:
-    """Return a row that may be added to a table.
-
-    Raises:
-        ConfigurationError: It is no `Effect`, its name is taken or no identifier, or it does
-            nothing.
-        UnknownNameError: A stage, a place, a symbol or a parameter of the kernel has another name.
-    """
+    """Return a row that may be added to a table."""
     if not isinstance(row, Effect):
         raise ConfigurationError(
             f"A row of the effect table must be a cjt_gym.joint.effects.Effect, got {row!r}."

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from cjt_gym.joint.effects.row import Effect, EffectParameter, number
+from functools import partial
+
+from cjt_gym.joint.effects.row import EffectParameter, effect, number
 from cjt_gym.joint.effects.sources import CURRENT_ERRORS, MACHINES, TOOLBOX
 
 _RIPPLE = f"{TOOLBOX}, section Torque Ripple"
@@ -30,61 +32,57 @@ def _ripple(unit: str, scale: str, base: str, typical: float) -> tuple[EffectPar
     )
 
 
+row = partial(effect, "motor")
+
 RIPPLE_EFFECTS = (
-    Effect(
+    row(
         "cogging",
-        "motor",
         "Torque periodic in the rotor angle: sum_j a_j cos(f_j q_m) + b_j sin(f_j q_m).",
         f"{_RIPPLE} (type 1)",
-        _ripple("N m", "cogging_scale", "the k-th harmonic of the rotor is n k", 0.01),
+        *_ripple("N m", "cogging_scale", "the k-th harmonic of the rotor is n k", 0.01),
         size=("a", "b"),
     ),
-    Effect(
+    row(
         "gear_ripple",
-        "motor",
         "The same series times the transmitted torque: the meshing of teeth.",
         f"{_RIPPLE} (type 2)",
-        _ripple("-", "gear_ripple_scale", "the k-th harmonic of the rotor is n k", 0.02),
+        *_ripple("-", "gear_ripple_scale", "the k-th harmonic of the rotor is n k", 0.02),
         size=("a", "b"),
     ),
-    Effect(
+    row(
         "commutation_ripple",
-        "motor",
         "The same series times the torque of the current: harmonics of the back-EMF.",
         MACHINES,
-        _ripple("-", "commutation_scale", "multiples of 6 p n for three phases", 0.02),
+        *_ripple("-", "commutation_scale", "multiples of 6 p n for three phases", 0.02),
         size=("a", "b"),
     ),
-    Effect(
+    row(
         "current_offset",
-        "motor",
         "Offsets of the phase current sensors: torque at the electrical frequency p n.",
         CURRENT_ERRORS,
-        (
-            *(
-                number(
-                    symbol,
-                    "A",
-                    5.0,
-                    f"Amplitude of {wave}(p n q_m)",
-                    f"offset_{symbol}",
-                    low=-5.0,
-                    default=0.0,
-                    typical=typical,
-                    typical_of="current",
-                )
-                for symbol, wave, typical in (("a", "cos", 0.005), ("b", "sin", 0.003))
-            ),
+        *(
             number(
-                "p",
-                "-",
-                50.0,
-                "Number of pole pairs",
-                "offset_p",
-                low=1.0,
-                joint_parameter="p",
-                typical=6.0,
-            ),
+                symbol,
+                "A",
+                5.0,
+                f"Amplitude of {wave}(p n q_m)",
+                f"offset_{symbol}",
+                low=-5.0,
+                default=0.0,
+                typical=typical,
+                typical_of="current",
+            )
+            for symbol, wave, typical in (("a", "cos", 0.005), ("b", "sin", 0.003))
+        ),
+        number(
+            "p",
+            "-",
+            50.0,
+            "Number of pole pairs",
+            "offset_p",
+            low=1.0,
+            joint_parameter="p",
+            typical=6.0,
         ),
         size=("a", "b"),
     ),

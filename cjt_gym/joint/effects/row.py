@@ -80,23 +80,12 @@ def number(
     unit: str,
     high: float,
     description: str,
-    field: str = "",
-    *,
+    *fields: str,
     low: float = 0.0,
     **more: Any,
 ) -> EffectParameter:
-    """Return a parameter that is off at zero.
-
-    Args:
-        symbol: Its name.
-        unit: Its unit.
-        high: High end of the range.
-        description: What it is.
-        field: Kernel parameter to which it adds, if there is one.
-        low: Low end of the range.
-        **more: What else `EffectParameter` says.
-    """
-    fields = (field,) if field else ()
+    """Return a parameter that is off at zero, whose typical value is its default unless given."""
+    more = {"typical": more.get("default", 0.0)} | more
     return EffectParameter(symbol, unit, 0.0, low, high, description, fields, **more)
 
 
@@ -111,29 +100,11 @@ def own_value(
 ) -> EffectParameter:
     """Return a parameter that takes the place of the joint's own of the same name.
 
-    Args:
-        symbol: Its name.
-        unit: Its unit.
-        low: Low end of the range.
-        high: High end of the range.
-        description: What it is.
-        typical: Typical value, in units of `typical_of`; the joint's own where it is 0.
-        typical_of: See `EffectParameter`; the joint's own value if absent.
+    Its typical value is in units of the joint's own unless `typical_of` says otherwise.
     """
-    of = (symbol if typical_of is None else typical_of) if typical else ""
-    fields = (symbol,)
-    return EffectParameter(
-        symbol,
-        unit,
-        None,
-        low,
-        high,
-        description,
-        fields,
-        relative_to=symbol,
-        typical=typical,
-        typical_of=of,
-    )
+    scaled: dict[str, Any] = {"typical": typical, "typical_of": typical_of or symbol}
+    neutral = {"relative_to": symbol} | (scaled if typical else {})
+    return EffectParameter(symbol, unit, None, low, high, description, (symbol,), **neutral)
 
 
 @dataclass(frozen=True)
@@ -205,6 +176,13 @@ class Effect:
         }[self.needs]
 
 
+def effect(
+    stage: str, name: str, summary: str, source: str, *parameters: EffectParameter, **more: Any
+) -> Effect:
+    """Return a row of a stage."""
+    return Effect(name, stage, summary, source, parameters, **more)
+
+
 def body_of(symbol: str) -> str | None:
     """Return the body on which a parameter of friction acts, or None."""
     core = symbol.removesuffix("_n")
@@ -224,15 +202,9 @@ def per_body(
 ) -> tuple[EffectParameter, ...]:
     """Return one parameter for each of motor, gear and load.
 
-    Args:
-        stem: Symbol without the body's letter.
-        unit: Unit.
-        high: High end of the range, which starts at zero.
-        text: Description, in which {body} is replaced.
-        typical: Typical value on the motor; zero on the others.
-        typical_of: Its unit, see `EffectParameter`.
-        fields: Kernel parameters, in which * is replaced by the letter; the symbol if absent.
-        replaces: Whether it replaces the joint parameter of the same name.
+    Their symbols are `stem` and the letter of the body, which replaces * in `fields`; its name
+    replaces {body} in the text. The typical value is that of the motor, and zero on the others.
+    With `replaces` they take the place of the joint's own of the same names.
     """
     return tuple(
         EffectParameter(
@@ -265,15 +237,9 @@ def per_channel(
 ) -> tuple[EffectParameter, ...]:
     """Return one parameter for each channel named in `high`.
 
-    Args:
-        stem: Kernel parameters are `<stem>_<channel>`.
-        text: Description, to which the channel is added.
-        high: High end of the range by channel.
-        typical: Typical value by channel; neutral where absent.
-        unit: Unit; in {} that of the channel; the channel's own if absent.
-        neutral: Neutral value.
-        signed: Whether the range is symmetric.
-        sensor_key: Key under [sensors.<channel>] that it defaults to.
+    Kernel parameters are `<stem>_<channel>`; the channel is added to the text. {} in the unit is
+    that of the channel. The typical value is neutral where absent, and the default is what the
+    joint file has under [sensors.<channel>] as `sensor_key`.
     """
     return tuple(
         EffectParameter(

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from cjt_gym.joint.effects.row import Effect, EffectParameter, number, per_channel
+from functools import partial
+
+from cjt_gym.joint.effects.row import EffectParameter, effect, number, per_channel
 from cjt_gym.joint.effects.sources import CATALOGUE, RANDOM_WALK, TOOLBOX
 
 _SAMPLING = f"{TOOLBOX}, section Noise, Quantization, and Delays"
@@ -12,38 +14,34 @@ _ENCODERS = {"q_m": 0.01, "q_g": 0.01, "q_l": 0.01}
 _OTHERS = {"i": 1.0, "q_m": 0.1, "q_g": 0.1, "q_l": 0.1}
 
 
+row = partial(effect, "sensing")
+
 SENSING_EFFECTS = (
-    Effect(
+    row(
         "torque_gain",
-        "sensing",
         "The torque sensor's scale differs from one.",
         CATALOGUE,
-        (
-            EffectParameter(
-                "gain", "-", 1.0, 0.5, 2.0, "Reading per true torque", ("gain_tau",), typical=1.1
-            ),
+        EffectParameter(
+            "gain", "-", 1.0, 0.5, 2.0, "Reading per true torque", ("gain_tau",), typical=1.1
         ),
     ),
-    Effect(
+    row(
         "torque_bias",
-        "sensing",
         "The torque sensor's zero is off.",
         CATALOGUE,
-        (number("bias", "N m", 10.0, "Reading at no torque", "bias_tau", low=-10.0, typical=0.2),),
+        number("bias", "N m", 10.0, "Reading at no torque", "bias_tau", low=-10.0, typical=0.2),
     ),
-    Effect(
+    row(
         "torque_delay",
-        "sensing",
         "The torque sensor is late, on top of the delay of all channels.",
         _SAMPLING,
-        (number("delay", "s", 0.02, "Lateness of the torque sensor", "late_tau", typical=1.5e-3),),
+        number("delay", "s", 0.02, "Lateness of the torque sensor", "late_tau", typical=1.5e-3),
     ),
-    Effect(
+    row(
         "sensor_gain",
-        "sensing",
         "A channel's scale differs from one.",
         CATALOGUE,
-        per_channel(
+        *per_channel(
             "gain",
             "Reading per true value",
             dict.fromkeys(_OTHERS, 2.0),
@@ -52,39 +50,31 @@ SENSING_EFFECTS = (
             neutral=1.0,
         ),
     ),
-    Effect(
+    row(
         "sensor_bias",
-        "sensing",
         "A channel's zero is off.",
         CATALOGUE,
-        per_channel("bias", "Zero", _OTHERS, {"i": 0.1, "q_m": 1e-3, "q_l": -1e-3}, signed=True),
+        *per_channel("bias", "Zero", _OTHERS, {"i": 0.1, "q_m": 1e-3, "q_l": -1e-3}, signed=True),
     ),
-    Effect(
+    row(
         "channel_delay",
-        "sensing",
         "A channel is late by itself, in fractions of a sample.",
         _SAMPLING,
-        per_channel(
+        *per_channel(
             "late", "Lateness", dict.fromkeys(_OTHERS, 0.02), {"i": 5e-4, "q_l": 1e-3}, unit="s"
         ),
     ),
-    Effect(
+    row(
         "measurement_delay",
-        "sensing",
         "All measurements arrive late.",
         _SAMPLING,
-        (
-            number(
-                "delay", "s", 0.02, "Lateness of all channels", "measurement_delay", typical=1e-3
-            ),
-        ),
+        number("delay", "s", 0.02, "Lateness of all channels", "measurement_delay", typical=1e-3),
     ),
-    Effect(
+    row(
         "noise",
-        "sensing",
         "White noise on a measured channel.",
         _SAMPLING,
-        per_channel(
+        *per_channel(
             "noise",
             "Standard deviation per sample",
             _FINE,
@@ -92,12 +82,11 @@ SENSING_EFFECTS = (
             sensor_key="noise",
         ),
     ),
-    Effect(
+    row(
         "drift",
-        "sensing",
         "The zero of a channel walks at random.",
         RANDOM_WALK,
-        per_channel(
+        *per_channel(
             "drift",
             "Standard deviation after one second",
             _FINE,
@@ -105,12 +94,11 @@ SENSING_EFFECTS = (
             unit="{}/s^0.5",
         ),
     ),
-    Effect(
+    row(
         "quantization",
-        "sensing",
         "Finite resolution of a measured channel; b bits per turn are 2 pi / 2^b rad.",
         _SAMPLING,
-        per_channel(
+        *per_channel(
             "resolution",
             "Step",
             _FINE,
@@ -118,85 +106,68 @@ SENSING_EFFECTS = (
             sensor_key="resolution",
         ),
     ),
-    Effect(
+    row(
         "eccentricity",
-        "sensing",
         "An encoder's disc runs off centre: e sin(f q + phase), once per turn of its shaft.",
         "Geometry of a disc whose centre is off its axis",
-        (
-            *per_channel("eccentricity", "Amplitude", _ENCODERS, {"q_m": 1e-4, "q_l": 5e-4}),
-            number(
-                "phase",
-                "rad",
-                3.2,
-                "Phase at q = 0",
-                "eccentricity_phase",
-                low=-3.2,
-                default=0.0,
-                typical=0.5,
-            ),
-            number(
-                "turns",
-                "1/rev",
-                300.0,
-                "Turns of the shaft of q_m per revolution; n where the encoder is on the rotor",
-                "eccentricity_turns",
-                low=1.0,
-                joint_parameter="n",
-                default=1.0,
-                typical=1.0,
-                typical_of="n",
-            ),
+        *per_channel("eccentricity", "Amplitude", _ENCODERS, {"q_m": 1e-4, "q_l": 5e-4}),
+        number(
+            "phase",
+            "rad",
+            3.2,
+            "Phase at q = 0",
+            "eccentricity_phase",
+            low=-3.2,
+            default=0.0,
+            typical=0.5,
+        ),
+        number(
+            "turns",
+            "1/rev",
+            300.0,
+            "Turns of the shaft of q_m per revolution; n where the encoder is on the rotor",
+            "eccentricity_turns",
+            low=1.0,
+            joint_parameter="n",
+            default=1.0,
+            typical=1.0,
+            typical_of="n",
         ),
         size=tuple(_ENCODERS),
     ),
-    Effect(
+    row(
         "dropout",
-        "sensing",
         "Frames are lost or repeated: the measurement before is reported again.",
         _SAMPLING,
-        (
-            number(
-                "probability",
-                "-",
-                1.0,
-                "Share of frames that are lost",
-                "dropout",
-                maximum=1.0,
-                typical=0.02,
-            ),
+        number(
+            "probability",
+            "-",
+            1.0,
+            "Share of frames that are lost",
+            "dropout",
+            maximum=1.0,
+            typical=0.02,
         ),
     ),
-    Effect(
+    row(
         "velocity_differentiation",
-        "sensing",
         "Velocities are the filtered backward difference of the measured angles.",
         _FILTERS,
-        (
-            number(
-                "cutoff",
-                "Hz",
-                1e4,
-                "Cut-off of the low pass; 0 is off",
-                "velocity_cutoff",
-                typical=100.0,
-            ),
+        number(
+            "cutoff",
+            "Hz",
+            1e4,
+            "Cut-off of the low pass; 0 is off",
+            "velocity_cutoff",
+            typical=100.0,
         ),
     ),
-    Effect(
+    row(
         "torque_filter",
-        "sensing",
         "The measured torque passes a first-order low pass.",
         _FILTERS,
-        (
-            number(
-                "cutoff",
-                "Hz",
-                1e4,
-                "Cut-off of the low pass; 0 is off",
-                "torque_cutoff",
-                typical=200.0,
-            ),
+        number(
+            "cutoff", "Hz", 1e4, "Cut-off of the low pass; 0 is off", "torque_cutoff", typical=200.0
         ),
     ),
 )

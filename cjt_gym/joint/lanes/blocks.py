@@ -327,19 +327,7 @@ def advance(
     end: int,
     thread: int,
 ) -> int:
-    """Advance the joints of blocks begin to end by one control step; return how many are left.
-
-    Args:
-        batch: All joints.
-        setup: What they share.
-        kind: What they have in common.
-        blocks: Their blocks.
-        commands: Currents [A] in column 0, shape (n, 2).
-        loads: Load torque [N m] or load velocity [rad/s], shape (n,).
-        begin: First block.
-        end: Behind the last block.
-        thread: Whose scratch to use.
-    """
+    """Advance the joints of blocks begin to end by one control step; return how many are left."""
     left, last = 0, loads.shape[0] - 1
     s, work = blocks.scratch[thread], blocks.work[thread]
     for block in range(begin, end):

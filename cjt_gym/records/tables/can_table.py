@@ -27,12 +27,7 @@ LATEST = 2**63 / 1e9
 
 
 def read(path: Path) -> dict[str, NDArray[Any]]:
-    """Return every signal of the messages; frames that break the DBC file are NaN.
-
-    Raises:
-        RecordError: python-can or cantools is not installed, the trace or the DBC file cannot be
-            read, or no frame is in the DBC file.
-    """
+    """Return every signal of the messages; frames that break the DBC file are NaN."""
     dbc = _dbc_of(path)
     cantools = library("cantools", path, "can")
     messages = {
@@ -67,11 +62,7 @@ def read(path: Path) -> dict[str, NDArray[Any]]:
 
 
 def frames(path: Path) -> Iterator[Any]:
-    """Yield the frames of a trace, as python-can's messages.
-
-    Raises:
-        RecordError: python-can is not installed, or the trace cannot be read.
-    """
+    """Yield the frames of a trace, as python-can's messages."""
     can, what = library("can", path, "can"), f"{path} must be a trace of a CAN bus"
     if not path.is_file():
         raise RecordError(f"There is no trace {path}.")

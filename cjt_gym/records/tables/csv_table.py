@@ -24,21 +24,13 @@ ROWS = 100_000
 
 
 def read(path: Path) -> dict[str, FloatArray]:
-    """Return all columns; every line must hold as many numbers as there are names.
-
-    Raises:
-        RecordError: A line does not; the message gives its number.
-    """
+    """Return all columns; every line must hold as many numbers as there are names."""
     pieces = list(_pieces(path, ROWS, strict=True))
     return {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
 
 
 def stream(path: Path, rows: int) -> Iterator[dict[str, FloatArray]]:
-    """Yield pieces of so many rows. What is not a number is NaN, a damaged line a row of NaN.
-
-    Raises:
-        RecordError: There is no line of names, or a name is there twice.
-    """
+    """Yield pieces of so many rows. What is not a number is NaN, a damaged line a row of NaN."""
     return _pieces(path, rows, strict=False)
 
 

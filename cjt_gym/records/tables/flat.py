@@ -20,10 +20,6 @@ def flat_arrays(name: str, value: Any) -> Iterator[tuple[str, NDArray[Any]]]:
 
     An array of shape (n, k) gives k columns ``name[0]`` and so on, and so does one of shape (k, n)
     with n the larger number.
-
-    Args:
-        name: Name of the value.
-        value: An array, or a mapping of such values.
     """
     if isinstance(value, Mapping):
         for key, entry in value.items():
@@ -47,10 +43,6 @@ def flat_numbers(name: str, value: Any) -> Iterator[tuple[str, float]]:
     Where a mapping has a list ``name`` as long as another list, as ``sensor_msgs/JointState`` has,
     the items of the other go by these names: ``position[elbow]``. A time of ROS 2, with ``sec`` and
     ``nanosec``, is one number in nanoseconds.
-
-    Args:
-        name: Name of the value.
-        value: A number, or mappings and lists of numbers.
     """
     if isinstance(value, Mapping) and value.keys() == {"sec", "nanosec"}:
         yield name, float(value["sec"] * 1_000_000_000 + value["nanosec"])

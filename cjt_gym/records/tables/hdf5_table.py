@@ -18,12 +18,7 @@ DEEPEST = 32  # groups in groups, far more than logs have
 
 
 def read(path: Path) -> dict[str, NDArray[Any]]:
-    """Return every series of numbers, those within a group as ``group.name``.
-
-    Raises:
-        RecordError: h5py is not installed, or the file holds no series, or one that is stored in
-            other files, or more than it may.
-    """
+    """Return every series of numbers, those within a group as ``group.name``."""
     try:
         h5py = importlib.import_module("h5py")
     except ImportError as error:

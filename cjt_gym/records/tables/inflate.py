@@ -13,16 +13,7 @@ PIECE: Final = 1 << 20
 
 
 def inflated(data: bytes, path: Path, before: int = 0) -> bytes:
-    """Return what a zlib stream holds, as far as it is sound.
-
-    Args:
-        data: The stream.
-        path: File that it is from.
-        before: Bytes that others of that file have made.
-
-    Raises:
-        RecordError: Together they are more than a file may hold.
-    """
+    """Return what a zlib stream holds, as far as it is sound."""
     unpack, pieces = zlib.decompressobj(), []
     while data:
         try:

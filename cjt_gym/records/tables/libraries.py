@@ -13,11 +13,7 @@ PACKAGES = {"can": "python-can", "mcap_ros2": "mcap-ros2-support"}
 
 
 def library(name: str, path: Path, extra: str) -> Any:
-    """Return a module that a file needs.
-
-    Raises:
-        RecordError: It is not installed, but would be with that extra of ours.
-    """
+    """Return a module that a file needs."""
     try:
         return importlib.import_module(name)
     except ImportError as error:

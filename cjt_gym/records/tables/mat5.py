@@ -45,12 +45,7 @@ def is_mat5(head: bytes) -> bool:
 
 
 def read_mat5(path: Path) -> dict[str, Any]:
-    """Return the variables of a file by name: arrays, dictionaries of them, None for the rest.
-
-    Raises:
-        ValueError, struct.error: The file is damaged or nested too deeply.
-        RecordError: It holds more than it may.
-    """
+    """Return the variables of a file by name: arrays, dictionaries of them, None for the rest."""
     data, total = path.read_bytes(), 0
     order = "<" if data[126:HEADER] == b"IM" else ">"
     found = {}

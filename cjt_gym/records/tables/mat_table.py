@@ -21,9 +21,6 @@ def read(path: Path) -> dict[str, NDArray[Any]]:
     """Return every vector of a MATLAB file, those of a structure as ``log.q_m``.
 
     Numbers that stand alone are left out. Files of version 7.3, which are HDF5, need h5py.
-
-    Raises:
-        RecordError: This is no MATLAB file, or holds no vector, or h5py is needed and absent.
     """
     with path.open("rb") as file:
         head = file.read(HEADER)

@@ -40,9 +40,6 @@ def read(path: Path) -> dict[str, NDArray[Any]]:
     """Return every number of the messages; a field that a message lacks is NaN there.
 
     A file that ends too early, because its recorder was stopped, is read as far as it goes.
-
-    Raises:
-        RecordError: mcap is not installed, this is no MCAP file, or no topic can be read.
     """
     topics: dict[str, Topic] = {}
     decoders: dict[int, Decode | None] = {}
@@ -73,11 +70,7 @@ def read(path: Path) -> dict[str, NDArray[Any]]:
 
 
 def write(columns: Mapping[str, FloatArray], path: Path) -> None:
-    """Write columns as one topic; a sample that is missing is left out of its message.
-
-    Raises:
-        RecordError: mcap is not installed.
-    """
+    """Write columns as one topic; a sample that is missing is left out of its message."""
     writer = library("mcap.writer", path, "logs").Writer(str(path))
     writer.start()
     numbers = {name: {"type": "number"} for name in columns}

@@ -16,20 +16,12 @@ from cjt_gym.records.tables.flat import NUMBERS, flat_arrays
 
 
 def read(path: Path) -> dict[str, NDArray[Any]]:
-    """Return all arrays.
-
-    Raises:
-        RecordError: The file is no archive, or holds objects.
-    """
+    """Return all arrays."""
     return read_arrays(path, RecordError)
 
 
 def stream(path: Path, rows: int) -> Iterator[dict[str, NDArray[Any]]]:
-    """Yield pieces of so many rows, without holding the others; single numbers are left out.
-
-    Raises:
-        RecordError: The file is no archive.
-    """
+    """Yield pieces of so many rows, without holding the others; single numbers are left out."""
     with members_of(path, RecordError) as found:
         members = [member for member in found if _is_series(member)]
         longest = max((member.shape[0] for member in members), default=0)

@@ -17,11 +17,7 @@ from cjt_gym.records.tables.libraries import library
 
 
 def read(path: Path) -> dict[str, NDArray[Any]]:
-    """Return all columns.
-
-    Raises:
-        RecordError: pyarrow is not installed, or the file holds more than it may.
-    """
+    """Return all columns."""
     parquet = library("pyarrow.parquet", path, "parquet")
     with parquet.ParquetFile(path) as file:
         _check_size(path, file.metadata)
@@ -31,11 +27,7 @@ def read(path: Path) -> dict[str, NDArray[Any]]:
 
 
 def stream(path: Path, rows: int) -> Iterator[dict[str, NDArray[Any]]]:
-    """Yield the columns of numbers in pieces of so many rows, without holding the others.
-
-    Raises:
-        RecordError: pyarrow is not installed, or the file holds more than it may.
-    """
+    """Yield the columns of numbers in pieces of so many rows, without holding the others."""
     arrow = library("pyarrow", path, "parquet")
     parquet = library("pyarrow.parquet", path, "parquet")
     with parquet.ParquetFile(path) as file:
@@ -48,11 +40,7 @@ def stream(path: Path, rows: int) -> Iterator[dict[str, NDArray[Any]]]:
 
 
 def write(columns: Mapping[str, FloatArray], path: Path) -> None:
-    """Write columns.
-
-    Raises:
-        RecordError: pyarrow is not installed.
-    """
+    """Write columns."""
     arrow = library("pyarrow", path, "parquet")
     parquet = library("pyarrow.parquet", path, "parquet")
     parquet.write_table(arrow.table(dict(columns)), path)
