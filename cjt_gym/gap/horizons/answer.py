@@ -12,7 +12,6 @@ from cjt_gym.gap.diagnosis import NOTHING_LEFT, Diagnosis, NamedEffect, Unexplai
 from cjt_gym.gap.horizons.by_torque import DRY
 from cjt_gym.gap.horizons.judge import (
     LOUD,
-    TRIVIAL,
     Judgement,
     Progress,
     as_joint,
@@ -21,7 +20,7 @@ from cjt_gym.gap.horizons.judge import (
 )
 from cjt_gym.gap.horizons.model import MEASURES
 from cjt_gym.gap.horizons.tell import as_tentative, horizons_of, main_row, retold
-from cjt_gym.gap.horizons.windows import HORIZONS, relative
+from cjt_gym.gap.horizons.windows import HORIZONS, TRIVIAL, relative
 from cjt_gym.gap.horizons.write import found_at
 from cjt_gym.joint import JointFile, Structure
 from cjt_gym.records import Record
