@@ -216,3 +216,31 @@ def test_the_best_model_that_is_left_wins_not_the_best_before_pruning(
     found = search(problem, base, terms)
     assert "coulomb" in {t.name for t in found.fit.model.terms}
     assert found.fit.cost < whole.base.cost
+
+
+def test_a_delay_at_the_edge_of_what_may_be_is_none(plain: tuple[Case, Found]) -> None:
+    case, found = plain
+    scales = scales_of(case.joint, case.logs)
+    late = {t.name: t for t in candidates(case.joint, scales, case.logs) if t.family == "late"}
+    assert late.keys() == {"command_delay", "current_lag"}
+    for term in late.values():
+        number = term.numbers[0]
+        edge = number.low if number.log else number.high
+        for value, is_there in ((edge, True), (number.start or 0.5 * edge, False)):
+            fit = search_of.Fit(*search_of.added(found.fit, term, (value,)), 0.0, [])
+            assert search_of._at_an_edge(fit, len(fit.model.terms) - 1) is is_there
+
+
+def test_damping_is_no_more_than_the_torque_allows(plain: tuple[Case, Found]) -> None:
+    case, _ = plain
+    scales = scales_of(case.joint, case.logs)
+    damping = next(t for t in base_terms(case.joint, scales) if t.name == "damping")
+    assert DAMPING < damping.numbers[0].high < 3.0 * scales.peak / scales.fast
+
+
+def test_a_joint_that_coasts_has_the_torques_of_its_inertia() -> None:
+    coasting = replace(record(), columns={**record().columns, "i": np.zeros(len(record()))})
+    case = make_case([coasting], [], datasheet(1.0), get_structure("rigid"))
+    scales = scales_of(case.joint, case.logs)
+    assert scales.peak > 0.3, "not of the current, which is none"
+    assert "torque_constant" not in {t.name for t in base_terms(case.joint, scales)}
