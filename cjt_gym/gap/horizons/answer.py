@@ -33,6 +33,9 @@ OVER_THE_RECORD = (
     "datasheet predicts better, so that its joint is the one given."
 )
 FURTHER = "The named effects help one sample ahead; further ahead hardly anything is predicted."
+DRIFTLESS, FLOORS = 0.15, 5.0
+"""Relative error, and that over what noise leaves, from which a held output, whose replay does not
+drift, is not explained."""
 FAR_OFF = 2.0
 """Relative error, over that of the datasheet, from which what the stages suspect is not told."""
 
@@ -123,8 +126,10 @@ def _doubted(first: Diagnosis, found: Judgement) -> Diagnosis:
         row.found < BETTER * row.datasheet for row in found.rows
     )
     worse = gap.after > gap.before > TRIVIAL
-    left = min(main_row(found).found, gap.after)
-    if not first.effects or (better and not worse and left < LOUD):
+    held = found.case.joint.structure_row.output_fixed
+    far_off = held and gap.after > max(DRIFTLESS, FLOORS * gap.floor)
+    left = gap.after if far_off else min(main_row(found).found, gap.after)
+    if not first.effects or (better and not worse and not far_off and left < LOUD):
         return first
     effects = tuple(
         e if e.name in MEASURES or e.status == "tentative" else as_tentative(e)
@@ -132,10 +137,9 @@ def _doubted(first: Diagnosis, found: Judgement) -> Diagnosis:
     )
     if first.verdict != "explained":
         return replace(first, effects=effects)
-    said = (
-        f"The named effects do not make predictions better: {min(left, 1.0):.0%} of what was "
-        "measured is left."
-    )
+    said = f"With the named effects {min(left, 1.0):.0%} of what was measured is left."
+    if not better or worse:
+        said = f"{said[:-1]}: they do not make predictions better."
     text = first.unexplained.text.replace(NOTHING_LEFT, "").strip()
     told = replace(first.unexplained, share=min(left, 1.0), text=f"{said} {text}".strip())
     return replace(first, verdict="partly_explained", effects=effects, unexplained=told)
