@@ -107,6 +107,20 @@ def test_no_friction_is_found_where_there_is_none() -> None:
     assert "coulomb" not in values_of(found_in(case_of(dry=0.0)))
 
 
+@pytest.mark.parametrize(
+    ("factor", "late", "used"), [(1.0, 0, True), (0.4, 0, False), (1.0, 60, False)]
+)
+def test_a_speed_that_does_not_add_up_to_the_angle_is_not_used(
+    factor: float, late: int, used: bool
+) -> None:
+    plain = record()
+    speed = factor * np.roll(np.gradient(plain["q_m"], DT), late)
+    with_speed = plain.with_columns({"dq_m": speed}, {"dq_m": "rad/s"})
+    started = to_log(with_speed, datasheet(), RIGID).speed
+    assert np.array_equal(started, speed) == used
+    assert np.array_equal(started, to_log(plain, datasheet(), RIGID).speed) != used
+
+
 def test_no_window_spans_a_gap() -> None:
     log = to_log(record(gap=(5.0, 5.12)), datasheet(), RIGID)
     lost = np.flatnonzero(~log.whole)
