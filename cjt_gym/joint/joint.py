@@ -13,13 +13,22 @@ from numpy.typing import ArrayLike, NDArray
 
 from cjt_gym.errors import ConfigurationError, ParameterError, SimulationError
 from cjt_gym.joint import linear
-from cjt_gym.joint.arrays import CHANNELS, LAGGED, REFERENCE, WORK_ROWS, WORK_WIDTH
+from cjt_gym.joint.arrays import (
+    BODY,
+    BRISTLE,
+    CHANNELS,
+    LAGGED,
+    LAW,
+    REFERENCE,
+    WORK_ROWS,
+    WORK_WIDTH,
+)
 from cjt_gym.joint.batch import JointBatch
 from cjt_gym.joint.border import checked_array
 from cjt_gym.joint.configure import EffectSpec, EffectValues, pack, resolve_effects
 from cjt_gym.joint.drives import DRIVES, get_drive
 from cjt_gym.joint.files import JointFile, load_joint_file
-from cjt_gym.joint.friction import LOAD, note_friction, sliding_friction
+from cjt_gym.joint.friction import BRISTLES, LOAD, bristles, note_friction, sliding_friction
 from cjt_gym.joint.kernel import simulate
 from cjt_gym.joint.load_forces import contact_torque
 from cjt_gym.joint.outside import frequency_of, is_told, tell_outside
@@ -35,6 +44,8 @@ Floats = NDArray[np.float64]
 DT_PHYSICS = 1e-5
 """Substep of simulations [s]: a tenth of that of environments, for accuracy."""
 CURRENT_FREE = "current"
+BEFORE = 0.1
+"""Time for which a joint that starts in motion has had its speed [s]."""
 DRIVE_SIGNALS = ("i_d", "v", "v_d", "tau_m")
 """What a record holds of a voltage drive beside the current: noise-free, columns `true_...`."""
 USUAL_STRUCTURE = "full_dynamics"
@@ -161,8 +172,9 @@ class Joint:
                 shape (samples,), zero if absent.
             dt: Sample time [s].
             x0: Initial [q_m q_g q_l dq_m dq_g dq_l], zero if absent; merged bodies follow the
-                first of them. A joint that starts in motion has had its first command before:
-                delay and lag of the command begin with it instead of zero.
+                first of them. A joint that starts in motion has had speed and first command
+                before: delay and lag of the command begin with it instead of zero, and bristles
+                are bent as by `BEFORE` of that speed.
             voltage: Instead of tau_m, the voltage of a voltage drive [V], shape (samples,), or
                 (samples, 2) for v_q and v_d of `dq`.
             dt_physics: Substep [s]; dt is a whole multiple of it.
@@ -187,6 +199,7 @@ class Joint:
         if start[3:].any() and samples:
             batch.arrays.commands[0] = commands[0]
             batch.arrays.memory[0, [REFERENCE, LAGGED]] = commands[0, 0]
+            self._bend(batch)
         measured, true = np.zeros((samples, 8)), np.zeros((samples, 12))
         done = simulate(batch.arrays, batch.setup, commands, loads, measured, true)
         if done < samples:
@@ -196,6 +209,16 @@ class Joint:
                 last_good_states=true[:done, :6].copy(),
             )
         return self._record(commands, loads, measured, true, dt, seed, voltage is not None)
+
+    def _bend(self, batch: JointBatch) -> None:
+        """Bend the bristles of a joint in motion."""
+        p, work = self.packed()[0].view(np.recarray)[0], np.zeros((WORK_ROWS, WORK_WIDTH))
+        note_friction(p, work)
+        for body, dq in enumerate(batch.arrays.state[0, 3:6]):
+            if work[BODY + body, LAW] == BRISTLES:
+                side = float(np.sign(dq)) or 1.0
+                bent = bristles(p, work, body, 0.0, dq, side, 0.0, BEFORE)
+                batch.arrays.memory[0, BRISTLE + body] = bent[2]
 
     def _commands(self, tau_m: ArrayLike | None, voltage: ArrayLike | None) -> Floats:
         if (tau_m is None) == (voltage is None):

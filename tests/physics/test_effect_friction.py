@@ -290,3 +290,14 @@ def test_bristles_stay_passive_at_the_largest_step(structure: str, sigma_1: floa
     if joint.structure_row.output_fixed:
         start[5] = 0.0
     assert rise(traced(joint, np.zeros(300), x0=start).energy) <= 1e-12
+
+
+@pytest.mark.parametrize("speed", [-0.5, 0.5])
+def test_bristles_of_a_joint_that_starts_in_motion_are_bent(speed: float) -> None:
+    """It is braked by its dry friction at once; one that starts at rest gives way at first."""
+    effects = {"presliding": {**levels("d_c", "m", 3.0), **levels("sigma_", "m", 500.0)}}
+    joint = load_joint(NAME, "rigid", effects=effects, parameters=UNDAMPED)
+    v = joint.simulate(np.zeros(20), dt=1e-3, x0=[0, 0, 0, speed, speed, speed])["true_dq_m"]
+    p = joint.packed()[0][0]
+    slowed = 3.0 / float(p["I_m"] + p["I_g"] + p["I_l"])
+    assert (abs(v[0]) - abs(v[-1])) / 0.019 == pytest.approx(slowed, rel=0.01)
