@@ -54,7 +54,7 @@ LATE = 0.01
 """By how much a command may be late where nothing else is asked for [s].
 
 An ordinary computer without a real-time kernel holds a loop up by a few milliseconds now and then,
-even where nothing else runs; drives stop by themselves after 100 ms as they are delivered (moteus).
+even where nothing else runs. For comparison, a moteus as delivered stops by itself after 100 ms.
 """
 SPARE = 0.75
 """Control steps by which a drive's watchdog outlasts the latest command that is no fault."""

@@ -198,7 +198,8 @@ class Joint:
         batch.restart(np.ones(1, dtype=np.bool_), loads[:1])
         if start[3:].any() and samples:
             batch.arrays.commands[0] = commands[0]
-            batch.arrays.memory[0, [REFERENCE, LAGGED]] = commands[0, 0]
+            if voltage is None:
+                batch.arrays.memory[0, [REFERENCE, LAGGED]] = commands[0, 0]
             self._bend(batch)
         measured, true = np.zeros((samples, 8)), np.zeros((samples, 12))
         done = simulate(batch.arrays, batch.setup, commands, loads, measured, true)

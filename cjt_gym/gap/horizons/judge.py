@@ -333,7 +333,7 @@ def _polished(case: Case, problem: Problem, found: Found, joints: dict[str, Join
     """
     problem = replace(problem)
     problem.force = 0.0
-    model, z = _weighed(found.fit.model, found.fit.z)
+    model, z = _with_inertia_kept(found.fit.model, found.fit.z)
     limits = [relative(case.fit, case.fit.errors(joints[n])) for n in joints if n != "stages"]
     fit = problem.fit(model, z)
     for _ in range(BALANCED):
@@ -347,7 +347,7 @@ def _polished(case: Case, problem: Problem, found: Found, joints: dict[str, Join
     return replace(found, fit=fit)
 
 
-def _weighed(model: Model, z: Floats) -> tuple[Model, Floats]:
+def _with_inertia_kept(model: Model, z: Floats) -> tuple[Model, Floats]:
     """Return a model whose inertia is known nearly as it is, and coordinates."""
     terms, z = [], z.copy()
     for k, (term, values) in enumerate(zip(model.terms, model.values(z), strict=True)):

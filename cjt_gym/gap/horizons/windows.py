@@ -327,10 +327,12 @@ def worse(
     for key, a, b in zip(windows.keys, own, other, strict=True):
         _, pieces = np.unique(windows.pieces(key), return_inverse=True)
         mine, limit = (np.bincount(pieces, np.mean(e**2, axis=1)) for e in (a, slack[key] * b))
-        counted = [np.ones(len(mine), dtype=bool) for _ in range(2)]
-        counted[1][np.argmax(mine - limit)] = len(mine) <= DECISIVE
-        if all(
-            mine[k].sum() > max(limit[k].sum(), TRIVIAL**2 * np.sum(k[pieces])) for k in counted
+        every = np.ones(len(mine), dtype=bool)
+        rest = every.copy()
+        rest[np.argmax(mine - limit)] = len(mine) <= DECISIVE
+        least = [TRIVIAL**2 * np.sum(some[pieces]) for some in (every, rest)]
+        if mine.sum() > max(limit.sum(), least[0]) and mine[rest].sum() > max(
+            limit[rest].sum(), least[1]
         ):
             found.append(key)
     return found

@@ -19,6 +19,7 @@ from cjt_gym.gap.horizons.rows import base_terms, candidates, scales_of
 from cjt_gym.gap.horizons.search import Found, search
 from cjt_gym.gap.horizons.windows import cut, make_windows, relative, split, worse
 from cjt_gym.joint import get_structure
+from cjt_gym.joint.diagnosed import covariance_of
 from cjt_gym.joint.joint import Joint
 from tests.gap.horizons.rotor import DAMPING, DRY, DT, INERTIA, datasheet, record
 
@@ -93,7 +94,9 @@ def test_a_joint_that_is_pushed_without_current_tells_its_friction() -> None:
     named = {effect.name: effect for effect in told.effects}
     assert {"coulomb", "damping"} <= named.keys()
     assert named["coulomb"].parameters["d_cm"].value == pytest.approx(DRY, rel=0.1)
-    assert "torque_constant" not in told.joint.found["covariance"]["names"]  # type: ignore[operator,index]
+    known = covariance_of(told.joint)
+    assert known is not None
+    assert not [name for name in known.names if name.startswith("torque_constant")]
 
 
 def test_effects_of_a_joint_that_is_given_are_a_part_of_what_is_known() -> None:
