@@ -148,9 +148,10 @@ class Problem:
         for _ in range(steps if len(z) else 0):
             jacobian = self.jacobian(model, z, errors)
             hessian, gradient = self.normal(model, z, errors, jacobian)
-            gain = 0.0
+            free = _free(model, z, gradient)
+            gain, move = 0.0, np.zeros(len(z))
             for _ in range(5):
-                move = -_solve(hessian, damping, gradient)
+                move[free] = -_solve(hessian[np.ix_(free, free)], damping, gradient[free])
                 new = _within(model, z + move * min(1.0, LONGEST / max(np.abs(move).max(), 1e-12)))
                 tried = self.errors(model, new)
                 better = self.cost(model, new, tried)
@@ -254,6 +255,13 @@ def _known(model: Model) -> Floats:
 def _solve(hessian: Floats, damping: float, gradient: Floats) -> Floats:
     matrix = hessian + np.diag(damping * np.diag(hessian) + 1e-12)
     return np.asarray(np.linalg.lstsq(matrix, gradient, rcond=None)[0])
+
+
+def _free(model: Model, z: Floats, gradient: Floats) -> NDArray[np.bool_]:
+    """Return which numbers are not at a bound beyond which the cost would fall."""
+    values = np.array([n.value(float(x)) for n, x in zip(model.numbers, z, strict=True)])
+    low, high = (np.array([getattr(n, end) for n in model.numbers]) for end in ("low", "high"))
+    return ~(((values <= low) & (gradient > 0.0)) | ((values >= high) & (gradient < 0.0)))
 
 
 def _within(model: Model, z: Floats) -> Floats:

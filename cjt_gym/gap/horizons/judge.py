@@ -13,11 +13,14 @@ from cjt_gym.gap.horizons.drive import DriveFit, fit_drive
 from cjt_gym.gap.horizons.fit import Fit, Problem
 from cjt_gym.gap.horizons.inverse import seen_in_torque
 from cjt_gym.gap.horizons.log import Log, to_logs
-from cjt_gym.gap.horizons.model import Model, quiet
+from cjt_gym.gap.horizons.model import Model, Number, quiet
+from cjt_gym.gap.horizons.own_rows import own_terms
 from cjt_gym.gap.horizons.predictable import Predictable
 from cjt_gym.gap.horizons.predictable import left as left_by
 from cjt_gym.gap.horizons.rows import base_terms, candidates, likelier, scales_of
 from cjt_gym.gap.horizons.search import Found, Worth, search, worth
+from cjt_gym.gap.horizons.sheet import GUESSED
+from cjt_gym.gap.horizons.side_by_side import side_by_side
 from cjt_gym.gap.horizons.windows import (
     HORIZONS,
     TRIVIAL,
@@ -31,6 +34,7 @@ from cjt_gym.gap.horizons.windows import (
 )
 from cjt_gym.joint import Joint, JointFile, Structure
 from cjt_gym.joint.configure import resolve_effects
+from cjt_gym.joint.effects import PACKAGED
 from cjt_gym.joint.quantity import Quantity
 from cjt_gym.records import Record
 
@@ -58,6 +62,8 @@ KEPT = 0.1
 """How far the inertia may move in the end, relative."""
 BALANCED = 3
 """How often horizons at which a joint would be worse get twice the weight."""
+HEAVIER = (10.0, 1e3, 1e5)
+"""Factors on the inertia from which fits start where nothing else predicts the motion."""
 ALL = np.ones(6, dtype=bool)
 LOUD = 0.6
 """Relative error, the shortest horizon left out, from which nothing counts as explained."""
@@ -215,6 +221,8 @@ def judge(
         suspects: Names of the effects that the stages have found.
     """
     progress("predicting up to half a second ahead")
+    scales = scales_of(case.joint, case.logs)
+    own = own_terms(case.joint, scales)
     test = Problem(case.test)
     joints = {"datasheet": case.joint}
     ls = least_squares(case.joint, case.logs[0])
@@ -225,30 +233,29 @@ def judge(
         known = left_by(case.all, stages)
         errors = relative(case.all, case.all.errors(stages))
         open_ = any(_left(errors[key], one) for key, one in known.items())
-        if _cut(case) and not _fails(case, errors):
+        if _cut(case) and not own and not _fails(case, errors):
             return _settled(case, joints, _sound(case, joints))
         near = all(e < NEAR for key, e in errors.items() if key[1] != min(HORIZONS))
-        if near and not open_ and _no_worse(case, joints, "stages"):
+        if near and not own and not open_ and _no_worse(case, joints, "stages"):
             return _settled(case, joints, "stages")
     problem = Problem(case.fit)
-    scales = scales_of(case.joint, case.logs)
     base = Model(case.joint, base_terms(case.joint, scales))
     terms = likelier(
-        candidates(case.joint, scales, case.logs), seen_in_torque(case.joint, case.logs)
+        [*candidates(case.joint, scales, case.logs), *own], seen_in_torque(case.joint, case.logs)
     )
     found = search(
         problem, base, terms, suspects, progress,
         lambda one: _tested(problem, test, one)[0], lambda fit: _held(test, fit).cost,
     )  # fmt: skip
     tests = _tested(problem, test, found)[1]
-    found = _polished(case, problem, found, joints)
+    searched, found = found, _polished(case, problem, found, joints)
     joints["found"] = found.fit.model.at(found.fit.z)
     joints["base"] = found.base.model.at(found.base.z)
     best = _best(case, test, joints)
     if max(relative(case.test, case.test.errors(joints[best])).values()) > 1.0:
         free = replace(problem)
         free.force = 0.0
-        fit, plain = (free.fit(f.model, f.z) for f in (found.fit, found.base))
+        fit, plain = (_freed(free, fits) for fits in ((searched.fit, found.fit), (found.base,)))
         joints["found"], joints["base"] = fit.model.at(fit.z), plain.model.at(plain.z)
         found = replace(found, fit=fit, base=plain)
         best = _best(case, test, joints)
@@ -347,6 +354,33 @@ def _polished(case: Case, problem: Problem, found: Found, joints: dict[str, Join
     return replace(found, fit=fit)
 
 
+def _freed(problem: Problem, fits: Sequence[Fit]) -> Fit:
+    """Return the best fit from given ones and from heavier joints.
+
+    Where nothing predicts the motion from the torque, as when something else imposes it, a joint
+    that the torque hardly moves errs least. A guess of the inertia does not stand against it.
+    """
+    first, values = fits[0].model.terms[0], fits[0].model.values(fits[0].z)[0]
+    number = first.numbers[0]
+    bound = replace(number, high=HEAVIER[-1] * number.high)
+    guess = number.scale >= GUESSED
+    model = _with_inertia(fits[0].model, replace(bound, prior=False) if guess else number)
+    starts = [(fit.model, fit.z) for fit in fits]
+    for factor in HEAVIER:
+        z = fits[0].z.copy()
+        z[0] = (bound if guess else number).coordinate(factor * values[0])
+        starts.append((model, z))
+    tried = side_by_side(lambda start: problem.fit(*start), starts)
+    best = min(tried, key=lambda fit: fit.cost)
+    return replace(best, model=_with_inertia(best.model, bound)) if best.model is model else best
+
+
+def _with_inertia(model: Model, number: Number) -> Model:
+    """Return a model whose first term, the inertia, has another number."""
+    first = replace(model.terms[0], numbers=(number,))
+    return replace(model, terms=(first, *model.terms[1:]))
+
+
 def _with_inertia_kept(model: Model, z: Floats) -> tuple[Model, Floats]:
     """Return a model whose inertia is known nearly as it is, and coordinates."""
     terms, z = [], z.copy()
@@ -371,10 +405,16 @@ def _best(case: Case, test: Problem, joints: dict[str, Joint]) -> str:
     for name in (n for n in ("stages", "found", "base") if n in joints):
         others = [costs[n] for n in sound if n != name]
         cut = name == "stages" and _cut(case)
-        allowance = CLEARLY * test.strength if cut else SAME
+        sharper = cut and not _own(joints.get("found"), case.joint)
+        allowance = CLEARLY * test.strength if sharper else SAME
         if (name in sound or cut) and costs[name] <= min(others, default=np.inf) + allowance:
             return name
     return min(sound or ("datasheet", "least squares") & joints.keys(), key=lambda n: costs[n])
+
+
+def _own(found: Joint | None, nominal: Joint) -> bool:
+    """Return whether a search has found an effect that the stages do not know."""
+    return found is not None and not PACKAGED.issuperset(found.effects.keys() - nominal.effects)
 
 
 def _deaf(case: Case, errors: Sequence[Floats]) -> bool:

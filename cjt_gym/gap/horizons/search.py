@@ -13,6 +13,7 @@ from cjt_gym.gap.horizons.fit import Fit, Problem, _solve, _within, bounded
 from cjt_gym.gap.horizons.inverse import inverse
 from cjt_gym.gap.horizons.model import Model, Number, Term, motor_inertia
 from cjt_gym.gap.horizons.side_by_side import side_by_side
+from cjt_gym.joint.effects import PACKAGED
 
 Floats = NDArray[np.float64]
 PRICE, PER_NUMBER = 3.0, 1.0
@@ -408,12 +409,13 @@ def _rivals(
 ) -> tuple[str, ...]:
     others = [t for t in terms if t.name != term.name]
     found = extend(problem, less, others, 2)
+    own = extend(problem, less, [t for t in others if t.name not in PACKAGED])
     plain = [t for t in others if t.name == FIRST] if term.name in REFINED else []
     simple = extend(problem, less, plain, 1)
     return tuple(
         dict.fromkeys(
             t.name
-            for allowance, fits in ((ALIKE, found), (ALIKE_PLAIN, simple))
+            for allowance, fits in ((ALIKE, [*found, *own]), (ALIKE_PLAIN, simple))
             for f, t in fits
             if f.cost + price(t) < fit.cost + price(term) + allowance
         )

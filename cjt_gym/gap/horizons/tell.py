@@ -327,9 +327,14 @@ def _stages(
 
 
 def main_row(judged: Judgement) -> Row:
-    """Return the row whose error is the gap: the torque as a whole, or the longest horizon."""
-    channel = "tau" if any(r.channel == "tau" for r in judged.rows) else "q_m"
+    """Return the row whose error is the gap: the torque as a whole, or the longest horizon.
+
+    A torque of which nothing could be predicted, being small beside its noise, measures no gap.
+    """
     whole = judged.case.joint.structure_row.output_fixed
+    torque = [r for r in judged.rows if r.channel == "tau"]
+    heard = torque and (whole or torque[-1].floor is None or torque[-1].floor < LOUD)
+    channel = "tau" if heard else "q_m"
     rows = [r for r in judged.rows if r.channel == channel]
     return next((r for r in rows if whole and r.seconds == WHOLE), rows[-1])
 

@@ -34,6 +34,9 @@ EFFECTS: dict[str, Effect] = {
     )
 }
 
+PACKAGED = frozenset(EFFECTS)
+"""Names of the effects that come with the package."""
+
 
 def register_effect(row: Effect) -> Effect:
     """Add a row to the effect table, and return it.
@@ -53,6 +56,11 @@ def register_effect(row: Effect) -> Effect:
     return row
 
 
+def own_effects() -> tuple[Effect, ...]:
+    """Return the rows that were registered beside the package's."""
+    return tuple(row for name, row in EFFECTS.items() if name not in PACKAGED)
+
+
 for _, _row in installed_rows("effects", EFFECTS):
     register_effect(_row)
 
@@ -64,5 +72,6 @@ __all__ = [
     "Effect",
     "EffectParameter",
     "body_of",
+    "own_effects",
     "register_effect",
 ]
