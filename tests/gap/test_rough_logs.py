@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from cjt_gym.gap import diagnose
+from cjt_gym.gap.horizons.case import make_case
 from cjt_gym.gap.horizons.forward import followed
-from cjt_gym.gap.horizons.judge import make_case
 from cjt_gym.gap.horizons.log import to_log, to_logs
 from cjt_gym.gap.horizons.model import quiet
 from cjt_gym.gap.horizons.windows import relative

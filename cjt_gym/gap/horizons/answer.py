@@ -10,16 +10,11 @@ import numpy as np
 from cjt_gym.errors import CjtGymError
 from cjt_gym.gap.diagnosis import NOTHING_LEFT, Diagnosis, NamedEffect, Unexplained
 from cjt_gym.gap.horizons.by_torque import DRY
-from cjt_gym.gap.horizons.judge import (
-    LOUD,
-    Judgement,
-    Progress,
-    as_joint,
-    judge,
-    make_case,
-)
+from cjt_gym.gap.horizons.case import as_joint, make_case
+from cjt_gym.gap.horizons.judge import LOUD, Judgement, Progress, judge
 from cjt_gym.gap.horizons.model import MEASURES
-from cjt_gym.gap.horizons.tell import as_tentative, horizons_of, main_row, retold
+from cjt_gym.gap.horizons.tell import as_tentative, horizons_of, retold
+from cjt_gym.gap.horizons.verdict import main_row
 from cjt_gym.gap.horizons.windows import HORIZONS, TRIVIAL, relative
 from cjt_gym.gap.horizons.write import found_at
 from cjt_gym.joint import JointFile, Structure

@@ -9,40 +9,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.gap.horizons.baseline import least_squares
-from cjt_gym.gap.horizons.drive import DriveFit, fit_drive
+from cjt_gym.gap.horizons.case import Case
 from cjt_gym.gap.horizons.fit import Fit, Problem
 from cjt_gym.gap.horizons.inverse import seen_in_torque
-from cjt_gym.gap.horizons.log import Log, to_logs
-from cjt_gym.gap.horizons.model import Model, Number, quiet
+from cjt_gym.gap.horizons.model import Model, Number
 from cjt_gym.gap.horizons.own_rows import own_terms
 from cjt_gym.gap.horizons.predictable import Predictable
 from cjt_gym.gap.horizons.predictable import left as left_by
 from cjt_gym.gap.horizons.rows import base_terms, candidates, likelier, scales_of
-from cjt_gym.gap.horizons.search import Found, Worth, search, worth
+from cjt_gym.gap.horizons.search import Found, search
 from cjt_gym.gap.horizons.sheet import GUESSED
 from cjt_gym.gap.horizons.side_by_side import side_by_side
 from cjt_gym.gap.horizons.windows import (
     HORIZONS,
     TRIVIAL,
     WHOLE,
-    Windows,
-    cut,
-    make_windows,
     relative,
-    split,
     worse,
 )
-from cjt_gym.joint import Joint, JointFile, Structure
-from cjt_gym.joint.configure import resolve_effects
+from cjt_gym.gap.horizons.worth import Worth, worth
+from cjt_gym.joint import Joint
 from cjt_gym.joint.effects import PACKAGED
-from cjt_gym.joint.quantity import Quantity
-from cjt_gym.records import Record
 
 Floats = NDArray[np.float64]
 Key = tuple[str, float]
 Progress = Callable[[str], None]
-TEST = 200
-"""Most windows on which models are compared."""
 WORSE = 1.02
 """Relative error, over that of datasheet or least squares, up to which a joint is no worse."""
 WORSE_AT_ONCE = 1.2
@@ -64,7 +55,6 @@ BALANCED = 3
 """How often horizons at which a joint would be worse get twice the weight."""
 HEAVIER = (10.0, 1e3, 1e5)
 """Factors on the inertia from which fits start where nothing else predicts the motion."""
-ALL = np.ones(6, dtype=bool)
 LOUD = 0.6
 """Relative error, the shortest horizon left out, from which nothing counts as explained."""
 
@@ -100,79 +90,6 @@ class Row:
             and self.left.share > LEFT_SHARE
             and self.left.share > LEFT_CLEAR * self.left.deviation
         )
-
-
-@dataclass(frozen=True, eq=False)
-class Case:
-    """Records, cut into what is fitted and what is held out.
-
-    Attributes:
-        joint: The nominal joint, without noise.
-        logs: The records that are fitted.
-        fit: Windows that are fitted.
-        test: Windows that are held out.
-        all: Windows over all that the answer is to hold for.
-        drive: How the current follows its command, where both were measured.
-    """
-
-    joint: Joint
-    logs: tuple[Log, ...]
-    fit: Windows
-    test: Windows
-    all: Windows
-    drive: DriveFit | None
-
-
-def make_case(
-    records: Sequence[Record], held: Sequence[Record], file: JointFile, shape: Structure
-) -> Case:
-    """Return records ready to be judged."""
-    both = to_logs([*records, *held], file, shape)
-    logs, other = both[: len(records)], both[len(records) :]
-    first = logs[0]
-    drive = "static" if first.voltage else "current"
-    if first.voltage and "v_0" not in file.parameters:
-        file = _supplied(file, both)
-    effects = resolve_effects(None, file, shape, drive)
-    joint = quiet(Joint(file, shape.name, drive, effects), driven=first.drive != "i")
-    pieces = cut(logs)
-    own, kept = (pieces, cut(other)) if other else split(logs, pieces)
-    whole = shape.output_fixed
-    fit = make_windows(logs, own, whole=whole)
-    if not _followed(fit, joint):
-        logs, other = ([replace(log, known=ALL) for log in some] for some in (logs, other))
-        fit = make_windows(logs, own, whole=whole)
-    test = make_windows(other or logs, kept or own, TEST, whole=whole)
-    every = test if other else make_windows(logs, pieces, TEST, whole=whole)
-    return Case(
-        joint, tuple(logs), fit, test, every, fit_drive(first, [p for p in own if p.log == 0])
-    )
-
-
-def _supplied(file: JointFile, logs: Sequence[Log]) -> JointFile:
-    """Return a joint whose supply gives the largest voltage that was recorded."""
-    most = Quantity(max(float(np.abs(log.command).max()) for log in logs), "V", "largest recorded")
-    return replace(file, parameters=file.parameters.replace(v_0=most))
-
-
-def _followed(fit: Windows, joint: Joint) -> bool:
-    """Return whether states that were not measured are better taken from what was, by the joint.
-
-    A heavy load swings on its spring, a light one is where the motor is, as far as a log tells.
-    """
-    if all(log.known.all() for log in fit.logs):
-        return True
-    plain = replace(fit, logs=tuple(replace(log, known=ALL) for log in fit.logs))
-    errors = [relative(fit, windows.errors(joint)) for windows in (fit, plain)]
-    return bool(sum(np.log(errors[0][key] / errors[1][key]) for key in fit.keys) < 0.0)
-
-
-def as_joint(file: JointFile, case: Case) -> Joint:
-    """Return the joint of a file with structure and drive of a case, without noise."""
-    like = case.joint
-    effects = resolve_effects(None, file, like.structure_row, like.drive)
-    joint = Joint(file, like.structure, like.drive, effects)
-    return quiet(joint, driven=case.logs[0].drive != "i")
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,21 +9,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.gap.horizons.fit import Fit, Problem, _solve, _within, bounded
+from cjt_gym.gap.horizons.fit import Fit, Problem, _solve, _within
 from cjt_gym.gap.horizons.inverse import inverse
 from cjt_gym.gap.horizons.model import Model, Number, Term, motor_inertia
 from cjt_gym.gap.horizons.side_by_side import side_by_side
+from cjt_gym.gap.horizons.worth import Worth, price, worth
 from cjt_gym.joint.effects import PACKAGED
 
 Floats = NDArray[np.float64]
-PRICE, PER_NUMBER = 3.0, 1.0
-"""Fall of the cost that a term has to bring, and each of its numbers beyond the first."""
-CLEAR = 2.5
-"""Fall over the pieces of the record in its own standard deviations, at least."""
-BROAD = 0.05
-"""Share of the pieces, the best ones, without which a term must still be worth its price."""
-QUIET = 0.2
-"""Share of the usual error below which that of a piece makes no difference."""
 FULL = 3
 """Candidates that are fitted fully after a quick look at all."""
 PATIENCE = 60_000_000
@@ -43,30 +36,6 @@ LATE, EDGE = "late", 0.02
 """Family of delays and lags, and how near to its bound, relative, one is at it."""
 REFINED = ("stribeck", "presliding", "coulomb_asym", "load_friction", "damping")
 """Laws of friction that refine the plain one, or take its place."""
-
-
-@dataclass(frozen=True)
-class Worth:
-    """What a term is worth.
-
-    Attributes:
-        fall: By how much it lowers the cost.
-        clear: That over the pieces of the record, in its own standard deviations.
-        rest: Fall that is left without the best pieces.
-        price: What it has to be worth.
-        needed: How clear it has to be.
-    """
-
-    fall: float
-    clear: float
-    rest: float
-    price: float
-    needed: float = CLEAR
-
-    @property
-    def enough(self) -> bool:
-        """Whether the record calls for it."""
-        return self.fall > self.price and self.clear > self.needed and self.rest > 0.3 * self.price
 
 
 @dataclass(frozen=True)
@@ -95,46 +64,6 @@ class Found:
         worths = tuple(worth(problem, f, fit, t) for f, t in zip(less, terms, strict=True))
         rivals = self.rivals[:index] + self.rivals[index + 1 :]
         return Found(fit, self.base, worths, rivals, less)
-
-
-def price(term: Term) -> float:
-    """Return what a term has to be worth."""
-    return term.factor * (PRICE + PER_NUMBER * (len(term.numbers) - 1))
-
-
-def worth(problem: Problem, less: Fit, more: Fit, term: Term) -> Worth:
-    """Return what the difference between two fits is worth.
-
-    Over the pieces the errors are compared by their ratio, so that no piece counts more because
-    more happens in it; pieces in which nothing happens count for nothing.
-    """
-    size = max(int(problem.windows.pieces(k).max()) for k in problem.windows.keys) + 1
-    gains, ratios, there = np.zeros(size), np.zeros(size), np.zeros(size, dtype=bool)
-    for k, key in enumerate(problem.windows.keys):
-        pieces = problem.windows.pieces(key)
-        one, two = (_by_piece(fit.errors[k], pieces, size) for fit in (less, more))
-        count = np.bincount(pieces, minlength=size)
-        there |= count > 0
-        middle = float(np.sqrt(one.sum() * two.sum()))
-        gains += problem.strength * problem.weight(key) * (one - two) / max(middle, 1e-12)
-        quiet = QUIET * min(one.sum(), two.sum()) * count / count.sum() + 1e-12
-        ratios += problem.weight(key) * np.log((one + quiet) / (two + quiet))
-    gains, ratios = gains[there], ratios[there]
-    best = np.sort(gains)[: len(gains) - max(round(BROAD * len(gains)), 1)]
-    clear = max(_in_deviations(gains), _in_deviations(ratios))
-    needed = CLEAR * term.factor**0.5
-    return Worth(less.cost - more.cost, clear, float(best.sum()), price(term), needed)
-
-
-def _by_piece(errors: Floats, pieces: NDArray[np.int64], size: int) -> Floats:
-    return np.bincount(pieces, bounded(errors)[0], size).astype(np.float64)
-
-
-def _in_deviations(x: Floats) -> float:
-    """Return the sum of independent numbers in its own standard deviations."""
-    n = len(x)
-    deviation = float(np.std(x, ddof=1) * np.sqrt(n)) if n > 2 else np.inf
-    return float(x.sum()) / max(deviation, 1e-12)
 
 
 def added(fit: Fit, term: Term, values: Sequence[float]) -> tuple[Model, Floats]:

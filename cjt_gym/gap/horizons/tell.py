@@ -10,15 +10,11 @@ from numpy.typing import NDArray
 
 from cjt_gym.gap.confusable import advice
 from cjt_gym.gap.diagnosis import (
-    NOTHING_LEFT,
     Diagnosis,
-    GapSize,
     Horizon,
     Interval,
     NamedEffect,
-    StageGap,
     Suggestion,
-    Unexplained,
 )
 from cjt_gym.gap.horizons.by_torque import (
     EITHER,
@@ -30,13 +26,22 @@ from cjt_gym.gap.horizons.by_torque import (
 )
 from cjt_gym.gap.horizons.fit import Fit, Problem
 from cjt_gym.gap.horizons.inverse import Spent, seen_in_torque
-from cjt_gym.gap.horizons.judge import LOUD, NEAR, Judgement, Row
-from cjt_gym.gap.horizons.model import Term, motor_inertia
+from cjt_gym.gap.horizons.judge import LOUD, NEAR, Judgement
+from cjt_gym.gap.horizons.model import Term
 from cjt_gym.gap.horizons.pictured import pictured
 from cjt_gym.gap.horizons.scatter import Scatter
 from cjt_gym.gap.horizons.sheet import stated_tolerance
 from cjt_gym.gap.horizons.spread import Spread, spread_of
-from cjt_gym.gap.horizons.windows import HORIZONS, WHOLE, bootstrapped
+from cjt_gym.gap.horizons.verdict import (
+    gap_of,
+    main_row,
+    refined,
+    stages_of,
+    unexplained_of,
+    verdict_of,
+    worst_row,
+)
+from cjt_gym.gap.horizons.windows import WHOLE
 from cjt_gym.gap.horizons.write import joint_of
 
 Floats = NDArray[np.float64]
@@ -59,13 +64,8 @@ MOST_ADVICE = 2
 """Sentences of advice of each kind."""
 SKEW = frozenset({"coulomb_asym", "viscous_asym", "torque_offset"})
 """Effects that differ between the directions, of which several together are one another's rest."""
-HALVED = 0.5
-"""Error, over that of the datasheet, from which there is a gap though nothing has a name."""
-REFINED = 0.1
-"""Relative difference from which a refined value is told."""
 COMBINED = ("gravity", "viscous_asym")
 """Effects whose numbers in the effect table are combinations of those that are fitted."""
-STAGES = {"q_m": "motor", "q_l": "load", "tau": "transmission"}
 
 
 def horizons_of(judged: Judgement) -> tuple[Horizon, ...]:
@@ -110,13 +110,13 @@ def retold(
     if judged.cut and first.verdict == "unexplained":  # the cause is none of the table's
         effects = tuple(as_tentative(e) for e in effects)
     rows = judged.rows
-    stages = _stages(first, judged, effects)
-    verdict = _verdict(judged, effects, suspected=bool(first.effects))
-    unexplained = _unexplained(judged, verdict, judged.unexplained)
+    stages = stages_of(first, judged, effects)
+    verdict = verdict_of(judged, effects, suspected=bool(first.effects))
+    unexplained = unexplained_of(judged, verdict, judged.unexplained)
     if held:
         unexplained = replace(unexplained, text=f"{HELD} {unexplained.text}")
-    elif not effects and (refined := _refined(judged)):
-        unexplained = replace(unexplained, text=f"{refined} {unexplained.text}")
+    elif not effects and (said := refined(judged)):
+        unexplained = replace(unexplained, text=f"{said} {unexplained.text}")
     if judged.cut and first.verdict == "unexplained":
         verdict, unexplained = "partly_explained" if effects else "unexplained", first.unexplained
     return replace(
@@ -124,7 +124,7 @@ def retold(
         verdict=verdict,
         stages=stages,
         effects=effects,
-        gap=_gap(judged),
+        gap=gap_of(judged),
         unexplained=unexplained,
         joint=joint_of(judged, effects, record),
         suggestion=_suggestion(judged, effects, first),
@@ -265,7 +265,7 @@ def _named(
     firm = firm and (term.name not in MIMICS or removed > MUCH)
     firm = firm and (term.name != "stribeck" or bool(names & LEVELS))
     firm = firm and (term.name not in LATE or judged.case.logs[0].drive == "i")
-    firm = firm and not judged.unexplained and _worst(judged).found < LOUD
+    firm = firm and not judged.unexplained and worst_row(judged).found < LOUD
     confidence = float(np.clip(1.0 - 0.5 ** (worth.clear / worth.needed), 0.05, 0.99))
     return NamedEffect(
         term.name, term.stage, term.body, term.channel, _intervals(judged, spread, index),
@@ -308,125 +308,3 @@ def _of_drive(judged: Judgement) -> tuple[NamedEffect, ...]:
         NamedEffect(name, "drive", None, None, numbers, "tentative", 0.5, removed, other[name])
         for name, numbers in found
     )
-
-
-# ---- stages, gap, verdict
-def _stages(
-    first: Diagnosis, judged: Judgement, effects: Sequence[NamedEffect]
-) -> dict[str, StageGap]:
-    """Return the stages in units of what no model could predict, where a channel shows them."""
-    out = dict(first.stages)
-    for channel, stage in STAGES.items():
-        rows = [r for r in judged.rows if r.channel == channel and r.floor]
-        if rows:
-            worst = max(rows, key=lambda r: r.datasheet / max(r.floor or 1.0, 1e-9))
-            floor = max(worst.floor or 1.0, 1e-9)
-            named = any(e.stage == stage for e in effects) or any(r.unexplained for r in rows)
-            out[stage] = StageGap(worst.datasheet / floor, worst.found / floor, named)
-    return out
-
-
-def main_row(judged: Judgement) -> Row:
-    """Return the row whose error is the gap: the torque as a whole, or the longest horizon.
-
-    A torque of which nothing could be predicted, being small beside its noise, measures no gap.
-    """
-    whole = judged.case.joint.structure_row.output_fixed
-    torque = [r for r in judged.rows if r.channel == "tau"]
-    heard = torque and (whole or torque[-1].floor is None or torque[-1].floor < LOUD)
-    channel = "tau" if heard else "q_m"
-    rows = [r for r in judged.rows if r.channel == channel]
-    return next((r for r in rows if whole and r.seconds == WHOLE), rows[-1])
-
-
-def _gap(judged: Judgement) -> GapSize:
-    row = main_row(judged)
-    before, after = row.datasheet, row.found
-    removed = 1.0 - after / before if before > 0.0 else 0.0
-    key = (row.channel, row.seconds)
-    low, high = bootstrapped(
-        judged.case.test, judged.errors["datasheet"], judged.errors[judged.answer], key
-    )
-    by = {
-        r.channel: {"before": r.datasheet, "after": r.found}
-        for r in judged.rows
-        if r.seconds == row.seconds
-    }
-    floor = row.floor if row.floor is not None else 0.0
-    return GapSize(before, after, floor, removed, low, high, True, by)
-
-
-def _worst(judged: Judgement) -> Row:
-    """Return the row of the main channel with the largest error, the shortest horizon left out."""
-    main = main_row(judged)
-    if main.seconds == WHOLE:
-        return main
-    rows = [r for r in judged.rows if r.channel == main.channel and r.seconds > min(HORIZONS)]
-    return max(rows, key=lambda r: r.found, default=main)
-
-
-def _verdict(judged: Judgement, effects: Sequence[NamedEffect], *, suspected: bool) -> str:
-    loud = _worst(judged).found > LOUD
-    open_ = bool(judged.unexplained) or loud
-    if not effects:
-        better = any(r.found < 0.85 * r.datasheet for r in judged.rows)
-        main = main_row(judged)
-        moved = main.found < HALVED * main.datasheet and _refined(judged, known=True)
-        return "unexplained" if moved or (open_ and (better or suspected or loud)) else "no_gap"
-    return "partly_explained" if open_ else "explained"
-
-
-def _unexplained(judged: Judgement, verdict: str, left: Sequence[Row]) -> Unexplained:
-    row = max(left, key=lambda r: r.found**2 * (r.left.share if r.left else 0.0), default=None)
-    said = _said(judged)
-    if row is None or row.left is None:
-        main = _worst(judged)
-        if verdict in ("explained", "no_gap"):
-            return Unexplained(0.0, None, " ".join([said, NOTHING_LEFT]).strip(), 0.0)
-        share = min(main.found, 1.0) ** 2
-        text = (
-            f"Of what {main.channel} does within {_ahead(main)}, {main.found:.0%} is not "
-            "predicted, and no regression predicts it either."
-        )
-        return Unexplained(share, STAGES[main.channel], f"{said} {text}".strip(), 0.0)
-    predictable = min(row.found, 1.0) ** 2 * row.left.share
-    share = row.left.share
-    text = (
-        f"{share:.0%} of the error of {row.channel} {_ahead(row)} ahead could be predicted from "
-        "speed, angle, input and the past, but no effect of the table explains it."
-    )
-    return Unexplained(share, STAGES[row.channel], f"{said} {text}".strip(), predictable)
-
-
-def _refined(judged: Judgement, *, known: bool = False) -> str:
-    """Return which values of the joint given differ from the datasheet's, though none is named.
-
-    Args:
-        judged: The judgement.
-        known: Whether guesses of the datasheet, and what it allows, do not count.
-    """
-    if judged.found is None or judged.answer not in ("found", "base"):
-        return ""
-    fit = judged.found.fit if judged.answer == "found" else judged.found.base
-    said = []
-    for term, values in zip(fit.model.terms, fit.model.values(fit.z), strict=True):
-        scale = motor_inertia(judged.case.joint) if term.name == "inertia" else 1.0
-        value, nominal = scale * values[0], scale * term.nominal[0]
-        if known and term.numbers[0].prior:
-            continue
-        if abs(value - nominal) > REFINED * max(abs(value), abs(nominal)):
-            said.append(f"{term.name} {value:.3g} for {nominal:.3g}")
-    return f"No cause is named; refined values predict better: {', '.join(said)}." if said else ""
-
-
-def _ahead(row: Row) -> str:
-    return "the whole record" if row.seconds == WHOLE else f"{row.seconds:g} s"
-
-
-def _said(judged: Judgement) -> str:
-    """Return which joint is the answer, where it is not one with named effects."""
-    return {
-        "least squares": "Nothing predicts better than least squares on inertia, damping, Coulomb "
-        "friction and offset: that is the joint given.",
-        "datasheet": "Nothing was found that predicts better than the datasheet.",
-    }.get(judged.answer, "")

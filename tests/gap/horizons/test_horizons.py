@@ -10,8 +10,8 @@ import pytest
 import cjt_gym.gap.horizons.search as search_of
 from cjt_gym.gap import Diagnosis, diagnose
 from cjt_gym.gap.horizons.baseline import least_squares
+from cjt_gym.gap.horizons.case import Case, make_case
 from cjt_gym.gap.horizons.fit import Problem
-from cjt_gym.gap.horizons.judge import Case, make_case
 from cjt_gym.gap.horizons.log import to_log
 from cjt_gym.gap.horizons.model import Model
 from cjt_gym.gap.horizons.predictable import predictable

@@ -11,8 +11,9 @@ from scipy.signal import lfilter
 
 from cjt_gym.gap import diagnose
 from cjt_gym.gap.horizons.by_torque import told_by_torque
+from cjt_gym.gap.horizons.case import make_case
 from cjt_gym.gap.horizons.inverse import inverse, seen_in_torque, spent
-from cjt_gym.gap.horizons.judge import Judgement, make_case
+from cjt_gym.gap.horizons.judge import Judgement
 from cjt_gym.joint import JointFile, get_structure, load_joint_file
 from cjt_gym.records import Record
 

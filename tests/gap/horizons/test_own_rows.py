@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from cjt_gym.gap import diagnose
+from cjt_gym.gap.horizons.case import Case, make_case
 from cjt_gym.gap.horizons.fit import Problem
-from cjt_gym.gap.horizons.judge import Case, make_case
 from cjt_gym.gap.horizons.model import Model
 from cjt_gym.gap.horizons.own_rows import own_terms
 from cjt_gym.gap.horizons.rows import base_terms, scales_of

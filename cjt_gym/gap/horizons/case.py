@@ -1,0 +1,94 @@
+"""Records, cut into what is fitted and what is held out, and the joint that they are about."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cjt_gym.gap.horizons.drive import DriveFit, fit_drive
+from cjt_gym.gap.horizons.log import Log, to_logs
+from cjt_gym.gap.horizons.model import quiet
+from cjt_gym.gap.horizons.windows import Windows, cut, make_windows, relative, split
+from cjt_gym.joint import Joint, JointFile, Structure
+from cjt_gym.joint.configure import resolve_effects
+from cjt_gym.joint.quantity import Quantity
+from cjt_gym.records import Record
+
+TEST = 200
+"""Most windows on which models are compared."""
+ALL = np.ones(6, dtype=bool)
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """Records, cut into what is fitted and what is held out.
+
+    Attributes:
+        joint: The nominal joint, without noise.
+        logs: The records that are fitted.
+        fit: Windows that are fitted.
+        test: Windows that are held out.
+        all: Windows over all that the answer is to hold for.
+        drive: How the current follows its command, where both were measured.
+    """
+
+    joint: Joint
+    logs: tuple[Log, ...]
+    fit: Windows
+    test: Windows
+    all: Windows
+    drive: DriveFit | None
+
+
+def make_case(
+    records: Sequence[Record], held: Sequence[Record], file: JointFile, shape: Structure
+) -> Case:
+    """Return records ready to be judged."""
+    both = to_logs([*records, *held], file, shape)
+    logs, other = both[: len(records)], both[len(records) :]
+    first = logs[0]
+    drive = "static" if first.voltage else "current"
+    if first.voltage and "v_0" not in file.parameters:
+        file = _supplied(file, both)
+    effects = resolve_effects(None, file, shape, drive)
+    joint = quiet(Joint(file, shape.name, drive, effects), driven=first.drive != "i")
+    pieces = cut(logs)
+    own, kept = (pieces, cut(other)) if other else split(logs, pieces)
+    whole = shape.output_fixed
+    fit = make_windows(logs, own, whole=whole)
+    if not _followed(fit, joint):
+        logs, other = ([replace(log, known=ALL) for log in some] for some in (logs, other))
+        fit = make_windows(logs, own, whole=whole)
+    test = make_windows(other or logs, kept or own, TEST, whole=whole)
+    every = test if other else make_windows(logs, pieces, TEST, whole=whole)
+    return Case(
+        joint, tuple(logs), fit, test, every, fit_drive(first, [p for p in own if p.log == 0])
+    )
+
+
+def _supplied(file: JointFile, logs: Sequence[Log]) -> JointFile:
+    """Return a joint whose supply gives the largest voltage that was recorded."""
+    most = Quantity(max(float(np.abs(log.command).max()) for log in logs), "V", "largest recorded")
+    return replace(file, parameters=file.parameters.replace(v_0=most))
+
+
+def _followed(fit: Windows, joint: Joint) -> bool:
+    """Return whether states that were not measured are better taken from what was, by the joint.
+
+    A heavy load swings on its spring, a light one is where the motor is, as far as a log tells.
+    """
+    if all(log.known.all() for log in fit.logs):
+        return True
+    plain = replace(fit, logs=tuple(replace(log, known=ALL) for log in fit.logs))
+    errors = [relative(fit, windows.errors(joint)) for windows in (fit, plain)]
+    return bool(sum(np.log(errors[0][key] / errors[1][key]) for key in fit.keys) < 0.0)
+
+
+def as_joint(file: JointFile, case: Case) -> Joint:
+    """Return the joint of a file with structure and drive of a case, without noise."""
+    like = case.joint
+    effects = resolve_effects(None, file, like.structure_row, like.drive)
+    joint = Joint(file, like.structure, like.drive, effects)
+    return quiet(joint, driven=case.logs[0].drive != "i")

@@ -1,0 +1,182 @@
+"""What a judgement says of gap, stages and verdict, and of what is left."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from cjt_gym.gap.diagnosis import (
+    NOTHING_LEFT,
+    Diagnosis,
+    GapSize,
+    NamedEffect,
+    StageGap,
+    Unexplained,
+)
+from cjt_gym.gap.horizons.fit import Fit
+from cjt_gym.gap.horizons.inverse import inverse
+from cjt_gym.gap.horizons.judge import LOUD, Judgement, Row
+from cjt_gym.gap.horizons.model import motor_inertia
+from cjt_gym.gap.horizons.windows import HORIZONS, WHOLE, bootstrapped
+
+HALVED = 0.5
+"""Error, over that of the datasheet, from which there is a gap though nothing has a name."""
+HEAVY = 10.0
+"""Times the inertia of datasheet and regression from which one is that of no real joint."""
+REFINED = 0.1
+"""Relative difference from which a refined value is told."""
+STAGES = {"q_m": "motor", "q_l": "load", "tau": "transmission"}
+
+
+def stages_of(
+    first: Diagnosis, judged: Judgement, effects: Sequence[NamedEffect]
+) -> dict[str, StageGap]:
+    """Return the stages in units of what no model could predict, where a channel shows them."""
+    out = dict(first.stages)
+    for channel, stage in STAGES.items():
+        rows = [r for r in judged.rows if r.channel == channel and r.floor]
+        if rows:
+            worst = max(rows, key=lambda r: r.datasheet / max(r.floor or 1.0, 1e-9))
+            floor = max(worst.floor or 1.0, 1e-9)
+            named = any(e.stage == stage for e in effects) or any(r.unexplained for r in rows)
+            out[stage] = StageGap(worst.datasheet / floor, worst.found / floor, named)
+    return out
+
+
+def main_row(judged: Judgement) -> Row:
+    """Return the row whose error is the gap: the torque as a whole, or the longest horizon.
+
+    A torque of which nothing could be predicted, being small beside its noise, measures no gap.
+    """
+    whole = judged.case.joint.structure_row.output_fixed
+    torque = [r for r in judged.rows if r.channel == "tau"]
+    heard = torque and (whole or torque[-1].floor is None or torque[-1].floor < LOUD)
+    channel = "tau" if heard else "q_m"
+    rows = [r for r in judged.rows if r.channel == channel]
+    return next((r for r in rows if whole and r.seconds == WHOLE), rows[-1])
+
+
+def gap_of(judged: Judgement) -> GapSize:
+    """Return the gap on held-out data, as the row that measures it has it."""
+    row = main_row(judged)
+    before, after = row.datasheet, row.found
+    removed = 1.0 - after / before if before > 0.0 else 0.0
+    key = (row.channel, row.seconds)
+    low, high = bootstrapped(
+        judged.case.test, judged.errors["datasheet"], judged.errors[judged.answer], key
+    )
+    by = {
+        r.channel: {"before": r.datasheet, "after": r.found}
+        for r in judged.rows
+        if r.seconds == row.seconds
+    }
+    floor = row.floor if row.floor is not None else 0.0
+    return GapSize(before, after, floor, removed, low, high, True, by)
+
+
+def worst_row(judged: Judgement) -> Row:
+    """Return the row of the main channel with the largest error, the shortest horizon left out."""
+    main = main_row(judged)
+    if main.seconds == WHOLE:
+        return main
+    rows = [r for r in judged.rows if r.channel == main.channel and r.seconds > min(HORIZONS)]
+    return max(rows, key=lambda r: r.found, default=main)
+
+
+def verdict_of(judged: Judgement, effects: Sequence[NamedEffect], *, suspected: bool) -> str:
+    """Return the verdict.
+
+    Args:
+        judged: The judgement.
+        effects: What is named.
+        suspected: Whether the stages have named something that is not named now.
+    """
+    loud = worst_row(judged).found > LOUD
+    open_ = bool(judged.unexplained) or loud
+    if not effects:
+        better = any(r.found < 0.85 * r.datasheet for r in judged.rows)
+        main = main_row(judged)
+        moved = main.found < HALVED * main.datasheet and refined(judged, known=True)
+        return "unexplained" if moved or (open_ and (better or suspected or loud)) else "no_gap"
+    return "partly_explained" if open_ else "explained"
+
+
+def unexplained_of(judged: Judgement, verdict: str, left: Sequence[Row]) -> Unexplained:
+    """Return what is left, of the rows given where something could be predicted, and in words."""
+    row = max(left, key=lambda r: r.found**2 * (r.left.share if r.left else 0.0), default=None)
+    said = _said(judged)
+    if row is None or row.left is None:
+        main = worst_row(judged)
+        if verdict in ("explained", "no_gap"):
+            return Unexplained(0.0, None, " ".join([said, NOTHING_LEFT]).strip(), 0.0)
+        share = min(main.found, 1.0) ** 2
+        text = (
+            f"Of what {main.channel} does within {_ahead(main)}, {main.found:.0%} is not "
+            "predicted, and no regression predicts it either."
+        )
+        return Unexplained(share, STAGES[main.channel], f"{said} {text}".strip(), 0.0)
+    predictable = min(row.found, 1.0) ** 2 * row.left.share
+    share = row.left.share
+    text = (
+        f"{share:.0%} of the error of {row.channel} {_ahead(row)} ahead could be predicted from "
+        "speed, angle, input and the past, but no effect of the table explains it."
+    )
+    return Unexplained(share, STAGES[row.channel], f"{said} {text}".strip(), predictable)
+
+
+def refined(judged: Judgement, *, known: bool = False) -> str:
+    """Return which values of the joint given differ from the datasheet's, though none is named.
+
+    Args:
+        judged: The judgement.
+        known: Whether guesses of the datasheet, and what it allows, do not count.
+    """
+    fit = _fit(judged)
+    if fit is None:
+        return ""
+    said = []
+    for term, values in zip(fit.model.terms, fit.model.values(fit.z), strict=True):
+        scale = motor_inertia(judged.case.joint) if term.name == "inertia" else 1.0
+        value, nominal = scale * values[0], scale * term.nominal[0]
+        if known and term.numbers[0].prior:
+            continue
+        if abs(value - nominal) > REFINED * max(abs(value), abs(nominal)):
+            said.append(f"{term.name} {value:.3g} for {nominal:.3g}")
+    return f"No cause is named; refined values predict better: {', '.join(said)}." if said else ""
+
+
+def _ahead(row: Row) -> str:
+    return "the whole record" if row.seconds == WHOLE else f"{row.seconds:g} s"
+
+
+def _said(judged: Judgement) -> str:
+    """Return which joint is the answer, where it is not one with named effects."""
+    return {
+        "least squares": "Nothing predicts better than least squares on inertia, damping, Coulomb "
+        "friction and offset: that is the joint given.",
+        "datasheet": "Nothing was found that predicts better than the datasheet.",
+    }.get(judged.answer, _imposed(judged))
+
+
+def _imposed(judged: Judgement) -> str:
+    """Return that the inertia given is not the joint's own, where something imposes its motion."""
+    fit = _fit(judged)
+    if fit is None:
+        return ""
+    joint, (first, *_) = judged.case.joint, fit.model.values(fit.z)
+    total = motor_inertia(joint)
+    inertia = total * first[0]
+    own = max(total, *(one.inertia for one in inverse(joint, judged.case.logs)), 0.0)
+    if inertia < HEAVY * own:
+        return ""
+    unit = "kg" if joint.parameters.axis == "prismatic" else "kg m^2"
+    return (
+        f"The inertia given, {inertia:.3g} {unit}, is one that the torque hardly moves: where "
+        "something else imposes the motion it predicts best, and is not the joint's own."
+    )
+
+
+def _fit(judged: Judgement) -> Fit | None:
+    """Return the fit that is the answer, None where it is none."""
+    if judged.found is None or judged.answer not in ("found", "base"):
+        return None
+    return judged.found.fit if judged.answer == "found" else judged.found.base
