@@ -216,7 +216,8 @@ def _tested(problem: Problem, test: Problem, found: Found) -> tuple[Found, tuple
         refuted = [k for k in range(base, len(tests)) if tests[k].fall < -tests[k].price]
         if not refuted:
             return found, tuple(tests)
-        found = found.dropped(problem, min(refuted, key=lambda k: tests[k].fall))
+        worst = min(refuted, key=lambda k: tests[k].fall)
+        found = found.dropped(problem, worst, lambda fit: _held(test, fit).cost)
 
 
 def _held(test: Problem, fit: Fit) -> Fit:

@@ -17,6 +17,8 @@ from cjt_gym.gap.horizons.worth import Worth, price, worth
 from cjt_gym.joint.effects import PACKAGED
 
 Floats = NDArray[np.float64]
+Held = Callable[[Fit], float]
+"""Returns the cost of a fit on held-out data."""
 FULL = 3
 """Candidates that are fitted fully after a quick look at all."""
 PATIENCE = 60_000_000
@@ -56,14 +58,21 @@ class Found:
     rivals: tuple[tuple[str, ...], ...]
     less: tuple[Fit, ...]
 
-    def dropped(self, problem: Problem, index: int) -> Found:
+    def dropped(self, problem: Problem, index: int, held: Held) -> Found:
         """Return the search without one of its terms."""
         fit = self.less[index]
         less = tuple(leaves(problem, fit))
-        terms = fit.model.terms
-        worths = tuple(worth(problem, f, fit, t) for f, t in zip(less, terms, strict=True))
         rivals = self.rivals[:index] + self.rivals[index + 1 :]
-        return Found(fit, self.base, worths, rivals, less)
+        return Found(fit, self.base, worths_of(problem, less, fit, held), rivals, less)
+
+
+def worths_of(problem: Problem, less: Sequence[Fit], fit: Fit, held: Held) -> tuple[Worth, ...]:
+    """Return what each term of a fit is worth, given the fits without it."""
+    kept = held(fit)
+    return tuple(
+        replace(worth(problem, one, fit, term), held=held(one) - kept)
+        for one, term in zip(less, fit.model.terms, strict=True)
+    )
 
 
 def added(fit: Fit, term: Term, values: Sequence[float]) -> tuple[Model, Floats]:
@@ -142,7 +151,7 @@ def search(
     suspects: Sequence[str] = (),
     progress: Callable[[str], None] = lambda _: None,
     tested: Callable[[Found], Found] = lambda found: found,
-    held: Callable[[Fit], float] = lambda _: 0.0,
+    held: Held = lambda _: 0.0,
 ) -> Found:
     """Return the terms that a record calls for.
 
@@ -182,7 +191,7 @@ def search(
         if _keys(end) in seen:
             continue  # the same terms, but from a worse start
         seen.append(_keys(end))
-        found = tested(pruned(problem, first, end))
+        found = tested(pruned(problem, first, end, held))
         left = total(found.fit)
         if best is None or left < least:
             best, least = found, left
@@ -293,15 +302,15 @@ def _at_an_edge(fit: Fit, index: int) -> bool:
     )
 
 
-def pruned(problem: Problem, base: Fit, fit: Fit) -> Found:
+def pruned(problem: Problem, base: Fit, fit: Fit, held: Held) -> Found:
     """Return a search's end without the terms that are not needed; no rivals are looked for."""
     while True:
         less = leaves(problem, fit)
-        worths = [worth(problem, one, fit, fit.model.terms[k]) for k, one in enumerate(less)]
+        worths = worths_of(problem, less, fit, held)
         own = [k for k, t in enumerate(fit.model.terms) if t.key not in _keys(base)]
         weak = [k for k in own if not worths[k].enough or _at_an_edge(fit, k)]
         if not weak:
-            return Found(fit, base, tuple(worths), ((),) * len(worths), tuple(less))
+            return Found(fit, base, worths, ((),) * len(worths), tuple(less))
         fit = less[min(weak, key=lambda k: worths[k].fall)]
 
 
