@@ -144,11 +144,16 @@ def high_frequency_std(
     return float(np.sqrt(np.median(chosen))) if chosen.size else 0.0
 
 
+ONCE = 0.9
+"""Share of values met only once, and of distances of one step, from which there is no lattice."""
+
+
 def lattice_step(x: Floats) -> float:
     """Return the step of the lattice on which all values lie, 0 if there is none.
 
     The step is the smallest distance between two different values, where nearly all distances are
-    whole multiples of it.
+    whole multiples of it. A channel that moves on at one speed, so that hardly a value is met
+    twice, shows the same distances on no lattice.
     """
     distinct = np.unique(x)
     if distinct.size < 4:
@@ -162,4 +167,7 @@ def lattice_step(x: Floats) -> float:
     step = float(np.median(gaps[gaps < 1.5 * step]))
     ratio = gaps / step
     off = np.abs(ratio - np.round(ratio)) / np.maximum(1.0, np.round(ratio))
+    once = distinct.size > ONCE * x.size
+    if once and float(np.mean(np.round(ratio) == 1.0)) > ONCE:
+        return 0.0
     return step if float(np.mean(off < 0.02)) > 0.9 else 0.0

@@ -127,6 +127,15 @@ def test_the_lattice_of_a_coarse_channel_is_found() -> None:
     assert lattice_step(x) == 0.0
 
 
+def test_a_shaft_that_turns_at_one_speed_shows_no_lattice() -> None:
+    rng = np.random.default_rng(0)
+    speed = 338.0 * (1.0 + 0.005 * rng.standard_normal(4000))
+    assert lattice_step(np.cumsum(speed) * 1e-3) == 0.0
+    assert lattice_step(0.01 * np.arange(4000) // 3 * 0.5) == pytest.approx(0.5), (
+        "counts that repeat"
+    )
+
+
 def test_noise_in_the_path_does_not_wear_the_memory_of_a_spring_down() -> None:
     t = np.arange(4000) * 1e-3
     path = 2e-3 * np.sin(2 * np.pi * 1.5 * t)

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from cjt_gym.errors import CjtGymError
 from cjt_gym.gap.horizons.model import Model
+from cjt_gym.gap.horizons.rows import scales_of
 from cjt_gym.gap.horizons.side_by_side import side_by_side
 from cjt_gym.gap.horizons.windows import WHOLE, Windows
 
@@ -33,8 +34,13 @@ LONGEST = 3.0
 """Longest step of a fit, in units of a coordinate."""
 MOTION, LISTEN, FORCE = "q_m", 0.1, 0.2
 """Error that counts as a torque, too, with which weight beside one for all horizons together."""
+LIGHT = 0.01
+"""Share of the usual torque that moves any real joint off by what it does: a lighter one, which dry
+friction alone would hold, is not taken to listen better."""
 ROUGH = 3
 """A quick look at a candidate takes every so-manyth window."""
+FEWEST = 5
+"""Fewest windows in which something happens that tell what is usual."""
 USUAL, BOUND = 0.8, 4.0
 """Windows count by the logarithm beyond so many times the mean square that most do not exceed."""
 SHARES = {0.02: 0.5, 0.1: 1.0, 0.5: 1.0}
@@ -64,13 +70,19 @@ class Fit:
         return np.sqrt([float(np.mean(e**2)) for e in self.errors])
 
 
-def bounded(errors: Floats) -> tuple[Floats, Floats]:
+def bounded(errors: Floats, moving: NDArray[np.bool_]) -> tuple[Floats, Floats]:
     """Return what each window counts for, and the weight of its errors, shape (W,) each.
 
-    Few windows that go far wrong (a blow, an end stop) count less than by their square.
+    Few windows that go far wrong (a blow, an end stop) count less than by their square. Where a
+    joint mostly rests, those in which it moves are no few.
+
+    Args:
+        errors: Errors of the windows, shape (W, points).
+        moving: In which windows something happens, shape (W,).
     """
     square = np.mean(errors**2, axis=1)
-    bound = BOUND * float(np.quantile(square, USUAL)) + LEAST**2
+    usual = square[moving] if np.count_nonzero(moving) >= FEWEST else square
+    bound = BOUND * float(np.quantile(usual, USUAL)) + LEAST**2
     return bound * np.log1p(square / bound), 1.0 / (1.0 + square / bound)
 
 
@@ -96,6 +108,7 @@ class Problem:
         self.weights = shares / shares.sum()
         free = (MOTION, LISTEN) in keys and not any(h == WHOLE for _, h in keys)
         self.force = FORCE if free else 0.0
+        self._least: float | None = None
 
     @property
     def strength(self) -> float:
@@ -120,6 +133,23 @@ class Problem:
         extra = self.force if key == (MOTION, LISTEN) else 0.0
         return float(self.weights[self.windows.keys.index(key)]) + extra
 
+    def deafness(self, model: Model, z: Floats) -> float:
+        """Return the logarithm of the torque that moves a free joint off by a given error."""
+        if self._least is None:
+            did = float(np.sqrt(self.windows.scales[self.windows.keys.index((MOTION, LISTEN))]))
+            self._least = LIGHT * scales_of(model.joint, self.windows.logs).torque / did
+        return float(np.log(resistance(model, z) + self._least))
+
+    def _slopes(self, model: Model, z: Floats) -> Floats:
+        """Return the derivatives of `deafness`, shape (n,)."""
+        here = self.deafness(model, z)
+        out = np.zeros(len(z))
+        for j in range(len(z)):
+            moved = z.copy()
+            moved[j] += STEP
+            out[j] = (self.deafness(model, moved) - here) / STEP
+        return out
+
     def errors(self, model: Model, z: Floats) -> list[Floats]:
         """Return the errors of a model by kind."""
         with self._counting:
@@ -131,12 +161,13 @@ class Problem:
 
     def cost(self, model: Model, z: Floats, errors: Sequence[Floats]) -> float:
         """Return the cost of a model at coordinates."""
-        squares = np.array([float(np.mean(bounded(e)[0])) for e in errors])
+        kinds = zip(errors, self.windows.moving, strict=True)
+        squares = np.array([float(np.mean(bounded(e, moving)[0])) for e, moving in kinds])
         logs = np.log(squares + LEAST**2)
         data = float(self.weights @ logs)
         if self.force:
             key = self.windows.keys.index((MOTION, LISTEN))
-            data += self.force * (logs[key] + 2.0 * deafness(model, z))
+            data += self.force * (logs[key] + 2.0 * self.deafness(model, z))
         return self.strength * data + 0.5 * float(np.sum(z[_known(model)] ** 2))
 
     def fit(self, model: Model, z: Floats | None = None, steps: int = 12) -> Fit:
@@ -202,9 +233,10 @@ class Problem:
         weights = self.weights.copy()
         if self.force:
             weights[self.windows.keys.index((MOTION, LISTEN))] += self.force
-            gradient = gradient + 2.0 * self.strength * self.force * _slopes(model, z)
-        for weight, e, j in zip(weights, errors, jacobian, strict=True):
-            counted, share = bounded(e)
+            gradient = gradient + 2.0 * self.strength * self.force * self._slopes(model, z)
+        moving = self.windows.moving
+        for weight, e, j, moves in zip(weights, errors, jacobian, moving, strict=True):
+            counted, share = bounded(e, moves)
             factor = 2.0 * self.strength * weight / (float(np.mean(counted)) + LEAST**2) / e.size
             flat = (j * share[:, None, None]).reshape(-1, len(z))
             hessian = hessian + factor * (flat.T @ j.reshape(-1, len(z)))
@@ -212,8 +244,8 @@ class Problem:
         return hessian, gradient
 
 
-def deafness(model: Model, z: Floats) -> float:
-    """Return the logarithm of the torque that moves a free joint off by a given error.
+def resistance(model: Model, z: Floats) -> float:
+    """Return the torque that moves a free joint off by a given error [N m/rad].
 
     Over a time h it is about 2 I / h^2 + d / h for inertia I and damping d. What the motor makes of
     its current counts where there is one, and of all torque the share that friction leaves.
@@ -230,22 +262,11 @@ def deafness(model: Model, z: Floats) -> float:
     lost = rows.get("load_friction", {}) if "load_friction" in names else {}
     heard = constant * (1.0 - sum(_number(lost.get(f"mu_{b}", 0.0)) for b in free))
     size = 2.0 * inertia / LISTEN**2 + damping / LISTEN
-    return float(np.log(size / max(heard, LEAST)))
+    return size / max(heard, LEAST)
 
 
 def _number(value: object) -> float:
     return float(value)  # type: ignore[arg-type]
-
-
-def _slopes(model: Model, z: Floats) -> Floats:
-    """Return the derivatives of `deafness`, shape (n,)."""
-    here = deafness(model, z)
-    out = np.zeros(len(z))
-    for j in range(len(z)):
-        moved = z.copy()
-        moved[j] += STEP
-        out[j] = (deafness(model, moved) - here) / STEP
-    return out
 
 
 def _known(model: Model) -> Floats:

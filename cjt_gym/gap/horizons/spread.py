@@ -66,8 +66,9 @@ def spread_of(problem: Problem, fit: Fit) -> Spread:
     hessian, _ = problem.normal(fit.model, fit.z, fit.errors, jacobian)
     size = max(int(problem.windows.pieces(k).max()) for k in problem.windows.keys) + 1
     scores, there = np.zeros((size, len(fit.z))), np.zeros(size, dtype=bool)
-    for key, e, j in zip(problem.windows.keys, fit.errors, jacobian, strict=True):
-        counted, share = bounded(e)
+    moving = problem.windows.moving
+    for key, e, j, moves in zip(problem.windows.keys, fit.errors, jacobian, moving, strict=True):
+        counted, share = bounded(e, moves)
         factor = 2.0 * problem.strength * problem.weight(key)
         factor /= (float(np.mean(counted)) + LEAST**2) * e.size
         each = factor * np.einsum("wp,wpn->wn", e * share[:, None], j)

@@ -38,6 +38,8 @@ LONG = 400
 """Samples of such a piece that count."""
 DECISIVE = 8
 """Pieces beside which a single one decides nothing."""
+STILL = 0.05
+"""Share of the mean square of what a channel does up to which it does nothing in a window."""
 TRIVIAL = 0.03
 """Relative error that is left to no one's concern."""
 TINY = 1e-12
@@ -81,12 +83,14 @@ class Windows:
         groups: The windows.
         keys: Channel and horizon of each kind of error.
         scales: For each key what the channel did, mean square over its windows [unit^2].
+        moving: For each key in which windows it did something to speak of, shape (W,) each.
     """
 
     logs: tuple[Log, ...]
     groups: tuple[Group, ...]
     keys: tuple[Key, ...]
     scales: Floats
+    moving: tuple[NDArray[np.bool_], ...]
 
     @property
     def count(self) -> int:
@@ -280,18 +284,18 @@ def _spread(
 
 
 def _scaled(logs: tuple[Log, ...], groups: tuple[Group, ...]) -> Windows:
-    blank = Windows(logs, groups, (), np.zeros(0))
-    sums: dict[Key, list[float]] = {}
+    blank = Windows(logs, groups, (), np.zeros(0), ())
+    squares: dict[Key, list[Floats]] = {}
     for group in groups:
         log = logs[group.log]
         for key, points in blank._kinds(group):
             x = log.measured[key[0]][group.starts[:, None] + points]
             did = x - _stays(log, key, group, points)
-            total = sums.setdefault(key, [0.0, 0.0])
-            total[0] += float(np.sum(did**2))
-            total[1] += did.size
-    scales = np.array([max(a / b, TINY**2) for a, b in sums.values()])
-    return Windows(logs, groups, tuple(sums), scales)
+            squares.setdefault(key, []).append(did**2)
+    scales = [sum(float(x.sum()) for x in s) / sum(x.size for x in s) for s in squares.values()]
+    each = [np.concatenate([x.mean(axis=1) for x in s]) for s in squares.values()]
+    moving = tuple(x > STILL * scale for x, scale in zip(each, scales, strict=True))
+    return Windows(logs, groups, tuple(squares), np.maximum(scales, TINY**2), moving)
 
 
 def _stays(log: Log, key: Key, group: Group, points: Integers) -> Floats:

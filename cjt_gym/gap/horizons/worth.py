@@ -62,8 +62,10 @@ def worth(problem: Problem, less: Fit, more: Fit, term: Term) -> Worth:
     size = max(int(problem.windows.pieces(k).max()) for k in problem.windows.keys) + 1
     gains, ratios, there = np.zeros(size), np.zeros(size), np.zeros(size, dtype=bool)
     for k, key in enumerate(problem.windows.keys):
-        pieces = problem.windows.pieces(key)
-        one, two = (_by_piece(fit.errors[k], pieces, size) for fit in (less, more))
+        pieces, moving = problem.windows.pieces(key), problem.windows.moving[k]
+        one, two = (
+            np.bincount(pieces, bounded(fit.errors[k], moving)[0], size) for fit in (less, more)
+        )
         count = np.bincount(pieces, minlength=size)
         there |= count > 0
         middle = float(np.sqrt(one.sum() * two.sum()))
@@ -75,10 +77,6 @@ def worth(problem: Problem, less: Fit, more: Fit, term: Term) -> Worth:
     clear = max(_in_deviations(gains), _in_deviations(ratios))
     needed = CLEAR * term.factor**0.5
     return Worth(less.cost - more.cost, clear, float(best.sum()), price(term), needed)
-
-
-def _by_piece(errors: Floats, pieces: NDArray[np.int64], size: int) -> Floats:
-    return np.bincount(pieces, bounded(errors)[0], size).astype(np.float64)
 
 
 def _in_deviations(x: Floats) -> float:
