@@ -88,6 +88,21 @@ def test_a_table_takes_parameter_files_of_the_toolbox(tmp_path: Path) -> None:
     assert build_joints(path)["a-rigid_gearbox"].parameters.k_b == 1e4
 
 
+@pytest.mark.filterwarnings("always")
+def test_a_command_says_once_that_an_effect_changes_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "table.toml"
+    path.write_text(
+        'structures = ["rigid", "full_dynamics", "rigid_gearbox"]\n[joints]\norange_80_6000 = {}\n'
+        "[effects]\nasym = { viscous_asym = {} }\n"
+    )
+    assert main(["build", str(path)]) == 0
+    said = capsys.readouterr()
+    assert said.err.count("changes nothing") == 1
+    assert said.out.count("viscous_asym") == 3
+
+
 def test_an_error_names_the_joint_of_the_table() -> None:
     table = GOOD | {"joints": {"a": FILE, "b": FILE | {"parameters": {"kb": 1.0}}}}
     with pytest.raises(ParameterError, match="b-rigid of the table: .*Did you mean 'k_b'"):
