@@ -99,8 +99,8 @@ def _gain(model: DesignModel, wanted: Complex) -> Floats:
     if distance[linear_sum_assignment(distance)].max() > MISSED:
         raise ConfigurationError(
             f"Poles of the Luenberger observer that are asked for at {_told(wanted, model)} come "
-            f"out at {_told(found, model)}: measure more, set them farther apart or nearer to those "
-            "of the joint, or take a Kalman filter."
+            f"out at {_told(found, model)}: measure more, set them farther apart or nearer to "
+            "those of the joint, or take a Kalman filter."
         )
     return np.asarray(gain * scale[:, None] / model.noise)
 
