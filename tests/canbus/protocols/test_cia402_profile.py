@@ -19,7 +19,7 @@ SHOWN = {
 
 
 class Slave:
-    """A drive with the names of pysoem's slave, on a dictionary: SDOs, and process data as bytes."""
+    """A drive with the names of pysoem's slave: SDOs on a dictionary, process data as bytes."""
 
     def __init__(self, profile: Profile) -> None:
         self.output = self.input = b""
