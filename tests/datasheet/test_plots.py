@@ -94,5 +94,5 @@ def test_maps_return_what_a_colorbar_takes(orange: JointParameters) -> None:
         figure.colorbar(draw(axes, orange), ax=axes)
     assert characteristic(orange, "t_r") > 0.0
     axes = Figure().subplots()
-    plots.impedance(axes, orange, plots.usual_motion(orange))
+    plots.impedance(axes, orange)
     assert axes.lines
