@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from numbers import Real
+from typing import SupportsFloat
 
 from cjt_gym.baselines.controller import Controller
 from cjt_gym.errors import ConfigurationError, unknown_name
@@ -43,9 +43,12 @@ class Gain:
     usual: float | None = None
     off: bool = False
 
-    def allows(self, value: float) -> bool:
-        """Return whether a value is in the range."""
-        return self.low <= value <= self.high or (self.off and value == 0.0)
+    def allows(self, value: object) -> bool:
+        """Return whether a value is a number in the range."""
+        if not isinstance(value, SupportsFloat):
+            return False
+        number = float(value)
+        return self.low <= number <= self.high or (self.off and number == 0.0)
 
 
 @dataclass(frozen=True)
@@ -115,7 +118,7 @@ def check_gains(owner: str, tunable: Iterable[Gain], gains: Gains) -> None:
         if name not in known:
             raise unknown_name(f"gain of {owner}", name, known)
         gain = known[name]
-        if not (isinstance(value, Real) and gain.allows(float(value))):
+        if not gain.allows(value):
             raise ConfigurationError(
                 f"Gain {name} of {owner} must be in [{gain.low:g}, {gain.high:g}] {gain.unit}"
                 f"{', or 0' if gain.off else ''}, got {value!r}."
