@@ -44,7 +44,7 @@ ROW = linear_row(
     tunable=(
         Gain("kt", "rad/(s N m)", 0.0, 1.0),
         Gain("kv", "N m s/rad", 0.0, 1000.0),
-        Gain("ki", "N m/rad", 0.001, 1e5, log=True),
+        Gain("ki", "N m/rad", 0.001, 1e5, log=True, off=True),
     ),
     law=cascade_law,
     candidates=_candidates,

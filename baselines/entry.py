@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from typing import SupportsFloat
 
 from cjt_gym.baselines.controller import Controller
 from cjt_gym.errors import ConfigurationError, unknown_name
@@ -30,6 +30,7 @@ class Gain:
         log: Whether it is to be searched on a logarithmic scale; then low > 0.
         asked: Whether it says what is wanted rather than how well it is done, such as a stiffness
             to render. A search leaves it as it is.
+        off: Whether it may be 0, too, which turns off what it is the gain of.
         usual: Its value where neither a design nor a gain file says one; None where they must.
     """
 
@@ -40,6 +41,14 @@ class Gain:
     log: bool = False
     asked: bool = False
     usual: float | None = None
+    off: bool = False
+
+    def allows(self, value: object) -> bool:
+        """Return whether a value is a number in the range."""
+        if not isinstance(value, SupportsFloat):
+            return False
+        number = float(value)
+        return self.low <= number <= self.high or (self.off and number == 0.0)
 
 
 @dataclass(frozen=True)
@@ -109,10 +118,10 @@ def check_gains(owner: str, tunable: Iterable[Gain], gains: Gains) -> None:
         if name not in known:
             raise unknown_name(f"gain of {owner}", name, known)
         gain = known[name]
-        if not (math.isfinite(value) and gain.low <= value <= gain.high):
+        if not gain.allows(value):
             raise ConfigurationError(
-                f"Gain {name} of {owner} must be in [{gain.low:g}, {gain.high:g}] {gain.unit}, "
-                f"got {value}."
+                f"Gain {name} of {owner} must be in [{gain.low:g}, {gain.high:g}] {gain.unit}"
+                f"{', or 0' if gain.off else ''}, got {value!r}."
             )
 
 

@@ -93,7 +93,7 @@ def integrator(rate: float, dt: float, direct: float, **weights: float) -> Block
     command (conditioning).
 
     Args:
-        rate: Gain of the integral [1/s].
+        rate: Gain of the integral [1/s]; 0 is none.
         dt: Sample time [s].
         direct: How much of a lasting reference the law feeds to the command at once, >= 0.
         weights: Signals that are integrated.
@@ -102,6 +102,8 @@ def integrator(rate: float, dt: float, direct: float, **weights: float) -> Block
         Hanus, Kinnaert, Henrotte (1987), Conditioning technique, a general anti-windup and
         bumpless transfer method, Automatica 23(6).
     """
+    if rate == 0.0:
+        return static()
     row = dt * rate * signals(**weights)
     back = min(max(float(row[REFERENCE]) / max(direct, 1e-6), SLOWEST), FASTEST)
     return Block(np.eye(1), row[None, :], np.ones(1), np.zeros(len(SIGNALS)), np.array([back]))

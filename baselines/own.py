@@ -14,9 +14,11 @@ from __future__ import annotations
 
 import hashlib
 import importlib.util
+import inspect
 import sys
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -27,7 +29,7 @@ import numpy as np
 
 from cjt_gym.baselines.controller import Controller, Floats, Mask, check_sampling
 from cjt_gym.baselines.entry import ControllerEntry, Gain
-from cjt_gym.errors import ConfigurationError, MissingFileError, unknown_name
+from cjt_gym.errors import CjtGymError, ConfigurationError, MissingFileError, unknown_name
 from cjt_gym.joint import Joint
 from cjt_gym.plant import Measurement, limits_of
 
@@ -36,12 +38,18 @@ ENDING = ".py:"
 
 def is_own(word: str) -> bool:
     """Return whether a word names code, as PATH.py:NAME."""
-    return ENDING in word
+    return ENDING in f"{word}:"
 
 
 def path_of(word: str) -> Path:
     """Return the file of PATH.py:NAME."""
-    return Path(word.rpartition(":")[0])
+    return Path(_parts(word)[0])
+
+
+def _parts(word: str) -> tuple[str, str]:
+    """Return path and name of PATH.py:NAME; the name is empty where there is none."""
+    path, colon, name = word.rpartition(":")
+    return (path, name) if colon and not name.endswith(".py") else (word, "")
 
 
 @final
@@ -68,9 +76,10 @@ class OwnController(Controller):
         check_sampling(self)
 
     def _command(self, measurement: Measurement, reference: Floats, fresh: Mask) -> Floats:
-        if fresh.any():
-            self.law.reset(None if fresh.all() else fresh.copy())
-        command = np.asarray(self.law.act(measurement, reference.copy()), dtype=np.float64)
+        with _told(self.name):
+            if fresh.any():
+                self.law.reset(None if fresh.all() else fresh.copy())
+            command = np.asarray(self.law.act(measurement, reference.copy()), dtype=np.float64)
         if command.shape != fresh.shape or not np.isfinite(command).all():
             raise ConfigurationError(
                 f"act of {self.name} must return finite motor torques of the shape {fresh.shape}, "
@@ -79,17 +88,41 @@ class OwnController(Controller):
         return command
 
 
+@contextmanager
+def _told(name: str) -> Iterator[None]:
+    """Say whose code it is that fails, and where."""
+    try:
+        yield
+    except CjtGymError:
+        raise
+    except Exception as error:
+        raise ConfigurationError(
+            f"The code of {name} fails: {_reason(error, path_of(name).resolve())}."
+        ) from error
+
+
+def _reason(error: Exception, path: Path) -> str:
+    """Return what went wrong, and the last line of the file that led to it."""
+    lines = traceback.extract_tb(error.__traceback__)
+    own = [row.lineno for row in lines if row.filename == str(path)]
+    return f"{type(error).__name__}: {error} (line {(own or [lines[-1].lineno])[-1]})"
+
+
 def own_entry(word: str) -> ControllerEntry:
     """Return the row of a controller of one's own."""
-    path, name = path_of(word), word.rpartition(":")[2]
+    path, name = path_of(word), _parts(word)[1]
     if not path.is_file():
         raise MissingFileError(f"The controller {word} does not exist: there is no file {path}.")
     module = _imported(path.resolve(), path.read_bytes())
     found = vars(module).get(name)
     if isinstance(found, ControllerEntry):
         return found
+    known = [n for n, v in vars(module).items() if _is_own(v, module)]
+    if not name:
+        raise ConfigurationError(
+            f"{word} must name the controller as well, as {word}:NAME. There: {', '.join(known)}."
+        )
     if found is None or not callable(found):
-        known = [n for n, v in vars(module).items() if _is_own(v, module)]
         raise unknown_name(f"controller of {path}", name, known)
     return entry_of(word, name, found)
 
@@ -108,12 +141,13 @@ def entry_of(word: str, name: str, make: Callable[..., Any]) -> ControllerEntry:
         )
 
     def build(joint: Joint, dt: float, gains: Mapping[str, float]) -> Controller:
+        taken = f"(joint, dt{''.join(f', {gain.name}' for gain in tunable)})"
         try:
-            law = make(joint, dt, **gains)
+            inspect.signature(make).bind(joint, dt, **gains)
         except TypeError as error:
-            raise ConfigurationError(
-                f"{word} must take (joint, dt{''.join(f', {g.name}' for g in tunable)}): {error}."
-            ) from error
+            raise ConfigurationError(f"{word} must take {taken}: {error}.") from error
+        with _told(word):
+            law = make(joint, dt, **gains)
         if isinstance(law, Controller):
             return law
         if isinstance(law, type) or not all(hasattr(law, m) for m in ("act", "reset")):
@@ -145,8 +179,5 @@ def _imported(path: Path, content: bytes) -> ModuleType:
         spec.loader.exec_module(module)
     except Exception as error:
         del sys.modules[name]
-        line = traceback.extract_tb(error.__traceback__)[-1].lineno
-        raise ConfigurationError(
-            f"{path} cannot be imported: {type(error).__name__}: {error} (line {line})."
-        ) from error
+        raise ConfigurationError(f"{path} cannot be imported: {_reason(error, path)}.") from error
     return module

@@ -18,7 +18,7 @@ Floats = NDArray[np.float64]
 CUTOFF_HZ = 200.0
 """Of the derivative's low pass, as in the toolbox: ten times what the tasks ask for."""
 KP, KD = Gain("kp", "-", 0.0, 10.0), Gain("kd", "s", 0.0, 0.1)
-KI = Gain("ki", "1/s", 0.01, 300.0, log=True)
+KI = Gain("ki", "1/s", 0.01, 300.0, log=True, off=True)
 LEAD = Gain("lead", "-", 0.0, 1.0, asked=True, usual=1.0)
 LATE = Gain("lead", "-", 0.0, 1.0, asked=True, usual=0.0)
 DOB_HZ = Gain("dob_hz", "Hz", 0.1, 200.0, log=True)
@@ -65,13 +65,9 @@ def pid(
     """
     error = {"reference": 1.0, "tau": -1.0}
     late = error if lead >= 0.5 else {"tau": -1.0}
-    parts = [
-        static(reference=forward + kp, tau=-kp),
-        through(derivative(dt, cutoff_hz), kd, **late),
-    ]
-    if ki > 0.0:
-        parts.append(integrator(ki, dt, forward + kp, **error))
-    return total(parts)
+    proportional = static(reference=forward + kp, tau=-kp)
+    late_error = through(derivative(dt, cutoff_hz), kd, **late)
+    return total([proportional, late_error, integrator(ki, dt, forward + kp, **error)])
 
 
 def damping_gains(model: SampledJoint, ratios: Sequence[float]) -> list[float]:

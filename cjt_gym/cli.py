@@ -116,16 +116,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _run(command: str, words: Sequence[str], in_shell: bool) -> int:
     with warnings.catch_warnings():
-        warnings.showwarning = _warn
+        warnings.showwarning = _Warnings().show
         if not in_shell:
             return _run_command(command, words)
         with Alive(until_a_word=command in GOING_ON) as alive:
             return _run_command(command, words, alive)
 
 
-def _warn(message: Warning | str, *rest: Any, **named: Any) -> None:
-    """Show a warning as one line, without the place in the code that it comes from."""
-    sys.stderr.write(f"cjt-gym: {' '.join(str(message).split())}\n")
+class _Warnings:
+    """Shows each warning once, as one line without the place in the code that it comes from."""
+
+    def __init__(self) -> None:
+        self.shown: set[str] = set()
+
+    def show(self, message: Warning | str, *rest: Any, **named: Any) -> None:
+        line = " ".join(str(message).split())
+        if line not in self.shown:
+            self.shown.add(line)
+            sys.stderr.write(f"cjt-gym: {line}\n")
 
 
 def _run_command(command: str, words: Sequence[str], alive: Alive | None = None) -> int:

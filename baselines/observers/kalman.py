@@ -33,7 +33,7 @@ OUTPUTS = ("tau", "q_m")
 def kalman_filter(
     model: SampledJoint,
     torque_noise: float,
-    drift: float,
+    drift: float = 0.0,
     outputs: tuple[str, ...] = OUTPUTS,
 ) -> LinearObserver:
     """Return the steady Kalman filter.

@@ -91,18 +91,25 @@ def _gain(model: DesignModel, wanted: Complex) -> Floats:
             gain = np.linalg.solve(a, placed.T) @ axes.T
         except ValueError as error:  # of NumPy, too, where a mode dies within a sample
             raise ConfigurationError(
-                f"Poles of the Luenberger observer cannot be placed at z = {wanted}: {error}. "
-                "Leave fast modes of the joint where they are, or take a Kalman filter."
+                f"Poles of the Luenberger observer cannot be placed at {_told(wanted, model)}: "
+                f"{error}. Leave fast modes of the joint where they are, or take a Kalman filter."
             ) from error
     found = np.linalg.eigvals(a @ (np.eye(len(a)) - gain @ c))
     distance = np.abs(found[:, None] - wanted) / np.abs(1.0 - wanted)
     if distance[linear_sum_assignment(distance)].max() > MISSED:
         raise ConfigurationError(
-            f"Poles of the Luenberger observer that are asked for at z = {wanted} come out at "
-            f"{found}: set them farther apart or nearer to those of the joint, or take a Kalman "
-            "filter."
+            f"Poles of the Luenberger observer that are asked for at {_told(wanted, model)} come "
+            f"out at {_told(found, model)}: measure more, set them farther apart or nearer to "
+            "those of the joint, or take a Kalman filter."
         )
     return np.asarray(gain * scale[:, None] / model.noise)
+
+
+def _told(poles: Complex, model: DesignModel) -> str:
+    """Return poles of the z plane as text, in the s plane."""
+    found = np.log(poles.astype(np.complex128)) / model.dt
+    words = [f"{z.real:.4g}" + (f"{z.imag:+.4g}j" if z.imag else "") for z in found]
+    return f"{', '.join(words)} rad/s"
 
 
 def apart(poles: Complex) -> Complex:

@@ -27,7 +27,7 @@ class ObserverEntry:
     Attributes:
         name: Its name.
         summary: What it is, in one line.
-        tunable: Its numbers with their ranges; all have to be given.
+        tunable: Its numbers with their ranges; those without a usual value have to be given.
         make: Makes it for a sampled joint, numbers and measured signals.
         outputs: Measured signals where none are given.
         chosen: How many measured signals may be chosen: none, one, or any number (-1).
@@ -44,7 +44,7 @@ class ObserverEntry:
 def _luenberger(
     model: SampledJoint, gains: Mapping[str, float], outputs: tuple[str, ...]
 ) -> LinearObserver:
-    design = design_model(model, outputs)
+    design = design_model(model, outputs, gains["disturbance"] > 0.0)
     return place_observer(design, spread_poles(gains["bandwidth_hz"], len(design.b)).tolist())
 
 
@@ -53,15 +53,15 @@ OBSERVERS = {
     for row in (
         ObserverEntry(
             "luenberger",
-            "States and a constant disturbance, poles near one bandwidth.",
-            (HZ,),
+            "States and, with disturbance 1, a constant disturbance; poles near one bandwidth.",
+            (HZ, Gain("disturbance", "-", 0.0, 1.0, usual=1.0)),
             _luenberger,
             chosen=-1,
         ),
         ObserverEntry(
             "kalman",
             "States and, with a drift, a disturbance; steady Kalman filter.",
-            (Gain("torque_noise", "N m", 0.0, 1e3), Gain("drift", "N m", 0.0, 1e3)),
+            (Gain("torque_noise", "N m", 0.0, 1e3), Gain("drift", "N m", 0.0, 1e3, usual=0.0)),
             lambda m, g, outputs: kalman_filter(m, g["torque_noise"], g["drift"], outputs),
             OUTPUTS,
             -1,
@@ -100,7 +100,7 @@ def make_observer(
     Args:
         name: A row of `OBSERVERS`.
         model: The joint.
-        gains: A value for each of its numbers.
+        gains: Values of its numbers; those left out have their usual values.
         outputs: Measured signals; None for those of the row.
 
     Raises:
@@ -112,6 +112,8 @@ def make_observer(
         raise unknown_name("observer", name, OBSERVERS)
     row = OBSERVERS[name]
     check_gains(f"observer {name}", row.tunable, gains)
+    usual = {g.name: g.usual for g in row.tunable if g.usual is not None}
+    gains = usual | dict(gains)
     missing = [f"{g.name} [{g.unit}]" for g in row.tunable if g.name not in gains]
     if missing:
         raise ConfigurationError(f"The observer {name} needs {', '.join(missing)}.")

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from cjt_gym.characteristics.bandwidth import LOCKED, response, torque_limits
 from cjt_gym.characteristics.motor import Floats, rated_torque
 from cjt_gym.characteristics.thermal import time_to_critical
+from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import JointParameters
 
 LEVELS = 128  # of heating, between which times are smooth
@@ -34,7 +35,7 @@ def holding_time(
 
     Args:
         p: Parameters.
-        tau: Amplitude of the joint torque, broadcast with f [N m].
+        tau: Amplitude of the joint torque >= 0, broadcast with f [N m].
         f: Frequency > 0 [Hz].
         winding: Temperature at the start [degC]; ambient if absent.
         load: Inertia of a free load [kg m^2]; infinite for a locked output.
@@ -42,8 +43,13 @@ def holding_time(
     Returns:
         The time; infinity where it can be held for ever, NaN where current, voltage or velocity do
         not allow the torque at all.
+
+    Raises:
+        ConfigurationError: A torque or a frequency is out of range.
     """
     torque, frequency = np.broadcast_arrays(np.asarray(tau, float), np.asarray(f, float))
+    if not (torque >= 0.0).all():
+        raise ConfigurationError(f"tau, an amplitude, must be >= 0 N m, got {torque.min():g}.")
     single = np.unique(frequency)
     at = np.searchsorted(single, frequency)
     gain, limits = np.abs(response(p, single, load)[0]), torque_limits(p, single, load)

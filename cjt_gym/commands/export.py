@@ -21,10 +21,11 @@ from cjt_gym.console.options import (
 )
 from cjt_gym.disk import refuse_inputs, write_text
 from cjt_gym.envs.settings import default_load
-from cjt_gym.errors import ConfigurationError
+from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.export import TARGETS, Export, to_isaaclab, to_mujoco
 from cjt_gym.export.c_files import Header, controller_to_c, observer_to_c
 from cjt_gym.joint import Joint, load_joint
+from cjt_gym.training.deploy.shipped import policy_names
 from cjt_gym.training.tuning.gains import choose, files_of
 
 FORMS = ("onnx", "numpy", "c")
@@ -34,7 +35,8 @@ FORMS = ("onnx", "numpy", "c")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add what to export, for what, and where to write it."""
     add = parser.add_argument
-    text = "name of a joint or path of a joint file; for a policy, its run folder; with --to c a "
+    text = "name of a joint or path of a joint file; for a policy, its run folder, its file or its "
+    text += "name (cjt-gym policies); with --to c a "
     text += f"controller (table, parts, gain file) or an observer: {', '.join(OBSERVERS)}"
     add("source", metavar="JOINT|RUN|CONTROLLER|OBSERVER", help=text)
     text = f"simulator for a joint: {', '.join(TARGETS)}; form of a policy: {', '.join(FORMS)}"
@@ -61,6 +63,8 @@ def run(options: argparse.Namespace) -> Answer:
         records = [read_own(path) for path in options.check]
         from cjt_gym.training.deploy.export import export_policy
 
+        if options.to == "c":
+            _check_name(options.source)
         result = export_policy(options.source, options.to, options.out, records)
         return result.to_dict(), result.summary()
     joint = chosen_joint(options, options.source)
@@ -72,6 +76,14 @@ def run(options: argparse.Namespace) -> Answer:
     write_text(options.out, found.text)
     tell_effects(joint)
     return {"file": str(options.out), **found.to_dict()}, _summary(options.out, found)
+
+
+def _check_name(word: str) -> None:
+    """Refuse a name that neither a policy nor a controller or an observer has."""
+    known = [*CONTROLLERS, *OBSERVERS, *policy_names()]
+    path = Path(word)
+    if not (path.exists() or len(path.parts) > 1 or path.suffix or word in known):
+        raise unknown_name("controller, observer, policy or run folder", word, known)
 
 
 def _summary(path: Path, found: Export) -> str:

@@ -128,7 +128,7 @@ def _plots(joints: Sequence[JointParameters]) -> Iterator[Block]:
     )
     impedance: Drawing = (
         "impedance",
-        lambda: _impedance(joints),
+        lambda: figures.alone(plots.impedance, joints),
         _impedance_caption(joints),
         False,
     )
@@ -145,10 +145,6 @@ def _plots(joints: Sequence[JointParameters]) -> Iterator[Block]:
         yield Figure(svg, caption, whole)
     if missing:
         yield Paragraph("Not drawn. " + " ".join(map(plain, missing)), small=True)
-
-
-def _impedance(joints: Sequence[JointParameters]) -> str:
-    return figures.alone(plots.impedance, joints, min(plots.usual_motion(p) for p in joints))
 
 
 def _impedance_caption(joints: Sequence[JointParameters]) -> str:

@@ -3,7 +3,7 @@
 The table is a TOML file:
 
     structures = ["rigid_gearbox", "output_fixed_rigid_gearbox"]
-    drives = ["current"]                          # this is the default
+    drives = ["current"]
 
     [joints]
     plain = { file = "orange_80_6000" }
@@ -14,7 +14,8 @@ The table is a TOML file:
     rough = { coulomb = { dq_0 = 0.002 }, cogging = { f = [480.0], a = [0.5], b = [0.2] } }
 
 It describes eight joints, with names such as ``stiff-rigid_gearbox-rough``. The drive is part of
-the name if there are several.
+the name if there are several. Without `structures`, `drives` or `effects` a joint has what its own
+file says, as `load_joint` does.
 """
 
 from __future__ import annotations
@@ -26,11 +27,12 @@ from pathlib import Path
 from typing import Any
 
 from cjt_gym.disk import read_toml
-from cjt_gym.errors import ConfigurationError, MissingFileError, did_you_mean
+from cjt_gym.errors import CjtGymError, ConfigurationError, MissingFileError, did_you_mean
 from cjt_gym.joint.effect_entries import unit_on
 from cjt_gym.joint.effects import EFFECTS
-from cjt_gym.joint.files import JointFile
+from cjt_gym.joint.files import JointFile, is_path
 from cjt_gym.joint.joint import Joint, load_joint
+from cjt_gym.joint.parameters import SET_IN_PYTHON
 from cjt_gym.joint.quantity import FrozenMapping, Quantity, Setting
 
 KEYS = ("joints", "structures", "drives", "effects")
@@ -61,20 +63,16 @@ def build_joints(table: str | Path | Mapping[str, Any]) -> dict[str, Joint]:
         folder, owner = Path(table).parent, str(table)
         table = _read(Path(table))
     _check_keys(table, KEYS, owner)
-    for key in ("joints", "structures"):
-        if not table.get(key):
-            raise ConfigurationError(f"{owner} must have '{key}', got none. Add at least one.")
-    drives = table.get("drives", ["current"])
+    if not table.get("joints"):
+        raise ConfigurationError(f"{owner} must have 'joints', got none. Add at least one.")
+    structures, drives = (_names(table, key, owner) for key in ("structures", "drives"))
     effects: Mapping[str, Any] = table.get("effects") or {"": None}
-    for key, names in (("structures", table["structures"]), ("drives", drives)):
-        if not isinstance(names, list | tuple) or not all(isinstance(n, str) for n in names):
-            raise ConfigurationError(f"{key} of {owner} must be a list of names, got {names!r}.")
     for key, rows in (("joints", table["joints"]), ("effects", effects)):
         if not isinstance(rows, Mapping):
             raise ConfigurationError(f"{key} of {owner} must be a table, got {rows!r}.")
     found: dict[str, Joint] = {}
     sets = table["joints"].items()
-    for (name, row), structure, drive, kind in product(sets, table["structures"], drives, effects):
+    for (name, row), structure, drive, kind in product(sets, structures, drives, effects):
         _check_keys(row, JOINT_KEYS, f"joint {name} of {owner}")
         file, parameters = row.get("file", name), row.get("parameters", {})
         if not isinstance(file, str) or not isinstance(parameters, Mapping):
@@ -82,16 +80,12 @@ def build_joints(table: str | Path | Mapping[str, Any]) -> dict[str, Joint]:
                 f"file of joint {name} of {owner} must be a name or a path, and parameters a table "
                 f"such as {{ k_b = 3e3 }}, got {file!r} and {parameters!r}."
             )
-        parts = [name, structure, drive if len(drives) > 1 else "", kind]
-        label = "-".join(part for part in parts if part)
-        joint = load_joint(
-            _located(file, folder),
-            structure,
-            drive,
-            effects[kind],
-            parameters,
-        )
-        named = replace(joint.parameters, name=label)
+        label = "-".join(filter(None, [name, structure, drive if len(drives) > 1 else "", kind]))
+        try:
+            joint = load_joint(_located(file, folder), structure, drive, effects[kind], parameters)
+        except CjtGymError as error:
+            raise type(error)(f"{label} of {owner}: {error}") from None
+        named = replace(joint.parameters, name=label, quantities=_sourced(joint, owner))
         found[label] = replace(joint, file=replace(joint.file, parameters=named))
     return found
 
@@ -117,6 +111,24 @@ def file_of(joint: Joint) -> JointFile:
     )
 
 
+def _names(table: Mapping[str, Any], key: str, owner: str) -> list[str | None]:
+    """Return the names of a list in the table; where it has none, one that is left to the file."""
+    if key not in table:
+        return [None]
+    names = table[key]
+    if not isinstance(names, list | tuple) or not names or {type(n) for n in names} != {str}:
+        raise ConfigurationError(f"{key} of {owner} must be a list of names, got {names!r}.")
+    return list(names)
+
+
+def _sourced(joint: Joint, owner: str) -> dict[str, Quantity]:
+    """Return the joint's parameters; those that the table replaced say so."""
+    return {
+        symbol: replace(row, source=f"set in {owner}") if row.source == SET_IN_PYTHON else row
+        for symbol, row in joint.parameters.quantities.items()
+    }
+
+
 def _read(path: Path) -> Mapping[str, Any]:
     try:
         return read_toml(path, ConfigurationError)
@@ -137,4 +149,4 @@ def _check_keys(row: object, known: tuple[str, ...], owner: str) -> None:
 
 def _located(file: str, folder: Path) -> str | Path:
     """Return the name of a shipped joint, or the path of a file beside the table."""
-    return folder / file if file.endswith(".toml") else file
+    return folder / Path(file).expanduser() if is_path(file) else file

@@ -105,6 +105,9 @@ class Joint:
 
         Poles that a zero cancels, such as the free motion of the whole joint in its torque, are
         not in it.
+
+        Raises:
+            UnknownNameError: `state_space` has no such signal.
         """
         return linear.minimal_transfer(self.state_space(dt), output, input)
 

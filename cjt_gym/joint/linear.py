@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.errors import ParameterError
+from cjt_gym.errors import ParameterError, unknown_name
 from cjt_gym.joint.parameters import JointParameters
 from cjt_gym.joint.structures import BODIES, Structure
 
@@ -168,6 +168,12 @@ def minimal_transfer(
     import control
     from scipy.signal import BadCoefficients
 
+    for what, name, known in (
+        ("output", output, system.output_labels),
+        ("input", input, system.input_labels),
+    ):
+        if name not in known:
+            raise unknown_name(f"{what} of the joint", name, known)
     row, column = system.output_labels.index(output), system.input_labels.index(input)
     a, b, c = system.A, system.B[:, [column]], system.C[[row]]
     shift = np.eye(len(a)) if system.isdtime(strict=True) else np.zeros_like(a)

@@ -18,6 +18,8 @@ from cjt_gym.joint.units import in_usual_unit
 
 __all__ = ["PARAMETERS", "JointParameters", "ParameterSpec", "Quantity", "content_of", "sha256_of"]
 
+SET_IN_PYTHON = "set in Python"
+"""Source of a value that names none."""
 ASYMMETRY_FACTOR = 3.0
 """Between both directions of a friction; more is a slip of a digit unless it is declared."""
 
@@ -66,7 +68,7 @@ class JointParameters:
         name: str,
         values: Mapping[str, float],
         axis: str = "rotary",
-        source: str = "set in Python",
+        source: str = SET_IN_PYTHON,
     ) -> JointParameters:
         """Return parameters from bare numbers, each in the usual unit of its symbol."""
         quantities = {
@@ -151,7 +153,7 @@ class JointParameters:
         return JointParameters(self.name, self.source, quantities, self.axis, self.origin)
 
     def _revalued(self, symbol: str, value: float) -> Quantity:
-        new = _in_usual_unit(symbol, value, self.axis, "set in Python")
+        new = _in_usual_unit(symbol, value, self.axis, SET_IN_PYTHON)
         old = self.quantities.get(symbol)
         if old is None:
             return new

@@ -62,7 +62,7 @@ def read_spring(path: str | Path) -> dict[str, tuple[float, ...]]:
 
     Raises:
         MissingFileError: There is no such file.
-        ParameterError: It has other columns, or something that is no number.
+        ParameterError: It has other columns, something that is no number, or no torque.
 
     Example:
         load_joint("orange_80_6000", effects={"spring_table": read_spring("bar.csv")})
@@ -83,6 +83,8 @@ def read_spring(path: str | Path) -> dict[str, tuple[float, ...]]:
         raise ParameterError(
             f"Every line of {path} must hold two numbers, deflection [rad] and torque [N m]."
         ) from None
+    if not points[:, 1].any():
+        raise ParameterError(f"{path} must hold a point with a torque that is not 0 N m, got none.")
     return {name: tuple(points[:, j].tolist()) for j, name in enumerate(HEADER)}
 
 

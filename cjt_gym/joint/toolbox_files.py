@@ -57,6 +57,8 @@ def read_toolbox(path: str | Path, defaults: str | Path | None = None) -> JointF
     file, origin = Path(path).expanduser(), str(path)
     mistakes = Mistakes(origin)
     assigned = _assignments(read_joint_text(file), file.name, origin, mistakes)
+    if not assigned:
+        mistakes.found.append(f"{origin} assigns no number, such as  params.('k_b') = 6000;")
     quantities = _parameters(assigned, origin, mistakes)
     with mistakes.collected():
         check_quantities(quantities, "rotary", origin)

@@ -144,6 +144,31 @@ def test_the_derivative_is_that_of_error_or_measurement(name: str) -> None:
         np.testing.assert_allclose(lead.b[:, TAU], late.b[:, TAU], atol=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("whole", "without"),
+    [
+        ("pi", "p"),
+        ("pid", "pd"),
+        ("pid_feedforward", "pd+reference"),
+        ("pid+torque", "pd+torque"),
+        ("integral_feedforward", "open_loop"),
+    ],
+)
+def test_without_its_integral_a_law_is_the_one_without(whole: str, without: str) -> None:
+    given = {"kp": 0.4, "kd": 2e-3, "ki": 0.0, "lead": 1.0}
+    found = []
+    for name in (whole, without):
+        gains = {gain.name: given[gain.name] for gain in get_entry(name).tunable}
+        found.append(commands(make_controller(name, a_joint(), DT, gains), 6.0))
+    np.testing.assert_array_equal(*found)
+
+
+@pytest.mark.parametrize("value", ["much", None, float("nan"), 0.001, -1.0])
+def test_a_gain_that_is_no_number_or_too_small_is_refused(value: object) -> None:
+    with pytest.raises(ConfigurationError, match=r"ki of controller pi must be .* 1/s, or 0, got"):
+        make_controller("pi", a_joint(), DT, {"kp": 0.2, "ki": value})  # type: ignore[dict-item]
+
+
 def test_rows_with_a_lead_keep_the_derivative_that_they_had() -> None:
     usual = {n: get_entry(n).complete({}).get("lead") for n in ("pd", "mass_dob", "pid_inner_dob")}
     assert usual == {"pd": 1.0, "mass_dob": 0.0, "pid_inner_dob": 0.0}

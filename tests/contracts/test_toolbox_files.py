@@ -70,6 +70,12 @@ def test_ripple_becomes_effects_by_its_type(script: Path) -> None:
     assert effects["gear_ripple"]["b"].value == (-1.0,)  # type: ignore[union-attr]
 
 
+def test_a_file_without_a_number_is_refused(script: Path) -> None:
+    script.write_text("% to be done\n", encoding="utf-8")
+    with pytest.raises(ParameterError, match="mine.m assigns no number"):
+        load_joint_file(script)
+
+
 def test_what_is_no_number_is_refused_and_not_run(script: Path) -> None:
     lines = "params.k_b = 2*pi;\nsystem('touch gone');\nparams.kb = 3;\nparams.r = -1;\n"
     script.write_text(ALGORITHM + lines, encoding="utf-8")

@@ -50,6 +50,11 @@ def test_what_is_possible_for_ever_and_not_at_all(orange: JointParameters) -> No
     assert (holding_time(orange, 0.9 * limits.peak, f, winding=orange.Tmp_WMax) == 0.0).all()
 
 
+def test_an_amplitude_below_zero_is_refused(orange: JointParameters) -> None:
+    with pytest.raises(ConfigurationError, match="tau, an amplitude, must be >= 0 N m, got -1"):
+        holding_time(orange, [3.0, -1.0], 2.0)
+
+
 def test_the_map_is_what_the_points_are(orange: JointParameters) -> None:
     tau, f = np.geomspace(5.0, 300.0, 9), np.geomspace(1.0, 80.0, 7)
     grid = holding_map(orange, tau, f, winding=60.0)
@@ -94,5 +99,5 @@ def test_maps_return_what_a_colorbar_takes(orange: JointParameters) -> None:
         figure.colorbar(draw(axes, orange), ax=axes)
     assert characteristic(orange, "t_r") > 0.0
     axes = Figure().subplots()
-    plots.impedance(axes, orange, plots.usual_motion(orange))
+    plots.impedance(axes, orange)
     assert axes.lines

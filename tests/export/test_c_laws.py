@@ -15,7 +15,7 @@ import pytest
 from cjt_gym import load_joint
 from cjt_gym.baselines import CONTROLLERS, default_gains, make_controller
 from cjt_gym.baselines.compose import WithFriction
-from cjt_gym.baselines.observers import OBSERVERS, make_observer
+from cjt_gym.baselines.observers import OBSERVERS, kalman_filter, make_observer
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.cli import main
 from cjt_gym.errors import ConfigurationError, UnknownNameError
@@ -145,8 +145,8 @@ def test_what_cannot_be_written_in_c_is_refused(name: str) -> None:
 
 def test_numbers_of_observers_are_asked_for() -> None:
     model = SampledJoint(a_joint(), DT)
-    with pytest.raises(ConfigurationError, match=r"kalman needs drift \[N m\]"):
-        make_observer("kalman", model, {"torque_noise": 0.1})
+    with pytest.raises(ConfigurationError, match=r"kalman needs torque_noise \[N m\]"):
+        make_observer("kalman", model, {"drift": 0.1})
     with pytest.raises(UnknownNameError, match="Did you mean 'kalman'"):
         make_observer("kalmann", model, {})
     with pytest.raises(UnknownNameError, match="Unknown gain of observer momentum"):
@@ -155,6 +155,17 @@ def test_numbers_of_observers_are_asked_for() -> None:
         make_observer("disturbance", model, {"bandwidth_hz": 9.0}, ("tau", "q_m"))
     with pytest.raises(ConfigurationError, match="must be > 0 s, got 0"):
         SampledJoint(a_joint(), 0.0)
+
+
+def test_a_disturbance_is_estimated_only_where_it_is_asked_for() -> None:
+    model = SampledJoint(a_joint(), DT)
+    states = kalman_filter(model, torque_noise=0.1).names
+    assert make_observer("kalman", model, {"torque_noise": 0.1}).names == states
+    assert "disturbance" not in states
+    hz = {"bandwidth_hz": 30.0}
+    assert "disturbance" in make_observer("luenberger", model, hz).names
+    without = make_observer("luenberger", model, hz | {"disturbance": 0.0}, ("dq_m",))
+    assert "disturbance" not in without.names
 
 
 def test_without_a_compiler_it_is_written_and_said(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from cjt_gym.cli import main
-from cjt_gym.errors import CjtGymError, ConfigurationError, MissingFileError
+from cjt_gym.errors import CjtGymError, ConfigurationError, MissingFileError, ParameterError
 from cjt_gym.joint import load_joint
 from cjt_gym.joint.build import build_joints
 
@@ -64,6 +65,50 @@ def test_drives_are_named_where_there_are_several() -> None:
     assert list(build_joints(table)) == ["a-rigid-static", "a-rigid-rl"]
 
 
+def test_what_a_table_leaves_open_is_as_the_joint_file_says(tmp_path: Path) -> None:
+    text = (resources.files("cjt_gym.params") / "orange_80_6000.toml").read_text(encoding="utf-8")
+    head = 'structure = "rigid_gearbox"\ndrive = "rl"\n\n[parameters]'
+    (tmp_path / "mine.toml").write_text(text.replace("[parameters]", head), encoding="utf-8")
+    path = tmp_path / "table.toml"
+    path.write_text('[joints]\na = { file = "mine.toml", parameters = { k_b = 1e4 } }\n')
+    joint = build_joints(path)["a"]
+    assert (joint.structure, joint.drive) == ("rigid_gearbox", "rl")
+    assert joint.parameters.quantities["k_b"].source == f"set in {path}"
+    path.write_text('structures = ["rigid"]\n[joints]\na = { file = "mine.toml" }\n')
+    assert build_joints(path)["a-rigid"].drive == "rl"
+
+
+def test_a_table_takes_parameter_files_of_the_toolbox(tmp_path: Path) -> None:
+    (tmp_path / "one.m").write_text(
+        "params.I_m = 0.2;\nparams.I_g = 0.1;\nparams.k_b = 1e4;\nparams.n = 80;\n"
+        "params.k_t = 0.04;\nparams.I_l = 1e-4;\n"
+    )
+    path = tmp_path / "table.toml"
+    path.write_text('structures = ["rigid_gearbox"]\n[joints]\na = { file = "one.m" }\n')
+    assert build_joints(path)["a-rigid_gearbox"].parameters.k_b == 1e4
+
+
+@pytest.mark.filterwarnings("always")
+def test_a_command_says_once_that_an_effect_changes_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "table.toml"
+    path.write_text(
+        'structures = ["rigid", "full_dynamics", "rigid_gearbox"]\n[joints]\norange_80_6000 = {}\n'
+        "[effects]\nasym = { viscous_asym = {} }\n"
+    )
+    assert main(["build", str(path)]) == 0
+    said = capsys.readouterr()
+    assert said.err.count("changes nothing") == 1
+    assert said.out.count("viscous_asym") == 3
+
+
+def test_an_error_names_the_joint_of_the_table() -> None:
+    table = GOOD | {"joints": {"a": FILE, "b": FILE | {"parameters": {"kb": 1.0}}}}
+    with pytest.raises(ParameterError, match="b-rigid of the table: .*Did you mean 'k_b'"):
+        build_joints(table)
+
+
 def test_mistakes_are_errors(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match="Did you mean 'structures'"):
         build_joints({"joints": {}, "structure": []})
@@ -88,6 +133,8 @@ WRONG: list[dict[str, Any]] = [
     {"structures": "rigid"},
     {"structures": [1]},
     {"drives": 3},
+    {"drives": []},
+    {"structures": []},
     {"effects": ["coulomb"]},
     {"effects": {"x": 3}},
     {"effects": {"x": [3]}},

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import PchipInterpolator
 
-from cjt_gym.errors import MissingFileError, ParameterError
+from cjt_gym.errors import MissingFileError, ParameterError, UnknownNameError
 from cjt_gym.joint import Joint, load_joint, to_toml
 from cjt_gym.joint.arrays import MEMORY
 from cjt_gym.joint.build import file_of
@@ -143,10 +143,19 @@ def test_tables_that_are_none_are_refused(tmp_path: Path) -> None:
     for text, message in (
         ("a,b\n1,2\n", "first line"),
         ("deflection,torque\n1,x\n", "two numbers"),
+        ("deflection,torque\n0,0\n", "a torque that is not 0"),
     ):
         (tmp_path / "bad.csv").write_text(text)
         with pytest.raises(ParameterError, match=message):
             read_spring(tmp_path / "bad.csv")
+
+
+def test_a_signal_that_does_not_exist_is_told_from_its_neighbour() -> None:
+    joint = load_joint("example", "output_fixed", effects={})
+    with pytest.raises(UnknownNameError, match="output of the joint 'tua'. Did you mean 'tau'"):
+        joint.transfer_function("tua")
+    with pytest.raises(UnknownNameError, match="input of the joint 'tau_l'.* Known: dq_l, tau_m"):
+        joint.transfer_function("tau", "tau_l")
 
 
 def test_transfer_functions_are_minimal() -> None:

@@ -173,6 +173,25 @@ def test_command_writes_tries_and_tells(
         assert "mine_step(mine_state *state" in out.read_text(encoding="utf-8")
 
 
+@pytest.mark.parametrize("form", ["c", "onnx", "numpy"])
+def test_a_policy_that_ships_is_written_by_its_name(
+    form: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "shipped.npz"
+    assert main(["export", "orange_residual", "--to", form, "--out", str(out), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["error"] is None or told["error"] < TOLERANCE
+
+
+def test_a_name_that_nothing_has_is_told_from_its_neighbour(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["--to", "c", "--out", str(tmp_path / "x.h")]
+    for wrong, right in (("kalmn", "kalman"), ("orange_residul", "orange_residual")):
+        assert main(["export", wrong, *words]) == 2
+        assert f"Did you mean '{right}'" in capsys.readouterr().err
+
+
 def test_names_units_and_gains_are_in_the_file(finished: RunFolder, tmp_path: Path) -> None:
     policy = exported(load_policy(finished.path))
     facts = OnnxStepper(write_onnx(policy, tmp_path / "p.onnx")).facts

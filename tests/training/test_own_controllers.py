@@ -133,6 +133,41 @@ def test_files_that_are_gone_or_broken_are_refused(law: str) -> None:
     assert main(["simulate", JOINT, "--controller", "broken.py:Mine", "--out", "r.csv"]) == 2
 
 
+FAILING = """
+class Mine:
+    def __init__(self, joint, dt):
+        self.gain = {construct}
+
+    def reset(self, mask=None):
+        {reset}
+
+    def act(self, measurement, reference):
+        return {act}
+"""
+
+
+@pytest.mark.parametrize(
+    ("part", "code", "line"),
+    [("construct", "dt.gain", 4), ("reset", "1 / 0", 7), ("act", "[][1]", 10)],
+)
+def test_code_that_fails_is_told_with_its_line(
+    part: str, code: str, line: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "failing.py"
+    fine = {"construct": "0", "reset": "pass", "act": "reference"}
+    path.write_text(FAILING.format(**fine | {part: code}), encoding="utf-8")
+    words = ["simulate", JOINT, "--duration", "0.1", "--out", str(tmp_path / "r.csv")]
+    assert main([*words, "--controller", f"{path}:Mine"]) == 2
+    told = capsys.readouterr().err
+    assert f"The code of {path}:Mine fails: " in told
+    assert f"(line {line})." in told
+
+
+def test_a_file_without_a_name_is_told_what_is_in_it(law: str) -> None:
+    with pytest.raises(ConfigurationError, match=f"as {law}:NAME. There: .*Mine"):
+        made(law)
+
+
 def test_commands_take_it(law: str, capsys: pytest.CaptureFixture[str]) -> None:
     word = f"{law}:Mine"
     run = [

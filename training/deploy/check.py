@@ -81,7 +81,11 @@ class CStepper:
 
 
 def check(
-    agent: PolicyAgent, path: Path, target: str, header: str = "", records: Sequence[Record] = ()
+    agent: PolicyAgent | Exported,
+    path: Path,
+    target: str,
+    header: str = "",
+    records: Sequence[Record] = (),
 ) -> Checked:
     """Compare an exported file with its policy, on what that measures in an episode.
 
@@ -119,7 +123,7 @@ def _stepper(path: Path, target: str, header: str, layout: Layout) -> AnyStepper
     return Stepper(load_exported(path))
 
 
-def recorded(agent: PolicyAgent) -> Run:
+def recorded(agent: PolicyAgent | Exported) -> Run:
     """Return what a policy sees in an episode of its task, and what it commands.
 
     Returns:
@@ -142,7 +146,7 @@ def recorded(agent: PolicyAgent) -> Run:
     return inputs, np.array(wanted)
 
 
-def replayed(agent: PolicyAgent, record: Record) -> Run:
+def replayed(agent: PolicyAgent | Exported, record: Record) -> Run:
     """Return the signals of a record, and what policy and base controller command to them."""
     layout = agent.layout
     columns = _columns(record, exported(agent), layout)

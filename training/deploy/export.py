@@ -16,8 +16,8 @@ from cjt_gym.training.deploy.c_header import c_header
 from cjt_gym.training.deploy.check import TOLERANCE, check
 from cjt_gym.training.deploy.exported import save_exported
 from cjt_gym.training.deploy.fast_policy import exported
+from cjt_gym.training.deploy.load_agent import load_agent
 from cjt_gym.training.deploy.onnx_file import write_onnx
-from cjt_gym.training.learning.policy import load_policy
 
 
 @dataclass(frozen=True)
@@ -55,21 +55,22 @@ class Written:
 def export_policy(
     run: str | Path, form: str, path: Path, records: Sequence[Record] = ()
 ) -> Written:
-    """Write the policy of a run, and try the file on an episode of its training task.
+    """Write a policy in another form, and try the file on an episode of its training task.
 
     Args:
-        run: The run folder.
+        run: The run folder, the file of an exported policy, or the name of one that ships.
         form: "onnx", "numpy" or "c".
         path: The file to write. Names in a C header begin with its name.
         records: Recorded signals on which the file is to be compared with the policy, too.
 
     Raises:
-        MissingFileError: There is no such folder.
+        UnknownNameError: It looks like a name, and no policy of that name ships.
+        MissingFileError: There is no such path.
         ConfigurationError: It is no run of ours, its network or its base controller cannot be
             exported, a record does not fit, or a package is missing.
         ExportError: The file gives other actions than the policy.
     """
-    agent = load_policy(run)
+    agent = load_agent(run)
     policy, header = exported(agent), ""
     if form == "onnx":
         write_onnx(policy, path)

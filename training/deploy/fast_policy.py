@@ -42,8 +42,10 @@ def fast_policy(agent: PolicyAgent) -> Callable[[Floats], Floats]:
     return network.act
 
 
-def exported(agent: PolicyAgent) -> Exported:
+def exported(agent: PolicyAgent | Exported) -> Exported:
     """Return a trained policy without what trained it."""
+    if isinstance(agent, Exported):
+        return agent
     network = network_of(agent)
     if network is None:
         raise ConfigurationError(

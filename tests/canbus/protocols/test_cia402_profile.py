@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from cjt_gym.canbus.protocols.cia402_objects import OBJECTS, PDOS, State
-from cjt_gym.canbus.protocols.cia402_profile import ENABLING, Controlword, Profile
-from cjt_gym.canbus.protocols.contract import Mode
+from cjt_gym.canbus.protocols.cia402_profile import ENABLING, Access, Controlword, Profile
+from cjt_gym.canbus.protocols.contract import Mode, Settings
 from cjt_gym.errors import ProtocolError
 from tests.canbus.protocols.line import settings_for
 
@@ -19,14 +19,13 @@ SHOWN = {
 
 
 class Slave:
-    """A drive as an EtherCAT master sees it: objects by SDO, and process data as bytes."""
+    """A drive with the names of pysoem's slave: SDOs on a dictionary, process data as bytes."""
 
     def __init__(self, profile: Profile) -> None:
+        self.output = self.input = b""
         self.objects = {key: bytes(row.field.bits // 8) for key, row in OBJECTS.items()}
         self.objects[0x1000, 0] = (0x00020192).to_bytes(4, "little")
-        for access in profile.setup():
-            if access.value is None and access.key == (0x608F, 1):
-                self.objects[access.key] = profile.increments.to_bytes(4, "little")
+        self.objects[0x608F, 1] = profile.increments.to_bytes(4, "little")
         self.objects[0x6076, 0] = round(profile.rated_torque * 1e3).to_bytes(4, "little")
         self.objects[0x6075, 0] = round(profile.rated_current * 1e3).to_bytes(4, "little")
 
@@ -37,35 +36,76 @@ class Slave:
     def sdo_read(self, index: int, subindex: int) -> bytes:
         return self.objects[index, subindex]
 
-    def exchange(self, output: bytes) -> bytes:
-        values = PDOS[0].layout.decode(output)
-        torque = int(values["Target torque"])
-        state = SHOWN[int(values["Controlword"])]
-        return PDOS[1].layout.encode({"Statusword": state, "Position": 1000, "Torque": torque})
+
+class Bus:
+    """The process data of one slave, with the names of pysoem's master."""
+
+    def __init__(self, slave: Slave) -> None:
+        self.slaves = [slave]
+
+    def send_processdata(self) -> None:
+        self.sent = PDOS[0].layout.decode(self.slaves[0].output)
+
+    def receive_processdata(self) -> None:
+        state = SHOWN[int(self.sent["Controlword"])]
+        torque = self.sent["Target torque"] if state == State.ENABLED else 0.0
+        first = {"Statusword": state, "Position": 1000, "Torque": torque}
+        values = (first, {"Velocity": 0, "Current": 0, "Error code": 0}, {"DC link voltage": 48e3})
+        pairs = zip(PDOS[1:], values, strict=True)
+        self.slaves[0].input = b"".join(pdo.layout.encode(row) for pdo, row in pairs)
 
 
-def test_a_drive_runs_without_canopen() -> None:
-    settings = settings_for("cia402")
-    profile = Profile(settings)
-    slave = Slave(profile)
-    mapping = [access for pdo in PDOS for access in profile.mapping(pdo)]
-    for access in (profile.identity(), profile.abort(), *mapping, *profile.setup()):
-        if access.value is None:
-            assert access.accepts(slave.sdo_read(*access.key))
+class Coe:
+    """What carries the profile on EtherCAT: all of it that is not the profile's own."""
+
+    def __init__(self, bus: Bus, settings: Settings) -> None:
+        self.bus, self.profile, self.scaling = bus, Profile(settings), settings.scaling
+
+    def access(self, one: Access) -> None:
+        slave = self.bus.slaves[0]
+        if one.value is None:
+            assert one.accepts(slave.sdo_read(*one.key))
         else:
-            slave.sdo_write(*access.key, access.data)
+            slave.sdo_write(*one.key, one.data)
+
+    def configure(self) -> None:
+        maps = [access for pdo in PDOS for access in self.profile.mapping(pdo)]
+        for one in (self.profile.identity(), self.profile.abort(), *maps, *self.profile.setup()):
+            self.access(one)
+
+    def cycle(self, word: int, tau_m: float = 0.0) -> dict[str, float]:
+        slave = self.bus.slaves[0]
+        slave.output = self.profile.outputs(word, self.scaling.drive_torque(tau_m))
+        self.bus.send_processdata()
+        self.bus.receive_processdata()
+        values, rest = {}, slave.input
+        for pdo in PDOS[1:]:
+            values |= pdo.layout.decode(rest)
+            rest = rest[pdo.layout.size :]
+        return values
+
+
+def test_a_drive_is_armed_run_and_disarmed_over_ethercat() -> None:
+    settings = settings_for("cia402")
+    slave = Slave(Profile(settings))
+    coe = Coe(Bus(slave), settings)
+    coe.configure()
     assert slave.objects[0x6060, 0] == b"\x0a"
     entries = [slave.objects[PDOS[0].mapping, sub].hex() for sub in (0, 1, 2)]
     assert entries == ["02", "10004060", "10007160"]  # 6040h and 6071h, 16 bits each
     for _, word, state in ENABLING:
-        answer = PDOS[1].layout.decode(slave.exchange(profile.outputs(word, 0.0)))
-        assert profile.shows(int(answer["Statusword"]), state)
-    command = profile.outputs(Controlword.ENABLE, settings.scaling.drive_torque(1.5))
-    update = profile.inputs(PDOS[1].layout.decode(slave.exchange(command)))
-    assert update.mode is Mode.ENABLED
-    assert update.channels["tau_m"] == pytest.approx(1.5, rel=0.01)
-    assert settings.scaling.torque(profile.commanded(command)) == pytest.approx(1.5, rel=0.01)
-    assert profile.commanded(profile.outputs(Controlword.SHUTDOWN, 1.0)) == 0.0
+        assert coe.profile.shows(int(coe.cycle(word)["Statusword"]), state)
+    for torque in (1.5, -2.0):
+        update = coe.profile.inputs(coe.cycle(Controlword.ENABLE, torque))
+        assert update.mode is Mode.ENABLED
+        assert update.channels["tau_m"] == pytest.approx(torque, rel=0.01)
+        assert update.channels["v_bus"] == 48.0
+        assert settings.scaling.torque(coe.profile.commanded(slave.output)) == pytest.approx(
+            torque, rel=0.01
+        )
+    update = coe.profile.inputs(coe.cycle(Controlword.DISABLE_VOLTAGE, 1.0))
+    assert (update.mode, update.channels["tau_m"]) == (Mode.DISABLED, 0.0)
+    assert coe.profile.commanded(slave.output) == 0.0
 
 
 def test_what_is_not_as_configured_is_refused() -> None:
