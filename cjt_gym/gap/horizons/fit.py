@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.errors import CjtGymError
-from cjt_gym.gap.horizons.model import Model
+from cjt_gym.gap.horizons.model import STEP, Model
 from cjt_gym.gap.horizons.rows import scales_of
 from cjt_gym.gap.horizons.side_by_side import side_by_side
 from cjt_gym.gap.horizons.windows import WHOLE, Windows
@@ -28,8 +28,6 @@ from cjt_gym.gap.horizons.windows import WHOLE, Windows
 Floats = NDArray[np.float64]
 LEAST = 3e-3
 """Relative error below which a better fit is worth nothing."""
-STEP = 0.02
-"""Step of a finite difference, in units of a coordinate."""
 LONGEST = 3.0
 """Longest step of a fit, in units of a coordinate."""
 MOTION, LISTEN, FORCE = "q_m", 0.1, 0.2
@@ -212,9 +210,10 @@ class Problem:
             out[k][..., :first] = columns
         moves = []
         for j in range(first, len(z)):
-            number, step = model.numbers[j], STEP
+            number = model.numbers[j]
+            step = number.step
             if number.value(z[j] + step) >= number.high or number.value(z[j]) >= number.high:
-                step = -STEP
+                step = -step
             moved = z.copy()
             moved[j] += step
             moves.append((j, step, moved))

@@ -30,7 +30,7 @@ Flags = NDArray[np.bool_]
 CHANNELS = {"q_m": 0, "q_l": 1, "tau": 2}
 SUBSTEP = 2e-3
 """Longest substep [s]: linear motion is exact at any, friction and ripple to about its square."""
-LEAD = 0.05
+LEAD = 0.06
 """Time before a window over which delays, lags and bristles follow what was measured [s]."""
 
 

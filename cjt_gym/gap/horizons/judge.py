@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -17,7 +17,7 @@ from cjt_gym.gap.horizons.own_rows import own_terms
 from cjt_gym.gap.horizons.predictable import Predictable
 from cjt_gym.gap.horizons.predictable import left as left_by
 from cjt_gym.gap.horizons.rows import base_terms, candidates, likelier, scales_of
-from cjt_gym.gap.horizons.search import Found, search
+from cjt_gym.gap.horizons.search import REFINED, Found, search
 from cjt_gym.gap.horizons.sheet import GUESSED
 from cjt_gym.gap.horizons.side_by_side import side_by_side
 from cjt_gym.gap.horizons.windows import (
@@ -127,7 +127,11 @@ class Judgement:
 
 
 def judge(
-    case: Case, stages: Joint | None, progress: Progress, suspects: Sequence[str] = ()
+    case: Case,
+    stages: Joint | None,
+    progress: Progress,
+    suspects: Sequence[str] = (),
+    excluded: Collection[str] = (),
 ) -> Judgement:
     """Return the judgement of a record.
 
@@ -136,6 +140,8 @@ def judge(
         stages: What the stages' one-step predictors have found, to be judged beside the others.
         progress: Is told in words what is being done.
         suspects: Names of the effects that the stages have found.
+        excluded: Names of those that the record cannot tell: no refined law of friction among them
+            is tried.
     """
     progress("predicting up to half a second ahead")
     scales = scales_of(case.joint, case.logs)
@@ -157,9 +163,9 @@ def judge(
             return _settled(case, joints, "stages")
     problem = Problem(case.fit)
     base = Model(case.joint, base_terms(case.joint, scales))
-    terms = likelier(
-        [*candidates(case.joint, scales, case.logs), *own], seen_in_torque(case.joint, case.logs)
-    )
+    refined = {name for name in excluded if name in REFINED}
+    may = [t for t in candidates(case.joint, scales, case.logs) if t.name not in refined]
+    terms = likelier([*may, *own], seen_in_torque(case.joint, case.logs))
     found = search(
         problem, base, terms, suspects, progress,
         lambda one: _tested(problem, test, one)[0], lambda fit: _held(test, fit).cost,

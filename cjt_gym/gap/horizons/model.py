@@ -24,6 +24,8 @@ DRIVE = (
 )
 """Effects between a command and the current."""
 SHARED = "dq_0"
+STEP = 0.02
+"""Usual step of a finite difference, in units of a coordinate."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +41,7 @@ class Number:
         low: Smallest value.
         high: Largest value.
         prior: Whether z is known to be about 0 with deviation 1.
+        step: Step of a finite difference, in units of z. A delay acts in whole substeps.
     """
 
     symbol: str
@@ -49,6 +52,7 @@ class Number:
     low: float = -np.inf
     high: float = np.inf
     prior: bool = False
+    step: float = STEP
 
     def value(self, z: float) -> float:
         """Return the value at a coordinate."""

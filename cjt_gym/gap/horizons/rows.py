@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from cjt_gym.gap.horizons.forward import SUBSTEP
 from cjt_gym.gap.horizons.log import Log
 from cjt_gym.gap.horizons.model import (
     Draft,
@@ -35,6 +36,8 @@ CREEP = 0.002
 """Velocity over which the toolbox smooths dry friction, which then creeps [rad/s]."""
 SLOWEST = 0.02
 """Longest time constant of a drive [s]: what is slower is the mechanics."""
+LONGEST_DELAY = 0.06
+"""Longest dead time of a command [s], as where a computer drives an amplifier over a network."""
 HEAVIEST = 10.0
 """Largest weight that is looked for, in torques that are rarely exceeded: a pendulum that is swung
 up is heavier than its motor is strong."""
@@ -288,18 +291,25 @@ def _offset(scales: Scales) -> Term:
 
 
 def _drive(logs: Sequence[Log]) -> list[Term]:
-    dt, factor = logs[0].dt, UNLIKELY if logs[0].drive == "i" else 1.0
-    longest = max(0.02, 4.0 * dt)
-    delay = Number("delay", "s", 0.0, 0.5 * dt, low=0.0, high=longest)
+    measured = logs[0].drive == "i"
+    dt, factor = logs[0].dt, UNLIKELY if measured else 1.0
+    longest = max(SLOWEST if measured else LONGEST_DELAY, 4.0 * dt)
+    delay = _late(dt, longest)
     slowest = min(1.0 / (2.0 * np.pi * SLOWEST), 0.05 / dt)
+    starts = (0.7 * dt, 1.5 * dt, 3.0 * dt, 0.5 * longest)
     lag = Number("bandwidth", "Hz", 0.1 / dt, 0.5, True, slowest, 0.5 / dt)
     return [
         Term("command_delay", (delay,), _set("command_delay", "delay"), nominal=(0.0,),
-             starts=tuple((k * dt,) for k in (0.7, 1.5, 3.0) if k * dt < longest), family="late",
-             factor=factor),
+             starts=tuple((x,) for x in starts if x < longest), family="late", factor=factor),
         Term("current_lag", (lag,), _set("current_lag", "bandwidth"), nominal=(0.5 / dt,),
              starts=((0.15 / dt,), (0.05 / dt,), (0.015 / dt,)), family="late", factor=factor),
     ]  # fmt: skip
+
+
+def _late(dt: float, longest: float) -> Number:
+    """Return a delay, which acts in whole substeps of the kernel."""
+    substep = dt / math.ceil(dt / SUBSTEP - 1e-9)
+    return Number("delay", "s", 0.0, 0.5 * dt, low=0.0, high=longest, step=substep / (0.5 * dt))
 
 
 def _derating(joint: Joint, scales: Scales, logs: Sequence[Log]) -> Term:
@@ -358,7 +368,7 @@ def _torque_sensor(logs: Sequence[Log]) -> list[Term]:
     gain = Number("gain", "-", 1.0, 0.05, True, 0.2, 5.0)
     bias = Number("bias", "N m", 0.0, 0.05 * spread)
     dt = logs[0].dt
-    late = Number("delay", "s", 0.0, 0.5 * dt, low=0.0, high=max(0.02, 4.0 * dt))
+    late = _late(dt, max(SLOWEST, 4.0 * dt))
     return [
         Term("torque_gain", (gain,), _set("torque_gain", "gain"), channel="tau", nominal=(1.0,),
              starts=((1.1,), (0.9,))),

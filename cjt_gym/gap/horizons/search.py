@@ -290,11 +290,16 @@ def begin(problem: Problem, fit: Fit, term: Term) -> Fit:
 
 def _accepted(problem: Problem, less: Fit, more: Fit, term: Term) -> bool:
     own = next(k for k, t in enumerate(more.model.terms) if t.key == term.key)
-    return not _at_an_edge(more, own) and worth(problem, less, more, term).enough
+    return not _at_an_edge(problem, more, own) and worth(problem, less, more, term).enough
 
 
-def _at_an_edge(fit: Fit, index: int) -> bool:
-    """Return whether a delay or lag is as long as any may be: something else is slow then."""
+def _at_an_edge(problem: Problem, fit: Fit, index: int) -> bool:
+    """Return whether a delay or lag is as long as any may be: something else is slow then.
+
+    Where nothing but the command was recorded, what is slow may be the drive.
+    """
+    if problem.windows.logs[0].drive != "i":
+        return False
     term, values = fit.model.terms[index], fit.model.values(fit.z)[index]
     return term.family == LATE and any(
         value < (1.0 + EDGE) * n.low if n.log else value > (1.0 - EDGE) * n.high
@@ -308,7 +313,7 @@ def pruned(problem: Problem, base: Fit, fit: Fit, held: Held) -> Found:
         less = leaves(problem, fit)
         worths = worths_of(problem, less, fit, held)
         own = [k for k, t in enumerate(fit.model.terms) if t.key not in _keys(base)]
-        weak = [k for k in own if not worths[k].enough or _at_an_edge(fit, k)]
+        weak = [k for k in own if not worths[k].enough or _at_an_edge(problem, fit, k)]
         if not weak:
             return Found(fit, base, worths, ((),) * len(worths), tuple(less))
         fit = less[min(weak, key=lambda k: worths[k].fall)]

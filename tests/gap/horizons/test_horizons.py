@@ -245,7 +245,9 @@ def test_a_delay_at_the_edge_of_what_may_be_is_none(plain: tuple[Case, Found]) -
         edge = number.low if number.log else number.high
         for value, is_there in ((edge, True), (number.start or 0.5 * edge, False)):
             fit = search_of.Fit(*search_of.added(found.fit, term, (value,)), 0.0, [])
-            assert search_of._at_an_edge(fit, len(fit.model.terms) - 1) is is_there
+            assert (
+                search_of._at_an_edge(Problem(case.fit), fit, len(fit.model.terms) - 1) is is_there
+            )
 
 
 def test_damping_is_no_more_than_the_torque_allows(plain: tuple[Case, Found]) -> None:
