@@ -20,8 +20,9 @@ from cjt_gym.gap.diagnosis import (
 )
 from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.fit import Fit, Problem
-from cjt_gym.gap.ladder import ladder, models, order_of, replays
+from cjt_gym.gap.ladder import ladder, replays
 from cjt_gym.gap.maps import friction_maps, ripple, spring_loop
+from cjt_gym.gap.replay import Written
 from cjt_gym.gap.setting import Setting
 from cjt_gym.gap.shrink import main_channel
 from cjt_gym.joint import JointFile, Structure
@@ -33,38 +34,34 @@ Floats = NDArray[np.float64]
 def gather(
     problem: Problem,
     fit: Fit,
-    nominal: Fields,
+    steps: Sequence[Written],
     within: Fields,
     before: Mapping[str, Floats],
     settings: Sequence[Setting],
     named: Sequence[NamedEffect],
-    explains: bool,
 ) -> Evidence:
     """Return what a report draws.
 
     Args:
         problem: The record.
         fit: Its explanation.
-        nominal: Fields of the nominal joint.
-        within: The same, its values no further off than their tolerance.
+        steps: Joints from the nominal to the explained one.
+        within: Fields of the nominal joint, its values no further off than their tolerance.
         before: Residuals of the latter by stage, each of shape (N,).
         settings: The held-out records.
         named: What is named.
-        explains: Whether the explanation replaces the nominal joint, be it without an effect.
     """
-    stages, effects = problem.stages, fit.model.effects
+    stages = problem.stages
     after = problem.fields(fit.model, fit.z)
     left = stages.first(fit.residuals)
-    order = order_of(named, effects)
-    steps = models(problem, fit, nominal, order) if explains else [nominal]
     last = settings[-1]
     return Evidence(
         t=stages.setting.series.t,
         before=before,
         after=left,
-        replays=replays(last, nominal, steps[-1]),
+        replays=replays(last, steps[0], steps[-1]),
         replay_dt=last.series.dt,
-        ladder=ladder(settings, steps, [effects[k] for k in order], main_channel(last)),
+        ladder=ladder(settings, steps, named, main_channel(last)),
         friction=friction_maps(stages, within, after),
         ripple=ripple(stages, (within, before["motor"]), (after, left["motor"])),
         spring=spring_loop(stages, within, after),

@@ -166,7 +166,7 @@ def _refined(
     """Return values within their tolerance as the fit has them; both directions move together."""
     found = {}
     for symbol, numbers in refined.items():
-        value, deviation = (_rounded(x) for x in numbers)
+        value, deviation = numbers
         old = quantities[symbol]
         how = "corrected from the guess of" if old.guess else "refined from"
         within = "" if old.guess else " within its tolerance"

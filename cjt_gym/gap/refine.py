@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from cjt_gym.gap.fit import STEP, Fit, Problem
 from cjt_gym.gap.intervals import Covariance
+from cjt_gym.gap.replay import written
 from cjt_gym.gap.shrink import compared, main_channel
 
 Floats = NDArray[np.float64]
@@ -49,7 +50,7 @@ def settled(problem: Problem, fit: Fit, spread: Covariance) -> Fit:
     def error(move: Floats) -> Floats:
         z = fit.z.copy()
         z[free] += move
-        signal, model = compared(setting, problem.fields(fit.model, z))[channel]
+        signal, model = compared(setting, written(problem, fit.model, z))[channel]
         return model - signal
 
     def cost(e: Floats, move: Floats) -> float:

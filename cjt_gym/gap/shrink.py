@@ -8,9 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.force import fair_cutoff, torque_noise, torques
-from cjt_gym.gap.replay import replay
+from cjt_gym.gap.replay import Written, replay
 from cjt_gym.gap.setting import Setting
 
 Floats = NDArray[np.float64]
@@ -51,7 +50,7 @@ class Gap:
 
 
 def measure_gap(
-    settings: Sequence[Setting], nominal: Fields, explained: Fields, held_out: bool
+    settings: Sequence[Setting], nominal: Written, explained: Written, held_out: bool
 ) -> Gap:
     """Return how far the gap shrinks over records that a fit has not seen.
 
@@ -83,7 +82,7 @@ def measure_gap(
     return Gap(first, last, floor, removed, low, high, held_out, channels, replays)
 
 
-def harms(settings: Sequence[Setting], without: Fields, explained: Fields) -> bool:
+def harms(settings: Sequence[Setting], without: Written, explained: Written) -> bool:
     """Return whether the gap on data that a fit has not seen is surely larger with an effect.
 
     Datasheet values that are strained in its stead may fit a record about as well; so the gap must
@@ -122,14 +121,14 @@ def main_channel(setting: Setting) -> str:
     return "tau" if "tau" in setting.series else "dq_m"
 
 
-def compared(setting: Setting, fields: Fields) -> dict[str, tuple[Floats, Floats]]:
+def compared(setting: Setting, written: Written) -> dict[str, tuple[Floats, Floats]]:
     """Return the measured and the modelled signal, shape (N,), of every channel to compare."""
-    model = replay(setting, fields)
+    model = replay(setting, written)
     found = {"dq_m": (setting.series.speed("q_m"), model["dq_m"])}
     if "tau" in setting.series and setting.has_spring:
         found["tau"] = (setting.series["tau"], model["tau"])
     if not setting.has_spring:
-        found["tau_m"] = torques(setting, fields)
+        found["tau_m"] = torques(setting, written.fields)
     return found
 
 
