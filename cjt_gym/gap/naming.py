@@ -11,6 +11,7 @@ from cjt_gym.gap.confidence import confidence
 from cjt_gym.gap.confusable import best_rival, rivals
 from cjt_gym.gap.diagnosis import Interval, NamedEffect
 from cjt_gym.gap.explain import Explanation
+from cjt_gym.gap.gap_size import harms
 from cjt_gym.gap.heldout import worth
 from cjt_gym.gap.intervals import Covariance, at_an_end, effect_intervals, may_be_nothing
 from cjt_gym.gap.lateness import may_be_the_records
@@ -20,7 +21,6 @@ from cjt_gym.gap.replay import written
 from cjt_gym.gap.select import MARGIN, evidence
 from cjt_gym.gap.sensing import SensorFinding
 from cjt_gym.gap.setting import Setting
-from cjt_gym.gap.shrink import harms
 from cjt_gym.gap.unknown import status
 
 SHADOW = 0.25

@@ -19,10 +19,10 @@ from scipy.signal import savgol_filter
 from cjt_gym.errors import SimulationError
 from cjt_gym.gap.diagnosis import Interval, NamedEffect
 from cjt_gym.gap.fields import Fields
-from cjt_gym.gap.fit import Model, Problem
+from cjt_gym.gap.fit import Fit, Model, Problem
 from cjt_gym.gap.horizons.model import quiet
 from cjt_gym.gap.hypothesis import Hypothesis
-from cjt_gym.gap.joint_file import identified_joint
+from cjt_gym.gap.joint_file import Refined, identified_joint
 from cjt_gym.gap.setting import Setting
 from cjt_gym.gap.signals import interval_mean
 from cjt_gym.joint import Joint, JointFile
@@ -47,6 +47,13 @@ class Written:
     fields: Fields
     file: JointFile
 
+    def joint(self, setting: Setting) -> Joint:
+        """Return the joint without noise, with a drive where the record has its command."""
+        effects = resolve_effects(None, self.file, setting.structure, "current")
+        file = replace(self.file, found={})
+        joint = Joint(file, setting.structure.name, "current", effects)
+        return quiet(joint, driven="i_cmd" in setting.series)
+
 
 def written(problem: Problem, model: Model, z: Floats) -> Written:
     """Return a model at coordinates with the joint that it stands for."""
@@ -60,6 +67,38 @@ def written(problem: Problem, model: Model, z: Floats) -> Written:
         if not effect.outside
     ]
     return Written(fields, identified_joint(setting, fields, named, values, ""))
+
+
+def steps(
+    problem: Problem,
+    fit: Fit,
+    nominal: Written,
+    named: Sequence[NamedEffect],
+    refined: Refined,
+    record: str,
+) -> list[Written]:
+    """Return the nominal joint, the one within its tolerances, and with one effect more each.
+
+    Args:
+        problem: The record.
+        fit: The explanation.
+        nominal: The nominal joint.
+        named: What is named, in the order in which it is added.
+        refined: Datasheet values that the record tells; see `identified_joint`.
+        record: Name of the record.
+    """
+    shared, setting = len(problem.shared), problem.stages.setting
+    ends = np.cumsum([shared, *(len(e.unknowns) for e in fit.model.effects)])
+    at = {(e.name, e.body, e.channel): k for k, e in enumerate(fit.model.effects)}
+    keys = [(e.name, e.body, e.channel) for e in named]
+    found = [nominal]
+    for count in range(len(named) + 1):
+        some = sorted(at[key] for key in keys[:count])
+        z = np.concatenate([fit.z[:shared], *(fit.z[ends[k] : ends[k + 1]] for k in some)])
+        fields = problem.fields(Model(tuple(fit.model.effects[k] for k in some)), z)
+        file = identified_joint(setting, fields, named[:count], refined, record)
+        found.append(Written(fields, file))
+    return found
 
 
 def exactly(effect: Hypothesis, numbers: Sequence[float]) -> NamedEffect:
@@ -78,8 +117,7 @@ def replay(setting: Setting, model: Written) -> dict[str, Floats]:
     Channels are q_m, q_l, dq_m and i, and where there is a spring, tau; NaN where it diverges.
     """
     series, fields = setting.series, model.fields
-    driven = "i_cmd" in series
-    joint = _joint(setting, model.file, driven)
+    joint, driven = model.joint(setting), "i_cmd" in series
     if driven:
         current = series["i_cmd"]
     else:
@@ -102,13 +140,6 @@ def replay(setting: Setting, model: Written) -> dict[str, Floats]:
         bias = joint.effects.get("torque_bias", {}).get("bias", 0.0)
         found["tau"] = run["tau"] + fields["tau_0"] - bias
     return found
-
-
-def _joint(setting: Setting, file: JointFile, driven: bool) -> Joint:
-    """Return a joint without noise, as it is simulated."""
-    effects = resolve_effects(None, file, setting.structure, "current")
-    file = replace(file, found={})
-    return quiet(Joint(file, setting.structure.name, "current", effects), driven=driven)
 
 
 def _start_and_load(setting: Setting, fields: Fields, zero: float) -> tuple[Floats, Floats]:

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from cjt_gym.errors import unknown_name
 from cjt_gym.gap.fit import Model, Problem
+from cjt_gym.gap.gap_size import followed, main_channel, relative
 from cjt_gym.gap.hypotheses import hypotheses
 from cjt_gym.gap.hypothesis import Hypothesis
 from cjt_gym.gap.replay import Written, written
-from cjt_gym.gap.setting import as_noisy, make_setting
-from cjt_gym.gap.shrink import compared, main_channel
+from cjt_gym.gap.setting import Setting, as_noisy, make_setting
 from cjt_gym.gap.stages import Stages
 from cjt_gym.joint import JointFile, get_structure, load_joint_file
 from cjt_gym.records import Record
@@ -75,14 +75,13 @@ def rungs(
     for names in ladder:
         effects = tuple(_row(rows, name) for name in names)
         model, values = _fitted(problem, effects)
-        errors = tuple(relative_error(*compared(s, model)[main_channel(s)]) for s in tested)
+        errors = tuple(_error(s, model) for s in tested)
         found.append(Rung(tuple(names), values, errors))
     return tuple(found)
 
 
-def relative_error(signal: Floats, model: Floats) -> float:
-    """Return the rms of a model's error over the rms of the signal."""
-    return float(np.linalg.norm(model - signal) / np.linalg.norm(signal))
+def _error(setting: Setting, model: Written) -> float:
+    return float(relative([followed(setting, [model])[main_channel(setting)]])[0])
 
 
 def _row(rows: Sequence[Hypothesis], name: str) -> Hypothesis:

@@ -13,7 +13,9 @@ from cjt_gym.errors import ConfigurationError
 from cjt_gym.gap import Diagnosis, diagnose
 from cjt_gym.gap.diagnosis import Interval
 from cjt_gym.gap.fit import Model, Problem
+from cjt_gym.gap.hypotheses import hypotheses
 from cjt_gym.gap.maps import friction_maps, ripple, spring_loop
+from cjt_gym.gap.replay import written
 from cjt_gym.gap.report import summary, write_report
 from cjt_gym.gap.report.chart import decades, decimated, tick_texts, ticks
 from cjt_gym.gap.report.words import interval, number, percent, verdict_sentence
@@ -87,9 +89,14 @@ def test_a_torque_that_repeats_with_the_angle_is_a_line() -> None:
 
 
 def test_the_friction_map_shows_the_friction() -> None:
-    stages, fields = prepared(simulate(seconds=3.0, friction=(2.6, 1.9)))
-    known = fields | {"c_p_m": 2.6, "c_n_m": 1.9}
-    (found,) = friction_maps(stages, fields, known)
+    record = simulate(seconds=3.0, friction=(2.6, 1.9))
+    problem = Problem.of(Stages(make_setting(record, nominal(), get_structure(FIXED))))
+    rows = hypotheses(problem.stages.setting, problem.stages.names)
+    law = next(row for row in rows if row.name == "coulomb_asym")
+    z = np.zeros(len(problem.shared))
+    levels = [u.coordinate(x) for u, x in zip(law.unknowns, (2.6, 1.9), strict=True)]
+    known = written(problem, Model((law,)), np.append(z, levels))
+    (found,) = friction_maps(problem.stages, written(problem, Model(), z), known)
     fast = np.quantile(np.abs(found.speed), 0.7)
     assert np.median(found.before[found.speed > fast]) == pytest.approx(2.6, abs=0.15)
     assert np.median(found.before[found.speed < -fast]) == pytest.approx(-1.9, abs=0.15)
