@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.gap.diagnosis import GapSize
 from cjt_gym.gap.gap_size import size_of
+from cjt_gym.gap.replay import SUBSTEP
 from cjt_gym.joint import Joint
 from cjt_gym.plant import Measurement, SimulatedPlant
 from cjt_gym.records import Record
 
 Floats = NDArray[np.float64]
-DT_PHYSICS = 1e-4
 CHANNELS = ("tau", "tau_cmd", "q_m", "dq_m")
 """Channels of a replay."""
 NEEDED = ("tau_ref", "tau")
@@ -59,7 +59,7 @@ def replay_closed_loop(
     """
     _check(record)
     dt = record.dt
-    plant = SimulatedPlant(joint, 1, dt, dt / max(math.ceil(dt / DT_PHYSICS), 1))
+    plant = SimulatedPlant(joint, 1, dt, dt / max(math.ceil(dt / SUBSTEP), 1))
     reference = record["tau_ref"]
     load = _load(record, joint)
     start = np.zeros((1, 6))

@@ -30,7 +30,10 @@ from cjt_gym.joint.batch import longest_substep
 from cjt_gym.joint.configure import resolve_effects
 
 Floats = NDArray[np.float64]
-SUBSTEP = 2.5e-4
+SUBSTEP, COARSEST = 1e-4, 2.5e-4
+"""Substep, to which delays are rounded, and that of long records [s]."""
+MANY = 200_000
+"""Substeps from which a record is long."""
 SMOOTH = 11
 """Samples over which a prescribed angle of the load is smoothed."""
 
@@ -58,8 +61,9 @@ class Written:
 def written(problem: Problem, model: Model, z: Floats) -> Written:
     """Return a model at coordinates with the joint that it stands for."""
     setting, fields = problem.stages.setting, problem.fields(model, z)
-    known = setting.joint.parameters.quantities
-    values = {n.field: (fields[n.field], 0.0) for n in problem.shared if n.field in (*known, "lag")}
+    known = {*setting.joint.parameters.quantities, "lag"}
+    known -= {effect.releases for effect in model.effects}
+    values = {n.field: (fields[n.field], 0.0) for n in problem.shared if n.field in known}
     ends = np.cumsum([len(problem.shared), *(len(e.unknowns) for e in model.effects)])
     named = [
         exactly(effect, [u.value(float(x)) for u, x in zip(effect.unknowns, z[at:], strict=False)])
@@ -124,7 +128,8 @@ def replay(setting: Setting, model: Written) -> dict[str, Floats]:
         current = interval_mean(series["i"] - fields["i_0"], fields["w_i"])
     zero = series.zero.get("q_m", 0.0)
     start, load = _start_and_load(setting, fields, zero)
-    longest = min(SUBSTEP, 0.5 * longest_substep(joint))
+    longest = min(max(series.dt * len(series) / MANY, SUBSTEP), COARSEST)
+    longest = min(longest, 0.5 * longest_substep(joint))
     count = max(math.ceil(series.dt / longest - 1e-9), 1)
     p, h = joint.parameters, series.dt / count
     try:
