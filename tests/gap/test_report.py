@@ -21,7 +21,7 @@ from cjt_gym.gap.report.chart import decades, decimated, tick_texts, ticks
 from cjt_gym.gap.report.words import interval, number, percent, verdict_sentence
 from cjt_gym.gap.setting import make_setting
 from cjt_gym.gap.stages import Stages
-from cjt_gym.joint import get_structure
+from cjt_gym.joint import get_structure, load_joint, to_toml
 from cjt_gym.records import Record, read_record
 from tests.gap.browser import browser, look, screenshot
 from tests.gap.simulator import TRUE, nominal, simulate
@@ -58,6 +58,16 @@ def test_the_ladder_leads_from_the_gap_before_to_the_gap_after(explained: Diagno
     assert steps[0].error == pytest.approx(explained.gap.before)
     assert steps[-1].error == pytest.approx(explained.gap.after)
     assert all(step.low <= step.error <= step.high for step in steps)
+
+
+def test_what_is_drawn_is_what_the_written_joint_does(explained: Diagnosis, tmp_path: Path) -> None:
+    path = tmp_path / "joint.toml"
+    path.write_text(to_toml(explained.joint), encoding="utf-8")
+    joint, held = load_joint(path, FIXED), simulate(seconds=3.0, seed=1, friction=(2.6, 1.9))
+    torque = held["i_cmd"] * joint.parameters.k_t * joint.parameters.n
+    run = joint.simulate(torque, dt=held.dt, dt_physics=1e-4)
+    drawn = explained.evidence.replays["tau"]["after"]
+    assert np.std(run["true_tau"] - drawn) < 0.005 * np.std(drawn)
 
 
 def test_where_nothing_is_named_the_ladder_has_one_step(unexplained: Diagnosis) -> None:
