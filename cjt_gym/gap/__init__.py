@@ -16,7 +16,8 @@ The way through the package, in the order of the work:
 `sensing`          channels that are worse than specified
 `unknown`          is the rest explained? what may be named
 `localize`         where the gap lies
-`replay`, `shrink` how far it shrinks on held-out data
+`replay`           the joint that a model stands for, driven by the recorded command
+`gap_size`         how far the gap shrinks on held-out data
 `intervals`        how sure the numbers are
 `confusable`       what the record leaves open
 `naming`           which effects are named, and how surely

@@ -14,13 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.gap.shrink import Gap, gap_of
+from cjt_gym.gap.diagnosis import GapSize
+from cjt_gym.gap.gap_size import size_of
+from cjt_gym.gap.replay import SUBSTEP
 from cjt_gym.joint import Joint
 from cjt_gym.plant import Measurement, SimulatedPlant
 from cjt_gym.records import Record
 
 Floats = NDArray[np.float64]
-DT_PHYSICS = 1e-4
 CHANNELS = ("tau", "tau_cmd", "q_m", "dq_m")
 """Channels of a replay."""
 NEEDED = ("tau_ref", "tau")
@@ -58,7 +59,7 @@ def replay_closed_loop(
     """
     _check(record)
     dt = record.dt
-    plant = SimulatedPlant(joint, 1, dt, dt / max(math.ceil(dt / DT_PHYSICS), 1))
+    plant = SimulatedPlant(joint, 1, dt, dt / max(math.ceil(dt / SUBSTEP), 1))
     reference = record["tau_ref"]
     load = _load(record, joint)
     start = np.zeros((1, 6))
@@ -101,7 +102,7 @@ def closed_loop_gap(
     controller: Law,
     scatter: float = 0.0,
     begin: int = 0,
-) -> Gap:
+) -> GapSize:
     """Return how far the gap of the joint torque shrinks in a closed loop.
 
     Args:
@@ -121,12 +122,9 @@ def closed_loop_gap(
         SimulationError: A state ceased to be finite.
     """
     one, two = (replay_closed_loop(record, joint, controller) for joint in (nominal, identified))
-    replays = {}
-    for name in CHANNELS:
-        if name in record and np.isfinite(record[name]).all():
-            replays[name] = {
-                "measured": record[name][begin:],
-                "before": one[name][begin:],
-                "after": two[name][begin:],
-            }
-    return gap_of(replays, "tau", scatter, record.dt)
+    signals = {
+        name: [np.stack([record[name], one[name], two[name]])[:, begin:]]
+        for name in CHANNELS
+        if name in record and np.isfinite(record[name]).all()
+    }
+    return size_of(signals, "tau", scatter, record.dt, held_out=True)

@@ -18,14 +18,12 @@ from itertools import permutations
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.fit import DEFLATION, FLOOR, Fit, Model, Problem
 from cjt_gym.gap.menu import MENU, Input
 from cjt_gym.gap.prune import SIMPLER
-from cjt_gym.gap.replay import replay
+from cjt_gym.gap.replay import Written, replay, written
 from cjt_gym.gap.series import Series
 from cjt_gym.gap.setting import Setting
-from cjt_gym.gap.signals import commanded_current
 from cjt_gym.gap.stages import Stages
 from cjt_gym.gap.unknown import LEFT
 
@@ -131,7 +129,7 @@ def prospects(problem: Problem, fits: Mapping[str, Fit]) -> tuple[Prospect, ...]
     """
     setting = problem.stages.setting
     within = bounds(setting)
-    models = {name: problem.fields(fit.model, fit.z) for name, fit in fits.items()}
+    models = {name: written(problem, fit.model, fit.z) for name, fit in fits.items()}
     found = []
     with np.errstate(over="ignore", invalid="ignore"):  # of steps that a fit tries and rejects
         for row in MENU.values():
@@ -164,7 +162,7 @@ def _samples(setting: Setting) -> int:
 
 
 def _sized(
-    setting: Setting, row: Input, models: Mapping[str, Fields], within: Bounds
+    setting: Setting, row: Input, models: Mapping[str, Written], within: Bounds
 ) -> Floats | None:
     """Return an input at the largest size at which no explanation breaks a limit, if there is one.
 
@@ -175,28 +173,29 @@ def _sized(
     unit = row.current(_samples(setting), setting.series.dt, floating)
     full = within.current
     if row.stuck:
-        full = max(_friction(fields) / fields["k_t"] / fields["n"] for fields in models.values())
+        full = max(_friction(model) for model in models.values())
     current = unit * min(row.size * full, within.current)
     if not np.any(current):
         return None
     for _ in range(TRIALS):
-        if all(_is_within(setting, fields, current, within) for fields in models.values()):
+        if all(_is_within(setting, model, current, within) for model in models.values()):
             return current
         current = BACK_OFF * current
     return None
 
 
-def _friction(fields: Fields) -> float:
-    """Return the torque from which the motor's side moves [N m]."""
-    return sum(
+def _friction(model: Written) -> float:
+    """Return the current from which the motor's side moves [A]."""
+    fields = model.fields
+    levels = (
         max(fields[f"c_p_{b}"], fields[f"c_n_{b}"]) + max(fields[f"s_p_{b}"], fields[f"s_n_{b}"])
         for b in "mg"
     )
+    return sum(levels) / fields["k_t"] / fields["n"]
 
 
-def _is_within(setting: Setting, fields: Fields, current: Floats, within: Bounds) -> bool:
-    blank = _blank(setting, fields, current)
-    out = replay(blank, fields)
+def _is_within(setting: Setting, model: Written, current: Floats, within: Bounds) -> bool:
+    out = replay(_blank(setting, model, current), model)
     travel = np.abs(out["q_m"] - out["q_m"][0])
     limits = {"dq_m": within.speed, "tau": within.torque}
     small = all(np.abs(out[name]).max() <= limit for name, limit in limits.items() if name in out)
@@ -204,33 +203,31 @@ def _is_within(setting: Setting, fields: Fields, current: Floats, within: Bounds
 
 
 # ---- what an explanation gives, and how well another one fits it
-def _blank(setting: Setting, fields: Fields, current: Floats) -> Setting:
+def _blank(setting: Setting, model: Written, current: Floats) -> Setting:
     """Return the setting of an experiment that has not been made: its command, and a joint at rest.
 
     The spring is relaxed at the start.
     """
-    size, old = len(current), setting.series
+    size, old, fields = len(current), setting.series, model.fields
     columns = {name: np.zeros(size) for name in old.columns}
     columns["i_cmd" if "i_cmd" in old else "i"] = current
     columns["q_m"] += fields["q_0"] + fields["centre_g"] if setting.has_spring else 0.0
     if "tau" in old:
         columns["tau"] += fields["tau_0"]
     valid = {name: np.ones(size, dtype=bool) for name in columns}
-    return replace(setting, series=Series(old.dt, columns, valid, {}, old.derived))
+    return replace(setting, series=Series(old.dt, columns, valid, old.zero, old.derived))
 
 
-def pretended(setting: Setting, fields: Fields, current: Floats) -> Setting:
+def pretended(setting: Setting, model: Written, current: Floats) -> Setting:
     """Return the setting of an experiment as it would be recorded if a model were true.
 
     Args:
         setting: The record that was made, whose sensors and sampling it shares.
-        fields: The model.
+        model: The model.
         current: The command [A], shape (N,).
     """
-    blank = _blank(setting, fields, current)
-    signals = dict(replay(blank, fields))
-    if "i_cmd" in blank.series and "i" in blank.series:
-        signals["i"] = commanded_current(fields, blank.series) + fields["i_0"]
+    blank = _blank(setting, model, current)
+    signals = replay(blank, model)
     rng = np.random.default_rng(0)
     columns = dict(blank.series.columns)
     for name in columns:
@@ -240,12 +237,12 @@ def pretended(setting: Setting, fields: Fields, current: Floats) -> Setting:
 
 
 def _crosses(
-    problem: Problem, fits: Mapping[str, Fit], models: Mapping[str, Fields], current: Floats
+    problem: Problem, fits: Mapping[str, Fit], models: Mapping[str, Written], current: Floats
 ) -> tuple[Cross, ...]:
     made = {}
-    for name, fields in models.items():
-        there = Problem.of(Stages(pretended(problem.stages.setting, fields, current)))
-        there.stages.tune(fields)
+    for name, model in models.items():
+        there = Problem.of(Stages(pretended(problem.stages.setting, model, current)))
+        there.stages.tune(model.fields)
         made[name] = (
             there,
             _evaluated(there, fits[name].model, _moved(problem, there, fits[name])),

@@ -15,7 +15,6 @@ from cjt_gym.gap.check.encoders import in_step
 from cjt_gym.gap.diagnosis import (
     NOTHING_LEFT,
     Diagnosis,
-    GapSize,
     NamedEffect,
     Source,
     StageGap,
@@ -25,7 +24,9 @@ from cjt_gym.gap.evidence import gather, nothing_said, source_of
 from cjt_gym.gap.explain import Explanation, explain
 from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.fit import Fit, Model
+from cjt_gym.gap.gap_size import HARM, measure_gap
 from cjt_gym.gap.horizons.answer import judged
+from cjt_gym.gap.horizons.model import MEASURES
 from cjt_gym.gap.intervals import (
     Covariance,
     covariance,
@@ -36,10 +37,10 @@ from cjt_gym.gap.localize import where
 from cjt_gym.gap.missing import not_judged
 from cjt_gym.gap.naming import doubted, name_effects
 from cjt_gym.gap.refine import settled
+from cjt_gym.gap.replay import Written, steps, written
 from cjt_gym.gap.select import BEYOND, Progress, silent
 from cjt_gym.gap.series import unbroken
 from cjt_gym.gap.setting import Setting, as_noisy, make_setting
-from cjt_gym.gap.shrink import HARM, Gap, measure_gap
 from cjt_gym.gap.suggest import cautious, suggest
 from cjt_gym.gap.unknown import Leftover, untouched, verdict
 from cjt_gym.joint import Joint, JointFile, get_structure, load_joint_file
@@ -228,7 +229,7 @@ def _report(
     spread = covariance(problem, found.fit)
     named = name_effects(found, spread, settings if held_out else ())
     within = _within_tolerance(found)
-    all_before = {n: problem.stages.residual(n, within) for n in problem.stages.names}
+    all_before = {n: problem.stages.residual(n, within.fields) for n in problem.stages.names}
     before = problem.stages.first(all_before)
     # Where nothing is named, nothing is said to explain: the nominal joint stays, its values
     # refined within their tolerances where that leaves no gap.
@@ -239,25 +240,32 @@ def _report(
     fit = found.fit if explains else found.base
     if refined:
         fit = settled(problem, fit, spread if explains else covariance(problem, fit))
-    gap = _gap(found, settings, held_out, fit if refined else None)
+    setting = problem.stages.setting
+    nominal = Written(_nominal_fields(found), setting.joint)
+    told = _refined(found, fit, spread) if refined else {}
+    shown = [effect for effect in named if effect.name not in MEASURES]
+    models = steps(problem, fit, nominal, shown, told, record) if refined else [nominal]
+    gap, rungs, replays = measure_gap(settings, models, held_out, shown)
     if not explains and gap.removed < 0.0:
-        refined, gap = False, _gap(found, settings, held_out, None)
+        told, models = {}, [nominal]
+        gap, rungs, replays = measure_gap(settings, models, held_out)
     if gap.high < -HARM:  # whatever each is worth, together they do not make the joint
         named = tuple(doubted(effect) for effect in named)
     left = found.left if explains else untouched(found.left)
     stages = _stages(found, fit, all_before, named)
-    nominal = _nominal_fields(found)
-    drawn = gather(problem, fit, nominal, within, before, settings, named, refined)
-    setting = problem.stages.setting
+    drawn = gather(problem, fit, within, before)
     said = (*not_judged(setting), *open_instant(named, setting.series.dt))
     lying = where(setting, stages, before, problem.stages.first(fit.residuals))
-    drawn = replace(drawn, regimes=lying, steps=_steps(found), source=source)
+    drawn = replace(
+        drawn, regimes=lying, steps=_steps(found), source=source, ladder=rungs, replays=replays,
+        replay_dt=settings[-1].series.dt,
+    )  # fmt: skip
     return Diagnosis(
         verdict=verdict(len(named), left),
         stages=stages,
         regimes=next(iter(lying.values()))[0],
         effects=named,
-        gap=GapSize(**{k: v for k, v in vars(gap).items() if k != "replays"}),
+        gap=gap,
         unexplained=_unexplained(left, said),
         suggestion=cautious(
             suggest(problem, found.base, found.fit, found.needs, found.seen, named, left),
@@ -266,13 +274,7 @@ def _report(
         ),
         seconds=time.perf_counter() - started,
         evidence=drawn,
-        joint=identified_joint(
-            setting,
-            problem.fields(fit.model, fit.z),
-            named,
-            _refined(found, fit, spread) if refined else {},
-            record,
-        ),
+        joint=identified_joint(setting, problem.fields(fit.model, fit.z), named, told, record),
     )
 
 
@@ -282,11 +284,15 @@ def _refined(found: Explanation, fit: Fit, spread: Covariance) -> dict[str, tupl
     known = found.problem.stages.setting.joint.parameters.quantities
     released = {effect.releases for effect in fit.model.effects}
     return {
-        n.field: (n.unknown.value(fit.z[k]), n.unknown.scale * spread.std(k))
+        n.field: (_short(n.unknown.value(fit.z[k])), _short(n.unknown.scale * spread.std(k)))
         for k, n in enumerate(shared)
         if (n.field in known or n.field == "lag") and n.field not in released
         if n.unknown.log and (spread.std(k) < KNOWN or abs(fit.z[k]) > MOVED)
     }
+
+
+def _short(x: float) -> float:
+    return float(f"{x:.6g}")
 
 
 def _steps(found: Explanation) -> tuple[tuple[str, dict[str, float]], ...]:
@@ -296,15 +302,15 @@ def _steps(found: Explanation) -> tuple[tuple[str, dict[str, float]], ...]:
     )
 
 
-def _within_tolerance(found: Explanation) -> Fields:
-    """Return the fields of the nominal joint, its values no further off than their tolerance."""
+def _within_tolerance(found: Explanation) -> Written:
+    """Return the nominal joint, its values no further off than their tolerance."""
     problem = found.problem
     held = [n.field in problem.stages.setting.joint.parameters.quantities for n in problem.shared]
     sensor = [n.field in ("tau_0", "i_0") for n in problem.shared]
     z = found.base.z.copy()
     limited = np.array(held) | np.array(sensor)
     z[limited] = np.clip(z[limited], -WITHIN, WITHIN)
-    return problem.fields(Model(), z)
+    return written(problem, Model(), z)
 
 
 def _beyond_tolerance(mean_square: Mapping[str, float]) -> tuple[Leftover, ...]:
@@ -339,13 +345,6 @@ def _stages(
     factor = max([finding.factor for finding in found.sensors], default=1.0)
     out["sensing"] = StageGap(factor, 1.0, "sensing" in blamed)
     return out
-
-
-def _gap(found: Explanation, settings: Sequence[Setting], held_out: bool, fit: Fit | None) -> Gap:
-    """Return how far the gap shrinks with a fit; without one the nominal joint stays."""
-    nominal = _nominal_fields(found)
-    after = nominal if fit is None else found.problem.fields(fit.model, fit.z)
-    return measure_gap(settings, nominal, after, held_out)
 
 
 def _unexplained(left: Sequence[Leftover], open_ends: Sequence[str]) -> Unexplained:

@@ -173,7 +173,18 @@ class Suggestion:
 
 @dataclass(frozen=True)
 class GapSize:
-    """The replay error on held-out data; see `cjt_gym.gap.shrink`."""
+    """The replay error on held-out data, relative to the rms of the signal.
+
+    Attributes:
+        before: With the nominal joint.
+        after: With the effects added.
+        floor: What the noise of the sensor alone would leave.
+        removed: Share of the error that is gone.
+        low: Low end of its 95 % interval.
+        high: High end of its 95 % interval.
+        held_out: Whether the data were kept from the fit.
+        by_channel: Errors before and after, by channel.
+    """
 
     before: float
     after: float

@@ -12,62 +12,39 @@ from cjt_gym.gap.diagnosis import (
     Diagnosis,
     Evidence,
     GapSize,
-    NamedEffect,
     Source,
     StageGap,
     Suggestion,
     Unexplained,
 )
-from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.fit import Fit, Problem
-from cjt_gym.gap.ladder import ladder, models, order_of, replays
 from cjt_gym.gap.maps import friction_maps, ripple, spring_loop
-from cjt_gym.gap.setting import Setting
-from cjt_gym.gap.shrink import main_channel
+from cjt_gym.gap.replay import Written, written
 from cjt_gym.joint import JointFile, Structure
 from cjt_gym.records import Record
 
 Floats = NDArray[np.float64]
 
 
-def gather(
-    problem: Problem,
-    fit: Fit,
-    nominal: Fields,
-    within: Fields,
-    before: Mapping[str, Floats],
-    settings: Sequence[Setting],
-    named: Sequence[NamedEffect],
-    explains: bool,
-) -> Evidence:
-    """Return what a report draws.
+def gather(problem: Problem, fit: Fit, within: Written, before: Mapping[str, Floats]) -> Evidence:
+    """Return what a report draws of the stages.
 
     Args:
         problem: The record.
         fit: Its explanation.
-        nominal: Fields of the nominal joint.
-        within: The same, its values no further off than their tolerance.
+        within: The nominal joint, its values no further off than their tolerance.
         before: Residuals of the latter by stage, each of shape (N,).
-        settings: The held-out records.
-        named: What is named.
-        explains: Whether the explanation replaces the nominal joint, be it without an effect.
     """
-    stages, effects = problem.stages, fit.model.effects
-    after = problem.fields(fit.model, fit.z)
+    stages = problem.stages
+    after = written(problem, fit.model, fit.z)
     left = stages.first(fit.residuals)
-    order = order_of(named, effects)
-    steps = models(problem, fit, nominal, order) if explains else [nominal]
-    last = settings[-1]
     return Evidence(
         t=stages.setting.series.t,
         before=before,
         after=left,
-        replays=replays(last, nominal, steps[-1]),
-        replay_dt=last.series.dt,
-        ladder=ladder(settings, steps, [effects[k] for k in order], main_channel(last)),
         friction=friction_maps(stages, within, after),
-        ripple=ripple(stages, (within, before["motor"]), (after, left["motor"])),
-        spring=spring_loop(stages, within, after),
+        ripple=ripple(stages, (within.fields, before["motor"]), (after.fields, left["motor"])),
+        spring=spring_loop(stages, within.fields, after.fields),
     )
 
 

@@ -15,9 +15,9 @@ from cjt_gym.gap.diagnosis import NamedEffect
 from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.rows import ROWS, Found, Number
 from cjt_gym.gap.setting import Setting
-from cjt_gym.joint import EFFECTS, Effect, EffectParameter, JointFile
+from cjt_gym.joint import EFFECTS, Effect, JointFile
+from cjt_gym.joint.effect_entries import unit_on
 from cjt_gym.joint.effects import body_of
-from cjt_gym.joint.parameter_table import axis_units
 from cjt_gym.joint.quantity import Quantity
 from cjt_gym.joint.quantity import Setting as Entry
 
@@ -102,7 +102,7 @@ def _put(
         assert parameter is not None
         value, low, high = number.within(*row.domain(parameter))
         text = f"{source}; {number.note}" if number.note else source
-        quantity = Quantity(value, _unit(parameter, joint), text)
+        quantity = Quantity(value, unit_on(parameter, joint.parameters), text)
         if high > low:
             quantity = replace(quantity, low=low, high=high)
         entries[symbol] = _as_series(quantity) if parameter.series else quantity
@@ -123,17 +123,9 @@ def _name_no_body(entries: dict[str, Entry], row: Effect, kept: set[str], joint:
         if body_of(parameter.symbol) in (None, *kept) or parameter.joint_parameter is None:
             continue
         off = joint.parameters.get(parameter.relative_to, 0.0) if parameter.relative_to else 0.0
-        entries[parameter.symbol] = Quantity(off, _unit(parameter, joint), "none of it")
-
-
-def _unit(parameter: EffectParameter, joint: JointFile) -> str:
-    """Return the unit of a number on the joint's kind of axis and with its kind of amplifier."""
-    p = joint.parameters
-    if parameter.symbol in p:
-        return p.unit(parameter.symbol)
-    units = axis_units(parameter.unit, p.axis)
-    volts = p.unit("k_t").endswith("/V")
-    return next((u for u in units if volts and u == "V"), units[0])
+        entries[parameter.symbol] = Quantity(
+            off, unit_on(parameter, joint.parameters), "none of it"
+        )
 
 
 def _share_smoothing(table: Table, joint: JointFile) -> None:
@@ -166,7 +158,7 @@ def _refined(
     """Return values within their tolerance as the fit has them; both directions move together."""
     found = {}
     for symbol, numbers in refined.items():
-        value, deviation = (_rounded(x) for x in numbers)
+        value, deviation = numbers
         old = quantities[symbol]
         how = "corrected from the guess of" if old.guess else "refined from"
         within = "" if old.guess else " within its tolerance"

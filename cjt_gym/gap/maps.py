@@ -9,38 +9,38 @@ from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
 from cjt_gym.gap.diagnosis import FrictionMap, RippleSpectrum, SpringLoop
-from cjt_gym.gap.fields import Fields, friction_law, has_friction
-from cjt_gym.gap.kernel import ELASTIC, LOADED, SMOOTH, VISCOUS_N, VISCOUS_P, level
+from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.periodic import ripple_amplitudes
+from cjt_gym.gap.replay import Written
 from cjt_gym.gap.setting import Setting
 from cjt_gym.gap.signals import joint_torque, motor_torque, periodic_torque
 from cjt_gym.gap.spring import spring_torque
 from cjt_gym.gap.stages import Stages
+from cjt_gym.joint import Joint
 
 Floats = NDArray[np.float64]
 WINDOW = 0.021
 """Time over which velocities and accelerations are smoothed [s]."""
 
 
-def friction_maps(stages: Stages, before: Fields, after: Fields) -> tuple[FrictionMap, ...]:
+def friction_maps(stages: Stages, before: Written, after: Written) -> tuple[FrictionMap, ...]:
     """Return what the torques of motor and load lack, over their velocities.
 
     Only the calmer half of the samples counts, in which the velocity changes least.
     """
     found = []
     for stage in ("motor", "load"):
-        if stage not in stages.names or _transmitted(stages.setting, before) is None:
+        if stage not in stages.names or _transmitted(stages.setting, before.fields) is None:
             continue
-        speed, calm, first = _lacking(stages, before, stage)
-        _, _, last = _lacking(stages, after, stage)
-        bodies = [
-            b for b, g in zip("mgl", _chain_groups(stages, stage, before), strict=True) if g >= 0
-        ]
+        speed, calm, first = _lacking(stages, before.fields, stage)
+        _, _, last = _lacking(stages, after.fields, stage)
+        bodies = [b for b, g in enumerate(stages.chain(stage, before.fields).groups) if g >= 0]
         calm[: stages.setting.settle] = calm[-stages.setting.settle :] = False
         speed = speed[calm]
         at = _speeds(speed)
-        load = _load(stages.setting, before)
-        law = _friction(after, bodies, at, load) - _friction(before, bodies, at, load)
+        load = float(np.mean(np.abs(_transmitted(stages.setting, before.fields))))  # type: ignore[arg-type]
+        laws = [_friction(m.joint(stages.setting), bodies, at, load) for m in (before, after)]
+        law = laws[1] - laws[0]
         found.append(FrictionMap(stage, speed, first[calm], last[calm], at, law))
     return tuple(found)
 
@@ -50,11 +50,6 @@ def _speeds(speed: Floats) -> Floats:
     top = float(np.abs(speed).max())
     half = top * np.geomspace(1e-4, 1.0, 100)
     return np.concatenate([-half[::-1], [0.0], half])
-
-
-def _load(setting: Setting, fields: Fields) -> float:
-    transmitted = _transmitted(setting, fields)
-    return 0.0 if transmitted is None else float(np.mean(np.abs(transmitted)))
 
 
 def _transmitted(setting: Setting, fields: Fields) -> Floats | None:
@@ -68,10 +63,6 @@ def _transmitted(setting: Setting, fields: Fields) -> Floats | None:
         q_l = series.columns.get("q_l", 0.0)
         return spring_torque(fields, series["q_m"] - q_l - fields["q_0"], series.dt)
     return None
-
-
-def _chain_groups(stages: Stages, stage: str, fields: Fields) -> tuple[int, int, int]:
-    return stages.chain(stage, fields).groups
 
 
 def _lacking(
@@ -95,7 +86,7 @@ def _lacking(
         torque = torque + series.columns.get("tau_l", 0.0)
     friction = stages.predict(stage, fields).friction
     torque = torque + (friction.sum(axis=1) if friction.size else 0.0)
-    groups = _chain_groups(stages, stage, fields)
+    groups = stages.chain(stage, fields).groups
     bodies = [b for b, g in zip("mgl", groups, strict=True) if g >= 0]
     inertia = sum(fields[f"I_{b}"] for b in bodies)
     damping = sum(fields[f"d_{b}"] for b in bodies)
@@ -106,28 +97,21 @@ def _lacking(
     return speed, size <= np.median(size), smooth - inertia * acceleration - damping * speed
 
 
-def _friction(fields: Fields, bodies: Sequence[str], speed: Floats, load: float) -> Floats:
+def _friction(joint: Joint, bodies: Sequence[int], speed: Floats, load: float) -> Floats:
     """Return the friction of bodies that move at one velocity [N m], shape (M,).
 
     Args:
-        fields: The model.
-        bodies: Their letters.
+        joint: The joint.
+        bodies: Their indices.
         speed: Their velocity [rad/s], shape (M,).
         load: Size of the transmitted torque [N m].
     """
-    total = np.zeros(len(speed))
-    for body in bodies:
-        total += fields[f"d_{body}"] * speed
-        if not has_friction(fields, body):
-            continue
-        law = friction_law(fields, body)
-        side = np.sign(speed)
-        more = law[LOADED] * load
-        size = np.array([level(law, s, abs(v), more) for s, v in zip(side, speed, strict=True)])
-        width = law[SMOOTH] if law[ELASTIC] == 0.0 else 0.0
-        total += size * (np.tanh(speed / width) if width > 0.0 else side)
-        total += np.where(side > 0.0, law[VISCOUS_P], law[VISCOUS_N]) * speed
-    return total
+    q, dq = np.zeros((2, len(speed), 3))
+    dq[:, bodies] = speed[:, None]
+    dry = joint.nonlinear_torque(q, q, load) - joint.nonlinear_torque(q, dq, load)
+    record, _ = joint.packed()
+    damping = sum(float(record[f"d_{'mgl'[b]}"][0]) for b in bodies)
+    return np.asarray(dry[:, bodies].sum(axis=1) + damping * speed)
 
 
 def ripple(

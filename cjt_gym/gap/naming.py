@@ -11,15 +11,16 @@ from cjt_gym.gap.confidence import confidence
 from cjt_gym.gap.confusable import best_rival, rivals
 from cjt_gym.gap.diagnosis import Interval, NamedEffect
 from cjt_gym.gap.explain import Explanation
+from cjt_gym.gap.gap_size import harms
 from cjt_gym.gap.heldout import worth
 from cjt_gym.gap.intervals import Covariance, at_an_end, effect_intervals, may_be_nothing
 from cjt_gym.gap.lateness import may_be_the_records
 from cjt_gym.gap.missing import same_here, undecided
 from cjt_gym.gap.prune import Need
+from cjt_gym.gap.replay import written
 from cjt_gym.gap.select import MARGIN, evidence
 from cjt_gym.gap.sensing import SensorFinding
 from cjt_gym.gap.setting import Setting
-from cjt_gym.gap.shrink import harms
 from cjt_gym.gap.unknown import status
 
 SHADOW = 0.25
@@ -97,9 +98,8 @@ def doubted(effect: NamedEffect) -> NamedEffect:
 
 def _harmful(found: Explanation, need: Need, unseen: Sequence[Setting]) -> bool:
     """Return whether the replay of data that the fit has not seen is worse with an effect."""
-    fields = found.problem.fields
-    less, more = need.without, found.fit
-    return harms(unseen, fields(less.model, less.z), fields(more.model, more.z))
+    less, more = (written(found.problem, f.model, f.z) for f in (need.without, found.fit))
+    return harms(unseen, less, more)
 
 
 def _confusable(found: Explanation, index: int) -> tuple[str, ...]:

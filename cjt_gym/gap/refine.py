@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.gap.fit import STEP, Fit, Problem
+from cjt_gym.gap.gap_size import off
 from cjt_gym.gap.intervals import Covariance
-from cjt_gym.gap.shrink import compared, main_channel
+from cjt_gym.gap.replay import written
 
 Floats = NDArray[np.float64]
 DEFLATION = 100.0
@@ -38,7 +39,6 @@ def settled(problem: Problem, fit: Fit, spread: Covariance) -> Fit:
     free = [k for k, n in enumerate(problem.shared) if n.field in known and not n.unknown.flat]
     if not setting.has_spring or not free:
         return fit
-    channel = main_channel(setting)
     precision = np.linalg.inv(spread.matrix)[np.ix_(free, free)]
 
     most = np.maximum(FURTHEST, np.abs(fit.z[free]))
@@ -49,8 +49,7 @@ def settled(problem: Problem, fit: Fit, spread: Covariance) -> Fit:
     def error(move: Floats) -> Floats:
         z = fit.z.copy()
         z[free] += move
-        signal, model = compared(setting, problem.fields(fit.model, z))[channel]
-        return model - signal
+        return off(setting, written(problem, fit.model, z))
 
     def cost(e: Floats, move: Floats) -> float:
         ms = float(e @ e) / len(e)

@@ -1,221 +1,171 @@
-"""Open-loop replay: the whole joint, driven by the recorded command alone.
+"""Open-loop replay: the joint that a model stands for, driven by the recorded command alone.
 
 The predictors of the stages lean on measurements at every sample; a replay does not, which is why
-it shows how far simulation and record are apart, and why it is not used to find the cause.
+it shows how far simulation and record are apart, and why it is not used to find the cause. It is
+the simulation that anybody can repeat with the written joint: a model gives its joint, and of the
+record only what the record's sensors have of their own, zeros and offsets.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter, savgol_filter
+from scipy.signal import savgol_filter
 
-from cjt_gym.gap.chain import GEAR, LOAD, MOTOR, Chain, Link, build_chain
-from cjt_gym.gap.fields import Fields, friction_law
-from cjt_gym.gap.kernel import LOADED, friction_torque
+from cjt_gym.errors import SimulationError
+from cjt_gym.gap.diagnosis import Interval, NamedEffect
+from cjt_gym.gap.fields import Fields
+from cjt_gym.gap.fit import Fit, Model, Problem
+from cjt_gym.gap.horizons.model import quiet
+from cjt_gym.gap.hypothesis import Hypothesis
+from cjt_gym.gap.joint_file import Refined, identified_joint
 from cjt_gym.gap.setting import Setting
-from cjt_gym.gap.signals import LEAST_TORQUE, commanded_current, interval_mean, shifted
-from cjt_gym.gap.spring import yielding
-from cjt_gym.joint.compiled import compiled
+from cjt_gym.gap.signals import interval_mean
+from cjt_gym.joint import Joint, JointFile
+from cjt_gym.joint.batch import longest_substep
+from cjt_gym.joint.configure import resolve_effects
 
 Floats = NDArray[np.float64]
-SUBSTEP = 2.5e-4
+SUBSTEP, COARSEST = 1e-4, 2.5e-4
+"""Substep, to which delays are rounded, and that of long records [s]."""
+MANY = 200_000
+"""Substeps from which a record is long."""
 SMOOTH = 11
 """Samples over which a prescribed angle of the load is smoothed."""
-CONSTANTS = (
-    "k_b", "d_gl", "hard", "play", "hyst", "hyst_z", "hyst_n", "k_g", "d_mg", "play_g",
-    "cog_f", "cog_a", "cog_b", "rip_f", "rip_a", "rip_b", "grav_a", "grav_b", "q_0", "pull_g",
-)  # fmt: skip
-(K_B, D_GL, HARD, PLAY, HYST, HYST_Z, HYST_N, K_G, D_MG, PLAY_G,
- COG_F, COG_A, COG_B, RIP_F, RIP_A, RIP_B, GRAV_A, GRAV_B, Q_0, PULL_G) = range(20)  # fmt: skip
 
 
-def replay(setting: Setting, fields: Fields) -> dict[str, Floats]:
-    """Return the channels that the model gives for the recorded command, each of shape (N,).
+@dataclass(frozen=True, eq=False)
+class Written:
+    """A model and the joint that it stands for.
 
-    Channels are q_m, q_l, dq_m and, where there is a spring, tau.
+    Attributes:
+        fields: The model, of which a replay takes the zeros and offsets of sensors.
+        file: The joint.
+    """
+
+    fields: Fields
+    file: JointFile
+
+    def joint(self, setting: Setting) -> Joint:
+        """Return the joint without noise, with a drive where the record has its command."""
+        effects = resolve_effects(None, self.file, setting.structure, "current")
+        file = replace(self.file, found={})
+        joint = Joint(file, setting.structure.name, "current", effects)
+        return quiet(joint, driven="i_cmd" in setting.series)
+
+
+def written(problem: Problem, model: Model, z: Floats) -> Written:
+    """Return a model at coordinates with the joint that it stands for."""
+    setting, fields = problem.stages.setting, problem.fields(model, z)
+    known = {*setting.joint.parameters.quantities, "lag"}
+    known -= {effect.releases for effect in model.effects}
+    values = {n.field: (fields[n.field], 0.0) for n in problem.shared if n.field in known}
+    ends = np.cumsum([len(problem.shared), *(len(e.unknowns) for e in model.effects)])
+    named = [
+        exactly(effect, [u.value(float(x)) for u, x in zip(effect.unknowns, z[at:], strict=False)])
+        for effect, at in zip(model.effects, ends, strict=False)
+        if not effect.outside
+    ]
+    return Written(fields, identified_joint(setting, fields, named, values, ""))
+
+
+def steps(
+    problem: Problem,
+    fit: Fit,
+    nominal: Written,
+    named: Sequence[NamedEffect],
+    refined: Refined,
+    record: str,
+) -> list[Written]:
+    """Return the nominal joint, the one within its tolerances, and with one effect more each.
+
+    Args:
+        problem: The record.
+        fit: The explanation.
+        nominal: The nominal joint.
+        named: What is named, in the order in which it is added.
+        refined: Datasheet values that the record tells; see `identified_joint`.
+        record: Name of the record.
+    """
+    shared, setting = len(problem.shared), problem.stages.setting
+    ends = np.cumsum([shared, *(len(e.unknowns) for e in fit.model.effects)])
+    at = {(e.name, e.body, e.channel): k for k, e in enumerate(fit.model.effects)}
+    keys = [(e.name, e.body, e.channel) for e in named]
+    found = [nominal]
+    for count in range(len(named) + 1):
+        some = sorted(at[key] for key in keys[:count])
+        z = np.concatenate([fit.z[:shared], *(fit.z[ends[k] : ends[k + 1]] for k in some)])
+        fields = problem.fields(Model(tuple(fit.model.effects[k] for k in some)), z)
+        file = identified_joint(setting, fields, named[:count], refined, record)
+        found.append(Written(fields, file))
+    return found
+
+
+def exactly(effect: Hypothesis, numbers: Sequence[float]) -> NamedEffect:
+    """Return an effect as if it were named, its numbers exactly known."""
+    values = {u.symbol: x for u, x in zip(effect.unknowns, numbers, strict=True)}
+    if effect.name == "stribeck":  # a fit has its rise, a diagnosis the level of breakaway
+        values["d_s"] += values[effect.unknowns[0].symbol]
+    spans = {symbol: Interval(x, x, x, "") for symbol, x in values.items()}
+    row = (effect.name, effect.stage, effect.body, effect.channel)
+    return NamedEffect(*row, spans, "tentative", 0.0, 0.0)
+
+
+def replay(setting: Setting, model: Written) -> dict[str, Floats]:
+    """Return the channels that a model gives for the recorded command, each of shape (N,).
+
+    Channels are q_m, q_l, dq_m and i, and where there is a spring, tau; NaN where it diverges.
+    """
+    series, fields = setting.series, model.fields
+    joint, driven = model.joint(setting), "i_cmd" in series
+    if driven:
+        current = series["i_cmd"]
+    else:
+        current = interval_mean(series["i"] - fields["i_0"], fields["w_i"])
+    zero = series.zero.get("q_m", 0.0)
+    start, load = _start_and_load(setting, fields, zero)
+    longest = min(max(series.dt * len(series) / MANY, SUBSTEP), COARSEST)
+    longest = min(longest, 0.5 * longest_substep(joint))
+    count = max(math.ceil(series.dt / longest - 1e-9), 1)
+    p, h = joint.parameters, series.dt / count
+    try:
+        run = joint.simulate(current * p.k_t * p.n, load, series.dt, start, dt_physics=h)
+    except SimulationError:
+        names = ("q_m", "q_l", "dq_m", "i", *(("tau",) if setting.has_spring else ()))
+        return {name: np.full(len(series), np.nan) for name in names}
+    found = {"q_m": run["true_q_m"] - zero, "q_l": run["true_q_l"] - zero - fields["q_0"]}
+    found["dq_m"] = run["true_dq_m"]
+    if driven and "i" in run:
+        found["i"] = run["i"] + fields["i_0"]
+    if setting.has_spring:
+        bias = joint.effects.get("torque_bias", {}).get("bias", 0.0)
+        found["tau"] = run["tau"] + fields["tau_0"] - bias
+    return found
+
+
+def _start_and_load(setting: Setting, fields: Fields, zero: float) -> tuple[Floats, Floats]:
+    """Return the state at the first sample, shape (6,), and what acts on the load, shape (N,).
+
+    The load's angle counts so that it is the motor's where the spring is relaxed.
     """
     series = setting.series
-    count = max(int(np.ceil(series.dt / SUBSTEP)), 1)
-    chain = _whole(setting, fields, series.dt / count)
-    current = _current(setting, fields)
-    torque = fields["n"] * fields["k_t"] * current
-    if fields["derate"] != 0.0:
-        a = np.exp(-series.dt / fields["heat"])
-        warm = lfilter([0.0, 1.0 - a], [1.0, -a], current**2)
-        torque *= np.maximum(1.0 - fields["derate"] * warm, LEAST_TORQUE)
-    torque = torque + fields["offset"]
-    q_l = series["q_l"] if "q_l" in series else np.zeros(len(series))
-    if len(q_l) > SMOOTH and np.ptp(q_l) > 0.0:
-        q_l = savgol_filter(q_l, SMOOTH, 3)  # a stiff spring would make torque of its noise
-    out = _simulate(
-        np.ascontiguousarray(chain.a),
-        np.ascontiguousarray(chain.torque),
-        chain.start,
-        chain.slope,
-        np.array(chain.groups),
-        _first_state(setting, fields, chain),
-        torque,
-        q_l,
-        series["tau_l"] if "tau_l" in series else np.zeros(len(series)),
-        np.array([fields[name] for name in CONSTANTS]),
-        np.stack([friction_law(fields, body) for body in "mgl"]),
-        setting.has_spring,
-        setting.has_gear,
-        count,
-        series.dt / count,
-    )
-    channels = {"q_m": out[:, 0], "q_l": out[:, 1], "dq_m": out[:, 2]}
-    if setting.has_spring:
-        tau = fields["gain"] * out[:, 3] + fields["tau_0"]
-        channels["tau"] = shifted(tau, -fields["late"] / series.dt)
-    return channels
-
-
-def _current(setting: Setting, fields: Fields) -> Floats:
-    series = setting.series
-    if "i_cmd" in series:
-        return interval_mean(commanded_current(fields, series), fields["w_i"])
-    return interval_mean(series["i"] - fields["i_0"], fields["w_i"])
-
-
-def _whole(setting: Setting, fields: Fields, dt: float) -> Chain:
-    inertia = [fields[f] for f in ("I_m", "I_g", "I_l")]
-    damping = [fields[f] for f in ("d_m", "d_g", "d_l")]
-    groups = setting.structure.groups
-    links = []
-    if setting.has_gear:
-        links.append(Link(MOTOR, GEAR, fields["k_g"], fields["d_mg"]))
-    if setting.has_spring:
-        other = LOAD if groups[2] >= 0 else None
-        links.append(Link(GEAR, other, fields["k_b"], fields["d_gl"]))
-    return build_chain(groups, inertia, damping, links, dt)
-
-
-def _first_state(setting: Setting, fields: Fields, chain: Chain) -> Floats:
-    series, size = setting.series, chain.size
-    x = np.zeros(2 * size)
-    speed = series.first_speed("q_m")
-    x[size:] = speed
-    x[chain.groups[MOTOR]] = q = series["q_m"][0]
     tau = float(np.mean(series["tau"][:5])) - fields["tau_0"] if "tau" in series else 0.0
+    q = series["q_m"][0] + zero
+    start = np.full(6, series.first_speed("q_m"))
+    start[:3] = q
     if setting.has_gear:
-        x[chain.groups[GEAR]] = q = q - tau / fields["k_g"] - fields["centre_g"]
-    if setting.has_spring and chain.groups[LOAD] >= 0:
-        # The bar's coordinate is q_g - q_l with its relaxed deflection q_0 taken off the load.
-        x[chain.groups[LOAD]] = q - tau / fields["k_b"]
-    return x
-
-
-@compiled
-def _bar(c: Floats, x: float, v: float, z: float) -> float:
-    """Return the torque of the bar [N m] at a deflection, its rate and its hysteresis' state."""
-    half = 0.5 * c[PLAY]
-    if half > 0.0:
-        x = x - min(max(x, -half), half)
-    return float(c[K_B] * x * (1.0 + c[HARD] * x * x) + c[D_GL] * v + c[HYST] * z)
-
-
-@compiled
-def _remember(c: Floats, z: float, move: float) -> float:
-    """Return the hysteresis' state after a move of the deflection."""
-    if c[HYST] == 0.0:
-        return 0.0
-    if c[HYST_N] == 0.0:
-        return float(min(max(z + move / c[HYST_Z], -1.0), 1.0))
-    step = move / c[HYST_Z]
-    middle = z + 0.5 * yielding(z, step, c[HYST_N])
-    return float(z + yielding(middle, step, c[HYST_N]))
-
-
-@compiled
-def _simulate(
-    a: Floats,
-    g: Floats,
-    begin: Floats,
-    slope: Floats,
-    groups: NDArray[np.int64],
-    x0: Floats,
-    torque: Floats,
-    q_l: Floats,
-    tau_l: Floats,
-    c: Floats,
-    laws: Floats,
-    spring: bool,
-    gear: bool,
-    count: int,
-    h: float,
-) -> Floats:
-    """Return q_m, q_l, dq_m and tau at the samples, shape (N, 4)."""
-    n, size = a.shape[0], torque.size
-    half = n // 2
-    out = np.zeros((size, 4))
-    x, new, push = x0.copy(), np.zeros(n), np.zeros(3)
-    free_load = groups[2] >= 0
-    bristle, z = np.zeros(3), 0.0
-    m, r = groups[0], groups[1]
-    last = 0.0
-    for t in range(size):
-        rate = (q_l[min(t + 1, size - 1)] - q_l[t]) / (count * h)
-        for k in range(count):
-            there = x[groups[2]] if free_load else q_l[t] + rate * k * h + c[Q_0]
-            speed = x[half + groups[2]] if free_load else rate
-            deflection, velocity = x[r] - there, x[half + r] - speed
-            if t == 0 and k == 0:
-                last = deflection
-            z = _remember(c, z, deflection - last)
-            last = deflection
-            tau = _bar(c, deflection, velocity, z) if spring else 0.0
-            if k == 0:
-                out[t, 0], out[t, 2], out[t, 3] = x[m], x[half + m], tau
-                out[t, 1] = there - c[Q_0]
-            extra = tau - c[K_B] * deflection - c[D_GL] * velocity if spring else 0.0
-            transmitted = tau
-            excess = 0.0
-            if gear:
-                twist, twisting = x[m] - x[r], x[half + m] - x[half + r]
-                transmitted = c[K_G] * twist + c[D_MG] * twisting
-                if c[PLAY_G] > 0.0:
-                    loose = 0.5 * c[PLAY_G]
-                    side = 1.0 if twist > 0.0 else -1.0
-                    excess = c[K_G] * loose * side
-                    parting = side * (transmitted - excess) < 0.0 and c[PULL_G] == 0.0
-                    if abs(twist) <= loose or parting:
-                        excess = transmitted
-                    transmitted -= excess
-            q = x[m]
-            push[0] = torque[t] + excess
-            push[0] += c[COG_A] * np.cos(c[COG_F] * q) + c[COG_B] * np.sin(c[COG_F] * q)
-            push[0] += transmitted * (
-                c[RIP_A] * np.cos(c[RIP_F] * q) + c[RIP_B] * np.sin(c[RIP_F] * q)
-            )
-            push[1] = -excess - extra
-            push[2] = 0.0
-            if free_load:
-                push[2] = tau_l[t] + extra
-                q = x[groups[2]] - c[Q_0]
-                push[2] -= c[GRAV_A] * np.cos(q) + c[GRAV_B] * np.sin(q)
-            for i in range(n):
-                value = 0.0
-                for b in range(3):
-                    value += g[i, b] * push[b]
-                for j in range(n):
-                    value += a[i, j] * x[j]
-                if not free_load:
-                    value += begin[i] * there + slope[i] * rate
-                new[i] = value
-            for b in range(3):
-                if groups[b] < 0 or not laws[b].any():
-                    continue
-                row = half + groups[b]
-                load = laws[b, LOADED] * abs(tau)
-                lam, spring_back, lost = friction_torque(
-                    laws[b], x[row], new[row], g[row, b], load, h, bristle[b]
-                )
-                for i in range(n):
-                    new[i] += g[i, b] * lam
-                new[row - half] += lost
-                bristle[b] = spring_back
-            for i in range(n):
-                x[i] = new[i]
-    return out
+        start[1:3] = q = q - tau / fields["k_g"] - fields["centre_g"]
+    if setting.has_spring:
+        start[2] = q - tau / fields["k_b"]
+    load = series["tau_l"] if "tau_l" in series else np.zeros(len(series))
+    if setting.structure.output_fixed:
+        q_l = series["q_l"] if "q_l" in series else np.zeros(len(series))
+        if len(q_l) > SMOOTH and np.ptp(q_l) > 0.0:
+            q_l = savgol_filter(q_l, SMOOTH, 3)  # a stiff spring would make torque of its noise
+        load = np.append(np.diff(q_l), 0.0) / series.dt
+        start[2], start[5] = q_l[0] + zero + fields["q_0"], load[0]
+    return start, load

@@ -285,11 +285,11 @@ def _gravity(x: Found) -> Rows:
     size = max(weight, 1e-12)
     along = math.hypot(half_a * a.value, half_b * b.value) / size
     across = math.hypot(half_a * b.value, half_b * a.value) / size**2
-    channel = "q_l" if x.setting.has_spring else "q_m"
-    angle = x.setting.series.zero[channel] - math.atan2(a.value, b.value)
+    angle = x.setting.series.zero["q_m"] + x.fields["q_0"] - math.atan2(a.value, b.value)
     angle = math.remainder(angle, 2.0 * math.pi)
     torque = Number(weight, weight - along, weight + along)
-    hangs = Number(angle, angle - across, angle + across, f"of {channel} as recorded")
+    note = "of q_l, which is q_m as recorded where the spring is relaxed"
+    hangs = Number(angle, angle - across, angle + across, note if x.setting.has_spring else "")
     return {"gravity": {"torque": torque, "angle": hangs}}
 
 

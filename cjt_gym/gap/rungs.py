@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.errors import unknown_name
-from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.fit import Model, Problem
+from cjt_gym.gap.gap_size import followed, main_channel, relative
 from cjt_gym.gap.hypotheses import hypotheses
 from cjt_gym.gap.hypothesis import Hypothesis
-from cjt_gym.gap.setting import as_noisy, make_setting
-from cjt_gym.gap.shrink import compared, main_channel
+from cjt_gym.gap.replay import Written, written
+from cjt_gym.gap.setting import Setting, as_noisy, make_setting
 from cjt_gym.gap.stages import Stages
 from cjt_gym.joint import JointFile, get_structure, load_joint_file
 from cjt_gym.records import Record
@@ -74,15 +74,14 @@ def rungs(
     found = []
     for names in ladder:
         effects = tuple(_row(rows, name) for name in names)
-        fields, values = _fitted(problem, effects)
-        errors = tuple(relative_error(*compared(s, fields)[main_channel(s)]) for s in tested)
+        model, values = _fitted(problem, effects)
+        errors = tuple(_error(s, model) for s in tested)
         found.append(Rung(tuple(names), values, errors))
     return tuple(found)
 
 
-def relative_error(signal: Floats, model: Floats) -> float:
-    """Return the rms of a model's error over the rms of the signal."""
-    return float(np.linalg.norm(model - signal) / np.linalg.norm(signal))
+def _error(setting: Setting, model: Written) -> float:
+    return float(relative([followed(setting, [model])[main_channel(setting)]])[0])
 
 
 def _row(rows: Sequence[Hypothesis], name: str) -> Hypothesis:
@@ -92,12 +91,12 @@ def _row(rows: Sequence[Hypothesis], name: str) -> Hypothesis:
     raise unknown_name("effect", name, {row.name: row for row in rows})
 
 
-def _fitted(problem: Problem, effects: tuple[Hypothesis, ...]) -> tuple[Fields, dict[str, float]]:
-    """Return the fields and the effects' values of a model, fitted from its first starts."""
+def _fitted(problem: Problem, effects: tuple[Hypothesis, ...]) -> tuple[Written, dict[str, float]]:
+    """Return a model, fitted from its first starts, and its effects' values."""
     start = [u.coordinate(x) for e in effects for u, x in zip(e.unknowns, e.starts[0], strict=True)]
     z = np.concatenate([np.zeros(len(problem.shared)), start])
     fit = problem.fit(Model(effects), z, MOVES)
     unknowns = [u for e in effects for u in e.unknowns]
     at = len(problem.shared)
     values = {u.symbol: u.value(float(fit.z[at + k])) for k, u in enumerate(unknowns)}
-    return problem.fields(fit.model, fit.z), values
+    return written(problem, fit.model, fit.z), values

@@ -1,20 +1,22 @@
-"""The model of the diagnosis and the project's kernel, side by side under the same command."""
+"""What the predictors of a diagnosis make of a joint that was written and simulated."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.gap.diagnosis import Interval, NamedEffect
+from cjt_gym.gap.design import pretended
+from cjt_gym.gap.diagnosis import NamedEffect
 from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.hypothesis import Hypothesis
 from cjt_gym.gap.joint_file import identified_joint
-from cjt_gym.gap.replay import replay
+from cjt_gym.gap.replay import Written, exactly
 from cjt_gym.gap.setting import Setting, make_setting
+from cjt_gym.gap.stages import Stages
 from cjt_gym.joint import Joint, JointFile, get_structure, load_joint, to_toml
 from cjt_gym.joint.parameters import JointParameters
 from cjt_gym.joint.quantity import Quantity
@@ -86,67 +88,37 @@ def load(file: JointFile, structure: str, path: Path, *, write: bool = True) -> 
 
 def named(hypothesis: Hypothesis, values: Mapping[str, float]) -> NamedEffect:
     """Return the effect as a diagnosis would name it, every number known to ten per cent."""
-    if hypothesis.name == "stribeck":  # a fit has its rise, a diagnosis the level of breakaway
-        values = {**values, "d_s": values["d_s"] + values[hypothesis.unknowns[0].symbol]}
-    units = {unknown.symbol: unknown.unit for unknown in hypothesis.unknowns}
+    found = exactly(hypothesis, list(values.values()))
     spans = {
-        s: Interval(x, x - 0.1 * abs(x) - 1e-9, x + 0.1 * abs(x) + 1e-9, units[s])
-        for s, x in values.items()
+        s: replace(x, low=x.value - _tenth(x.value), high=x.value + _tenth(x.value))
+        for s, x in found.parameters.items()
     }
-    body, channel = hypothesis.body, hypothesis.channel
-    return NamedEffect(hypothesis.name, hypothesis.stage, body, channel, spans, "confirmed", 1.0, 1)
+    return replace(found, parameters=spans, status="confirmed", confidence=1.0)
 
 
-@dataclass(frozen=True)
-class Pair:
-    """What both models give for one command.
+def _tenth(x: float) -> float:
+    return 0.1 * abs(x) + 1e-9
 
-    Attributes:
-        joint: The joint that was loaded from the written file.
-        engine: Channels of the diagnosis' replay.
-        kernel: The same of the kernel.
-        nominal: Channels of the replay without the effect.
+
+def residuals(
+    setting: Setting, hypothesis: Hypothesis, values: Mapping[str, float]
+) -> tuple[float, float]:
+    """Return what the predictors leave of the joint that is written for an effect, in noise.
+
+    It is the largest residual of the stages that the effect touches, with the effect and without.
     """
-
-    joint: Joint
-    engine: Mapping[str, Floats]
-    kernel: Mapping[str, Floats]
-    nominal: Mapping[str, Floats]
-
-    def error(self, channel: str) -> tuple[float, float]:
-        """Return how far the two are apart and how much the effect does, over the signal's rms."""
-        signal = self.engine[channel]
-        rms = float(np.sqrt(np.mean(signal**2)))
-        apart = float(np.sqrt(np.mean((self.kernel[channel] - signal) ** 2)))
-        does = float(np.sqrt(np.mean((self.nominal[channel] - signal) ** 2)))
-        return apart / rms, does / rms
-
-
-def _start(setting: Setting, fields: Fields) -> Floats:
-    """Return the state in which the replay begins, angles from the motor's, shape (6,)."""
-    tau = float(np.mean(setting.series["tau"][:5])) - fields["tau_0"] if setting.has_spring else 0.0
-    q_g = -tau / fields["k_g"] - fields["centre_g"] if setting.has_gear else 0.0
-    q_l = q_g - tau / fields["k_b"] if setting.has_spring else 0.0
-    if setting.structure.output_fixed:
-        q_l = fields["q_0"]
-    return np.array([0.0, q_g, q_l, 0.0, 0.0, 0.0])
-
-
-def compare(setting: Setting, hypothesis: Hypothesis, values: dict[str, float], path: Path) -> Pair:
-    """Return both models with an effect of these values."""
-    fields: Fields = dict(setting.nominal)
-    fields["w_i"] = 1.0  # the command is held over its sample, as the kernel holds it
-    nominal = replay(setting, fields)
+    nominal: Fields = {**setting.nominal, "w_i": 1.0}  # the command is held over its sample
+    fields = dict(nominal)
     hypothesis.apply(fields, values)
-    found = identified_joint(setting, fields, [named(hypothesis, values)], {}, "a record")
-    joint = load(found, setting.structure.name, path)
-    series, p = setting.series, VALUES
-    zero = ZERO_L if hypothesis.stage == "load" else ZERO_M
-    start = _start(setting, fields)
-    start[:3] += zero
-    run = joint.simulate(series["i_cmd"] * p["k_t"] * p["n"], dt=1e-3, x0=start, dt_physics=1e-4)
-    kernel = {"q_m": run["true_q_m"] - zero, "dq_m": run["true_dq_m"], "tau": run["tau"]}
-    return Pair(joint, replay(setting, fields), kernel, nominal)
+    file = identified_joint(setting, fields, [named(hypothesis, values)], {}, "a record")
+    stages = Stages(pretended(setting, Written(fields, file), setting.series["i_cmd"]))
+    stages.tune(fields)
+    touched = [name for name in hypothesis.touches if name in stages.names]
+
+    def left(model: Fields) -> float:
+        return max(float(np.std(stages.residual(name, model))) for name in touched)
+
+    return left(fields), left(nominal)
 
 
 def held_out(file: JointFile, record: Record, path: Path) -> float:

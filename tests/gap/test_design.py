@@ -15,7 +15,7 @@ from cjt_gym.gap.diagnosis import Suggestion
 from cjt_gym.gap.fit import Fit, Model, Problem
 from cjt_gym.gap.hypotheses import hypotheses
 from cjt_gym.gap.menu import MENU, REST
-from cjt_gym.gap.replay import replay
+from cjt_gym.gap.replay import replay, written
 from cjt_gym.gap.setting import make_setting
 from cjt_gym.gap.stages import Stages
 from cjt_gym.gap.suggest import record_of
@@ -77,8 +77,8 @@ def test_every_experiment_keeps_to_the_limits_whatever_is_true(problem: Problem)
     for prospect in prospects(problem, fits):
         assert np.abs(prospect.current).max() <= within.current
         for fit in fits.values():
-            fields = problem.fields(fit.model, fit.z)
-            out = replay(pretended(setting, fields, prospect.current), fields)
+            model = written(problem, fit.model, fit.z)
+            out = replay(pretended(setting, model, prospect.current), model)
             assert np.abs(out["tau"]).max() <= 1.01 * within.torque
 
 

@@ -22,29 +22,30 @@ from cjt_gym.records import read_record
 from tests.gap.parity import (
     VALUES,
     ZERO_M,
-    compare,
     datasheet,
     held_out,
     load,
     named,
+    residuals,
     setting_of,
 )
 
 STAGES = ("drive", "motor", "transmission", "load")
 FIXED = "output_fixed_rigid_gearbox"
-APART, SHARE = 0.003, 0.05
-"""How far both models may be apart: over the signal's rms, and over what the effect does."""
+NOISE = 1.25
+"""Residual that a predictor leaves of the joint that is written for its model, in noise."""
 ROUGH = {
-    ("current_lag", ""): 0.06,  # a lagged current is taken as constant between two samples
-    ("load_friction", ""): 0.3,  # of which torque it is a share: the bar's or the gear's
-    ("spring_hysteresis", "Bouc-Wen"): 0.5,  # a loop of exponent 2 becomes one of exponent 1
-    ("backlash", "gear"): 0.9,  # whether the gear's damper may pull
-    ("backlash", "bar"): 0.9,  # the same, as the kernel has its play in the gear
-    ("hardening", ""): 0.05,
+    ("torque_delay", ""): 0.02,
+    ("load_friction", ""): 0.15,  # of which torque it is a share: the bar's or the gear's
+    ("spring_hysteresis", "Bouc-Wen"): 0.2,  # a loop of exponent 2 becomes one of exponent 1
+    ("backlash", "gear"): 0.05,
+    ("backlash", "gear, damper pulls"): 0.25,  # the kernel's damper never does
+    ("backlash", "bar"): 0.2,  # the kernel has its play in the gear
 }
+"""The same where both laws are not one, as a share of what is left without the effect."""
 PERIODIC = {"cog": (480.0, 1.0, -0.5), "rip": (160.0, 0.05, 0.03), "step": (0.4,)}
 ONE_MASS = ("load_friction", "gear_ripple")
-"""Effects that need the transmitted torque, which no replay of a single mass has."""
+"""Effects that need the transmitted torque, which no predictor of a single mass has."""
 
 
 @pytest.fixture(scope="module", params=STRUCTURES)
@@ -88,19 +89,16 @@ def test_every_effect_that_can_be_named_becomes_a_row_in_its_range(
 
 
 @pytest.mark.parametrize("structure", [FIXED, "full_dynamics", "rigid"])
-def test_the_kernel_moves_as_the_diagnosis_replays(structure: str, tmp_path: Path) -> None:
-    setting = setting_of(structure, 1.0)
+def test_the_predictors_know_the_joint_that_is_written(structure: str) -> None:
+    setting = setting_of(structure, 0.5)
     for row in hypotheses(setting, STAGES):
         if structure == "rigid" and row.name in ONE_MASS:
             continue
-        if row.variant == "gear, damper pulls":  # a law of recorded joints that the kernel has not
-            continue
-        pair = compare(setting, row, values_of(row), tmp_path / "joint.toml")
-        for channel in ("dq_m", "tau"):
-            if channel in pair.engine:
-                apart, does = pair.error(channel)
-                share = ROUGH.get((row.name, row.variant), SHARE)
-                assert apart < APART + share * does, (row.key, channel, apart, does)
+        found, nominal = residuals(setting, row, values_of(row))
+        share = ROUGH.get((row.name, row.variant), 0.0)
+        if (structure, row.variant) == (FIXED, "bar"):
+            share = 0.0
+        assert found < NOISE + share * nominal, (row.key, found, nominal)
 
 
 def effect(name: str, body: str | None = None, **values: float) -> NamedEffect:

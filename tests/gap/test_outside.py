@@ -11,11 +11,13 @@ from cjt_gym.gap import Diagnosis, diagnose
 from cjt_gym.gap.confidence import confidence
 from cjt_gym.gap.diagnosis import Interval
 from cjt_gym.gap.explain import Explanation, explain
+from cjt_gym.gap.fit import Model
+from cjt_gym.gap.gap_size import harms
 from cjt_gym.gap.heldout import Trial, on_held_out, worth
 from cjt_gym.gap.hypotheses import hypotheses
 from cjt_gym.gap.intervals import may_be_nothing
+from cjt_gym.gap.replay import written
 from cjt_gym.gap.setting import Setting, make_setting
-from cjt_gym.gap.shrink import harms
 from cjt_gym.gap.unknown import Leftover, status
 from cjt_gym.joint import get_structure
 from cjt_gym.records import Record
@@ -143,8 +145,10 @@ def test_an_effect_may_be_nothing_where_all_its_sizes_may(
 
 
 def test_an_effect_with_which_the_replay_is_worse_does_harm(explanation: Explanation) -> None:
-    two = explanation.problem.fields(explanation.fit.model, explanation.fit.z)
-    one = dict(two) | {"c_p_m": 0.0, "c_n_m": 0.0}
+    problem, fit = explanation.problem, explanation.fit
+    assert {effect.name for effect in fit.model.effects} == {"coulomb"}
+    two = written(problem, fit.model, fit.z)
+    one = written(problem, Model(), fit.z[: len(problem.shared)])
     with_friction, without = (setting_of(simulate(seed=2, friction=(f, f))) for f in (2.0, 0.0))
     assert not harms([with_friction], one, two)
     assert harms([without], one, two)

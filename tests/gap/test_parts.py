@@ -12,7 +12,7 @@ from cjt_gym.gap.fields import NEUTRAL, friction_law
 from cjt_gym.gap.fit import Model, Problem
 from cjt_gym.gap.kernel import LAW_SIZE, friction_torque
 from cjt_gym.gap.noise import high_frequency_std, lattice_step, observed_jitter
-from cjt_gym.gap.replay import replay
+from cjt_gym.gap.replay import Written, replay
 from cjt_gym.gap.series import to_series
 from cjt_gym.gap.setting import make_setting
 from cjt_gym.gap.signals import shifted, smooth_mean
@@ -210,6 +210,6 @@ def test_derivatives_only_fill_the_stages_that_a_number_touches() -> None:
 def test_a_replay_follows_an_independent_simulation() -> None:
     record = simulate(seconds=2.0)
     setting = make_setting(record, nominal(), get_structure(FIXED))
-    fields = dict(setting.nominal) | {"w_i": 1.0}
-    error = replay(setting, fields)["tau"] - record["tau"]
+    model = Written(dict(setting.nominal), setting.joint)
+    error = replay(setting, model)["tau"] - record["tau"]
     assert np.std(error) < 0.02 * np.std(record["tau"])

@@ -13,13 +13,15 @@ from cjt_gym.errors import ConfigurationError
 from cjt_gym.gap import Diagnosis, diagnose
 from cjt_gym.gap.diagnosis import Interval
 from cjt_gym.gap.fit import Model, Problem
+from cjt_gym.gap.hypotheses import hypotheses
 from cjt_gym.gap.maps import friction_maps, ripple, spring_loop
+from cjt_gym.gap.replay import written
 from cjt_gym.gap.report import summary, write_report
 from cjt_gym.gap.report.chart import decades, decimated, tick_texts, ticks
 from cjt_gym.gap.report.words import interval, number, percent, verdict_sentence
 from cjt_gym.gap.setting import make_setting
 from cjt_gym.gap.stages import Stages
-from cjt_gym.joint import get_structure
+from cjt_gym.joint import get_structure, load_joint, to_toml
 from cjt_gym.records import Record, read_record
 from tests.gap.browser import browser, look, screenshot
 from tests.gap.simulator import TRUE, nominal, simulate
@@ -58,6 +60,16 @@ def test_the_ladder_leads_from_the_gap_before_to_the_gap_after(explained: Diagno
     assert all(step.low <= step.error <= step.high for step in steps)
 
 
+def test_what_is_drawn_is_what_the_written_joint_does(explained: Diagnosis, tmp_path: Path) -> None:
+    path = tmp_path / "joint.toml"
+    path.write_text(to_toml(explained.joint), encoding="utf-8")
+    joint, held = load_joint(path, FIXED), simulate(seconds=3.0, seed=1, friction=(2.6, 1.9))
+    torque = held["i_cmd"] * joint.parameters.k_t * joint.parameters.n
+    run = joint.simulate(torque, dt=held.dt, dt_physics=1e-4)
+    drawn = explained.evidence.replays["tau"]["after"]
+    assert np.std(run["true_tau"] - drawn) < 0.005 * np.std(drawn)
+
+
 def test_where_nothing_is_named_the_ladder_has_one_step(unexplained: Diagnosis) -> None:
     assert [step.name for step in unexplained.evidence.ladder] == ["nominal"]
     assert unexplained.stages["motor"].after > 1.5
@@ -87,9 +99,14 @@ def test_a_torque_that_repeats_with_the_angle_is_a_line() -> None:
 
 
 def test_the_friction_map_shows_the_friction() -> None:
-    stages, fields = prepared(simulate(seconds=3.0, friction=(2.6, 1.9)))
-    known = fields | {"c_p_m": 2.6, "c_n_m": 1.9}
-    (found,) = friction_maps(stages, fields, known)
+    record = simulate(seconds=3.0, friction=(2.6, 1.9))
+    problem = Problem.of(Stages(make_setting(record, nominal(), get_structure(FIXED))))
+    rows = hypotheses(problem.stages.setting, problem.stages.names)
+    law = next(row for row in rows if row.name == "coulomb_asym")
+    z = np.zeros(len(problem.shared))
+    levels = [u.coordinate(x) for u, x in zip(law.unknowns, (2.6, 1.9), strict=True)]
+    known = written(problem, Model((law,)), np.append(z, levels))
+    (found,) = friction_maps(problem.stages, written(problem, Model(), z), known)
     fast = np.quantile(np.abs(found.speed), 0.7)
     assert np.median(found.before[found.speed > fast]) == pytest.approx(2.6, abs=0.15)
     assert np.median(found.before[found.speed < -fast]) == pytest.approx(-1.9, abs=0.15)

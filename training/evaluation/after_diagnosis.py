@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,9 +11,9 @@ import numpy as np
 from cjt_gym.errors import CjtGymError, ConfigurationError
 from cjt_gym.gap import Diagnosis
 from cjt_gym.gap.diagnose import TAIL
+from cjt_gym.gap.diagnosis import GapSize
 from cjt_gym.gap.report.table import Table
 from cjt_gym.gap.report.words import number, percent
-from cjt_gym.gap.shrink import Gap
 from cjt_gym.joint import Joint, JointFile, get_structure
 from cjt_gym.joint.configure import resolve_effects
 from cjt_gym.records import Record
@@ -41,7 +41,7 @@ class ClosedLoop:
 
     controller: str
     record: str
-    gap: Gap
+    gap: GapSize
 
 
 @dataclass(frozen=True)
@@ -201,9 +201,7 @@ def _law(record: Record, nominal: Joint, agents: Sequence[Agent]) -> tuple[str, 
 
 
 def _plain(replay: ClosedLoop) -> dict[str, Any]:
-    names = [field.name for field in fields(Gap) if field.name != "replays"]
-    gap = {name: getattr(replay.gap, name) for name in names}
-    return {"controller": replay.controller, "record": replay.record} | gap
+    return {"controller": replay.controller, "record": replay.record} | vars(replay.gap)
 
 
 def _replay_table(replay: ClosedLoop) -> Table:
