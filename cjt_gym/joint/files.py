@@ -65,6 +65,14 @@ class JointFile:
         return self.parameters.name
 
     @property
+    def path(self) -> Path | None:
+        """The file that it was read from, an absolute path; None if it ships or is no file."""
+        origin = self.parameters.origin
+        if origin == f"params/{self.name}.toml" and self.name in joint_names():
+            return None
+        return Path(origin).resolve() if is_path(origin) and Path(origin).is_file() else None
+
+    @property
     def gear_ratio(self) -> float | None:
         """Gear ratio n; None where the file gives none."""
         return self.parameters.n if "n" in self.parameters else None
