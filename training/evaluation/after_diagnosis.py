@@ -196,7 +196,10 @@ def _law(record: Record, nominal: Joint, agents: Sequence[Agent]) -> tuple[str, 
     if name == "pd_feedforward" and {"kp", "kd"} <= set(made):
         limit = limits_of(nominal).tau
         side = made.get("derivative", "error")
-        return name, PdFeedForward(made["kp"], made["kd"], record.dt, side, torque_limit=limit)
+        gain = float(made.get("command_gain", 1.0))
+        law = PdFeedForward(made["kp"], made["kd"], record.dt, side, torque_limit=limit / gain)
+        law.command_gain = gain
+        return name, law
     return name, make_controller(name, nominal, record.dt, made.get("gains"))
 
 
