@@ -48,7 +48,7 @@ class Alive:
 
         Args:
             until_a_word: Whether to be silent for good once the command has written anything, as
-                those do that then run a control loop or wait for others.
+                those do that then wait for others.
         """
         self.doing, self._until_a_word = LOADING, until_a_word
         self._lock, self._over = threading.RLock(), threading.Event()

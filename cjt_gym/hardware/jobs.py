@@ -66,6 +66,11 @@ class Run:
     path: Path | None
     jobs: tuple[Job, ...]
 
+    @property
+    def title(self) -> str:
+        """What it is called while it goes on."""
+        return "running" if self.path is None else f"recording {self.path.stem}"
+
 
 def runs_of(configs: Sequence[HardwareConfig], options: argparse.Namespace) -> Sequence[Run]:
     """Return the runs to carry out; of a series, those not recorded yet."""

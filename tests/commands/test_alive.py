@@ -12,9 +12,10 @@ import gymnasium as gym
 import pytest
 from numba.core import event
 
+from cjt_gym import cli
 from cjt_gym.baselines import CONTROLLERS
 from cjt_gym.baselines.parts import PARTS
-from cjt_gym.cli import main
+from cjt_gym.cli import COMMANDS, main
 from cjt_gym.console import alive
 from cjt_gym.console import known_names as early
 from cjt_gym.gap import diagnose
@@ -57,6 +58,23 @@ def test_a_command_that_goes_on_is_left_alone_after_its_first_word(
         sys.stdout.write("serving\n")
         signs._thread.join(30.0)
         assert not signs._thread.is_alive()
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_only_what_waits_for_others_may_be_silent(
+    command: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = []
+
+    def told(until_a_word: bool) -> alive.Alive:
+        asked.append(until_a_word)
+        return alive.Alive(until_a_word)
+
+    monkeypatch.setattr(cli, "Alive", told)
+    monkeypatch.setattr(sys, "argv", ["cjt-gym", command, "--help"])
+    with pytest.raises(SystemExit):
+        main()
+    assert asked == [command == "emulate"]
 
 
 def test_compiling_is_said_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
