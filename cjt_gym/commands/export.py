@@ -90,7 +90,7 @@ def _check_ending(path: Path, target: str) -> None:
     if path.suffix not in endings:
         raise ConfigurationError(
             f"--out of --to {target} must end in {' or '.join(endings)}, got {path}. Write "
-            f"--out {path.stem or target}{endings[0]}"
+            f"--out {path.with_name(path.stem + endings[0])}"
         )
 
 

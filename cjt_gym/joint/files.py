@@ -59,6 +59,9 @@ class JointFile:
         object.__setattr__(self, "sampling", FrozenMapping(self.sampling))
         object.__setattr__(self, "found", freeze(self.found))
 
+    def __repr__(self) -> str:
+        return f"<JointFile {self.name}, {self.parameters.origin}>"
+
     @property
     def name(self) -> str:
         """Name of the joint."""

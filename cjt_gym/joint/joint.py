@@ -69,6 +69,10 @@ class Joint:
     drive: str
     effects: Mapping[str, EffectValues]
 
+    def __repr__(self) -> str:
+        effects = ", ".join(self.effects) or "none"
+        return f"<Joint {self.file.name}: {self.structure}, {self.drive}, effects: {effects}>"
+
     @property
     def parameters(self) -> JointParameters:
         """The validated parameters."""

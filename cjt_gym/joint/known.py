@@ -20,9 +20,10 @@ def known_joint(joint: Joint) -> Joint:
     for name, numbers in joint.effects.items():
         for row in EFFECTS[name].parameters:
             symbol, number = _parameter_of(row), numbers[row.symbol]
-            if symbol is not None and isinstance(number, float):
-                if number != joint.parameters.get(symbol, 0.0):
-                    values[symbol] = number
+            if symbol is None or not isinstance(number, float):
+                continue
+            if number != joint.parameters.get(symbol, 0.0):
+                values[symbol] = number
     rest = {
         name: numbers
         for name, numbers in joint.effects.items()

@@ -102,6 +102,10 @@ class Record:
         """What error messages call this record."""
         return "the record" if self.origin is None else str(self.origin)
 
+    def __repr__(self) -> str:
+        rows, of = f"{len(self)} samples, {self.dt:g} s", self.joint or "no joint named"
+        return f"<Record of {of}: {rows}, {', '.join(self.columns)}>"
+
     def __getitem__(self, name: str) -> FloatArray:
         """Return a column, of shape (n,).
 

@@ -86,7 +86,7 @@ def test_a_file_name_says_what_is_in_it(
     source = {"mujoco": "generic", "isaaclab": "generic", "c": "pd"}.get(target, "orange_residual")
     out = tmp_path / "new" / "anything.xyz"
     assert main(["export", source, "--to", target, "--out", str(out)]) == 2
-    assert f"--out anything{ENDINGS[target][0]}" in capsys.readouterr().err
+    assert f"Write --out {out.with_suffix(ENDINGS[target][0])}" in capsys.readouterr().err
     assert not out.parent.exists()
 
 
