@@ -33,8 +33,8 @@ JOINT_FILE = "joint_file"
 class Record:
     """A table of channels over time, with their units and what is known of where they come from.
 
-    Columns and units are checked when the record is made, so that whoever receives one may rely on
-    them. Arrays are copied and read-only. Columns that a record may hold: see
+    Columns and units are checked when the record is made, so that they need
+    not be checked again. Arrays are copied and read-only. Columns that a record may hold: see
     :data:`cjt_gym.records.COLUMNS`; noise-free values carry the prefix ``true_``.
 
     Attributes:

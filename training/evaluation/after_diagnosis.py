@@ -1,4 +1,4 @@
-"""What a diagnosis is worth in a closed loop: for a replay, and for whoever controls the joint."""
+"""What a diagnosis is worth in a closed loop: for a replay, and for controllers."""
 
 from __future__ import annotations
 
