@@ -89,11 +89,11 @@ docs: $(STAMP)
 	$(BIN)/python tools/link_tree.py
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
-# One version of the site beside the others, on the branch gh-pages. VERSION is read when it is needed.
-publish-docs: VERSION ?= $(shell $(BIN)/cjt-gym --version | cut -d' ' -f2)
+# One version of the site beside the others, on the branch gh-pages.
+publish-docs: SITE_VERSION ?= $(shell $(BIN)/cjt-gym --version | cut -d' ' -f2)
 publish-docs: $(STAMP)
 	$(BIN)/python tools/link_tree.py
-	NO_MKDOCS_2_WARNING=1 PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/mike deploy --update-aliases $(MIKE_ARGS) $(VERSION) latest
+	NO_MKDOCS_2_WARNING=1 PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/mike deploy --update-aliases $(MIKE_ARGS) $(SITE_VERSION) latest
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mike set-default $(MIKE_ARGS) latest
 
 notebooks: $(STAMP)
