@@ -39,4 +39,5 @@ def _parameter_of(row: EffectParameter) -> str | None:
     Those of the negative direction follow their partners.
     """
     symbol = row.relative_to if row.replaces else row.joint_parameter
-    return symbol if symbol in PARAMETERS and not symbol.endswith("_n") else None
+    known = symbol is not None and symbol in PARAMETERS and not symbol.endswith("_n")
+    return symbol if known else None
