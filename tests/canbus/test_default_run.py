@@ -23,7 +23,8 @@ from cjt_gym.hardware.delayed_law import law_for
 from cjt_gym.joint import JointFile, JointParameters, load_joint, to_toml
 from cjt_gym.joint.build import file_of
 from cjt_gym.plant import Measurement
-from cjt_gym.records import read_record
+from cjt_gym.records import Record, read_record
+from cjt_gym.training.evaluation.after_diagnosis import recorded_law
 from cjt_gym.training.tuning.gains import write_gains
 from tests.canbus.bench import config, document, toml
 
@@ -127,6 +128,15 @@ def test_a_motor_that_is_known_to_be_weak_is_commanded_more(tmp_path: Path) -> N
         alike = 0.8 * torque if reference < 10.0 else torque
         assert alike == pytest.approx(nominal.act(seen, np.array([reference])))
         nominal.reset()
+
+
+def test_a_replay_commands_as_the_run_did() -> None:
+    made = {"controller": "pd_feedforward", "kp": 0.0, "kd": 0.0, "command_gain": 1.25}
+    record = Record({"tau": np.zeros(9)}, {"tau": "N m"}, dt=1e-3, provenance=made)
+    known = recorded_law(record, load_joint("orange_80_6000", FIXED), ())
+    assert known is not None
+    torque = known[1].act(Measurement(*np.zeros((9, 1))), np.array([4.0]))
+    assert torque == pytest.approx([5.0])
 
 
 def test_given_gains_without_margin_are_refused_with_the_margin(tmp_path: Path) -> None:

@@ -19,8 +19,8 @@ from cjt_gym.cli import COMMANDS, main
 from cjt_gym.console import alive
 from cjt_gym.console import known_names as early
 from cjt_gym.gap import diagnose
-from cjt_gym.joint import joint_names
-from cjt_gym.joint.compiled import while_compiling
+from cjt_gym.joint import compiling, joint_names
+from cjt_gym.joint.compiling import Notice, while_compiling
 from cjt_gym.records import read_record
 
 
@@ -88,6 +88,22 @@ def test_compiling_is_said_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
                 pass
             assert "compiling" in signs.doing
         assert signs.doing == alive.WORKING
+
+
+def test_python_programs_are_told_of_a_long_compilation(monkeypatch: pytest.MonkeyPatch) -> None:
+    stream = io.StringIO()
+    monkeypatch.setattr(sys, "stderr", stream)
+    notice = Notice()
+    monkeypatch.setattr(compiling, "SILENCE", 60.0)
+    notice(True)
+    notice(False)
+    assert stream.getvalue() == ""
+    monkeypatch.setattr(compiling, "SILENCE", 0.0)
+    notice(True)
+    wait_for("cjt_gym: compiling, about ", stream)
+    wait_for(" ....", stream)
+    notice(False)
+    wait_for("\n", stream)
 
 
 def test_the_names_that_are_checked_early_are_those_there_are() -> None:

@@ -170,7 +170,7 @@ def _replay(
     """
     from cjt_gym.gap.closed_loop import closed_loop_gap
 
-    known = _law(record, nominal, agents)
+    known = recorded_law(record, nominal, agents)
     if known is None:
         return None
     name, law = known
@@ -182,7 +182,7 @@ def _replay(
     return ClosedLoop(name, record.owner, gap)
 
 
-def _law(record: Record, nominal: Joint, agents: Sequence[Agent]) -> tuple[str, Law] | None:
+def recorded_law(record: Record, nominal: Joint, agents: Sequence[Agent]) -> tuple[str, Law] | None:
     """Return the controller that a record names, else the first classical one that was given."""
     from cjt_gym.baselines import CONTROLLERS, PdFeedForward, make_controller
     from cjt_gym.baselines.compose import is_composed
