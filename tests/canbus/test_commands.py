@@ -84,7 +84,9 @@ def test_a_policy_says_which_rate_and_which_name_it_needs(
     assert main([*words, "--policy", "orange_residual"]) == 2
     assert "rate_hz = 1000" in capsys.readouterr().err
     assert main([*words, "--policy", "orange_residul"]) == 2
-    told = "Did you mean 'orange_residual'? Known: orange_residual, quiet_residual. Or give the path"
+    told = (
+        "Did you mean 'orange_residual'? Known: orange_residual, quiet_residual. Or give the path"
+    )
     assert told in capsys.readouterr().err
 
 
