@@ -1,7 +1,7 @@
 # Everything runs in .venv, which is made on demand; only Python >= 3.11 and make are needed.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help install demo test test-all coverage soak fuzz hardware-soak loop results lint format bench clean docs notebooks
+.PHONY: help install demo test test-all coverage soak fuzz hardware-soak loop results lint format bench clean docs publish-docs notebooks
 
 PYTHON ?= $(shell for name in python3.11 python3.12 python3.13 python3 python; do \
 	if $$name -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1; then \
@@ -18,6 +18,7 @@ SOAK_ARGS ?=
 FUZZ_ARGS ?=
 LOOP_ARGS ?=
 RESULTS_ARGS ?=
+MIKE_ARGS ?=
 NOTEBOOKS ?=
 
 help:
@@ -32,6 +33,7 @@ help:
 	@echo "make results  learned against classical controllers (RESULTS_ARGS=...)"
 	@echo "make lint    ruff, mypy and import-linter"
 	@echo "make docs    build the documentation site in build/site"
+	@echo "make publish-docs  add this version to the site on the branch gh-pages (MIKE_ARGS=--push)"
 	@echo "make notebooks  run the tour and write its notebooks (NOTEBOOKS='01_parameters ...' for some)"
 	@echo "make format  let ruff rewrite the code"
 	@echo "make bench   run the benchmarks"
@@ -86,6 +88,13 @@ lint: $(STAMP)
 docs: $(STAMP)
 	$(BIN)/python tools/link_tree.py
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+
+# One version of the site beside the others, on the branch gh-pages.
+publish-docs: SITE_VERSION ?= $(shell $(BIN)/cjt-gym --version | cut -d' ' -f2)
+publish-docs: $(STAMP)
+	$(BIN)/python tools/link_tree.py
+	NO_MKDOCS_2_WARNING=1 PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/mike deploy --update-aliases $(MIKE_ARGS) $(SITE_VERSION) latest
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mike set-default $(MIKE_ARGS) latest
 
 notebooks: $(STAMP)
 	$(BIN)/python tools/tour.py $(NOTEBOOKS)

@@ -29,7 +29,7 @@ RATE_HZ = 1.0
 THRESHOLD = 0.05
 """Velocity above which it learns [rad/s], above the noise of differentiated encoders."""
 LARGEST_SHARE = 0.2
-"""Of the torque limit, beyond which a friction is not believed."""
+"""Largest friction that is accepted, as a share of the torque limit."""
 
 
 @final
@@ -44,7 +44,7 @@ class AdaptiveFriction(CompensatedPd):
         threshold: Velocity above which it learns, > 0 [rad/s].
         share: Of the friction that is compensated, >= 0 [-].
         torque_limit: Largest motor torque that is commanded; a friction above a fifth of it is
-            not believed [N m].
+            rejected [N m].
 
     Raises:
         ConfigurationError: A number is out of range.

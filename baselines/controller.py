@@ -32,11 +32,14 @@ class Controller(ABC):
         dt: Sample time for which the law is discretised [s].
         torque_limit: Largest motor torque that it commands [N m].
         linear: The law where no limit acts, friction models apart; None where it has none.
+        command_gain: Motor torque to command for a motor torque of 1 N m: not 1 where a motor is
+            known to make more or less torque than it is commanded [-].
     """
 
     dt: float
     torque_limit: float
     linear: LinearLaw | None = None
+    command_gain: float = 1.0
     _fresh: Mask | None = None
 
     @final
@@ -65,7 +68,8 @@ class Controller(ABC):
             reference: Joint torque that is wanted now [N m], shape (n,).
 
         Returns:
-            Motor torque on the link side, within +- torque_limit [N m], shape (n,).
+            Motor torque to command, on the link side, within +- torque_limit times command_gain
+            [N m], shape (n,).
 
         Raises:
             ConfigurationError: The number of joints changed without a full reset.
@@ -77,7 +81,7 @@ class Controller(ABC):
         self._check_size("measurement", measurement.tau.shape)
         command = self._command(measurement, wanted, self._fresh)
         self._fresh[:] = False
-        return np.clip(command, -self.torque_limit, self.torque_limit)
+        return self.command_gain * np.clip(command, -self.torque_limit, self.torque_limit)
 
     @abstractmethod
     def _command(self, measurement: Measurement, reference: Floats, fresh: Mask) -> Floats:

@@ -1,4 +1,4 @@
-"""What a row of the table of controllers says: how to make one, from which gains, for what."""
+"""A row of the table of controllers: how to make one, its gains, and where it applies."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ class Gain:
         low: Smallest value that makes sense.
         high: Largest value that makes sense.
         log: Whether it is to be searched on a logarithmic scale; then low > 0.
-        asked: Whether it says what is wanted rather than how well it is done, such as a stiffness
-            to render. A search leaves it as it is.
+        asked: Whether it is a specification, such as a stiffness to render, rather than a means. A
+            search does not change it.
         off: Whether it may be 0, too, which turns off what it is the gain of.
-        usual: Its value where neither a design nor a gain file says one; None where they must.
+        usual: Its value if neither a design nor a gain file gives one; None if they must.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""What several laws know of the motor's motion from the reference alone."""
+"""The motor's motion as predicted from the reference alone, which several laws use."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What it takes to draw the parameters of a large batch anew, in its own control steps."""
+"""The cost of redrawing the parameters of a large batch, in its own control steps."""
 
 from __future__ import annotations
 

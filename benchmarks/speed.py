@@ -107,8 +107,8 @@ def table() -> Table:
     return Table(
         "Speed",
         "Steps per second relative to `CartPole-v1` through `gymnasium.make` in the same run, by "
-        "the CPU time of all threads (one core) and by the clock (all cores, shared with whoever "
-        "uses them); a step of a batch of n counts n times, and batches begin one new episode per "
+        "the CPU time of all threads (one core) and by the clock (all cores, shared with other "
+        "programs); a step of a batch of n counts n times, and batches begin one new episode per "
         "1000 steps; medians of five rounds, CartPole before and after each. "
         "Control step 1 ms of ten substeps, orange_80_6000. Ideal and all effects: "
         "output_fixed_rigid_gearbox; friction: full_dynamics with Coulomb friction of motor and "

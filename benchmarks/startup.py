@@ -1,4 +1,4 @@
-"""How long it takes from nothing to the first step."""
+"""The time from starting Python to the first step."""
 
 from __future__ import annotations
 

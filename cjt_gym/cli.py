@@ -43,8 +43,8 @@ COMMANDS: dict[str, str] = {
     "diagnose": "find where a recorded joint and its simulation differ, why, and how far",
     "warm-up": "compile everything once, so that nothing has to later",
 }
-GOING_ON = ("emulate", "hardware")
-"""Commands that give no sign of life between their words, as they run in real time or wait."""
+GOING_ON = ("emulate",)
+"""Commands that give no sign of life after their first words, as they wait for others."""
 EXTRAS = {
     "can": "can",
     "foxglove": "live",

@@ -176,7 +176,9 @@ class Episodes:
             return
         told = self.info() if told is None else told
         given = self.reward({**told, "terminated": self.task.terminated.copy()})
-        self.task.reward[:] = checked_array("what the reward gives", given, (self.num,))
+        self.task.reward[:] = checked_array(
+            "the return value of the reward function", given, (self.num,)
+        )
 
     def _before(self) -> None:
         """Do what precedes a control step: base controller and parameters that drift."""

@@ -172,7 +172,7 @@ def look_up(task: Task, i: int, k: int) -> None:
 
 @inlined
 def reward(task: Task, i: int, now: Seen, command: float) -> None:
-    """Reward the step of episode i in which a motor torque was commanded [N m], and say its end."""
+    """Reward the step of episode i with its motor torque [N m], and note whether it ended."""
     weights = task.weights
     error = (task.reference[i] - now.true_tau) / task.amplitude
     change = (command - task.command[i]) / task.amplitude

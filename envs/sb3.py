@@ -23,7 +23,7 @@ CHOSEN = ("OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 def use_one_thread() -> None:
-    """Let torch work on one thread, and say so, unless somebody has chosen another number.
+    """Let torch use one thread and report it, unless the user has chosen another number.
 
     The networks of torque policies are small: to hand a layer to several threads takes longer than
     to compute it. It acts once per process; what is set after that, or by the environment

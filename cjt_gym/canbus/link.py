@@ -26,7 +26,7 @@ SWITCH = 2e-4
 """Time after which the interpreter lets another thread run while the loop runs [s]."""
 
 KEPT = 20_000
-"""Frames that wait for whoever fetches none; a loop fetches them at every control step."""
+"""Frames that are kept while none is fetched; a loop fetches them at every control step."""
 PTYS = "/dev/pts/"
 """Where pseudo-terminals are, behind which no adapter has to boot."""
 

@@ -15,6 +15,7 @@ from cjt_gym.canbus.journal import Journal, Watcher
 from cjt_gym.canbus.measuring import Sense
 from cjt_gym.canbus.timing import Timing
 from cjt_gym.errors import HardwareError
+from cjt_gym.records import JOINT_FILE
 
 
 @cache
@@ -76,6 +77,7 @@ class Beginning:
     def known(self) -> dict[str, Any]:
         """Metadata at the start."""
         joint, drive, names = self.config.joint, self.config.drive, self.sense.measured
+        file = {} if joint.file.path is None else {JOINT_FILE: str(joint.file.path)}
         return {
             "joint": joint.parameters.name,
             "structure": joint.structure,
@@ -84,6 +86,7 @@ class Beginning:
             "sensors": {n: v for n, v in joint.file.sensors.items() if n in names},
             "provenance": {
                 "kind": "hardware",
+                **file,
                 "protocol": drive.protocol,
                 "node": drive.settings.node,
                 "bus": self.config.bus.identity,

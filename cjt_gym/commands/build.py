@@ -41,7 +41,7 @@ def run(options: argparse.Namespace) -> Answer:
 
 
 def _written(joints: Mapping[str, Joint], folder: Path, table: str) -> dict[str, Path]:
-    """Write a file per joint, none before all may be written; return their paths."""
+    """Write one file per joint, after checking that all can be written; return their paths."""
     for name in joints:
         check_file_name(name, f"The name of a joint of {table}")
     paths = {name: folder / f"{name}.toml" for name in joints}

@@ -246,8 +246,8 @@ def _loaded(joint: str | Path, options: argparse.Namespace) -> JointFile:
         if options.joint is not None:
             raise
         raise ConfigurationError(
-            f"{options.records[0]} names the joint {joint}, which neither ships nor is a file "
-            "beside it. Give its file: --joint FILE.toml."
+            f"{options.records[0]} names the joint {joint}, which does not ship, and its file is "
+            "neither where it was nor beside the record. Give it: --joint FILE.toml."
         ) from error
 
 

@@ -30,6 +30,14 @@ from cjt_gym.training.tuning.gains import choose, files_of
 
 FORMS = ("onnx", "numpy", "c")
 """Forms of an exported policy; controllers and observers are written in C."""
+ENDINGS = {
+    "mujoco": (".xml",),
+    "isaaclab": (".yaml", ".yml"),
+    "onnx": (".onnx",),
+    "numpy": (".npz",),
+    "c": (".h",),
+}
+"""What the file of each target may end in."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -48,12 +56,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     _add_arguments_of_laws(parser)
     text = "policy: also compare the file with the run on the signals of these records"
     add("--check", nargs="+", default=[], metavar="RECORD", help=text)
-    add("--out", type=Path, required=True, metavar="FILE", help="file to write")
+    text = ", ".join(f"{' or '.join(endings)} for {to}" for to, endings in ENDINGS.items())
+    add("--out", type=Path, required=True, metavar="FILE", help=f"file to write: {text}")
 
 
 def run(options: argparse.Namespace) -> Answer:
     """Write the file; say what it holds and what it cannot."""
     refuse_inputs([options.out], [options.source, *options.check])
+    _check_ending(options.out, options.to)
     if options.check and (options.to not in FORMS or is_classical(options.source)):
         raise ConfigurationError("--check is for policies; controllers are always checked.")
     options.out.parent.mkdir(parents=True, exist_ok=True)
@@ -84,6 +94,16 @@ def _check_name(word: str) -> None:
     path = Path(word)
     if not (path.exists() or len(path.parts) > 1 or path.suffix or word in known):
         raise unknown_name("controller, observer, policy or run folder", word, known)
+
+
+def _check_ending(path: Path, target: str) -> None:
+    """Raise ConfigurationError if a file's name does not say what will be in it."""
+    endings = ENDINGS[target]
+    if path.suffix not in endings:
+        raise ConfigurationError(
+            f"--out of --to {target} must end in {' or '.join(endings)}, got {path}. Write "
+            f"--out {path.with_name(path.stem + endings[0])}"
+        )
 
 
 def _summary(path: Path, found: Export) -> str:

@@ -110,7 +110,7 @@ def run(options: argparse.Namespace) -> Answer:
 
 
 def check_out(options: argparse.Namespace) -> None:
-    """Raise where the gain file has another ending, or holds what another search found."""
+    """Raise an error if the gain file has another ending or holds the result of another search."""
     out: Path = options.out
     if out.suffix != ".toml":
         raise ConfigurationError(f"--out must end in .toml, as every gain file, got {out}.")
@@ -135,7 +135,7 @@ class Progress:
         self.bar: Any = None
 
     def __call__(self, done: int, cost: float) -> None:
-        """Move the bar to what is done, with the least cost so far."""
+        """Advance the bar and show the lowest cost so far."""
         if self.bar is None:  # not before the search has been found possible
             from tqdm import tqdm
 

@@ -15,7 +15,6 @@ from typing import Any, Final
 SILENCE: Final = 1.5
 """How long a command says nothing [s]; code that cannot be interrupted adds up to a second."""
 LOADING, WORKING = "loading", "working"
-COMPILING: Final = "compiling, about {seconds} s; compiled code is kept for later runs"
 ERASE: Final = "\r\x1b[K"
 
 
@@ -48,7 +47,7 @@ class Alive:
 
         Args:
             until_a_word: Whether to be silent for good once the command has written anything, as
-                those do that then run a control loop or wait for others.
+                those do that then wait for others.
         """
         self.doing, self._until_a_word = LOADING, until_a_word
         self._lock, self._over = threading.RLock(), threading.Event()
@@ -82,12 +81,12 @@ class Alive:
 
     def watch_compiler(self) -> None:
         """Say it when something is compiled."""
-        from cjt_gym.joint.compiled import kept_functions, while_compiling
+        from cjt_gym.joint.compiling import compiling_in_words, while_compiling
 
-        seconds = 5 if kept_functions() else 40
+        words = compiling_in_words()
 
         def told(compiling: bool) -> None:
-            self.doing = COMPILING.format(seconds=seconds) if compiling else WORKING
+            self.doing = words if compiling else WORKING
             if compiling and not self._told and not self._over.is_set():
                 self._told = True
                 self._beat()

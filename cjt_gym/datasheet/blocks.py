@@ -70,7 +70,7 @@ class Figure:
 
 @dataclass(frozen=True)
 class Code:
-    """Text that stands as it is, line by line."""
+    """Text that is kept as it is, line by line."""
 
     text: str
 

@@ -1,4 +1,4 @@
-"""A sheet as PDF, set by Typst, which comes as a Python package and needs nothing else."""
+"""A sheet as PDF, typeset by Typst, a Python package without further dependencies."""
 
 from __future__ import annotations
 

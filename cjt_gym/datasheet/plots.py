@@ -1,4 +1,4 @@
-"""The plots of a sheet as functions that draw into Matplotlib axes of one's own.
+"""The plots of a sheet as functions that draw into given Matplotlib axes.
 
 Each takes the axes and one joint's parameters, or several joints' to lay over each other; most
 joints come from `cjt_gym.joint.load_joint_file(name).parameters`, or from `acting(file)` with the

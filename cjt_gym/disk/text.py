@@ -54,7 +54,7 @@ def read_toml(path: Path, error: Error) -> dict[str, Any]:
 
 
 def parse_toml(text: str, owner: str, error: Error) -> dict[str, Any]:
-    """Return what a TOML text says.
+    """Return the content of a TOML text.
 
     Args:
         text: The text.

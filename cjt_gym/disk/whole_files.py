@@ -144,7 +144,7 @@ def _mode_of(place: Path) -> int | None:
 
 
 def _to_disk(part: Path) -> None:
-    """Wait until a file is on the disk, which is where a full one is noticed at the latest."""
+    """Wait until a file is on the disk, so that a full disk is noticed."""
     handle = os.open(part, os.O_RDWR)
     try:
         os.fsync(handle)

@@ -99,7 +99,7 @@ def check_controller(controller: Controller, joint: Joint, header: str) -> Check
 
 
 def check_observer(observer: LinearObserver, joint: Joint, header: str) -> Checked:
-    """Compare a header with the prefix "law" with its observer, on a joint that is pushed about.
+    """Compare a header with the prefix "law" with its observer, on a joint that is disturbed.
 
     Raises:
         ExportError: They differ.

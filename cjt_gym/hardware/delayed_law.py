@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from cjt_gym.baselines import Controller
 from cjt_gym.baselines.linear_law import LinearLaw
-from cjt_gym.baselines.plant_model import LoopModel, SampledJoint
+from cjt_gym.baselines.plant_model import LoopModel, SampledJoint, setting
 from cjt_gym.baselines.robust import SPARE_DELAY, is_stable
 from cjt_gym.canbus.arm import CanArm
 from cjt_gym.canbus.config import HardwareConfig
@@ -25,6 +25,7 @@ from cjt_gym.envs.hardware import check_measured, complete_for
 from cjt_gym.errors import CjtGymWarning, ConfigurationError
 from cjt_gym.joint import Joint
 from cjt_gym.joint.configure import resolve_effects
+from cjt_gym.joint.known import known_joint
 from cjt_gym.plant import Measurement
 from cjt_gym.signals import sampled_signal
 from cjt_gym.training.deploy.exported import Exported
@@ -34,34 +35,42 @@ from cjt_gym.training.tuning.gains import choose
 
 Floats = NDArray[np.float64]
 
+BUS_DELAYS: Final = ("command_delay", "measurement_delay")
+"""Effects that delay a loop as a bus does, so that they are measured before a run."""
 LEFT_TO_SPARE: Final = 0.5 * SPARE_DELAY
 """Rest of a delay that is no whole control step and need not become one more [s]: designed gains
 bear `SPARE_DELAY` beyond what they are designed for."""
 
 
 def law_for(word: str, joint: Joint, dt: float, delays: Mapping[str, float]) -> Controller:
-    """Return a controller with gains designed for measured delays.
+    """Return a controller with gains designed for what is known of a joint, and measured delays.
+
+    What is known are the effects of its file, such as a diagnosis writes; a motor whose torque per
+    ampere differs from nominal is commanded accordingly.
 
     Args:
         word: Name of a controller, or a gain file, whose gains are used unchanged.
-        joint: The nominal joint.
+        joint: The joint; only the effects of its file count.
         dt: Control step [s].
-        delays: Measured delays [s], which add up.
+        delays: Measured delays [s], which add up. Where those of the file are longer, they count.
 
     Raises:
         ConfigurationError: No gains are robust to this delay, or the given ones have no margin.
     """
-    late = sum(delays.values())
+    effects = resolve_effects(None, joint.file, joint.structure_row, joint.drive)
+    known = known_joint(replace(joint, effects=effects))
+    late = max(sum(delays.values()), sum(setting(known, name, "delay") for name in BUS_DELAYS))
     steps = max(0, math.ceil((late - LEFT_TO_SPARE) / dt))
-    delayed = _delayed(joint, steps * dt)
+    delayed = _delayed(known, steps * dt)
     law = choose(word).make(delayed, dt)
+    law.command_gain = joint.parameters.k_t / known.parameters.k_t
     if law.linear is not None:
-        loop, spare = SampledJoint(joint, dt).loop, math.ceil(SPARE_DELAY / dt - 1e-9)
+        loop, spare = SampledJoint(_delayed(known), dt).loop, math.ceil(SPARE_DELAY / dt - 1e-9)
         borne = _borne(loop, law.linear, steps + spare)
         if borne < steps + spare:
             raise ConfigurationError(
-                f"The gains of {word} must keep the loop of {joint.parameters.name} stable with "
-                f"its measured delay of {late * 1e3:.3g} ms and {spare * dt * 1e3:.3g} ms to "
+                f"The gains of {word} must keep the loop of {joint.parameters.name} stable with a "
+                f"delay of {late * 1e3:.3g} ms and {spare * dt * 1e3:.3g} ms to "
                 f"spare, {steps + spare} control steps; they bear {max(borne, 0)}. Give lower "
                 "gains, the name of a controller, whose gains are designed for it, or a faster "
                 "loop."
@@ -74,12 +83,11 @@ def _borne(loop: LoopModel, law: LinearLaw, most: int) -> int:
     return next((n for n in range(most + 1) if not is_stable(loop.later(n), law)), most + 1) - 1
 
 
-def _delayed(joint: Joint, delay: float) -> Joint:
-    """Return a joint with delayed measurements [s]."""
-    if not delay:
-        return joint
-    wanted = {**joint.effects, "measurement_delay": {"delay": delay}}
-    effects = resolve_effects(wanted, joint.file, joint.structure_row, joint.drive)
+def _delayed(joint: Joint, delay: float = 0.0) -> Joint:
+    """Return a joint whose measurements have all the delay of the bus [s]."""
+    effects = {name: values for name, values in joint.effects.items() if name not in BUS_DELAYS}
+    if delay:
+        effects["measurement_delay"] = {"delay": delay}
     return replace(joint, effects=effects)
 
 

@@ -66,9 +66,14 @@ class Run:
     path: Path | None
     jobs: tuple[Job, ...]
 
+    @property
+    def title(self) -> str:
+        """What it is called while it goes on."""
+        return "running" if self.path is None else f"recording {self.path.stem}"
+
 
 def runs_of(configs: Sequence[HardwareConfig], options: argparse.Namespace) -> Sequence[Run]:
-    """Return the runs to carry out; of a series, those not recorded yet."""
+    """Return the runs to carry out; for a series, those that are not recorded yet."""
     check_seed(options.seed)
     out = None if options.dry_run else options.out
     each = [of_joint(options, k, configs) for k in range(len(configs))]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from typing import Any, Protocol
 
@@ -39,6 +40,7 @@ def carry_out(
         arm.connect()
         laws = [policies[k] or _law(arm, k, job) for k, job in enumerate(run.jobs)]
         arm.arm()
+        sys.stderr.write(f"{run.title}: {len(run.jobs[0].reference) * arm.dt:g} s\n")
         errors = _follow(arm, run.jobs, laws)
         arm.stop()
         timing = arm.joints[0].timing

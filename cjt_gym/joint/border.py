@@ -42,7 +42,7 @@ def checked_array(
     except ValueError as error:  # rows of different lengths
         raise ConfigurationError(f"{what} must be an array of numbers: {error}.") from None
     if given.dtype.kind not in REAL:
-        raise ConfigurationError(f"{what} must hold real numbers, got the type {given.dtype}.")
+        raise ConfigurationError(f"{what} must hold real numbers, got {_kind(values, given)}.")
     if given.ndim != len(shape) or any(
         n < 1 if want is None else n != want for n, want in zip(given.shape, shape, strict=True)
     ):
@@ -58,3 +58,9 @@ def checked_array(
         at = f" at {tuple(map(int, where))}" if array.ndim else ""
         raise ConfigurationError(f"{what} must be finite, got {given[where]}{at}.")
     return array
+
+
+def _kind(values: object, given: NDArray[Any]) -> str:
+    """Return what was given instead of real numbers, in words."""
+    single = given.dtype.kind == "O" and given.ndim == 0
+    return f"a {type(values).__name__}" if single else f"the type {given.dtype}"

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import os
 import re
 import warnings
 from collections.abc import Callable
@@ -24,10 +23,10 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from numba import njit
-from numba.core import event
 from numba.extending import register_jitable
 
 from cjt_gym.errors import CjtGymWarning
+from cjt_gym.joint import compiling  # noqa: F401  # reports compilations from now on
 
 PACKAGES = (
     "cjt_gym.joint",
@@ -88,35 +87,6 @@ def _kept(function: Function, **options: Any) -> Function:
         _warn()
         kept = njit(function, **options)
     return kept
-
-
-def kept_functions() -> bool:
-    """Return whether the cache holds compiled functions of joints."""
-    given = os.environ.get("NUMBA_CACHE_DIR")
-    home = Path(given) if given else Path(__file__).parent / "__pycache__"
-    return any(home.rglob("*.nbi"))
-
-
-def while_compiling(tell: Callable[[bool], None]) -> None:
-    """Call back with True when compiling begins, and with False when it has ended."""
-    event.register("numba:compile", _Compiler(tell))  # type: ignore[no-untyped-call]
-
-
-class _Compiler(event.Listener):
-    """Counts what is being compiled."""
-
-    def __init__(self, tell: Callable[[bool], None]) -> None:
-        self._tell, self._depth = tell, 0
-
-    def on_start(self, event: Any) -> None:
-        self._depth += 1
-        if self._depth == 1:
-            self._tell(True)
-
-    def on_end(self, event: Any) -> None:
-        self._depth -= 1
-        if self._depth == 0:
-            self._tell(False)
 
 
 @cache

@@ -59,10 +59,21 @@ class JointFile:
         object.__setattr__(self, "sampling", FrozenMapping(self.sampling))
         object.__setattr__(self, "found", freeze(self.found))
 
+    def __repr__(self) -> str:
+        return f"<JointFile {self.name}, {self.parameters.origin}>"
+
     @property
     def name(self) -> str:
         """Name of the joint."""
         return self.parameters.name
+
+    @property
+    def path(self) -> Path | None:
+        """The file that it was read from, an absolute path; None if it ships or is no file."""
+        origin = self.parameters.origin
+        if origin == f"params/{self.name}.toml" and self.name in joint_names():
+            return None
+        return Path(origin).resolve() if is_path(origin) and Path(origin).is_file() else None
 
     @property
     def gear_ratio(self) -> float | None:

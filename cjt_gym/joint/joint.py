@@ -35,7 +35,7 @@ from cjt_gym.joint.outside import frequency_of, is_told, tell_outside
 from cjt_gym.joint.parameters import JointParameters
 from cjt_gym.joint.ripple import ripple_torque
 from cjt_gym.joint.structures import Structure, get_structure
-from cjt_gym.records import Record, default_units
+from cjt_gym.records import JOINT_FILE, Record, default_units
 
 if TYPE_CHECKING:
     import control
@@ -68,6 +68,10 @@ class Joint:
     structure: str
     drive: str
     effects: Mapping[str, EffectValues]
+
+    def __repr__(self) -> str:
+        effects = ", ".join(self.effects) or "none"
+        return f"<Joint {self.file.name}: {self.structure}, {self.drive}, effects: {effects}>"
 
     @property
     def parameters(self) -> JointParameters:
@@ -293,6 +297,8 @@ class Joint:
         units = default_units(tuple(kept), prismatic=p.axis == "prismatic")
         if p.takes_volts and "i_cmd" in units:
             units["i_cmd"] = "V"
+        if self.file.path is not None:
+            known = {JOINT_FILE: str(self.file.path), **known}
         effects = {
             name: {k: list(v) if isinstance(v, tuple) else v for k, v in values.items()}
             for name, values in self.effects.items()

@@ -62,6 +62,10 @@ class JointParameters:
         object.__setattr__(self, "quantities", FrozenMapping(quantities))
         _check_amplifier(self)
 
+    def __repr__(self) -> str:
+        values = (f"{s} = {q.value:.6g} {q.unit}" for s, q in self.quantities.items())
+        return f"<JointParameters {self.name}: {', '.join(values)}>"
+
     @classmethod
     def from_values(
         cls,

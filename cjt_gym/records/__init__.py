@@ -11,7 +11,7 @@ from cjt_gym.records.formats import FORMATS
 from cjt_gym.records.joints import joints_of, one_joint, part_of
 from cjt_gym.records.logs import draft_mapping, iter_record, read_log
 from cjt_gym.records.mapping import load_mapping
-from cjt_gym.records.record import Record, concat
+from cjt_gym.records.record import JOINT_FILE, Record, concat
 from cjt_gym.records.repair import clean, clean_pieces
 from cjt_gym.records.repair_notes import Repair
 from cjt_gym.records.units import UNITS, units_of
@@ -20,6 +20,7 @@ from cjt_gym.records.windows import informative_windows
 __all__ = [
     "COLUMNS",
     "FORMATS",
+    "JOINT_FILE",
     "TRUE_PREFIX",
     "UNITS",
     "Column",

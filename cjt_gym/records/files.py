@@ -17,7 +17,7 @@ from cjt_gym.records.alignment import aligned
 from cjt_gym.records.formats import FORMATS, Table, format_of
 from cjt_gym.records.mapping import SUFFIX, ColumnMapping, load_mapping, read_document
 from cjt_gym.records.metadata import facts_path, metadata_text, read_metadata
-from cjt_gym.records.record import Record, joint_beside
+from cjt_gym.records.record import JOINT_FILE, Record, joint_to_load
 from cjt_gym.records.sources import clock, mapped
 
 MappingLike = str | Path | Mapping[str, Any]
@@ -99,6 +99,8 @@ def mapping_of(
 def joint_of(path_or_name: str | Path, mapping: MappingLike | None = None) -> str | Path | None:
     """Return the joint to load for a log: the one it names, or else nominal.toml beside it.
 
+    A joint that does not ship is found by its file: see `joint_to_load`.
+
     Args:
         path_or_name: The log, which is not read itself.
         mapping: Which column is which; see :func:`read_record`.
@@ -113,7 +115,7 @@ def joint_of(path_or_name: str | Path, mapping: MappingLike | None = None) -> st
         facts |= read_metadata(beside)
     named = facts.get("joint")
     if isinstance(named, str):
-        return joint_beside(path, named)
+        return joint_to_load(named, facts.get("provenance", {}).get(JOINT_FILE), path)
     nominal = path.with_name(NOMINAL)
     return nominal if nominal.is_file() else None
 

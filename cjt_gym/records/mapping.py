@@ -94,7 +94,7 @@ class ColumnMapping:
 
     @property
     def late(self) -> dict[str, float]:
-        """Rows by which the log writes columns late, of those that it does."""
+        """Rows by which columns are late in the log, for those that are."""
         return {n: column.samples_late for n, column in self.columns.items() if column.samples_late}
 
 

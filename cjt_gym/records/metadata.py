@@ -12,7 +12,7 @@ from typing import Any, Final
 from cjt_gym.disk import Inline, read_toml, to_toml, write_text
 from cjt_gym.errors import RecordError, unknown_name
 from cjt_gym.records.columns import default_units
-from cjt_gym.records.record import Record
+from cjt_gym.records.record import JOINT_FILE, Record
 
 SCALARS: Final[dict[str, tuple[type, ...]]] = {
     "dt": (float, int),
@@ -22,7 +22,7 @@ SCALARS: Final[dict[str, tuple[type, ...]]] = {
     "structure": (str,),
 }
 TABLES: Final = ("units", "versions", "sensors", "provenance")
-PLAIN_PROVENANCE: Final = ("mode", "excitation", "output")
+PLAIN_PROVENANCE: Final = (JOINT_FILE, "mode", "excitation", "output")
 """Facts of the provenance that stand at the top of the file, where a reader looks first."""
 QUANTITY_KEYS: Final = ("value", "unit", "source", "tolerance")
 

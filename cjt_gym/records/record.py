@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import KeysView, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
+from pathlib import Path, PurePath
 from types import MappingProxyType
 from typing import Any
 
@@ -25,13 +25,16 @@ from cjt_gym.records.checks import (
 )
 from cjt_gym.records.columns import PRISMATIC
 
+JOINT_FILE = "joint_file"
+"""Key of the provenance: path of the joint file that a record was made with."""
+
 
 @dataclass(frozen=True, eq=False)
 class Record:
     """A table of channels over time, with their units and what is known of where they come from.
 
-    Columns and units are checked when the record is made, so that whoever receives one may rely on
-    them. Arrays are copied and read-only. Columns that a record may hold: see
+    Columns and units are checked when the record is made, so that they need
+    not be checked again. Arrays are copied and read-only. Columns that a record may hold: see
     :data:`cjt_gym.records.COLUMNS`; noise-free values carry the prefix ``true_``.
 
     Attributes:
@@ -99,6 +102,10 @@ class Record:
         """What error messages call this record."""
         return "the record" if self.origin is None else str(self.origin)
 
+    def __repr__(self) -> str:
+        rows, of = f"{len(self)} samples, {self.dt:g} s", self.joint or "no joint named"
+        return f"<Record of {of}: {rows}, {', '.join(self.columns)}>"
+
     def __getitem__(self, name: str) -> FloatArray:
         """Return a column, of shape (n,).
 
@@ -160,10 +167,10 @@ class Record:
 
     @property
     def joint_file(self) -> str | Path | None:
-        """The joint to load: the file of that name beside the record, else the bare name."""
-        if self.joint is None or self.origin is None:
-            return self.joint
-        return joint_beside(self.origin, self.joint)
+        """The joint to load, see `joint_to_load`; None where the record names none."""
+        if self.joint is None:
+            return None
+        return joint_to_load(self.joint, self.provenance.get(JOINT_FILE), self.origin)
 
     def slice(self, start: int | None = None, stop: int | None = None) -> Record:
         """Return the samples from ``start`` up to but not including ``stop``, as in a Python slice.
@@ -190,10 +197,23 @@ class Record:
         )
 
 
-def joint_beside(origin: Path, name: str) -> str | Path:
-    """Return the joint to load: the file of that name beside a record, else the bare name."""
-    beside = origin.parent / name
-    return beside if os.path.isfile(beside) else name
+def joint_to_load(name: str, made_with: object, origin: Path | None) -> str | Path:
+    """Return the joint to load for a record.
+
+    That is a file of that name beside the record; else the joint file that the record was made
+    with, where it was or beside the record; else the bare name.
+
+    Args:
+        name: Name of the joint, or of its file.
+        made_with: Path of the joint file that the record was made with, if it says so.
+        origin: File of the record, if it has one.
+    """
+    places = [] if origin is None else [origin.parent / name]
+    if isinstance(made_with, str):
+        places.append(Path(made_with))
+        if origin is not None:
+            places.append(origin.parent / PurePath(made_with).name)
+    return next((place for place in places if os.path.isfile(place)), name)
 
 
 def concat(records: Sequence[Record]) -> Record:

@@ -1,6 +1,6 @@
 """Logs made into records: rows in order, false samples marked as missing, and every change listed.
 
-No value is invented. What cannot be what it says becomes NaN, which whoever uses the record treats
+No value is invented. Impossible values become NaN, which the users of a record treat
 as not measured.
 """
 
@@ -129,9 +129,9 @@ def _in_order(columns: Columns, owner: str) -> tuple[list[Columns], list[Repair]
         used = [max(found, key=lambda piece: len(piece.t), default=Piece(np.empty(0, int), _NONE))]
     if len(used[0].t) < 2:
         raise RecordError(
-            f"The time t of {owner} must advance from row to row, got no two rows of which it does "
-            "and that can be read. Check that every line holds as many numbers as there are names; "
-            "map the right column to t, or leave t out and give dt = ...  [s]."
+            f"The time t of {owner} must increase from row to row, but fewer than two rows have a "
+            "readable time that does. Check that every line holds as many numbers as there are "
+            "names; map the right column to t, or leave t out and give dt = ... [s]."
         )
     if lost := sum(len(piece.t) for piece in found) - sum(len(piece.t) for piece in used):
         text = f"{counted(lost, 'row')} in pieces of fewer than {SHORTEST} left out."

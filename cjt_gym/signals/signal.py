@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.errors import ConfigurationError, UnknownNameError, unknown_name
 from cjt_gym.joint.border import checked_array
 from cjt_gym.records import Record, read_record
 from cjt_gym.signals import evaluate as ev
@@ -155,5 +155,5 @@ def make_signals(spec: object, amplitude: float, high: float = 20.0) -> tuple[Si
         return (Signal(str(spec), amplitude=amplitude, high=high, period=period),)
     if isinstance(spec, (str, Path)) and os.path.exists(spec):
         return (signal_from_file(spec),)
-    known = ["mixed", "zero", *RANDOM_KINDS, "or the path of a record"]
-    raise unknown_name("signal", str(spec), known)
+    told = unknown_name("signal", str(spec), ["mixed", "zero", *RANDOM_KINDS])
+    raise UnknownNameError(f"{told} Or give the path of a record.")

@@ -151,7 +151,7 @@ def run_experiment(plan: Plan, say: Say = lambda text: None) -> list[Outcome]:
 
 
 def _claim(plan: Plan) -> None:
-    """Say in the folder what its results come from; refuse one whose results come from else."""
+    """Note the settings in the folder; reject one with results of other settings."""
     here = {
         "steps": plan.steps,
         "more": plan.more,

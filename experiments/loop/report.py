@@ -67,7 +67,7 @@ def _median(values: Sequence[float]) -> dict[str, float] | None:
 
 
 def table_of(outcomes: Sequence[Outcome]) -> list[list[str]]:
-    """Return a line per joint: what it hides, what was found, and the error of every arm."""
+    """Return one row per joint: hidden effects, effects found, and the error of every arm."""
     head = ["joint", "hides", "found", *(NAMES[arm] for arm in ARMS), "recovered"]
     lines = [head]
     for o in outcomes:

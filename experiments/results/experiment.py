@@ -153,7 +153,7 @@ def _worst(few: Sequence[Cell], folder: Path, processes: int) -> dict[str, Any]:
 
 
 def _port(cells: Sequence[Cell], folder: Path, processes: int) -> dict[str, Any]:
-    """Return the damping that a mover of the output feels, by agent and frequency."""
+    """Return the damping felt at the output, by agent and frequency."""
     results = run_jobs([Job(port_energy, cell) for cell in cells], folder / "port", processes)
     learned, classical = split([r for r in results if r["status"] == "done"])
     found = {r["agent"]: {k: r[k] for k in ("resistance", "energy")} for r in classical}

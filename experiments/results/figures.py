@@ -36,7 +36,7 @@ def _some(found: Found) -> dict[str, tuple[str, float]]:
 
 
 def noise_figure(found: Found) -> str:
-    """Return score over noise of every agent; those that no other beats in both are named."""
+    """Return score over noise of every agent; those that none beats in both are named."""
     with canvas(WIDTH, 3.4) as (figure, written):
         axes: Any = figure.subplots()
         points, names = [], []
@@ -114,7 +114,7 @@ def delay_figure(found: Found) -> str:
 
 
 def port_figure(found: Found) -> str:
-    """Return the damping that a mover of the output feels against frequency."""
+    """Return the damping felt at the output over frequency."""
     agents = found["port"]["agents"]
     with canvas(WIDTH, 2.6) as (figure, written):
         axes: Any = figure.subplots()

@@ -1,4 +1,4 @@
-"""Energy at the output: what a joint gives to whoever moves it, over closed cycles of motion.
+"""Energy at the output: what a joint delivers to its load over closed cycles of motion.
 
 The reference is zero and the output is moved to and fro, at one frequency after the other. A
 passive port takes energy in over every cycle. Over whole cycles, with the torque tau on the output

@@ -45,7 +45,9 @@ def test_emulated_run_writes_a_record_for_the_diagnosis(
     out = path.with_name("run.npz")
     words = ["hardware", str(path), "--emulated", "--controller", "pd_feedforward", "--json"]
     assert main([*words, "--duration", "1", "--out", str(out)]) == 0
-    told = json.loads(capsys.readouterr().out)
+    written = capsys.readouterr()
+    assert "recording run: 1 s" in written.err
+    told = json.loads(written.out)
     assert told["samples"] == 500
     assert told["rmse"] < 10.0
     record = read_record(out)
@@ -82,7 +84,9 @@ def test_a_policy_says_which_rate_and_which_name_it_needs(
     assert main([*words, "--policy", "orange_residual"]) == 2
     assert "rate_hz = 1000" in capsys.readouterr().err
     assert main([*words, "--policy", "orange_residul"]) == 2
-    told = "Did you mean 'orange_residual'? Known: orange_residual. Or give the path"
+    told = (
+        "Did you mean 'orange_residual'? Known: orange_residual, quiet_residual. Or give the path"
+    )
     assert told in capsys.readouterr().err
 
 
@@ -155,7 +159,9 @@ def test_series_of_experiments_goes_on(path: Path, capsys: pytest.CaptureFixture
     (out / "chirp.toml").write_text('dt = 0.002\n[units]\nt = "s"\ntau_cmd = "N m"\n')
     capsys.readouterr()
     assert main([*words, "steps", "chirp"]) == 0
-    assert "steps: recorded already" in capsys.readouterr().err
+    told = capsys.readouterr().err
+    assert "steps: recorded already" in told
+    assert "recording chirp: 10 s" in told
     assert len(read_record(out / "chirp.csv")) > 5000
     assert (out / "chirp.broken.csv").exists()
 

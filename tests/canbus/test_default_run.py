@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cjt_gym.baselines.pd_feedforward import ROW as PD
 from cjt_gym.baselines.robust import SPARE_DELAY
+from cjt_gym.canbus.config import HardwareConfig
 from cjt_gym.canbus.emulator import Emulator
 from cjt_gym.canbus.nodes import Nodes
 from cjt_gym.canbus.plant import CanPlant
@@ -19,11 +21,15 @@ from cjt_gym.cli import main
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.hardware.delayed_law import law_for
 from cjt_gym.joint import JointFile, JointParameters, load_joint, to_toml
-from cjt_gym.records import read_record
+from cjt_gym.joint.build import file_of
+from cjt_gym.plant import Measurement
+from cjt_gym.records import Record, read_record
+from cjt_gym.training.evaluation.after_diagnosis import recorded_law
 from cjt_gym.training.tuning.gains import write_gains
 from tests.canbus.bench import config, document, toml
 
 CONTROLLERS = ("pd", "pd_feedforward", "pid_feedforward", "lqg", "open_loop")
+FIXED = "output_fixed_rigid_gearbox"
 ASKED = {"protocol": "odrive", "node": 1}
 LIMITS = {"tau": {"value": 40.0, "unit": "N m"}, "dq_m": {"value": 7.0, "unit": "rad/s"}}
 
@@ -85,13 +91,61 @@ def test_gains_are_designed_for_the_delay_and_weaker_the_longer_it_is() -> None:
     assert gains[0] > gains[1] == gains[2] > gains[3] > 0.0
 
 
+def identified(tmp_path: Path, **effects: dict[str, float]) -> HardwareConfig:
+    """Return the configuration of a joint whose file has these effects, as a diagnosis writes."""
+    known, path = load_joint("orange_80_6000", FIXED, effects=effects), tmp_path / "found.toml"
+    path.write_text(to_toml(file_of(known)))
+    return config(joint={"file": str(path), "structure": FIXED, "effects": []})
+
+
+def known_law(given: HardwareConfig) -> Any:
+    return law_for("pd_feedforward", given.joint, given.dt, {"measurement_delay.delay": given.dt})
+
+
+def test_gains_are_designed_for_what_was_identified(tmp_path: Path) -> None:
+    p = config().joint.parameters
+    heavy = {"inertia": {"I_m": 2.0 * p.I_m}, "damping": {"d_m": p.d_m + 5.0}}
+    other = {"I_m": heavy["inertia"]["I_m"], "d_m": heavy["damping"]["d_m"]}
+    late = {"measurement_delay": {"delay": config().dt}}
+    wanted = PD.defaults(load_joint("orange_80_6000", FIXED, None, late, other), config().dt)
+    found, nominal = known_law(identified(tmp_path, **heavy)), known_law(config())
+    assert (found.kp, found.kd) == pytest.approx((wanted["kp"], wanted["kd"]))
+    assert found.kd > 1.2 * nominal.kd
+    lagging = known_law(identified(tmp_path, current_lag={"bandwidth": 100.0}))
+    assert lagging.kp < nominal.kp
+    late_drive = known_law(identified(tmp_path, command_delay={"delay": 3.0 * config().dt}))
+    assert late_drive.kp < nominal.kp
+
+
+def test_a_motor_that_is_known_to_be_weak_is_commanded_more(tmp_path: Path) -> None:
+    nominal = known_law(config())
+    k_t = config().joint.parameters.k_t
+    weak = known_law(identified(tmp_path, torque_constant={"k_t": 0.8 * k_t}))
+    seen = Measurement(*np.zeros((9, 1)))
+    for reference in (4.0, 1e6):
+        torque = weak.act(seen, np.array([reference]))
+        weak.reset()
+        alike = 0.8 * torque if reference < 10.0 else torque
+        assert alike == pytest.approx(nominal.act(seen, np.array([reference])))
+        nominal.reset()
+
+
+def test_a_replay_commands_as_the_run_did() -> None:
+    made = {"controller": "pd_feedforward", "kp": 0.0, "kd": 0.0, "command_gain": 1.25}
+    record = Record({"tau": np.zeros(9)}, {"tau": "N m"}, dt=1e-3, provenance=made)
+    known = recorded_law(record, load_joint("orange_80_6000", FIXED), ())
+    assert known is not None
+    torque = known[1].act(Measurement(*np.zeros((9, 1))), np.array([4.0]))
+    assert torque == pytest.approx([5.0])
+
+
 def test_given_gains_without_margin_are_refused_with_the_margin(tmp_path: Path) -> None:
     given, path = config(), tmp_path / "stiff.toml"
     write_gains(path, "pd_feedforward", {"kp": 1.5, "kd": 0.0071}, {})
     late = {"command_delay.delay": 3e-4, "measurement_delay.delay": 1.9e-3}
     law_for(str(path), given.joint, given.dt, {})  # without a delay they will do
     with pytest.raises(
-        ConfigurationError, match=r"measured delay of 2\.2 ms .* 2 control steps; they bear 1"
+        ConfigurationError, match=r"with a delay of 2\.2 ms .* 2 control steps; they bear 1"
     ):
         law_for(str(path), given.joint, given.dt, late)
 

@@ -12,14 +12,15 @@ import gymnasium as gym
 import pytest
 from numba.core import event
 
+from cjt_gym import cli
 from cjt_gym.baselines import CONTROLLERS
 from cjt_gym.baselines.parts import PARTS
-from cjt_gym.cli import main
+from cjt_gym.cli import COMMANDS, main
 from cjt_gym.console import alive
 from cjt_gym.console import known_names as early
 from cjt_gym.gap import diagnose
-from cjt_gym.joint import joint_names
-from cjt_gym.joint.compiled import while_compiling
+from cjt_gym.joint import compiling, joint_names
+from cjt_gym.joint.compiling import Notice, while_compiling
 from cjt_gym.records import read_record
 
 
@@ -59,6 +60,23 @@ def test_a_command_that_goes_on_is_left_alone_after_its_first_word(
         assert not signs._thread.is_alive()
 
 
+@pytest.mark.parametrize("command", COMMANDS)
+def test_only_what_waits_for_others_may_be_silent(
+    command: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = []
+
+    def told(until_a_word: bool) -> alive.Alive:
+        asked.append(until_a_word)
+        return alive.Alive(until_a_word)
+
+    monkeypatch.setattr(cli, "Alive", told)
+    monkeypatch.setattr(sys, "argv", ["cjt-gym", command, "--help"])
+    with pytest.raises(SystemExit):
+        main()
+    assert asked == [command == "emulate"]
+
+
 def test_compiling_is_said_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     stream = io.StringIO()
     monkeypatch.setattr(sys, "stderr", stream)
@@ -70,6 +88,22 @@ def test_compiling_is_said_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
                 pass
             assert "compiling" in signs.doing
         assert signs.doing == alive.WORKING
+
+
+def test_python_programs_are_told_of_a_long_compilation(monkeypatch: pytest.MonkeyPatch) -> None:
+    stream = io.StringIO()
+    monkeypatch.setattr(sys, "stderr", stream)
+    notice = Notice()
+    monkeypatch.setattr(compiling, "SILENCE", 60.0)
+    notice(True)
+    notice(False)
+    assert stream.getvalue() == ""
+    monkeypatch.setattr(compiling, "SILENCE", 0.0)
+    notice(True)
+    wait_for("cjt_gym: compiling, about ", stream)
+    wait_for(" ....", stream)
+    notice(False)
+    wait_for("\n", stream)
 
 
 def test_the_names_that_are_checked_early_are_those_there_are() -> None:

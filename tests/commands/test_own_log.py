@@ -10,7 +10,7 @@ import pytest
 
 from cjt_gym.cli import main
 from cjt_gym.joint import load_joint_file, to_toml
-from cjt_gym.records import joint_of, read_log
+from cjt_gym.records import joint_of, read_log, read_record
 from cjt_gym.records.draft import draft
 
 N = load_joint_file("orange_80_6000").gear_ratio
@@ -76,7 +76,21 @@ def test_a_joint_that_is_not_at_hand_is_asked_for(
 ) -> None:
     mapped(log, 'joint = "my_joint"\nn = 10')
     assert main(["diagnose", str(log)]) == 2
-    assert "names the joint my_joint, which neither ships" in capsys.readouterr().err
+    assert "names the joint my_joint, which does not ship" in capsys.readouterr().err
+
+
+def test_a_record_leads_to_the_joint_file_that_it_was_made_with(tmp_path: Path) -> None:
+    mine, out = tmp_path / "joints" / "sea.toml", tmp_path / "records" / "run.csv"
+    mine.parent.mkdir()
+    mine.write_text(to_toml(load_joint_file("orange_80_6000")).replace("orange_80_6000", "sea"))
+    words = ["simulate", str(mine), "--controller", "open_loop", "--duration", "0.01"]
+    assert main([*words, "--out", str(out)]) == 0
+    assert joint_of(out) == mine.resolve() == read_record(out).joint_file
+    moved = out.with_name(mine.name)
+    mine.rename(moved)
+    assert joint_of(out) == moved
+    moved.unlink()
+    assert joint_of(out) == "sea"
 
 
 def test_a_ratio_in_the_mapping_goes_before_that_of_the_joint(

@@ -577,3 +577,13 @@ def test_shipped_file_survives_writing(name: str, tmp_path: Path) -> None:
     assert read == file
     assert read.parameters.quantities == file.parameters.quantities
     assert to_toml(read) == to_toml(file)
+
+
+def test_a_joint_prints_on_one_short_line() -> None:
+    joint = load_joint("orange_80_6000", "output_fixed", effects=["coulomb"])
+    assert repr(joint) == "<Joint orange_80_6000: output_fixed, current, effects: coulomb>"
+    assert "k_b = 6000 N m/rad" in repr(joint.parameters)
+    record = joint.simulate(np.zeros(10))
+    assert repr(record).startswith("<Record of orange_80_6000: 10 samples, 0.001 s, t, i_cmd")
+    for shown in (joint.file, record):
+        assert len(repr(shown)) < 300

@@ -96,7 +96,7 @@ def test_references_that_are_arrays_or_functions_are_followed() -> None:
 def test_a_reward_must_give_a_number_per_joint() -> None:
     envs = gym.make_vec("CJT/TorqueTracking-v0", num_envs=3, reward=lambda step: step["tau"][:2])
     envs.reset(seed=0)
-    with pytest.raises(CjtGymError, match="what the reward gives must have the shape"):
+    with pytest.raises(CjtGymError, match="the return value of the reward function must have"):
         envs.step(np.zeros((3, 1), np.float32))
     with pytest.raises(CjtGymError, match="reward must be a function"):
         gym.make("CJT/TorqueTracking-v0", reward="tracking")

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from cjt_gym.cli import main
+from cjt_gym.commands.export import ENDINGS
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.export import to_isaaclab
 from cjt_gym.export.isaaclab import SUPPORT, actuators
@@ -64,11 +65,11 @@ def test_a_time_step_that_is_none_is_refused() -> None:
         to_isaaclab(load_joint("orange_80_6000", FIXED), 0.0)
 
 
-@pytest.mark.parametrize("target", ["mujoco", "isaaclab"])
+@pytest.mark.parametrize(("target", "ending"), [("mujoco", "xml"), ("isaaclab", "yml")])
 def test_the_command_writes_a_file_and_says_what_is_left_out(
-    target: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    target: str, ending: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    out = tmp_path / "new" / "joint.txt"
+    out = tmp_path / "new" / f"joint.{ending}"
     words = ["export", "orange_80_6000", "--to", target, "--effect", "coulomb", "load_friction"]
     words[-1] = "load_friction.mu_m=0.1"
     assert main([*words, "--out", str(out), "--json"]) == 0
@@ -76,6 +77,17 @@ def test_the_command_writes_a_file_and_says_what_is_left_out(
     assert list(said["missing"]) == ["load_friction"]
     assert list(said["nearly"]) == ["coulomb"]
     assert "load_friction" in out.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("target", [*ENDINGS])
+def test_a_file_name_says_what_is_in_it(
+    target: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = {"mujoco": "generic", "isaaclab": "generic", "c": "pd"}.get(target, "orange_residual")
+    out = tmp_path / "new" / "anything.xyz"
+    assert main(["export", source, "--to", target, "--out", str(out)]) == 2
+    assert f"Write --out {out.with_suffix(ENDINGS[target][0])}" in capsys.readouterr().err
+    assert not out.parent.exists()
 
 
 def test_an_unknown_target_is_refused(

@@ -178,6 +178,14 @@ def test_the_summary_fits_a_terminal(
     assert "coulomb_asym" in summary(explained)
 
 
+def test_a_floor_that_is_not_known_is_no_zero(explained: Diagnosis, tmp_path: Path) -> None:
+    unknown = replace(explained, gap=replace(explained.gap, floor=0.0))
+    assert "noise floor not known" in summary(unknown)
+    path = tmp_path / "report.html"
+    write_report(unknown, path)
+    assert path.read_text(encoding="utf-8").count("not known") == 2
+
+
 def test_a_notebook_shows_the_verdict(explained: Diagnosis) -> None:
     assert "<b>Explained.</b>" in explained._repr_html_()
 

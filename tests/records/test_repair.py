@@ -248,7 +248,7 @@ def test_infinite_values_become_missing_and_empty_logs_are_refused() -> None:
     records, repairs = repaired(columns)
     assert np.isnan(records[0]["tau"][[5, 77]]).all()
     assert ("unreadable", "tau") in kinds(repairs)
-    with pytest.raises(ValueError, match="must advance from row to row"):
+    with pytest.raises(ValueError, match="must increase from row to row"):
         repaired({**columns, "t": np.full(3000, np.nan)})
     with pytest.raises(ValueError, match="has no samples"):
         repaired({name: values[:0] for name, values in columns.items()})

@@ -59,7 +59,7 @@ class AnyStepper(Protocol):
 
 
 class CStepper:
-    """A header at work, compiled for this machine."""
+    """A running header, compiled for this machine."""
 
     def __init__(self, header: str, layout: Layout) -> None:
         """Compile it."""

@@ -56,7 +56,7 @@ def exported(agent: PolicyAgent | Exported) -> Exported:
     settings = Episodes(1, **environment_arguments(agent.config.env)).settings
     try:
         base = base_law(agent.config, settings)
-    except ConfigurationError:  # no law that could be written; whoever needs it says so
+    except ConfigurationError:  # a law that cannot be written; reported where one is needed
         base = None
     limit = limits_of(settings.joint).tau
     return Exported(agent.name, agent.config, agent.layout, network, base, limit)

@@ -1,4 +1,4 @@
-"""An exported policy at work, as a whole controller: measurements in, motor torque out."""
+"""An exported policy that runs as a whole controller: measurements in, motor torque out."""
 
 from __future__ import annotations
 

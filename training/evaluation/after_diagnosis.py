@@ -1,4 +1,4 @@
-"""What a diagnosis is worth in a closed loop: for a replay, and for whoever controls the joint."""
+"""What a diagnosis is worth in a closed loop: for a replay, and for controllers."""
 
 from __future__ import annotations
 
@@ -170,7 +170,7 @@ def _replay(
     """
     from cjt_gym.gap.closed_loop import closed_loop_gap
 
-    known = _law(record, nominal, agents)
+    known = recorded_law(record, nominal, agents)
     if known is None:
         return None
     name, law = known
@@ -182,7 +182,7 @@ def _replay(
     return ClosedLoop(name, record.owner, gap)
 
 
-def _law(record: Record, nominal: Joint, agents: Sequence[Agent]) -> tuple[str, Law] | None:
+def recorded_law(record: Record, nominal: Joint, agents: Sequence[Agent]) -> tuple[str, Law] | None:
     """Return the controller that a record names, else the first classical one that was given."""
     from cjt_gym.baselines import CONTROLLERS, PdFeedForward, make_controller
     from cjt_gym.baselines.compose import is_composed
@@ -196,7 +196,10 @@ def _law(record: Record, nominal: Joint, agents: Sequence[Agent]) -> tuple[str, 
     if name == "pd_feedforward" and {"kp", "kd"} <= set(made):
         limit = limits_of(nominal).tau
         side = made.get("derivative", "error")
-        return name, PdFeedForward(made["kp"], made["kd"], record.dt, side, torque_limit=limit)
+        gain = float(made.get("command_gain", 1.0))
+        law = PdFeedForward(made["kp"], made["kd"], record.dt, side, torque_limit=limit / gain)
+        law.command_gain = gain
+        return name, law
     return name, make_controller(name, nominal, record.dt, made.get("gains"))
 
 

@@ -119,7 +119,7 @@ def pool(batches: Sequence[Traces]) -> Traces:
 
 
 def check_episodes(episodes: int, seed: int) -> None:
-    """Refuse a number of episodes, or a seed, that has no draws of its own."""
+    """Reject a number of episodes or a seed for which there are no draws of their own."""
     if not 1 <= episodes <= SEED_BLOCK:
         raise ConfigurationError(f"episodes must be >= 1 and <= {SEED_BLOCK}, got {episodes}.")
     if seed < 0:

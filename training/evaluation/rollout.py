@@ -137,7 +137,7 @@ class ControllerAgent:
         return None
 
     def rendering(self, rendering: Rendering) -> ControllerAgent:
-        """Return the same with the spring and the damper that it is to render as its gains."""
+        """Return a copy whose gains are the spring and the damper that it has to render."""
         asked = {"stiffness": rendering.stiffness, "damping": rendering.damping}
         return ControllerAgent(replace(self.choice, gains={**self.choice.gains, **asked}))
 
@@ -174,7 +174,7 @@ def rollout(
 ) -> Traces:
     """Run an agent over `num` episodes of `steps` control steps, the same for every agent.
 
-    Joint i draws its parameters, its reference and its noise from seed + i, whoever drives it.
+    Joint i draws its parameters, its reference and its noise from seed + i, whatever controls it.
     """
     arguments = agent.arguments(conditions) | {"reference": reference, "episode_steps": steps}
     return run_episodes(agent, arguments, num, seed)

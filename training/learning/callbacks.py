@@ -197,7 +197,7 @@ def load_replay(model: BaseAlgorithm, path: Path) -> None:
 
 
 def restore(model: BaseAlgorithm, env: VecEnv, checkpoint: Path) -> dict[str, Any]:
-    """Put a checkpoint's weights, optimiser, statistics and replay buffer back; return its state.
+    """Restore weights, optimiser, statistics and replay buffer of a checkpoint; return its state.
 
     Nothing but numbers is read from its files.
     """

@@ -74,7 +74,7 @@ class Trained(ABC):
 
 
 def scales_on(layout: Layout, own: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, float]:
-    """Return the scales on another joint: what they were over the usual ones, times those there."""
+    """Return the scales on another joint, in the same ratio to the usual ones."""
     scales = layout.scales()
     plain = dict.fromkeys((*scales, "disturbance", "randomization"))
     here, there = (Episodes(1, **{**a, **plain}).settings.layout.scales() for a in (own, other))

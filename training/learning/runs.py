@@ -1,4 +1,4 @@
-"""The runs that there are, side by side."""
+"""List training runs side by side."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ from cjt_gym.joint import Joint
 
 KEYS = ("controller", "gains", "tuned")
 ENDING, WITH = ".toml", "@"
-KNOWN_BY = ("kp", "kd", "derivative")
+KNOWN_BY = ("kp", "kd", "derivative", "command_gain")
 """What a controller is known by in the provenance of a record, where it has it."""
 
 

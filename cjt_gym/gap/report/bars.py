@@ -7,7 +7,15 @@ from collections.abc import Mapping, Sequence
 from html import escape
 
 from cjt_gym.gap.diagnosis import GapSize, Regime, StageGap, Step
-from cjt_gym.gap.report.words import MINUS, SPACE, effect_name, number, percent, quantity
+from cjt_gym.gap.report.words import (
+    MINUS,
+    SPACE,
+    effect_name,
+    noise_floor,
+    number,
+    percent,
+    quantity,
+)
 
 VARIABLES: Mapping[str, str] = {
     "dq_m": "motor velocity",
@@ -38,7 +46,7 @@ def waterfall(steps: Sequence[Step], gap: GapSize) -> str:
         last = step.error
     floor = (
         f"<div class='row floor'><div class=name>Noise floor</div><div class=track></div>"
-        f"<div class=value>{percent(gap.floor)}</div></div>"
+        f"<div class=value>{noise_floor(gap)}</div></div>"
     )
     at = f"--at:{gap.floor / top:.2%}"
     texts = "".join(

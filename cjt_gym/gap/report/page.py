@@ -26,6 +26,7 @@ from cjt_gym.gap.report.words import (
     VERDICTS,
     effect_name,
     interval,
+    noise_floor,
     number,
     percent,
     verdict_sentence,
@@ -106,7 +107,7 @@ def page(
 
 def _head(diagnosis: Diagnosis, title: str) -> str:
     gap, source = diagnosis.gap, diagnosis.evidence.source
-    figures = [("gap", percent(gap.before)), ("noise floor", percent(gap.floor))]
+    figures = [("gap", percent(gap.before)), ("noise floor", noise_floor(gap))]
     if diagnosis.effects or gap.after != gap.before:
         figures = [("gap before", figures[0][1]), ("gap after", percent(gap.after)), figures[1]]
         spread = f"{percent(gap.low)} … {percent(gap.high)}"

@@ -7,7 +7,14 @@ from html import escape
 
 from cjt_gym.gap.diagnosis import NOTHING_LEFT, Diagnosis, NamedEffect, StageGap
 from cjt_gym.gap.report.horizons import horizon_table
-from cjt_gym.gap.report.words import VERDICTS, interval, number, percent, verdict_sentence
+from cjt_gym.gap.report.words import (
+    VERDICTS,
+    interval,
+    noise_floor,
+    number,
+    percent,
+    verdict_sentence,
+)
 
 WIDTH = 96
 MOST_EFFECTS = 5
@@ -26,7 +33,7 @@ def summary(diagnosis: Diagnosis) -> str:
     kept = "held-out data" if gap.held_out else "the fitted data"
     after = f"after {percent(gap.after)}   " if refined else ""
     before = f"{'before ' if refined else ''}{percent(gap.before)}"
-    lines += ["", f"gap on {kept}   {before}   {after}noise floor {percent(gap.floor)}"]
+    lines += ["", f"gap on {kept}   {before}   {after}noise floor {noise_floor(gap)}"]
     head = f"{'before':>10}{'after':>10}" if explained else f"{'residual':>10}"
     lines += [f"{'stage':<14}{head}   (residual, 1 = noise)"]
     for name, stage in diagnosis.stages.items():

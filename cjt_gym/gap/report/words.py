@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from cjt_gym.gap.diagnosis import Diagnosis, Interval, NamedEffect, Regime
+from cjt_gym.gap.diagnosis import Diagnosis, GapSize, Interval, NamedEffect, Regime
 
 VERDICTS: Mapping[str, str] = {
     "no_gap": "No gap",
@@ -84,6 +84,11 @@ def percent(share: float) -> str:
     if size < 0.005:
         return f"0{SPACE}%"
     return f"{number(100.0 * share, 2 if size < 99.5 else 3)}{SPACE}%"
+
+
+def noise_floor(gap: GapSize) -> str:
+    """Return what noise alone would leave of a gap; zero stands for what could not be told."""
+    return percent(gap.floor) if gap.floor > 0.0 else "not known"
 
 
 def interval(p: Interval) -> str:

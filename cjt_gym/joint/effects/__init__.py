@@ -1,4 +1,4 @@
-"""The effect table: everything that separates a real joint from the linear one.
+"""The effect table: everything that distinguishes a real joint from the linear one.
 
 One row per effect. The options of the environments, the names that can be randomised, the
 documentation and the contract tests are derived from this table. An effect is one row here and one

@@ -309,7 +309,7 @@ def project(kind: Kind, p: Floats, s: Floats, busy: Any) -> Any:
 
 @lean
 def solve(kind: Kind, p: Floats, s: Floats) -> None:
-    """Find friction and speeds that agree, and note for which joints that failed."""
+    """Solve for friction and speeds together, and note the joints for which that failed."""
     steep = get(p, STEEP)
     busy = steep == steep
     for _ in range(SWEEPS if kind.sharp else NEWTON):

@@ -204,7 +204,7 @@ class Variation:
         return tuple(w / sum(weights) for w in weights)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all that is set as plain data, from which `Variation(**data)` makes an equal."""
+        """Return everything that is set as plain data; `Variation(**data)` makes an equal one."""
         data = {f.name: getattr(self, f.name) for f in fields(self)}
         if self.group is None:
             del data["correlation"]

@@ -30,7 +30,7 @@ def swung(effects: Effects, samples: int = 1000, seed: int = 0) -> Record:
 
 
 def silent(effects: Effects, samples: int, dt: float = 1e-3, seed: int = 0) -> Record:
-    """Return a joint that does nothing, so that only its sensors speak."""
+    """Return a joint at rest, so that only its sensors show."""
     return blocked(joint(effects), np.zeros(samples), dt, dt_physics=dt, seed=seed)
 
 

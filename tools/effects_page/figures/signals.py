@@ -90,7 +90,7 @@ def torque_delay() -> Figure:
 
 
 def channel_delay() -> Figure:
-    """Draw two angles of which one comes later, and each channel's phase."""
+    """Draw two angles, one of which is delayed, and the phase of each channel."""
     figure, axes = mosaic("ab")
     f = tones(4.0, 200.0, 14, 0.5)
     effects = {"channel_delay": {"q_m": 0.5e-3, "q_l": 1e-3}}
