@@ -10,7 +10,9 @@ from scipy.stats import t as student
 
 from cjt_gym.gap.diagnosis import Interval
 from cjt_gym.gap.horizons.fit import LEAST, Fit, Problem, bounded
-from cjt_gym.gap.horizons.model import Model, motor_inertia
+from cjt_gym.gap.horizons.model import Model, Number, Term, motor_inertia
+from cjt_gym.joint import EFFECTS
+from cjt_gym.joint.effect_entries import unit_on
 
 Floats = NDArray[np.float64]
 INTERVAL = 0.95
@@ -45,9 +47,15 @@ class Spread:
             scale = self._scale(term.name, number.symbol)
             ends = sorted(scale * number.value(z + s * half) for s in (-1.0, 1.0))
             value = scale * number.value(z)
-            unit = "kg m^2" if term.name == "inertia" else number.unit
-            found[number.symbol] = Interval(value, ends[0], ends[1], unit)
+            found[number.symbol] = Interval(value, ends[0], ends[1], self._unit(term, number))
         return found
+
+    def _unit(self, term: Term, number: Number) -> str:
+        """Return the unit of a number of the effect table on the joint; N for N m if it slides."""
+        parameter = EFFECTS[term.name].parameter(number.symbol)
+        if parameter is None:
+            return number.unit
+        return unit_on(parameter, self.model.joint.parameters)
 
     def _scale(self, name: str, symbol: str) -> float:
         """Return what a factor multiplies: the inertia of the bodies that move with the motor."""
