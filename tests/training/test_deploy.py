@@ -177,7 +177,7 @@ def test_command_writes_tries_and_tells(
 def test_a_policy_that_ships_is_written_by_its_name(
     form: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    out = tmp_path / "shipped.npz"
+    out = tmp_path / {"numpy": "shipped.npz", "onnx": "shipped.onnx", "c": "shipped.h"}[form]
     assert main(["export", "orange_residual", "--to", form, "--out", str(out), "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["error"] is None or told["error"] < TOLERANCE

@@ -123,8 +123,14 @@ def _doubted(first: Diagnosis, found: Judgement) -> Diagnosis:
     worse = gap.after > gap.before > TRIVIAL
     held = found.case.joint.structure_row.output_fixed
     far_off = held and gap.after > max(DRIFTLESS, FLOORS * gap.floor)
+    adrift = not held and any(
+        row.found > 1.0
+        for row in found.rows
+        if row.channel != "tau" and row.seconds > min(HORIZONS)
+    )
     left = gap.after if far_off else min(main_row(found).found, gap.after)
-    if not first.effects or (better and not worse and not far_off and left < LOUD):
+    sound = better and not (worse or far_off or adrift) and left < LOUD
+    if not first.effects or sound:
         return first
     effects = tuple(
         e if e.name in MEASURES or e.status == "tentative" else as_tentative(e)
@@ -135,6 +141,8 @@ def _doubted(first: Diagnosis, found: Judgement) -> Diagnosis:
     said = f"With the named effects {min(left, 1.0):.0%} of what was measured is left."
     if not better or worse:
         said = f"{said[:-1]}: they do not make predictions better."
+    elif adrift:
+        said = "Further ahead the joint given predicts no better than going on at the same speed."
     text = first.unexplained.text.replace(NOTHING_LEFT, "").strip()
     told = replace(first.unexplained, share=min(left, 1.0), text=f"{said} {text}".strip())
     return replace(first, verdict="partly_explained", effects=effects, unexplained=told)
