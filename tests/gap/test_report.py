@@ -60,6 +60,7 @@ def test_the_ladder_leads_from_the_gap_before_to_the_gap_after(explained: Diagno
     assert all(step.low <= step.error <= step.high for step in steps)
 
 
+@pytest.mark.filterwarnings("ignore::cjt_gym.errors.OutsideFoundWarning")
 def test_what_is_drawn_is_what_the_written_joint_does(explained: Diagnosis, tmp_path: Path) -> None:
     path = tmp_path / "joint.toml"
     path.write_text(to_toml(explained.joint), encoding="utf-8")
