@@ -39,7 +39,7 @@ ROUGH = {
     ("load_friction", ""): 0.15,  # of which torque it is a share: the bar's or the gear's
     ("spring_hysteresis", "Bouc-Wen"): 0.2,  # a loop of exponent 2 becomes one of exponent 1
     ("backlash", "gear"): 0.05,
-    ("backlash", "bar"): 0.2,  # the kernel has its play in the gear
+    ("backlash", "bar"): 0.4,  # the kernel has its play in the gear
 }
 """The same where both laws are not one, as a share of what is left without the effect."""
 PERIODIC = {"cog": (480.0, 1.0, -0.5), "rip": (160.0, 0.05, 0.03), "step": (0.4,)}
