@@ -33,8 +33,8 @@ LONGEST = 3.0
 MOTION, LISTEN, FORCE = "q_m", 0.1, 0.2
 """Error that counts as a torque, too, with which weight beside one for all horizons together."""
 LIGHT = 0.01
-"""Share of the usual torque that moves any real joint off by what it does: a lighter one, which dry
-friction alone would hold, is not taken to listen better."""
+"""Least share of the usual torque that accelerates a real joint. One that is lighter still, and is
+held by dry friction alone, does not count as listening better."""
 ROUGH = 3
 """A quick look at a candidate takes every so-manyth window."""
 FEWEST = 5

@@ -160,7 +160,7 @@ def _said(judged: Judgement) -> str:
 def _imposed(judged: Judgement) -> str:
     """Return that the inertia given is not the joint's own, where something imposes its motion."""
     fit = _fit(judged)
-    if fit is None:
+    if fit is None or main_row(judged).found < LOUD:
         return ""
     joint, (first, *_) = judged.case.joint, fit.model.values(fit.z)
     total = motor_inertia(joint)
