@@ -50,10 +50,10 @@ SHARED = ("bus", "control", "emulator", "joints")
 OWN = ("name", "drive", "sensors", "joint", "limits")
 """What the joints of a list share, and what each has of its own."""
 CONTROL = ("rate_hz", "priority", "missed", "overrun", "watchdog", "soft", "torque")
-LATE = 0.01
+LATE = 0.02
 """By how much a command may be late where nothing else is asked for [s].
 
-An ordinary computer without a real-time kernel holds a loop up by a few milliseconds now and then,
+An ordinary computer without a real-time kernel holds a loop up by up to 15 ms now and then,
 even where nothing else runs. For comparison, a moteus as delivered stops by itself after 100 ms.
 """
 SPARE = 0.75

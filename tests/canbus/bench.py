@@ -30,7 +30,7 @@ SET_BEFORE = ("mit", "dbc")
 
 SHARP = {"missed": 1, "overrun": 1.0, "watchdog": 1.75}
 """What a control step of virtual time, in which nothing is ever late, can keep [steps]."""
-PATIENT = 0.0135
+PATIENT = 0.0235
 """A drive's watchdog where nothing else is asked for, at 500 Hz [s]."""
 
 BASE: dict[str, Any] = {

@@ -97,12 +97,12 @@ def test_limits_are_numbers() -> None:
 @pytest.mark.parametrize(
     ("control", "overrun", "watchdog", "missed"),
     [
-        ({"rate_hz": 500}, 0.01, 0.0135, 5),
-        ({"rate_hz": 1000}, 0.01, 0.01175, 10),
+        ({"rate_hz": 500}, 0.02, 0.0235, 10),
+        ({"rate_hz": 1000}, 0.02, 0.02175, 20),
         ({"rate_hz": 50}, 0.02, 0.055, 1),
         ({"rate_hz": 500, "overrun": {"value": 0.002, "unit": "s"}}, 0.002, 0.0055, 1),
         ({"rate_hz": 500, "watchdog": {"value": 0.004, "unit": "s"}}, 0.004, 0.004, 2),
-        ({"rate_hz": 500, "missed": 0}, 0.01, 0.0135, 0),
+        ({"rate_hz": 500, "missed": 0}, 0.02, 0.0235, 0),
     ],
 )
 def test_allowances_that_are_not_given_follow_from_the_others(
