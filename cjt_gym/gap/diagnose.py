@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,6 +18,7 @@ from cjt_gym.gap.diagnosis import (
     NamedEffect,
     Source,
     StageGap,
+    Suggestion,
     Unexplained,
 )
 from cjt_gym.gap.evidence import gather, nothing_said, source_of
@@ -41,7 +42,7 @@ from cjt_gym.gap.replay import Written, steps, written
 from cjt_gym.gap.select import BEYOND, Progress, silent
 from cjt_gym.gap.series import unbroken
 from cjt_gym.gap.setting import Setting, as_noisy, make_setting
-from cjt_gym.gap.suggest import cautious, suggest
+from cjt_gym.gap.suggest import ELSEWHERE, cautious, suggest
 from cjt_gym.gap.unknown import Leftover, untouched, verdict
 from cjt_gym.joint import Joint, JointFile, get_structure, load_joint_file
 from cjt_gym.joint.build import file_of
@@ -60,6 +61,8 @@ KNOWN = 0.7
 MOVED = 0.1
 """Or share of it by which the fit moves the value; several may be known only together."""
 
+Ask = Callable[[], Suggestion]
+"""Returns what to record next, which takes longer than most of a diagnosis."""
 COMMANDING = ("i", "i_cmd", "tau_m", "tau_cmd")
 """Channels of which the stages need one."""
 
@@ -103,14 +106,26 @@ def diagnose(
     tested = tested or [r.slice(cut, None) for r, cut in zip(whole, cuts, strict=True)]
     with threadpool_limits(1, "blas"):  # small matrices lose more by threads than they gain
         try:
-            found = _by_stages(fitted, tested, whole, held, file, shape, started, progress)
+            found, ask = _by_stages(fitted, tested, whole, held, file, shape, started, progress)
         except (np.linalg.LinAlgError, FloatingPointError, ValueError) as error:
             if isinstance(error, CjtGymError) and not _by_voltage(first):
                 raise
-            found = nothing_said(file, shape, fitted, _long(tested), str(error))
+            found, ask = nothing_said(file, shape, fitted, _long(tested), str(error)), None
+        open_ = found.suggestion
         found = judged(replace(found, examination=exam), given, held, file, shape, progress)
+        if ask is not None and found.suggestion is open_:
+            progress("looking for the record that would tell most")
+            found = replace(found, suggestion=_asked(ask))
     found = replace(found, seconds=time.perf_counter() - started)
     return _with_structure_said(found, first, shape)
+
+
+def _asked(ask: Ask) -> Suggestion:
+    """Return what to record next, in general terms where no experiment can be designed."""
+    try:
+        return ask()
+    except (np.linalg.LinAlgError, ValueError):
+        return Suggestion(ELSEWHERE)
 
 
 def _by_stages(
@@ -122,8 +137,8 @@ def _by_stages(
     shape: Structure,
     started: float,
     progress: Progress,
-) -> Diagnosis:
-    """Return what the one-step predictors of the stages find."""
+) -> tuple[Diagnosis, Ask]:
+    """Return what the one-step predictors of the stages find, and what tells the next record."""
     explanation, replayed = _explained(fitted, _long(tested), file, shape, progress)
     if _seen_elsewhere(explanation) and len(given) == len(_long(held)) == 1:
         progress("explaining the other record, which alone shows a gap")
@@ -224,7 +239,7 @@ def _report(
     started: float,
     source: Source,
     record: str,
-) -> Diagnosis:
+) -> tuple[Diagnosis, Ask]:
     problem = found.problem
     spread = covariance(problem, found.fit)
     named = name_effects(found, spread, settings if held_out else ())
@@ -260,22 +275,24 @@ def _report(
         drawn, regimes=lying, steps=_steps(found), source=source, ladder=rungs, replays=replays,
         replay_dt=settings[-1].series.dt,
     )  # fmt: skip
-    return Diagnosis(
+
+    def ask() -> Suggestion:
+        said = suggest(problem, found.base, found.fit, found.needs, found.seen, named, left)
+        return cautious(said, setting, held_out)
+
+    diagnosis = Diagnosis(
         verdict=verdict(len(named), left),
         stages=stages,
         regimes=next(iter(lying.values()))[0],
         effects=named,
         gap=gap,
         unexplained=_unexplained(left, said),
-        suggestion=cautious(
-            suggest(problem, found.base, found.fit, found.needs, found.seen, named, left),
-            setting,
-            held_out,
-        ),
+        suggestion=Suggestion(""),
         seconds=time.perf_counter() - started,
         evidence=drawn,
         joint=identified_joint(setting, problem.fields(fit.model, fit.z), named, told, record),
     )
+    return diagnosis, ask
 
 
 def _refined(found: Explanation, fit: Fit, spread: Covariance) -> dict[str, tuple[float, float]]:

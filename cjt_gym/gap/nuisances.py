@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cjt_gym.gap.fields import Fields, own_field
+from cjt_gym.gap.horizons.sheet import GUESSED, tolerance_of
 from cjt_gym.gap.setting import Setting
 from cjt_gym.gap.unknowns import Unknown
 
@@ -23,8 +24,8 @@ OWN = ("i_0", "tau_0", "q_0")
 BLURRED = 0.3
 """Relative deviation of inertia and damping where a log is too slow to follow the joint's swing."""
 LAG_TOLERANCE = 0.2
-STRETCH, FURTHEST = 30.0, 5.0
-"""How far a fit may stretch a datasheet value: in deviations, and as a factor."""
+STRETCH, FURTHEST, FURTHEST_GUESS = 30.0, 5.0, 100.0
+"""How far a fit may stretch a datasheet value: in deviations, and as a factor, also of a guess."""
 HELD = 0.3
 """Deviation of the instant at which a drive takes its command over, in samples."""
 
@@ -96,6 +97,8 @@ def tolerance(setting: Setting, field: str) -> float:
     quantity = setting.joint.parameters.quantities.get(field)
     if quantity is not None and quantity.tolerance is not None:
         return max(quantity.tolerance, 1e-4)
+    if not np.isfinite(tolerance_of(setting.joint, field, 0.0)) and quantity is not None:
+        return GUESSED
     return DEFAULT_TOLERANCE.get(field, DEFAULT_TOLERANCE.get(field[0], 0.05))
 
 
@@ -118,7 +121,8 @@ def _parameters(setting: Setting) -> list[Nuisance]:
     for name in active_parameters(setting):
         scale = _lumped_tolerance(setting, name)
         unit = setting.joint.parameters.unit(name)
-        start, far = setting.nominal[name], min(float(np.exp(STRETCH * scale)), FURTHEST)
+        furthest = FURTHEST if scale < GUESSED else FURTHEST_GUESS
+        start, far = setting.nominal[name], min(float(np.exp(STRETCH * scale)), furthest)
         unknown = Unknown(name, unit, start, scale, True, low=start / far, high=start * far)
         rows.append(Nuisance(name, unknown, stages_of(setting, name)))
     return rows

@@ -153,7 +153,8 @@ class Selection:
     def _search(self, start: Fit, stages: tuple[str, ...], candidates: Sequence[Hypothesis]) -> Fit:
         pool = [h for h in candidates if set(h.touches) & set(stages)]
         beam, best = [start], start
-        for _ in range(MOST - len(start.model.effects)):
+        own = [e for e in start.model.effects if set(e.touches) & set(stages)]
+        for _ in range(MOST - len(own)):
             if time.process_time() > self.until:
                 break
             if self.potential(best, stages) < RELEASE + MARGIN or not self._material(best, stages):
@@ -200,8 +201,12 @@ class Selection:
         return bool(residual > LOG_SHARE or 0.5 * strain[strain > 4.0].sum() > STRAIN)
 
     def _gains(self, before: Fit, fits: Sequence[Fit]) -> list[float]:
-        """Return what fits gain over another one under the present predictors."""
-        here = evidence(self.problem, self.problem.fit(before.model, before.z, moves=0))
+        """Return what fits gain over another one under the present predictors.
+
+        Where these belong to another place, the other one, too, is fitted to them.
+        """
+        moves = TRIAL_MOVES if len(self._places(before)) > 1 else 0
+        here = evidence(self.problem, self.problem.fit(before.model, before.z, moves))
         return [evidence(self.problem, f) - here for f in fits]
 
     def _settled(self, fits: list[Fit]) -> list[Fit]:

@@ -20,6 +20,7 @@ from cjt_gym.joint.joint import Joint
 from cjt_gym.joint.quantity import Quantity
 from cjt_gym.records import Record
 from tests.gap.horizons.rotor import datasheet, record
+from tests.gap.simulator import TRUE, nominal, simulate
 
 RIGID = get_structure("rigid")
 DT = 1e-3
@@ -170,3 +171,14 @@ def test_a_guess_of_a_held_joint_is_corrected_and_not_named() -> None:
     assert "inertia" not in {effect.name for effect in found.effects}
     assert found.verdict == "no_gap"
     assert found.gap.after < 0.2 * found.gap.before
+
+
+def test_a_guessed_inertia_costs_nothing_to_correct_beside_a_measured_torque() -> None:
+    stated = nominal(I_m=3.0)
+    guess = Quantity(stated.parameters.I_m, "kg m^2", "test", guess=True)
+    file = replace(stated, parameters=stated.parameters.replace(I_m=guess))
+    found = diagnose(simulate(friction=(2.0, 2.0)), file)
+    (effect,) = found.effects
+    assert (effect.name, effect.status) == ("coulomb", "confirmed")
+    assert effect.parameters["d_cm"].value == pytest.approx(2.0, rel=0.05)
+    assert found.joint.parameters.I_m == pytest.approx(TRUE["I_m"], rel=0.05)

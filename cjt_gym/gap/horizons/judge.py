@@ -16,8 +16,8 @@ from cjt_gym.gap.horizons.model import Model, Number
 from cjt_gym.gap.horizons.own_rows import own_terms
 from cjt_gym.gap.horizons.predictable import Predictable
 from cjt_gym.gap.horizons.predictable import left as left_by
-from cjt_gym.gap.horizons.rows import base_terms, candidates, likelier, scales_of
-from cjt_gym.gap.horizons.search import REFINED, Found, search
+from cjt_gym.gap.horizons.rows import base_terms, candidates, freed, likelier, scales_of
+from cjt_gym.gap.horizons.search import REFINED, Found, beyond, search
 from cjt_gym.gap.horizons.sheet import GUESSED
 from cjt_gym.gap.horizons.side_by_side import side_by_side
 from cjt_gym.gap.horizons.windows import (
@@ -156,7 +156,7 @@ def judge(
         known = left_by(case.all, stages)
         errors = relative(case.all, case.all.errors(stages))
         open_ = any(_left(errors[key], one) for key, one in known.items())
-        if _cut(case) and not own and not _fails(case, errors):
+        if _cut(case) and not (own or open_ or _fails(case, errors)):
             return _settled(case, joints, _sound(case, joints))
         near = all(e < NEAR for key, e in errors.items() if key[1] != min(HORIZONS))
         if near and not own and not open_ and _no_worse(case, joints, "stages"):
@@ -165,7 +165,7 @@ def judge(
     base = Model(case.joint, base_terms(case.joint, scales))
     refined = {name for name in excluded if name in REFINED}
     may = [t for t in candidates(case.joint, scales, case.logs) if t.name not in refined]
-    terms = likelier([*may, *own], seen_in_torque(case.joint, case.logs))
+    terms = likelier([*may, *own, *freed(base.terms)], seen_in_torque(case.joint, case.logs))
     found = search(
         problem, base, terms, suspects, progress,
         lambda one: _tested(problem, test, one)[0], lambda fit: _held(test, fit).cost,
@@ -214,12 +214,12 @@ def _left(error: float, one: Predictable) -> bool:
 def _tested(problem: Problem, test: Problem, found: Found) -> tuple[Found, tuple[Worth, ...]]:
     """Return a search without what held-out data refute, and what they say of the rest."""
     while True:
-        base, more = len(found.base.model.terms), _held(test, found.fit)
+        new, more = beyond(found.base, found.fit), _held(test, found.fit)
         tests = [
             worth(test, _held(test, less), more, term)
             for less, term in zip(found.less, found.fit.model.terms, strict=True)
         ]
-        refuted = [k for k in range(base, len(tests)) if tests[k].fall < -tests[k].price]
+        refuted = [k for k in new if tests[k].fall < -tests[k].price]
         if not refuted:
             return found, tuple(tests)
         worst = min(refuted, key=lambda k: tests[k].fall)

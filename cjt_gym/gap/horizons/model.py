@@ -125,6 +125,7 @@ class Term:
         nominal: Values of the numbers at which it does nothing.
         family: Terms of one family are compared with each other.
         factor: Factor on the price of one that is less likely than others.
+        tight: The same within the tolerance of its datasheet, where this one is free of that.
     """
 
     name: str
@@ -138,6 +139,7 @@ class Term:
     nominal: tuple[float, ...] = ()
     family: str = ""
     factor: float = 1.0
+    tight: Term | None = None
 
     @property
     def key(self) -> tuple[str, str | None, str | None]:
@@ -193,9 +195,13 @@ class Model:
         """Return the joint at coordinates."""
         return drafted(self.joint, self.draft(z))
 
-    def without(self, index: int) -> Model:
-        """Return the model less one of its terms."""
-        return replace(self, terms=self.terms[:index] + self.terms[index + 1 :])
+    def without(self, index: int, z: Floats) -> tuple[Model, Floats]:
+        """Return the model less one of its terms, or with it as its datasheet has it."""
+        tight, span = self.terms[index].tight, self.span(index)
+        kept = () if tight is None else (tight,)
+        values = np.zeros(sum(len(term.numbers) for term in kept))
+        terms = (*self.terms[:index], *kept, *self.terms[index + 1 :])
+        return replace(self, terms=terms), np.concatenate([z[: span.start], values, z[span.stop :]])
 
 
 def drafted(joint: Joint, draft: Draft) -> Joint:

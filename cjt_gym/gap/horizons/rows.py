@@ -29,6 +29,8 @@ K_T, INERTIA, STIFFNESS = 0.05, 0.1, 0.1
 LIKELY, RARE, UNLIKELY = 0.5, 2.0, 4.0
 """Factors on the price of a term: dry friction, which every joint has; what few joints show, or
 other errors mimic; a delay or lag behind a current that was measured."""
+LOOSE = 0.1
+"""Relative step of a datasheet value that is wrong by more than it states."""
 LOSS = 0.002
 """Loss of torque constant per kelvin that a diagnosis writes; only its product with the heat per
 square ampere can be told [1/K]."""
@@ -50,6 +52,9 @@ COASTING = 0.1
 """Share of what its inertia takes that counts as the torque of a joint that nothing drives."""
 BACKDRIVEN = 0.02
 """Share of the torque that must be the motor's for its torque constant to be looked for."""
+FALLEN = 1.0
+"""Speed, in usual ones, by which friction that falls with it has fallen: with a falling friction
+that lasts longer, damping takes the place of the Coulomb friction that every joint has."""
 MOST_LOST = 0.5
 """Largest share of the transmitted torque that friction takes, as in the effect table."""
 BODIES = {"m": "motor", "g": "gear", "l": "load"}
@@ -178,6 +183,21 @@ def _damping(joint: Joint, scales: Scales) -> Term:
     return Term("damping", (number,), put, "motor", nominal=(start,))
 
 
+def freed(terms: Sequence[Term]) -> list[Term]:
+    """Return datasheet values with a narrow tolerance as terms that are free of it."""
+    return [
+        replace(
+            term,
+            numbers=(replace(number, prior=False, scale=LOOSE),),
+            starts=tuple((number.start * k,) for k in (0.7, 1.4)),
+            tight=term,
+        )
+        for term in terms
+        for number in term.numbers[:1]
+        if number.prior and number.scale < VAGUE
+    ]
+
+
 # ---- candidates
 def candidates(joint: Joint, scales: Scales, logs: Sequence[Log]) -> tuple[Term, ...]:
     """Return the rows that may be added to the model of a record."""
@@ -246,7 +266,7 @@ def _friction(joint: Joint, scales: Scales, body: str) -> list[Term]:
     d_c = _level(f"d_c{body}", scales)
     rise = Number(f"d_s{body}", "N m", 0.0, 0.05 * scales.torque, low=0.0, high=3.0 * scales.peak)
     v_s = Number(
-        "v_s", "rad/s", 0.1 * scales.speed, 0.5, True, 0.003 * scales.speed, 3.0 * scales.speed
+        "v_s", "rad/s", 0.1 * scales.speed, 0.5, True, 0.003 * scales.speed, FALLEN * scales.speed
     )
     slope = 0.1 * scales.torque / scales.speed
     steep = scales.torque / scales.travel
@@ -261,6 +281,7 @@ def _friction(joint: Joint, scales: Scales, body: str) -> list[Term]:
              replaces=("coulomb",), starts=((level, 0.5 * level), (0.5 * level, level)),
              nominal=(nominal, nominal), family="dry"),
         Term("stribeck", (rise, v_s), _set("stribeck", f"d_s{body}", "v_s"), name,
+             needs=("coulomb", "coulomb_asym"),
              starts=tuple((level, k * scales.speed) for k in (0.02, 0.1, 0.4)),
              nominal=(0.0, 0.1 * scales.speed), family="dry"),
         Term("presliding", (sigma,), presliding, name, needs=("coulomb", "coulomb_asym"),

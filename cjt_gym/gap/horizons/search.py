@@ -77,11 +77,22 @@ def worths_of(problem: Problem, less: Sequence[Fit], fit: Fit, held: Held) -> tu
 
 def added(fit: Fit, term: Term, values: Sequence[float]) -> tuple[Model, Floats]:
     """Return a model with one more term, which may take the place of others, and coordinates."""
+    if term.tight is not None:
+        return _freed(fit, term, values)
     kept = [k for k, t in enumerate(fit.model.terms) if t.name not in term.replaces]
     z = [fit.z[fit.model.span(k)] for k in kept]
     new = np.array([n.coordinate(v) for n, v in zip(term.numbers, values, strict=True)])
     terms = tuple(fit.model.terms[k] for k in kept)
     return replace(fit.model, terms=(*terms, term)), np.concatenate([*z, new])
+
+
+def _freed(fit: Fit, term: Term, values: Sequence[float]) -> tuple[Model, Floats]:
+    """Return a model in which a datasheet value is free of its tolerance, and coordinates."""
+    own = next(k for k, t in enumerate(fit.model.terms) if t.key == term.key)
+    terms, z = list(fit.model.terms), fit.z.copy()
+    pairs = zip(term.numbers, values, strict=True)
+    terms[own], z[fit.model.span(own)] = term, [n.coordinate(v) for n, v in pairs]
+    return replace(fit.model, terms=tuple(terms)), z
 
 
 def quick(problem: Problem, fit: Fit, term: Term) -> Fit | None:
@@ -99,7 +110,7 @@ def quick(problem: Problem, fit: Fit, term: Term) -> Fit | None:
 
 
 def _replaced(fit: Fit, term: Term) -> bool:
-    return any(t.name in term.replaces for t in fit.model.terms)
+    return term.tight is not None or any(t.name in term.replaces for t in fit.model.terms)
 
 
 def _step(problem: Problem, fit: Fit, first: int, known: Sequence[Floats] | None) -> Fit:
@@ -120,15 +131,16 @@ def _step(problem: Problem, fit: Fit, first: int, known: Sequence[Floats] | None
 def allowed(fit: Fit, term: Term) -> bool:
     """Return whether a term may be added to a model."""
     names = {t.name for t in fit.model.terms}
-    if term.key in {t.key for t in fit.model.terms}:
-        return False
+    same = [t for t in fit.model.terms if t.key == term.key]
+    if same or term.tight is not None:
+        return term.tight is not None and same == [term.tight]
     if term.name == "coulomb" and "coulomb_asym" in names:
         return False
     if term.name == "torque_offset" and names & {"gravity", "coulomb_asym", "viscous_asym"}:
         return False
     if term.name == "viscous_asym" and "torque_offset" in names:
         return False
-    return not term.needs or bool(names & set(term.needs))
+    return not term.needs or bool((names | fit.model.joint.effects.keys()) & set(term.needs))
 
 
 def extend(
@@ -170,27 +182,26 @@ def search(
     """
 
     def total(fit: Fit) -> float:
-        return _priced(fit, fixed) + held(fit)
+        return _priced(fit, first) + held(fit)
 
     first = best_start(problem, base)
     dry = [term for term in terms if term.name == FIRST]
     begun = [first, *(begin(problem, first, term) for term in dry)]
     begun.append(seeded(problem, first, terms, suspects))
-    fixed = len(base.terms)
     if problem.force:
         begun += inverse_starts(problem, base, terms)
-        chosen = _apart(begun, fixed)
+        chosen = _apart(begun, first)
     else:
-        chosen = [min(begun, key=lambda fit: _priced(fit, fixed))]
+        chosen = [min(begun, key=lambda fit: _priced(fit, first))]
     ends = [*(extended(problem, fit, terms, progress) for fit in chosen), *begun]
     best, least = None, np.inf
-    seen: list[set[tuple[str, str | None, str | None]]] = []
+    seen: list[set[tuple[tuple[str, str | None, str | None], bool]]] = []
     for cost, end in sorted(((total(fit), fit) for fit in ends), key=lambda pair: pair[0]):
         if least <= cost + ALIKE:
             break
-        if _keys(end) in seen:
+        if (kinds := {(t.key, t.tight is None) for t in end.model.terms}) in seen:
             continue  # the same terms, but from a worse start
-        seen.append(_keys(end))
+        seen.append(kinds)
         found = tested(pruned(problem, first, end, held))
         left = total(found.fit)
         if best is None or left < least:
@@ -199,14 +210,21 @@ def search(
     return replace(best, rivals=rivals_of(problem, best, terms))
 
 
-def _priced(fit: Fit, fixed: int) -> float:
+def _priced(fit: Fit, base: Fit) -> float:
     """Return the cost of a fit with the price of its terms beyond the base."""
-    return fit.cost + sum(price(term) for term in fit.model.terms[fixed:])
+    return fit.cost + sum(price(fit.model.terms[k]) for k in beyond(base, fit))
 
 
-def _apart(begun: Sequence[Fit], fixed: int) -> list[Fit]:
+def beyond(base: Fit, fit: Fit) -> list[int]:
+    """Return which terms of a fit its base has not, or has within a datasheet's tolerance."""
+    given = _keys(base)
+    terms = enumerate(fit.model.terms)
+    return [k for k, t in terms if t.key not in given or t.tight is not None]
+
+
+def _apart(begun: Sequence[Fit], base: Fit) -> list[Fit]:
     """Return the best of some fits, and the best of those whose inertia is clearly different."""
-    ordered = sorted(begun, key=lambda fit: _priced(fit, fixed))
+    ordered = sorted(begun, key=lambda fit: _priced(fit, base))
     sizes = [float(np.log(fit.model.values(fit.z)[0][0])) for fit in ordered]
     others = [f for f, x in zip(ordered, sizes, strict=True) if abs(x - sizes[0]) > OTHER]
     return [ordered[0], *others[:1]]
@@ -312,19 +330,26 @@ def pruned(problem: Problem, base: Fit, fit: Fit, held: Held) -> Found:
     while True:
         less = leaves(problem, fit)
         worths = worths_of(problem, less, fit, held)
-        own = [k for k, t in enumerate(fit.model.terms) if t.key not in _keys(base)]
+        own = [k for k in beyond(base, fit) if not is_needed(fit, k)]
         weak = [k for k in own if not worths[k].enough or _at_an_edge(problem, fit, k)]
         if not weak:
             return Found(fit, base, worths, ((),) * len(worths), tuple(less))
         fit = less[min(weak, key=lambda k: worths[k].fall)]
 
 
+def is_needed(fit: Fit, index: int) -> bool:
+    """Return whether another term makes no sense without one."""
+    own, *others = fit.model.terms[index], *fit.model.terms[:index], *fit.model.terms[index + 1 :]
+    given = {t.name for t in others} | fit.model.joint.effects.keys()
+    return any(own.name in t.needs and not given & set(t.needs) for t in others)
+
+
 def rivals_of(problem: Problem, found: Found, terms: Sequence[Term]) -> tuple[tuple[str, ...], ...]:
     """Return for each term of a search's end the names of others that would do in its place."""
-    given = _keys(found.base)
+    new = beyond(found.base, found.fit)
     rivals = []
     for k, term in enumerate(found.fit.model.terms):
-        own = term.key not in given
+        own = k in new
         others = terms if own else [t for t in terms if t.name == FIRST]
         free = own or term.name in REFINED
         rivals.append(_rivals(problem, found.less[k], found.fit, term, others) if free else ())
@@ -342,9 +367,7 @@ def leaves(problem: Problem, fit: Fit) -> list[Fit]:
 
 def leave(problem: Problem, fit: Fit, index: int) -> Fit:
     """Return the fit without one of its terms."""
-    span = fit.model.span(index)
-    z = np.delete(fit.z, np.arange(span.start, span.stop))
-    return problem.fit(fit.model.without(index), z)
+    return problem.fit(*fit.model.without(index, fit.z))
 
 
 def _rivals(

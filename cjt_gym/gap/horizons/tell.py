@@ -30,6 +30,7 @@ from cjt_gym.gap.horizons.judge import LOUD, NEAR, Judgement
 from cjt_gym.gap.horizons.model import Term
 from cjt_gym.gap.horizons.pictured import pictured
 from cjt_gym.gap.horizons.scatter import Scatter
+from cjt_gym.gap.horizons.search import is_needed
 from cjt_gym.gap.horizons.sheet import stated_tolerance
 from cjt_gym.gap.horizons.spread import Spread, spread_of
 from cjt_gym.gap.horizons.verdict import (
@@ -54,6 +55,8 @@ MIMICS = frozenset({"gravity", "thermal_derating", "viscous_asym", "load_frictio
 them."""
 LEVELS = frozenset({"coulomb", "coulomb_asym"})
 """Dry friction that is left at speed, without which falling friction would fall to nothing."""
+LEAST_LEVEL = 0.2
+"""That level, over what is more at rest."""
 LATE = frozenset({"command_delay", "current_lag"})
 """Effects that only a measured current tells from what is slow behind it."""
 MUCH = 0.5
@@ -217,7 +220,8 @@ def _deserves(judged: Judgement, index: int, term: Term, seen: Mapping[str, Spen
     assert judged.found is not None
     found = judged.found
     values = found.fit.model.values(found.fit.z)[index]
-    if not found.worths[index].enough and not agrees(seen.get(term.name), values):
+    told = found.worths[index].enough or is_needed(found.fit, index)
+    if not told and not agrees(seen.get(term.name), values):
         return False
     as_given = {t.key: t for t in found.base.model.terms}  # the last fit holds the inertia
     number = as_given.get(term.key, term).numbers[0]
@@ -263,7 +267,7 @@ def _named(
     firm = firm and not genuine and not same
     firm = firm and (test is None or test.fall > 0.0)
     firm = firm and (term.name not in MIMICS or removed > MUCH)
-    firm = firm and (term.name != "stribeck" or bool(names & LEVELS))
+    firm = firm and (term.name != "stribeck" or _levelled(found.fit, index))
     firm = firm and (term.name not in LATE or judged.case.logs[0].drive == "i")
     firm = firm and not judged.unexplained and worst_row(judged).found < LOUD
     confidence = float(np.clip(1.0 - 0.5 ** (worth.clear / worth.needed), 0.05, 0.99))
@@ -272,6 +276,18 @@ def _named(
         "confirmed" if firm else "tentative", confidence if firm else min(confidence, 0.5),
         removed, tuple(dict.fromkeys((*genuine, *same))), worth.fall,
     )  # fmt: skip
+
+
+def _levelled(fit: Fit, index: int) -> bool:
+    """Return whether dry friction falls to a level at speed rather than to nothing."""
+    joint = fit.model.joint
+    levels = [
+        abs(value)
+        for term, values in zip(fit.model.terms, fit.model.values(fit.z), strict=True)
+        for value in (values if term.name in LEVELS else ())
+    ]
+    own = fit.model.values(fit.z)[index][0]
+    return not LEVELS.isdisjoint(joint.effects) or max(levels, default=0.0) > LEAST_LEVEL * own
 
 
 NESTED: Mapping[str, tuple[str, ...]] = {

@@ -75,8 +75,10 @@ def worth(problem: Problem, less: Fit, more: Fit, term: Term) -> Worth:
     gains, ratios = gains[there], ratios[there]
     best = np.sort(gains)[: len(gains) - max(round(BROAD * len(gains)), 1)]
     clear = max(_in_deviations(gains), _in_deviations(ratios))
-    needed = CLEAR * term.factor**0.5
-    return Worth(less.cost - more.cost, clear, float(best.sum()), price(term), needed)
+    needed, fall, rest = CLEAR * term.factor**0.5, less.cost - more.cost, float(best.sum())
+    if term.tight is not None:  # what holds a datasheet value back is no error of a piece
+        needed, rest = 0.0, fall
+    return Worth(fall, clear, rest, price(term), needed)
 
 
 def _in_deviations(x: Floats) -> float:

@@ -18,12 +18,12 @@ DT, FINE = 2e-3, 20
 INERTIA, DAMPING, DRY = 0.02, 0.05, 0.12
 
 
-def datasheet(inertia: float = 2.0) -> JointFile:
-    """Return the datasheet: inertia a guess that is off by a factor, no friction."""
+def datasheet(inertia: float = 2.0, tolerance: float | None = None) -> JointFile:
+    """Return the datasheet: inertia off by a factor, a guess or with a tolerance, no friction."""
     values = {"I_m": INERTIA * inertia, "I_g": 0.0, "I_l": 0.0, "d_m": 0.0, "n": 1.0, "k_t": 1.0}
     bare = JointParameters.from_values("rotor", values)
-    guess = Quantity(bare.I_m, "kg m^2", "guess", guess=True)
-    return JointFile(bare.replace(I_m=guess))
+    stated = Quantity(bare.I_m, "kg m^2", "test", tolerance, guess=tolerance is None)
+    return JointFile(bare.replace(I_m=stated))
 
 
 def record(

@@ -11,14 +11,14 @@ import cjt_gym.gap.horizons.search as search_of
 from cjt_gym.gap import Diagnosis, diagnose
 from cjt_gym.gap.horizons.baseline import least_squares
 from cjt_gym.gap.horizons.case import Case, make_case
-from cjt_gym.gap.horizons.fit import Problem
+from cjt_gym.gap.horizons.fit import Fit, Problem
 from cjt_gym.gap.horizons.log import to_log
 from cjt_gym.gap.horizons.model import Model
 from cjt_gym.gap.horizons.predictable import predictable
-from cjt_gym.gap.horizons.rows import base_terms, candidates, scales_of
-from cjt_gym.gap.horizons.search import Found, search
+from cjt_gym.gap.horizons.rows import base_terms, candidates, freed, scales_of
+from cjt_gym.gap.horizons.search import Found, added, allowed, is_needed, search
 from cjt_gym.gap.horizons.windows import cut, make_windows, relative, split, worse
-from cjt_gym.joint import get_structure
+from cjt_gym.joint import JointFile, get_structure
 from cjt_gym.joint.diagnosed import covariance_of
 from cjt_gym.joint.joint import Joint
 from tests.gap.horizons.rotor import DAMPING, DRY, DT, INERTIA, datasheet, record
@@ -26,14 +26,16 @@ from tests.gap.horizons.rotor import DAMPING, DRY, DT, INERTIA, datasheet, recor
 RIGID = get_structure("rigid")
 
 
-def case_of(**changes: float) -> Case:
-    return make_case([record(**changes)], [], datasheet(), RIGID)  # type: ignore[arg-type]
+def case_of(file: JointFile | None = None, **changes: float) -> Case:
+    made = record(**changes)  # type: ignore[arg-type]
+    return make_case([made], [], datasheet() if file is None else file, RIGID)
 
 
 def found_in(case: Case) -> Found:
     scales = scales_of(case.joint, case.logs)
     base = Model(case.joint, base_terms(case.joint, scales))
-    return search(Problem(case.fit), base, candidates(case.joint, scales, case.logs))
+    terms = [*candidates(case.joint, scales, case.logs), *freed(base.terms)]
+    return search(Problem(case.fit), base, terms)
 
 
 @pytest.fixture(scope="module")
@@ -212,7 +214,32 @@ def test_it_names_the_friction_and_not_the_guess(told: Diagnosis) -> None:
 def test_a_guess_that_is_far_off_is_corrected_and_not_named() -> None:
     found = diagnose(record(), datasheet(12.0), "rigid")
     assert {effect.name for effect in found.effects} == {"coulomb", "damping"}
-    assert found.joint.effects["inertia"]["I_m"].value == pytest.approx(0.02, rel=0.1)
+    assert found.joint.parameters.quantities["I_m"].number == pytest.approx(0.02, rel=0.1)
+    assert "corrected from the guess of" in found.joint.parameters.quantities["I_m"].source
+
+
+def test_a_value_that_is_further_off_than_its_datasheet_says_is_freed_of_it() -> None:
+    found = found_in(case_of(datasheet(1.5, tolerance=0.02)))
+    numbers = values_of(found)
+    freed_of_it = [k for k, t in enumerate(found.fit.model.terms) if t.tight is not None]
+    assert len(freed_of_it) == 1, "motion tells inertia over torque constant, not both"
+    ratio = 1.5 * numbers["inertia"] / numbers["torque_constant"]
+    assert ratio == pytest.approx(1.0, rel=0.05)
+    kept, _ = found.fit.model.without(freed_of_it[0], found.fit.z)
+    own = found.fit.model.terms[freed_of_it[0]]
+    assert own.tight in kept.terms, "left out it is what the datasheet says"
+
+
+def test_friction_that_falls_with_speed_falls_to_a_level(plain: tuple[Case, Found]) -> None:
+    case, found = plain
+    terms = candidates(case.joint, scales_of(case.joint, case.logs), case.logs)
+    falling = next(term for term in terms if term.name == "stribeck")
+    dry = next(k for k, term in enumerate(found.fit.model.terms) if term.name == "coulomb")
+    assert not allowed(found.base, falling)
+    assert allowed(found.fit, falling)
+    assert not is_needed(found.fit, dry)
+    both = Fit(*added(found.fit, falling, falling.starts[0]), np.inf, [])
+    assert is_needed(both, dry), "it may not be left out beside the falling one"
 
 
 def test_the_best_model_that_is_left_wins_not_the_best_before_pruning(
