@@ -39,6 +39,12 @@ def no_spring(view: View) -> Unseen | None:
     return None
 
 
+def tied(view: View) -> Balance | None:
+    """Return the balance of a motor that its spring ties to a wall, where no torque is measured."""
+    held = view.has_spring and view.structure.output_fixed and "tau" not in view.channels
+    return view.motor if held and view.drive is not None else None
+
+
 def deflection(view: View, piece: dict[str, Floats]) -> Floats:
     """Return how far the spring is wound [rad], shape (N,); gearbox included."""
     held = piece.get("q_l", np.zeros(len(piece["t"])))
@@ -72,6 +78,10 @@ def stiffness(view: View) -> Verdict:
         size = view.load.least(view.load.y, ("v", "s", "one"))
         if size <= RELATIVE:
             return Seen(size * view.value("k_b"), "N/m" if view.angle_unit == "m" else "N m/rad")
+    if (motor := tied(view)) is not None:
+        size = motor.least(motor["q"] - motor["q"].mean(), ("a", "v", "s", "one"))
+        if size <= RELATIVE * view.value("k_b"):
+            return Seen(size, "N/m" if view.angle_unit == "m" else "N m/rad")
     if (none := no_spring(view)) is not None:
         return none
     balance = spring(view)
@@ -85,6 +95,11 @@ def stiffness(view: View) -> Verdict:
 
 def hardening(view: View) -> Verdict:
     """Hardening needs large deflections beside small ones."""
+    if (motor := tied(view)) is not None:
+        cubed = (motor["q"] - motor["q"].mean()) ** 3
+        size = motor.least(cubed, ("a", "v", "s", "one", "q"))
+        if size * float(np.abs(cubed).max()) <= RELATIVE * motor.level:
+            return Seen(size * float(np.abs(cubed).max()) / motor.level, "-")
     if (none := no_spring(view)) is not None:
         return none
     balance = spring(view)

@@ -59,7 +59,8 @@ def judged(
     try:
         case = make_case(records, held, file, shape)
         stages = as_joint(first.joint, case) if first.evidence.t.size else None
-        found = judge(case, stages, progress, [e.name for e in first.effects], excluded)
+        names, told = [e.name for e in first.effects], first.verdict in ("explained", "no_gap")
+        found = judge(case, stages, progress, names, excluded, explained=told)
     except (CjtGymError, np.linalg.LinAlgError) as error:
         said = f"Predictions over several horizons were not possible: {error}"
         left = replace(first.unexplained, text=f"{first.unexplained.text} {said}")

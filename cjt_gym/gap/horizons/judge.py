@@ -132,6 +132,8 @@ def judge(
     progress: Progress,
     suspects: Sequence[str] = (),
     excluded: Collection[str] = (),
+    *,
+    explained: bool = True,
 ) -> Judgement:
     """Return the judgement of a record.
 
@@ -142,6 +144,7 @@ def judge(
         suspects: Names of the effects that the stages have found.
         excluded: Names of those that the record cannot tell: no refined law of friction among them
             is tried.
+        explained: Whether the stages leave nothing.
     """
     progress("predicting up to half a second ahead")
     scales = scales_of(case.joint, case.logs)
@@ -159,7 +162,8 @@ def judge(
         if _cut(case) and not (own or open_ or _fails(case, errors)):
             return _settled(case, joints, _sound(case, joints))
         near = all(e < NEAR for key, e in errors.items() if key[1] != min(HORIZONS))
-        if near and not own and not open_ and _no_worse(case, joints, "stages"):
+        settled = near and explained and not (own or open_)
+        if settled and _no_worse(case, joints, "stages"):
             return _settled(case, joints, "stages")
     problem = Problem(case.fit)
     base = Model(case.joint, base_terms(case.joint, scales))

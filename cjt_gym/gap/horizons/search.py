@@ -34,6 +34,8 @@ FAR = 0.5
 ALIKE, ALIKE_PLAIN = 2.0, 12.0
 """Difference of the cost up to which two models fit alike, and up to which plain dry friction is
 still a rival of a law that refines it: a wrong input makes small differences between them."""
+SWAPS = 2
+"""How often one term may take the place of another in the end."""
 LATE, EDGE = "late", 0.02
 """Family of delays and lags, and how near to its bound, relative, one is at it."""
 REFINED = ("stribeck", "presliding", "coulomb_asym", "load_friction", "damping")
@@ -207,7 +209,20 @@ def search(
         if best is None or left < least:
             best, least = found, left
     assert best is not None
-    return replace(best, rivals=rivals_of(problem, best, terms))
+    for _ in range(SWAPS):
+        rivals, better = rivals_of(problem, best, terms)
+        best = replace(best, rivals=rivals)
+        if better is None:
+            break
+        end = extended(problem, better, terms, progress)
+        found = tested(pruned(problem, first, end, held))
+        left = total(found.fit)
+        if left > least - ALIKE:
+            break
+        best, least = found, left
+    else:
+        best = replace(best, rivals=rivals_of(problem, best, terms)[0])
+    return best
 
 
 def _priced(fit: Fit, base: Fit) -> float:
@@ -344,16 +359,34 @@ def is_needed(fit: Fit, index: int) -> bool:
     return any(own.name in t.needs and not given & set(t.needs) for t in others)
 
 
-def rivals_of(problem: Problem, found: Found, terms: Sequence[Term]) -> tuple[tuple[str, ...], ...]:
-    """Return for each term of a search's end the names of others that would do in its place."""
+def rivals_of(
+    problem: Problem, found: Found, terms: Sequence[Term]
+) -> tuple[tuple[tuple[str, ...], ...], Fit | None]:
+    """Return for each term of a search's end the names of others that would do in its place.
+
+    Beside them stands the best fit with one in another's place, where it is clearly better: a law
+    that was taken first may stand in the way of one that explains more together with others.
+    """
     new = beyond(found.base, found.fit)
-    rivals = []
+    rivals, better, least = [], None, _priced(found.fit, found.base) - ALIKE
     for k, term in enumerate(found.fit.model.terms):
         own = k in new
-        others = terms if own else [t for t in terms if t.name == FIRST]
-        free = own or term.name in REFINED
-        rivals.append(_rivals(problem, found.less[k], found.fit, term, others) if free else ())
-    return tuple(rivals)
+        if not (own or term.name in REFINED):
+            rivals.append(())
+            continue
+        others = [t for t in terms if t.name != term.name and (own or t.name == FIRST)]
+        fits = _in_its_place(problem, found.less[k], term, others)
+        limit = found.fit.cost + price(term)
+        near = [
+            t.name
+            for f, t, plain in fits
+            if f.cost + price(t) < limit + (ALIKE_PLAIN if plain else ALIKE)
+        ]
+        rivals.append(tuple(dict.fromkeys(near)))
+        for fit, _, _ in fits if own else ():
+            if _priced(fit, found.base) < least:
+                better, least = fit, _priced(fit, found.base)
+    return tuple(rivals), better
 
 
 def _keys(fit: Fit) -> set[tuple[str, str | None, str | None]]:
@@ -370,19 +403,12 @@ def leave(problem: Problem, fit: Fit, index: int) -> Fit:
     return problem.fit(*fit.model.without(index, fit.z))
 
 
-def _rivals(
-    problem: Problem, less: Fit, fit: Fit, term: Term, terms: Sequence[Term]
-) -> tuple[str, ...]:
-    others = [t for t in terms if t.name != term.name]
-    found = extend(problem, less, others, 2)
-    own = extend(problem, less, [t for t in others if t.name not in PACKAGED])
+def _in_its_place(
+    problem: Problem, less: Fit, term: Term, others: Sequence[Term]
+) -> list[tuple[Fit, Term, bool]]:
+    """Return the fits with others in the place of a term; marked is plain dry friction."""
+    own = [t for t in others if t.name not in PACKAGED]
     plain = [t for t in others if t.name == FIRST] if term.name in REFINED else []
+    looked = [*extend(problem, less, others, 2), *extend(problem, less, own)]
     simple = extend(problem, less, plain, 1)
-    return tuple(
-        dict.fromkeys(
-            t.name
-            for allowance, fits in ((ALIKE, [*found, *own]), (ALIKE_PLAIN, simple))
-            for f, t in fits
-            if f.cost + price(t) < fit.cost + price(term) + allowance
-        )
-    )
+    return [*((f, t, False) for f, t in looked), *((f, t, True) for f, t in simple)]

@@ -24,7 +24,7 @@ from cjt_gym.gap.horizons.by_torque import (
     inertia_by_torque,
     told_by_torque,
 )
-from cjt_gym.gap.horizons.fit import Fit, Problem
+from cjt_gym.gap.horizons.fit import MOTION, Fit, Problem
 from cjt_gym.gap.horizons.inverse import Spent, seen_in_torque
 from cjt_gym.gap.horizons.judge import LOUD, NEAR, Judgement
 from cjt_gym.gap.horizons.model import Term
@@ -42,7 +42,7 @@ from cjt_gym.gap.horizons.verdict import (
     verdict_of,
     worst_row,
 )
-from cjt_gym.gap.horizons.windows import WHOLE
+from cjt_gym.gap.horizons.windows import HORIZONS, WHOLE
 from cjt_gym.gap.horizons.write import joint_of
 
 Floats = NDArray[np.float64]
@@ -55,6 +55,8 @@ MIMICS = frozenset({"gravity", "thermal_derating", "viscous_asym", "load_frictio
 them."""
 LEVELS = frozenset({"coulomb", "coulomb_asym"})
 """Dry friction that is left at speed, without which falling friction would fall to nothing."""
+VISIBLE = 0.3
+"""Displacement of presliding, over the error at the shortest horizon, from which it is seen."""
 LEAST_LEVEL = 0.2
 """That level, over what is more at rest."""
 LATE = frozenset({"command_delay", "current_lag"})
@@ -221,6 +223,8 @@ def _deserves(judged: Judgement, index: int, term: Term, seen: Mapping[str, Spen
     found = judged.found
     values = found.fit.model.values(found.fit.z)[index]
     told = found.worths[index].enough or is_needed(found.fit, index)
+    if term.name == "presliding" and not _bends_visibly(judged, index):
+        return False
     if not told and not agrees(seen.get(term.name), values):
         return False
     as_given = {t.key: t for t in found.base.model.terms}  # the last fit holds the inertia
@@ -276,6 +280,21 @@ def _named(
         "confirmed" if firm else "tentative", confidence if firm else min(confidence, 0.5),
         removed, tuple(dict.fromkeys((*genuine, *same))), worth.fall,
     )  # fmt: skip
+
+
+def _bends_visibly(judged: Judgement, index: int) -> bool:
+    """Return whether presliding gives way by more than what prediction leaves at once."""
+    assert judged.found is not None
+    fit, windows = judged.found.fit, judged.case.test
+    key = (MOTION, min(HORIZONS))
+    if key not in windows.keys:
+        return True
+    (sigma,) = fit.model.values(fit.z)[index]
+    pairs = zip(fit.model.terms, fit.model.values(fit.z), strict=True)
+    levels = [abs(v) for term, values in pairs if term.name in LEVELS for v in values]
+    at = windows.keys.index(key)
+    error = fit.relative()[judged.case.fit.keys.index(key)] * float(np.sqrt(windows.scales[at]))
+    return max(levels, default=np.inf) / sigma > VISIBLE * error
 
 
 def _levelled(fit: Fit, index: int) -> bool:

@@ -31,6 +31,7 @@ class Worth:
         rest: Fall that is left without the best pieces.
         price: What it has to be worth.
         needed: How clear it has to be.
+        strained: Whether it is a datasheet value beyond its tolerance.
         held: By how much it lowers the cost of held-out data, where these were asked.
     """
 
@@ -39,12 +40,13 @@ class Worth:
     rest: float
     price: float
     needed: float = CLEAR
+    strained: bool = False
     held: float = 0.0
 
     @property
     def enough(self) -> bool:
         """Whether the record calls for it: clearly, or so that held-out data call for it, too."""
-        agreed = self.clear > self.needed or self.held > self.price
+        agreed = self.clear > self.needed or self.held > self.price or self.strained
         return self.fall > self.price and agreed and self.rest > 0.3 * self.price
 
 
@@ -76,9 +78,8 @@ def worth(problem: Problem, less: Fit, more: Fit, term: Term) -> Worth:
     best = np.sort(gains)[: len(gains) - max(round(BROAD * len(gains)), 1)]
     clear = max(_in_deviations(gains), _in_deviations(ratios))
     needed, fall, rest = CLEAR * term.factor**0.5, less.cost - more.cost, float(best.sum())
-    if term.tight is not None:  # what holds a datasheet value back is no error of a piece
-        needed, rest = 0.0, fall
-    return Worth(fall, clear, rest, price(term), needed)
+    strained = term.tight is not None  # what holds a datasheet value back is no error of a piece
+    return Worth(fall, clear, fall if strained else rest, price(term), needed, strained)
 
 
 def _in_deviations(x: Floats) -> float:

@@ -119,6 +119,14 @@ def test_a_held_joint_with_a_spring_shows_spring_sensor_and_motor() -> None:
     assert {"gravity", "load_inertia", "load_coulomb"} <= set(reasons(found))
 
 
+def test_a_held_joint_shows_its_spring_by_the_motor_where_no_torque_is_measured() -> None:
+    whole = simulate(friction=(1.5, 1.5))
+    table = {"t": whole.t} | {name: whole[name] for name in ("i_cmd", "i", "q_m")}
+    found = examine(record(table, HELD), nominal(), None)
+    assert {"stiffness", "hardening"} <= set(found.can_tell)
+    assert {"backlash", "spring_hysteresis", "torque_gain"} <= set(reasons(found))
+
+
 def test_without_the_angle_the_spring_is_not_seen() -> None:
     whole = simulate(friction=(1.5, 1.5))
     table = {"t": whole.t} | {name: whole[name] for name in ("i_cmd", "i", "tau")}
