@@ -68,6 +68,9 @@ def twins(setting: Setting) -> tuple[tuple[str, str], ...]:
         found.append(offset)
     if "q_m" in setting.series.derived:
         found.append(gain)
+    free = setting.has_spring and not setting.structure.output_fixed
+    if free and not {"tau", "q_l"} & set(setting.series.columns):
+        found.append(("coulomb", "load_coulomb"))
     return tuple(found)
 
 

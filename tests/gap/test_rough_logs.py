@@ -13,8 +13,10 @@ from cjt_gym.gap.horizons.forward import followed
 from cjt_gym.gap.horizons.log import to_log, to_logs
 from cjt_gym.gap.horizons.model import quiet
 from cjt_gym.gap.horizons.windows import relative
+from cjt_gym.gap.missing import twins, undecided
 from cjt_gym.gap.noise import channel_noise
 from cjt_gym.gap.series import to_series, unbroken
+from cjt_gym.gap.setting import make_setting
 from cjt_gym.joint import JointFile, get_structure, load_joint
 from cjt_gym.joint.joint import Joint
 from cjt_gym.joint.quantity import Quantity
@@ -182,3 +184,12 @@ def test_a_guessed_inertia_costs_nothing_to_correct_beside_a_measured_torque() -
     assert (effect.name, effect.status) == ("coulomb", "confirmed")
     assert effect.parameters["d_cm"].value == pytest.approx(2.0, rel=0.05)
     assert found.joint.parameters.I_m == pytest.approx(TRUE["I_m"], rel=0.05)
+
+
+def test_friction_may_be_the_loads_where_only_the_motor_is_seen() -> None:
+    pair = ("coulomb", "load_coulomb")
+    for columns, alike in ((("i", "q_m"), True), (("i", "q_m", "q_l"), False)):
+        made, joint = spring_record(columns)
+        setting = make_setting(made, joint.file, joint.structure_row)
+        assert (pair in twins(setting)) == alike
+        assert undecided(setting, "coulomb") == alike
