@@ -113,6 +113,11 @@ class Problem:
         """Half the number of errors that count as independent."""
         return 0.5 * self.windows.count
 
+    @property
+    def all_work(self) -> int:
+        """Samples that were predicted so far, with those of quick looks."""
+        return self.work + self.rough.work
+
     @cached_property
     def rough(self) -> Problem:
         """The same with fewer windows, for a quick look."""

@@ -21,8 +21,8 @@ Held = Callable[[Fit], float]
 """Returns the cost of a fit on held-out data."""
 FULL = 3
 """Candidates that are fitted fully after a quick look at all."""
-PATIENCE = 60_000_000
-"""Predicted samples, about a minute's work, after which no further term is looked for."""
+PATIENCE = 100_000_000
+"""Predicted samples, a minute's work or two, after which nothing else is looked for."""
 MOST = 6
 """Most terms beyond the base."""
 OTHER = 0.4
@@ -182,6 +182,7 @@ def search(
         tested: Takes out of a search's end what held-out data refute.
         held: Returns the cost of a fit on held-out data.
     """
+    until = problem.all_work + PATIENCE
 
     def total(fit: Fit) -> float:
         return _priced(fit, first) + held(fit)
@@ -195,11 +196,11 @@ def search(
         chosen = _apart(begun, first)
     else:
         chosen = [min(begun, key=lambda fit: _priced(fit, first))]
-    ends = [*(extended(problem, fit, terms, progress) for fit in chosen), *begun]
+    ends = [*(extended(problem, fit, terms, progress, until) for fit in chosen), *begun]
     best, least = None, np.inf
     seen: list[set[tuple[tuple[str, str | None, str | None], bool]]] = []
     for cost, end in sorted(((total(fit), fit) for fit in ends), key=lambda pair: pair[0]):
-        if least <= cost + ALIKE:
+        if least <= cost + ALIKE or (best is not None and problem.all_work > until):
             break
         if (kinds := {(t.key, t.tight is None) for t in end.model.terms}) in seen:
             continue  # the same terms, but from a worse start
@@ -212,9 +213,9 @@ def search(
     for _ in range(SWAPS):
         rivals, better = rivals_of(problem, best, terms)
         best = replace(best, rivals=rivals)
-        if better is None:
+        if better is None or problem.all_work > until:
             break
-        end = extended(problem, better, terms, progress)
+        end = extended(problem, better, terms, progress, until)
         found = tested(pruned(problem, first, end, held))
         left = total(found.fit)
         if left > least - ALIKE:
@@ -246,12 +247,23 @@ def _apart(begun: Sequence[Fit], base: Fit) -> list[Fit]:
 
 
 def extended(
-    problem: Problem, fit: Fit, terms: Sequence[Term], progress: Callable[[str], None]
+    problem: Problem,
+    fit: Fit,
+    terms: Sequence[Term],
+    progress: Callable[[str], None],
+    until: float = np.inf,
 ) -> Fit:
-    """Return a fit with one term after another, as long as each is worth its price."""
-    limit = problem.work + problem.rough.work + PATIENCE
+    """Return a fit with one term after another, as long as each is worth its price.
+
+    Args:
+        problem: The windows.
+        fit: From where.
+        terms: What may be added.
+        progress: Is told in words what is being done.
+        until: Predicted samples after which no further term is looked for.
+    """
     for _ in range(MOST):
-        if problem.work + problem.rough.work > limit:
+        if problem.all_work > until:
             break
         progress(f"predicting up to half a second ahead with one of {len(terms)} effects more")
         step = next(
