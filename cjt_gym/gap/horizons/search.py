@@ -380,7 +380,7 @@ def rivals_of(
     that was taken first may stand in the way of one that explains more together with others.
     """
     new = beyond(found.base, found.fit)
-    rivals, better, least = [], None, _priced(found.fit, found.base) - ALIKE
+    rivals, better, best = [], None, -ALIKE
     for k, term in enumerate(found.fit.model.terms):
         own = k in new
         if not (own or term.name in REFINED):
@@ -396,8 +396,9 @@ def rivals_of(
         ]
         rivals.append(tuple(dict.fromkeys(near)))
         for fit, _, _ in fits if own else ():
-            if _priced(fit, found.base) < least:
-                better, least = fit, _priced(fit, found.base)
+            gain = _priced(fit, found.base) - _priced(found.fit, found.base)
+            if gain < best:
+                better, best = fit, gain
     return tuple(rivals), better
 
 

@@ -57,6 +57,8 @@ LEVELS = frozenset({"coulomb", "coulomb_asym"})
 """Dry friction that is left at speed, without which falling friction would fall to nothing."""
 VISIBLE = 0.3
 """Displacement of presliding, over the error at the shortest horizon, from which it is seen."""
+MIRRORED = 1.5
+"""Friction of one direction over that of the other up to which both are nearly the same."""
 LEAST_LEVEL = 0.2
 """That level, over what is more at rest."""
 LATE = frozenset({"command_delay", "current_lag"})
@@ -190,7 +192,8 @@ def _effects(
             effect = _named(judged, problem, spread, k, term)
             named.append(_regressed(judged, effect) if judged.answer == "least squares" else effect)
     named += [e for e in _of_drive(judged) if e.name not in {n.name for n in named}]
-    return tuple(sorted(_folded(named), key=lambda e: -e.gap_removed))
+    named = [_as_plain(effect) for effect in _folded(named)]
+    return tuple(sorted(named, key=lambda e: -e.gap_removed))
 
 
 def _regressed(judged: Judgement, effect: NamedEffect) -> NamedEffect:
@@ -215,6 +218,23 @@ def _folded(named: Sequence[NamedEffect]) -> list[NamedEffect]:
         else e
         for e in rest
     ]
+
+
+def _as_plain(effect: NamedEffect) -> NamedEffect:
+    """Return dry friction that is nearly the same in both directions as plain, where that does."""
+    plain = "coulomb" in effect.confusable_with
+    if effect.name != "coulomb_asym" or not plain or len(effect.parameters) != 2:
+        return effect
+    symbol, one, two = *list(effect.parameters)[:1], *effect.parameters.values()
+    small, large = sorted((abs(one.value), abs(two.value)))
+    if large > MIRRORED * small:
+        return effect
+    low, high = min(one.low, two.low), max(one.high, two.high)
+    both = replace(one, value=0.5 * (one.value + two.value), low=low, high=high)
+    others = tuple(n for n in effect.confusable_with if n != "coulomb")
+    return replace(
+        effect, name="coulomb", parameters={symbol: both}, confusable_with=(effect.name, *others)
+    )
 
 
 def _deserves(judged: Judgement, index: int, term: Term, seen: Mapping[str, Spent]) -> bool:
