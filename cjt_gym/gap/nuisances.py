@@ -24,8 +24,8 @@ OWN = ("i_0", "tau_0", "q_0")
 BLURRED = 0.3
 """Relative deviation of inertia and damping where a log is too slow to follow the joint's swing."""
 LAG_TOLERANCE = 0.2
-STRETCH, FURTHEST, FURTHEST_GUESS = 30.0, 5.0, 100.0
-"""How far a fit may stretch a datasheet value: in deviations, and as a factor, also of a guess."""
+STRETCH, FURTHEST = 30.0, 5.0
+"""How far a fit may stretch a datasheet value: in deviations, and as a factor."""
 HELD = 0.3
 """Deviation of the instant at which a drive takes its command over, in samples."""
 
@@ -121,8 +121,7 @@ def _parameters(setting: Setting) -> list[Nuisance]:
     for name in active_parameters(setting):
         scale = _lumped_tolerance(setting, name)
         unit = setting.joint.parameters.unit(name)
-        furthest = FURTHEST if scale < GUESSED else FURTHEST_GUESS
-        start, far = setting.nominal[name], min(float(np.exp(STRETCH * scale)), furthest)
+        start, far = setting.nominal[name], min(float(np.exp(STRETCH * scale)), FURTHEST)
         unknown = Unknown(name, unit, start, scale, True, low=start / far, high=start * far)
         rows.append(Nuisance(name, unknown, stages_of(setting, name)))
     return rows
