@@ -100,6 +100,11 @@ def hardening(view: View) -> Verdict:
         size = motor.least(cubed, ("a", "v", "s", "one", "q"))
         if size * float(np.abs(cubed).max()) <= RELATIVE * motor.level:
             return Seen(size * float(np.abs(cubed).max()) / motor.level, "-")
+    if view.wound and view.load is not None:
+        cubed = (view.load.y / view.value("k_b")) ** 3
+        size = view.load.least(cubed, ("a", "v", "s", "one"))
+        if size * float(np.abs(cubed).max()) <= RELATIVE * view.load.level:
+            return Seen(size * float(np.abs(cubed).max()) / view.load.level, "-")
     if (none := no_spring(view)) is not None:
         return none
     balance = spring(view)

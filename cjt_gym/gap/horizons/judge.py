@@ -160,7 +160,9 @@ def judge(
         errors = relative(case.all, case.all.errors(stages))
         open_ = any(_left(errors[key], one) for key, one in known.items())
         near = all(e < NEAR for key, e in errors.items() if key[1] != min(HORIZONS))
-        if _cut(case) and not (own or _fails(case, errors)) and (near or not open_):
+        loud = any(e > LOUD for key, e in errors.items() if key[1] != min(HORIZONS))
+        doubtful = open_ and not near and (loud or not explained)
+        if _cut(case) and not (own or doubtful or _fails(case, errors)):
             return _settled(case, joints, _sound(case, joints))
         settled = near and explained and not (own or open_)
         if settled and _no_worse(case, joints, "stages"):

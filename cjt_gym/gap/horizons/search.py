@@ -356,12 +356,32 @@ def pruned(problem: Problem, base: Fit, fit: Fit, held: Held) -> Found:
     """Return a search's end without the terms that are not needed; no rivals are looked for."""
     while True:
         less = leaves(problem, fit)
+        if (nearer := _from_its_datasheet(problem, base, fit, less)) is not None:
+            fit = nearer
+            continue
         worths = worths_of(problem, less, fit, held)
         own = [k for k in beyond(base, fit) if not is_needed(fit, k)]
         weak = [k for k in own if not worths[k].enough or _at_an_edge(problem, fit, k)]
         if not weak:
             return Found(fit, base, worths, ((),) * len(worths), tuple(less))
         fit = less[min(weak, key=lambda k: worths[k].fall)]
+
+
+def _from_its_datasheet(
+    problem: Problem, base: Fit, fit: Fit, less: Sequence[Fit]
+) -> Fit | None:
+    """Return a better fit from where a value that is always free is as in the datasheet.
+
+    A fit may end far from it, and worse, where it began before it had all its terms.
+    """
+    fixed = [k for k in range(len(fit.model.terms)) if k not in beyond(base, fit)]
+    worst = min(fixed, key=lambda k: less[k].cost, default=None)
+    if worst is None or less[worst].cost > fit.cost - ALIKE:
+        return None
+    span = fit.model.span(worst)
+    z = np.insert(less[worst].z, span.start, np.zeros(span.stop - span.start))
+    new = problem.fit(fit.model, z)
+    return new if new.cost < fit.cost - ALIKE else None
 
 
 def is_needed(fit: Fit, index: int) -> bool:

@@ -242,7 +242,8 @@ def _deserves(judged: Judgement, index: int, term: Term, seen: Mapping[str, Spen
     assert judged.found is not None
     found = judged.found
     values = found.fit.model.values(found.fit.z)[index]
-    told = found.worths[index].enough or is_needed(found.fit, index)
+    worth = found.worths[index]
+    told = (worth.enough and worth.seen) or is_needed(found.fit, index)
     if term.name == "presliding" and not _bends_visibly(judged, index):
         return False
     if not told and not agrees(seen.get(term.name), values):

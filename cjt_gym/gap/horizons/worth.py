@@ -46,8 +46,13 @@ class Worth:
     @property
     def enough(self) -> bool:
         """Whether the record calls for it: clearly, or so that held-out data call for it, too."""
-        agreed = self.clear > self.needed or self.held > self.price or self.strained
+        agreed = self.seen or self.strained
         return self.fall > self.price and agreed and self.rest > 0.3 * self.price
+
+    @property
+    def seen(self) -> bool:
+        """Whether errors show it, and not the datasheet alone."""
+        return self.clear > self.needed or self.held > self.price
 
 
 def price(term: Term) -> float:
