@@ -55,6 +55,8 @@ BALANCED = 3
 """How often horizons at which a joint would be worse get twice the weight."""
 HEAVIER = (10.0, 1e3, 1e5)
 """Factors on the inertia from which fits start where nothing else predicts the motion."""
+REMEMBERED = {"thermal_derating"}
+"""Effects that show over a record rather than in its pieces."""
 LOUD = 0.6
 """Relative error, the shortest horizon left out, from which nothing counts as explained."""
 
@@ -160,11 +162,12 @@ def judge(
         errors = relative(case.all, case.all.errors(stages))
         open_ = any(_left(errors[key], one) for key, one in known.items())
         near = all(e < NEAR for key, e in errors.items() if key[1] != min(HORIZONS))
+        remembered = bool(REMEMBERED & set(suspects))
         loud = any(e > LOUD for key, e in errors.items() if key[1] != min(HORIZONS))
-        doubtful = open_ and not near and (loud or not explained)
+        doubtful = open_ and loud and not remembered
         if _cut(case) and not (own or doubtful or _fails(case, errors)):
             return _settled(case, joints, _sound(case, joints))
-        settled = near and explained and not (own or open_)
+        settled = explained and not own and (remembered or (near and not open_))
         if settled and _no_worse(case, joints, "stages"):
             return _settled(case, joints, "stages")
     problem = Problem(case.fit)
