@@ -33,11 +33,7 @@ LOOKS = 4
 
 @final
 class Dialogue:
-    """Exchanges of several frames with the nodes of a joint.
-
-    Attributes:
-        link: Connection to the bus.
-    """
+    """Exchanges of several frames with the nodes of a joint."""
 
     def __init__(self, link: Link, nodes: Nodes) -> None:
         self.link = link

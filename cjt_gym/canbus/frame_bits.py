@@ -22,25 +22,14 @@ LENGTHS: Final = (*range(9), 12, 16, 20, 24, 32, 48, 64)
 
 
 class FrameBits(NamedTuple):
-    """Bits of a frame.
-
-    Attributes:
-        nominal: Bits at the nominal bit rate.
-        fast: Bits at the bit rate of the data phase.
-    """
+    """Bits of a frame: at the nominal bit rate, and at that of the data phase."""
 
     nominal: int
     fast: int
 
 
 def wire_time(message: can.Message, bitrate: float, data_bitrate: float) -> float:
-    """Return how long a frame occupies the bus, with the interframe space [s].
-
-    Args:
-        message: The frame.
-        bitrate: Nominal bit rate [bit/s].
-        data_bitrate: Bit rate of CAN FD's data phase [bit/s].
-    """
+    """Return how long a frame occupies the bus [s], with the interframe space; rates in bit/s."""
     bits = bits_of(message)
     return bits.nominal / bitrate + bits.fast / data_bitrate
 

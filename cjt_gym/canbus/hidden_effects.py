@@ -22,12 +22,7 @@ TWO = 0.5
 
 
 def draw_hidden(joint: Joint, seed: int) -> dict[str, dict[str, Any]]:
-    """Return one or two effects with values around their typical ones.
-
-    Args:
-        joint: The nominal joint.
-        seed: Seed of the draw.
-    """
+    """Return one or two effects with values around their typical ones."""
     rng = np.random.default_rng(seed)
     row = joint.structure_row
     able = [name for name in HIDEABLE if EFFECTS[name].acts_in(row, joint.drive)]

@@ -88,12 +88,7 @@ class BusLink:
     """
 
     def __init__(self, bus: can.BusABC, clock: StampClock | None = None) -> None:
-        """Begin to receive.
-
-        Args:
-            bus: The bus.
-            clock: Clock of its stamps; None counts frames as arrived when received.
-        """
+        """Begin to receive; without a clock, frames count as arrived when they are received."""
         self._bus = bus
         self._clock = clock or StampClock(RECEPTION)
         self._inbox: deque[Arrival] = deque(maxlen=KEPT)

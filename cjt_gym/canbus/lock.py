@@ -13,6 +13,7 @@ import stat
 from pathlib import Path
 from typing import Final, final
 
+from cjt_gym.disk import lock
 from cjt_gym.errors import HardwareError
 
 FOLDER: Final = Path(os.environ.get("PROGRAMDATA", "C:\\") if os.name == "nt" else "/tmp")
@@ -37,7 +38,8 @@ class NodeLock:
         self.path = FOLDER / f"cjt-gym-{name}.lock"
         self._file = _opened(self.path)
         try:
-            _lock(self._file)
+            os.lseek(self._file, WIDTH, os.SEEK_SET)  # on Windows, what is locked cannot be read
+            lock(self._file)
         except OSError:
             holder = _content(self._file).decode("ascii", "replace").strip() or "unknown"
             os.close(self._file)
@@ -85,15 +87,3 @@ def _is_lock(file: int) -> bool:
 def _content(file: int) -> bytes:
     os.lseek(file, 0, os.SEEK_SET)
     return os.read(file, WIDTH)
-
-
-def _lock(file: int) -> None:
-    if os.name == "nt":
-        import msvcrt
-
-        os.lseek(file, WIDTH, os.SEEK_SET)  # beyond what others may want to read
-        msvcrt.locking(file, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]
-    else:
-        import fcntl
-
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -16,11 +16,7 @@ Frames = Sequence[can.Message]
 
 @final
 class SharedLink:
-    """A link that several joints share.
-
-    Attributes:
-        taps: Link of each joint.
-    """
+    """A link that several joints share; each has a tap."""
 
     def __init__(self, joints: int, dt: float, link: Link | None = None) -> None:
         """Share a link."""

@@ -18,10 +18,6 @@ class Section:
 
     Each method returns the default, if it has one, for an absent key, and raises ConfigurationError
     for a missing or invalid value.
-
-    Attributes:
-        table: Its content.
-        owner: Its name in messages.
     """
 
     def __init__(self, table: object, owner: str, known: Iterable[str] | None = None) -> None:

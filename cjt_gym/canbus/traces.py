@@ -22,8 +22,6 @@ from cjt_gym.records.sources import clock, mapped
 from cjt_gym.records.tables.can_table import frames
 from cjt_gym.records.tables.mcap_table import LOG_TIME
 
-__all__ = ["read_trace"]
-
 COMMAND: Final = "tau_cmd"
 Node = tuple[DriveProtocol, Settings]
 

@@ -86,31 +86,6 @@ class Characteristic:
         return math.sqrt(variance) if variance > 0.0 else None
 
 
-def _hold_cold(p: JointParameters) -> float:
-    return thermal.time_to_critical(p, motor.peak_torque(p))
-
-
-def _hold_warm(p: JointParameters) -> float:
-    warm = 0.5 * (p.Tmp_ANom + p.Tmp_WMax)
-    return thermal.time_to_critical(p, motor.peak_torque(p), warm)
-
-
-def _band_peak(p: JointParameters) -> float:
-    return bandwidth.torque_bandwidth(p, motor.peak_torque(p))
-
-
-def _band_rated(p: JointParameters) -> float:
-    return bandwidth.torque_bandwidth(p, motor.rated_torque(p), lasting=True)
-
-
-def _percent_best(p: JointParameters) -> float:
-    return 100.0 * motor.best_efficiency(p)
-
-
-def _steady_peak(p: JointParameters) -> float:
-    return float(thermal.steady_temperature(p, motor.peak_torque(p)))
-
-
 _ROWS = (
     Characteristic("k_w", "constants", "speed constant", "k_w", "rad/(s V)", "1 / k_t",
                    "Rotor speed per volt of back-EMF.", motor.speed_constant),
@@ -166,28 +141,31 @@ _ROWS = (
     Characteristic("eta_max", "peak", "largest efficiency", "η_max", "%",
                    "max (τ - τ_C - d_v ω) ω / (r i² + τ ω)",
                    "Over all torques and speeds that supply and peak current allow; motoring.",
-                   _percent_best),
+                   lambda p: 100.0 * motor.best_efficiency(p)),
     Characteristic("T_ss_p", "heat", "steady temperature at peak torque", "T_∞(τ_p)", "degC",
                    "T_A + R P / (1 - a_CU R P), P = r i_p²",
-                   "Where the winding would end.", _steady_peak,
+                   "Where the winding would end.",
+                   lambda p: float(thermal.steady_temperature(p, motor.peak_torque(p))),
                    "there is none: the resistance rises faster than heat leaves, until it burns"),
     Characteristic("t_hold_cold", "heat", "peak torque from cold", "t_hold", "s",
                    "two-stage model, from T_A", "How long peak torque can be held from ambient.",
-                   _hold_cold, FOREVER),
+                   lambda p: thermal.time_to_critical(p, motor.peak_torque(p)), FOREVER),
     Characteristic("t_hold_warm", "heat", "peak torque from half warm", "t_hold,½", "s",
                    "two-stage model, from (T_A + T_max) / 2",
-                   "Likewise with the winding half-way to its limit for long.", _hold_warm,
-                   FOREVER),
+                   "Likewise with the winding half-way to its limit for long.",
+                   lambda p: thermal.time_to_critical(
+                       p, motor.peak_torque(p), 0.5 * (p.Tmp_ANom + p.Tmp_WMax)), FOREVER),
     Characteristic("f_0", "dynamics", "resonance, locked output", "f_0", "Hz",
                    "√(k_b / (I_m + I_g)) / 2π", "Undamped, with a rigid gearbox.",
                    bandwidth.resonance),
     Characteristic("f_p", "dynamics", "bandwidth of the peak torque", "f_p", "Hz",
                    "highest f with all short-time limits ≥ τ_p",
-                   "Locked output; up to it the joint delivers the peak torque.", _band_peak),
+                   "Locked output; up to it the joint delivers the peak torque.",
+                   lambda p: bandwidth.torque_bandwidth(p, motor.peak_torque(p))),
     Characteristic("f_r", "dynamics", "bandwidth of the rated torque", "f_r", "Hz",
                    "highest f with all limits ≥ τ_r",
                    "Locked output; up to it the joint delivers the rated torque continuously.",
-                   _band_rated),
+                   lambda p: bandwidth.torque_bandwidth(p, motor.rated_torque(p), lasting=True)),
 )  # fmt: skip
 
 CHARACTERISTICS: Mapping[str, Characteristic] = MappingProxyType({row.name: row for row in _ROWS})

@@ -86,13 +86,9 @@ def render(
     italic: Callable[[str], str],
     index: Callable[[str], str],
 ) -> str:
-    """Return a text in some markup.
+    """Return a text in some markup; formulas stand between dollar signs.
 
-    Args:
-        text: Text with formulas between dollar signs.
-        plain: Escapes what is printed as it is; what `plain` has hidden is there again.
-        italic: Marks a variable, which is escaped already.
-        index: Marks an index.
+    What `plain` has hidden is there again before it is escaped.
     """
 
     def escaped(text: str) -> str:

@@ -33,12 +33,7 @@ FACTS = ("kind", "controller", "policy", "reference", "protocol", "bus", "source
 
 @dataclass(frozen=True)
 class Trace:
-    """A record and what its curves are called.
-
-    Attributes:
-        name: Its name.
-        record: The record.
-    """
+    """A record and the name of its curves."""
 
     name: str
     record: Record

@@ -16,8 +16,6 @@ from cjt_gym.disk.limits import COLUMNS, NUMBERS
 from cjt_gym.disk.parsing import parsing
 from cjt_gym.errors import CjtGymError
 
-__all__ = ["Member", "members_of", "read_arrays"]
-
 REAL: Final = "fiub"
 TEXT: Final = "U"
 HEADERS: Final[dict[tuple[int, int], Any]] = {
@@ -30,26 +28,10 @@ LAST_LETTER: Final = 0x10FFFF
 
 
 class Member:
-    """An array of an archive, of which no more is read than is asked for.
-
-    Attributes:
-        name: Its name.
-        shape: Its shape.
-        dtype: Its type.
-        by_columns: Whether it is stored column by column.
-    """
+    """An array of an archive, of which no more is read than is asked for."""
 
     def __init__(self, name: str, file: IO[bytes], size: int) -> None:
-        """Read its header.
-
-        Args:
-            name: Its name.
-            file: Its content.
-            size: Bytes of it, header included.
-
-        Raises:
-            ValueError: It is not an array, holds objects, or is not as long as its shape says.
-        """
+        """Read its header."""
         shape, self.by_columns, self.dtype = HEADERS[np.lib.format.read_magic(file)](file)
         self.name, self._file = name, file
         self.shape: tuple[int, ...] = shape

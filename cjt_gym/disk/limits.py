@@ -9,8 +9,6 @@ from typing import Final
 
 from cjt_gym.errors import CjtGymError, ConfigurationError
 
-__all__ = ["BYTES_OF_TEXT", "COLUMNS", "NUMBERS", "Limit"]
-
 
 @dataclass(frozen=True)
 class Limit:

@@ -18,12 +18,7 @@ TRIED = "law"
 
 @dataclass(frozen=True)
 class Header:
-    """A header in C.
-
-    Attributes:
-        text: The file.
-        checked: How it compares with Python.
-    """
+    """A header in C, and how it compares with Python."""
 
     text: str
     checked: Checked

@@ -46,10 +46,6 @@ class CLaw:
 def law_of(controller: Controller, name: str) -> CLaw:
     """Return what a controller does.
 
-    Args:
-        controller: The controller.
-        name: Its name, for errors.
-
     Raises:
         ConfigurationError: It learns series, solves programs, or is code of one's own.
     """

@@ -20,11 +20,11 @@ from xml.etree.ElementTree import Comment, Element, SubElement, indent, tostring
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.errors import ConfigurationError
 from cjt_gym.export.model import (
     Bodies,
     Export,
     bodies_of,
+    check_exportable,
     gain_of,
     listed,
     number,
@@ -86,13 +86,7 @@ WITHOUT_DCMOTOR: Mapping[str, tuple[str, str]] = {
 
 @dataclass(frozen=True)
 class Friction:
-    """Dry friction of one coordinate.
-
-    Attributes:
-        loss: Level [N m].
-        rise: What breakaway lies above it [N m].
-        stiffness: Of presliding [N m/rad]; 0 for none.
-    """
+    """Dry friction of a coordinate: level and breakaway above it [N m], presliding [N m/rad]."""
 
     loss: float
     rise: float
@@ -116,12 +110,7 @@ def to_mujoco(joint: Joint, timestep: float = TIMESTEP, dcmotor: bool = True) ->
     Raises:
         ConfigurationError: The axis is prismatic, or the time step is not > 0.
     """
-    if not (math.isfinite(timestep) and timestep > 0.0):
-        raise ConfigurationError(f"timestep of the export must be > 0 s, got {timestep}.")
-    if joint.parameters.axis == "prismatic":
-        raise ConfigurationError(
-            f"{joint.file.name} is prismatic; only rotary joints can be exported to MuJoCo."
-        )
+    check_exportable(joint, timestep, "MuJoCo")
     values, ripple = values_of(joint)
     bodies = bodies_of(joint)
     support = dict(SUPPORT) | ({} if dcmotor else dict(WITHOUT_DCMOTOR))

@@ -37,14 +37,9 @@ DRY = 1.0
 
 @dataclass(frozen=True)
 class Job:
-    """The task of one joint in a run.
+    """The task of one joint in a run: follow a reference, under a controller or a policy.
 
-    Attributes:
-        name: Name of the joint, if the configuration lists several.
-        reference: Reference torque, or commanded motor torque, at every control step [N m].
-        controller: Name of a controller, a gain file, or `NONE`.
-        policy: Run folder of a policy, or None.
-        facts: Further entries of the record's provenance.
+    With the controller `NONE` the reference is the commanded motor torque [N m].
     """
 
     name: str
@@ -56,12 +51,7 @@ class Job:
 
 @dataclass(frozen=True)
 class Run:
-    """One run of all joints.
-
-    Attributes:
-        path: File for its record, or None.
-        jobs: Task of each joint.
-    """
+    """One run of all joints, and the file of its record, if any."""
 
     path: Path | None
     jobs: tuple[Job, ...]
@@ -177,10 +167,7 @@ def _with_amplitude(
 ) -> tuple[float, Floats]:
     """Return amplitude and reference [N m]; the default keeps the nominal joint within its limits.
 
-    Args:
-        config: The joint on its bus.
-        options: Options of the command.
-        make: Makes the reference for an amplitude, to which it is proportional.
+    The reference is proportional to the amplitude.
     """
     if options.amplitude is not None:
         if not 0.0 < options.amplitude <= config.limits.tau:

@@ -34,14 +34,9 @@ from cjt_gym.records.sources import Clock, clock, mapped, numbers_of
 
 @dataclass(frozen=True)
 class Log:
-    """A log in a file, not read yet.
+    """A log in a file, of which only the beginning has been read.
 
-    Attributes:
-        path: Its table.
-        mapping: Which column is which; None where they have the names of a record.
-        clock: Its time base; None without a mapping.
-        facts: Arguments of the record other than its columns.
-        notes: What was noticed on opening it.
+    Without a mapping its columns have the names of a record, and it has no clock.
     """
 
     path: Path
@@ -64,11 +59,7 @@ class Log:
     def records(
         self, columns: Mapping[str, FloatArray]
     ) -> tuple[tuple[Record, ...], tuple[Repair, ...]]:
-        """Return the records that columns of the log make, and what was repaired.
-
-        Raises:
-            RecordError: They make none.
-        """
+        """Return the records that columns of the log make, and what was repaired."""
         return make_records(dict(columns), {**self.facts, "origin": self.path}, self.turns)
 
     def _in_si(self, table: Table) -> dict[str, FloatArray]:

@@ -74,15 +74,9 @@ def clean_pieces(record: Record) -> tuple[tuple[Record, ...], tuple[Repair, ...]
 def make_records(
     columns: Columns, facts: Mapping[str, Any], turns: Mapping[str, float]
 ) -> tuple[tuple[Record, ...], tuple[Repair, ...]]:
-    """Return records of columns as a log has them, and what was done to them.
+    """Return records of columns in SI units, whatever their times and values, and what was done.
 
-    Args:
-        columns: Columns in SI units, whatever their times and values.
-        facts: Arguments of :class:`Record`; its columns are replaced.
-        turns: What the counters of angles cover, where they are known.
-
-    Raises:
-        RecordError: Nothing that can be used is left.
+    Facts are the arguments of :class:`Record` but its columns; turns what counters of angles cover.
     """
     owner = str(facts.get("origin") or "the log")
     if not columns or not _length(columns):

@@ -29,12 +29,7 @@ RESOLUTION = 1e-12
 
 
 class Piece(NamedTuple):
-    """Rows of a log without a break in time.
-
-    Attributes:
-        rows: Which rows of the log, in their order.
-        t: Their times [s], strictly increasing.
-    """
+    """Rows of a log without a break in time, in their order, and their increasing times [s]."""
 
     rows: NDArray[np.intp]
     t: FloatArray

@@ -12,12 +12,9 @@ from cjt_gym.records.columns import column_of
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit of a log.
+    """A unit of a log: the SI unit of a record that it turns into, and what one of it is there.
 
-    Attributes:
-        si: The SI unit of a record that it turns into.
-        factor: What one of it is in ``si``. For counts: of one revolution, still to be divided by
-            the counts per revolution.
+    The factor of counts is that of one revolution, still to be divided by the counts of one.
     """
 
     si: str

@@ -139,8 +139,7 @@ def coordinates(setup: Setup) -> NDArray[np.int64]:
 def affine(arrays: Batch, setup: Setup) -> tuple[Floats, float]:
     """Return what the mean torque of a step depends on, of the first joint of a batch.
 
-    Returns:
-        The row c (A - 1) / 2, shape (order,), and the slope z >= 0 [N m s/rad].
+    That is the row c (A - 1) / 2, shape (order,), and the slope z >= 0 [N m s/rad].
     """
     p, size, gear = arrays.p[0], setup.size, setup.groups[1]
     step, into = arrays.a[0], arrays.b[0, :, 1]

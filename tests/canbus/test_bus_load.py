@@ -92,7 +92,7 @@ def is_carried(drive: dict[str, Any], rate: float) -> bool:
         document(drive=drive, bus=bus, control=sharp(rate_hz=rate)), "x", Path()
     )
     emulator = Emulator(config)
-    link, nodes = VirtualLink(emulator), Nodes.of(config)
+    link, nodes = VirtualLink(emulator), Nodes(config)
     talk, master = Dialogue(link, nodes), nodes.drive.master
     talk.perform(nodes.drive, [*master.configure(), *master.clear(), *master.enable()])
     begin = link.now()

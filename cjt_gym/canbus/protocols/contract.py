@@ -1,4 +1,4 @@
-"""Interfaces of drive protocols: a master and a firmware that convert values and frames.
+"""Interface of drive protocols: a master, and what it shares with the firmware of emulated drives.
 
 Neither uses a bus, clock or thread: frames go in and out, and time is an argument. So both run
 against real drives, against each other, and in tests at any speed. All values are SI and on the
@@ -28,10 +28,8 @@ from cjt_gym.errors import ConfigurationError
 
 __all__ = [
     "CHANNELS",
-    "NO_CHANNELS",
     "SLOW",
     "Fault",
-    "Firmware",
     "Limits",
     "Master",
     "Message",
@@ -60,7 +58,6 @@ CHANNELS: Final = {
 """What nodes may report: unit and meaning. All but the last two are on the link side."""
 SLOW: Final[Mapping[str, float]] = {"temperature": 5.0, "v_bus": 5.0}
 """Channels that change slowly, and how old their values may be [s], however often they come."""
-NO_CHANNELS: Final[Mapping[str, float]] = {}
 
 
 class Mode(Enum):
@@ -297,48 +294,6 @@ class Master(Protocol):
         Raises:
             ProtocolError: The frame is from this drive and breaks the protocol.
         """
-        ...
-
-
-class Firmware(Protocol):
-    """The drive's side of a protocol; the joint's physics is handed in.
-
-    Attributes:
-        mode: Mode of the drive.
-        fault: Reason for which it stopped, if it did.
-        torque: Present motor torque, link side [N m]; 0 unless enabled.
-    """
-
-    @property
-    def mode(self) -> Mode: ...  # noqa: D102
-
-    @property
-    def fault(self) -> Fault | None: ...  # noqa: D102
-
-    @property
-    def torque(self) -> float: ...  # noqa: D102
-
-    def boot(self, now: float) -> Sequence[Message]:
-        """Power up, and return the frames sent at that time."""
-        ...
-
-    def receive(self, frame: Message, now: float) -> Sequence[Message]:
-        """Take a frame from the bus, and return the answers."""
-        ...
-
-    def update(self, channels: Mapping[str, float], now: float) -> Sequence[Message]:
-        """Take the joint's present values, and return the reports due.
-
-        Watchdog and limits act here, so call it at least once per millisecond of `now`.
-
-        Args:
-            channels: Values of :data:`CHANNELS`, link side.
-            now: Time [s].
-        """
-        ...
-
-    def fail(self, fault: Fault) -> None:
-        """Enter a fault now."""
         ...
 
 

@@ -15,18 +15,9 @@ from typing import Any, Final
 
 import cantools
 
-from cjt_gym.canbus.protocols.contract import (
-    Message,
-    Mode,
-    Settings,
-    Step,
-    Update,
-    frame_of,
-)
+from cjt_gym.canbus.protocols.contract import Message, Mode, Settings, Step, Update, frame_of
 from cjt_gym.canbus.protocols.dbc_mapping import DbcMapping, Signal, load_dbc_mapping
 from cjt_gym.errors import ConfigurationError, ProtocolError
-
-__all__ = ["Codec", "DbcMaster", "mapping_of", "range_of", "torque_of_command"]
 
 DAMAGED: Final = (cantools.Error, ValueError, KeyError, OverflowError)
 AS_NUMBERS: Final = {"decode_choices": False}

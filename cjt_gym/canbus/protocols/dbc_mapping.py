@@ -37,8 +37,6 @@ from cjt_gym.disk import read_toml
 from cjt_gym.errors import CjtGymError, ConfigurationError, unknown_name
 from cjt_gym.records.mapping import ColumnSource, load_mapping
 
-__all__ = ["DbcMapping", "Signal", "load_dbc_mapping"]
-
 SUFFIX: Final = ".map.toml"
 KEYS: Final = (
     "dbc",

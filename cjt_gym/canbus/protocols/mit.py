@@ -31,8 +31,6 @@ from cjt_gym.canbus.protocols.contract import (
 from cjt_gym.canbus.protocols.layout import Field, Layout
 from cjt_gym.errors import ProtocolError
 
-__all__ = ["MODELS", "MitMaster", "command_layout", "ranges_of", "reply_layout"]
-
 MODELS: Final = {
     "AK10-9": (12.5, 50.0, 65.0),
     "AK60-6": (12.5, 45.0, 15.0),

@@ -17,14 +17,7 @@ from collections.abc import Callable, Mapping, Sequence
 from math import inf, isnan, nan, tau
 from typing import Final
 
-from cjt_gym.canbus.protocols.contract import (
-    Message,
-    Mode,
-    Settings,
-    Step,
-    Update,
-    frame_of,
-)
+from cjt_gym.canbus.protocols.contract import Message, Mode, Settings, Step, Update, frame_of
 from cjt_gym.canbus.protocols.moteus_registers import (
     ASK,
     FAULTS,
@@ -38,8 +31,6 @@ from cjt_gym.canbus.protocols.moteus_registers import (
     subframe,
 )
 from cjt_gym.errors import ProtocolError
-
-__all__ = ["MoteusMaster", "is_extended"]
 
 STOPPED, FAULTED, POSITION, TIMEOUT = 0, 1, 10, 11
 STOP: Final = subframe(WRITE, INT8, 0x000, [STOPPED])

@@ -20,20 +20,6 @@ from typing import Final, Literal, NamedTuple
 from cjt_gym.canbus.protocols.layout import Field
 from cjt_gym.errors import ProtocolError
 
-__all__ = [
-    "FLOAT",
-    "INT8",
-    "INT16",
-    "INT32",
-    "REGISTERS",
-    "Subframe",
-    "field_of",
-    "pad",
-    "read",
-    "said",
-    "subframe",
-]
-
 INT8, INT16, INT32, FLOAT = range(4)
 """Types of registers, as the subframes number them."""
 SIZES: Final = (1, 2, 4, 4)
@@ -87,16 +73,7 @@ FAULTS: Final = {
 
 @dataclass(frozen=True)
 class MoteusRegister:
-    """A register.
-
-    Attributes:
-        number: Its number.
-        name: Its name in the manufacturer's document.
-        quantity: Its quantity, one of :data:`STEPS`.
-        writable: Whether a master may write it.
-        text: Remarks.
-        names: Names of its numbers.
-    """
+    """A register, of one of the quantities of :data:`STEPS`."""
 
     number: int
     name: str
@@ -149,14 +126,7 @@ LENGTHS: Final = (*range(9), 12, 16, 20, 24, 32, 48, 64)
 
 
 class Subframe(NamedTuple):
-    """Content of a subframe: consecutive registers.
-
-    Attributes:
-        kind: "write", "ask", "reply" or "error".
-        numbers: Numbers of the registers.
-        type: Their type in this frame.
-        values: Their values; empty in a query.
-    """
+    """Content of a subframe: consecutive registers of a type, and their values but in a query."""
 
     kind: Literal["write", "ask", "reply", "error"]
     numbers: range
@@ -165,17 +135,7 @@ class Subframe(NamedTuple):
 
 
 def subframe(base: int, kind: int, first: int, values: Sequence[float] | int) -> bytes:
-    """Return a subframe.
-
-    Args:
-        base: WRITE, ASK or REPLY.
-        kind: Type of the registers.
-        first: Number of the first register.
-        values: The values, or the number of registers for ASK.
-
-    Raises:
-        ProtocolError: A value does not fit its register.
-    """
+    """Return a subframe with values, or for ASK with the number of registers."""
     count = values if isinstance(values, int) else len(values)
     head = bytes([base | kind << 2 | count]) if count < 4 else bytes([base | kind << 2, count])
     data = (
@@ -229,11 +189,7 @@ def said(frame: Sequence[Subframe], kind: str) -> dict[int, float]:
 
 
 def pad(data: bytes) -> bytes:
-    """Pad data to a length that CAN FD allows.
-
-    Raises:
-        ProtocolError: There are more than 64 bytes.
-    """
+    """Pad data to a length that CAN FD allows."""
     if len(data) > LENGTHS[-1]:
         raise ProtocolError(f"A frame must have at most 64 bytes of data, got {len(data)}.")
     return data.ljust(next(size for size in LENGTHS if size >= len(data)), bytes([NOTHING]))

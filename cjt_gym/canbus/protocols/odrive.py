@@ -48,8 +48,6 @@ from cjt_gym.canbus.protocols.odrive_messages import (
 )
 from cjt_gym.errors import ProtocolError
 
-__all__ = ["OdriveMaster"]
-
 
 class OdriveMaster:
     """Commands one axis; see :class:`~cjt_gym.canbus.protocols.contract.Master`."""

@@ -98,12 +98,7 @@ def clock_of(source: str) -> str | None:
 
 @dataclass(frozen=True)
 class Topic:
-    """What the messages of a topic hold.
-
-    Attributes:
-        stamps: Time at which each was logged [ns].
-        fields: For each number in them, the messages that have it, and its values there.
-    """
+    """What the messages of a topic hold: when each was logged [ns], and its numbers by message."""
 
     stamps: list[int]
     fields: dict[str, list[tuple[int, float]]]
