@@ -129,9 +129,6 @@ class CanArm:
     def reset(self, seed: int | None = None) -> list[Measurement]:
         """End the current run softly, and return the measurements for the start of the next.
 
-        Args:
-            seed: Not used.
-
         Raises:
             HardwareError: A joint is not armed, or is in fault.
         """

@@ -112,14 +112,7 @@ def emulator_of(
 def serve(
     emulator: Emulator | EmulatedArm, port: Port, speed: float, stopped: Callable[[], bool]
 ) -> None:
-    """Run an emulator on a port until it is stopped.
-
-    Args:
-        emulator: The emulator.
-        port: End of the bus for clients.
-        speed: Speed of simulated time relative to the clock.
-        stopped: Returns whether to stop.
-    """
+    """Run an emulator on a port until it is stopped; speed is that of its time over the clock."""
 
     def hand_out() -> None:
         for due in emulator.receive():

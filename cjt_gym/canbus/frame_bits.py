@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import can
+from can.util import dlc2len, len2dlc
 
 POLYNOMIAL: Final = 0x4599
 """Of the CRC of classical frames, 15 bits."""
@@ -17,8 +18,6 @@ TAIL: Final = 13
 """CRC delimiter, acknowledgement and its delimiter, end of frame, and the space to the next one."""
 RUN: Final = 5
 """Equal bits after which one is stuffed in."""
-LENGTHS: Final = (*range(9), 12, 16, 20, 24, 32, 48, 64)
-"""Bytes of data by the length code."""
 
 
 class FrameBits(NamedTuple):
@@ -36,8 +35,8 @@ def wire_time(message: can.Message, bitrate: float, data_bitrate: float) -> floa
 
 def bits_of(message: can.Message) -> FrameBits:
     """Return the bits of a frame."""
-    code = next(k for k, length in enumerate(LENGTHS) if length >= message.dlc)
-    size = 0 if message.is_remote_frame else LENGTHS[code]
+    code = len2dlc(message.dlc)
+    size = 0 if message.is_remote_frame else dlc2len(code)
     data = _bits(int.from_bytes(bytes(message.data).ljust(size, b"\0"), "big"), 8 * size)
     rest = [*_bits(code, 4), *data]
     if not message.is_fd:

@@ -52,18 +52,7 @@ class Latest:
 
 @final
 class Node:
-    """One node: its master, and a count of its frames.
-
-    Attributes:
-        name: Its name in the configuration.
-        address: Its number on the bus.
-        master: Its protocol.
-        mode: Its latest reported mode, or None.
-        error: Its latest reported error.
-        text: That error in words.
-        is_asked: Whether it reports only when asked.
-        is_unwatched: Whether its configuration accepts that it may not stop by itself.
-    """
+    """One node: its master, its latest mode and error, and a count of its frames."""
 
     def __init__(self, settings: NodeSettings, owed: int, overrun: float) -> None:
         """Start without a report."""

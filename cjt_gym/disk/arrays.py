@@ -67,12 +67,7 @@ class Member:
 
 @contextmanager
 def members_of(path: Path, error: type[CjtGymError]) -> Iterator[list[Member]]:
-    """Open the arrays of an archive.
-
-    Raises:
-        OSError: It cannot be opened.
-        CjtGymError: Of the given class: it is no archive of arrays, or holds more than it may.
-    """
+    """Open the arrays of an archive."""
     with ExitStack() as stack:
         archive = stack.enter_context(zipfile.ZipFile(stack.enter_context(path.open("rb"))))
         entries = archive.infolist()
@@ -86,12 +81,7 @@ def members_of(path: Path, error: type[CjtGymError]) -> Iterator[list[Member]]:
 
 
 def read_arrays(path: Path, error: type[CjtGymError]) -> dict[str, NDArray[Any]]:
-    """Return all arrays of an archive: real numbers and texts.
-
-    Raises:
-        OSError: It cannot be opened.
-        CjtGymError: Of the given class: it is no archive of such arrays, or holds more than it may.
-    """
+    """Return all arrays of an archive: real numbers and texts."""
     file = path.open("rb")
     file.close()
     what = f"{path} must be an NPZ archive of plain numeric arrays"

@@ -29,11 +29,7 @@ class Limit:
 
     @property
     def value(self) -> int:
-        """The limit as the environment has it.
-
-        Raises:
-            ConfigurationError: The variable is not a whole number > 0.
-        """
+        """The limit as the environment has it."""
         text = os.environ.get(self.variable, "")
         if text and not (text.isascii() and text.isdigit() and len(text) < 19 and int(text) > 0):
             raise ConfigurationError(

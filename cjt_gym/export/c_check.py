@@ -72,11 +72,7 @@ def wanted_torque(limit: float) -> Floats:
 
 
 def check_controller(controller: Controller, joint: Joint, header: str) -> Checked:
-    """Compare a header with the prefix "law" with its controller, in a closed loop.
-
-    Raises:
-        ExportError: They differ.
-    """
+    """Compare a header with the prefix "law" with its controller, in a closed loop."""
     try:
         library = compiled(CONTROLLER, {"law.h": header})
     except ConfigurationError as reason:
@@ -99,11 +95,7 @@ def check_controller(controller: Controller, joint: Joint, header: str) -> Check
 
 
 def check_observer(observer: LinearObserver, joint: Joint, header: str) -> Checked:
-    """Compare a header with the prefix "law" with its observer, on a joint that is disturbed.
-
-    Raises:
-        ExportError: They differ.
-    """
+    """Compare a header with the prefix "law" with its observer, on a joint that is disturbed."""
     try:
         library = compiled(OBSERVER, {"law.h": header})
     except ConfigurationError as reason:

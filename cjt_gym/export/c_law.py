@@ -44,11 +44,7 @@ class CLaw:
 
 
 def law_of(controller: Controller, name: str) -> CLaw:
-    """Return what a controller does.
-
-    Raises:
-        ConfigurationError: It learns series, solves programs, or is code of one's own.
-    """
+    """Return what a controller does; an error where C cannot do that."""
     limit = controller.torque_limit
     match controller:
         case OpenLoop():

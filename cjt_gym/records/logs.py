@@ -155,11 +155,7 @@ def iter_record(
 
 
 def draft_mapping(path_or_name: str | Path) -> str:
-    """Return a mapping to be edited, guessed from the names of the columns of a log.
-
-    Raises:
-        RecordError: There is no such log, or it cannot be read.
-    """
+    """Return a mapping to be edited, guessed from the names of the columns of a log."""
     path = table_path(path_or_name)
     return draft(path.name, next(iter(format_of(path).stream(path, ROWS)), {}))
 

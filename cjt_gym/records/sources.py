@@ -29,13 +29,7 @@ LARGEST = 2.0**62
 
 @dataclass(frozen=True)
 class Clock:
-    """The time base of a record.
-
-    Attributes:
-        name: Column of the log that holds it; None where the log has none.
-        unit: Its unit.
-        origin: Date that counts as zero [s].
-    """
+    """The time base of a record: a column of the log, if any, and the date of its zero [s]."""
 
     name: str | None
     unit: str

@@ -36,11 +36,9 @@ class Piece(NamedTuple):
 
 
 def ordered_rows(t: FloatArray, same: NDArray[np.bool_]) -> tuple[list[Piece], list[Repair]]:
-    """Return which rows to keep, in which order, in one piece per stretch of time without a break.
+    """Return which rows to keep, in order, in one piece per stretch of time without a break.
 
-    Args:
-        t: Time of the rows as they are in the log [s], shape (n,).
-        same: Whether a row repeats the one before in all its values, shape (n,).
+    `same` says whether a row repeats the one before in all its values.
     """
     repairs: list[Repair] = []
     rows = _readable(t, repairs)

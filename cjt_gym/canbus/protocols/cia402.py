@@ -21,6 +21,7 @@ from canopen.sdo.exceptions import SdoAbortedError
 from cjt_gym.canbus.protocols.cia402_objects import PDOS, Pdo, State
 from cjt_gym.canbus.protocols.cia402_profile import ENABLING, Access, Controlword, Profile, write
 from cjt_gym.canbus.protocols.contract import (
+    Master,
     Message,
     Mode,
     Settings,
@@ -45,17 +46,14 @@ EMERGENCY_LAYOUT: Final = Layout((Field("Error code", 16), Field("Error register
 RPDO, *TPDOS = PDOS
 
 
-class Cia402Master:
+class Cia402Master(Master):
     """Commands one drive; see :class:`~cjt_gym.canbus.protocols.contract.Master`."""
 
     def __init__(self, settings: Settings) -> None:
-        self.settings = settings
         self.profile = Profile(settings)
-        self.channels = frozenset({"q_m", "dq_m", "tau_m", "i", "v_bus"})
-        self.periods = dict.fromkeys(self.channels, settings.period) | {"v_bus": 0.1}
+        periods = dict.fromkeys(("q_m", "dq_m", "tau_m", "i"), settings.period) | {"v_bus": 0.1}
         high = settings.scaling.gear_ratio * self.profile.rated_torque * 32.767
-        self.torque_range = (-high, high)
-        self.shows_stop = True
+        super().__init__(settings, periods, high)
         self._layouts = {pdo.cob_id + settings.node: pdo.layout for pdo in TPDOS}
         self._beat_every = max(1, int(settings.watchdog / 3 / settings.period))
         self._count = count()

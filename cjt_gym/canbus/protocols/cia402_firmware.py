@@ -119,11 +119,9 @@ class Cia402Firmware(Firmware):
             self._take(identifier, data)
         return self._outbox.take()
 
-    def update(self, channels: Mapping[str, float], now: float) -> Sequence[Message]:
-        """Take the joint's values; return the heartbeats, timed PDOs and emergencies due."""
-        self._channels = channels
+    def _due(self, now: float) -> Sequence[Message]:
+        """Return the heartbeats, timed PDOs and emergencies due."""
         self._outbox.now = now
-        self._supervise(now)
         if self.fault is not self._reported:
             self._reported = self.fault
             if self.fault:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Final
 
 from cjt_gym.canbus.protocols.contract import Fault, Message, Settings
@@ -71,10 +71,7 @@ class DbcFirmware(Firmware):
             self._ask(told)
         return []
 
-    def update(self, channels: Mapping[str, float], now: float) -> Sequence[Message]:
-        """Take the joint's values; return the reports due."""
-        self._channels = channels
-        self._supervise(now)
+    def _due(self, now: float) -> Sequence[Message]:
         return [self._report(name) for name in self._cycles.due(now)]
 
     def _obey(self, now: float) -> None:

@@ -43,7 +43,6 @@ class Firmware(ABC):
     def receive(self, frame: Message, now: float) -> Sequence[Message]:
         """Take a frame from the bus, and return the answers."""
 
-    @abstractmethod
     def update(self, channels: Mapping[str, float], now: float) -> Sequence[Message]:
         """Take the joint's present values, and return the reports due.
 
@@ -53,6 +52,17 @@ class Firmware(ABC):
             channels: Values of :data:`CHANNELS`, link side.
             now: Time [s].
         """
+        self._channels = channels
+        self._act()
+        self._supervise(now)
+        return self._due(now)
+
+    def _act(self) -> None:  # noqa: B027  # only drives with gains act on their own
+        """Set the torque that follows from the last command and the present values."""
+
+    def _due(self, now: float) -> Sequence[Message]:
+        """Return the reports due; none where a drive reports only when asked."""
+        return []
 
     @property
     def torque(self) -> float:

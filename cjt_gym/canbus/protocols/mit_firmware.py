@@ -77,13 +77,6 @@ class MitFirmware(Firmware):
             self._act()
         return [self._reply()]
 
-    def update(self, channels: Mapping[str, float], now: float) -> Sequence[Message]:
-        """Take the joint's values; the drive reports only when polled."""
-        self._channels = channels
-        self._act()
-        self._supervise(now)
-        return []
-
     def _seen(self) -> tuple[float, float]:
         scaling, channels = self.settings.scaling, self._channels
         return (

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import cache
 from math import isnan, nan, tau
 from typing import Final
@@ -88,13 +88,6 @@ class MoteusFirmware(Firmware):
         if len(data) > 64:
             return []
         return [frame_of(identifier, pad(data), extended=is_extended(identifier), fd=True)]
-
-    def update(self, channels: Mapping[str, float], now: float) -> Sequence[Message]:
-        """Take the joint's values; the drive reports only when queried."""
-        self._channels = channels
-        self._act()
-        self._supervise(now)
-        return []
 
     def _write(self, written: dict[int, float], now: float) -> None:
         mode = written.get(0x000)

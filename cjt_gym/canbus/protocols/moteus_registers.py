@@ -17,6 +17,8 @@ from functools import cache
 from math import isnan, nan
 from typing import Final, Literal, NamedTuple
 
+from can.util import dlc2len, len2dlc
+
 from cjt_gym.canbus.protocols.layout import Field
 from cjt_gym.errors import ProtocolError
 
@@ -26,10 +28,9 @@ SIZES: Final = (1, 2, 4, 4)
 LARGEST: Final = 3.4e38
 """Largest number that a float has room for."""
 CODES: Final = "bhif"
-PWM: Final = (1 / 127, 1 / 32767, 1 / 2147483647)
 STEPS: Final = {
     "number": ("", (1.0, 1.0, 1.0)),
-    "share": ("", PWM),
+    "share": ("", (1 / 127, 1 / 32767, 1 / 2147483647)),
     "current": ("A", (1.0, 0.1, 0.001)),
     "torque": ("N m", (0.5, 0.01, 0.001)),
     "voltage": ("V", (0.5, 0.1, 0.001)),
@@ -121,8 +122,8 @@ REGISTERS: Final = {
 """The registers that are used here, by their numbers."""
 WRITE, ASK, REPLY = 0x00, 0x10, 0x20
 WRITE_ERROR, READ_ERROR, NOTHING = 0x30, 0x31, 0x50
-LENGTHS: Final = (*range(9), 12, 16, 20, 24, 32, 48, 64)
-"""Numbers of bytes that a CAN FD frame can have."""
+MOST: Final = 64
+"""Bytes that a CAN FD frame has room for."""
 
 
 class Subframe(NamedTuple):
@@ -165,7 +166,7 @@ def read(data: bytes | bytearray) -> list[Subframe]:
                 count, at = _read_varuint(data, at)
             first, at = _read_varuint(data, at)
             if group == ASK:
-                numbers = range(first, first + min(count, LENGTHS[-1]))
+                numbers = range(first, first + min(count, MOST))
                 found.append(Subframe("ask", numbers, kind))
                 continue
             if at + count * SIZES[kind] > len(data):
@@ -190,9 +191,9 @@ def said(frame: Sequence[Subframe], kind: str) -> dict[int, float]:
 
 def pad(data: bytes) -> bytes:
     """Pad data to a length that CAN FD allows."""
-    if len(data) > LENGTHS[-1]:
-        raise ProtocolError(f"A frame must have at most 64 bytes of data, got {len(data)}.")
-    return data.ljust(next(size for size in LENGTHS if size >= len(data)), bytes([NOTHING]))
+    if len(data) > MOST:
+        raise ProtocolError(f"A frame must have at most {MOST} bytes of data, got {len(data)}.")
+    return data.ljust(dlc2len(len2dlc(len(data))), bytes([NOTHING]))
 
 
 @cache

@@ -96,10 +96,7 @@ class OdriveFirmware(Firmware):
             return []
         return self._obey(row.name, values, now)
 
-    def update(self, channels: Mapping[str, float], now: float) -> Sequence[Message]:
-        """Take the joint's values; return the periodic messages due."""
-        self._channels = channels
-        self._supervise(now)
+    def _due(self, now: float) -> Sequence[Message]:
         return [self._report(name) for name in self._cycles.due(now)]
 
     def _obey(self, name: str, values: Mapping[str, float], now: float) -> Sequence[Message]:
