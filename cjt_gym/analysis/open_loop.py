@@ -7,6 +7,7 @@ k (v - k dq_m) / r, and with "rl" and "dq" behind the inductance, too. Effects a
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -296,11 +297,12 @@ def step(
         x = a_d @ x + b_d[:, 0]
     t = np.asarray(dt * np.arange(samples), dtype=np.float64)
     final, peak = float(y[-samples // 20 :].mean()), float(np.abs(y).max())
+    endless = Step(t, y, math.nan, math.nan, math.nan, math.nan)
     if abs(y[-1] - y[-samples // 10]) > 0.02 * peak or abs(final) <= 1e-3 * peak:
-        return Step(t, y, float("nan"), float("nan"), float("nan"), float("nan"))
+        return endless
     if np.abs(np.linalg.eigvals(a)).min() > STILL * np.abs(np.linalg.eigvals(a)).max():
         final = float((d - c @ np.linalg.solve(a, b))[0, 0])
         if abs(final) <= 1e-3 * peak:
-            return Step(t, y, float("nan"), float("nan"), float("nan"), float("nan"))
+            return endless
     figures = step_figures(y / final, dt)
     return Step(t, y, final, figures["rise_s"], figures["overshoot"], figures["settling_s"])

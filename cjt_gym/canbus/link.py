@@ -44,15 +44,12 @@ class Link(Protocol):
     @property
     def stamps(self) -> str:
         """Clock of the arrival times."""
-        ...
 
     def now(self) -> float:
         """Return the time [s]."""
-        ...
 
     def wait_until(self, t: float) -> None:
         """Wait until a time [s]; return at once if it has passed."""
-        ...
 
     def send(self, messages: Sequence[can.Message]) -> None:
         """Send frames.
@@ -60,7 +57,6 @@ class Link(Protocol):
         Raises:
             HardwareError: The bus rejects them.
         """
-        ...
 
     def receive(self) -> list[Arrival]:
         """Return all frames since the last call, in order of arrival.
@@ -68,15 +64,12 @@ class Link(Protocol):
         Raises:
             HardwareError: The bus is lost.
         """
-        ...
 
     def watch(self, supervise: Callable[[float], None], every: float) -> None:
         """Call `supervise(now)` at least once in `every` seconds, whatever the loop does."""
-        ...
 
     def close(self) -> None:
         """Release the bus."""
-        ...
 
 
 @final

@@ -14,19 +14,15 @@ class Port(Protocol):
     @property
     def address(self) -> str:
         """Address for clients, in words."""
-        ...
 
     def receive(self, timeout: float) -> Sequence[can.Message]:
         """Return what has arrived, waiting up to `timeout` [s] for it."""
-        ...
 
     def send(self, message: can.Message) -> None:
         """Send a frame to all clients."""
-        ...
 
     def close(self) -> None:
         """Release the port."""
-        ...
 
 
 @final
