@@ -87,7 +87,8 @@ class RunRecord:
 
     def _known(self) -> dict[str, Any]:
         """Return the metadata of several joints at the start."""
-        joints, sensors = {}, {}
+        joints: dict[str, Any] = {}
+        sensors: dict[str, Any] = {}
         for part in self._parts:
             known = part.known
             sensors |= {self._named(part, n): v for n, v in known["sensors"].items()}
