@@ -208,7 +208,6 @@ def poles(joint: Joint, input: str = "tau_m") -> tuple[Mode, ...]:
 
 
 def _names(joint: Joint, input: str, order: int) -> list[str]:
-    """Return the names of the states of `matrices`."""
     row = joint.structure_row
     names = [x for x in state_names(row) if not (row.output_fixed and x == "q_l")]
     return [*(names if input != "load" else state_names(row)), "i"][:order]

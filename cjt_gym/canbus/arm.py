@@ -222,7 +222,6 @@ class CanArm:
             self._shared.let_go()
 
     def _send(self, each: Callable[[CanJoint, int], None]) -> None:
-        """Send the frames of all joints together."""
         with self._lock:  # nobody else may send between them
             self._shared.gather()
             try:

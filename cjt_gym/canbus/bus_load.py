@@ -107,7 +107,6 @@ def bus_load(
 
 
 def _slower(config: HardwareConfig) -> HardwareConfig:
-    """Return the configuration at half the rate."""
     nodes = tuple(
         replace(
             node,

@@ -294,7 +294,6 @@ class CanJoint:
         )
 
     def _note(self, torque: float, lateness: float) -> None:
-        """Append a row to the record."""
         self.record.note(
             Sample(self._full, torque, self._tau_ref, self.age(), lateness, self._round_trip)
         )

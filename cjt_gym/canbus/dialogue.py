@@ -150,7 +150,6 @@ class Dialogue:
             self.repeat_off()
 
     def _modes(self, node: Node) -> set[Mode]:
-        """Return the modes shown by the frames that have arrived."""
         found: set[Mode] = set()
         for arrival in self.link.receive():
             with contextlib.suppress(ProtocolError):

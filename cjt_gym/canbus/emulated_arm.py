@@ -94,7 +94,6 @@ class EmulatedArm:
             self._collect()
 
     def _collect(self) -> None:
-        """Put the frames of the nodes on the bus."""
         found = [due for emulator in self.emulators for due in emulator.receive()]
         for due in sorted(found, key=lambda due: due.t):
             self._out.put(due.t, due.message)

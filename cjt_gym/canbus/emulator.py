@@ -156,7 +156,6 @@ class Emulator:
         self.now = max(self.now, t)
 
     def _deliver(self, t: float) -> None:
-        """Deliver the frames that have arrived by a time [s] to the nodes."""
         arrived = self._in.take(t)
         for due in arrived:
             self.now = max(self.now, due.t)
@@ -167,14 +166,12 @@ class Emulator:
             self._obey()
 
     def _obey(self) -> None:
-        """Apply the drive's torque to the joint."""
         torque = self.drive.torque
         if torque != self.torque and self.torque_changed is not None:
             self.torque_changed(self.now, torque)
         self.torque = torque
 
     def _look(self) -> None:
-        """Give the nodes the joint's present values."""
         channels = self.channels()
         for node in self.nodes:
             reports = node.firmware.update(channels, self.now)

@@ -43,7 +43,6 @@ def draw_hidden(joint: Joint, seed: int) -> dict[str, dict[str, Any]]:
 
 
 def _scaled(joint: Joint, name: str, values: Any, rng: np.random.Generator) -> dict[str, Any]:
-    """Return the values of an effect, scaled by a random factor."""
     factor = float(rng.uniform(LEAST, MOST))
     scaled = dict(values)
     for symbol in EFFECTS[name].size:

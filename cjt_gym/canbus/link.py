@@ -231,6 +231,5 @@ def quiet_machine(priority: int | None) -> Iterator[None]:
 
 
 def _schedule(policy: int, priority: int) -> None:
-    """Set the scheduling of every thread of this process."""
     for thread in threading.enumerate():
         os.sched_setscheduler(thread.native_id or 0, policy, os.sched_param(priority))

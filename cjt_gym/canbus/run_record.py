@@ -86,7 +86,6 @@ class RunRecord:
         return name if self._joints == 1 else f"{part.name}{JOINT_MARK}{name}"
 
     def _known(self) -> dict[str, Any]:
-        """Return the metadata of several joints at the start."""
         joints: dict[str, Any] = {}
         sensors: dict[str, Any] = {}
         for part in self._parts:

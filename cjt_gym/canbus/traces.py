@@ -76,7 +76,6 @@ def read_trace(
 
 
 def _said(master: Master, frame: Any) -> Mapping[str, float]:
-    """Return what a frame reports or commands, by column."""
     torque = master.commanded(frame)
     if torque is not None:
         return {COMMAND: torque}

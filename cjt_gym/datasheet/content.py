@@ -125,7 +125,6 @@ def _facts(joints: Sequence[JointParameters]) -> Iterator[Block]:
 
 
 def _plots(joints: Sequence[JointParameters]) -> Iterator[Block]:
-    """Yield the figures that the parameters of all joints allow."""
     one, missing = len(joints) == 1, []
     for name, draw, of_one, of_several in DRAWINGS:
         caption = of_one if one else of_several
@@ -239,7 +238,6 @@ def _repeats(symbol: str, joints: Sequence[JointParameters]) -> bool:
 
 
 def _value(quantity: Quantity | None) -> str:
-    """Return the value of a parameter with tolerance or interval."""
     if quantity is None:
         return number(None)
     if isinstance(quantity.value, tuple):

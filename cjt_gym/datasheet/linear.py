@@ -162,7 +162,6 @@ def _draw(
 
 
 def _draw_identified(axes: Mapping[str, Any], seen: Identified, colour: str) -> None:
-    """Draw a measured response and its nonlinear distortion."""
     gain = 20.0 * np.log10(np.abs(seen.response))
     distortion = 20.0 * np.log10(np.maximum(np.hypot(seen.odd, seen.even), 1e-6)) + gain
     axes["gain"].plot(seen.f, gain, "o", color=colour, ms=2.5, label="with its effects")

@@ -108,7 +108,6 @@ def _largest(p: JointParameters) -> float:
 
 
 def _one_diagram(axes: Axes, p: JointParameters) -> None:
-    """Add hyperbolas of power, friction and points of one joint."""
     peak, top = _largest(p), characteristic(p, "dq_0")
     tau = np.linspace(0.01 * peak, 1.15 * peak, 400)
     for name, style, text in (("p_pm", "--", "peak power"), ("p_cm", ":", "rated power")):

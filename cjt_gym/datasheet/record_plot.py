@@ -121,7 +121,6 @@ def _plain_text(text: Any) -> None:
 
 
 def _sheet(traces: Sequence[Trace], svg: str) -> Sheet:
-    """Return the picture with what is known of each record below it."""
     tables = [Table((plain(trace.name), ""), _facts(trace), "ll", wide=(1,)) for trace in traces]
     title = plain(", ".join(trace.name for trace in traces))
     return Sheet(title, "", [Figure(svg, "", whole=True), *tables])

@@ -254,7 +254,6 @@ def _add_passive(
 
 
 def _add_silent(actuator: Element, name: str, joint: str, **law: str) -> None:
-    """Add a dcmotor without input and without current."""
     given = {"input": "none", "motorconst": "0 0", "resistance": "1"}
     SubElement(actuator, "dcmotor", {"name": name, "joint": joint, **given, **law})
 

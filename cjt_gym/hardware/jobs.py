@@ -114,13 +114,11 @@ def _check_words(runs: Sequence[Run]) -> None:
 
 
 def _experiment(name: str, config: HardwareConfig, options: argparse.Namespace) -> Job:
-    """Return the task of a joint in an identification experiment."""
     torque = experiment_torque(name, config.joint, config.limits, config.dt)
     return Job(config.name, torque, NONE, None, {"excitation": name, "mode": "open loop"})
 
 
 def _task(name: str, config: HardwareConfig, options: argparse.Namespace) -> Job:
-    """Return the task of a joint in a benchmark run."""
     from cjt_gym.hardware.beside_simulation import SECONDS, reference_of
 
     seconds = SECONDS if options.duration is None else options.duration
@@ -147,7 +145,6 @@ def _missing(runs: Sequence[Run]) -> Sequence[Run]:
 
 
 def _is_complete(path: Path, jobs: Sequence[Job]) -> bool:
-    """Return whether a record is complete."""
     known = read_record(path).provenance
     if "fault" in known or "timing_us" not in known:
         return False

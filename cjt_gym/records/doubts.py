@@ -132,7 +132,6 @@ def _against_slope(angle: str, velocity: str, columns: Columns, dt: float) -> Re
 
 
 def _filled(x: FloatArray) -> FloatArray | None:
-    """Return a channel with its missing samples interpolated; None where it does not move."""
     known = np.isfinite(x)
     if known.sum() < 2 or np.ptp(x[known]) == 0.0:
         return None

@@ -114,7 +114,6 @@ def _dt(columns: Columns, facts: Mapping[str, Any]) -> float:
 
 
 def _in_order(columns: Columns, owner: str) -> tuple[list[Columns], list[Repair]]:
-    """Return the columns with their rows in order, one set per piece."""
     if "t" not in columns:
         return [dict(columns)], []
     found, repairs = ordered_rows(columns["t"], _same_rows(columns))
@@ -142,7 +141,6 @@ _NONE = np.empty(0)
 
 
 def _same_rows(columns: Columns) -> Bools:
-    """Return which rows repeat the one before in every value."""
     same = np.ones(_length(columns), dtype=bool)
     for values in columns.values():
         same[1:] &= values[1:] == values[:-1]

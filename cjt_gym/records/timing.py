@@ -81,7 +81,6 @@ def _without(
 
 
 def _resets(t: FloatArray) -> list[int]:
-    """Return the rows at which the clock was set back."""
     found: list[int] = []
     for k in np.flatnonzero(np.diff(t) < 0.0) + 1:
         before, after = t[max(k - 4 * LATE_ROWS, 0) : k], t[k : k + LATE_ROWS]

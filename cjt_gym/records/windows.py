@@ -181,7 +181,6 @@ _STILL = np.zeros(2 ** (OCTAVES + 1))
 
 
 def _sample_time(log: Log) -> float:
-    """Return the sample time of a log from its beginning [s]."""
     beginning = next(log.columns(2000), {})
     records, _ = log.records(beginning)
     return float(records[0].dt)

@@ -29,8 +29,6 @@ def symbol(name: str) -> sp.Symbol:
 
 
 class _Symbols:
-    """Answers like `JointParameters`, with symbols."""
-
     def __getattr__(self, name: str) -> sp.Symbol:
         return symbol(name)
 

@@ -30,8 +30,6 @@ _LIMIT = 64
 
 @final
 class _Client:
-    """A connection and its state."""
-
     def __init__(self, connection: socket.socket) -> None:
         connection.setblocking(False)
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)

@@ -180,7 +180,6 @@ class Cia402Master(Master):
         return self._access(write(key, value))
 
     def _access(self, access: Access) -> Step:
-        """Return the step that makes an access by SDO."""
         node = self.settings.node
         address = access.key[0].to_bytes(2, "little") + bytes([access.key[1]])
         reads, data = access.value is None, b"" if access.value is None else access.data

@@ -245,7 +245,6 @@ class Cia402Firmware(Firmware):
                 self._send(setting)
 
     def _send_timed(self, pdo: Pdo, now: float) -> None:
-        """Send a timed PDO if it is due."""
         setting = self._setting(pdo)
         if setting.kind < 254 or not setting.time:
             return

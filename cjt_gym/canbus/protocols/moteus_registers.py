@@ -224,7 +224,6 @@ def _unpacked(
 
 
 def _step(number: int, kind: int) -> float:
-    """Return the value of one step of an integer."""
     register = REGISTERS.get(number)
     return STEPS[register.quantity][1][kind] if register else 1.0
 

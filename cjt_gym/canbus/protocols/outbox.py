@@ -9,8 +9,6 @@ from can import Message
 
 @dataclass
 class _Cycle:
-    """A frame that `canopen` sends periodically."""
-
     frame: Message
     period: float
     due: float

@@ -204,7 +204,6 @@ def _decoder(schema: Any, channel: Any, path: Path) -> Decode | None:
 
 
 def _plain(value: Any) -> Any:
-    """Return a ROS 2 message as mappings and lists."""
     slots = getattr(value, "__slots__", None)
     if slots:
         return {name.lstrip("_"): _plain(getattr(value, name)) for name in slots}
