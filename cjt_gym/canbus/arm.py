@@ -15,13 +15,12 @@ from typing import Self, final
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.canbus.bus_identity import bus_identity
 from cjt_gym.canbus.can_joint import CanJoint
 from cjt_gym.canbus.config import HardwareConfig
 from cjt_gym.canbus.dialogue import AFTERWARDS
 from cjt_gym.canbus.journal import Watcher
 from cjt_gym.canbus.link import BusLink, Link, open_link, quiet_machine
-from cjt_gym.canbus.lock import NodeLock
+from cjt_gym.canbus.lock import NodeLock, bus_identity
 from cjt_gym.canbus.run_record import RunRecord
 from cjt_gym.canbus.safety import Fault, HardwareFault, State
 from cjt_gym.canbus.shared_bus import SharedLink

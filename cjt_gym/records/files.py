@@ -13,12 +13,11 @@ from numpy.typing import NDArray
 
 from cjt_gym.disk import whole
 from cjt_gym.errors import RecordError, unknown_name
-from cjt_gym.records.alignment import aligned
 from cjt_gym.records.formats import FORMATS, Table, format_of
 from cjt_gym.records.mapping import SUFFIX, ColumnMapping, load_mapping, read_document
 from cjt_gym.records.metadata import facts_path, metadata_text, read_metadata
 from cjt_gym.records.record import JOINT_FILE, Record, joint_to_load
-from cjt_gym.records.sources import clock, mapped
+from cjt_gym.records.sources import aligned, clock, mapped
 
 MappingLike = str | Path | Mapping[str, Any]
 ROWS = 100_000

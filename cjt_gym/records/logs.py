@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from cjt_gym.errors import RecordError
-from cjt_gym.records.alignment import aligned
 from cjt_gym.records.checks import FloatArray
 from cjt_gym.records.columns import COLUMNS, TRUE_PREFIX, default_units
 from cjt_gym.records.draft import draft
@@ -29,7 +28,7 @@ from cjt_gym.records.metadata import read_metadata
 from cjt_gym.records.record import Record
 from cjt_gym.records.repair import make_records
 from cjt_gym.records.repair_notes import Repair
-from cjt_gym.records.sources import Clock, clock, mapped, numbers_of
+from cjt_gym.records.sources import Clock, aligned, clock, mapped, numbers_of
 
 
 @dataclass(frozen=True)
