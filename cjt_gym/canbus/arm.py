@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Self, final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.canbus.can_joint import CanJoint
 from cjt_gym.canbus.config import HardwareConfig
@@ -25,9 +24,7 @@ from cjt_gym.canbus.run_record import RunRecord
 from cjt_gym.canbus.safety import Fault, HardwareFault, State
 from cjt_gym.canbus.shared_bus import SharedLink
 from cjt_gym.errors import HardwareError
-from cjt_gym.plant import Measurement
-
-Floats = NDArray[np.float64]
+from cjt_gym.plant.measurement import Floats, Measurement
 
 
 @final

@@ -11,17 +11,15 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawn
-from numpy.typing import NDArray
 
 from cjt_gym.datasheet.blocks import Figure, Sheet, Table
 from cjt_gym.datasheet.drawing import COLOURS, RED, canvas, legend
 from cjt_gym.datasheet.html import to_html
 from cjt_gym.datasheet.notation import plain
 from cjt_gym.disk import write_bytes
-from cjt_gym.records import Record
+from cjt_gym.records import FloatArray, Record
 from cjt_gym.records.columns import TRUE_PREFIX
 
-Floats = NDArray[np.float64]
 WIDTH, PANEL, MARGIN = 9.0, 1.7, 0.6
 """Width, height of a panel and of what is around them [inch]."""
 BINS = 2000
@@ -99,7 +97,7 @@ def _curves(
         axes.axvline(float(record.t[-1]), color=RED, linewidth=0.8)
 
 
-def _envelope(t: Floats, value: Floats) -> tuple[Floats, Floats]:
+def _envelope(t: FloatArray, value: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return a curve with least and largest value of each piece, where it has many samples."""
     if len(t) <= 2 * BINS:
         return t, value

@@ -17,9 +17,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from xml.etree.ElementTree import Comment, Element, SubElement, indent, tostring
 
-import numpy as np
-from numpy.typing import NDArray
-
 from cjt_gym.export.model import (
     Bodies,
     Export,
@@ -33,8 +30,8 @@ from cjt_gym.export.model import (
 )
 from cjt_gym.joint import Joint
 from cjt_gym.joint.ripple import COGGING
+from cjt_gym.plant.measurement import Floats
 
-Ripple = NDArray[np.float64]
 TIMESTEP = 2.5e-4  # unless told otherwise: four to a usual control step [s]
 ILLEGAL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """Characters that no XML file can hold, however they are written."""
@@ -232,7 +229,7 @@ def _add_passive(
     actuator: Element,
     bodies: Bodies,
     values: Mapping[str, float],
-    ripple: Ripple,
+    ripple: Floats,
     friction: list[Friction],
     timestep: float,
     dcmotor: bool,
@@ -269,7 +266,7 @@ def _bristles(law: Friction, values: Mapping[str, float], inertia: float, timest
     return " ".join(number(x) for x in numbers)
 
 
-def harmonics(values: Mapping[str, float], ripple: Ripple) -> list[tuple[float, float, float]]:
+def harmonics(values: Mapping[str, float], ripple: Floats) -> list[tuple[float, float, float]]:
     """Return frequency [1/rad of q_m], amplitude [N m] and phase of each harmonic of the cogging.
 
     a cos(f q) + b sin(f q) = amplitude sin(f q + phase).

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.canbus.config import HardwareConfig
 from cjt_gym.canbus.experiments import (
@@ -23,11 +22,11 @@ from cjt_gym.canbus.experiments import (
 from cjt_gym.console.options import check_seed
 from cjt_gym.envs.settings import default_amplitude
 from cjt_gym.errors import ConfigurationError
+from cjt_gym.plant.measurement import Floats
 from cjt_gym.records import Record, part_of, read_record, record_names
 from cjt_gym.signals import make_signals, signal_of_record
 from cjt_gym.training.tuning.gains import choose
 
-Floats = NDArray[np.float64]
 NONE, TRACKING = "none", "pd_feedforward"
 APART = 1000
 """Between the seeds of two joints' references."""

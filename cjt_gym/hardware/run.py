@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.canbus.arm import CanArm
 from cjt_gym.canbus.config import HardwareConfig
@@ -15,10 +14,8 @@ from cjt_gym.canbus.journal import Watcher
 from cjt_gym.canbus.link import Link
 from cjt_gym.hardware.delayed_law import PolicyLaw, law_for
 from cjt_gym.hardware.jobs import NONE, Job, Run
-from cjt_gym.plant import Measurement
+from cjt_gym.plant.measurement import Floats, Measurement
 from cjt_gym.training.tuning.gains import gains_in_record
-
-Floats = NDArray[np.float64]
 
 
 class Law(Protocol):

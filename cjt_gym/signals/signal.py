@@ -7,14 +7,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.errors import ConfigurationError, UnknownNameError, unknown_name
 from cjt_gym.joint.border import checked_array
 from cjt_gym.records import Record, read_record
 from cjt_gym.signals import evaluate as ev
+from cjt_gym.signals.evaluate import Floats
 
-Floats = NDArray[np.float64]
 KINDS = {
     "zero": ev.ZERO,
     "step": ev.STEP,
