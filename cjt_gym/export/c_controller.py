@@ -14,7 +14,8 @@ def controller_header(
     law: CLaw, prefix: str, title: str, joint: str, gains: Mapping[str, float]
 ) -> str:
     """Return the text of the header."""
-    adds = law.addition is not NOTHING
+    adds, renders = law.addition is not NOTHING, law.stiffness > 0.0 or law.damping > 0.0
+    impedance = {"STIFFNESS": number(law.stiffness), "DAMPING": number(law.damping)}
     tables = {
         "a": law.linear.a,
         "b": law.linear.b,
@@ -26,27 +27,17 @@ def controller_header(
         "GAINS": ", ".join(f"{key} = {value:.6g}" for key, value in gains.items()) or "none",
         "LIMIT": number(law.limit),
         "START": "reference" if law.follows else "tau",
-        "RENDER": _render(law),
+        "RENDER": filled(RENDER, impedance) if renders else "",
         "ADDITION_STATE": law.addition.state,
         "ADDITION": law.addition.code,
         "AFTER": law.addition.after,
         "LOCAL": law.addition.local,
         "ADDED": "added" if adds else "0.0",
         "BACK": "" if law.back is None else " - @NAME@_back[i] * added",
-        "REST_STATE": "  @REAL@ rest; /* load angle at the start */\n" if _renders(law) else "",
+        "REST_STATE": "  @REAL@ rest; /* load angle at the start */\n" if renders else "",
     }
     common = common_values(identifier(prefix), title, joint, law.linear.dt, tables)
     return filled(TEMPLATE, values | common)
-
-
-def _renders(law: CLaw) -> bool:
-    return law.stiffness > 0.0 or law.damping > 0.0
-
-
-def _render(law: CLaw) -> str:
-    if not _renders(law):
-        return ""
-    return filled(RENDER, {"STIFFNESS": number(law.stiffness), "DAMPING": number(law.damping)})
 
 
 RENDER: Final = """\

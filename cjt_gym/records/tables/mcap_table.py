@@ -51,7 +51,10 @@ def read(path: Path) -> dict[str, NDArray[Any]]:
         decode = decoders[channel.id]
         if decode is not None:
             topic = topics.setdefault(channel.topic, Topic([], defaultdict(list)))
-            topic.add(message.log_time, _decoded(decode, message.data, channel.topic, path))
+            what = f"A message of {channel.topic} in {path} must be as its schema says"
+            with parsing(what, RecordError):
+                content = decode(message.data)
+            topic.add(message.log_time, content)
             COLUMNS.check(sum(len(t.fields) + 1 for t in topics.values()), path, RecordError)
             NUMBERS.check(sum(t.size for t in topics.values()), path, RecordError)
     if not topics:
@@ -182,11 +185,6 @@ class Bounded(bytes):
         if isinstance(key, slice) and key.stop is not None and key.stop > len(self):
             raise EOFError("it ends too early")
         return super().__getitem__(key)
-
-
-def _decoded(decode: Decode, data: bytes, topic: str, path: Path) -> Any:
-    with parsing(f"A message of {topic} in {path} must be as its schema says", RecordError):
-        return decode(data)
 
 
 def _decoder(schema: Any, channel: Any, path: Path) -> Decode | None:
