@@ -51,7 +51,7 @@ def clean(record: Record) -> tuple[Record, tuple[Repair, ...]]:
         >>> q_m = np.sin(10 * t)
         >>> q_m[200] = 7.0
         >>> record, repairs = clean(Record({"t": t, "q_m": q_m}, {"t": "s", "q_m": "rad"}))
-        >>> record["q_m"][200], repairs[0].text
+        >>> float(record["q_m"][200]), repairs[0].text
         (nan, 'q_m: 1 glitch (0.25 %) marked as missing.')
     """
     pieces, repairs = clean_pieces(record)
