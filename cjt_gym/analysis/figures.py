@@ -239,7 +239,7 @@ def port_shortage(loop: Loop, r: Responses | None = None) -> float:
     return float(max(0.0, np.max(lacking, initial=0.0)))
 
 
-def stiffest_rendered(loop: Loop, damping: float = 0.0, environment: float = 0.0) -> float:
+def stiffest_rendered(loop: Loop, environment: float = 0.0) -> float:
     """Return the stiffest virtual spring that the joint renders stably and passively [N m/rad].
 
     That is the upper end of its Z-width (Colgate and Brown, 1994, IEEE ICRA); the lower one is
@@ -247,7 +247,6 @@ def stiffest_rendered(loop: Loop, damping: float = 0.0, environment: float = 0.0
 
     Args:
         loop: The loop.
-        damping: Of the virtual damper beside the spring [N m s/rad].
         environment: Damping of what touches the output, such as a hand [N m s/rad].
 
     Returns:
@@ -256,7 +255,7 @@ def stiffest_rendered(loop: Loop, damping: float = 0.0, environment: float = 0.0
     """
 
     def passive(stiffness: float) -> bool:
-        rendering = loop.rendering(stiffness, damping)
+        rendering = loop.rendering(stiffness)
         return rendering.is_stable() and port_shortage(rendering) <= environment
 
     if passive(STIFFEST):

@@ -132,35 +132,28 @@ class Loop:
         step = np.exp(s * self.plant.dt) - 1.0
         return np.asarray(s * self.plant.dt / (motion * step))
 
-    def rendering(self, stiffness: float, damping: float = 0.0) -> Loop:
-        """Return the loop whose reference renders a virtual spring and damper at the output.
+    def rendering(self, stiffness: float) -> Loop:
+        """Return the loop whose reference renders a virtual spring at the output.
 
-            r = -stiffness q_l - damping dq_l,  from the measured angle and velocity of the load
+            r = -stiffness q_l,  from the measured angle of the load
 
         Args:
             stiffness: Of the spring [N m/rad].
-            damping: Of the damper [N m s/rad].
 
         Raises:
-            ConfigurationError: One of them is negative.
+            ConfigurationError: It is negative.
         """
-        if stiffness < 0.0 or damping < 0.0:
+        if stiffness < 0.0:
             raise ConfigurationError(
-                "stiffness [N m/rad] and damping [N m s/rad] of a rendered impedance must be >= 0,"
-                f" got {stiffness:g} and {damping:g}."
+                f"The stiffness of a rendered spring must be >= 0 N m/rad, got {stiffness:g}."
             )
-        channels, system = list(self.law.channels), self.law.system
-        for name, gain in (("q_l", stiffness), ("dq_l", damping)):
-            if gain == 0.0:
-                continue
-            b, d = system.b, system.d
-            if name not in channels:
-                channels.append(name)
-                b = np.hstack([b, np.zeros_like(b[:, :1])])
-                d = np.hstack([d, np.zeros_like(d[:, :1])])
-            at = 1 + channels.index(name)
-            b, d = b.copy(), d.copy()
-            b[:, at] -= gain * b[:, 0]
-            d[:, at] -= gain * d[:, 0]
-            system = replace(system, b=b, d=d)
-        return Loop(replace(self.law, system=system, channels=tuple(channels)), self.plant)
+        channels, system = self.law.channels, self.law.system
+        b, d = system.b.copy(), system.d.copy()
+        if "q_l" not in channels:
+            channels = (*channels, "q_l")
+            b, d = (np.hstack([x, np.zeros_like(x[:, :1])]) for x in (b, d))
+        at = 1 + channels.index("q_l")
+        b[:, at] -= stiffness * b[:, 0]
+        d[:, at] -= stiffness * d[:, 0]
+        law = replace(self.law, system=replace(system, b=b, d=d), channels=channels)
+        return Loop(law, self.plant)

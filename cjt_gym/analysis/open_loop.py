@@ -7,6 +7,7 @@ k (v - k dq_m) / r, and with "rl" and "dq" behind the inductance, too. Effects a
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -207,7 +208,6 @@ def poles(joint: Joint, input: str = "tau_m") -> tuple[Mode, ...]:
 
 
 def _names(joint: Joint, input: str, order: int) -> list[str]:
-    """Return the names of the states of `matrices`."""
     row = joint.structure_row
     names = [x for x in state_names(row) if not (row.output_fixed and x == "q_l")]
     return [*(names if input != "load" else state_names(row)), "i"][:order]
@@ -296,11 +296,12 @@ def step(
         x = a_d @ x + b_d[:, 0]
     t = np.asarray(dt * np.arange(samples), dtype=np.float64)
     final, peak = float(y[-samples // 20 :].mean()), float(np.abs(y).max())
+    endless = Step(t, y, math.nan, math.nan, math.nan, math.nan)
     if abs(y[-1] - y[-samples // 10]) > 0.02 * peak or abs(final) <= 1e-3 * peak:
-        return Step(t, y, float("nan"), float("nan"), float("nan"), float("nan"))
+        return endless
     if np.abs(np.linalg.eigvals(a)).min() > STILL * np.abs(np.linalg.eigvals(a)).max():
         final = float((d - c @ np.linalg.solve(a, b))[0, 0])
         if abs(final) <= 1e-3 * peak:
-            return Step(t, y, float("nan"), float("nan"), float("nan"), float("nan"))
+            return endless
     figures = step_figures(y / final, dt)
     return Step(t, y, final, figures["rise_s"], figures["overshoot"], figures["settling_s"])

@@ -50,7 +50,6 @@ class Law(Protocol):
 
     def act(self, measurement: Measurement, reference: Floats) -> Floats:
         """Return motor torques [N m], shape (n,)."""
-        ...
 
 
 @dataclass(frozen=True)

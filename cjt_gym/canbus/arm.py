@@ -13,23 +13,18 @@ from pathlib import Path
 from typing import Self, final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cjt_gym.canbus.arm_record import ArmRecord
-from cjt_gym.canbus.bus_identity import bus_identity
 from cjt_gym.canbus.can_joint import CanJoint
 from cjt_gym.canbus.config import HardwareConfig
 from cjt_gym.canbus.dialogue import AFTERWARDS
-from cjt_gym.canbus.journal import Watcher, refuse_taken
+from cjt_gym.canbus.journal import Watcher
 from cjt_gym.canbus.link import BusLink, Link, open_link, quiet_machine
-from cjt_gym.canbus.lock import NodeLock
-from cjt_gym.canbus.run_record import BeginRecord, RunRecord
+from cjt_gym.canbus.lock import NodeLock, bus_identity
+from cjt_gym.canbus.run_record import RunRecord
 from cjt_gym.canbus.safety import Fault, HardwareFault, State
 from cjt_gym.canbus.shared_bus import SharedLink
 from cjt_gym.errors import HardwareError
-from cjt_gym.plant import Measurement
-
-Floats = NDArray[np.float64]
+from cjt_gym.plant.measurement import Floats, Measurement
 
 
 @final
@@ -77,21 +72,14 @@ class CanArm:
         self._held: list[NodeLock] = []
         self._quiet = contextlib.ExitStack()
         self._shared = SharedLink(len(configs), self.dt, link)
-        begin = None if record is None else self._record(record, watcher)
+        shared = None if record is None else RunRecord(record, len(configs), self.dt, watcher)
         self.joints = tuple(
-            CanJoint(config, tap, self._lock, begin)
+            CanJoint(config, tap, self._lock, shared)
             for config, tap in zip(configs, self._shared.taps, strict=True)
         )
         for joint, tap in zip(self.joints, self._shared.taps, strict=True):
             tap.claims = joint.nodes.claims
             joint.on_fault = partial(self._spread, joint.config.name)
-
-    def _record(self, path: str | Path, watcher: Watcher | None) -> BeginRecord:
-        """Return the function that starts the record of a joint."""
-        refuse_taken(Path(path))
-        if len(self.configs) == 1:
-            return partial(RunRecord, path, watcher=watcher)
-        return ArmRecord(path, len(self.configs), self.dt, watcher).begin
 
     @property
     def link(self) -> Link:
@@ -136,9 +124,6 @@ class CanArm:
 
     def reset(self, seed: int | None = None) -> list[Measurement]:
         """End the current run softly, and return the measurements for the start of the next.
-
-        Args:
-            seed: Not used.
 
         Raises:
             HardwareError: A joint is not armed, or is in fault.
@@ -233,7 +218,6 @@ class CanArm:
             self._shared.let_go()
 
     def _send(self, each: Callable[[CanJoint, int], None]) -> None:
-        """Send the frames of all joints together."""
         with self._lock:  # nobody else may send between them
             self._shared.gather()
             try:

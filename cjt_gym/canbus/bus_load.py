@@ -54,14 +54,7 @@ class JointLoad:
 
 @dataclass(frozen=True)
 class BusLoad:
-    """Load of all joints on the bus.
-
-    Attributes:
-        joints: Load of each joint.
-        rate_hz: Configured rate [Hz].
-        bitrate: Nominal bit rate [bit/s].
-        data_bitrate: Bit rate of CAN FD's data phase [bit/s].
-    """
+    """Load of all joints on the bus; rate in Hz, bit rates in bit/s."""
 
     joints: tuple[JointLoad, ...]
     rate_hz: float
@@ -114,7 +107,6 @@ def bus_load(
 
 
 def _slower(config: HardwareConfig) -> HardwareConfig:
-    """Return the configuration at half the rate."""
     nodes = tuple(
         replace(
             node,
@@ -147,7 +139,7 @@ def _exchanged(
         count(message)
         return [message]
 
-    nodes = Nodes.of(config)
+    nodes = Nodes(config)
     talk, drive = Dialogue(link, nodes), nodes.drive
     for node in nodes.all:
         talk.perform(node, node.master.configure())

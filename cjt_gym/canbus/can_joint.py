@@ -13,7 +13,7 @@ from cjt_gym.canbus.dialogue import LOOKS, Dialogue
 from cjt_gym.canbus.link import Link
 from cjt_gym.canbus.measuring import Sense
 from cjt_gym.canbus.nodes import Nodes
-from cjt_gym.canbus.run_record import BeginRecord, RunLog, Sample
+from cjt_gym.canbus.run_record import JointRecord, RunRecord, Sample
 from cjt_gym.canbus.safety import Fault, Guard, HardwareFault, Seen, State
 from cjt_gym.canbus.timing import Timing
 from cjt_gym.errors import HardwareError, ProtocolError
@@ -33,7 +33,7 @@ class CanJoint:
         sense: Completes what is measured.
         guard: State, limits and faults.
         timing: Timing of the latest run.
-        record: The record of a run.
+        record: Its part of the record.
         due: Time at which the next command is due [s].
         on_fault: Called once with the fault that ended a run, from the thread that found it.
     """
@@ -43,18 +43,18 @@ class CanJoint:
         config: HardwareConfig,
         link: Link,
         lock: threading.RLock,
-        begin_record: BeginRecord | None = None,
+        record: RunRecord | None = None,
     ) -> None:
         """Prepare, without touching the bus."""
         self.config, self.link = config, link
-        self.nodes = Nodes.of(config)
+        self.nodes = Nodes(config)
         self.sense = Sense(config, frozenset(self.nodes.latest))
         self.guard = Guard(config.limits, config.dt, config.soft, config.overrun, config.missed)
         self.timing = Timing()
         self.on_fault: Callable[[Fault], None] | None = None
         self._talk = Dialogue(link, self.nodes)
         self._lock = lock
-        self.record = RunLog(config, self.sense, begin_record)
+        self.record = JointRecord(config, self.sense, record)
         self._begin = self.due = math.inf
         self._k = 0
         self._full: dict[str, float] = {}
@@ -294,9 +294,6 @@ class CanJoint:
         )
 
     def _note(self, torque: float, lateness: float) -> None:
-        """Append a row to the record."""
         self.record.note(
-            Sample(
-                self._k, self._full, torque, self._tau_ref, self.age(), lateness, self._round_trip
-            )
+            Sample(self._full, torque, self._tau_ref, self.age(), lateness, self._round_trip)
         )

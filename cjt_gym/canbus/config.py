@@ -139,13 +139,6 @@ def load_joints(path: str | Path, joint: str | None = None) -> tuple[HardwareCon
         UnknownNameError: It does not list that joint.
         CjtGymError: See `load_hardware`.
     """
-    found = {config.name: config for config in _listed(path)}
-    if joint is not None and joint not in found:
-        raise unknown_name(f"joint of {path}", joint, found)
-    return tuple(found.values()) if joint is None else (found[joint],)
-
-
-def _listed(path: str | Path) -> tuple[HardwareConfig, ...]:
     file = Path(path)
     try:
         document = read_toml(file, ConfigurationError)
@@ -153,9 +146,14 @@ def _listed(path: str | Path) -> tuple[HardwareConfig, ...]:
         raise MissingFileError(f"The hardware configuration {path} does not exist.") from None
     except OSError as error:
         raise ConfigurationError(f"{path} must be a TOML file in UTF-8: {error}.") from error
-    if "joints" not in document:
-        return (parse_hardware(document, str(path), file.parent),)
-    return parse_joints(document, str(path), file.parent)
+    if "joints" in document:
+        configs = parse_joints(document, str(path), file.parent)
+    else:
+        configs = (parse_hardware(document, str(path), file.parent),)
+    found = {config.name: config for config in configs}
+    if joint is not None and joint not in found:
+        raise unknown_name(f"joint of {path}", joint, found)
+    return configs if joint is None else (found[joint],)
 
 
 def parse_joints(document: Table, origin: str, folder: Path) -> tuple[HardwareConfig, ...]:

@@ -33,11 +33,7 @@ LOOKS = 4
 
 @final
 class Dialogue:
-    """Exchanges of several frames with the nodes of a joint.
-
-    Attributes:
-        link: Connection to the bus.
-    """
+    """Exchanges of several frames with the nodes of a joint."""
 
     def __init__(self, link: Link, nodes: Nodes) -> None:
         self.link = link
@@ -154,7 +150,6 @@ class Dialogue:
             self.repeat_off()
 
     def _modes(self, node: Node) -> set[Mode]:
-        """Return the modes shown by the frames that have arrived."""
         found: set[Mode] = set()
         for arrival in self.link.receive():
             with contextlib.suppress(ProtocolError):

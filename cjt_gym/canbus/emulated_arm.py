@@ -1,8 +1,9 @@
-"""Several emulated joints on one emulated bus."""
+"""Emulated joints on a bus: several on one, and one or several for clients in real time."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import final
 
@@ -10,9 +11,16 @@ import can
 
 from cjt_gym.canbus.config import HardwareConfig
 from cjt_gym.canbus.emulator import Emulator, medium_of
+from cjt_gym.canbus.ports import Port
 from cjt_gym.canbus.settings import EmulatorSettings
 from cjt_gym.canbus.wire import Due, Wire
 from cjt_gym.joint import Joint
+
+SLOWEST = 0.02
+"""Time that an emulator may fall behind [s]; beyond, its time stands still instead.
+
+A drive never sends a burst of old frames.
+"""
 
 
 @final
@@ -86,7 +94,6 @@ class EmulatedArm:
             self._collect()
 
     def _collect(self) -> None:
-        """Put the frames of the nodes on the bus."""
         found = [due for emulator in self.emulators for due in emulator.receive()]
         for due in sorted(found, key=lambda due: due.t):
             self._out.put(due.t, due.message)
@@ -99,3 +106,27 @@ def emulator_of(
     if len(configs) > 1:
         return EmulatedArm(configs, joints)
     return Emulator(configs[0], None if joints is None else joints[0])
+
+
+def serve(
+    emulator: Emulator | EmulatedArm, port: Port, speed: float, stopped: Callable[[], bool]
+) -> None:
+    """Run an emulator on a port until it is stopped; speed is that of its time over the clock."""
+
+    def hand_out() -> None:
+        for due in emulator.receive():
+            due.message.timestamp = time.time()
+            port.send(due.message)
+
+    begin = time.perf_counter() - emulator.now / speed
+    while not stopped():
+        now = (time.perf_counter() - begin) * speed
+        if now - emulator.now > SLOWEST * speed:
+            begin += (now - emulator.now) / speed
+            now = emulator.now
+        emulator.advance(now)
+        hand_out()
+        if messages := port.receive((emulator.next() - emulator.now) / speed):
+            emulator.advance((time.perf_counter() - begin) * speed)
+            emulator.send(messages)
+            hand_out()

@@ -6,18 +6,16 @@ that run faster.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol, final
+from typing import Any, final
 
 import can
 import numpy as np
 
 from cjt_gym.canbus.config import HardwareConfig
-from cjt_gym.canbus.ports.port import Port
 from cjt_gym.canbus.protocols import protocol_of
-from cjt_gym.canbus.protocols.contract import Firmware
+from cjt_gym.canbus.protocols.firmware import Firmware
 from cjt_gym.canbus.wire import Due, Medium, Wire
 from cjt_gym.joint import Joint
 from cjt_gym.joint.arrays import CHANNELS, WINDING
@@ -29,11 +27,6 @@ TICK = 2.5e-4
 SUBSTEPS = 2
 WAKE = 1e-3
 """Longest time after which an idle emulator looks at its nodes [s]."""
-SLOWEST = 0.02
-"""Time that an emulator may fall behind [s]; beyond, its time stands still instead.
-
-A drive never sends a burst of old frames.
-"""
 AMBIENT = 25.0
 
 
@@ -163,7 +156,6 @@ class Emulator:
         self.now = max(self.now, t)
 
     def _deliver(self, t: float) -> None:
-        """Deliver the frames that have arrived by a time [s] to the nodes."""
         arrived = self._in.take(t)
         for due in arrived:
             self.now = max(self.now, due.t)
@@ -174,14 +166,12 @@ class Emulator:
             self._obey()
 
     def _obey(self) -> None:
-        """Apply the drive's torque to the joint."""
         torque = self.drive.torque
         if torque != self.torque and self.torque_changed is not None:
             self.torque_changed(self.now, torque)
         self.torque = torque
 
     def _look(self) -> None:
-        """Give the nodes the joint's present values."""
         channels = self.channels()
         for node in self.nodes:
             reports = node.firmware.update(channels, self.now)
@@ -208,56 +198,3 @@ class Emulator:
             "temperature": warmth,
             "v_bus": self._fixed["v_bus"],
         }
-
-
-class Emulated(Protocol):
-    """Interface of an emulator, or of several on one bus."""
-
-    @property
-    def now(self) -> float: ...
-
-    def send(self, messages: Sequence[can.Message]) -> None: ...
-    def receive(self) -> list[Due]: ...
-    def next(self) -> float: ...
-    def advance(self, t: float) -> None: ...
-
-
-def serve(
-    emulator: Emulated,
-    ports: Sequence[Port],
-    speed: float,
-    stopped: Callable[[], bool],
-) -> None:
-    """Run an emulator on ports until it is stopped.
-
-    Args:
-        emulator: The emulator.
-        ports: Ends of the bus for clients; the loop waits on the first.
-        speed: Speed of simulated time relative to the clock.
-        stopped: Returns whether to stop.
-    """
-    begin = time.perf_counter() - emulator.now / speed
-    while not stopped():
-        now = (time.perf_counter() - begin) * speed
-        if now - emulator.now > SLOWEST * speed:
-            begin += (now - emulator.now) / speed
-            now = emulator.now
-        emulator.advance(now)
-        _hand_out(emulator, ports)
-        wait = (emulator.next() - emulator.now) / speed
-        for k, port in enumerate(ports):
-            messages = port.receive(wait if k == 0 else 0.0)
-            if messages:
-                emulator.advance((time.perf_counter() - begin) * speed)
-                emulator.send(messages)
-                _hand_out(emulator, ports)
-
-
-def _hand_out(emulator: Emulated, ports: Sequence[Port]) -> None:
-    for due in emulator.receive():
-        due.message.timestamp = time.time()
-        for port in ports:
-            port.send(due.message)
-
-
-__all__ = ["TICK", "Emulator", "Node", "emulated_joint", "serve"]

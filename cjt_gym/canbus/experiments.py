@@ -6,13 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.canbus.safety import SafetyLimits
 from cjt_gym.errors import unknown_name
 from cjt_gym.joint import Joint
+from cjt_gym.plant.measurement import Floats
 
-Floats = NDArray[np.float64]
 HEADROOM = 0.6
 """Share of each limit that the nominal joint may reach in an experiment."""
 BACK_OFF, TRIALS = 0.7, 30

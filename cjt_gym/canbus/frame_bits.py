@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import can
+from can.util import dlc2len, len2dlc
 
 POLYNOMIAL: Final = 0x4599
 """Of the CRC of classical frames, 15 bits."""
@@ -17,38 +18,25 @@ TAIL: Final = 13
 """CRC delimiter, acknowledgement and its delimiter, end of frame, and the space to the next one."""
 RUN: Final = 5
 """Equal bits after which one is stuffed in."""
-LENGTHS: Final = (*range(9), 12, 16, 20, 24, 32, 48, 64)
-"""Bytes of data by the length code."""
 
 
 class FrameBits(NamedTuple):
-    """Bits of a frame.
-
-    Attributes:
-        nominal: Bits at the nominal bit rate.
-        fast: Bits at the bit rate of the data phase.
-    """
+    """Bits of a frame: at the nominal bit rate, and at that of the data phase."""
 
     nominal: int
     fast: int
 
 
 def wire_time(message: can.Message, bitrate: float, data_bitrate: float) -> float:
-    """Return how long a frame occupies the bus, with the interframe space [s].
-
-    Args:
-        message: The frame.
-        bitrate: Nominal bit rate [bit/s].
-        data_bitrate: Bit rate of CAN FD's data phase [bit/s].
-    """
+    """Return how long a frame occupies the bus [s], with the interframe space; rates in bit/s."""
     bits = bits_of(message)
     return bits.nominal / bitrate + bits.fast / data_bitrate
 
 
 def bits_of(message: can.Message) -> FrameBits:
     """Return the bits of a frame."""
-    code = next(k for k, length in enumerate(LENGTHS) if length >= message.dlc)
-    size = 0 if message.is_remote_frame else LENGTHS[code]
+    code = len2dlc(message.dlc)
+    size = 0 if message.is_remote_frame else dlc2len(code)
     data = _bits(int.from_bytes(bytes(message.data).ljust(size, b"\0"), "big"), 8 * size)
     rest = [*_bits(code, 4), *data]
     if not message.is_fd:

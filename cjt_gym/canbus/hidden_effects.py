@@ -22,12 +22,7 @@ TWO = 0.5
 
 
 def draw_hidden(joint: Joint, seed: int) -> dict[str, dict[str, Any]]:
-    """Return one or two effects with values around their typical ones.
-
-    Args:
-        joint: The nominal joint.
-        seed: Seed of the draw.
-    """
+    """Return one or two effects with values around their typical ones."""
     rng = np.random.default_rng(seed)
     row = joint.structure_row
     able = [name for name in HIDEABLE if EFFECTS[name].acts_in(row, joint.drive)]
@@ -48,7 +43,6 @@ def draw_hidden(joint: Joint, seed: int) -> dict[str, dict[str, Any]]:
 
 
 def _scaled(joint: Joint, name: str, values: Any, rng: np.random.Generator) -> dict[str, Any]:
-    """Return the values of an effect, scaled by a random factor."""
     factor = float(rng.uniform(LEAST, MOST))
     scaled = dict(values)
     for symbol in EFFECTS[name].size:

@@ -162,12 +162,7 @@ class Journal:
 
 
 def refuse_taken(path: Path) -> None:
-    """Raise an error if a record's file exists already.
-
-    Raises:
-        ConfigurationError: The record exists.
-        RecordError: The TOML file beside it belongs to something else.
-    """
+    """Raise an error if a record's file exists already."""
     for there in (path, path.with_suffix(SUFFIX)):
         if there.exists():
             raise ConfigurationError(

@@ -44,15 +44,12 @@ class Link(Protocol):
     @property
     def stamps(self) -> str:
         """Clock of the arrival times."""
-        ...
 
     def now(self) -> float:
         """Return the time [s]."""
-        ...
 
     def wait_until(self, t: float) -> None:
         """Wait until a time [s]; return at once if it has passed."""
-        ...
 
     def send(self, messages: Sequence[can.Message]) -> None:
         """Send frames.
@@ -60,7 +57,6 @@ class Link(Protocol):
         Raises:
             HardwareError: The bus rejects them.
         """
-        ...
 
     def receive(self) -> list[Arrival]:
         """Return all frames since the last call, in order of arrival.
@@ -68,15 +64,12 @@ class Link(Protocol):
         Raises:
             HardwareError: The bus is lost.
         """
-        ...
 
     def watch(self, supervise: Callable[[float], None], every: float) -> None:
         """Call `supervise(now)` at least once in `every` seconds, whatever the loop does."""
-        ...
 
     def close(self) -> None:
         """Release the bus."""
-        ...
 
 
 @final
@@ -88,12 +81,7 @@ class BusLink:
     """
 
     def __init__(self, bus: can.BusABC, clock: StampClock | None = None) -> None:
-        """Begin to receive.
-
-        Args:
-            bus: The bus.
-            clock: Clock of its stamps; None counts frames as arrived when received.
-        """
+        """Begin to receive; without a clock, frames count as arrived when they are received."""
         self._bus = bus
         self._clock = clock or StampClock(RECEPTION)
         self._inbox: deque[Arrival] = deque(maxlen=KEPT)
@@ -243,6 +231,5 @@ def quiet_machine(priority: int | None) -> Iterator[None]:
 
 
 def _schedule(policy: int, priority: int) -> None:
-    """Set the scheduling of every thread of this process."""
     for thread in threading.enumerate():
         os.sched_setscheduler(thread.native_id or 0, policy, os.sched_param(priority))

@@ -7,17 +7,22 @@ machine. A file there that is not a lock is left alone.
 from __future__ import annotations
 
 import contextlib
+import ipaddress
 import os
 import re
+import socket
 import stat
 from pathlib import Path
 from typing import Final, final
 
+from cjt_gym.canbus.settings import BusSettings
+from cjt_gym.disk import lock
 from cjt_gym.errors import HardwareError
 
 FOLDER: Final = Path(os.environ.get("PROGRAMDATA", "C:\\") if os.name == "nt" else "/tmp")
 WIDTH: Final = 16
 """Bytes of a lock: the number of the process that took it last, and spaces."""
+HERE: Final = "this-machine"
 
 
 @final
@@ -37,7 +42,8 @@ class NodeLock:
         self.path = FOLDER / f"cjt-gym-{name}.lock"
         self._file = _opened(self.path)
         try:
-            _lock(self._file)
+            os.lseek(self._file, WIDTH, os.SEEK_SET)  # on Windows, what is locked cannot be read
+            lock(self._file)
         except OSError:
             holder = _content(self._file).decode("ascii", "replace").strip() or "unknown"
             os.close(self._file)
@@ -87,13 +93,43 @@ def _content(file: int) -> bytes:
     return os.read(file, WIDTH)
 
 
-def _lock(file: int) -> None:
-    if os.name == "nt":
-        import msvcrt
+def bus_identity(settings: BusSettings) -> str:
+    """Return a name that is the same for every spelling of a bus, and differs between buses."""
+    interface, options = settings.interface.lower(), settings.options
+    if interface == "socketcand":
+        host = machine_of(str(options.get("host", settings.host)))
+        return f"{interface}-{host}-{options.get('port', settings.port)}-{settings.channel}"
+    return f"{interface}-{_device(settings.channel)}"
 
-        os.lseek(file, WIDTH, os.SEEK_SET)  # beyond what others may want to read
-        msvcrt.locking(file, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]
-    else:
-        import fcntl
 
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+def machine_of(host: str) -> str:
+    """Return a single name for all addresses and names of a machine.
+
+    A name that cannot be resolved is returned unchanged; connecting will fail, too.
+    """
+    try:
+        found = socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)
+    except (OSError, UnicodeError):
+        return host.lower()
+    addresses = sorted({str(entry[4][0]) for entry in found})
+    return HERE if any(map(_is_here, addresses)) else addresses[0]
+
+
+def _is_here(address: str) -> bool:
+    """Return whether an address belongs to this machine: only such can be bound."""
+    plain = ipaddress.ip_address(address.split("%")[0])
+    if plain.is_loopback or plain.is_unspecified:
+        return True
+    family = socket.AF_INET6 if plain.version == 6 else socket.AF_INET
+    try:
+        with socket.socket(family, socket.SOCK_DGRAM) as probe:
+            probe.bind((address, 0))
+    except OSError:
+        return False
+    return True
+
+
+def _device(channel: str) -> str:
+    """Return the device behind a path such as those in /dev/serial, otherwise the channel."""
+    path = re.sub(r"@\d+$", "", channel)  # slcan: the baud rate of the serial line
+    return os.path.realpath(path) if os.path.isabs(path) else channel

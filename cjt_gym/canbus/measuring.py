@@ -28,12 +28,7 @@ class Sense:
     """
 
     def __init__(self, config: HardwareConfig, reported: frozenset[str]) -> None:
-        """Determine which channels can be known.
-
-        Args:
-            config: Configuration of the joint.
-            reported: Channels that the nodes report.
-        """
+        """Determine which channels can be known from those that the nodes report."""
         p, row = config.joint.parameters, config.joint.structure_row
         has = {**dict.fromkeys(reported, True), "i": bool({"i", "tau_m"} & reported)}
         self.measured = tuple(name for name in CHANNELS if has.get(name))

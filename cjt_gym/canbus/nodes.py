@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import final
 
 import can
@@ -34,36 +34,25 @@ class Latest:
     """The latest value of a channel.
 
     Attributes:
-        value: In the channel's unit.
-        t: Arrival time of its frame [s].
         period: Time between two reports [s].
         oldest: Age above which it counts as missing [s].
         node: Name of the node that reports it.
         label: Its name in the fault when it is missing.
+        value: In the channel's unit.
+        t: Arrival time of its frame [s].
     """
 
+    period: float
+    oldest: float
+    node: str
+    label: str
     value: float = math.nan
     t: float = -math.inf
-    period: float = math.inf
-    oldest: float = math.inf
-    node: str = ""
-    label: str = ""
 
 
 @final
 class Node:
-    """One node: its master, and a count of its frames.
-
-    Attributes:
-        name: Its name in the configuration.
-        address: Its number on the bus.
-        master: Its protocol.
-        mode: Its latest reported mode, or None.
-        error: Its latest reported error.
-        text: That error in words.
-        is_asked: Whether it reports only when asked.
-        is_unwatched: Whether its configuration accepts that it may not stop by itself.
-    """
+    """One node: its master, its latest mode and error, and a count of its frames."""
 
     def __init__(self, settings: NodeSettings, owed: int, overrun: float) -> None:
         """Start without a report."""
@@ -104,7 +93,7 @@ class Node:
         self._accounts.clear()
 
 
-@dataclass
+@final
 class Nodes:
     """All nodes of a joint.
 
@@ -116,30 +105,19 @@ class Nodes:
         strange: Number of undecodable frames outside a run.
     """
 
-    dt: float
-    missed: int
-    all: Sequence[Node]
-    latest: dict[str, Latest] = field(default_factory=dict)
-    strange: int = 0
-
-    @staticmethod
-    def of(config: HardwareConfig) -> Nodes:
-        """Return the nodes of a configuration.
-
-        Outstanding answers are those that may be missing, and those to the commands by which a late
-        loop catches up.
-        """
+    def __init__(self, config: HardwareConfig) -> None:
+        self.dt, self.missed = config.dt, config.missed
+        # what may be missing, and answers to the commands by which a late loop catches up
         owed = config.missed + math.ceil(config.overrun / config.dt)
-        every = [Node(settings, owed, config.overrun) for settings in config.nodes]
-        nodes = Nodes(config.dt, config.missed, every)
-        for node in nodes.all:
+        self.all = [Node(settings, owed, config.overrun) for settings in config.nodes]
+        self.latest: dict[str, Latest] = {}
+        self.strange = 0
+        for node in self.all:
             for name in sorted(node.master.channels):
                 period = max(node.master.periods.get(name, config.dt), 1e-6)
-                oldest = max(nodes.oldest(period), SLOW.get(name, 0.0))
+                oldest = max(self.oldest(period), SLOW.get(name, 0.0))
                 label = f"{name} of {node.name}"
-                latest = Latest(math.nan, -math.inf, period, oldest, node.name, label)
-                nodes.latest.setdefault(name, latest)
-        return nodes
+                self.latest.setdefault(name, Latest(period, oldest, node.name, label))
 
     def claims(self, message: can.Message) -> bool:
         """Return whether a frame is from one of these nodes, valid or not."""

@@ -7,15 +7,13 @@ from pathlib import Path
 from typing import Any, Self, final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.canbus.arm import CanArm
 from cjt_gym.canbus.config import HardwareConfig
 from cjt_gym.canbus.link import Link
 from cjt_gym.canbus.safety import State
-from cjt_gym.plant import Limits, Measurement
-
-Floats = NDArray[np.float64]
+from cjt_gym.plant import Limits
+from cjt_gym.plant.measurement import Floats, Measurement
 
 
 @final

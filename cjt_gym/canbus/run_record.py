@@ -1,21 +1,29 @@
-"""The record of a run on a bus: its columns, its metadata, and a row per control step."""
+"""The record of a run on a bus: its columns, its metadata, and a row per control step.
+
+The joints of a bus share one record. Where there are several, the name of the joint stands before
+each of its columns.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections import deque
+from collections.abc import Mapping
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol, final
+from typing import Any, NamedTuple, final
 
 from cjt_gym.canbus.config import HardwareConfig
-from cjt_gym.canbus.journal import Journal, Watcher
+from cjt_gym.canbus.journal import Journal, Watcher, refuse_taken
 from cjt_gym.canbus.measuring import Sense
 from cjt_gym.canbus.timing import Timing
 from cjt_gym.errors import HardwareError
 from cjt_gym.records import JOINT_FILE
+from cjt_gym.records.columns import JOINT_MARK
+
+COMMANDS = ("i_cmd", "tau_cmd")
 
 
 @cache
@@ -28,7 +36,6 @@ class Sample(NamedTuple):
     """Measurement and command at a deadline.
 
     Attributes:
-        k: Number of the control step.
         measured: Channels of the measurement, by name.
         torque: Commanded motor torque [N m].
         tau_ref: Reference torque [N m].
@@ -37,7 +44,6 @@ class Sample(NamedTuple):
         round_trip: Time from the previous command to the first report after it [s]; 0 without one.
     """
 
-    k: int
     measured: Mapping[str, float]
     torque: float
     tau_ref: float
@@ -46,37 +52,133 @@ class Sample(NamedTuple):
     round_trip: float
 
 
-@dataclass(frozen=True)
-class Beginning:
-    """What is known of a joint when its record starts.
+@final
+class RunRecord:
+    """A record on disk that starts once all joints have started, and ends once all have ended.
 
     Attributes:
-        config: Configuration of the joint.
-        sense: Completes what is measured.
-        tau_ref: First reference torque [N m]; NaN if the run has none.
-        shows_temperature: Whether a node reports its temperature.
-        stamps: Clock of the arrival times.
-        facts: Further entries of its provenance.
+        path: Its file.
+        rows_path: File that holds its rows until it is complete.
     """
 
-    config: HardwareConfig
-    sense: Sense
-    tau_ref: float
-    shows_temperature: bool
-    stamps: str
-    facts: Mapping[str, Any]
+    def __init__(
+        self, path: str | Path, joints: int, dt: float, watcher: Watcher | None = None
+    ) -> None:
+        """Prepare the record; the file is created when the last joint starts."""
+        self.path = self.rows_path = Path(path)
+        refuse_taken(self.path)
+        self._joints, self._dt, self._watcher = joints, dt, watcher
+        self._parts: list[JointRecord] = []
+        self._journal: Journal | None = None
+        self._rows = 0
+        self._ended: dict[str, Mapping[str, Any]] = {}
 
-    @property
-    def columns(self) -> list[str]:
-        """The columns."""
-        optional = {"tau_ref": math.isfinite(self.tau_ref), "temperature": self.shows_temperature}
-        columns = ["t", "i_cmd", "tau_cmd", *self.sense.measured, "age", "lateness", "round_trip"]
-        return columns + [name for name, there in optional.items() if there]
+    def begin(self, part: JointRecord) -> None:
+        """Add the columns of a joint."""
+        self._parts.append(part)
+        if len(self._parts) == self._joints:
+            columns = ["t", *(self._named(p, name) for p in self._parts for name in p.columns)]
+            known = part.known if self._joints == 1 else self._known()
+            self._journal = Journal(self.path, columns, self._dt, known, self._watcher)
+            self.path, self.rows_path = self._journal.wanted, self._journal.path
 
-    @property
-    def known(self) -> dict[str, Any]:
-        """Metadata at the start."""
-        joint, drive, names = self.config.joint, self.config.drive, self.sense.measured
+    def _named(self, part: JointRecord, name: str) -> str:
+        return name if self._joints == 1 else f"{part.name}{JOINT_MARK}{name}"
+
+    def _known(self) -> dict[str, Any]:
+        joints: dict[str, Any] = {}
+        sensors: dict[str, Any] = {}
+        for part in self._parts:
+            known = part.known
+            sensors |= {self._named(part, n): v for n, v in known["sensors"].items()}
+            own = {k: known[k] for k in ("joint", "structure", "parameter_hash")}
+            joints[part.name] = own | known["provenance"]
+        provenance = {"kind": "hardware", "joints": joints}
+        return {"versions": versions(), "sensors": sensors, "provenance": provenance}
+
+    def fill(self, is_last: bool = False) -> None:
+        """Write the rows that all joints have; at the end, also those that only some have."""
+        if self._journal is None:
+            return
+        enough = any if is_last else all
+        while enough(part.rows for part in self._parts):
+            values = [value for part in self._parts for value in part.take()]
+            self._journal.write([self._rows * self._dt, *values])
+            self._rows += 1
+
+    def end(self, name: str, timing: Timing, known: Mapping[str, Any]) -> None:
+        """Mark a joint as ended; the last one completes the record."""
+        facts = {
+            "timing_us": timing.summary(),
+            "delays_s": timing.delay(self._dt),
+            "randomization": timing.randomization(self._dt),
+            **known,
+        }
+        self._ended.setdefault(name, facts)
+        if len(self._ended) < self._joints or self._journal is None:
+            return
+        with contextlib.suppress(OSError):  # the disk is full: what is there is completed
+            self.fill(is_last=True)
+        self._journal.close(**(facts if self._joints == 1 else self._together()))
+
+    def _together(self) -> dict[str, Any]:
+        """Return how several joints ended; a fault is that of the joint which failed first."""
+        known: dict[str, Any] = {
+            "timing_us": next(iter(self._ended.values()))["timing_us"],
+            "delays_s": {n: f["delays_s"] for n, f in self._ended.items()},
+        }
+        faults = [(n, f["fault"]) for n, f in self._ended.items() if "fault" in f]
+        own = [(n, f) for n, f in faults if f["kind"] != "neighbour"] or faults
+        if own:
+            known["fault"] = {"joint": own[0][0], **own[0][1]}
+        return known
+
+
+@final
+class JointRecord:
+    """The part of a joint in the record of its first run, if there is one.
+
+    Attributes:
+        name: Name of the joint where there are several.
+        columns: Its columns, without the time.
+        known: Its metadata at the start.
+        rows: Rows that wait for those of other joints.
+    """
+
+    def __init__(self, config: HardwareConfig, sense: Sense, record: RunRecord | None) -> None:
+        """Prepare; `begin` starts it."""
+        versions()
+        self.name = config.name
+        self.columns: list[str] = []
+        self.known: dict[str, Any] = {}
+        self.rows: deque[list[float]] = deque()
+        self._config, self._sense, self._record = config, sense, record
+        self._facts: dict[str, Any] = {}
+        self._last: list[float] = []
+
+    def know(self, **facts: Any) -> None:
+        """Add facts to the provenance of a record that has not started yet."""
+        self._facts |= facts
+
+    def begin(self, tau_ref: float, shows_temperature: bool, stamps: str) -> None:
+        """Start the record.
+
+        Args:
+            tau_ref: First reference torque [N m]; NaN if the run has none.
+            shows_temperature: Whether a node reports its temperature.
+            stamps: Clock of the arrival times.
+        """
+        if self._record is None or self.columns:
+            return
+        optional = {"tau_ref": math.isfinite(tau_ref), "temperature": shows_temperature}
+        columns = ["i_cmd", "tau_cmd", *self._sense.measured, "age", "lateness", "round_trip"]
+        self.columns = columns + [name for name, there in optional.items() if there]
+        self._last = [0.0] * len(self.columns)
+        self.known = self._beginning(stamps)
+        self._record.begin(self)
+
+    def _beginning(self, stamps: str) -> dict[str, Any]:
+        joint, drive, names = self._config.joint, self._config.drive, self._sense.measured
         file = {} if joint.file.path is None else {JOINT_FILE: str(joint.file.path)}
         return {
             "joint": joint.parameters.name,
@@ -89,19 +191,20 @@ class Beginning:
                 **file,
                 "protocol": drive.protocol,
                 "node": drive.settings.node,
-                "bus": self.config.bus.identity,
-                "torque": self.sense.torque,
-                "stamps": self.stamps,
-                **self.facts,
+                "bus": self._config.bus.identity,
+                "torque": self._sense.torque,
+                "stamps": stamps,
+                **self._facts,
             },
         }
 
-    def row(self, sample: Sample) -> dict[str, float]:
-        """Return the values of a sample by column."""
-        p = self.config.joint.parameters
-        return {
+    def note(self, sample: Sample) -> None:
+        """Take a row, which is written once all joints have theirs."""
+        if self._record is None or not self.columns:
+            return
+        p = self._config.joint.parameters
+        row = {
             **sample.measured,
-            "t": sample.k * self.config.dt,
             "tau_cmd": sample.torque,
             "i_cmd": sample.torque / (p.k_t * p.n),
             "tau_ref": sample.tau_ref,
@@ -109,96 +212,28 @@ class Beginning:
             "lateness": sample.lateness,
             "round_trip": sample.round_trip,
         }
+        self.rows.append([row[name] for name in self.columns])
+        self._record.fill()
 
-
-class Recorder(Protocol):
-    """Interface of what takes the samples of a run.
-
-    Attributes:
-        path: Its file.
-        rows_path: File that holds its rows until it is complete.
-    """
-
-    path: Path
-    rows_path: Path
-
-    def note(self, sample: Sample) -> None:
-        """Append a row."""
-
-    def close(self, timing: Timing, **known: Any) -> None:
-        """Complete it with the timing of the run and further facts."""
-
-
-BeginRecord = Callable[[Beginning], Recorder]
-"""Begins a record."""
-
-
-@final
-class RunLog:
-    """The record of a joint's first run, if any; see `Recorder`."""
-
-    def __init__(self, config: HardwareConfig, sense: Sense, begin: BeginRecord | None) -> None:
-        """Prepare the record."""
-        versions()
-        self._config, self._sense, self._begin = config, sense, begin
-        self._facts: dict[str, Any] = {}
-        self._record: Recorder | None = None
-
-    def know(self, **facts: Any) -> None:
-        """Add facts to the provenance of a record that has not started yet."""
-        self._facts |= facts
-
-    def begin(self, tau_ref: float, shows_temperature: bool, stamps: str) -> None:
-        """Start the record; see `Beginning`."""
-        if self._begin is not None and self._record is None:
-            self._record = self._begin(
-                Beginning(
-                    self._config, self._sense, tau_ref, shows_temperature, stamps, self._facts
-                )
-            )
-
-    def note(self, sample: Sample) -> None:
-        """Append a row."""
-        if self._record is not None:
-            self._record.note(sample)
+    def take(self) -> list[float]:
+        """Return the next row; beyond the end, the last one with zero torque."""
+        if self.rows:
+            self._last = self.rows.popleft()
+            return self._last
+        return [
+            0.0 if name in COMMANDS else value
+            for name, value in zip(self.columns, self._last, strict=True)
+        ]
 
     def end(self, timing: Timing, **known: Any) -> None:
-        """Complete the record."""
-        if self._record is None:
+        """Complete the record with the timing of the run and further facts."""
+        if self._record is None or not self.columns:
             return
-        record, self._record, self._begin = self._record, None, None
+        record, self._record = self._record, None
         try:
-            record.close(timing, **known)
+            record.end(self.name, timing, known)
         except OSError as error:
             raise HardwareError(
                 f"The record {record.path} could not be completed: {error}. Its rows are there, "
                 f"as far as they were written, in {record.rows_path}."
             ) from error
-
-
-@final
-class RunRecord:
-    """A record on disk, up to date with the latest control step; see `Recorder`."""
-
-    def __init__(
-        self, path: str | Path, beginning: Beginning, watcher: Watcher | None = None
-    ) -> None:
-        """Start the record."""
-        self._beginning, self._columns = beginning, beginning.columns
-        self._dt = beginning.config.dt
-        self._journal = Journal(path, self._columns, self._dt, beginning.known, watcher)
-        self.path, self.rows_path = self._journal.wanted, self._journal.path
-
-    def note(self, sample: Sample) -> None:
-        """Append a row."""
-        row = self._beginning.row(sample)
-        self._journal.write([row[name] for name in self._columns])
-
-    def close(self, timing: Timing, **known: Any) -> None:
-        """Complete it with the timing of the run and further facts."""
-        facts = {
-            "timing_us": timing.summary(),
-            "delays_s": timing.delay(self._dt),
-            "randomization": timing.randomization(self._dt),
-        }
-        self._journal.close(**facts, **known)

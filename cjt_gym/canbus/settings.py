@@ -65,13 +65,7 @@ class BusSettings:
 
 @dataclass(frozen=True)
 class NodeSettings:
-    """A node of the bus.
-
-    Attributes:
-        name: "drive", or the name of a sensor.
-        protocol: Name of its protocol.
-        settings: Settings for the protocol.
-    """
+    """A node of the bus: "drive" or the name of a sensor, and the settings for its protocol."""
 
     name: str
     protocol: str
@@ -141,15 +135,7 @@ def read_joint(table: object, owner: str, folder: Path) -> tuple[Joint, str, Eff
 
 @dataclass(frozen=True)
 class NodeReader:
-    """Reads the tables [drive] and [sensors.NAME] of a joint.
-
-    Attributes:
-        folder: Folder for relative paths.
-        joint: The nominal joint.
-        dt: Control step [s].
-        watchdog: Time without a command after which a drive must stop [s].
-        stored: Watchdog time stored in an emulated drive [s].
-    """
+    """Reads the tables [drive] and [sensors.NAME] of a joint; times in s."""
 
     folder: Path
     joint: Joint

@@ -16,11 +16,7 @@ Frames = Sequence[can.Message]
 
 @final
 class SharedLink:
-    """A link that several joints share.
-
-    Attributes:
-        taps: Link of each joint.
-    """
+    """A link that several joints share; each has a tap."""
 
     def __init__(self, joints: int, dt: float, link: Link | None = None) -> None:
         """Share a link."""
@@ -123,6 +119,7 @@ class Tap:
 
     def __init__(self, shared: SharedLink) -> None:
         self._shared = shared
+        self.wait_until, self.send, self.watch = shared.wait_until, shared.send, shared.watch
         self.inbox: deque[Arrival] = deque(maxlen=KEPT)
         self.claims: Callable[[can.Message], bool] = lambda message: True
 
@@ -135,22 +132,10 @@ class Tap:
         """Return the time [s]."""
         return self._shared.link.now()
 
-    def wait_until(self, t: float) -> None:
-        """Wait until a time [s], keeping drives alive meanwhile."""
-        self._shared.wait_until(t)
-
-    def send(self, messages: Frames) -> None:
-        """Send frames, or hold them back until all joints have sent."""
-        self._shared.send(messages)
-
     def receive(self) -> list[Arrival]:
         """Return all frames since the last call of this joint."""
         self._shared.deliver()
         return [self.inbox.popleft() for _ in range(len(self.inbox))]
-
-    def watch(self, supervise: Callable[[float], None], every: float) -> None:
-        """Call `supervise(now)` at least once in `every` seconds."""
-        self._shared.watch(supervise, every)
 
     def close(self) -> None:
         """Do nothing: the others still use the bus."""

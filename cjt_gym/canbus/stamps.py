@@ -42,7 +42,7 @@ class StampClock:
 
     Example:
         >>> clock = StampClock("hardware")
-        >>> [clock.arrived(stamp, at) for stamp, at in ((5.0, 2.0), (5.001, 2.003))]
+        >>> [round(clock.arrived(*times), 6) for times in ((5.0, 2.0), (5.001, 2.003))]
         [2.0, 2.001]
     """
 

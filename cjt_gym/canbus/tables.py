@@ -18,10 +18,6 @@ class Section:
 
     Each method returns the default, if it has one, for an absent key, and raises ConfigurationError
     for a missing or invalid value.
-
-    Attributes:
-        table: Its content.
-        owner: Its name in messages.
     """
 
     def __init__(self, table: object, owner: str, known: Iterable[str] | None = None) -> None:
@@ -41,20 +37,17 @@ class Section:
     def __contains__(self, key: str) -> bool:
         return key in self.table
 
-    def _given(self, key: str, form: str) -> Any:
-        if key not in self.table:
+    def _given(self, key: str, form: str, default: Any) -> Any:
+        """Return a value or its default, which is valid."""
+        value = self.table.get(key, default)
+        if value is REQUIRED:
             raise ConfigurationError(f"{self.owner} lacks the key '{key}'. Add  {key} = {form}.")
-        return self.table[key]
-
-    def _is_left_out(self, key: str, default: Any) -> bool:
-        return key not in self.table and default is not REQUIRED
+        return value
 
     def text(self, key: str, default: Any = REQUIRED) -> Any:
         """Return a non-empty string."""
-        if self._is_left_out(key, default):
-            return default
-        value = self._given(key, '"..."')
-        if not isinstance(value, str) or not value:
+        value = self._given(key, '"..."', default)
+        if value is not default and (not isinstance(value, str) or not value):
             raise ConfigurationError(f"{key} of {self.owner} must be a string, got {value!r}.")
         return value
 
@@ -76,9 +69,9 @@ class Section:
 
     def whole(self, key: str, low: int, high: int, default: Any = REQUIRED) -> Any:
         """Return a whole number from `low` to `high`."""
-        if self._is_left_out(key, default):
+        value = self._given(key, str(low), default)
+        if value is default:
             return default
-        value = self._given(key, str(low))
         if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
             raise ConfigurationError(
                 f"{key} of {self.owner} must be a whole number from {low} to {high}, got {value!r}."
@@ -94,9 +87,9 @@ class Section:
         default: Any = REQUIRED,
     ) -> Any:
         """Return a plain number above `low`, up to `high` [unit]."""
-        if self._is_left_out(key, default):
+        value = self._given(key, "...", default)
+        if value is default:
             return default
-        value = self._given(key, "...")
         good = isinstance(value, int | float) and not isinstance(value, bool)
         if not (good and low < value <= high and math.isfinite(value)):
             top = "" if math.isinf(high) else f" and <= {high:g}"
@@ -114,9 +107,9 @@ class Section:
         default: Any = REQUIRED,
     ) -> Any:
         """Return a value with a unit, from `low` to `high` [unit]."""
-        if self._is_left_out(key, default):
+        entry = self._given(key, f'{{ value = ..., unit = "{unit}" }}', default)
+        if entry is default:
             return default
-        entry = self._given(key, f'{{ value = ..., unit = "{unit}" }}')
         try:
             given = parse_quantity(entry, f"{key} of {self.owner}")
             value = given.number

@@ -22,8 +22,6 @@ from cjt_gym.records.sources import clock, mapped
 from cjt_gym.records.tables.can_table import frames
 from cjt_gym.records.tables.mcap_table import LOG_TIME
 
-__all__ = ["read_trace"]
-
 COMMAND: Final = "tau_cmd"
 Node = tuple[DriveProtocol, Settings]
 
@@ -78,7 +76,6 @@ def read_trace(
 
 
 def _said(master: Master, frame: Any) -> Mapping[str, float]:
-    """Return what a frame reports or commands, by column."""
     torque = master.commanded(frame)
     if torque is not None:
         return {COMMAND: torque}

@@ -18,13 +18,7 @@ BITRATE = 1e6
 
 
 class Due(NamedTuple):
-    """A frame on its way.
-
-    Attributes:
-        t: Arrival time [s].
-        order: Number that orders frames of the same time.
-        message: The frame.
-    """
+    """A frame on its way: arrival time [s], and what orders frames of the same time."""
 
     t: float
     order: int
@@ -33,13 +27,7 @@ class Due(NamedTuple):
 
 @final
 class Medium:
-    """The wire that all frames of a bus share: one at a time, each for as long as its bits take.
-
-    Attributes:
-        bitrate: Nominal bit rate [bit/s].
-        data_bitrate: Bit rate of CAN FD's data phase [bit/s].
-        free: Time from which the next frame may be sent [s].
-    """
+    """The wire that all frames of a bus share: one at a time, each for as long as its bits take."""
 
     def __init__(self, bitrate: float, data_bitrate: float) -> None:
         self.bitrate, self.data_bitrate = bitrate, data_bitrate

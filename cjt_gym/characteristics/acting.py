@@ -85,7 +85,6 @@ def _changed(joint: Joint) -> dict[str, float]:
 
 
 def _tolerance(quantity: Quantity) -> float | None:
-    """Return one sigma over the value, from a tolerance or a 95 % interval."""
     if not (isinstance(quantity.low, float) and isinstance(quantity.high, float)):
         return quantity.tolerance
     return (quantity.high - quantity.low) / SIGMAS / abs(quantity.number)

@@ -140,12 +140,7 @@ def resonance(p: JointParameters) -> float:
 
 
 def torque_bandwidth(
-    p: JointParameters,
-    amplitude: float,
-    load: float = LOCKED,
-    *,
-    lasting: bool = False,
-    rigid_gearbox: bool = True,
+    p: JointParameters, amplitude: float, load: float = LOCKED, *, lasting: bool = False
 ) -> float:
     """Return up to which frequency a torque amplitude is available [Hz].
 
@@ -156,7 +151,6 @@ def torque_bandwidth(
             little torque is available at low frequencies, where the load just gives way; the
             bandwidth is the upper end of the band.
         lasting: Whether the rated current limits it, too.
-        rigid_gearbox: Whether the gearbox counts as rigid.
 
     Returns:
         The frequency, between 0.01 and 10000 Hz; 0 where the amplitude is never available.
@@ -165,7 +159,7 @@ def torque_bandwidth(
         raise ConfigurationError(f"The amplitude must be > 0 N m, got {amplitude:g}.")
     f = np.geomspace(LOWEST_HZ, HIGHEST_HZ, 601)
     for _ in range(3):
-        limits = torque_limits(p, f, load, rigid_gearbox=rigid_gearbox)
+        limits = torque_limits(p, f, load)
         enough = (limits.lasting if lasting else limits.peak) >= amplitude
         if math.isinf(load):
             first = int(np.argmin(enough)) if not enough.all() else len(f)

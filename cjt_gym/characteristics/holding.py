@@ -1,4 +1,4 @@
-"""How long a sinusoidal joint torque can be held, by its amplitude and frequency.
+"""How long a sinusoidal joint torque can be held with locked output, by amplitude and frequency.
 
 A joint torque of amplitude T at a frequency f needs T / |G| of the motor, with the gain G of
 `response`. That heats the winding like a constant torque of T / (sqrt(2) |G|), as long as the
@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cjt_gym.characteristics.bandwidth import LOCKED, response, torque_limits
+from cjt_gym.characteristics.bandwidth import response, torque_limits
 from cjt_gym.characteristics.motor import Floats, rated_torque
 from cjt_gym.characteristics.thermal import time_to_critical
 from cjt_gym.errors import ConfigurationError
@@ -25,11 +25,7 @@ TINY = 1e-9  # time that stands for none, which has no logarithm [s]
 
 
 def holding_time(
-    p: JointParameters,
-    tau: ArrayLike,
-    f: ArrayLike,
-    winding: float | None = None,
-    load: float = LOCKED,
+    p: JointParameters, tau: ArrayLike, f: ArrayLike, winding: float | None = None
 ) -> Floats:
     """Return how long joint torques can be held until the winding is at Tmp_WMax [s].
 
@@ -38,7 +34,6 @@ def holding_time(
         tau: Amplitude of the joint torque >= 0, broadcast with f [N m].
         f: Frequency > 0 [Hz].
         winding: Temperature at the start [degC]; ambient if absent.
-        load: Inertia of a free load [kg m^2]; infinite for a locked output.
 
     Returns:
         The time; infinity where it can be held for ever, NaN where current, voltage or velocity do
@@ -52,7 +47,7 @@ def holding_time(
         raise ConfigurationError(f"tau, an amplitude, must be >= 0 N m, got {torque.min():g}.")
     single = np.unique(frequency)
     at = np.searchsorted(single, frequency)
-    gain, limits = np.abs(response(p, single, load)[0]), torque_limits(p, single, load)
+    gain, limits = np.abs(response(p, single)[0]), torque_limits(p, single)
     heating = torque / gain[at] / math.sqrt(2.0)
     allowed = torque <= limits.peak[at] * (1.0 + 1e-12)
     out = np.full(torque.shape, np.nan)
@@ -60,13 +55,7 @@ def holding_time(
     return out
 
 
-def holding_map(
-    p: JointParameters,
-    tau: Floats,
-    f: Floats,
-    winding: float | None = None,
-    load: float = LOCKED,
-) -> Floats:
+def holding_map(p: JointParameters, tau: Floats, f: Floats, winding: float | None = None) -> Floats:
     """Return `holding_time` over a whole grid [s], shape (frequencies, torques).
 
     It is computed at `LEVELS` levels of heating and interpolated between them, on logarithmic
@@ -77,9 +66,8 @@ def holding_map(
         tau: Amplitudes > 0, shape (torques,) [N m].
         f: Frequencies > 0, shape (frequencies,) [Hz].
         winding: As for `holding_time`.
-        load: Likewise.
     """
-    gain, limits = np.abs(response(p, f, load)[0]), torque_limits(p, f, load)
+    gain, limits = np.abs(response(p, f)[0]), torque_limits(p, f)
     heating = tau[None, :] / gain[:, None] / math.sqrt(2.0)
     allowed = tau[None, :] <= limits.peak[:, None] * (1.0 + 1e-12)
     lasting = limits.continuous[:, None] >= tau[None, :]

@@ -52,27 +52,6 @@ def friction(p: JointParameters, dq: Number) -> Number:
     return coulomb(p) + viscous(p) * dq
 
 
-def speed_constant(p: JointParameters) -> float:
-    """Return 1 / k_t, rotor side [rad/(s V)]."""
-    return p.n / torque_per_ampere(p)
-
-
-def motor_constant(p: JointParameters) -> float:
-    """Return the torque per root of copper loss, k_t n / sqrt(r) [N m/W^0.5]."""
-    return torque_per_ampere(p) / math.sqrt(p.r)
-
-
-def mechanical_time_constant(p: JointParameters) -> float:
-    """Return (I_m + I_g + I_l) r / (k_t n)^2 [s]."""
-    inertia = p.I_m + p.get("I_g", 0.0) + p.get("I_l", 0.0)
-    return inertia * speed_drop(p)
-
-
-def electrical_time_constant(p: JointParameters) -> float:
-    """Return l_a / r [s]."""
-    return p.l_a / p.r
-
-
 def speed_drop(p: JointParameters) -> float:
     """Return the slope of the torque-speed line, r / (k_t n)^2 [rad/(s N m)]."""
     return p.r / torque_per_ampere(p) ** 2
@@ -96,11 +75,6 @@ def no_load_speed(p: JointParameters) -> float:
 def no_load_torque(p: JointParameters) -> float:
     """Return the friction at the no-load speed [N m]."""
     return friction(p, no_load_speed(p))
-
-
-def no_load_current(p: JointParameters) -> float:
-    """Return the current of the no-load torque [A]."""
-    return no_load_torque(p) / torque_per_ampere(p)
 
 
 def starting_current(p: JointParameters) -> float:
@@ -133,16 +107,6 @@ def rated_speed(p: JointParameters) -> float:
     return speed_at_torque(p, rated_torque(p))
 
 
-def rated_mechanical_power(p: JointParameters) -> float:
-    """Return rated torque times rated speed [W]."""
-    return rated_torque(p) * rated_speed(p)
-
-
-def rated_electrical_power(p: JointParameters) -> float:
-    """Return v_0 i_c [W]."""
-    return p.v_0 * continuous_current(p)
-
-
 def peak_torque(p: JointParameters) -> float:
     """Return the torque of the peak current, k_t n i_p [N m]."""
     return torque_per_ampere(p) * p.i_p
@@ -152,11 +116,6 @@ def peak_mechanical_power(p: JointParameters) -> float:
     """Return the largest power on the torque-speed line up to the peak torque [W]."""
     torque = min(peak_torque(p), 0.5 * stall_torque(p))
     return torque * speed_at_torque(p, torque)
-
-
-def peak_electrical_power(p: JointParameters) -> float:
-    """Return v_0 i_p [W]."""
-    return p.v_0 * p.i_p
 
 
 def speed_at_torque(p: JointParameters, tau: Number) -> Number:

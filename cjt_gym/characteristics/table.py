@@ -86,46 +86,22 @@ class Characteristic:
         return math.sqrt(variance) if variance > 0.0 else None
 
 
-def _hold_cold(p: JointParameters) -> float:
-    return thermal.time_to_critical(p, motor.peak_torque(p))
-
-
-def _hold_warm(p: JointParameters) -> float:
-    warm = 0.5 * (p.Tmp_ANom + p.Tmp_WMax)
-    return thermal.time_to_critical(p, motor.peak_torque(p), warm)
-
-
-def _band_peak(p: JointParameters) -> float:
-    return bandwidth.torque_bandwidth(p, motor.peak_torque(p))
-
-
-def _band_rated(p: JointParameters) -> float:
-    return bandwidth.torque_bandwidth(p, motor.rated_torque(p), lasting=True)
-
-
-def _percent_best(p: JointParameters) -> float:
-    return 100.0 * motor.best_efficiency(p)
-
-
-def _steady_peak(p: JointParameters) -> float:
-    return float(thermal.steady_temperature(p, motor.peak_torque(p)))
-
-
 _ROWS = (
     Characteristic("k_w", "constants", "speed constant", "k_w", "rad/(s V)", "1 / k_t",
-                   "Rotor speed per volt of back-EMF.", motor.speed_constant),
+                   "Rotor speed per volt of back-EMF.",
+                   lambda p: p.n / motor.torque_per_ampere(p)),
     Characteristic("k_m", "constants", "motor constant", "k_M", "N m/W^0.5", "k_t n / √r",
                    "Torque per root of copper loss: compares motors of any winding.",
-                   motor.motor_constant),
+                   lambda p: motor.torque_per_ampere(p) / math.sqrt(p.r)),
     Characteristic("dq_over_dm", "constants", "speed drop", "s", "rad/(s N m)", "r / (k_t n)²",
                    "How much slower the joint gets per torque at full voltage.", motor.speed_drop),
     Characteristic("T_mech", "constants", "mechanical time constant", "T_mech", "s",
                    "(I_m + I_g + I_l) s",
                    "Time to 63 % of the final speed after a step of voltage.",
-                   motor.mechanical_time_constant),
+                   lambda p: (p.I_m + p.get("I_g", 0.0) + p.get("I_l", 0.0)) * motor.speed_drop(p)),
     Characteristic("T_el", "constants", "electrical time constant", "T_el", "s", "l_a / r",
                    "Time to 63 % of the final current after a step of voltage.",
-                   motor.electrical_time_constant),
+                   lambda p: p.l_a / p.r),
     Characteristic("dv", "constants", "viscous friction", "d_v", "N m s/rad", "d_m + d_g + d_l",
                    "All bodies together.", motor.viscous),
     Characteristic("Mc", "constants", "Coulomb friction", "τ_C", "N m", "d_cm + d_cg + d_cl",
@@ -139,9 +115,11 @@ _ROWS = (
     Characteristic("dq_r", "rated", "rated speed", "ω_r", "rad/s", "ω_0 - s τ_r",
                    "Highest speed at the rated torque.", motor.rated_speed),
     Characteristic("p_cm", "rated", "rated mechanical power", "P_r", "W", "τ_r ω_r",
-                   "At the motor, friction included.", motor.rated_mechanical_power),
+                   "At the motor, friction included.",
+                   lambda p: motor.rated_torque(p) * motor.rated_speed(p)),
     Characteristic("p_ce", "rated", "rated electrical power", "P_r,el", "W", "v_0 i_c",
-                   "From the supply at the rated point.", motor.rated_electrical_power),
+                   "From the supply at the rated point.",
+                   lambda p: p.v_0 * motor.continuous_current(p)),
     Characteristic("dq_0", "no load", "zero-torque speed", "ω_0", "rad/s", "v_0 / (k_t n)",
                    "Where the back-EMF is the supply; no friction.", motor.zero_torque_speed),
     Characteristic("dq_NL", "no load", "no-load speed", "ω_NL", "rad/s",
@@ -150,7 +128,8 @@ _ROWS = (
     Characteristic("t_NL", "no load", "no-load torque", "τ_NL", "N m", "τ_C + d_v ω_NL",
                    "Friction at that speed.", motor.no_load_torque),
     Characteristic("i_NL", "no load", "no-load current", "i_NL", "A", "τ_NL / (k_t n)",
-                   "Current at that speed.", motor.no_load_current),
+                   "Current at that speed.",
+                   lambda p: motor.no_load_torque(p) / motor.torque_per_ampere(p)),
     Characteristic("i_start", "stall", "starting current", "i_start", "A", "v_0 / r",
                    "At rest and full voltage, if not limited to $i_p$.", motor.starting_current),
     Characteristic("t_stall", "stall", "stall torque", "τ_stall", "N m", "k_t n i_start",
@@ -162,32 +141,35 @@ _ROWS = (
                    "Largest power on the torque-speed line.", motor.peak_mechanical_power),
     Characteristic("p_pe", "peak", "peak electrical power", "P_p,el", "W", "v_0 i_p",
                    "From the supply at peak current and full voltage.",
-                   motor.peak_electrical_power),
+                   lambda p: p.v_0 * p.i_p),
     Characteristic("eta_max", "peak", "largest efficiency", "η_max", "%",
                    "max (τ - τ_C - d_v ω) ω / (r i² + τ ω)",
                    "Over all torques and speeds that supply and peak current allow; motoring.",
-                   _percent_best),
+                   lambda p: 100.0 * motor.best_efficiency(p)),
     Characteristic("T_ss_p", "heat", "steady temperature at peak torque", "T_∞(τ_p)", "degC",
                    "T_A + R P / (1 - a_CU R P), P = r i_p²",
-                   "Where the winding would end.", _steady_peak,
+                   "Where the winding would end.",
+                   lambda p: float(thermal.steady_temperature(p, motor.peak_torque(p))),
                    "there is none: the resistance rises faster than heat leaves, until it burns"),
     Characteristic("t_hold_cold", "heat", "peak torque from cold", "t_hold", "s",
                    "two-stage model, from T_A", "How long peak torque can be held from ambient.",
-                   _hold_cold, FOREVER),
+                   lambda p: thermal.time_to_critical(p, motor.peak_torque(p)), FOREVER),
     Characteristic("t_hold_warm", "heat", "peak torque from half warm", "t_hold,½", "s",
                    "two-stage model, from (T_A + T_max) / 2",
-                   "Likewise with the winding half-way to its limit for long.", _hold_warm,
-                   FOREVER),
+                   "Likewise with the winding half-way to its limit for long.",
+                   lambda p: thermal.time_to_critical(
+                       p, motor.peak_torque(p), 0.5 * (p.Tmp_ANom + p.Tmp_WMax)), FOREVER),
     Characteristic("f_0", "dynamics", "resonance, locked output", "f_0", "Hz",
                    "√(k_b / (I_m + I_g)) / 2π", "Undamped, with a rigid gearbox.",
                    bandwidth.resonance),
     Characteristic("f_p", "dynamics", "bandwidth of the peak torque", "f_p", "Hz",
                    "highest f with all short-time limits ≥ τ_p",
-                   "Locked output; up to it the joint delivers the peak torque.", _band_peak),
+                   "Locked output; up to it the joint delivers the peak torque.",
+                   lambda p: bandwidth.torque_bandwidth(p, motor.peak_torque(p))),
     Characteristic("f_r", "dynamics", "bandwidth of the rated torque", "f_r", "Hz",
                    "highest f with all limits ≥ τ_r",
                    "Locked output; up to it the joint delivers the rated torque continuously.",
-                   _band_rated),
+                   lambda p: bandwidth.torque_bandwidth(p, motor.rated_torque(p), lasting=True)),
 )  # fmt: skip
 
 CHARACTERISTICS: Mapping[str, Characteristic] = MappingProxyType({row.name: row for row in _ROWS})

@@ -13,12 +13,11 @@ from pathlib import Path
 from typing import Any
 
 from cjt_gym.canbus.config import HardwareConfig, load_joints
-from cjt_gym.canbus.emulated_arm import emulator_of
-from cjt_gym.canbus.emulator import emulated_joint, serve
+from cjt_gym.canbus.emulated_arm import emulator_of, serve
+from cjt_gym.canbus.emulator import emulated_joint
 from cjt_gym.canbus.hidden_effects import draw_hidden
 from cjt_gym.canbus.link import quiet_machine
-from cjt_gym.canbus.ports import open_port
-from cjt_gym.canbus.ports.port import Port
+from cjt_gym.canbus.ports import Port, open_port
 from cjt_gym.console.endings import ending_signals
 from cjt_gym.console.options import asked_effects, check_seed, check_time
 from cjt_gym.disk import write_text
@@ -76,7 +75,7 @@ def run(options: argparse.Namespace) -> None:
         stopped = _until(options.seconds)
         emulator.advance(WARM_UP)
         with quiet_machine(config.priority):
-            serve(emulator, [port], config.emulator.speed, stopped)
+            serve(emulator, port, config.emulator.speed, stopped)
     finally:
         port.close()
 

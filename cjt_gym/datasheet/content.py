@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 
 from cjt_gym import __version__
 from cjt_gym.characteristics import CHARACTERISTICS, acting, changing, characteristic
@@ -26,8 +27,60 @@ from cjt_gym.errors import ParameterError
 from cjt_gym.joint import EFFECTS, JointFile, JointParameters, Quantity
 from cjt_gym.joint.parameters import PARAMETERS
 
-Drawing = tuple[str, Callable[[], str], str, bool]
-"""Name, what draws it, caption, and whether it takes the whole width."""
+Drawing = tuple[str, Callable[[Sequence[JointParameters]], str], str, str]
+"""Name, what draws it, and its caption for one joint and for several; empty: left out."""
+EFFICIENCY = (
+    "Efficiency of driving, friction and copper loss included. Red: largest; black: rated point. "
+    "White: friction takes all, or the supply is too low."
+)
+HEAT = (
+    "Above: how long the winding bears a constant torque. Below: where its temperature ends; "
+    "dashed: its limit. Dotted: rated torque"
+)
+IMPEDANCE = (
+    "Impedance of the output that moves by ± {motion}: what an ideal controller can make of it "
+    "with the motor's torque and voltage."
+)
+DRAWINGS: Sequence[Drawing] = (
+    (
+        "torque and speed",
+        partial(figures.alone, plots.torque_speed),
+        "Torque and speed. Dark: continuous (black point: rated). Light: for a short time. "
+        "Friction comes off the motor's torque (red point: no load).",
+        "Torque-speed lines up to the peak torque; points: rated.",
+    ),
+    ("efficiency", figures.efficiency_map, EFFICIENCY, ""),
+    (
+        "efficiency at some speeds",
+        lambda joints: figures.alone(plots.efficiency_curves, joints[0]),
+        "Efficiency over torque at some speeds; dashed: at full voltage. Dotted: rated torque.",
+        "",
+    ),
+    ("heat", figures.heat, f"{HEAT}.", f"{HEAT}s."),
+    (
+        "torque over frequency",
+        partial(figures.alone, plots.torque_bandwidth),
+        "Torque on a locked output over frequency, by what limits it. Light: for a short time. "
+        "Dark: continuous.",
+        "Torque on a locked output over frequency: for a short time; dashed: continuous.",
+    ),
+    (
+        "holding time",
+        figures.holding,
+        "How long a torque on a locked output can be held, by its amplitude and frequency, from "
+        "ambient. Below the white line: for ever. Blank: not possible.",
+        "",
+    ),
+    (
+        "torque with free loads",
+        figures.torque_with_load,
+        "The same for a short time, with free loads. Below, a light load gives way; at the "
+        "resonance little motor torque is needed.",
+        "",
+    ),
+    ("impedance", partial(figures.alone, plots.impedance), IMPEDANCE, IMPEDANCE),
+    ("efficiency", figures.efficiency_map, "", EFFICIENCY),
+)
 FACTS = ("t_r", "t_p", "dq_NL", "p_pm", "eta_max", "f_p")
 ASIDE = re.compile(r";| \(|, (?=acts|whose|motor|limit|reflected)")
 SYMBOLS = {"Tmp_WMax": "T_max", "Tmp_ANom": "T_A", "diam": "D", "len": "L", "dq_p": "ω_p"}
@@ -72,91 +125,26 @@ def _facts(joints: Sequence[JointParameters]) -> Iterator[Block]:
 
 
 def _plots(joints: Sequence[JointParameters]) -> Iterator[Block]:
-    """Yield the figures that the parameters of all joints allow."""
-    one = len(joints) == 1
-    speed: Drawing = (
-        "torque and speed",
-        lambda: figures.alone(plots.torque_speed, joints),
-        "Torque and speed. Dark: continuous (black point: rated). Light: for a short time. "
-        "Friction comes off the motor's torque (red point: no load)."
-        if one
-        else "Torque-speed lines up to the peak torque; points: rated.",
-        False,
-    )
-    efficiency: Drawing = (
-        "efficiency",
-        lambda: figures.efficiency_map(joints),
-        "Efficiency of driving, friction and copper loss included. Red: largest; black: rated "
-        "point. White: friction takes all, or the supply is too low.",
-        not one,
-    )
-    curves: Drawing = (
-        "efficiency at some speeds",
-        lambda: figures.alone(plots.efficiency_curves, joints[0]),
-        "Efficiency over torque at some speeds; dashed: at full voltage. Dotted: rated torque.",
-        False,
-    )
-    heat: Drawing = (
-        "heat",
-        lambda: figures.heat(joints),
-        "Above: how long the winding bears a constant torque. Below: where its temperature "
-        f"ends; dashed: its limit. Dotted: rated torque{'' if one else 's'}.",
-        False,
-    )
-    bandwidth: Drawing = (
-        "torque over frequency",
-        lambda: figures.alone(plots.torque_bandwidth, joints),
-        "Torque on a locked output over frequency, by what limits it. Light: for a short "
-        "time. Dark: continuous."
-        if one
-        else "Torque on a locked output over frequency: for a short time; dashed: continuous.",
-        False,
-    )
-    holding: Drawing = (
-        "holding time",
-        lambda: figures.holding(joints[0]),
-        "How long a torque on a locked output can be held, by its amplitude and frequency, "
-        "from ambient. Below the white line: for ever. Blank: not possible.",
-        False,
-    )
-    loads: Drawing = (
-        "torque with free loads",
-        lambda: figures.torque_with_load(joints),
-        "The same for a short time, with free loads. Below, a light load gives way; at "
-        "the resonance little motor torque is needed.",
-        False,
-    )
-    impedance: Drawing = (
-        "impedance",
-        lambda: figures.alone(plots.impedance, joints),
-        _impedance_caption(joints),
-        False,
-    )
-    drawings = [speed, heat, bandwidth, impedance, efficiency]
-    if one:
-        drawings = [speed, efficiency, curves, heat, bandwidth, holding, loads, impedance]
-    missing = []
-    for name, draw, caption, whole in drawings:
+    one, missing = len(joints) == 1, []
+    for name, draw, of_one, of_several in DRAWINGS:
+        caption = of_one if one else of_several
+        if not caption:
+            continue
         try:
-            svg = draw()
+            svg = draw(joints)
         except ParameterError as error:
             missing.append(f"{name.capitalize()}: {error}")
             continue
-        yield Figure(svg, caption, whole)
+        if caption == IMPEDANCE:
+            caption = caption.format(motion=_usual_motion(joints))
+        yield Figure(svg, caption, whole=not one and name == "efficiency")
     if missing:
         yield Paragraph("Not drawn. " + " ".join(map(plain, missing)), small=True)
 
 
-def _impedance_caption(joints: Sequence[JointParameters]) -> str:
-    try:
-        motion = min(plots.usual_motion(p) for p in joints)
-    except ParameterError:
-        return ""
+def _usual_motion(joints: Sequence[JointParameters]) -> str:
     unit_of_angle = "rad" if joints[0].axis == "rotary" else "m"
-    return (
-        f"Impedance of the output that moves by ± {motion:g} {unit_of_angle}: what an "
-        "ideal controller can make of it with the motor's torque and voltage."
-    )
+    return f"{min(map(plots.usual_motion, joints)):g} {unit_of_angle}"
 
 
 def _notes(joints: Sequence[JointParameters]) -> Iterator[Block]:
@@ -250,7 +238,6 @@ def _repeats(symbol: str, joints: Sequence[JointParameters]) -> bool:
 
 
 def _value(quantity: Quantity | None) -> str:
-    """Return the value of a parameter with tolerance or interval."""
     if quantity is None:
         return number(None)
     if isinstance(quantity.value, tuple):

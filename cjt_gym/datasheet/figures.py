@@ -50,11 +50,11 @@ def heat(joints: Joints) -> str:
         return written()
 
 
-def holding(p: JointParameters) -> str:
-    """Return how long torques can be held, over amplitude and frequency."""
+def holding(joints: Joints) -> str:
+    """Return how long torques of one joint can be held, over amplitude and frequency."""
     with canvas() as (figure, written):
         axes = figure.subplots()
-        shown = plots.holding(axes, p)
+        shown = plots.holding(axes, joints[0])
         figure.colorbar(shown, ax=axes, label="time held [s]", aspect=25, pad=0.02)
         return written()
 

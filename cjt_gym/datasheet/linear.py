@@ -162,7 +162,6 @@ def _draw(
 
 
 def _draw_identified(axes: Mapping[str, Any], seen: Identified, colour: str) -> None:
-    """Draw a measured response and its nonlinear distortion."""
     gain = 20.0 * np.log10(np.abs(seen.response))
     distortion = 20.0 * np.log10(np.maximum(np.hypot(seen.odd, seen.even), 1e-6)) + gain
     axes["gain"].plot(seen.f, gain, "o", color=colour, ms=2.5, label="with its effects")
@@ -178,19 +177,15 @@ def _finish(axes: Mapping[str, Any], input: str, output: str) -> None:
     axes["gain"].set_ylim(max(bottom, top - 120.0) - 5.0, top + 5.0)
     unit = f"{UNITS[output.split('_')[0]]}/{UNITS.get(input, 'unit')}"
     axes["gain"].set_ylabel(f"gain [dB re {unit}]" if unit != "N m/N m" else "gain [dB]")
-    axes["phase"].set_ylabel("phase [deg]")
-    axes["phase"].set_xlabel("frequency [Hz]")
-    axes["nyquist"].set_xlabel("real")
-    axes["nyquist"].set_ylabel("imaginary")
-    axes["plane"].set_xlabel("real [rad/s]")
-    axes["plane"].set_ylabel("imaginary [rad/s]")
+    axes["phase"].set(xlabel="frequency [Hz]", ylabel="phase [deg]")
+    axes["nyquist"].set(xlabel="real", ylabel="imaginary")
+    axes["plane"].set(xlabel="real [rad/s]", ylabel="imaginary [rad/s]")
     axes["nyquist"].set_aspect("equal", adjustable="datalim")
     ends = np.concatenate([line.get_xdata() for line in axes["plane"].lines] or [np.zeros(1)])
     axes["plane"].set_xscale("symlog", linthresh=1.0)
     axes["plane"].set_yscale("symlog", linthresh=1.0)
     axes["plane"].set_xlim(3.0 * min(float(ends.min()), -1.0), 3.0 * max(float(ends.max()), 0.3))
-    axes["step"].set_xlabel("time [s]")
-    axes["step"].set_ylabel("step")
+    axes["step"].set(xlabel="time [s]", ylabel="step")
 
 
 def _tables(found: Mapping[str, Analysis]) -> Iterator[Block]:

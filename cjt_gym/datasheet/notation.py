@@ -86,40 +86,26 @@ def render(
     italic: Callable[[str], str],
     index: Callable[[str], str],
 ) -> str:
-    """Return a text in some markup.
+    """Return a text in some markup; formulas stand between dollar signs.
 
-    Args:
-        text: Text with formulas between dollar signs.
-        plain: Escapes what is printed as it is; what `plain` has hidden is there again.
-        italic: Marks a variable, which is escaped already.
-        index: Marks an index.
+    What `plain` has hidden is there again before it is escaped.
     """
 
     def escaped(text: str) -> str:
         return plain(text.replace(DOLLAR, "$"))
 
+    def formula(text: str) -> str:
+        text = text.replace(" - ", " \N{MINUS SIGN} ")
+        out, done = [], 0
+        for match in TOKEN.finditer(text):
+            out.append(escaped(text[done : match.start()]))
+            base, low, word = match.groups()
+            if word is None:
+                out.append(italic(escaped(base)) + index(escaped(low)))
+            else:
+                out.append(italic(escaped(word)) if len(word) == 1 else escaped(word))
+            done = match.end()
+        return "".join([*out, escaped(text[done:])])
+
     parts = text.split("$")
-    return "".join(
-        escaped(part) if k % 2 == 0 else _formula(part, escaped, italic, index)
-        for k, part in enumerate(parts)
-    )
-
-
-def _formula(
-    text: str,
-    plain: Callable[[str], str],
-    italic: Callable[[str], str],
-    index: Callable[[str], str],
-) -> str:
-    text = text.replace(" - ", " \N{MINUS SIGN} ")
-    out, done = [], 0
-    for match in TOKEN.finditer(text):
-        out.append(plain(text[done : match.start()]))
-        base, low, word = match.groups()
-        if word is None:
-            out.append(italic(plain(base)) + index(plain(low)))
-        else:
-            out.append(italic(plain(word)) if len(word) == 1 else plain(word))
-        done = match.end()
-    out.append(plain(text[done:]))
-    return "".join(out)
+    return "".join(escaped(part) if k % 2 == 0 else formula(part) for k, part in enumerate(parts))

@@ -77,7 +77,6 @@ def _escape(text: str) -> str:
 
 
 def _string(text: str) -> str:
-    """Return a text as a string of Typst."""
     escaped = without_formulas(text).replace("\\", "\\\\").replace('"', '\\"')
     return f'"{escaped}"'
 

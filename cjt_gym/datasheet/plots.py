@@ -64,6 +64,15 @@ def _label(p: JointParameters, symbol: str, quantity: str) -> str:
     return f"{quantity} [{p.unit(symbol)}]"
 
 
+def _over_frequency(axes: Axes, f: Any, label: str) -> None:
+    axes.set(xlim=(f[0], f[-1]), xlabel="frequency [Hz]", ylabel=label)
+
+
+def _torque_and_speed(axes: Axes, p: JointParameters, torque: float, speed: float) -> None:
+    axes.set(xlim=(0.0, torque), xlabel=_label(p, "d_cm", "motor torque at the link"))
+    axes.set(ylim=(0.0, speed), ylabel=_label(p, "dq_p", "speed"))
+
+
 def torque_speed(axes: Axes, joints: Joints) -> None:
     """Draw the torque-speed diagram: regions, power hyperbolas, friction."""
     joints = _several(joints)
@@ -99,7 +108,6 @@ def _largest(p: JointParameters) -> float:
 
 
 def _one_diagram(axes: Axes, p: JointParameters) -> None:
-    """Add hyperbolas of power, friction and points of one joint."""
     peak, top = _largest(p), characteristic(p, "dq_0")
     tau = np.linspace(0.01 * peak, 1.15 * peak, 400)
     for name, style, text in (("p_pm", "--", "peak power"), ("p_cm", ":", "rated power")):
@@ -118,10 +126,8 @@ def _one_diagram(axes: Axes, p: JointParameters) -> None:
 
 
 def _finish_diagram(axes: Axes, joints: Sequence[JointParameters]) -> None:
-    axes.set_xlim(0.0, 1.15 * max(_largest(p) for p in joints))
-    axes.set_ylim(0.0, 1.12 * max(characteristic(p, "dq_0") for p in joints))
-    axes.set_xlabel(_label(joints[0], "d_cm", "motor torque at the link"))
-    axes.set_ylabel(_label(joints[0], "dq_p", "speed"))
+    torque, speed = max(map(_largest, joints)), max(characteristic(p, "dq_0") for p in joints)
+    _torque_and_speed(axes, joints[0], 1.15 * torque, 1.12 * speed)
     below = {"loc": "lower right", "bbox_to_anchor": (0.94, 0.08)}
     place_legend(axes, **below if len(joints) == 1 else {})
 
@@ -145,10 +151,7 @@ def efficiency_map(axes: Axes, p: JointParameters, top: float | None = None) -> 
     axes.contour(tau, speed, values, levels=levels[1:], colors="white", linewidths=0.4)
     axes.plot(*best_point(p), color=RED, label=f"{100.0 * best_efficiency(p):.0f} %", **POINT)
     axes.plot(characteristic(p, "t_r"), characteristic(p, "dq_r"), color=INK, **POINT)
-    axes.set_xlabel(_label(p, "d_cm", "motor torque at the link"))
-    axes.set_ylabel(_label(p, "dq_p", "speed"))
-    axes.set_xlim(0.0, 1.03 * characteristic(p, "t_p"))
-    axes.set_ylim(0.0, 1.05 * characteristic(p, "dq_0"))
+    _torque_and_speed(axes, p, 1.03 * characteristic(p, "t_p"), 1.05 * characteristic(p, "dq_0"))
     place_legend(axes, loc="lower right", handletextpad=0.2)
     return shown
 
@@ -186,8 +189,7 @@ def efficiency_curves(
     axes.axvline(characteristic(p, "t_r"), color=GREY, lw=0.7, ls=":")
     axes.set_xlim(0.0, characteristic(p, "t_p"))
     axes.set_ylim(bottom=0.0)
-    axes.set_xlabel(_label(p, "d_cm", "motor torque at the link"))
-    axes.set_ylabel("efficiency [%]")
+    axes.set(xlabel=_label(p, "d_cm", "motor torque at the link"), ylabel="efficiency [%]")
     place_legend(axes, loc="best")
 
 
@@ -219,10 +221,8 @@ def holding(axes: Axes, p: JointParameters, winding: float | None = None) -> Any
     axes.loglog(f, limits.lasting, color="white", lw=1.2)
     axes.loglog(f, limits.peak, color=INK, lw=1.0, label="possible at all")
     axes.axvline(resonance(p), color=GREY, lw=0.7, ls=":")
-    axes.set_xlim(f[0], f[-1])
     axes.set_ylim(tau[0], tau[-1])
-    axes.set_xlabel("frequency [Hz]")
-    axes.set_ylabel(_label(p, "d_cm", "joint torque, amplitude"))
+    _over_frequency(axes, f, _label(p, "d_cm", "joint torque, amplitude"))
     place_legend(axes, loc="lower left")
     return shown
 
@@ -256,8 +256,7 @@ def final_temperature(axes: Axes, joints: Joints) -> None:
         axes.plot(tau, np.where(ends < COPPER_MELTS, ends, np.nan), color=colour)
         axes.axhline(p.Tmp_WMax, color=RED, lw=0.8, ls="--")
     _mark_rated(axes, joints)
-    axes.set_ylim(0.0, 500.0)
-    axes.set_ylabel("ends at [°C]")
+    axes.set(ylim=(0.0, 500.0), ylabel="ends at [°C]")
 
 
 def _mark_rated(axes: Axes, joints: Sequence[JointParameters]) -> None:
@@ -292,9 +291,7 @@ def torque_bandwidth(axes: Axes, joints: Joints) -> None:
     peak = max(characteristic(p, "t_p") for p in joints)
     rated = min(characteristic(p, "t_r") for p in joints)
     axes.set_ylim(0.02 * rated, 10.0 * peak)
-    axes.set_xlim(f[0], f[-1])
-    axes.set_xlabel("frequency [Hz]")
-    axes.set_ylabel(_label(joints[0], "d_cm", "joint torque, amplitude"))
+    _over_frequency(axes, f, _label(joints[0], "d_cm", "joint torque, amplitude"))
     place_legend(axes, loc="lower left")
 
 
@@ -310,9 +307,7 @@ def torque_with_load(axes: Axes, p: JointParameters) -> Any:
     axes.loglog(f, torque_limits(p, f).peak, color=INK, lw=1.0, ls="--", label="locked output")
     peak = characteristic(p, "t_p")
     axes.set_ylim(0.01 * peak, 10.0 * peak)
-    axes.set_xlim(f[0], f[-1])
-    axes.set_xlabel("frequency [Hz]")
-    axes.set_ylabel(_label(p, "d_cm", "joint torque, amplitude"))
+    _over_frequency(axes, f, _label(p, "d_cm", "joint torque, amplitude"))
     place_legend(axes, loc="upper left")
     return mpl.cm.ScalarMappable(norm, shades)
 
@@ -348,7 +343,5 @@ def impedance(axes: Axes, joints: Joints, motion: float | None = None) -> None:
             axes.loglog(f, np.where(width.low > 0.0, width.low, np.nan), color=colour, ls="--",
                         lw=0.8)  # fmt: skip
         axes.set_ylim(bottom=0.1 * float(np.abs(width.own).min()))
-    axes.set_xlim(f[0], f[-1])
-    axes.set_xlabel("frequency [Hz]")
-    axes.set_ylabel(_label(joints[0], "d_gl", "impedance of the output"))
+    _over_frequency(axes, f, _label(joints[0], "d_gl", "impedance of the output"))
     place_legend(axes)

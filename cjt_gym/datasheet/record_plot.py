@@ -11,17 +11,15 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawn
-from numpy.typing import NDArray
 
 from cjt_gym.datasheet.blocks import Figure, Sheet, Table
 from cjt_gym.datasheet.drawing import COLOURS, RED, canvas, legend
 from cjt_gym.datasheet.html import to_html
 from cjt_gym.datasheet.notation import plain
 from cjt_gym.disk import write_bytes
-from cjt_gym.records import Record
+from cjt_gym.records import FloatArray, Record
 from cjt_gym.records.columns import TRUE_PREFIX
 
-Floats = NDArray[np.float64]
 WIDTH, PANEL, MARGIN = 9.0, 1.7, 0.6
 """Width, height of a panel and of what is around them [inch]."""
 BINS = 2000
@@ -33,12 +31,7 @@ FACTS = ("kind", "controller", "policy", "reference", "protocol", "bus", "source
 
 @dataclass(frozen=True)
 class Trace:
-    """A record and what its curves are called.
-
-    Attributes:
-        name: Its name.
-        record: The record.
-    """
+    """A record and the name of its curves."""
 
     name: str
     record: Record
@@ -104,7 +97,7 @@ def _curves(
         axes.axvline(float(record.t[-1]), color=RED, linewidth=0.8)
 
 
-def _envelope(t: Floats, value: Floats) -> tuple[Floats, Floats]:
+def _envelope(t: FloatArray, value: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return a curve with least and largest value of each piece, where it has many samples."""
     if len(t) <= 2 * BINS:
         return t, value
@@ -126,7 +119,6 @@ def _plain_text(text: Any) -> None:
 
 
 def _sheet(traces: Sequence[Trace], svg: str) -> Sheet:
-    """Return the picture with what is known of each record below it."""
     tables = [Table((plain(trace.name), ""), _facts(trace), "ll", wide=(1,)) for trace in traces]
     title = plain(", ".join(trace.name for trace in traces))
     return Sheet(title, "", [Figure(svg, "", whole=True), *tables])

@@ -16,8 +16,6 @@ from cjt_gym.disk.limits import COLUMNS, NUMBERS
 from cjt_gym.disk.parsing import parsing
 from cjt_gym.errors import CjtGymError
 
-__all__ = ["Member", "members_of", "read_arrays"]
-
 REAL: Final = "fiub"
 TEXT: Final = "U"
 HEADERS: Final[dict[tuple[int, int], Any]] = {
@@ -30,26 +28,10 @@ LAST_LETTER: Final = 0x10FFFF
 
 
 class Member:
-    """An array of an archive, of which no more is read than is asked for.
-
-    Attributes:
-        name: Its name.
-        shape: Its shape.
-        dtype: Its type.
-        by_columns: Whether it is stored column by column.
-    """
+    """An array of an archive, of which no more is read than is asked for."""
 
     def __init__(self, name: str, file: IO[bytes], size: int) -> None:
-        """Read its header.
-
-        Args:
-            name: Its name.
-            file: Its content.
-            size: Bytes of it, header included.
-
-        Raises:
-            ValueError: It is not an array, holds objects, or is not as long as its shape says.
-        """
+        """Read its header."""
         shape, self.by_columns, self.dtype = HEADERS[np.lib.format.read_magic(file)](file)
         self.name, self._file = name, file
         self.shape: tuple[int, ...] = shape
@@ -85,12 +67,7 @@ class Member:
 
 @contextmanager
 def members_of(path: Path, error: type[CjtGymError]) -> Iterator[list[Member]]:
-    """Open the arrays of an archive.
-
-    Raises:
-        OSError: It cannot be opened.
-        CjtGymError: Of the given class: it is no archive of arrays, or holds more than it may.
-    """
+    """Open the arrays of an archive."""
     with ExitStack() as stack:
         archive = stack.enter_context(zipfile.ZipFile(stack.enter_context(path.open("rb"))))
         entries = archive.infolist()
@@ -104,12 +81,7 @@ def members_of(path: Path, error: type[CjtGymError]) -> Iterator[list[Member]]:
 
 
 def read_arrays(path: Path, error: type[CjtGymError]) -> dict[str, NDArray[Any]]:
-    """Return all arrays of an archive: real numbers and texts.
-
-    Raises:
-        OSError: It cannot be opened.
-        CjtGymError: Of the given class: it is no archive of such arrays, or holds more than it may.
-    """
+    """Return all arrays of an archive: real numbers and texts."""
     file = path.open("rb")
     file.close()
     what = f"{path} must be an NPZ archive of plain numeric arrays"

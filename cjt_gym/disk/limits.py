@@ -9,8 +9,6 @@ from typing import Final
 
 from cjt_gym.errors import CjtGymError, ConfigurationError
 
-__all__ = ["BYTES_OF_TEXT", "COLUMNS", "NUMBERS", "Limit"]
-
 
 @dataclass(frozen=True)
 class Limit:
@@ -31,11 +29,7 @@ class Limit:
 
     @property
     def value(self) -> int:
-        """The limit as the environment has it.
-
-        Raises:
-            ConfigurationError: The variable is not a whole number > 0.
-        """
+        """The limit as the environment has it."""
         text = os.environ.get(self.variable, "")
         if text and not (text.isascii() and text.isdigit() and len(text) < 19 and int(text) > 0):
             raise ConfigurationError(

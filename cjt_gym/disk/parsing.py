@@ -9,8 +9,6 @@ from typing import TypeVar
 
 from cjt_gym.errors import CjtGymError
 
-__all__ = ["parsed_each", "parsing", "reason_of"]
-
 Item = TypeVar("Item")
 LONGEST = 300
 """Characters of a foreign message that are shown."""
@@ -39,11 +37,7 @@ def parsing(what: str, error: type[CjtGymError], remedy: str = "") -> Iterator[N
 
 
 def parsed_each(items: Iterable[Item], what: str, error: type[CjtGymError]) -> Iterator[Item]:
-    """Yield items that a foreign parser makes one by one; see `parsing`.
-
-    Raises:
-        CjtGymError: Of the given class for any other exception that the parser raises.
-    """
+    """Yield items that a foreign parser makes one by one; see `parsing`."""
     iterator = iter(items)
     while True:
         try:

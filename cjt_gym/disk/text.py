@@ -14,8 +14,6 @@ from cjt_gym.disk.limits import BYTES_OF_TEXT
 from cjt_gym.disk.parsing import parsing
 from cjt_gym.errors import CjtGymError
 
-__all__ = ["parse_json", "parse_toml", "read_json", "read_text", "read_toml"]
-
 DEEPEST: Final = 32
 """Tables and lists within each other."""
 LARGEST: Final = 2**63
@@ -44,12 +42,7 @@ def read_text(path: Path, error: Error) -> str:
 
 
 def read_toml(path: Path, error: Error) -> dict[str, Any]:
-    """Return the content of a TOML file; see `parse_toml`.
-
-    Raises:
-        OSError: It cannot be opened.
-        CjtGymError: Of the given class, as for `parse_toml`.
-    """
+    """Return the content of a TOML file; see `parse_toml`."""
     return parse_toml(read_text(path, error), str(path), error)
 
 
@@ -73,21 +66,12 @@ def parse_toml(text: str, owner: str, error: Error) -> dict[str, Any]:
 
 
 def read_json(path: Path, error: Error) -> Any:
-    """Return the content of a JSON file; see `parse_json`.
-
-    Raises:
-        OSError: It cannot be opened.
-        CjtGymError: Of the given class, as for `parse_json`.
-    """
+    """Return the content of a JSON file; see `parse_json`."""
     return parse_json(read_text(path, error), str(path), error)
 
 
 def parse_json(text: str, owner: str, error: Error) -> Any:
-    """Return what a JSON text says, under the conditions of `parse_toml`.
-
-    Raises:
-        CjtGymError: Of the given class.
-    """
+    """Return what a JSON text says, under the conditions of `parse_toml`."""
     with parsing(f"{owner} must be JSON in UTF-8", error):
         document = json.loads(text)
         _check(document)

@@ -8,8 +8,6 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-__all__ = ["Inline", "to_toml", "toml_text"]
-
 
 class Inline(dict[str, Any]):
     """A table that is written on one line."""

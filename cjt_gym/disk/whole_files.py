@@ -12,8 +12,6 @@ from typing import Final
 
 from cjt_gym.errors import ConfigurationError
 
-__all__ = ["check_file_name", "lock", "refuse_inputs", "whole", "write_bytes", "write_text"]
-
 LONGEST: Final = 200
 """Bytes of a file name, without its ending; most file systems take 255."""
 FORBIDDEN: Final = frozenset('/\\:*?"<>|')
@@ -67,32 +65,19 @@ def whole(path: str | Path) -> Iterator[Path]:
 
 
 def write_text(path: str | Path, text: str) -> Path:
-    """Write a text in UTF-8, whole or not at all; return the path.
-
-    Raises:
-        OSError: It cannot be written.
-    """
+    """Write a text in UTF-8, whole or not at all; return the path."""
     return write_bytes(path, text.encode("utf-8"))
 
 
 def write_bytes(path: str | Path, data: bytes) -> Path:
-    """Write a file, whole or not at all; return the path.
-
-    Raises:
-        OSError: It cannot be written.
-    """
+    """Write a file, whole or not at all; return the path."""
     with whole(path) as part:
         part.write_bytes(data)
     return Path(path)
 
 
 def check_file_name(name: str, owner: str) -> None:
-    """Raise ConfigurationError unless a name can be that of a file in a folder, and only there.
-
-    Args:
-        name: The name, without an ending.
-        owner: What error messages call it.
-    """
+    """Raise ConfigurationError unless a name can be that of a file in a folder, and only there."""
     good = name.isprintable() and not FORBIDDEN.intersection(name) and name.strip(" .") == name
     if not (good and name) or len(os.fsencode(name)) > LONGEST:
         raise ConfigurationError(
@@ -103,12 +88,7 @@ def check_file_name(name: str, owner: str) -> None:
 
 
 def refuse_inputs(outputs: Sequence[Path], inputs: Sequence[str | Path | None]) -> None:
-    """Raise ConfigurationError if a file that is to be written is one that was read.
-
-    Args:
-        outputs: Files to write.
-        inputs: Files that were read; what is None, or no file, does not count.
-    """
+    """Raise ConfigurationError if a file that is to be written is one that was read."""
     read = [Path(path) for path in inputs if path is not None and Path(path).is_file()]
     for output in outputs:
         for path in read:

@@ -8,8 +8,8 @@
 Example:
     >>> from cjt_gym.joint import load_joint
     >>> found = to_mujoco(load_joint("orange_80_6000", "output_fixed", effects=["coulomb"]))
-    >>> [line.strip() for line in found.text.splitlines() if "frictionloss" in line][0][:24]
-    '<joint name="motor" axis'
+    >>> 'frictionloss="' in found.text, list(found.nearly)
+    (True, ['coulomb'])
 """
 
 from cjt_gym.export.isaaclab import to_isaaclab

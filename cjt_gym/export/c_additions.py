@@ -14,13 +14,9 @@ from cjt_gym.export.c_text import filled, number
 
 @dataclass(frozen=True)
 class Addition:
-    """Code that computes what is added to the command.
+    """Code that sets `added`, what is added to the command, with its fields and local variables.
 
-    Attributes:
-        state: Fields of the struct.
-        local: Variables, each with a comma before it.
-        code: Sets `added`; `state->begun` tells whether there is a past.
-        after: Code for the command that was applied.
+    `state->begun` tells whether there is a past; `after` takes the command that was applied.
     """
 
     state: str

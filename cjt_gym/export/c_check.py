@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.baselines import Controller
 from cjt_gym.baselines.linear_law import MEASURED
@@ -18,9 +17,9 @@ from cjt_gym.errors import CjtGymError, ConfigurationError
 from cjt_gym.export.c_library import compiled
 from cjt_gym.export.c_text import VALUES, parameters
 from cjt_gym.joint import Joint
-from cjt_gym.plant import Measurement, SimulatedPlant, limits_of
+from cjt_gym.plant import SimulatedPlant, limits_of
+from cjt_gym.plant.measurement import Floats, Measurement
 
-Floats = NDArray[np.float64]
 STEPS, HOLD, BEYOND = 600, 60, 1.5
 """Control steps, how long a torque is held, and how far it goes beyond the limit."""
 TOLERANCE: Final = 1e-12  # relative: sums are in another order
@@ -72,11 +71,7 @@ def wanted_torque(limit: float) -> Floats:
 
 
 def check_controller(controller: Controller, joint: Joint, header: str) -> Checked:
-    """Compare a header with the prefix "law" with its controller, in a closed loop.
-
-    Raises:
-        ExportError: They differ.
-    """
+    """Compare a header with the prefix "law" with its controller, in a closed loop."""
     try:
         library = compiled(CONTROLLER, {"law.h": header})
     except ConfigurationError as reason:
@@ -99,11 +94,7 @@ def check_controller(controller: Controller, joint: Joint, header: str) -> Check
 
 
 def check_observer(observer: LinearObserver, joint: Joint, header: str) -> Checked:
-    """Compare a header with the prefix "law" with its observer, on a joint that is disturbed.
-
-    Raises:
-        ExportError: They differ.
-    """
+    """Compare a header with the prefix "law" with its observer, on a joint that is disturbed."""
     try:
         library = compiled(OBSERVER, {"law.h": header})
     except ConfigurationError as reason:

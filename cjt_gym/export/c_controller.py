@@ -5,29 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from cjt_gym.baselines.linear_law import SIGNALS
 from cjt_gym.export.c_additions import NOTHING
 from cjt_gym.export.c_law import CLaw
-from cjt_gym.export.c_text import array, comment, filled, identifier, number
-
-COUNT = len(SIGNALS)
+from cjt_gym.export.c_text import common_values, filled, identifier, number
 
 
 def controller_header(
     law: CLaw, prefix: str, title: str, joint: str, gains: Mapping[str, float]
 ) -> str:
-    """Return the text of the header.
-
-    Args:
-        law: What the controller does.
-        prefix: What its names begin with.
-        title: Its name.
-        joint: The joint that it is for.
-        gains: Its gains, which are told in a comment.
-    """
-    name, order = identifier(prefix), len(law.linear.c)
-    kind = f"{name.upper()}_REAL"
-    adds = law.addition is not NOTHING
+    """Return the text of the header."""
+    adds, renders = law.addition is not NOTHING, law.stiffness > 0.0 or law.damping > 0.0
+    impedance = {"STIFFNESS": number(law.stiffness), "DAMPING": number(law.damping)}
     tables = {
         "a": law.linear.a,
         "b": law.linear.b,
@@ -36,39 +24,20 @@ def controller_header(
         "rest": law.linear.at_rest(),
     } | ({} if law.back is None else {"back": law.back})
     values = {
-        "TITLE": comment(title),
-        "JOINT": comment(joint),
         "GAINS": ", ".join(f"{key} = {value:.6g}" for key, value in gains.items()) or "none",
-        "DT": number(law.linear.dt),
         "LIMIT": number(law.limit),
-        "ARRAYS": "\n".join(array(kind, f"{name}_{key}", table) for key, table in tables.items()),
-        "STATES": str(max(order, 1)),
-        "ORDER": str(order),
-        "COUNT": str(COUNT),
         "START": "reference" if law.follows else "tau",
-        "RENDER": _render(law),
+        "RENDER": filled(RENDER, impedance) if renders else "",
         "ADDITION_STATE": law.addition.state,
         "ADDITION": law.addition.code,
         "AFTER": law.addition.after,
         "LOCAL": law.addition.local,
         "ADDED": "added" if adds else "0.0",
         "BACK": "" if law.back is None else " - @NAME@_back[i] * added",
-        "REST_STATE": "  @REAL@ rest; /* load angle at the start */\n" if _renders(law) else "",
-        "NAME": name,
-        "GUARD": f"{name.upper()}_H",
-        "REAL": kind,
+        "REST_STATE": "  @REAL@ rest; /* load angle at the start */\n" if renders else "",
     }
-    return filled(TEMPLATE, values)
-
-
-def _renders(law: CLaw) -> bool:
-    return law.stiffness > 0.0 or law.damping > 0.0
-
-
-def _render(law: CLaw) -> str:
-    if not _renders(law):
-        return ""
-    return filled(RENDER, {"STIFFNESS": number(law.stiffness), "DAMPING": number(law.damping)})
+    common = common_values(identifier(prefix), title, joint, law.linear.dt, tables)
+    return filled(TEMPLATE, values | common)
 
 
 RENDER: Final = """\

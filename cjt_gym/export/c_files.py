@@ -18,12 +18,7 @@ TRIED = "law"
 
 @dataclass(frozen=True)
 class Header:
-    """A header in C.
-
-    Attributes:
-        text: The file.
-        checked: How it compares with Python.
-    """
+    """A header in C, and how it compares with Python."""
 
     text: str
     checked: Checked
@@ -38,12 +33,7 @@ def controller_to_c(
 ) -> Header:
     """Return a controller as a C header: its whole loop, with limit and anti-windup.
 
-    Args:
-        controller: The controller.
-        joint: The joint that it is for.
-        name: Its name.
-        prefix: What names in the header begin with; its name where None is given.
-        gains: Its gains, which are told in a comment.
+    Names begin with the prefix, or else its name; the gains are told in a comment.
 
     Raises:
         ConfigurationError: What it does cannot be written in C.
@@ -60,13 +50,7 @@ def controller_to_c(
 def observer_to_c(
     observer: LinearObserver, joint: Joint, name: str, prefix: str | None = None
 ) -> Header:
-    """Return an observer as a C header.
-
-    Args:
-        observer: The observer.
-        joint: The joint that it is for.
-        name: Its name.
-        prefix: What names in the header begin with; its name where None is given.
+    """Return an observer as a C header; its names begin with the prefix, or else its name.
 
     Raises:
         ExportError: The header does otherwise than the observer.

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from cjt_gym.baselines import Controller, OpenLoop, PdFeedForward
 from cjt_gym.baselines.adaptive_friction import AdaptiveFriction
 from cjt_gym.baselines.compose import WithFriction
@@ -15,8 +12,7 @@ from cjt_gym.baselines.impedance import Impedance
 from cjt_gym.baselines.linear_law import LinearController, LinearLaw, assemble, static
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.export.c_additions import NOTHING, Addition, known_friction, learnt_friction
-
-Floats = NDArray[np.float64]
+from cjt_gym.plant.measurement import Floats
 
 
 @dataclass(frozen=True)
@@ -44,15 +40,7 @@ class CLaw:
 
 
 def law_of(controller: Controller, name: str) -> CLaw:
-    """Return what a controller does.
-
-    Args:
-        controller: The controller.
-        name: Its name, for errors.
-
-    Raises:
-        ConfigurationError: It learns series, solves programs, or is code of one's own.
-    """
+    """Return what a controller does; an error where C cannot do that."""
     limit = controller.torque_limit
     match controller:
         case OpenLoop():

@@ -22,11 +22,7 @@ def compiler() -> str | None:
 
 
 def compiled(source: str, headers: Mapping[str, str]) -> ctypes.CDLL:
-    """Return the library of a C source and its headers, by file name.
-
-    Raises:
-        ConfigurationError: There is no C compiler, or it does not take the source.
-    """
+    """Return the library of a C source and its headers, by file name."""
     name = compiler()
     if name is None:
         raise ConfigurationError(f"There is no C compiler ({', '.join(COMPILERS)}) to try it with.")

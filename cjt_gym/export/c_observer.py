@@ -4,24 +4,13 @@ from __future__ import annotations
 
 from typing import Final
 
-from cjt_gym.baselines.linear_law import SIGNALS
 from cjt_gym.baselines.observers import LinearObserver
-from cjt_gym.export.c_text import array, comment, filled, identifier, number
-
-COUNT = len(SIGNALS)
+from cjt_gym.export.c_text import common_values, filled, identifier
 
 
 def observer_header(observer: LinearObserver, prefix: str, title: str, joint: str) -> str:
-    """Return the text of the header.
-
-    Args:
-        observer: The observer.
-        prefix: What its names begin with.
-        title: Its name.
-        joint: The joint that it is for.
-    """
-    name, order = identifier(prefix), len(observer.a)
-    kind = f"{name.upper()}_REAL"
+    """Return the text of the header."""
+    name = identifier(prefix)
     tables = {
         "a": observer.a,
         "b": observer.b,
@@ -30,21 +19,8 @@ def observer_header(observer: LinearObserver, prefix: str, title: str, joint: st
         "rest": observer.at_rest(),
     }
     places = [identifier(f"{name}_{one}".upper()) for one in observer.names]
-    values = {
-        "TITLE": comment(title),
-        "JOINT": comment(joint),
-        "DT": number(observer.dt),
-        "ARRAYS": "\n".join(array(kind, f"{name}_{key}", table) for key, table in tables.items()),
-        "PLACES": ", ".join(places),
-        "ESTIMATES": str(len(observer.names)),
-        "STATES": str(max(order, 1)),
-        "ORDER": str(order),
-        "COUNT": str(COUNT),
-        "NAME": name,
-        "GUARD": f"{name.upper()}_H",
-        "REAL": kind,
-    }
-    return filled(TEMPLATE, values)
+    values = {"PLACES": ", ".join(places), "ESTIMATES": str(len(observer.names))}
+    return filled(TEMPLATE, values | common_values(name, title, joint, observer.dt, tables))
 
 
 TEMPLATE: Final = """\

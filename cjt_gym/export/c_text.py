@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.baselines.linear_law import INPUTS, MEASURED
+from cjt_gym.baselines.linear_law import INPUTS, MEASURED, SIGNALS
 
 PER_LINE = 4
 VALUES = ", ".join(MEASURED)
@@ -81,3 +81,22 @@ EVERYWHERE = {
     "MEANINGS": meanings(),
 }
 """What a template need not be told."""
+
+
+def common_values(
+    name: str, title: str, joint: str, dt: float, tables: Mapping[str, NDArray[Any]]
+) -> dict[str, str]:
+    """Return what the templates of all linear laws are told: names, sizes and arrays."""
+    kind, order = f"{name.upper()}_REAL", len(tables["a"])
+    return {
+        "TITLE": comment(title),
+        "JOINT": comment(joint),
+        "DT": number(dt),
+        "ARRAYS": "\n".join(array(kind, f"{name}_{key}", table) for key, table in tables.items()),
+        "STATES": str(max(order, 1)),
+        "ORDER": str(order),
+        "COUNT": str(len(SIGNALS)),
+        "NAME": name,
+        "GUARD": f"{name.upper()}_H",
+        "REAL": kind,
+    }

@@ -14,8 +14,16 @@ import json
 import math
 from collections.abc import Mapping
 
-from cjt_gym.errors import ConfigurationError
-from cjt_gym.export.model import Export, bodies_of, gain_of, listed, number, sorted_out, values_of
+from cjt_gym.export.model import (
+    Export,
+    bodies_of,
+    check_exportable,
+    gain_of,
+    listed,
+    number,
+    sorted_out,
+    values_of,
+)
 from cjt_gym.joint import Joint
 
 TIMESTEP = 1e-3  # unless told otherwise: the usual control step [s]
@@ -74,10 +82,7 @@ def to_isaaclab(joint: Joint, timestep: float = TIMESTEP) -> Export:
     Raises:
         ConfigurationError: The axis is prismatic, or the time step is not > 0.
     """
-    if joint.parameters.axis == "prismatic":
-        raise ConfigurationError(
-            f"{joint.file.name} is prismatic; only rotary joints can be exported to Isaac Lab."
-        )
+    check_exportable(joint, timestep, "Isaac Lab")
     exact, nearly, missing = sorted_out(joint, SUPPORT)
     lines = [
         f"# {json.dumps(joint.file.name)} as {joint.structure}; fields of isaaclab.actuators, "
@@ -98,13 +103,7 @@ def to_isaaclab(joint: Joint, timestep: float = TIMESTEP) -> Export:
 
 
 def actuators(joint: Joint, timestep: float = TIMESTEP) -> Table:
-    """Return the fields of the actuator of the motor and, where there is a spring, of its own.
-
-    Raises:
-        ConfigurationError: The time step is not > 0.
-    """
-    if not (math.isfinite(timestep) and timestep > 0.0):
-        raise ConfigurationError(f"timestep of the export must be > 0 s, got {timestep}.")
+    """Return the fields of the actuator of the motor and, where there is a spring, of its own."""
     values, _ = values_of(joint)
     table: Table = {"motor": _motor(joint, values, timestep)}
     if bodies_of(joint).springs():

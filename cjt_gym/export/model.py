@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import EFFECTS, Joint
 from cjt_gym.joint.configure import FIELDS
 
@@ -64,6 +66,16 @@ class Bodies:
         return tuple(found + ([("bar", gear, load)] if gear != load else []))
 
 
+def check_exportable(joint: Joint, timestep: float, target: str) -> None:
+    """Raise ConfigurationError for a prismatic axis, or a time step that is not > 0 s."""
+    if not (math.isfinite(timestep) and timestep > 0.0):
+        raise ConfigurationError(f"timestep of the export must be > 0 s, got {timestep}.")
+    if joint.parameters.axis == "prismatic":
+        raise ConfigurationError(
+            f"{joint.file.name} is prismatic; only rotary joints can be exported to {target}."
+        )
+
+
 def bodies_of(joint: Joint) -> Bodies:
     """Return the moving bodies of a joint."""
     groups = joint.structure_row.groups
@@ -88,10 +100,7 @@ def sorted_out(
 ) -> tuple[dict[str, str], dict[str, str], dict[str, str]]:
     """Return the texts of a joint's effects by how well they are expressed.
 
-    Args:
-        joint: The joint.
-        table: "exact", "nearly" or "missing", and how or why, by effect; what is not there is
-            missing, such as all that sensors do.
+    What the table does not have is missing, such as all that sensors do.
     """
     out: dict[str, dict[str, str]] = {"exact": {}, "nearly": {}, "missing": {}}
     for name in joint.effects:

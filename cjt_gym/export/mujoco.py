@@ -17,14 +17,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from xml.etree.ElementTree import Comment, Element, SubElement, indent, tostring
 
-import numpy as np
-from numpy.typing import NDArray
-
-from cjt_gym.errors import ConfigurationError
 from cjt_gym.export.model import (
     Bodies,
     Export,
     bodies_of,
+    check_exportable,
     gain_of,
     listed,
     number,
@@ -33,8 +30,8 @@ from cjt_gym.export.model import (
 )
 from cjt_gym.joint import Joint
 from cjt_gym.joint.ripple import COGGING
+from cjt_gym.plant.measurement import Floats
 
-Ripple = NDArray[np.float64]
 TIMESTEP = 2.5e-4  # unless told otherwise: four to a usual control step [s]
 ILLEGAL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """Characters that no XML file can hold, however they are written."""
@@ -86,13 +83,7 @@ WITHOUT_DCMOTOR: Mapping[str, tuple[str, str]] = {
 
 @dataclass(frozen=True)
 class Friction:
-    """Dry friction of one coordinate.
-
-    Attributes:
-        loss: Level [N m].
-        rise: What breakaway lies above it [N m].
-        stiffness: Of presliding [N m/rad]; 0 for none.
-    """
+    """Dry friction of a coordinate: level and breakaway above it [N m], presliding [N m/rad]."""
 
     loss: float
     rise: float
@@ -116,12 +107,7 @@ def to_mujoco(joint: Joint, timestep: float = TIMESTEP, dcmotor: bool = True) ->
     Raises:
         ConfigurationError: The axis is prismatic, or the time step is not > 0.
     """
-    if not (math.isfinite(timestep) and timestep > 0.0):
-        raise ConfigurationError(f"timestep of the export must be > 0 s, got {timestep}.")
-    if joint.parameters.axis == "prismatic":
-        raise ConfigurationError(
-            f"{joint.file.name} is prismatic; only rotary joints can be exported to MuJoCo."
-        )
+    check_exportable(joint, timestep, "MuJoCo")
     values, ripple = values_of(joint)
     bodies = bodies_of(joint)
     support = dict(SUPPORT) | ({} if dcmotor else dict(WITHOUT_DCMOTOR))
@@ -243,7 +229,7 @@ def _add_passive(
     actuator: Element,
     bodies: Bodies,
     values: Mapping[str, float],
-    ripple: Ripple,
+    ripple: Floats,
     friction: list[Friction],
     timestep: float,
     dcmotor: bool,
@@ -265,7 +251,6 @@ def _add_passive(
 
 
 def _add_silent(actuator: Element, name: str, joint: str, **law: str) -> None:
-    """Add a dcmotor without input and without current."""
     given = {"input": "none", "motorconst": "0 0", "resistance": "1"}
     SubElement(actuator, "dcmotor", {"name": name, "joint": joint, **given, **law})
 
@@ -281,7 +266,7 @@ def _bristles(law: Friction, values: Mapping[str, float], inertia: float, timest
     return " ".join(number(x) for x in numbers)
 
 
-def harmonics(values: Mapping[str, float], ripple: Ripple) -> list[tuple[float, float, float]]:
+def harmonics(values: Mapping[str, float], ripple: Floats) -> list[tuple[float, float, float]]:
     """Return frequency [1/rad of q_m], amplitude [N m] and phase of each harmonic of the cogging.
 
     a cos(f q) + b sin(f q) = amplitude sin(f q + phase).

@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.baselines import Controller
 from cjt_gym.canbus.config import HardwareConfig
 from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.hardware.delayed_law import law_for
+from cjt_gym.plant.measurement import Floats
 from cjt_gym.records import Record, part_of, read_record
 from cjt_gym.signals import sampled_signal
 from cjt_gym.training.benchmark import make_agents
@@ -27,7 +27,6 @@ from cjt_gym.training.evaluation.conditions import (
 from cjt_gym.training.evaluation.evaluate import character_of, row_of
 from cjt_gym.training.evaluation.rollout import Agent, Traces, run_episodes
 
-Floats = NDArray[np.float64]
 SWEEP_NAME = "sweep"
 RUNS = (*TASKS, SWEEP_NAME)
 """What is run: the tasks that track a torque, and the sweep that tells the bandwidth."""

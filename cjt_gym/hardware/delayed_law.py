@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.baselines import Controller
 from cjt_gym.baselines.linear_law import LinearLaw
@@ -26,14 +25,12 @@ from cjt_gym.errors import CjtGymWarning, ConfigurationError
 from cjt_gym.joint import Joint
 from cjt_gym.joint.configure import resolve_effects
 from cjt_gym.joint.known import known_joint
-from cjt_gym.plant import Measurement
+from cjt_gym.plant.measurement import Floats, Measurement
 from cjt_gym.signals import sampled_signal
 from cjt_gym.training.deploy.exported import Exported
 from cjt_gym.training.deploy.load_agent import load_agent
 from cjt_gym.training.evaluation.conditions import Conditions
 from cjt_gym.training.tuning.gains import choose
-
-Floats = NDArray[np.float64]
 
 BUS_DELAYS: Final = ("command_delay", "measurement_delay")
 """Effects that delay a loop as a bus does, so that they are measured before a run."""

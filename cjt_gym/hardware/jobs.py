@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.canbus.config import HardwareConfig
 from cjt_gym.canbus.experiments import (
@@ -23,11 +22,11 @@ from cjt_gym.canbus.experiments import (
 from cjt_gym.console.options import check_seed
 from cjt_gym.envs.settings import default_amplitude
 from cjt_gym.errors import ConfigurationError
+from cjt_gym.plant.measurement import Floats
 from cjt_gym.records import Record, part_of, read_record, record_names
 from cjt_gym.signals import make_signals, signal_of_record
 from cjt_gym.training.tuning.gains import choose
 
-Floats = NDArray[np.float64]
 NONE, TRACKING = "none", "pd_feedforward"
 APART = 1000
 """Between the seeds of two joints' references."""
@@ -37,14 +36,9 @@ DRY = 1.0
 
 @dataclass(frozen=True)
 class Job:
-    """The task of one joint in a run.
+    """The task of one joint in a run: follow a reference, under a controller or a policy.
 
-    Attributes:
-        name: Name of the joint, if the configuration lists several.
-        reference: Reference torque, or commanded motor torque, at every control step [N m].
-        controller: Name of a controller, a gain file, or `NONE`.
-        policy: Run folder of a policy, or None.
-        facts: Further entries of the record's provenance.
+    With the controller `NONE` the reference is the commanded motor torque [N m].
     """
 
     name: str
@@ -56,12 +50,7 @@ class Job:
 
 @dataclass(frozen=True)
 class Run:
-    """One run of all joints.
-
-    Attributes:
-        path: File for its record, or None.
-        jobs: Task of each joint.
-    """
+    """One run of all joints, and the file of its record, if any."""
 
     path: Path | None
     jobs: tuple[Job, ...]
@@ -124,13 +113,11 @@ def _check_words(runs: Sequence[Run]) -> None:
 
 
 def _experiment(name: str, config: HardwareConfig, options: argparse.Namespace) -> Job:
-    """Return the task of a joint in an identification experiment."""
     torque = experiment_torque(name, config.joint, config.limits, config.dt)
     return Job(config.name, torque, NONE, None, {"excitation": name, "mode": "open loop"})
 
 
 def _task(name: str, config: HardwareConfig, options: argparse.Namespace) -> Job:
-    """Return the task of a joint in a benchmark run."""
     from cjt_gym.hardware.beside_simulation import SECONDS, reference_of
 
     seconds = SECONDS if options.duration is None else options.duration
@@ -157,7 +144,6 @@ def _missing(runs: Sequence[Run]) -> Sequence[Run]:
 
 
 def _is_complete(path: Path, jobs: Sequence[Job]) -> bool:
-    """Return whether a record is complete."""
     known = read_record(path).provenance
     if "fault" in known or "timing_us" not in known:
         return False
@@ -177,10 +163,7 @@ def _with_amplitude(
 ) -> tuple[float, Floats]:
     """Return amplitude and reference [N m]; the default keeps the nominal joint within its limits.
 
-    Args:
-        config: The joint on its bus.
-        options: Options of the command.
-        make: Makes the reference for an amplitude, to which it is proportional.
+    The reference is proportional to the amplitude.
     """
     if options.amplitude is not None:
         if not 0.0 < options.amplitude <= config.limits.tau:

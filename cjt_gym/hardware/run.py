@@ -4,31 +4,22 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cjt_gym.baselines import Controller
 from cjt_gym.canbus.arm import CanArm
 from cjt_gym.canbus.config import HardwareConfig
 from cjt_gym.canbus.journal import Watcher
 from cjt_gym.canbus.link import Link
 from cjt_gym.hardware.delayed_law import PolicyLaw, law_for
 from cjt_gym.hardware.jobs import NONE, Job, Run
-from cjt_gym.plant import Measurement
+from cjt_gym.plant.measurement import Floats
 from cjt_gym.training.tuning.gains import gains_in_record
 
-Floats = NDArray[np.float64]
-
-
-class Law(Protocol):
-    """Interface of what commands a joint: a controller, or a policy in its place."""
-
-    def act(self, measured: Measurement, reference: Floats) -> Floats:
-        """Return the motor torque for a control step [N m], shape (1,)."""
-
-    def reset(self) -> None:
-        """Forget the past."""
+Law = Controller | PolicyLaw
+"""What commands a joint."""
 
 
 def carry_out(

@@ -110,11 +110,11 @@ def default_units(names: tuple[str, ...], prismatic: bool = False) -> dict[str, 
     Raises:
         RecordError: A name is not one a record may hold.
     """
-    return {name: _default_unit(column_of(name).units, prismatic) for name in names}
-
-
-def _default_unit(units: tuple[str, ...], prismatic: bool) -> str:
-    return next((unit for unit in units if prismatic and unit in PRISMATIC), units[0])
+    found = {name: column_of(name).units for name in names}
+    return {
+        name: next((unit for unit in units if prismatic and unit in PRISMATIC), units[0])
+        for name, units in found.items()
+    }
 
 
 def check_unit(owner: str, name: str, unit: str) -> None:

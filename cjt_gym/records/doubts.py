@@ -40,8 +40,9 @@ Columns = Mapping[str, FloatArray]
 def doubts(columns: Columns, dt: float) -> list[Repair]:
     """Return what looks wrong in the columns of a record."""
     found = [_clipped(name, columns[name]) for name in ("tau", "i", "v") if name in columns]
-    found += [_many_turns(name, columns[name]) for name in columns if name.startswith("q_")]
-    found += [_too_strong(name, columns[name]) for name in ("i", "i_cmd") if name in columns]
+    positions = [name for name in columns if name.startswith("q_") and name != "q_ref"]
+    currents = [name for name in ("i", "i_cmd") if name in columns]
+    found += [_too_large(name, columns[name]) for name in positions + currents]
     if dt > SLOW_LOG:
         text = f"t: a sample every {dt:.3g} s. If these are milliseconds, map t with unit = 'ms'."
         found.append(Repair("unit", "t", len(next(iter(columns.values()))), False, text))
@@ -73,25 +74,23 @@ def _clipped(name: str, x: FloatArray) -> Repair | None:
     return Repair("saturation", name, count, False, text)
 
 
-def _many_turns(name: str, x: FloatArray) -> Repair | None:
+def _too_large(name: str, x: FloatArray) -> Repair | None:
+    """Return that an angle of the joint or a current is too large to be in its unit."""
     known = x[np.isfinite(x)]
-    if name == "q_ref" or not len(known) or np.ptp(known) <= MANY_TURNS:
+    if not len(known):
         return None
-    text = (
-        f"{name}: spans {np.ptp(known):.4g} rad. If these are degrees or the rotor's angle, map "
-        "the column with unit = 'deg' or side = 'motor'."
-    )
-    return Repair("unit", name, len(x), False, text)
-
-
-def _too_strong(name: str, x: FloatArray) -> Repair | None:
-    known = x[np.isfinite(x)]
-    if not len(known) or np.abs(known).max() <= STRONG:
+    if name.startswith("q_") and np.ptp(known) > MANY_TURNS:
+        text = (
+            f"{name}: spans {np.ptp(known):.4g} rad. If these are degrees or the rotor's angle, "
+            "map the column with unit = 'deg' or side = 'motor'."
+        )
+    elif name.startswith("i") and np.abs(known).max() > STRONG:
+        text = (
+            f"{name}: reaches {np.abs(known).max():.4g} A. If these are milliampere, map the "
+            "column with unit = 'mA'."
+        )
+    else:
         return None
-    text = (
-        f"{name}: reaches {np.abs(known).max():.4g} A. If these are milliampere, map the column "
-        "with unit = 'mA'."
-    )
     return Repair("unit", name, len(x), False, text)
 
 
@@ -133,7 +132,6 @@ def _against_slope(angle: str, velocity: str, columns: Columns, dt: float) -> Re
 
 
 def _filled(x: FloatArray) -> FloatArray | None:
-    """Return a channel with its missing samples interpolated; None where it does not move."""
     known = np.isfinite(x)
     if known.sum() < 2 or np.ptp(x[known]) == 0.0:
         return None

@@ -41,11 +41,7 @@ SIDED: Final = ("q_m", "dq_m", "tau_m", "tau_cmd")
 
 
 def draft(log: str, table: Mapping[str, NDArray[Any]]) -> str:
-    """Return the text of a mapping to be edited.
-
-    Args:
-        log: Name of the log.
-        table: Its columns, or the beginning of them.
+    """Return the text of a mapping to be edited, from the columns of a log or their beginning.
 
     Example:
         >>> print(draft("a.csv", {"motor_pos_deg": np.array([0.0, 90.0])}).splitlines()[-4])

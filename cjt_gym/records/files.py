@@ -13,12 +13,11 @@ from numpy.typing import NDArray
 
 from cjt_gym.disk import whole
 from cjt_gym.errors import RecordError, unknown_name
-from cjt_gym.records.alignment import aligned
 from cjt_gym.records.formats import FORMATS, Table, format_of
 from cjt_gym.records.mapping import SUFFIX, ColumnMapping, load_mapping, read_document
 from cjt_gym.records.metadata import facts_path, metadata_text, read_metadata
 from cjt_gym.records.record import JOINT_FILE, Record, joint_to_load
-from cjt_gym.records.sources import clock, mapped
+from cjt_gym.records.sources import aligned, clock, mapped
 
 MappingLike = str | Path | Mapping[str, Any]
 ROWS = 100_000
@@ -82,16 +81,7 @@ def joined(pieces: Iterable[Table]) -> dict[str, NDArray[Any]]:
 def mapping_of(
     path: Path, mapping: MappingLike | None, n: float | None = None
 ) -> ColumnMapping | None:
-    """Return the mapping that was given, or else the one beside a table, or else None.
-
-    Args:
-        path: The table.
-        mapping: The mapping that was given.
-        n: Gear ratio, used where the mapping gives none.
-
-    Raises:
-        RecordError: It is not valid.
-    """
+    """Return the mapping that was given, or else the one beside a table, or else None."""
     found = _given_or_beside(path, mapping)
     return None if found is None else load_mapping(found, n)
 
@@ -126,11 +116,7 @@ def _given_or_beside(path: Path, mapping: MappingLike | None) -> MappingLike | N
 
 
 def facts_of(path: Path, mapping: ColumnMapping) -> dict[str, Any]:
-    """Return what is known of a mapped table: from the mapping, and the ``.toml`` beside it.
-
-    Raises:
-        RecordError: The file beside the table is not valid.
-    """
+    """Return what is known of a mapped table: from the mapping, and the ``.toml`` beside it."""
     beside = path.with_suffix(".toml")
     facts = read_metadata(beside) if beside.is_file() else {}
     tables = {
@@ -179,11 +165,7 @@ def _shipped() -> Path:
 
 
 def table_path(path_or_name: str | Path) -> Path:
-    """Return the path of a table, of the one that a ``.toml`` belongs to, or of a shipped record.
-
-    Raises:
-        RecordError: There is no such file, or several.
-    """
+    """Return the path of a table, of the one a ``.toml`` belongs to, or of a shipped record."""
     if str(path_or_name) in record_names():
         return _shipped() / f"{path_or_name}.npz"
     path = Path(path_or_name)

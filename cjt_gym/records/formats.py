@@ -28,12 +28,8 @@ Table = Mapping[str, Any]
 class Format:
     """How the table of a record is read and written.
 
-    Attributes:
-        what: What a file of this format is, for messages.
-        reader: Returns the columns of a file; an error where a value cannot be read.
-        streamer: Yields them in pieces of that many rows, whatever they are called; values that
-            cannot be read are NaN. None where a file can only be read as a whole.
-        write: Writes columns, each of shape (n,), to a file; None where that is not offered.
+    Reading fails where a value cannot be read. A streamer yields pieces of so many rows, whatever
+    columns are called, with NaN for what cannot be read; without one a file is read as a whole.
     """
 
     what: str

@@ -68,7 +68,6 @@ def _limit(edges: FloatArray, y: FloatArray) -> FloatArray:
 
 
 def _runs(high: NDArray[np.intp], edges: FloatArray, y: FloatArray) -> list[tuple[int, int]]:
-    """Return begin and end of every excursion that comes back."""
     found: list[tuple[int, int]] = []
     k = 0
     while k < len(high):

@@ -23,10 +23,6 @@ def part_of(record: Record, name: str) -> Record:
 def one_joint(record: Record, name: str) -> Record:
     """Return the part of one joint, as a record of its own.
 
-    Args:
-        record: A record of several joints.
-        name: The joint's.
-
     Raises:
         RecordError: It holds no such joint.
     """

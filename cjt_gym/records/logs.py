@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from cjt_gym.errors import RecordError
-from cjt_gym.records.alignment import aligned
 from cjt_gym.records.checks import FloatArray
 from cjt_gym.records.columns import COLUMNS, TRUE_PREFIX, default_units
 from cjt_gym.records.draft import draft
@@ -29,19 +28,14 @@ from cjt_gym.records.metadata import read_metadata
 from cjt_gym.records.record import Record
 from cjt_gym.records.repair import make_records
 from cjt_gym.records.repair_notes import Repair
-from cjt_gym.records.sources import Clock, clock, mapped, numbers_of
+from cjt_gym.records.sources import Clock, aligned, clock, mapped, numbers_of
 
 
 @dataclass(frozen=True)
 class Log:
-    """A log in a file, not read yet.
+    """A log in a file, of which only the beginning has been read.
 
-    Attributes:
-        path: Its table.
-        mapping: Which column is which; None where they have the names of a record.
-        clock: Its time base; None without a mapping.
-        facts: Arguments of the record other than its columns.
-        notes: What was noticed on opening it.
+    Without a mapping its columns have the names of a record, and it has no clock.
     """
 
     path: Path
@@ -64,11 +58,7 @@ class Log:
     def records(
         self, columns: Mapping[str, FloatArray]
     ) -> tuple[tuple[Record, ...], tuple[Repair, ...]]:
-        """Return the records that columns of the log make, and what was repaired.
-
-        Raises:
-            RecordError: They make none.
-        """
+        """Return the records that columns of the log make, and what was repaired."""
         return make_records(dict(columns), {**self.facts, "origin": self.path}, self.turns)
 
     def _in_si(self, table: Table) -> dict[str, FloatArray]:
@@ -164,11 +154,7 @@ def iter_record(
 
 
 def draft_mapping(path_or_name: str | Path) -> str:
-    """Return a mapping to be edited, guessed from the names of the columns of a log.
-
-    Raises:
-        RecordError: There is no such log, or it cannot be read.
-    """
+    """Return a mapping to be edited, guessed from the names of the columns of a log."""
     path = table_path(path_or_name)
     return draft(path.name, next(iter(format_of(path).stream(path, ROWS)), {}))
 

@@ -117,11 +117,7 @@ def load_mapping(mapping: str | Path | Mapping[str, Any], n: float | None = None
 
 
 def read_document(mapping: str | Path | Mapping[str, Any]) -> dict[str, Any]:
-    """Return what a mapping says, unchecked.
-
-    Raises:
-        RecordError: The file is absent or is not TOML.
-    """
+    """Return what a mapping says, unchecked."""
     if isinstance(mapping, Mapping):
         return dict(mapping)
     path = Path(mapping)

@@ -29,12 +29,7 @@ QUANTITY_KEYS: Final = ("value", "unit", "source", "tolerance")
 
 @dataclass(frozen=True)
 class SensorQuantity:
-    """A sensor property as the file gives it.
-
-    Attributes:
-        value: Its value, in ``unit``.
-        unit: Its unit, which must be that of the channel.
-    """
+    """A sensor property as the file gives it, in the unit of its channel."""
 
     value: float
     unit: str
@@ -53,12 +48,7 @@ def read_metadata(path: Path) -> dict[str, Any]:
 
 
 def checked_facts(owner: str, facts: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the facts of a record, out of a document, as keyword arguments of :class:`Record`.
-
-    Args:
-        owner: What error messages call the document.
-        facts: Its tables and values.
-    """
+    """Return the facts of a record, out of a document, as keyword arguments of :class:`Record`."""
     known = (*SCALARS, *TABLES)
     for key in facts:
         _refuse_misspelt(owner, key, facts, known)

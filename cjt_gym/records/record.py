@@ -202,11 +202,6 @@ def joint_to_load(name: str, made_with: object, origin: Path | None) -> str | Pa
 
     That is a file of that name beside the record; else the joint file that the record was made
     with, where it was or beside the record; else the bare name.
-
-    Args:
-        name: Name of the joint, or of its file.
-        made_with: Path of the joint file that the record was made with, if it says so.
-        origin: File of the record, if it has one.
     """
     places = [] if origin is None else [origin.parent / name]
     if isinstance(made_with, str):

@@ -51,7 +51,7 @@ def clean(record: Record) -> tuple[Record, tuple[Repair, ...]]:
         >>> q_m = np.sin(10 * t)
         >>> q_m[200] = 7.0
         >>> record, repairs = clean(Record({"t": t, "q_m": q_m}, {"t": "s", "q_m": "rad"}))
-        >>> record["q_m"][200], repairs[0].text
+        >>> float(record["q_m"][200]), repairs[0].text
         (nan, 'q_m: 1 glitch (0.25 %) marked as missing.')
     """
     pieces, repairs = clean_pieces(record)
@@ -74,15 +74,9 @@ def clean_pieces(record: Record) -> tuple[tuple[Record, ...], tuple[Repair, ...]
 def make_records(
     columns: Columns, facts: Mapping[str, Any], turns: Mapping[str, float]
 ) -> tuple[tuple[Record, ...], tuple[Repair, ...]]:
-    """Return records of columns as a log has them, and what was done to them.
+    """Return records of columns in SI units, whatever their times and values, and what was done.
 
-    Args:
-        columns: Columns in SI units, whatever their times and values.
-        facts: Arguments of :class:`Record`; its columns are replaced.
-        turns: What the counters of angles cover, where they are known.
-
-    Raises:
-        RecordError: Nothing that can be used is left.
+    Facts are the arguments of :class:`Record` but its columns; turns what counters of angles cover.
     """
     owner = str(facts.get("origin") or "the log")
     if not columns or not _length(columns):
@@ -120,7 +114,6 @@ def _dt(columns: Columns, facts: Mapping[str, Any]) -> float:
 
 
 def _in_order(columns: Columns, owner: str) -> tuple[list[Columns], list[Repair]]:
-    """Return the columns with their rows in order, one set per piece."""
     if "t" not in columns:
         return [dict(columns)], []
     found, repairs = ordered_rows(columns["t"], _same_rows(columns))
@@ -148,7 +141,6 @@ _NONE = np.empty(0)
 
 
 def _same_rows(columns: Columns) -> Bools:
-    """Return which rows repeat the one before in every value."""
     same = np.ones(_length(columns), dtype=bool)
     for values in columns.values():
         same[1:] &= values[1:] == values[:-1]

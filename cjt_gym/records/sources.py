@@ -1,9 +1,14 @@
-"""From the table of a log to the columns of a record, as a mapping says."""
+"""From the table of a log to the columns of a record, as a mapping says.
+
+Where the rows of a log hold values of different instants, each column moves to the row it belongs
+to.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from math import ceil, floor
 from typing import Any
 
 import numpy as np
@@ -29,13 +34,7 @@ LARGEST = 2.0**62
 
 @dataclass(frozen=True)
 class Clock:
-    """The time base of a record.
-
-    Attributes:
-        name: Column of the log that holds it; None where the log has none.
-        unit: Its unit.
-        origin: Date that counts as zero [s].
-    """
+    """The time base of a record: a column of the log, if any, and the date of its zero [s]."""
 
     name: str | None
     unit: str
@@ -151,3 +150,36 @@ def _on_clock(name: str, own: FloatArray, values: FloatArray, t: FloatArray) -> 
     hole = np.diff(own)[before] > LONGEST_HOLE * np.median(np.diff(own))
     exact = np.isin(t, own)
     return np.where(outside | (hole & ~exact), np.nan, np.interp(t, own, values))
+
+
+def aligned(
+    pieces: Iterable[Mapping[str, FloatArray]], late: Mapping[str, float]
+) -> Iterator[dict[str, FloatArray]]:
+    """Yield the pieces of a log with late columns moved to earlier rows, early ones to later.
+
+    Rows at either end of the log that lack one of the columns then are left out.
+    """
+    ahead = max((ceil(x) for x in late.values() if x > 0.0), default=0)
+    behind = max((ceil(-x) for x in late.values() if x < 0.0), default=0)
+    kept: dict[str, FloatArray] = {}
+    some = False
+    for piece in pieces:
+        table = {n: np.concatenate([kept[n], x]) if kept else x for n, x in piece.items()}
+        count = len(next(iter(table.values()), ())) - ahead - behind
+        if not late or count > 0:
+            some = True
+            yield {n: _moved(x, late.get(n, 0.0), behind, count) for n, x in table.items()}
+        kept = {n: x[max(count, 0) :] for n, x in table.items()} if late else {}
+    if late and not some:
+        raise RecordError(
+            f"samples_late moves columns by up to {ahead + behind} rows, and the log has no more. "
+            "Correct it, or take a longer log."
+        )
+
+
+def _moved(x: FloatArray, late: float, behind: int, count: int) -> FloatArray:
+    """Return the rows of a column from one row on, moved; between rows it is interpolated."""
+    first = behind + floor(late)
+    share = late - floor(late)
+    near = x[first : first + count]
+    return near if share == 0.0 else (1.0 - share) * near + share * x[first + 1 :][:count]

@@ -29,23 +29,16 @@ RESOLUTION = 1e-12
 
 
 class Piece(NamedTuple):
-    """Rows of a log without a break in time.
-
-    Attributes:
-        rows: Which rows of the log, in their order.
-        t: Their times [s], strictly increasing.
-    """
+    """Rows of a log without a break in time, in their order, and their increasing times [s]."""
 
     rows: NDArray[np.intp]
     t: FloatArray
 
 
 def ordered_rows(t: FloatArray, same: NDArray[np.bool_]) -> tuple[list[Piece], list[Repair]]:
-    """Return which rows to keep, in which order, in one piece per stretch of time without a break.
+    """Return which rows to keep, in order, in one piece per stretch of time without a break.
 
-    Args:
-        t: Time of the rows as they are in the log [s], shape (n,).
-        same: Whether a row repeats the one before in all its values, shape (n,).
+    `same` says whether a row repeats the one before in all its values.
     """
     repairs: list[Repair] = []
     rows = _readable(t, repairs)
@@ -88,7 +81,6 @@ def _without(
 
 
 def _resets(t: FloatArray) -> list[int]:
-    """Return the rows at which the clock was set back."""
     found: list[int] = []
     for k in np.flatnonzero(np.diff(t) < 0.0) + 1:
         before, after = t[max(k - 4 * LATE_ROWS, 0) : k], t[k : k + LATE_ROWS]

@@ -12,12 +12,9 @@ from cjt_gym.records.columns import column_of
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit of a log.
+    """A unit of a log: the SI unit of a record that it turns into, and what one of it is there.
 
-    Attributes:
-        si: The SI unit of a record that it turns into.
-        factor: What one of it is in ``si``. For counts: of one revolution, still to be divided by
-            the counts per revolution.
+    The factor of counts is that of one revolution, still to be divided by the counts of one.
     """
 
     si: str
@@ -27,41 +24,27 @@ class Unit:
 COUNTS: Final = ("counts", "counts/s")
 """Units that need the counts per revolution."""
 
-UNITS: Final[dict[str, Unit]] = {
-    "s": Unit("s", 1.0),
-    "ms": Unit("s", 1e-3),
-    "us": Unit("s", 1e-6),
-    "ns": Unit("s", 1e-9),
-    "min": Unit("s", 60.0),
-    "rad": Unit("rad", 1.0),
-    "mrad": Unit("rad", 1e-3),
-    "deg": Unit("rad", pi / 180.0),
-    "rev": Unit("rad", 2.0 * pi),
-    "counts": Unit("rad", 2.0 * pi),
-    "rad/s": Unit("rad/s", 1.0),
-    "deg/s": Unit("rad/s", pi / 180.0),
-    "rev/s": Unit("rad/s", 2.0 * pi),
-    "rpm": Unit("rad/s", 2.0 * pi / 60.0),
-    "counts/s": Unit("rad/s", 2.0 * pi),
-    "m": Unit("m", 1.0),
-    "mm": Unit("m", 1e-3),
-    "um": Unit("m", 1e-6),
-    "m/s": Unit("m/s", 1.0),
-    "mm/s": Unit("m/s", 1e-3),
-    "A": Unit("A", 1.0),
-    "mA": Unit("A", 1e-3),
-    "V": Unit("V", 1.0),
-    "mV": Unit("V", 1e-3),
-    "N m": Unit("N m", 1.0),
-    "Nm": Unit("N m", 1.0),
-    "mN m": Unit("N m", 1e-3),
-    "mNm": Unit("N m", 1e-3),
-    "N cm": Unit("N m", 1e-2),
-    "Ncm": Unit("N m", 1e-2),
-    "N": Unit("N", 1.0),
-    "mN": Unit("N", 1e-3),
-    "kN": Unit("N", 1e3),
-    "degC": Unit("degC", 1.0),
+FACTORS: Final = {
+    "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0},
+    "rad": {"rad": 1.0, "mrad": 1e-3, "deg": pi / 180.0, "rev": 2.0 * pi, "counts": 2.0 * pi},
+    "rad/s": {
+        "rad/s": 1.0,
+        "deg/s": pi / 180.0,
+        "rev/s": 2.0 * pi,
+        "rpm": 2.0 * pi / 60.0,
+        "counts/s": 2.0 * pi,
+    },
+    "m": {"m": 1.0, "mm": 1e-3, "um": 1e-6},
+    "m/s": {"m/s": 1.0, "mm/s": 1e-3},
+    "A": {"A": 1.0, "mA": 1e-3},
+    "V": {"V": 1.0, "mV": 1e-3},
+    "N m": {"N m": 1.0, "Nm": 1.0, "mN m": 1e-3, "mNm": 1e-3, "N cm": 1e-2, "Ncm": 1e-2},
+    "N": {"N": 1.0, "mN": 1e-3, "kN": 1e3},
+    "degC": {"degC": 1.0},
+}
+"""What one of each unit is in the SI unit."""
+UNITS: Final = {
+    name: Unit(si, factor) for si, names in FACTORS.items() for name, factor in names.items()
 }
 
 

@@ -92,13 +92,7 @@ def windows_of(
 
 
 class Window(NamedTuple):
-    """A window of a log.
-
-    Attributes:
-        place: Which window of the log it is.
-        worth: Its features.
-        columns: Its columns, as the log has them.
-    """
+    """A window of a log: its place among them, its features, its columns."""
 
     place: int
     worth: FloatArray
@@ -142,10 +136,7 @@ def features(columns: Columns) -> FloatArray:
 def choose(table: FloatArray, count: int, scale: ArrayLike) -> list[int]:
     """Return which windows to take, the most telling first.
 
-    Args:
-        table: Features of the windows, shape (windows, features), >= 0.
-        count: Most windows to take.
-        scale: The largest value of each feature, shape (features,).
+    Table and scale hold features >= 0: of each window, and the largest value of each.
 
     Example:
         >>> choose(np.array([[1.0, 0.0], [0.9, 0.0], [0.0, 0.5]]), 2, [1.0, 0.5])
@@ -190,7 +181,6 @@ _STILL = np.zeros(2 ** (OCTAVES + 1))
 
 
 def _sample_time(log: Log) -> float:
-    """Return the sample time of a log from its beginning [s]."""
     beginning = next(log.columns(2000), {})
     records, _ = log.records(beginning)
     return float(records[0].dt)

@@ -29,10 +29,9 @@ from numpy.typing import NDArray
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import Joint
 from cjt_gym.joint.arrays import Batch, Setup
-from cjt_gym.plant import Measurement, SimulatedPlant
+from cjt_gym.plant import SimulatedPlant
+from cjt_gym.plant.measurement import Floats, Measurement
 from cjt_gym.plant.randomization import Randomization
-
-Floats = NDArray[np.float64]
 
 
 class Port:
@@ -139,8 +138,7 @@ def coordinates(setup: Setup) -> NDArray[np.int64]:
 def affine(arrays: Batch, setup: Setup) -> tuple[Floats, float]:
     """Return what the mean torque of a step depends on, of the first joint of a batch.
 
-    Returns:
-        The row c (A - 1) / 2, shape (order,), and the slope z >= 0 [N m s/rad].
+    That is the row c (A - 1) / 2, shape (order,), and the slope z >= 0 [N m s/rad].
     """
     p, size, gear = arrays.p[0], setup.size, setup.groups[1]
     step, into = arrays.a[0], arrays.b[0, :, 1]

@@ -100,13 +100,10 @@ def _table(table: Floats, t: float) -> float:
 
 @lean
 def evaluate(row: Floats, key: np.uint64, table: Floats, t: float) -> float:
-    """Return the value of a signal at time t [s].
+    """Return the value of a signal at time t [s]; at negative times it is what it is at 0.
 
-    Args:
-        row: [kind, amplitude, low, high, period, count], shape (6,).
-        key: Seed of its random parts.
-        table: Rows [t, value] of a signal from a file, [f, 0] of a multisine, shape (rows, 2).
-        t: Time since the start [s]; at negative times every signal is what it is at 0.
+    The row is [kind, amplitude, low, high, period, count]; the table holds rows [t, value] of a
+    signal from a file, [f, 0] of a multisine.
     """
     t = max(t, 0.0)
     kind = int(row[KIND])

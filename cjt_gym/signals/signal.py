@@ -7,14 +7,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.errors import ConfigurationError, UnknownNameError, unknown_name
 from cjt_gym.joint.border import checked_array
 from cjt_gym.records import Record, read_record
 from cjt_gym.signals import evaluate as ev
+from cjt_gym.signals.evaluate import Floats
 
-Floats = NDArray[np.float64]
 KINDS = {
     "zero": ev.ZERO,
     "step": ev.STEP,
@@ -118,17 +117,16 @@ def signal_of_record(record: Record) -> Signal:
     )
 
 
-def sampled_signal(t: Floats, values: Floats, amplitude: float = 1.0) -> Signal:
+def sampled_signal(t: Floats, values: Floats) -> Signal:
     """Return the signal through samples, the last of which holds for as long as the one before.
 
     Args:
         t: Times [s], increasing, shape (n,).
         values: Values, shape (n,).
-        amplitude: Factor on the values.
     """
     last = 2.0 * t[-1] - t[-2] if len(t) > 1 else t[-1]
     table = np.column_stack([np.append(t, last) - t[0], np.append(values, values[-1])])
-    return Signal("file", amplitude=amplitude, table=table)
+    return Signal("file", table=table)
 
 
 def make_signals(spec: object, amplitude: float, high: float = 20.0) -> tuple[Signal, ...]:

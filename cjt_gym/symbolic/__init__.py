@@ -6,7 +6,7 @@ numbers; the structures are the same selections.
 Example:
     >>> G = transfer_function("output_fixed_rigid_gearbox")
     >>> print(G)  # doctest: +NORMALIZE_WHITESPACE
-    (d_gl*s + k_b)/(d_g*s + d_gl*s + d_m*s + k_b + s**2*(I_g + I_m))
+    (d_gl*s + k_b)/(k_b + s**2*(I_g + I_m) + s*(d_g + d_gl + d_m))
 """
 
 from cjt_gym.symbolic.equations import (

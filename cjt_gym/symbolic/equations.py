@@ -29,8 +29,6 @@ def symbol(name: str) -> sp.Symbol:
 
 
 class _Symbols:
-    """Answers like `JointParameters`, with symbols."""
-
     def __getattr__(self, name: str) -> sp.Symbol:
         return symbol(name)
 
@@ -147,7 +145,7 @@ def transfer_function(structure: str, output: str = "tau", input: str = "tau_m")
     elif input == "v":
         speed = _ratio(structure, "dq_m", by_motor=True)
         torque = torque * k / (symbol("r") + symbol("l_a") * S + k**2 * speed)
-    return _tidy(torque)
+    return tidy(torque)
 
 
 def _ratio(structure: str, output: str, *, by_motor: bool) -> sp.Expr:
@@ -161,12 +159,12 @@ def _ratio(structure: str, output: str, *, by_motor: bool) -> sp.Expr:
         q[2] = 1 / S
     k_b, d_gl = _bar(structure)
     if output == "tau":
-        return _tidy((k_b + d_gl * S) * (q[1] - q[2]))
+        return tidy((k_b + d_gl * S) * (q[1] - q[2]))
     body = {"m": 0, "g": 1, "l": 2}[output[-1]]
-    return _tidy(q[body] * (S if output.startswith("dq") else 1))
+    return tidy(q[body] * (S if output.startswith("dq") else 1))
 
 
-def _tidy(expression: sp.Expr) -> sp.Expr:
+def tidy(expression: sp.Expr) -> sp.Expr:
     """Return a fraction of polynomials in s, common factors removed."""
     numerator, denominator = sp.fraction(sp.cancel(sp.together(expression)))
     return sp.collect(sp.expand(numerator), S) / sp.collect(sp.expand(denominator), S)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sympy as sp
 
 from cjt_gym.joint import JointParameters
-from cjt_gym.symbolic.equations import S, symbol
+from cjt_gym.symbolic.equations import S, symbol, tidy
 
 
 def to_infinity(expression: sp.Expr, *names: str) -> sp.Expr:
@@ -17,7 +17,7 @@ def to_infinity(expression: sp.Expr, *names: str) -> sp.Expr:
     small = sp.Symbol("epsilon", positive=True)
     for name in names:
         inverted = sp.cancel(sp.together(expression.subs(symbol(name), 1 / small)))
-        expression = _collected(inverted.subs(small, 0))
+        expression = tidy(inverted.subs(small, 0))
     return expression
 
 
@@ -27,7 +27,7 @@ def to_zero(expression: sp.Expr, *names: str) -> sp.Expr:
     Raises:
         UnknownNameError: There is no such parameter.
     """
-    return _collected(sp.cancel(expression.subs({symbol(name): 0 for name in names})))
+    return tidy(sp.cancel(expression.subs({symbol(name): 0 for name in names})))
 
 
 def stiffen_gearbox(expression: sp.Expr) -> sp.Expr:
@@ -53,8 +53,3 @@ def evaluate(expression: sp.Expr, p: JointParameters) -> sp.Expr:
         optional = name in ("I_g", "I_l") or name.startswith("d_")
         values[symbol(name)] = p.get(name, 0.0) if optional else getattr(p, name)
     return expression.subs(values)
-
-
-def _collected(expression: sp.Expr) -> sp.Expr:
-    numerator, denominator = sp.fraction(sp.cancel(sp.together(expression)))
-    return sp.collect(sp.expand(numerator), S) / sp.collect(sp.expand(denominator), S)

@@ -9,6 +9,7 @@ from typing import Any
 import can
 import numpy as np
 import pytest
+from can.util import CAN_FD_DLC
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -16,7 +17,7 @@ from cjt_gym.canbus.bus_load import bus_load
 from cjt_gym.canbus.config import load_hardware, parse_hardware, parse_joints
 from cjt_gym.canbus.dialogue import Dialogue
 from cjt_gym.canbus.emulator import Emulator
-from cjt_gym.canbus.frame_bits import LENGTHS, _bits, bits_of, crc, stuffed, wire_time
+from cjt_gym.canbus.frame_bits import _bits, bits_of, crc, stuffed, wire_time
 from cjt_gym.canbus.nodes import Nodes
 from cjt_gym.canbus.virtual import VirtualLink
 from cjt_gym.cli import main
@@ -69,7 +70,7 @@ def test_fd_frames_send_their_data_fast(size: int) -> None:
     assert fast.nominal + fast.fast == pytest.approx(slow.nominal, abs=2)  # BRS is another bit
     assert fast.fast >= 1 + 4 + 8 * size + check + 1
     assert fast.nominal >= 1 + 11 + 1 + 1 + 3 + 12
-    assert size in LENGTHS
+    assert size in CAN_FD_DLC
 
 
 def joints(*protocols: str, **changes: Any) -> dict[str, Any]:
@@ -92,7 +93,7 @@ def is_carried(drive: dict[str, Any], rate: float) -> bool:
         document(drive=drive, bus=bus, control=sharp(rate_hz=rate)), "x", Path()
     )
     emulator = Emulator(config)
-    link, nodes = VirtualLink(emulator), Nodes.of(config)
+    link, nodes = VirtualLink(emulator), Nodes(config)
     talk, master = Dialogue(link, nodes), nodes.drive.master
     talk.perform(nodes.drive, [*master.configure(), *master.clear(), *master.enable()])
     begin = link.now()

@@ -21,7 +21,8 @@ import numpy as np
 import pytest
 
 from cjt_gym.canbus.config import HardwareConfig
-from cjt_gym.canbus.emulator import Emulator, serve
+from cjt_gym.canbus.emulated_arm import serve
+from cjt_gym.canbus.emulator import Emulator
 from cjt_gym.canbus.plant import CanPlant
 from cjt_gym.canbus.ports import Port, SocketcandPort, open_port
 from cjt_gym.canbus.safety import State
@@ -42,7 +43,7 @@ def served(given: HardwareConfig, port: Port) -> Iterator[Emulator]:
     """Serve an emulator in a thread."""
     emulator, stopped = Emulator(given), threading.Event()
     emulator.advance(0.01)
-    thread = threading.Thread(target=serve, args=(emulator, [port], 1.0, stopped.is_set))
+    thread = threading.Thread(target=serve, args=(emulator, port, 1.0, stopped.is_set))
     thread.start()
     try:
         yield emulator

@@ -168,7 +168,7 @@ def test_default_reference_fits_the_limits(tmp_path: Path) -> None:
 
 
 def test_what_changes_slowly_may_be_seconds_old_and_what_moves_may_not() -> None:
-    nodes = Nodes.of(config(drive=ASKED))
+    nodes = Nodes(config(drive=ASKED))
     for name, latest in nodes.latest.items():
         if name in SLOW:
             assert 1.0 <= latest.oldest <= 10.0

@@ -32,7 +32,7 @@ FRAMES = st.builds(
 
 @pytest.mark.parametrize("protocol", DRIVES)
 def test_any_frames_are_heard_without_an_exception(protocol: str) -> None:
-    nodes = Nodes.of(config(drive=DRIVES[protocol]))
+    nodes = Nodes(config(drive=DRIVES[protocol]))
     rng = np.random.default_rng(0)
     for k in range(3000):
         message = can.Message(

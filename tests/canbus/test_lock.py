@@ -10,8 +10,7 @@ from pathlib import Path
 import pytest
 
 from cjt_gym.canbus import lock
-from cjt_gym.canbus.bus_identity import bus_identity, machine_of
-from cjt_gym.canbus.lock import NodeLock
+from cjt_gym.canbus.lock import NodeLock, bus_identity, machine_of
 from cjt_gym.canbus.settings import BusSettings
 from cjt_gym.errors import HardwareError
 

@@ -205,7 +205,7 @@ def test_a_loop_that_catches_up_is_answered_as_often_as_it_asked() -> None:
     """As late as it may be, it sends what it missed at once, and then waits for old answers."""
     allowed = {"value": 0.02, "unit": "s"}
     control = {"rate_hz": 1000, "missed": 20, "overrun": allowed, "watchdog": allowed}
-    nodes = Nodes.of(config(drive=DRIVES["mit"], control=control))
+    nodes = Nodes(config(drive=DRIVES["mit"], control=control))
     node = nodes.drive
     answer = Arrival(0.0, can.Message(arbitration_id=0, is_extended_id=False, data=bytes(6)))
     assert not node.is_excess(answer, 1e-3, 1.0)
@@ -219,7 +219,7 @@ def test_a_loop_that_catches_up_is_answered_as_often_as_it_asked() -> None:
 def test_reports_that_waited_while_the_computer_stood_still_are_not_too_many() -> None:
     allowed = {"value": 0.02, "unit": "s"}
     control = {"rate_hz": 1000, "missed": 2, "overrun": allowed, "watchdog": allowed}
-    node = Nodes.of(config(control=control)).drive
+    node = Nodes(config(control=control)).drive
     assert not node.is_asked
     report = can.Message(arbitration_id=0, is_extended_id=False)
     times = [0.001 * k for k in range(10)] + [0.03] * 20

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from cjt_gym.canbus.link import open_bus
-from cjt_gym.canbus.ports.bus import BusPort
-from cjt_gym.canbus.ports.port import Port
+from cjt_gym.canbus.ports.bus import BusPort, Port
 from cjt_gym.canbus.ports.socketcand import SocketcandPort
 from cjt_gym.canbus.settings import BusSettings
 from cjt_gym.errors import ConfigurationError

@@ -1,20 +1,33 @@
-"""A port on any python-can bus: virtual, socketcan, an adapter."""
+"""The emulator's end of a bus: its interface, and any python-can bus."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import final
+from typing import Protocol, final
 
 import can
 
 
+class Port(Protocol):
+    """An end of a bus that sends and receives frames."""
+
+    @property
+    def address(self) -> str:
+        """Address for clients, in words."""
+
+    def receive(self, timeout: float) -> Sequence[can.Message]:
+        """Return what has arrived, waiting up to `timeout` [s] for it."""
+
+    def send(self, message: can.Message) -> None:
+        """Send a frame to all clients."""
+
+    def close(self) -> None:
+        """Release the port."""
+
+
 @final
 class BusPort:
-    """A port on a python-can bus.
-
-    Attributes:
-        bus: The bus, which the port shuts down.
-    """
+    """A port on a python-can bus, which it shuts down."""
 
     def __init__(self, bus: can.BusABC) -> None:
         self.bus = bus

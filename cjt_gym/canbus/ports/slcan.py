@@ -38,11 +38,7 @@ class SlcanPort:
     """
 
     def __init__(self, link: str | None = None) -> None:
-        """Open a pseudo-terminal.
-
-        Args:
-            link: Path for a symbolic link to it, so that a configuration can name it.
-        """
+        """Open a pseudo-terminal, with a symbolic link to it that a configuration can name."""
         self._link = Path(link) if link else None
         if self._link is not None:
             if self._link.exists() and not self._link.is_symlink():

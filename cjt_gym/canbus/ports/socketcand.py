@@ -30,8 +30,6 @@ _LIMIT = 64
 
 @final
 class _Client:
-    """A connection and its state."""
-
     def __init__(self, connection: socket.socket) -> None:
         connection.setblocking(False)
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -52,13 +50,7 @@ class SocketcandPort:
     """A socketcand server that serves one channel to any number of clients."""
 
     def __init__(self, host: str = "127.0.0.1", port: int = 29536, channel: str = "can0") -> None:
-        """Start the server.
-
-        Args:
-            host: Address to listen on.
-            port: TCP port; 0 takes a free one.
-            channel: Channel that clients may open.
-        """
+        """Start the server; port 0 takes a free one."""
         self.channel = channel
         self._clients: list[_Client] = []
         self._server = socket.socket(socket.AF_INET, socket.SOCK_STREAM)

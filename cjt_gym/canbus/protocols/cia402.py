@@ -19,14 +19,9 @@ from typing import Final
 from canopen.sdo.exceptions import SdoAbortedError
 
 from cjt_gym.canbus.protocols.cia402_objects import PDOS, Pdo, State
-from cjt_gym.canbus.protocols.cia402_profile import (
-    ENABLING,
-    Access,
-    Controlword,
-    Profile,
-    write,
-)
+from cjt_gym.canbus.protocols.cia402_profile import ENABLING, Access, Controlword, Profile, write
 from cjt_gym.canbus.protocols.contract import (
+    Master,
     Message,
     Mode,
     Settings,
@@ -38,32 +33,27 @@ from cjt_gym.canbus.protocols.contract import (
 from cjt_gym.canbus.protocols.layout import Field, Layout, nothing
 from cjt_gym.errors import ProtocolError
 
-__all__ = ["Cia402Master", "Controlword"]
-
-
 SYNC: Final = 0x080
 EMERGENCY: Final = 0x080
 SDO_TO_DRIVE, SDO_FROM_DRIVE = 0x600, 0x580
 HEARTBEAT: Final = 0x700
 START, PRE_OPERATIONAL = 0x01, 0x80
-BOOT_UP, STOPPED, IN_PRE_OPERATIONAL = 0, 4, 127
+MODES_OF_NODE: Final = {0: Mode.BOOTING, 4: Mode.DISABLED, 127: Mode.DISABLED}
+"""Modes by a heartbeat's state: boot-up, stopped, pre-operational."""
 HEARTBEAT_MS: Final = 100
 """Time between two heartbeats of the drive [ms]."""
 EMERGENCY_LAYOUT: Final = Layout((Field("Error code", 16), Field("Error register", 8), nothing(40)))
 RPDO, *TPDOS = PDOS
 
 
-class Cia402Master:
+class Cia402Master(Master):
     """Commands one drive; see :class:`~cjt_gym.canbus.protocols.contract.Master`."""
 
     def __init__(self, settings: Settings) -> None:
-        self.settings = settings
         self.profile = Profile(settings)
-        self.channels = frozenset({"q_m", "dq_m", "tau_m", "i", "v_bus"})
-        self.periods = dict.fromkeys(self.channels, settings.period) | {"v_bus": 0.1}
+        periods = dict.fromkeys(("q_m", "dq_m", "tau_m", "i"), settings.period) | {"v_bus": 0.1}
         high = settings.scaling.gear_ratio * self.profile.rated_torque * 32.767
-        self.torque_range = (-high, high)
-        self.shows_stop = True
+        super().__init__(settings, periods, high)
         self._layouts = {pdo.cob_id + settings.node: pdo.layout for pdo in TPDOS}
         self._beat_every = max(1, int(settings.watchdog / 3 / settings.period))
         self._count = count()
@@ -143,7 +133,7 @@ class Cia402Master:
         if identifier == HEARTBEAT + node:
             if not frame.data:
                 raise ProtocolError(f"A heartbeat of node {node} must have 1 byte, got none.")
-            return Update(mode=_MODES_OF_NODE.get(frame.data[0] & 0x7F))
+            return Update(mode=MODES_OF_NODE.get(frame.data[0] & 0x7F))
         return None
 
     def _process(self, word: int, torque: float) -> list[Message]:
@@ -190,43 +180,23 @@ class Cia402Master:
         return self._access(write(key, value))
 
     def _access(self, access: Access) -> Step:
-        """Return the step that makes an access by SDO."""
-        if access.value is None:
-            request = b"\x40" + _address(access.key) + bytes(4)
-            return self._exchange(access.text, access.key, request, _read_right(access))
-        data = access.data
-        request = bytes([0x23 | (4 - len(data)) << 2]) + _address(access.key) + data.ljust(4, b"\0")
-        return self._exchange(access.text, access.key, request, lambda answer: answer[0] == 0x60)
-
-    def _exchange(
-        self, text: str, key: tuple[int, int], request: bytes, accept: Callable[[bytes], bool]
-    ) -> Step:
         node = self.settings.node
+        address = access.key[0].to_bytes(2, "little") + bytes([access.key[1]])
+        reads, data = access.value is None, b"" if access.value is None else access.data
+        head = 0x40 if reads else 0x23 | (4 - len(data)) << 2
 
         def confirmed(frame: Message) -> bool:
             answer = bytes(frame.data)
             if not is_plain(frame, SDO_FROM_DRIVE + node) or len(answer) < 8:
                 return False
-            if answer[1:4] != _address(key):
+            if answer[1:4] != address:
                 return False
             if answer[0] == 0x80:
-                code = int.from_bytes(answer[4:8], "little")
-                raise ProtocolError(f"{text}: drive {node} refuses it. {SdoAbortedError(code)}.")
-            return accept(answer)
+                code = SdoAbortedError(int.from_bytes(answer[4:8], "little"))
+                raise ProtocolError(f"{access.text}: drive {node} refuses it. {code}.")
+            if reads:
+                return answer[0] & 0xE2 == 0x42 and access.accepts(answer[4:8])
+            return answer[0] == 0x60
 
-        return Step(text, [frame_of(SDO_TO_DRIVE + node, request)], confirmed)
-
-
-def _read_right(access: Access) -> Callable[[bytes], bool]:
-    return lambda answer: answer[0] & 0xE2 == 0x42 and access.accepts(answer[4:8])
-
-
-def _address(key: tuple[int, int]) -> bytes:
-    return key[0].to_bytes(2, "little") + bytes([key[1]])
-
-
-_MODES_OF_NODE: Final = {
-    BOOT_UP: Mode.BOOTING,
-    STOPPED: Mode.DISABLED,
-    IN_PRE_OPERATIONAL: Mode.DISABLED,
-}
+        request = bytes([head]) + address + data.ljust(4, b"\0")
+        return Step(access.text, [frame_of(SDO_TO_DRIVE + node, request)], confirmed)

@@ -26,13 +26,10 @@ from cjt_gym.canbus.protocols.cia402_objects import (
     object_dictionary,
 )
 from cjt_gym.canbus.protocols.contract import Fault, Mode, Settings, frame_of
+from cjt_gym.canbus.protocols.firmware import Firmware
 from cjt_gym.canbus.protocols.outbox import Outbox
-from cjt_gym.canbus.protocols.power_stage import PowerStage
 from cjt_gym.canbus.protocols.row import DriveProtocol, Option, Register
-from cjt_gym.canbus.protocols.staged import StagedFirmware
 from cjt_gym.errors import ConfigurationError
-
-__all__ = ["CIA402", "Cia402Firmware"]
 
 # Log messages about damaged requests go to handlers, not to the terminal.
 logging.getLogger("canopen").addHandler(logging.NullHandler())
@@ -49,21 +46,13 @@ CODES: Final = {
     Fault.OTHER: 0x1000,
 }
 VOLTAGE_AND_REMOTE: Final = 0x210
-OPERATIONAL: Final = "OPERATIONAL"
 RPDOS: Final = tuple(pdo for pdo in PDOS if pdo.to_drive)
 TPDOS: Final = tuple(pdo for pdo in PDOS if not pdo.to_drive)
 
 
 @dataclass(frozen=True)
 class _Setting:
-    """The configuration of a PDO.
-
-    Attributes:
-        identifier: Its identifier, with bit 31 set if it is off.
-        kind: Transmission type.
-        time: Its event timer [s].
-        objects: Index, subindex and size of its objects.
-    """
+    """The configuration of a PDO: bit 31 of the identifier switches it off; its timer is in s."""
 
     identifier: int
     kind: int
@@ -71,11 +60,12 @@ class _Setting:
     objects: Sequence[tuple[int, int, int]]
 
 
-class Cia402Firmware(StagedFirmware):
+class Cia402Firmware(Firmware):
     """Behaves as a drive; see :class:`~cjt_gym.canbus.protocols.contract.Firmware`."""
 
     def __init__(self, settings: Settings) -> None:
-        super().__init__(settings, PowerStage(settings.limits, watchdog=0.0))
+        super().__init__(settings)
+        self.watchdog = 0.0
         self._outbox = Outbox()
         self._start()
 
@@ -93,7 +83,7 @@ class Cia402Firmware(StagedFirmware):
         self._timers: dict[str, float] = {}
         self._reported: Fault | None = None
         self._operation = 0
-        self.stage.in_torque_mode = False
+        self.in_torque_mode = False
         self._watched = 0
         self._set: dict[str, _Setting] = {}
 
@@ -101,8 +91,8 @@ class Cia402Firmware(StagedFirmware):
         """Start in pre-operational, with the boot-up message."""
         self._outbox.now = now
         self._start()
-        self.stage.boot()
-        self.stage.watchdog = 0.0
+        self._power_up()
+        self.watchdog = 0.0
         self._node.nmt.state = "INITIALISING"
         self._node.nmt.state = "PRE-OPERATIONAL"
         return self._outbox.take()
@@ -120,20 +110,18 @@ class Cia402Firmware(StagedFirmware):
             if self._node.nmt.state == "INITIALISING":
                 return self.boot(now)
             if not self._operational and self.mode is Mode.ENABLED:
-                self.stage.fail(Fault.WATCHDOG)
+                self.fail(Fault.WATCHDOG)
         elif identifier == 0x600 + self.settings.node and len(data) == 8:
             self._network.notify(identifier, data, now)
         elif identifier == HEARTBEAT + self._watched:
-            self.stage.feed(now)
+            self._feed(now)
         elif self._operational:
             self._take(identifier, data)
         return self._outbox.take()
 
-    def update(self, channels: Mapping[str, float], now: float) -> Sequence[Message]:
-        """Take the joint's values; return the heartbeats, timed PDOs and emergencies due."""
-        self._channels = channels
+    def _due(self, now: float) -> Sequence[Message]:
+        """Return the heartbeats, timed PDOs and emergencies due."""
         self._outbox.now = now
-        self.stage.supervise(channels, now)
         if self.fault is not self._reported:
             self._reported = self.fault
             if self.fault:
@@ -146,7 +134,7 @@ class Cia402Firmware(StagedFirmware):
 
     @property
     def _operational(self) -> bool:
-        return bool(self._node.nmt.state == OPERATIONAL)
+        return bool(self._node.nmt.state == "OPERATIONAL")
 
     def _value(self, index: int, sub: int = 0) -> int:
         value: int = self._node.sdo.od.get_variable(index, sub).decode_raw(
@@ -197,12 +185,12 @@ class Cia402Firmware(StagedFirmware):
             self._control(value)
         elif (index, subindex) == (0x6071, 0):
             rated = self.settings.options["rated_torque"]
-            self.stage.demand(self.settings.scaling.torque(value * rated / 1e3))
+            self._ask(self.settings.scaling.torque(value * rated / 1e3))
         elif (index, subindex) == (0x6060, 0):
             self._operation = value
-            self.stage.in_torque_mode = value == CST
+            self.in_torque_mode = value == CST
         elif (index, subindex) == (0x1016, 1):
-            self._watched, self.stage.watchdog = value >> 16 & 0x7F, (value & 0xFFFF) / 1e3
+            self._watched, self.watchdog = value >> 16 & 0x7F, (value & 0xFFFF) / 1e3
         elif 0x1400 <= index < 0x1C00:
             self._set.clear()
 
@@ -211,7 +199,7 @@ class Cia402Firmware(StagedFirmware):
         rising, self._word = word & ~self._word, word
         if self.mode is Mode.FAULT:
             if rising & 0x80:
-                self.stage.clear()
+                self._clear()
                 self._state = State.SWITCH_ON_DISABLED
             return
         low = word & 0x0F
@@ -224,10 +212,10 @@ class Cia402Firmware(StagedFirmware):
         elif low == 0x0F and self._state in (State.READY, State.SWITCHED_ON):
             self._state = State.SWITCHED_ON
             if self._operational:
-                self.stage.enable(self._outbox.now)
+                self._enable(self._outbox.now)
 
     def _rest(self, state: int) -> None:
-        self.stage.disable()
+        self._disable()
         self._state = state
 
     def _statusword(self) -> int:
@@ -257,7 +245,6 @@ class Cia402Firmware(StagedFirmware):
                 self._send(setting)
 
     def _send_timed(self, pdo: Pdo, now: float) -> None:
-        """Send a timed PDO if it is due."""
         setting = self._setting(pdo)
         if setting.kind < 254 or not setting.time:
             return
@@ -299,26 +286,16 @@ def _check(options: Mapping[str, Any]) -> None:
 
 
 def _registers() -> Sequence[Register]:
-    rows = [
-        Register(
-            f"{row.index:#06x}:{row.sub:02x}",
-            "both" if row.access == "rw" else "from drive",
-            row.name,
-            [row.field],
-        )
-        for row in OBJECTS.values()
-        if row.sub or row.index not in (0x1016, 0x1018, 0x608F)
-    ]
-    pdos = [
-        Register(
-            f"{pdo.cob_id:#05x} + node",
-            "to drive" if pdo.to_drive else "from drive",
-            pdo.name,
-            pdo.layout.fields,
-        )
-        for pdo in PDOS
-    ]
-    return pdos + [row for row in rows if not 0x1400 <= int(row.address[:6], 16) < 0x1B00]
+    rows = []
+    for pdo in PDOS:
+        way = "to drive" if pdo.to_drive else "from drive"
+        rows.append(Register(f"{pdo.cob_id:#05x} + node", way, pdo.name, pdo.layout.fields))
+    for row in OBJECTS.values():
+        counts = row.sub == 0 and row.index in (0x1016, 0x1018, 0x608F)
+        if not (counts or 0x1400 <= row.index < 0x1B00):
+            way = "both" if row.access == "rw" else "from drive"
+            rows.append(Register(f"{row.index:#06x}:{row.sub:02x}", way, row.name, [row.field]))
+    return rows
 
 
 CIA402: Final = DriveProtocol(

@@ -16,21 +16,10 @@ from canopen.objectdictionary import ObjectDictionary, ODRecord, ODVariable, dat
 
 from cjt_gym.canbus.protocols.layout import Field, Layout
 
-__all__ = ["OBJECTS", "PDOS", "CanObject", "Pdo", "State", "object_dictionary", "state_of"]
-
 
 @dataclass(frozen=True)
 class CanObject:
-    """An object of the dictionary.
-
-    Attributes:
-        index: Its index.
-        sub: Its subindex.
-        name: Its name in the profile.
-        field: Its type and unit.
-        access: "ro", "rw" or "const".
-        default: Its value after power-up; None if the drive determines it.
-    """
+    """An object of the dictionary; without a default, the drive determines its value."""
 
     index: int
     sub: int

@@ -24,8 +24,6 @@ from cjt_gym.canbus.protocols.contract import Mode, Settings, Update
 from cjt_gym.canbus.protocols.layout import Layout
 from cjt_gym.errors import ProtocolError
 
-__all__ = ["ENABLING", "Access", "Controlword", "Profile"]
-
 Key = tuple[int, int]
 
 
@@ -57,14 +55,7 @@ _MODES: Final = {
 
 @dataclass(frozen=True)
 class Access:
-    """One access to an object of the drive's dictionary.
-
-    Attributes:
-        text: Its purpose.
-        key: Index and subindex.
-        value: Value to write; None to read.
-        accept: Checks a value that was read, or raises ProtocolError.
-    """
+    """One access to an object of the dictionary: writes a value, or reads and checks one."""
 
     text: str
     key: Key
@@ -91,12 +82,7 @@ def write(key: Key, value: int) -> Access:
 
 
 class Profile:
-    """Commands and reports of one drive; see the module.
-
-    Attributes:
-        settings: Settings of the drive.
-        output: Process data to the drive.
-    """
+    """Commands and reports of one drive; see the module."""
 
     def __init__(self, settings: Settings) -> None:
         self.settings = settings

@@ -1,4 +1,4 @@
-"""Interfaces of drive protocols: a master and a firmware that convert values and frames.
+"""Interface of drive protocols: a master, and what it shares with the firmware of emulated drives.
 
 Neither uses a bus, clock or thread: frames go in and out, and time is an argument. So both run
 against real drives, against each other, and in tests at any speed. All values are SI and on the
@@ -16,11 +16,12 @@ The order in which a master is used::
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from math import inf
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 from can import Message
 
@@ -28,10 +29,8 @@ from cjt_gym.errors import ConfigurationError
 
 __all__ = [
     "CHANNELS",
-    "NO_CHANNELS",
     "SLOW",
     "Fault",
-    "Firmware",
     "Limits",
     "Master",
     "Message",
@@ -60,7 +59,6 @@ CHANNELS: Final = {
 """What nodes may report: unit and meaning. All but the last two are on the link side."""
 SLOW: Final[Mapping[str, float]] = {"temperature": 5.0, "v_bus": 5.0}
 """Channels that change slowly, and how old their values may be [s], however often they come."""
-NO_CHANNELS: Final[Mapping[str, float]] = {}
 
 
 class Mode(Enum):
@@ -229,10 +227,11 @@ class Settings:
     unwatched: bool = False
 
 
-class Master(Protocol):
+class Master(ABC):
     """The commanding side of a protocol, for one drive.
 
     Attributes:
+        settings: Settings of the drive.
         channels: Names of the :data:`CHANNELS` that this drive reports.
         periods: Time between two reports of each channel while commanded [s].
         torque_range: Range of motor torques that a command can carry, link side [N m].
@@ -240,38 +239,36 @@ class Master(Protocol):
             is on.
     """
 
-    @property
-    def channels(self) -> frozenset[str]: ...  # noqa: D102
+    def __init__(
+        self, settings: Settings, periods: Mapping[str, float], tau_m: float = inf
+    ) -> None:
+        self.settings = settings
+        self.periods = periods
+        self.channels = frozenset(periods)
+        self.torque_range = (-tau_m, tau_m)
+        self.shows_stop = True
 
-    @property
-    def periods(self) -> Mapping[str, float]: ...  # noqa: D102
-
-    @property
-    def torque_range(self) -> tuple[float, float]: ...  # noqa: D102
-
-    @property
-    def shows_stop(self) -> bool: ...  # noqa: D102
-
+    @abstractmethod
     def configure(self) -> Iterable[Step]:
         """Return the steps that start the drive's reports and its watchdog."""
-        ...
 
+    @abstractmethod
     def clear(self) -> Sequence[Step]:
         """Return the steps from a fault to disabled."""
-        ...
 
+    @abstractmethod
     def enable(self) -> Sequence[Step]:
         """Return the steps to torque control, at zero torque."""
-        ...
 
+    @abstractmethod
     def command(self, tau_m: float) -> Sequence[Message]:
         """Return the frames for a motor torque [N m, link side].
 
         Raises:
             ProtocolError: The torque is not finite, or outside `torque_range`.
         """
-        ...
 
+    @abstractmethod
     def commanded(self, frame: Message) -> float | None:
         """Return the motor torque commanded by a frame of a master [N m, link side].
 
@@ -281,65 +278,22 @@ class Master(Protocol):
         Raises:
             ProtocolError: The frame is a command that breaks the protocol.
         """
-        ...
 
+    @abstractmethod
     def poll(self) -> Sequence[Message]:
         """Return the frames that poll the drive without commanding it, if it needs polling."""
-        ...
 
+    @abstractmethod
     def disable(self) -> Sequence[Message]:
         """Return the frames for zero torque and power stage off."""
-        ...
 
+    @abstractmethod
     def decode(self, frame: Message) -> Update | None:
         """Decode a frame; return None if it is not from this drive.
 
         Raises:
             ProtocolError: The frame is from this drive and breaks the protocol.
         """
-        ...
-
-
-class Firmware(Protocol):
-    """The drive's side of a protocol; the joint's physics is handed in.
-
-    Attributes:
-        mode: Mode of the drive.
-        fault: Reason for which it stopped, if it did.
-        torque: Present motor torque, link side [N m]; 0 unless enabled.
-    """
-
-    @property
-    def mode(self) -> Mode: ...  # noqa: D102
-
-    @property
-    def fault(self) -> Fault | None: ...  # noqa: D102
-
-    @property
-    def torque(self) -> float: ...  # noqa: D102
-
-    def boot(self, now: float) -> Sequence[Message]:
-        """Power up, and return the frames sent at that time."""
-        ...
-
-    def receive(self, frame: Message, now: float) -> Sequence[Message]:
-        """Take a frame from the bus, and return the answers."""
-        ...
-
-    def update(self, channels: Mapping[str, float], now: float) -> Sequence[Message]:
-        """Take the joint's present values, and return the reports due.
-
-        Watchdog and limits act here, so call it at least once per millisecond of `now`.
-
-        Args:
-            channels: Values of :data:`CHANNELS`, link side.
-            now: Time [s].
-        """
-        ...
-
-    def fail(self, fault: Fault) -> None:
-        """Enter a fault now."""
-        ...
 
 
 def frame_of(

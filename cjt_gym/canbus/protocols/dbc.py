@@ -16,6 +16,7 @@ from typing import Any, Final
 import cantools
 
 from cjt_gym.canbus.protocols.contract import (
+    Master,
     Message,
     Mode,
     Settings,
@@ -25,8 +26,6 @@ from cjt_gym.canbus.protocols.contract import (
 )
 from cjt_gym.canbus.protocols.dbc_mapping import DbcMapping, Signal, load_dbc_mapping
 from cjt_gym.errors import ConfigurationError, ProtocolError
-
-__all__ = ["Codec", "DbcMaster", "mapping_of", "range_of", "torque_of_command"]
 
 DAMAGED: Final = (cantools.Error, ValueError, KeyError, OverflowError)
 AS_NUMBERS: Final = {"decode_choices": False}
@@ -112,23 +111,21 @@ def _default(signal: Any) -> float:
     return float(min(max(start, low), high))
 
 
-class DbcMaster:
+class DbcMaster(Master):
     """Commands one drive, or reads one sensor; see the contract's `Master`."""
 
     def __init__(self, settings: Settings) -> None:
-        self.settings = settings
         self._mapping = mapping = mapping_of(settings)
+        periods = {
+            name: mapping.cycles.get(where[0], settings.period)
+            for name, (where, _) in mapping.channels.items()
+        }
+        super().__init__(settings, periods, 0.0)
+        self.shows_stop = mapping.state is not None or mapping.error is not None
         self._codec = Codec(mapping)
         self._heard = {where[0] for where, _ in mapping.channels.values()}
         self._heard |= {where[0] for where in (mapping.state, mapping.error) if where}
         self._per_unit = torque_of_command(mapping, settings)
-        self.channels = frozenset(mapping.channels)
-        self.periods = {
-            name: mapping.cycles.get(where[0], settings.period)
-            for name, (where, _) in mapping.channels.items()
-        }
-        self.torque_range = (0.0, 0.0)
-        self.shows_stop = mapping.state is not None or mapping.error is not None
         if mapping.command is not None:
             where, column = mapping.command
             ends = [

@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Final
 
-from cjt_gym.canbus.protocols.contract import (
-    Fault,
-    Message,
-    Settings,
-)
+from cjt_gym.canbus.protocols.contract import Fault, Message, Settings
 from cjt_gym.canbus.protocols.dbc import (
     Codec,
     DbcMaster,
@@ -19,11 +15,9 @@ from cjt_gym.canbus.protocols.dbc import (
     torque_of_command,
 )
 from cjt_gym.canbus.protocols.dbc_mapping import Signal
-from cjt_gym.canbus.protocols.row import DriveProtocol, Option, Register
-from cjt_gym.canbus.protocols.staged import Cycles, StagedFirmware
+from cjt_gym.canbus.protocols.firmware import Cycles, Firmware
+from cjt_gym.canbus.protocols.row import DriveProtocol, Option
 from cjt_gym.errors import ProtocolError
-
-__all__ = ["DBC", "DbcFirmware"]
 
 
 def _by_message(signals: Iterable[Signal]) -> dict[str, list[str]]:
@@ -33,7 +27,7 @@ def _by_message(signals: Iterable[Signal]) -> dict[str, list[str]]:
     return made
 
 
-class DbcFirmware(StagedFirmware):
+class DbcFirmware(Firmware):
     """Behaves as the mapping's node; see the contract's `Firmware`."""
 
     def __init__(self, settings: Settings) -> None:
@@ -54,7 +48,7 @@ class DbcFirmware(StagedFirmware):
 
     def boot(self, now: float) -> Sequence[Message]:
         """Start with all reports."""
-        self.stage.boot()
+        self._power_up()
         self._told = {}
         self._cycles.begin(now)
         return [self._report(name) for name in self._reports]
@@ -72,24 +66,21 @@ class DbcFirmware(StagedFirmware):
         self._obey(now)
         if self._mapping.command and self._mapping.command[0][0] == message:
             where, column = self._mapping.command
-            self.stage.feed(now)
+            self._feed(now)
             told = self._per_unit * column.gain * (self._told[where] - column.offset)
-            self.stage.demand(told)
+            self._ask(told)
         return []
 
-    def update(self, channels: Mapping[str, float], now: float) -> Sequence[Message]:
-        """Take the joint's values; return the reports due."""
-        self._channels = channels
-        self.stage.supervise(channels, now)
+    def _due(self, now: float) -> Sequence[Message]:
         return [self._report(name) for name in self._cycles.due(now)]
 
     def _obey(self, now: float) -> None:
         if self._in_phase("clear"):
-            self.stage.clear()
+            self._clear()
         if self._in_phase("enabled") or not self._mapping.phases["enabled"]:
-            self.stage.enable(now)
+            self._enable(now)
         elif self._in_phase("disabled"):
-            self.stage.disable()
+            self._disable()
 
     def _in_phase(self, phase: str) -> bool:
         wanted = self._mapping.phases[phase]
@@ -110,10 +101,6 @@ class DbcFirmware(StagedFirmware):
         return self._codec.encode(message, values)
 
 
-def _registers() -> Sequence[Register]:
-    return []
-
-
 DBC: Final = DriveProtocol(
     name="dbc",
     title="Any DBC file with a mapping",
@@ -132,6 +119,5 @@ DBC: Final = DriveProtocol(
     },
     master=DbcMaster,
     firmware=DbcFirmware,
-    registers=_registers,
     command_enables=True,
 )

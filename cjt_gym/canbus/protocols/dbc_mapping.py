@@ -33,24 +33,14 @@ import cantools
 from cantools.database import Database
 
 from cjt_gym.canbus.protocols.contract import CHANNELS, Mode
+from cjt_gym.canbus.tables import Section
 from cjt_gym.disk import read_toml
 from cjt_gym.errors import CjtGymError, ConfigurationError, unknown_name
 from cjt_gym.records.mapping import ColumnSource, load_mapping
 
-__all__ = ["DbcMapping", "Signal", "load_dbc_mapping"]
-
 SUFFIX: Final = ".map.toml"
-KEYS: Final = (
-    "dbc",
-    "enabled",
-    "disabled",
-    "clear",
-    "state",
-    "error",
-    "temperature",
-    "v_bus",
-    "cycle_ms",
-)
+PHASES: Final = ("enabled", "disabled", "clear")
+KEYS: Final = ("dbc", *PHASES, "state", "error", "temperature", "v_bus", "cycle_ms")
 MODES: Final = {mode.value: mode for mode in Mode}
 Signal = tuple[str, str]
 """Name of a message and of a signal in it."""
@@ -84,12 +74,7 @@ class DbcMapping:
 
 
 def load_dbc_mapping(name: str, n: float) -> DbcMapping:
-    """Return a mapping from its file.
-
-    Args:
-        name: Its path, or the name of one that ships: "example_drive", "joint_sensor",
-            "torque_sensor", "load_encoder".
-        n: Gear ratio, used where the mapping gives none.
+    """Return a mapping from its file, or one that ships, with the gear ratio where it gives none.
 
     Raises:
         ConfigurationError: The mapping or its DBC file is not valid.
@@ -155,6 +140,10 @@ class _Reader:
             raise unknown_name(f"signal in {place}", signal, signals)
         return message, signal
 
+    def table(self, given: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+        """Return a table of [can]."""
+        return Section(given.get(name, {}), f"{name} of {self.path}").table
+
     def phase(self, given: Mapping[str, Any], name: str) -> Mapping[Signal, float]:
         """Return the signals set in a phase."""
         table = self.table(given, name)
@@ -164,13 +153,6 @@ class _Reader:
                     f"{source} in {name} of {self.path} must be a number, got {value!r}."
                 )
         return {self.signal(source, name): value for source, value in table.items()}
-
-    def table(self, given: Mapping[str, Any], name: str) -> Mapping[str, Any]:
-        """Return a table of [can]."""
-        table = given.get(name, {})
-        if not isinstance(table, dict):
-            raise ConfigurationError(f"{name} of {self.path} must be a table, got {table!r}.")
-        return table
 
 
 def _checked(
@@ -203,7 +185,7 @@ def _checked(
         channels=channels,
         command=command,
         is_current=wanted == ["i_cmd"],
-        phases={name: reader.phase(given, name) for name in ("enabled", "disabled", "clear")},
+        phases={name: reader.phase(given, name) for name in PHASES},
         state=reader.signal(state.get("source"), "state.source") if state else None,
         modes=_modes(reader.path, state),
         error=reader.signal(given["error"], "error") if "error" in given else None,
@@ -228,11 +210,6 @@ def _modes(path: Path, state: Mapping[str, Any]) -> Mapping[Mode, tuple[int, ...
 
 def _cycles(reader: _Reader, given: Mapping[str, Any]) -> Mapping[str, float]:
     known = {each.name: each.cycle_time for each in reader.database.messages}
-    for name, value in given.items():
-        if name not in known:
-            raise unknown_name(f"message in cycle_ms of {reader.path}", name, known)
-        if isinstance(value, bool) or not isinstance(value, int | float) or not value > 0:
-            raise ConfigurationError(
-                f"{name} in cycle_ms of {reader.path} must be > 0 ms, got {value!r}."
-            )
-    return {name: ms * 1e-3 for name, ms in (known | dict(given)).items() if ms}
+    table = Section(given, f"cycle_ms of {reader.path}", known)
+    known |= {name: table.number(name, "ms") for name in given}
+    return {name: ms * 1e-3 for name, ms in known.items() if ms}

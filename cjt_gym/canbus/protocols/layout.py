@@ -16,8 +16,6 @@ from typing import Final, Literal
 
 from cjt_gym.errors import ProtocolError
 
-__all__ = ["Field", "Layout", "nothing"]
-
 FLOATS: Final = {16: "<e", 32: "<f", 64: "<d"}
 
 

@@ -20,6 +20,7 @@ from math import nan
 from typing import Final
 
 from cjt_gym.canbus.protocols.contract import (
+    Master,
     Message,
     Mode,
     Settings,
@@ -30,8 +31,6 @@ from cjt_gym.canbus.protocols.contract import (
 )
 from cjt_gym.canbus.protocols.layout import Field, Layout
 from cjt_gym.errors import ProtocolError
-
-__all__ = ["MODELS", "MitMaster", "command_layout", "ranges_of", "reply_layout"]
 
 MODELS: Final = {
     "AK10-9": (12.5, 50.0, 65.0),
@@ -105,22 +104,19 @@ def ranges_of(settings: Settings) -> tuple[float, float, float]:
     return MODELS[settings.options["model"]]
 
 
-class MitMaster:
+class MitMaster(Master):
     """Commands one drive; see :class:`~cjt_gym.canbus.protocols.contract.Master`."""
 
     def __init__(self, settings: Settings) -> None:
-        self.settings = settings
         ranges = ranges_of(settings)
         self._command = command_layout(ranges)
         self._reply = reply_layout(ranges, settings.options["reply_bytes"])
+        names = ("q_m", "dq_m", "tau_m", "temperature")[: len(self._reply.fields) - 1]
+        periods = dict.fromkeys(names, settings.period)
+        super().__init__(settings, periods, ranges[2] * settings.scaling.gear_ratio)
+        self.shows_stop = False
         self._ends = {each.name: each.range for each in self._reply.fields}
         self._reply_id: int = settings.options["reply_id"]
-        names = ("q_m", "dq_m", "tau_m", "temperature")
-        self.channels = frozenset(names[: len(self._reply.fields) - 1])
-        self.periods = dict.fromkeys(self.channels, settings.period)
-        high = ranges[2] * settings.scaling.gear_ratio
-        self.torque_range = (-high, high)
-        self.shows_stop = False
 
     def configure(self) -> Sequence[Step]:
         """Return the step that checks whether the drive answers."""

@@ -7,13 +7,13 @@ from math import inf
 from typing import Any, Final
 
 from cjt_gym.canbus.protocols.contract import (
-    NO_CHANNELS,
     Fault,
     Message,
     Settings,
     frame_of,
     is_plain,
 )
+from cjt_gym.canbus.protocols.firmware import Firmware
 from cjt_gym.canbus.protocols.mit import (
     ENTER,
     EXIT,
@@ -24,12 +24,8 @@ from cjt_gym.canbus.protocols.mit import (
     ranges_of,
     reply_layout,
 )
-from cjt_gym.canbus.protocols.power_stage import PowerStage
 from cjt_gym.canbus.protocols.row import DriveProtocol, Option, Register
-from cjt_gym.canbus.protocols.staged import StagedFirmware
 from cjt_gym.errors import ConfigurationError
-
-__all__ = ["MIT", "MitFirmware"]
 
 CODES: Final = {
     Fault.OVER_TEMPERATURE: 1,
@@ -43,22 +39,23 @@ AMBIENT: Final = 25.0
 """Temperature that is shown where none is handed in [degC]."""
 
 
-class MitFirmware(StagedFirmware):
+class MitFirmware(Firmware):
     """Behaves as a drive; see :class:`~cjt_gym.canbus.protocols.contract.Firmware`."""
 
+    forgiving = True
+
     def __init__(self, settings: Settings) -> None:
-        stage = PowerStage(settings.limits, settings.limits.watchdog, forgiving=True)
-        super().__init__(settings, stage)
+        super().__init__(settings)
         ranges = ranges_of(settings)
         self._layout = command_layout(ranges)
         self._answer = reply_layout(ranges, settings.options["reply_bytes"])
-        self._told: Mapping[str, float] = NO_CHANNELS
+        self._told: Mapping[str, float] = {}
         self._zero = 0.0
 
     def boot(self, now: float) -> Sequence[Message]:
         """Start silently."""
-        self._told = NO_CHANNELS
-        self.stage.boot()
+        self._told = {}
+        self._power_up()
         return []
 
     def receive(self, frame: Message, now: float) -> Sequence[Message]:
@@ -67,25 +64,18 @@ class MitFirmware(StagedFirmware):
             return []
         data = bytes(frame.data)
         if data == ENTER:
-            self.stage.enable(now)
+            self._enable(now)
         elif data == EXIT:
-            self._told = NO_CHANNELS
-            self.stage.disable()
-            self.stage.clear()
+            self._told = {}
+            self._disable()
+            self._clear()
         elif data == ZERO:
             self._zero += self._seen()[0]
         else:
             self._told = self._layout.decode(data)
-            self.stage.feed(now)
+            self._feed(now)
             self._act()
         return [self._reply()]
-
-    def update(self, channels: Mapping[str, float], now: float) -> Sequence[Message]:
-        """Take the joint's values; the drive reports only when polled."""
-        self._channels = channels
-        self._act()
-        self.stage.supervise(channels, now)
-        return []
 
     def _seen(self) -> tuple[float, float]:
         scaling, channels = self.settings.scaling, self._channels
@@ -102,7 +92,7 @@ class MitFirmware(StagedFirmware):
                 + told["kd"] * (told["velocity"] - velocity)
                 + told["torque"]
             )
-            self.stage.demand(self.settings.scaling.torque(torque))
+            self._ask(self.settings.scaling.torque(torque))
 
     def _reply(self) -> Message:
         position, velocity = self._seen()

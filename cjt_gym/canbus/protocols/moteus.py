@@ -14,10 +14,11 @@ References:
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from math import inf, isnan, nan, tau
+from math import isnan, nan, tau
 from typing import Final
 
 from cjt_gym.canbus.protocols.contract import (
+    Master,
     Message,
     Mode,
     Settings,
@@ -39,8 +40,6 @@ from cjt_gym.canbus.protocols.moteus_registers import (
 )
 from cjt_gym.errors import ProtocolError
 
-__all__ = ["MoteusMaster", "is_extended"]
-
 STOPPED, FAULTED, POSITION, TIMEOUT = 0, 1, 10, 11
 STOP: Final = subframe(WRITE, INT8, 0x000, [STOPPED])
 STATE: Final = (
@@ -55,15 +54,12 @@ def is_extended(identifier: int) -> bool:
     return identifier > 0x7FF
 
 
-class MoteusMaster:
+class MoteusMaster(Master):
     """Commands one drive; see :class:`~cjt_gym.canbus.protocols.contract.Master`."""
 
     def __init__(self, settings: Settings) -> None:
-        self.settings = settings
-        self.channels = frozenset({"q_m", "dq_m", "tau_m", "i", "temperature", "v_bus"})
-        self.periods = dict.fromkeys(self.channels, settings.period)
-        self.torque_range = (-inf, inf)
-        self.shows_stop = True
+        channels = ("q_m", "dq_m", "tau_m", "i", "temperature", "v_bus")
+        super().__init__(settings, dict.fromkeys(channels, settings.period))
         source: int = settings.options["source"]
         self._to_drive = ANSWER | source << 8 | settings.node
         self._from_drive = settings.node << 8 | source

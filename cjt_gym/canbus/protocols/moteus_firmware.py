@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import cache
 from math import isnan, nan, tau
 from typing import Final
 
-from cjt_gym.canbus.protocols.contract import (
-    Fault,
-    Message,
-    Mode,
-    Settings,
-    frame_of,
-)
+from cjt_gym.canbus.protocols.contract import Fault, Message, Mode, Settings, frame_of
+from cjt_gym.canbus.protocols.firmware import Firmware
 from cjt_gym.canbus.protocols.moteus import (
     ANSWER,
     FAULTED,
@@ -40,10 +35,7 @@ from cjt_gym.canbus.protocols.moteus_registers import (
     subframe,
 )
 from cjt_gym.canbus.protocols.row import DriveProtocol, Option, Register
-from cjt_gym.canbus.protocols.staged import StagedFirmware
 from cjt_gym.errors import ProtocolError
-
-__all__ = ["MOTEUS", "MoteusFirmware"]
 
 BROADCAST: Final = 0x7F
 CODES: Final = {
@@ -62,7 +54,7 @@ KP, KD = 4.0, 0.05
 """Position gains of an emulated drive [N m/rev, N m/(rev/s)]: the firmware's `pid_position`."""
 
 
-class MoteusFirmware(StagedFirmware):
+class MoteusFirmware(Firmware):
     """Behaves as a drive; see :class:`~cjt_gym.canbus.protocols.contract.Firmware`."""
 
     def __init__(self, settings: Settings) -> None:
@@ -73,7 +65,7 @@ class MoteusFirmware(StagedFirmware):
 
     def boot(self, now: float) -> Sequence[Message]:
         """Start silently."""
-        self.stage.boot()
+        self._power_up()
         self._told = {}
         return []
 
@@ -97,24 +89,17 @@ class MoteusFirmware(StagedFirmware):
             return []
         return [frame_of(identifier, pad(data), extended=is_extended(identifier), fd=True)]
 
-    def update(self, channels: Mapping[str, float], now: float) -> Sequence[Message]:
-        """Take the joint's values; the drive reports only when queried."""
-        self._channels = channels
-        self._act()
-        self.stage.supervise(channels, now)
-        return []
-
     def _write(self, written: dict[int, float], now: float) -> None:
         mode = written.get(0x000)
         if mode == STOPPED:
-            self.stage.disable()
-            self.stage.clear()
-        elif mode == POSITION and self.stage.enable(now):
+            self._disable()
+            self._clear()
+        elif mode == POSITION and self._enable(now):
             self._told = written
             self._held = self._seen(0x001)
             time = written.get(0x027, 0.0)
-            self.stage.watchdog = 0.0 if isnan(time) else time or self._stored
-            self.stage.feed(now)
+            self.watchdog = 0.0 if isnan(time) else time or self._stored
+            self._feed(now)
             self._act()
 
     def _act(self) -> None:
@@ -128,7 +113,7 @@ class MoteusFirmware(StagedFirmware):
         torque += KD * told.get(0x024, 1.0) * (told.get(0x021, 0.0) - self._seen(0x002))
         most = told.get(0x025, nan)
         torque = torque if isnan(most) else min(max(torque, -most), most)
-        self.stage.demand(self.settings.scaling.torque(torque))
+        self._ask(self.settings.scaling.torque(torque))
 
     def _answer(self, asked: Subframe) -> bytes:
         if all(number in REGISTERS for number in asked.numbers):

@@ -17,22 +17,10 @@ from functools import cache
 from math import isnan, nan
 from typing import Final, Literal, NamedTuple
 
+from can.util import dlc2len, len2dlc
+
 from cjt_gym.canbus.protocols.layout import Field
 from cjt_gym.errors import ProtocolError
-
-__all__ = [
-    "FLOAT",
-    "INT8",
-    "INT16",
-    "INT32",
-    "REGISTERS",
-    "Subframe",
-    "field_of",
-    "pad",
-    "read",
-    "said",
-    "subframe",
-]
 
 INT8, INT16, INT32, FLOAT = range(4)
 """Types of registers, as the subframes number them."""
@@ -40,10 +28,9 @@ SIZES: Final = (1, 2, 4, 4)
 LARGEST: Final = 3.4e38
 """Largest number that a float has room for."""
 CODES: Final = "bhif"
-PWM: Final = (1 / 127, 1 / 32767, 1 / 2147483647)
 STEPS: Final = {
     "number": ("", (1.0, 1.0, 1.0)),
-    "share": ("", PWM),
+    "share": ("", (1 / 127, 1 / 32767, 1 / 2147483647)),
     "current": ("A", (1.0, 0.1, 0.001)),
     "torque": ("N m", (0.5, 0.01, 0.001)),
     "voltage": ("V", (0.5, 0.1, 0.001)),
@@ -87,16 +74,7 @@ FAULTS: Final = {
 
 @dataclass(frozen=True)
 class MoteusRegister:
-    """A register.
-
-    Attributes:
-        number: Its number.
-        name: Its name in the manufacturer's document.
-        quantity: Its quantity, one of :data:`STEPS`.
-        writable: Whether a master may write it.
-        text: Remarks.
-        names: Names of its numbers.
-    """
+    """A register, of one of the quantities of :data:`STEPS`."""
 
     number: int
     name: str
@@ -144,19 +122,12 @@ REGISTERS: Final = {
 """The registers that are used here, by their numbers."""
 WRITE, ASK, REPLY = 0x00, 0x10, 0x20
 WRITE_ERROR, READ_ERROR, NOTHING = 0x30, 0x31, 0x50
-LENGTHS: Final = (*range(9), 12, 16, 20, 24, 32, 48, 64)
-"""Numbers of bytes that a CAN FD frame can have."""
+MOST: Final = 64
+"""Bytes that a CAN FD frame has room for."""
 
 
 class Subframe(NamedTuple):
-    """Content of a subframe: consecutive registers.
-
-    Attributes:
-        kind: "write", "ask", "reply" or "error".
-        numbers: Numbers of the registers.
-        type: Their type in this frame.
-        values: Their values; empty in a query.
-    """
+    """Content of a subframe: consecutive registers of a type, and their values but in a query."""
 
     kind: Literal["write", "ask", "reply", "error"]
     numbers: range
@@ -165,17 +136,7 @@ class Subframe(NamedTuple):
 
 
 def subframe(base: int, kind: int, first: int, values: Sequence[float] | int) -> bytes:
-    """Return a subframe.
-
-    Args:
-        base: WRITE, ASK or REPLY.
-        kind: Type of the registers.
-        first: Number of the first register.
-        values: The values, or the number of registers for ASK.
-
-    Raises:
-        ProtocolError: A value does not fit its register.
-    """
+    """Return a subframe with values, or for ASK with the number of registers."""
     count = values if isinstance(values, int) else len(values)
     head = bytes([base | kind << 2 | count]) if count < 4 else bytes([base | kind << 2, count])
     data = (
@@ -205,7 +166,7 @@ def read(data: bytes | bytearray) -> list[Subframe]:
                 count, at = _read_varuint(data, at)
             first, at = _read_varuint(data, at)
             if group == ASK:
-                numbers = range(first, first + min(count, LENGTHS[-1]))
+                numbers = range(first, first + min(count, MOST))
                 found.append(Subframe("ask", numbers, kind))
                 continue
             if at + count * SIZES[kind] > len(data):
@@ -229,14 +190,10 @@ def said(frame: Sequence[Subframe], kind: str) -> dict[int, float]:
 
 
 def pad(data: bytes) -> bytes:
-    """Pad data to a length that CAN FD allows.
-
-    Raises:
-        ProtocolError: There are more than 64 bytes.
-    """
-    if len(data) > LENGTHS[-1]:
-        raise ProtocolError(f"A frame must have at most 64 bytes of data, got {len(data)}.")
-    return data.ljust(next(size for size in LENGTHS if size >= len(data)), bytes([NOTHING]))
+    """Pad data to a length that CAN FD allows."""
+    if len(data) > MOST:
+        raise ProtocolError(f"A frame must have at most {MOST} bytes of data, got {len(data)}.")
+    return data.ljust(dlc2len(len2dlc(len(data))), bytes([NOTHING]))
 
 
 @cache
@@ -267,7 +224,6 @@ def _unpacked(
 
 
 def _step(number: int, kind: int) -> float:
-    """Return the value of one step of an integer."""
     register = REGISTERS.get(number)
     return STEPS[register.quantity][1][kind] if register else 1.0
 

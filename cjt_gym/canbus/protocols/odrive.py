@@ -18,9 +18,10 @@ References:
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from math import inf, tau
+from math import tau
 
 from cjt_gym.canbus.protocols.contract import (
+    Master,
     Message,
     Mode,
     Settings,
@@ -48,29 +49,22 @@ from cjt_gym.canbus.protocols.odrive_messages import (
 )
 from cjt_gym.errors import ProtocolError
 
-__all__ = ["OdriveMaster"]
 
-
-class OdriveMaster:
+class OdriveMaster(Master):
     """Commands one axis; see :class:`~cjt_gym.canbus.protocols.contract.Master`."""
 
     def __init__(self, settings: Settings) -> None:
-        self.settings = settings
-        self._reports = reports_of(settings.options["firmware"])
-        self._errors = ERRORS_05 if settings.options["firmware"] == "0.5" else ERRORS
+        options = settings.options
+        self._reports = reports_of(options["firmware"])
+        self._errors = ERRORS_05 if options["firmware"] == "0.5" else ERRORS
         self._slow = [row.name for row in self._reports.values() if row.name in SLOW]
-        hot = {"temperature"} if "Get_Temperature" in self._slow else set()
-        self.channels = frozenset({"q_m", "dq_m", "i", "v_bus"} | hot)
-        self.torque_range = (-inf, inf)
-        self.shows_stop = True
-        ask = settings.options["reports"] == "ask"
-        fast = settings.period if ask else settings.options["cycle_ms"] * 1e-3
-        slow = dict.fromkeys({"v_bus"} | hot, SLOW_PERIOD)
-        self.periods = dict.fromkeys(self.channels, fast) | slow
-        self._ask = ask
+        self._ask = options["reports"] == "ask"
+        fast = settings.period if self._ask else options["cycle_ms"] * 1e-3
+        slow = ("v_bus", "temperature") if "Get_Temperature" in self._slow else ("v_bus",)
+        periods = dict.fromkeys(("q_m", "dq_m", "i"), fast) | dict.fromkeys(slow, SLOW_PERIOD)
+        super().__init__(settings, periods)
         self._every = max(1, round(SLOW_PERIOD / settings.period))
         self._count = 0
-        options = settings.options
         self._endpoints: tuple[int, int] = (
             options["watchdog_timeout_endpoint"],
             options["enable_watchdog_endpoint"],

@@ -6,13 +6,8 @@ from collections.abc import Mapping, Sequence
 from math import tau
 from typing import Any, Final
 
-from cjt_gym.canbus.protocols.contract import (
-    Fault,
-    Message,
-    Mode,
-    Settings,
-    frame_of,
-)
+from cjt_gym.canbus.protocols.contract import Fault, Message, Mode, Settings, frame_of
+from cjt_gym.canbus.protocols.firmware import Cycles, Firmware
 from cjt_gym.canbus.protocols.odrive import OdriveMaster
 from cjt_gym.canbus.protocols.odrive_messages import (
     EMULATED,
@@ -29,10 +24,7 @@ from cjt_gym.canbus.protocols.odrive_messages import (
     reports_of,
 )
 from cjt_gym.canbus.protocols.row import DriveProtocol, Option, Register
-from cjt_gym.canbus.protocols.staged import Cycles, StagedFirmware
 from cjt_gym.errors import ConfigurationError, ProtocolError
-
-__all__ = ["ODRIVE", "OdriveFirmware"]
 
 HEARTBEAT_PERIOD: Final = 0.1
 CODES: Final = {
@@ -60,12 +52,12 @@ CODES_05: Final = {
 COMMANDS: Final = {row.command: row for row in MESSAGES.values() if row.to_drive}
 
 
-class OdriveFirmware(StagedFirmware):
+class OdriveFirmware(Firmware):
     """Behaves as an axis; see :class:`~cjt_gym.canbus.protocols.contract.Firmware`."""
 
     def __init__(self, settings: Settings) -> None:
         super().__init__(settings)
-        self.stage.in_torque_mode = False
+        self.in_torque_mode = False
         options = settings.options
         self._codes = CODES_05 if options["firmware"] == "0.5" else CODES
         self._known = reports_of(options["firmware"]) | COMMANDS
@@ -82,8 +74,8 @@ class OdriveFirmware(StagedFirmware):
 
     def boot(self, now: float) -> Sequence[Message]:
         """Start with a heartbeat."""
-        self.stage.boot()
-        self.stage.in_torque_mode = False
+        self._power_up()
+        self.in_torque_mode = False
         self._cycles.begin(now)
         return [self._report("Heartbeat")]
 
@@ -104,27 +96,24 @@ class OdriveFirmware(StagedFirmware):
             return []
         return self._obey(row.name, values, now)
 
-    def update(self, channels: Mapping[str, float], now: float) -> Sequence[Message]:
-        """Take the joint's values; return the periodic messages due."""
-        self._channels = channels
-        self.stage.supervise(channels, now)
+    def _due(self, now: float) -> Sequence[Message]:
         return [self._report(name) for name in self._cycles.due(now)]
 
     def _obey(self, name: str, values: Mapping[str, float], now: float) -> Sequence[Message]:
         match name:
             case "Set_Input_Torque":
-                self.stage.feed(now)
-                self.stage.demand(self.settings.scaling.torque(values["Input_Torque"]))
+                self._feed(now)
+                self._ask(self.settings.scaling.torque(values["Input_Torque"]))
             case "Set_Axis_State":
                 self._go(int(values["Axis_Requested_State"]), now)
             case "Set_Controller_Mode":
                 wanted = (TORQUE_CONTROL, PASSTHROUGH)
                 mode = (values["Control_Mode"], values["Input_Mode"])
-                self.stage.in_torque_mode = mode == wanted
+                self.in_torque_mode = mode == wanted
             case "Clear_Errors":
-                self.stage.clear()
+                self._clear()
             case "Estop":
-                self.stage.fail(Fault.STOPPED)
+                self.fail(Fault.STOPPED)
             case "Reboot" if values["Action"] == 0:
                 return self.boot(now)
             case "RxSdo":
@@ -133,9 +122,9 @@ class OdriveFirmware(StagedFirmware):
 
     def _go(self, state: int, now: float) -> None:
         if state == State.CLOSED_LOOP:
-            self.stage.enable(now)
+            self._enable(now)
         elif state == State.IDLE:
-            self.stage.disable()
+            self._disable()
 
     def _sdo(self, values: Mapping[str, float]) -> Sequence[Message]:
         endpoint = int(values["Endpoint_ID"])
@@ -148,7 +137,7 @@ class OdriveFirmware(StagedFirmware):
                 self._time = number.from_bits(int(values["Value"]))
             else:
                 self._is_watched = bool(values["Value"])
-            self.stage.watchdog = self._time if self._is_watched else 0.0
+            self.watchdog = self._time if self._is_watched else 0.0
             return []
         value = number.to_bits(self._time) if what == "time" else int(self._is_watched)
         return [self._frame("TxSdo", Endpoint_ID=endpoint, Value=value)]

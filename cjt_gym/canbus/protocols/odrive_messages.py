@@ -12,20 +12,6 @@ from typing import Final
 
 from cjt_gym.canbus.protocols.layout import Field, Layout, nothing
 
-__all__ = [
-    "EMULATED",
-    "ENDPOINTS",
-    "ERRORS",
-    "ERRORS_05",
-    "IN_05",
-    "MESSAGES",
-    "VERSION",
-    "OdriveMessage",
-    "State",
-    "error_text",
-    "reports_of",
-]
-
 
 class State:
     """Numbers of the axis states used here."""
@@ -108,15 +94,7 @@ WRITE, READ = 1, 0
 
 @dataclass(frozen=True)
 class OdriveMessage:
-    """A message of CANSimple.
-
-    Attributes:
-        command: Low five bits of the identifier.
-        name: Its name in the manufacturer's document.
-        to_drive: Whether the master sends it.
-        layout: Layout of its data.
-        text: Remarks.
-    """
+    """A message of CANSimple; its command is the low five bits of the identifier."""
 
     command: int
     name: str
@@ -129,26 +107,26 @@ def _f32(name: str, unit: str, text: str = "") -> Field:
     return Field(name, 32, "float", unit=unit, text=text)
 
 
-def _message(
-    command: int, name: str, to_drive: bool, *fields: Field, text: str = ""
-) -> OdriveMessage:
-    return OdriveMessage(command, name, to_drive, Layout(fields), text)
+def _report(command: int, name: str, *fields: Field, text: str = "") -> OdriveMessage:
+    return OdriveMessage(command, name, False, Layout(fields), text)
+
+
+def _order(command: int, name: str, *fields: Field, text: str = "") -> OdriveMessage:
+    return OdriveMessage(command, name, True, Layout(fields), text)
 
 
 MESSAGES: Final = {
     row.name: row
     for row in (
-        _message(
+        _report(
             0x00,
             "Get_Version",
-            False,
             *(Field(name, 8) for name in VERSION),
             text="says which endpoints it has",
         ),
-        _message(
+        _report(
             0x01,
             "Heartbeat",
-            False,
             Field("Axis_Error", 32, names=ERRORS),
             Field("Axis_State", 8, names=STATES),
             Field("Procedure_Result", 8, text="0 success, 1 busy"),
@@ -156,78 +134,61 @@ MESSAGES: Final = {
             nothing(15),
             text="in its own cycle",
         ),
-        _message(0x02, "Estop", True, text="stops with an error; not sent, but obeyed"),
-        _message(
+        _order(0x02, "Estop", text="stops with an error; not sent, but obeyed"),
+        _report(
             0x03,
             "Get_Error",
-            False,
             Field("Active_Errors", 32, names=ERRORS),
             Field("Disarm_Reason", 32, names=ERRORS),
         ),
-        _message(
+        _order(
             0x04,
             "RxSdo",
-            True,
             Field("Opcode", 8, text="0 reads, 1 writes"),
             Field("Endpoint_ID", 16, text="as in the firmware's list of endpoints"),
             nothing(8),
             Field("Value", 32, text="bits of the value"),
         ),
-        _message(
+        _report(
             0x05,
             "TxSdo",
-            False,
             nothing(8),
             Field("Endpoint_ID", 16),
             nothing(8),
             Field("Value", 32, text="bits of the value"),
             text="answer to reading",
         ),
-        _message(
-            0x07,
-            "Set_Axis_State",
-            True,
-            Field("Axis_Requested_State", 32, names=STATES),
-            nothing(32),
+        _order(
+            0x07, "Set_Axis_State", Field("Axis_Requested_State", 32, names=STATES), nothing(32)
         ),
-        _message(
+        _report(
             0x09,
             "Get_Encoder_Estimates",
-            False,
             _f32("Pos_Estimate", "rev"),
             _f32("Vel_Estimate", "rev/s"),
         ),
-        _message(
+        _order(
             0x0B,
             "Set_Controller_Mode",
-            True,
             Field("Control_Mode", 32, text="1 for torque"),
             Field("Input_Mode", 32, text="1 for passing it through"),
         ),
-        _message(
-            0x0E, "Set_Input_Torque", True, _f32("Input_Torque", "N m", "of the motor"), nothing(32)
-        ),
-        _message(0x14, "Get_Iq", False, _f32("Iq_Setpoint", "A"), _f32("Iq_Measured", "A")),
-        _message(
+        _order(0x0E, "Set_Input_Torque", _f32("Input_Torque", "N m", "of the motor"), nothing(32)),
+        _report(0x14, "Get_Iq", _f32("Iq_Setpoint", "A"), _f32("Iq_Measured", "A")),
+        _report(
             0x15,
             "Get_Temperature",
-            False,
             _f32("FET_Temperature", "degC"),
             _f32("Motor_Temperature", "degC"),
         ),
-        _message(0x16, "Reboot", True, Field("Action", 8, text="0 reboots; not sent, but obeyed")),
-        _message(
-            0x17,
-            "Get_Bus_Voltage_Current",
-            False,
-            _f32("Bus_Voltage", "V"),
-            _f32("Bus_Current", "A"),
+        _order(0x16, "Reboot", Field("Action", 8, text="0 reboots; not sent, but obeyed")),
+        _report(
+            0x17, "Get_Bus_Voltage_Current", _f32("Bus_Voltage", "V"), _f32("Bus_Current", "A")
         ),
-        _message(0x18, "Clear_Errors", True, Field("Identify", 8, text="1 blinks")),
-        _message(
+        _order(0x18, "Clear_Errors", Field("Identify", 8, text="1 blinks")),
+        _report(
             0x1C,
             "Get_Torques",
-            False,
             _f32("Torque_Target", "N m", "of the motor"),
             _f32("Torque_Estimate", "N m", "of the motor"),
         ),

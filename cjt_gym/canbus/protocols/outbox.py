@@ -6,13 +6,9 @@ from dataclasses import dataclass, field
 
 from can import Message
 
-__all__ = ["Outbox"]
-
 
 @dataclass
-class Cycle:
-    """A frame that `canopen` sends periodically."""
-
+class _Cycle:
     frame: Message
     period: float
     due: float
@@ -31,15 +27,15 @@ class Outbox:
 
     now: float = 0.0
     waiting: list[Message] = field(default_factory=list)
-    cycles: list[Cycle] = field(default_factory=list)
+    cycles: list[_Cycle] = field(default_factory=list)
 
     def send(self, frame: Message) -> None:
         """Keep a frame."""
         self.waiting.append(frame)
 
-    def send_periodic(self, frame: Message, period: float) -> Cycle:
+    def send_periodic(self, frame: Message, period: float) -> _Cycle:
         """Keep a frame to be sent every `period` [s]."""
-        self.cycles.append(Cycle(frame, period, self.now + period))
+        self.cycles.append(_Cycle(frame, period, self.now + period))
         return self.cycles[-1]
 
     def take(self) -> list[Message]:

@@ -6,7 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal
 
-from cjt_gym.canbus.protocols.contract import Firmware, Limits, Master, Scaling, Settings
+from cjt_gym.canbus.protocols.contract import Limits, Master, Scaling, Settings
+from cjt_gym.canbus.protocols.firmware import Firmware
 from cjt_gym.canbus.protocols.layout import Field
 from cjt_gym.errors import ConfigurationError, unknown_name
 
@@ -47,10 +48,6 @@ class Register:
     text: str = ""
 
 
-def _anything(options: Mapping[str, Any]) -> None:
-    """Accept any combination of valid options."""
-
-
 @dataclass(frozen=True)
 class DriveProtocol:
     """A drive protocol, as the rest of the package sees it.
@@ -78,15 +75,13 @@ class DriveProtocol:
     nodes: tuple[int, int]
     master: Callable[[Settings], Master]
     firmware: Callable[[Settings], Firmware]
-    registers: Callable[[], Sequence[Register]]
+    registers: Callable[[], Sequence[Register]] = tuple
     options: Mapping[str, Option] = field(default_factory=dict)
-    check: Callable[[Mapping[str, Any]], None] = _anything
+    check: Callable[[Mapping[str, Any]], None] | None = None
     command_enables: bool = False
 
 
-COMMON: Final = (
-    *("protocol", "node", "gear_ratio", "sign", "offset", "torque_constant", "unwatched"),
-)
+COMMON: Final = ("protocol", "node", "gear_ratio", "sign", "offset", "torque_constant", "unwatched")
 
 
 def settings_of(
@@ -128,7 +123,8 @@ def settings_of(
         name: _option(f"{name} of {owner}", option, drive.get(name, option.default))
         for name, option in protocol.options.items()
     }
-    protocol.check(options)
+    if protocol.check is not None:
+        protocol.check(options)
     scaling = Scaling(
         gear_ratio=_number(owner, drive, "gear_ratio", n if protocol.side == "motor" else 1.0),
         sign=drive.get("sign", 1),

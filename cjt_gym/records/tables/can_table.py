@@ -30,10 +30,10 @@ def read(path: Path) -> dict[str, NDArray[Any]]:
     """Return every signal of the messages; frames that break the DBC file are NaN."""
     dbc = _dbc_of(path)
     cantools = library("cantools", path, "can")
-    messages = {
-        (message.frame_id, message.is_extended_frame): message
-        for message in _database(cantools, dbc).messages
-    }
+    BYTES_OF_TEXT.check(dbc.stat().st_size, dbc, RecordError)
+    with parsing(f"{dbc} must be a DBC file", RecordError):
+        database = cantools.database.load_file(str(dbc), database_format="dbc")
+    messages = {(each.frame_id, each.is_extended_frame): each for each in database.messages}
     COLUMNS.check(sum(len(m.signals) + 1 for m in messages.values()), dbc, RecordError)
     stamps: dict[str, list[int]] = defaultdict(list)
     values: dict[str, list[dict[str, float]]] = defaultdict(list)
@@ -88,9 +88,3 @@ def _dbc_of(path: Path) -> Path:
             f"DBC files there: {', '.join(each.name for each in found) or 'none'}."
         )
     return found[0]
-
-
-def _database(cantools: Any, dbc: Path) -> Any:
-    BYTES_OF_TEXT.check(dbc.stat().st_size, dbc, RecordError)
-    with parsing(f"{dbc} must be a DBC file", RecordError):
-        return cantools.database.load_file(str(dbc), database_format="dbc")

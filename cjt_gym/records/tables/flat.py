@@ -64,7 +64,6 @@ def flat_numbers(name: str, value: Any) -> Iterator[tuple[str, float]]:
 
 
 def _joined(name: str, key: object) -> str:
-    """Return the name of a field in a value of that name."""
     path = f"{name}.{key}" if name else str(key)
     if len(path) > LONGEST:
         raise ValueError(f"a name has more than {LONGEST} characters")

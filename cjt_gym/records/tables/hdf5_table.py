@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 from pathlib import Path
 from typing import Any
 
@@ -13,20 +12,14 @@ from cjt_gym.disk import COLUMNS, NUMBERS
 from cjt_gym.errors import RecordError
 from cjt_gym.records.tables.flat import NUMBERS as REAL
 from cjt_gym.records.tables.flat import flat_arrays
+from cjt_gym.records.tables.libraries import library
 
 DEEPEST = 32  # groups in groups, far more than logs have
 
 
 def read(path: Path) -> dict[str, NDArray[Any]]:
     """Return every series of numbers, those within a group as ``group.name``."""
-    try:
-        h5py = importlib.import_module("h5py")
-    except ImportError as error:
-        raise RecordError(
-            f"{path} is an HDF5 file (as MATLAB files of version 7.3 are) and needs h5py, which is "
-            "not installed: pip install cjt-gym[logs]. Or save it in MATLAB with  "
-            "save('log.mat', '-v7')."
-        ) from error
+    h5py = library("h5py", path, "logs", " Or save it in MATLAB with  save('log.mat', '-v7').")
     columns: dict[str, NDArray[Any]] = {}
     count = 0
 

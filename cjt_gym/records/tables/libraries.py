@@ -12,13 +12,13 @@ PACKAGES = {"can": "python-can", "mcap_ros2": "mcap-ros2-support"}
 """What to install for a module of another name."""
 
 
-def library(name: str, path: Path, extra: str) -> Any:
-    """Return a module that a file needs."""
+def library(name: str, path: Path, extra: str, otherwise: str = "") -> Any:
+    """Return a module that a file needs; the error names what to install, and what else to do."""
     try:
         return importlib.import_module(name)
     except ImportError as error:
         top = name.partition(".")[0]
         raise RecordError(
             f"{path} needs {PACKAGES.get(top, top)}, which is not installed: pip install "
-            f"cjt-gym[{extra}]."
+            f"cjt-gym[{extra}].{otherwise}"
         ) from error

@@ -63,7 +63,6 @@ def read_mat5(path: Path) -> dict[str, Any]:
 
 
 def _elements(data: bytes, order: str) -> Iterator[Element]:
-    """Yield the elements that follow each other."""
     at = 0
     while at + 8 <= len(data):
         kind, size = struct.unpack_from(f"{order}II", data, at)
@@ -79,7 +78,6 @@ def _elements(data: bytes, order: str) -> Iterator[Element]:
 
 
 def _array(data: bytes, order: str, depth: int) -> tuple[str, Any]:
-    """Return name and value of an array."""
     if depth > DEEPEST:
         raise ValueError(f"it is nested more than {DEEPEST} levels deep")
     if not data:

@@ -51,7 +51,10 @@ def read(path: Path) -> dict[str, NDArray[Any]]:
         decode = decoders[channel.id]
         if decode is not None:
             topic = topics.setdefault(channel.topic, Topic([], defaultdict(list)))
-            topic.add(message.log_time, _decoded(decode, message.data, channel.topic, path))
+            what = f"A message of {channel.topic} in {path} must be as its schema says"
+            with parsing(what, RecordError):
+                content = decode(message.data)
+            topic.add(message.log_time, content)
             COLUMNS.check(sum(len(t.fields) + 1 for t in topics.values()), path, RecordError)
             NUMBERS.check(sum(t.size for t in topics.values()), path, RecordError)
     if not topics:
@@ -98,12 +101,7 @@ def clock_of(source: str) -> str | None:
 
 @dataclass(frozen=True)
 class Topic:
-    """What the messages of a topic hold.
-
-    Attributes:
-        stamps: Time at which each was logged [ns].
-        fields: For each number in them, the messages that have it, and its values there.
-    """
+    """What the messages of a topic hold: when each was logged [ns], and its numbers by message."""
 
     stamps: list[int]
     fields: dict[str, list[tuple[int, float]]]
@@ -189,11 +187,6 @@ class Bounded(bytes):
         return super().__getitem__(key)
 
 
-def _decoded(decode: Decode, data: bytes, topic: str, path: Path) -> Any:
-    with parsing(f"A message of {topic} in {path} must be as its schema says", RecordError):
-        return decode(data)
-
-
 def _decoder(schema: Any, channel: Any, path: Path) -> Decode | None:
     """Return what turns the messages of a channel into mappings; None where nothing can."""
     if channel.message_encoding == "json":
@@ -209,7 +202,6 @@ def _decoder(schema: Any, channel: Any, path: Path) -> Decode | None:
 
 
 def _plain(value: Any) -> Any:
-    """Return a ROS 2 message as mappings and lists."""
     slots = getattr(value, "__slots__", None)
     if slots:
         return {name.lstrip("_"): _plain(getattr(value, name)) for name in slots}

@@ -114,9 +114,9 @@ def test_the_watchdog_can_be_set_over_its_endpoints() -> None:
     endpoints = {"watchdog_timeout_endpoint": 190, "enable_watchdog_endpoint": 191}
     line = Line(settings_for("odrive", **endpoints), "odrive")
     assert isinstance(line.firmware, OdriveFirmware)
-    line.firmware.stage.watchdog = 0.0
+    line.firmware.watchdog = 0.0
     line.start()
-    assert line.firmware.stage.watchdog == pytest.approx(line.settings.watchdog)
+    assert line.firmware.watchdog == pytest.approx(line.settings.watchdog)
     write = next(frame for frame in line.sent if frame.arbitration_id == 3 << 5 | 4)
     assert write.data.hex() == "01be0000" + "cdcc4c3d"
 
