@@ -28,6 +28,8 @@ OVER_THE_RECORD = (
     "datasheet predicts better, so that its joint is the one given."
 )
 FURTHER = "The named effects help one sample ahead; further ahead hardly anything is predicted."
+SETTLED = ("explained", "no_gap")
+"""Verdicts of the stages that leave nothing open."""
 DRIFTLESS, FLOORS = 0.15, 5.0
 """Relative error, and that over what noise leaves, from which a held output, whose replay does not
 drift, is not explained."""
@@ -59,8 +61,8 @@ def judged(
     try:
         case = make_case(records, held, file, shape)
         stages = as_joint(first.joint, case) if first.evidence.t.size else None
-        names, told = [e.name for e in first.effects], first.verdict in ("explained", "no_gap")
-        found = judge(case, stages, progress, names, excluded, explained=told)
+        names, settled = [e.name for e in first.effects], first.verdict in SETTLED
+        found = judge(case, stages, progress, names, excluded, explained=settled)
     except (CjtGymError, np.linalg.LinAlgError) as error:
         said = f"Predictions over several horizons were not possible: {error}"
         left = replace(first.unexplained, text=f"{first.unexplained.text} {said}")

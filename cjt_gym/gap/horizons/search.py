@@ -367,9 +367,7 @@ def pruned(problem: Problem, base: Fit, fit: Fit, held: Held) -> Found:
         fit = less[min(weak, key=lambda k: worths[k].fall)]
 
 
-def _from_its_datasheet(
-    problem: Problem, base: Fit, fit: Fit, less: Sequence[Fit]
-) -> Fit | None:
+def _from_its_datasheet(problem: Problem, base: Fit, fit: Fit, less: Sequence[Fit]) -> Fit | None:
     """Return a better fit from where a value that is always free is as in the datasheet.
 
     A fit may end far from it, and worse, where it began before it had all its terms.
@@ -400,7 +398,8 @@ def rivals_of(
     that was taken first may stand in the way of one that explains more together with others.
     """
     new = beyond(found.base, found.fit)
-    rivals, better, best = [], None, -ALIKE
+    rivals: list[tuple[str, ...]] = []
+    better, best = None, -ALIKE
     for k, term in enumerate(found.fit.model.terms):
         own = k in new
         if not (own or term.name in REFINED):

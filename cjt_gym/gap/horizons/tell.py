@@ -225,7 +225,7 @@ def _as_plain(effect: NamedEffect) -> NamedEffect:
     plain = "coulomb" in effect.confusable_with
     if effect.name != "coulomb_asym" or not plain or len(effect.parameters) != 2:
         return effect
-    symbol, one, two = *list(effect.parameters)[:1], *effect.parameters.values()
+    symbol, (one, two) = next(iter(effect.parameters)), effect.parameters.values()
     small, large = sorted((abs(one.value), abs(two.value)))
     if large > MIRRORED * small:
         return effect
@@ -315,7 +315,7 @@ def _bends_visibly(judged: Judgement, index: int) -> bool:
     levels = [abs(v) for term, values in pairs if term.name in LEVELS for v in values]
     at = windows.keys.index(key)
     error = fit.relative()[judged.case.fit.keys.index(key)] * float(np.sqrt(windows.scales[at]))
-    return max(levels, default=np.inf) / sigma > VISIBLE * error
+    return bool(max(levels, default=np.inf) / sigma > VISIBLE * error)
 
 
 def _levelled(fit: Fit, index: int) -> bool:
