@@ -8,16 +8,20 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from cjt_gym.gap.horizons.base_rows import base_terms, freed
 from cjt_gym.gap.horizons.baseline import least_squares
 from cjt_gym.gap.horizons.case import Case
 from cjt_gym.gap.horizons.fit import Fit, Problem
+from cjt_gym.gap.horizons.found import Found
+from cjt_gym.gap.horizons.grow import beyond
 from cjt_gym.gap.horizons.inverse import seen_in_torque
 from cjt_gym.gap.horizons.model import Model, Number
 from cjt_gym.gap.horizons.own_rows import own_terms
 from cjt_gym.gap.horizons.predictable import Predictable
 from cjt_gym.gap.horizons.predictable import left as left_by
-from cjt_gym.gap.horizons.rows import base_terms, candidates, freed, likelier, scales_of
-from cjt_gym.gap.horizons.search import REFINED, Found, beyond, search
+from cjt_gym.gap.horizons.rivals import REFINED
+from cjt_gym.gap.horizons.rows import candidates, likelier, scales_of
+from cjt_gym.gap.horizons.search import search
 from cjt_gym.gap.horizons.sheet import GUESSED
 from cjt_gym.gap.horizons.side_by_side import side_by_side
 from cjt_gym.gap.horizons.windows import (

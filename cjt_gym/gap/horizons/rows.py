@@ -17,20 +17,14 @@ from cjt_gym.gap.horizons.model import (
     Put,
     Scales,
     Term,
-    body_group,
     motor_inertia,
 )
-from cjt_gym.gap.horizons.sheet import GUESSED, VAGUE, datasheet_number, tolerance_of
 from cjt_gym.joint import EFFECTS, Joint
 
 Floats = NDArray[np.float64]
-K_T, INERTIA, STIFFNESS = 0.05, 0.1, 0.1
-"""Relative deviation of datasheet values that state no tolerance."""
 LIKELY, RARE, UNLIKELY = 0.5, 2.0, 4.0
 """Factors on the price of a term: dry friction, which every joint has; what few joints show, or
 other errors mimic; a delay or lag behind a current that was measured."""
-LOOSE = 0.1
-"""Relative step of a datasheet value that is wrong by more than it states."""
 LOSS = 0.002
 """Loss of torque constant per kelvin that a diagnosis writes; only its product with the heat per
 square ampere can be told [1/K]."""
@@ -45,13 +39,8 @@ HEAVIEST = 10.0
 up is heavier than its motor is strong."""
 SWING = 0.4
 """Travel from which a weight can be told from a constant torque [rad]."""
-BRAKED = 1.5
-"""Torque of damping at a speed that is rarely exceeded, in torques that are: hardly more than one,
-as a joint at its highest speed does not accelerate; a weight may help."""
 COASTING = 0.1
 """Share of what its inertia takes that counts as the torque of a joint that nothing drives."""
-BACKDRIVEN = 0.02
-"""Share of the torque that must be the motor's for its torque constant to be looked for."""
 FALLEN = 1.0
 """Speed, in usual ones, by which friction that falls with it has fallen: with a falling friction
 that lasts longer, damping takes the place of the Coulomb friction that every joint has."""
@@ -82,7 +71,9 @@ def scales_of(joint: Joint, logs: Sequence[Log]) -> Scales:
     )
 
 
-def _set(effect: str, *symbols: str) -> Put:
+def sets(effect: str, *symbols: str) -> Put:
+    """Return what writes numbers into a row of the effect table."""
+
     def put(draft: Draft, values: Sequence[float]) -> None:
         row = draft.row(effect)
         for symbol, value in zip(symbols, values, strict=True):
@@ -91,114 +82,6 @@ def _set(effect: str, *symbols: str) -> Put:
     return put
 
 
-# ---- what is free in every fit
-def base_terms(joint: Joint, scales: Scales) -> tuple[Term, ...]:
-    """Return what is free in every fit: inertia, damping and torque constant of the motor."""
-    file, groups = joint.file, joint.structure_row
-    found = [
-        Term("inertia", (_inertia(joint),), _put_inertia(joint), "motor", nominal=(1.0,)),
-        _damping(joint, scales),
-    ]
-    if scales.driven > BACKDRIVEN:
-        number = datasheet_number(file, "k_t", K_T, 10.0)
-        put = _set("torque_constant", "k_t")
-        found.append(Term("torque_constant", (number,), put, nominal=(file.parameters.k_t,)))
-    if groups.groups[1] != groups.groups[2] and file.parameters.get("k_b", 0.0) > 0.0:
-        number = datasheet_number(file, "k_b", STIFFNESS, 100.0)
-        found.append(
-            Term("stiffness", (number,), _set("stiffness", "k_b"), nominal=(number.start,))
-        )
-    if groups.groups[0] != groups.groups[1] and file.parameters.get("k_g", 0.0) > 0.0:
-        number = datasheet_number(file, "k_g", STIFFNESS, 100.0)
-        found.append(
-            Term(
-                "gear_stiffness", (number,), _set("gear_stiffness", "k_g"), nominal=(number.start,)
-            )
-        )
-    if groups.groups[2] >= 0 and groups.groups[2] != groups.groups[0]:
-        number = datasheet_number(file, "I_l", INERTIA, 100.0)
-        found.append(
-            Term("load_inertia", (number,), _set("load_inertia", "I_l"), nominal=(number.start,))
-        )
-    return tuple(found)
-
-
-def _inertia(joint: Joint) -> Number:
-    """Return the factor on the inertia of all bodies that move with the motor."""
-    p, file = joint.parameters, joint.file
-    own = [f"I_{b}" for b in body_group(joint.structure_row, "m")]
-    parts = [(p.get(s, 0.0), tolerance_of(file, s, INERTIA)) for s in own if p.get(s, 0.0) > 0.0]
-    total = sum(value for value, _ in parts)
-    spread = math.sqrt(sum((min(t, GUESSED) * value) ** 2 for value, t in parts)) / total
-    spread = GUESSED if spread >= VAGUE else spread
-    return Number("I_m", "-", 1.0, spread, True, 1e-3, 1e3, True)
-
-
-def _put_inertia(joint: Joint) -> Put:
-    own = {
-        f"I_{b}": joint.parameters.get(f"I_{b}", 0.0) for b in body_group(joint.structure_row, "m")
-    }
-    total = sum(own.values())
-    guess = {
-        s: x for s, x in own.items() if not math.isfinite(tolerance_of(joint.file, s, INERTIA))
-    }
-    known = total - sum(guess.values())
-
-    def put(draft: Draft, values: Sequence[float]) -> None:
-        """Change what is a guess, or all in proportion where none is or that does not do."""
-        rest = values[0] * total - known
-        changed = {
-            s: x * rest / (total - known) for s, x in guess.items() if x > 0.0 and rest > 0.0
-        }
-        new = own | changed if changed else {s: x * values[0] for s, x in own.items()}
-        draft.row("inertia")["I_m"] = new["I_m"]
-        if "I_g" in own:
-            draft.row("inertia")["I_g"] = new["I_g"]
-        if own.get("I_l", 0.0) > 0.0:
-            draft.row("load_inertia")["I_l"] = new["I_l"]
-
-    return put
-
-
-def _damping(joint: Joint, scales: Scales) -> Term:
-    """Return the damping of all bodies that move with the motor, written as the motor's."""
-    own = body_group(joint.structure_row, "m")
-    start = sum(joint.parameters.get(f"d_{b}", 0.0) for b in own)
-    step = max(0.05 * scales.torque / scales.speed, 0.1 * start)
-    stated = min((tolerance_of(joint.file, f"d_{b}", math.inf) for b in own), default=math.inf)
-    known = start > 0.0 and math.isfinite(stated)
-    most = max(BRAKED * scales.peak / scales.fast, 2.0 * start)
-    number = (
-        Number("d_m", "N m s/rad", start, stated, True, start / 100.0, most, True)
-        if known
-        else Number("d_m", "N m s/rad", start, step, low=0.0, high=most)
-    )
-
-    def put(draft: Draft, values: Sequence[float]) -> None:
-        row = draft.row("damping")
-        row["d_m"] = values[0]
-        for body in own[1:]:
-            row[f"d_{body}"] = 0.0
-
-    return Term("damping", (number,), put, "motor", nominal=(start,))
-
-
-def freed(terms: Sequence[Term]) -> list[Term]:
-    """Return datasheet values with a narrow tolerance as terms that are free of it."""
-    return [
-        replace(
-            term,
-            numbers=(replace(number, prior=False, scale=LOOSE),),
-            starts=tuple((number.start * k,) for k in (0.7, 1.4)),
-            tight=term,
-        )
-        for term in terms
-        for number in term.numbers[:1]
-        if number.prior and number.scale < VAGUE
-    ]
-
-
-# ---- candidates
 def candidates(joint: Joint, scales: Scales, logs: Sequence[Log]) -> tuple[Term, ...]:
     """Return the rows that may be added to the model of a record."""
     shape, drive = joint.structure_row, joint.drive
@@ -280,14 +163,14 @@ def _friction(joint: Joint, scales: Scales, body: str) -> list[Term]:
         Term("coulomb_asym", (d_c, _level(f"d_c{body}_n", scales)), asymmetric, name,
              replaces=("coulomb",), starts=((level, 0.5 * level), (0.5 * level, level)),
              nominal=(nominal, nominal), family="dry"),
-        Term("stribeck", (rise, v_s), _set("stribeck", f"d_s{body}", "v_s"), name,
+        Term("stribeck", (rise, v_s), sets("stribeck", f"d_s{body}", "v_s"), name,
              needs=("coulomb", "coulomb_asym"),
              starts=tuple((level, k * scales.speed) for k in (0.02, 0.1, 0.4)),
              nominal=(0.0, 0.1 * scales.speed), family="dry"),
         Term("presliding", (sigma,), presliding, name, needs=("coulomb", "coulomb_asym"),
              starts=tuple((k * steep,) for k in (10.0, 100.0, 1e3, 1e4)), nominal=(1e6 * steep,),
              family="dry"),
-        Term("load_friction", (mu,), _set("load_friction", f"mu_{body}"), name, starts=((0.1,),),
+        Term("load_friction", (mu,), sets("load_friction", f"mu_{body}"), name, starts=((0.1,),),
              nominal=(0.0,), family="dry"),
         Term("viscous_asym", (Number(f"d_{body}_n", "N m s/rad", 0.0, slope),), viscous, name,
              starts=((0.2 * slope,), (-0.2 * slope,)), nominal=(0.0,), family="dry",
@@ -306,7 +189,7 @@ def _offset(scales: Scales) -> Term:
     number = Number("torque", "N m", 0.0, 0.05 * scales.torque)
     start = 0.1 * scales.torque
     return Term(
-        "torque_offset", (number,), _set("torque_offset", "torque"), starts=((start,), (-start,)),
+        "torque_offset", (number,), sets("torque_offset", "torque"), starts=((start,), (-start,)),
         nominal=(0.0,), family="dry",
     )  # fmt: skip
 
@@ -320,9 +203,9 @@ def _drive(logs: Sequence[Log]) -> list[Term]:
     starts = (0.7 * dt, 1.5 * dt, 3.0 * dt, 0.5 * longest)
     lag = Number("bandwidth", "Hz", 0.1 / dt, 0.5, True, slowest, 0.5 / dt)
     return [
-        Term("command_delay", (delay,), _set("command_delay", "delay"), nominal=(0.0,),
+        Term("command_delay", (delay,), sets("command_delay", "delay"), nominal=(0.0,),
              starts=tuple((x,) for x in starts if x < longest), family="late", factor=factor),
-        Term("current_lag", (lag,), _set("current_lag", "bandwidth"), nominal=(0.5 / dt,),
+        Term("current_lag", (lag,), sets("current_lag", "bandwidth"), nominal=(0.5 / dt,),
              starts=((0.15 / dt,), (0.05 / dt,), (0.015 / dt,)), family="late", factor=factor),
     ]  # fmt: skip
 
@@ -356,7 +239,7 @@ def _derating(joint: Joint, scales: Scales, logs: Sequence[Log]) -> Term:
 
 def _load_coulomb(scales: Scales) -> Term:
     return Term(
-        "load_coulomb", (_level("d_cl", scales),), _set("load_coulomb", "d_cl"), "load",
+        "load_coulomb", (_level("d_cl", scales),), sets("load_coulomb", "d_cl"), "load",
         starts=((0.2 * scales.torque,),), nominal=(0.0,), family="dry",
     )  # fmt: skip
 
@@ -364,7 +247,7 @@ def _load_coulomb(scales: Scales) -> Term:
 def _load_damping(scales: Scales) -> Term:
     step = 0.1 * scales.torque / scales.speed
     number = Number("d_l", "N m s/rad", 0.0, step, low=0.0)
-    return Term("damping", (number,), _set("damping", "d_l"), "load", starts=((step,),),
+    return Term("damping", (number,), sets("damping", "d_l"), "load", starts=((step,),),
                 nominal=(0.0,))  # fmt: skip
 
 
@@ -391,11 +274,11 @@ def _torque_sensor(logs: Sequence[Log]) -> list[Term]:
     dt = logs[0].dt
     late = _late(dt, max(SLOWEST, 4.0 * dt))
     return [
-        Term("torque_gain", (gain,), _set("torque_gain", "gain"), channel="tau", nominal=(1.0,),
+        Term("torque_gain", (gain,), sets("torque_gain", "gain"), channel="tau", nominal=(1.0,),
              starts=((1.1,), (0.9,))),
-        Term("torque_bias", (bias,), _set("torque_bias", "bias"), channel="tau", nominal=(0.0,),
+        Term("torque_bias", (bias,), sets("torque_bias", "bias"), channel="tau", nominal=(0.0,),
              starts=((0.1 * spread,), (-0.1 * spread,))),
-        Term("torque_delay", (late,), _set("torque_delay", "delay"), channel="tau",
+        Term("torque_delay", (late,), sets("torque_delay", "delay"), channel="tau",
              nominal=(0.0,), starts=((1.5 * dt,),), family="late"),
     ]  # fmt: skip
 
@@ -409,9 +292,9 @@ def _spring(joint: Joint, logs: Sequence[Log]) -> list[Term]:
     gap = Number("gap", "rad", 0.0, 0.05 * reach, low=0.0, high=2.0 * reach)
     cubic = Number("k_3", "N m/rad^3", 0.0, 0.1 * k_b / reach**2, low=0.0)
     found = [
-        Term("backlash", (gap,), _set("backlash", "gap"), nominal=(0.0,),
+        Term("backlash", (gap,), sets("backlash", "gap"), nominal=(0.0,),
              starts=((0.1 * reach,), (0.4 * reach,))),
-        Term("hardening", (cubic,), _set("hardening", "k_3"), nominal=(0.0,),
+        Term("hardening", (cubic,), sets("hardening", "k_3"), nominal=(0.0,),
              starts=((0.2 * k_b / reach**2,),)),
     ]  # fmt: skip
     if with_tau:
@@ -419,7 +302,7 @@ def _spring(joint: Joint, logs: Sequence[Log]) -> list[Term]:
         tau_h = Number("tau_h", "N m", 0.0, size, low=0.0)
         delta = Number("delta_h", "rad", 0.1 * reach, 0.5, True, 1e-3 * reach, reach)
         found.append(
-            Term("spring_hysteresis", (tau_h, delta), _set("spring_hysteresis", "tau_h", "delta_h"),
+            Term("spring_hysteresis", (tau_h, delta), sets("spring_hysteresis", "tau_h", "delta_h"),
                  nominal=(0.0, 0.1 * reach), starts=((size, 0.1 * reach), (size, 0.3 * reach)))
         )  # fmt: skip
     return found

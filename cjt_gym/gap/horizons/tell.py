@@ -25,12 +25,12 @@ from cjt_gym.gap.horizons.by_torque import (
     told_by_torque,
 )
 from cjt_gym.gap.horizons.fit import MOTION, Fit, Problem
+from cjt_gym.gap.horizons.grow import is_needed
 from cjt_gym.gap.horizons.inverse import Spent, seen_in_torque
 from cjt_gym.gap.horizons.judge import LOUD, NEAR, Judgement
 from cjt_gym.gap.horizons.model import Term
 from cjt_gym.gap.horizons.pictured import pictured
 from cjt_gym.gap.horizons.scatter import Scatter
-from cjt_gym.gap.horizons.search import is_needed
 from cjt_gym.gap.horizons.sheet import stated_tolerance
 from cjt_gym.gap.horizons.spread import Spread, spread_of
 from cjt_gym.gap.horizons.verdict import (

@@ -9,14 +9,17 @@ import pytest
 
 import cjt_gym.gap.horizons.search as search_of
 from cjt_gym.gap import Diagnosis, diagnose
+from cjt_gym.gap.horizons.base_rows import base_terms, freed
 from cjt_gym.gap.horizons.baseline import least_squares
 from cjt_gym.gap.horizons.case import Case, make_case
 from cjt_gym.gap.horizons.fit import Fit, Problem
+from cjt_gym.gap.horizons.found import Found
+from cjt_gym.gap.horizons.grow import added, allowed, is_needed
 from cjt_gym.gap.horizons.log import to_log
 from cjt_gym.gap.horizons.model import Model
 from cjt_gym.gap.horizons.predictable import predictable
-from cjt_gym.gap.horizons.rows import base_terms, candidates, freed, scales_of
-from cjt_gym.gap.horizons.search import Found, added, allowed, is_needed, search
+from cjt_gym.gap.horizons.rows import candidates, scales_of
+from cjt_gym.gap.horizons.search import search
 from cjt_gym.gap.horizons.windows import cut, make_windows, relative, split, worse
 from cjt_gym.joint import JointFile, get_structure
 from cjt_gym.joint.diagnosed import covariance_of
@@ -255,7 +258,7 @@ def test_the_best_model_that_is_left_wins_not_the_best_before_pruning(
             whole, fit=first if fit is best else fit
         ),
     )  # fmt: skip
-    monkeypatch.setattr(search_of, "rivals_of", lambda *_: ())
+    monkeypatch.setattr(search_of, "rivals_of", lambda *_: ((), None))
     found = search(problem, base, terms)
     assert "coulomb" in {t.name for t in found.fit.model.terms}
     assert found.fit.cost < whole.base.cost
@@ -270,7 +273,7 @@ def test_a_delay_at_the_edge_of_what_may_be_is_none(plain: tuple[Case, Found]) -
         number = term.numbers[0]
         edge = number.low if number.log else number.high
         for value, is_there in ((edge, True), (number.start or 0.5 * edge, False)):
-            fit = search_of.Fit(*search_of.added(found.fit, term, (value,)), 0.0, [])
+            fit = Fit(*added(found.fit, term, (value,)), 0.0, [])
             assert (
                 search_of._at_an_edge(Problem(case.fit), fit, len(fit.model.terms) - 1) is is_there
             )

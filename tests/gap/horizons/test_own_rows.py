@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 
 from cjt_gym.gap import diagnose
+from cjt_gym.gap.horizons.base_rows import base_terms
 from cjt_gym.gap.horizons.case import Case, make_case
 from cjt_gym.gap.horizons.fit import Problem
+from cjt_gym.gap.horizons.grow import added
 from cjt_gym.gap.horizons.model import Model
 from cjt_gym.gap.horizons.own_rows import own_terms
-from cjt_gym.gap.horizons.rows import base_terms, scales_of
-from cjt_gym.gap.horizons.search import added, search
+from cjt_gym.gap.horizons.rows import scales_of
+from cjt_gym.gap.horizons.search import search
 from cjt_gym.joint import EFFECTS, get_structure
 from cjt_gym.joint.effects import Effect, EffectParameter, register_effect
 from tests.gap.horizons.rotor import DAMPING, DRY, datasheet, record

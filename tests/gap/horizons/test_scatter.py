@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cjt_gym.gap.horizons.base_rows import base_terms
 from cjt_gym.gap.horizons.model import Model, Scales
-from cjt_gym.gap.horizons.rows import _friction, _gravity, base_terms
+from cjt_gym.gap.horizons.rows import _friction, _gravity
 from cjt_gym.gap.horizons.scatter import Scatter
 from cjt_gym.gap.horizons.spread import Spread
 from cjt_gym.joint.joint import Joint

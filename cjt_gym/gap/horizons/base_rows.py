@@ -1,0 +1,131 @@
+"""What is free in every fit: inertia, damping, torque constant and springs of the datasheet."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+from cjt_gym.gap.horizons.model import Draft, Number, Put, Scales, Term, body_group
+from cjt_gym.gap.horizons.rows import sets
+from cjt_gym.gap.horizons.sheet import GUESSED, VAGUE, datasheet_number, tolerance_of
+from cjt_gym.joint import Joint
+
+K_T, INERTIA, STIFFNESS = 0.05, 0.1, 0.1
+"""Relative deviation of datasheet values that state no tolerance."""
+BRAKED = 1.5
+"""Torque of damping at a speed that is rarely exceeded, in torques that are: hardly more than one,
+as a joint at its highest speed does not accelerate; a weight may help."""
+BACKDRIVEN = 0.02
+"""Share of the torque that must be the motor's for its torque constant to be looked for."""
+LOOSE = 0.1
+"""Relative step of a datasheet value that is wrong by more than it states."""
+
+
+def base_terms(joint: Joint, scales: Scales) -> tuple[Term, ...]:
+    """Return what is free in every fit: inertia, damping and torque constant of the motor."""
+    file, groups = joint.file, joint.structure_row
+    found = [
+        Term("inertia", (_inertia(joint),), _put_inertia(joint), "motor", nominal=(1.0,)),
+        _damping(joint, scales),
+    ]
+    if scales.driven > BACKDRIVEN:
+        number = datasheet_number(file, "k_t", K_T, 10.0)
+        put = sets("torque_constant", "k_t")
+        found.append(Term("torque_constant", (number,), put, nominal=(file.parameters.k_t,)))
+    if groups.groups[1] != groups.groups[2] and file.parameters.get("k_b", 0.0) > 0.0:
+        number = datasheet_number(file, "k_b", STIFFNESS, 100.0)
+        found.append(
+            Term("stiffness", (number,), sets("stiffness", "k_b"), nominal=(number.start,))
+        )
+    if groups.groups[0] != groups.groups[1] and file.parameters.get("k_g", 0.0) > 0.0:
+        number = datasheet_number(file, "k_g", STIFFNESS, 100.0)
+        found.append(
+            Term(
+                "gear_stiffness",
+                (number,),
+                sets("gear_stiffness", "k_g"),
+                nominal=(number.start,),
+            )
+        )
+    if groups.groups[2] >= 0 and groups.groups[2] != groups.groups[0]:
+        number = datasheet_number(file, "I_l", INERTIA, 100.0)
+        found.append(
+            Term("load_inertia", (number,), sets("load_inertia", "I_l"), nominal=(number.start,))
+        )
+    return tuple(found)
+
+
+def _inertia(joint: Joint) -> Number:
+    """Return the factor on the inertia of all bodies that move with the motor."""
+    p, file = joint.parameters, joint.file
+    own = [f"I_{b}" for b in body_group(joint.structure_row, "m")]
+    parts = [(p.get(s, 0.0), tolerance_of(file, s, INERTIA)) for s in own if p.get(s, 0.0) > 0.0]
+    total = sum(value for value, _ in parts)
+    spread = math.sqrt(sum((min(t, GUESSED) * value) ** 2 for value, t in parts)) / total
+    spread = GUESSED if spread >= VAGUE else spread
+    return Number("I_m", "-", 1.0, spread, True, 1e-3, 1e3, True)
+
+
+def _put_inertia(joint: Joint) -> Put:
+    own = {
+        f"I_{b}": joint.parameters.get(f"I_{b}", 0.0) for b in body_group(joint.structure_row, "m")
+    }
+    total = sum(own.values())
+    guess = {
+        s: x for s, x in own.items() if not math.isfinite(tolerance_of(joint.file, s, INERTIA))
+    }
+    known = total - sum(guess.values())
+
+    def put(draft: Draft, values: Sequence[float]) -> None:
+        """Change what is a guess, or all in proportion where none is or that does not do."""
+        rest = values[0] * total - known
+        changed = {
+            s: x * rest / (total - known) for s, x in guess.items() if x > 0.0 and rest > 0.0
+        }
+        new = own | changed if changed else {s: x * values[0] for s, x in own.items()}
+        draft.row("inertia")["I_m"] = new["I_m"]
+        if "I_g" in own:
+            draft.row("inertia")["I_g"] = new["I_g"]
+        if own.get("I_l", 0.0) > 0.0:
+            draft.row("load_inertia")["I_l"] = new["I_l"]
+
+    return put
+
+
+def _damping(joint: Joint, scales: Scales) -> Term:
+    """Return the damping of all bodies that move with the motor, written as the motor's."""
+    own = body_group(joint.structure_row, "m")
+    start = sum(joint.parameters.get(f"d_{b}", 0.0) for b in own)
+    step = max(0.05 * scales.torque / scales.speed, 0.1 * start)
+    stated = min((tolerance_of(joint.file, f"d_{b}", math.inf) for b in own), default=math.inf)
+    known = start > 0.0 and math.isfinite(stated)
+    most = max(BRAKED * scales.peak / scales.fast, 2.0 * start)
+    number = (
+        Number("d_m", "N m s/rad", start, stated, True, start / 100.0, most, True)
+        if known
+        else Number("d_m", "N m s/rad", start, step, low=0.0, high=most)
+    )
+
+    def put(draft: Draft, values: Sequence[float]) -> None:
+        row = draft.row("damping")
+        row["d_m"] = values[0]
+        for body in own[1:]:
+            row[f"d_{body}"] = 0.0
+
+    return Term("damping", (number,), put, "motor", nominal=(start,))
+
+
+def freed(terms: Sequence[Term]) -> list[Term]:
+    """Return datasheet values with a narrow tolerance as terms that are free of it."""
+    return [
+        replace(
+            term,
+            numbers=(replace(number, prior=False, scale=LOOSE),),
+            starts=tuple((number.start * k,) for k in (0.7, 1.4)),
+            tight=term,
+        )
+        for term in terms
+        for number in term.numbers[:1]
+        if number.prior and number.scale < VAGUE
+    ]

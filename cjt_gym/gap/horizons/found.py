@@ -1,0 +1,48 @@
+"""What a search ends with."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from cjt_gym.gap.horizons.fit import Fit, Problem
+from cjt_gym.gap.horizons.grow import leaves
+from cjt_gym.gap.horizons.worth import Worth, worth
+
+Held = Callable[[Fit], float]
+"""Returns the cost of a fit on held-out data."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a search ends with.
+
+    Attributes:
+        fit: The model with all terms that the record calls for.
+        base: The fit of the base alone.
+        worths: Worth of each term of the model.
+        rivals: For each term the names of others that would do as well in its place.
+        less: For each term the fit without it.
+    """
+
+    fit: Fit
+    base: Fit
+    worths: tuple[Worth, ...]
+    rivals: tuple[tuple[str, ...], ...]
+    less: tuple[Fit, ...]
+
+    def dropped(self, problem: Problem, index: int, held: Held) -> Found:
+        """Return the search without one of its terms."""
+        fit = self.less[index]
+        less = tuple(leaves(problem, fit))
+        rivals = self.rivals[:index] + self.rivals[index + 1 :]
+        return Found(fit, self.base, worths_of(problem, less, fit, held), rivals, less)
+
+
+def worths_of(problem: Problem, less: Sequence[Fit], fit: Fit, held: Held) -> tuple[Worth, ...]:
+    """Return what each term of a fit is worth, given the fits without it."""
+    kept = held(fit)
+    return tuple(
+        replace(worth(problem, one, fit, term), held=held(one) - kept)
+        for one, term in zip(less, fit.model.terms, strict=True)
+    )

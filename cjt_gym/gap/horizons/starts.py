@@ -1,0 +1,80 @@
+"""Where the search for a model starts."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+
+from cjt_gym.gap.horizons.fit import Fit, Problem
+from cjt_gym.gap.horizons.grow import added, allowed, priced
+from cjt_gym.gap.horizons.inverse import inverse
+from cjt_gym.gap.horizons.model import Model, Number, Term, motor_inertia
+from cjt_gym.gap.horizons.side_by_side import side_by_side
+
+FAR = 0.5
+"""Deviation of a logarithm from which a start is tried at other magnitudes, too."""
+OTHER = 0.4
+"""Difference of the logarithm of the inertia from which a second start is followed as well."""
+
+
+def best_start(problem: Problem, model: Model) -> Fit:
+    """Return the best fit of a model from a grid of its numbers, which may be far off."""
+    numbers = model.numbers
+    grids = [_grid(n) for n in numbers]
+    starts = [
+        np.array([n.coordinate(v) for n, v in zip(numbers, values, strict=True)])
+        for values in itertools.product(*grids)
+    ]
+    costs = side_by_side(lambda z: problem.cost(model, z, problem.errors(model, z)), starts)
+    best = np.argsort(costs, kind="stable")[:2]
+    return min(side_by_side(lambda k: problem.fit(model, starts[k]), best), key=lambda f: f.cost)
+
+
+def _grid(number: Number) -> tuple[float, ...]:
+    """Return values of a number from which a fit may start."""
+    if number.prior and number.scale < FAR:
+        return (number.start,)
+    if number.log:
+        return tuple(number.value(np.log(k) / number.scale) for k in (0.1, 0.33, 1.0, 3.0, 10.0))
+    return tuple(number.value(k) for k in (0.0, 2.0, 6.0, 15.0))
+
+
+def seeded(problem: Problem, fit: Fit, terms: Sequence[Term], suspects: Sequence[str]) -> Fit:
+    """Return a fit with the terms that others suspect, as far as they may stand together."""
+    for name in suspects:
+        term = next((t for t in terms if t.name == name and allowed(fit, t)), None)
+        if term is not None and term.starts:
+            model, z = added(fit, term, term.starts[0])
+            fit = problem.fit(model, z)
+    return fit
+
+
+def inverse_starts(problem: Problem, base: Model, terms: Sequence[Term]) -> list[Fit]:
+    """Return the fits that start from what a regression of the torque on the motion finds."""
+    total, found = motor_inertia(base.joint), []
+    for start in inverse(base.joint, problem.windows.logs):
+        known = {"inertia": start.inertia / total, "damping": start.damping}
+        z = [n.coordinate(known.get(t.name, n.start)) for t in base.terms for n in t.numbers]
+        fit = Fit(base, np.array(z), np.inf, [])
+        for name, values in start.effects.items():
+            term = next((t for t in terms if t.name == name), None)
+            if term is not None and allowed(fit, term):
+                fit = Fit(*added(fit, term, values), np.inf, [])
+        found.append(problem.fit(fit.model, fit.z))
+    return found
+
+
+def begin(problem: Problem, fit: Fit, term: Term) -> Fit:
+    """Return the best fit with one more term, from a grid of all numbers."""
+    model, _ = added(fit, term, term.starts[0])
+    return best_start(problem, model)
+
+
+def apart(begun: Sequence[Fit], base: Fit) -> list[Fit]:
+    """Return the best of some fits, and the best of those whose inertia is clearly different."""
+    ordered = sorted(begun, key=lambda fit: priced(fit, base))
+    sizes = [float(np.log(fit.model.values(fit.z)[0][0])) for fit in ordered]
+    others = [f for f, x in zip(ordered, sizes, strict=True) if abs(x - sizes[0]) > OTHER]
+    return [ordered[0], *others[:1]]
