@@ -32,7 +32,7 @@ from cjt_gym.baselines.own import is_own
 from cjt_gym.baselines.parts import OBSERVER, PARTS, Part, friction_of
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.baselines.robust import best_gains
-from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.errors import ConfigurationError, check_name
 from cjt_gym.joint import Joint
 from cjt_gym.plant import Measurement, limits_of
 
@@ -113,8 +113,7 @@ def composed(word: str) -> ControllerEntry:
 
 
 def _part(name: str, word: str) -> Part:
-    if name not in PARTS:
-        raise unknown_name(f"part of the controller {word}", name, PARTS)
+    check_name(f"part of the controller {word}", name, PARTS)
     return PARTS[name]
 
 

@@ -32,7 +32,6 @@ from dataclasses import dataclass
 from typing import final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.baselines.compensation import CompensatedPd, compensated_row
 from cjt_gym.baselines.controller import Floats, Mask, check
@@ -42,9 +41,8 @@ from cjt_gym.baselines.linear_law import LinearLaw
 from cjt_gym.baselines.plant_model import LoopModel, SampledJoint
 from cjt_gym.baselines.robust import make_bench
 from cjt_gym.errors import ConfigurationError
+from cjt_gym.joint.arrays import Complex
 from cjt_gym.plant import Measurement
-
-Complex = NDArray[np.complex128]
 
 RATE = 0.5
 """Half of an error is taken away per trial, so that noise of one trial averages out."""

@@ -8,15 +8,13 @@ from dataclasses import dataclass, field
 from typing import final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from cjt_gym.baselines.controller import Controller, Floats, Mask, check_sampling
-from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.errors import ConfigurationError, check_name
+from cjt_gym.joint.arrays import Complex
 from cjt_gym.plant import Measurement
 from cjt_gym.records import COLUMNS
-
-Complex = NDArray[np.complex128]
 
 MEASURED = ("tau", "q_m", "q_g", "q_l", "dq_m", "dq_g", "dq_l")
 SIGNALS = ("reference", *MEASURED, "command")
@@ -39,8 +37,7 @@ def signals(**weights: float) -> Floats:
     """
     row = np.zeros(len(SIGNALS))
     for name, weight in weights.items():
-        if name not in SIGNALS:
-            raise unknown_name("signal of a law", name, SIGNALS)
+        check_name("signal of a law", name, SIGNALS)
         row[SIGNALS.index(name)] = weight
     return row
 

@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cjt_gym.baselines.controller import Floats
 from cjt_gym.baselines.linear_law import MEASURED
 from cjt_gym.joint import Joint
 from cjt_gym.joint.linear import state_matrices, zero_order_hold
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

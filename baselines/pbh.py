@@ -11,12 +11,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import matrix_balance, svdvals
 
+from cjt_gym.baselines.controller import Floats
 from cjt_gym.errors import ConfigurationError
 
-Floats = NDArray[np.float64]
 TOLERANCE = 1e-13
 """Least singular value, relative, that is not zero: some hundred times the rounding of a double."""
 SMALL = 1e-6

@@ -14,7 +14,7 @@ from cjt_gym.baselines.linear_row import grid
 from cjt_gym.baselines.pid import CUTOFF_HZ, KD, KP, damping_gains, pid
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.baselines.robust import best_gains
-from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.errors import ConfigurationError, check_name
 from cjt_gym.joint import Joint
 from cjt_gym.plant import Measurement, limits_of
 
@@ -68,8 +68,7 @@ class PdFeedForward(Controller):
                 f"{0.5 / self.dt:g} Hz at dt = {self.dt:g} s, got {self.cutoff_hz:g}. Lower one of "
                 "them."
             )
-        if self.derivative not in DERIVATIVES:
-            raise unknown_name("derivative of PdFeedForward", self.derivative, DERIVATIVES)
+        check_name("derivative of PdFeedForward", self.derivative, DERIVATIVES)
         self._filter = FilteredDerivative(self.cutoff_hz, self.dt)
         lead = self.derivative == "error"
         self.linear = pd_feedforward_law(self.kp, self.kd, self.dt, lead, self.cutoff_hz)

@@ -6,14 +6,12 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cjt_gym.baselines.controller import Floats
 from cjt_gym.baselines.entry import Gain
 from cjt_gym.baselines.filters import FilteredDerivative
 from cjt_gym.baselines.linear_law import Block, integrator, static, through, total
 from cjt_gym.baselines.plant_model import SampledJoint
-
-Floats = NDArray[np.float64]
 
 CUTOFF_HZ = 200.0
 """Of the derivative's low pass, as in the toolbox: ten times what the tasks ask for."""

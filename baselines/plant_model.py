@@ -7,16 +7,14 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cjt_gym.baselines.controller import Floats
 from cjt_gym.baselines.linear_law import COMMAND, LinearLaw
 from cjt_gym.baselines.mechanics import Mechanics, mechanics, placed
 from cjt_gym.baselines.rational import Rational, transfer_function
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import Joint
-
-Floats = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+from cjt_gym.joint.arrays import Complex
 
 DELAY_EFFECTS = ("command_delay", "measurement_delay", "torque_delay")
 LONGEST_DELAY = 100

@@ -35,12 +35,11 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_lyapunov
 from threadpoolctl import threadpool_limits
 
+from cjt_gym.baselines.controller import Floats
 from cjt_gym.baselines.linear_law import COMMAND, LinearLaw
 from cjt_gym.baselines.plant_model import LoopModel, SampledJoint, loop_model
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import Joint
-
-Floats = NDArray[np.float64]
 
 PEAK = 2.0
 """Of the sensitivity: at least 6 dB gain margin and 29 degrees phase margin."""

@@ -14,16 +14,14 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 from scipy.signal import place_poles
 
+from cjt_gym.baselines.controller import Floats
 from cjt_gym.baselines.linear_law import SIGNALS, Block, signals, static
 from cjt_gym.baselines.pbh import check_stabilisable
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.errors import ConfigurationError
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

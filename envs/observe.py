@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.envs.observation import CLIP, PAST, PRESENT, Observed
+from cjt_gym.joint.arrays import Floats
 from cjt_gym.joint.compiled import compiled, inlined
 from cjt_gym.joint.random_stream import mix, uniform
 from cjt_gym.signals.evaluate import evaluate
 
-Floats = NDArray[np.float64]
 Masks = NDArray[np.bool_]
 Words = NDArray[np.uint64]
 

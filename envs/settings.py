@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from cjt_gym.envs.observation import Layout
 from cjt_gym.envs.observe import TERMS
-from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.errors import ConfigurationError, check_name
 from cjt_gym.joint import Joint, get_structure, load_joint, load_joint_file
+from cjt_gym.joint.arrays import Floats
 from cjt_gym.joint.border import checked_array
 from cjt_gym.joint.current_loop import with_current_loop
 from cjt_gym.joint.parameters import JointParameters
@@ -25,7 +26,6 @@ from cjt_gym.signals import Signal, make_signals, sampled_signal
 if TYPE_CHECKING:
     from cjt_gym.envs.arguments import TaskArguments
 
-Floats = NDArray[np.float64]
 REWARD_WEIGHTS = dict(zip(TERMS, (1.0, 0.0, 0.05, 0.0, 50.0), strict=True))
 USUAL = {"structure": "output_fixed_rigid_gearbox", "drive": "current"}
 """What a joint is where neither an argument nor its file says so."""
@@ -241,8 +241,7 @@ def _history(joint: Joint, given: TaskArguments, variations: Mapping[str, Variat
 
 def _weights(given: Mapping[str, float] | None) -> dict[str, float]:
     for name, value in (given or {}).items():
-        if name not in REWARD_WEIGHTS:
-            raise unknown_name("reward term", name, REWARD_WEIGHTS)
+        check_name("reward term", name, REWARD_WEIGHTS)
         if not (math.isfinite(value) and value >= 0.0):
             raise ConfigurationError(f"The weight of reward term {name} must be >= 0, got {value}.")
     return {**REWARD_WEIGHTS, **(given or {})}

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.errors import ConfigurationError, check_name
 
 RENDER_MODES = ("human", "rgb_array")
 LENGTH = 1000  # samples: a second at the usual control step
@@ -35,8 +35,7 @@ class StripChart:
         self.mode = mode
         if mode is None:
             return
-        if mode not in RENDER_MODES:
-            raise unknown_name("render mode", mode, RENDER_MODES)
+        check_name("render mode", mode, RENDER_MODES)
         try:
             from matplotlib.figure import Figure
         except ImportError:

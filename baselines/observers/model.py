@@ -6,18 +6,16 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
+from cjt_gym.baselines.controller import Floats
 from cjt_gym.baselines.linear_law import COMMAND, MEASURED, SIGNALS, signals
 from cjt_gym.baselines.mechanics import Mechanics
 from cjt_gym.baselines.observers.linear_observer import LinearObserver
 from cjt_gym.baselines.pbh import check_observable
 from cjt_gym.baselines.plant_model import SampledJoint, scatter, setting
-from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.errors import ConfigurationError, check_name
 from cjt_gym.joint import Joint
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -84,8 +82,7 @@ def mechanics_for(model: SampledJoint, outputs: tuple[str, ...]) -> Mechanics:
 
 def _check_outputs(outputs: tuple[str, ...]) -> None:
     for name in outputs:
-        if name not in MEASURED:
-            raise unknown_name("output of an observer", name, MEASURED)
+        check_name("output of an observer", name, MEASURED)
     if not outputs or len(set(outputs)) < len(outputs):
         raise ConfigurationError(
             f"outputs of an observer must be different ones of {', '.join(MEASURED)}, got "

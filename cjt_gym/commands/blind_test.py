@@ -23,7 +23,7 @@ from cjt_gym.blind.plant import STRUCTURES
 from cjt_gym.blind.score import score_case, summarise
 from cjt_gym.blind.table import table
 from cjt_gym.console import Answer
-from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.errors import ConfigurationError, check_name, unknown_name
 from cjt_gym.gap.blind_case import diagnose_case, warm_up
 
 SETTINGS = ("seed", "structure", "strength", "duration", "logs")
@@ -90,8 +90,7 @@ def _check(options: argparse.Namespace) -> None:
         raise ConfigurationError(f"--strength must be within 0 and 3, got {options.strength:g}.")
     if options.structure is not None and options.structure not in STRUCTURES:
         raise unknown_name("structure", options.structure, STRUCTURES)
-    if options.logs not in BLOCKS:
-        raise unknown_name("kind of logs", options.logs, BLOCKS)
+    check_name("kind of logs", options.logs, BLOCKS)
 
 
 def _settle(settings: dict[str, Any], path: Path) -> None:

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.baselines import CONTROLLERS
 from cjt_gym.console import Answer
@@ -31,7 +30,7 @@ from cjt_gym.disk import refuse_inputs
 from cjt_gym.envs.settings import default_amplitude, default_load
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import Joint, load_joint
-from cjt_gym.joint.arrays import CHANNELS
+from cjt_gym.joint.arrays import CHANNELS, Floats
 from cjt_gym.joint.current_loop import with_current_loop
 from cjt_gym.joint.effect_words import plain_effects
 from cjt_gym.plant import SimulatedPlant
@@ -41,7 +40,6 @@ from cjt_gym.records import FORMATS, Record, record_names, write_record
 from cjt_gym.signals import Signal, make_signals, sampled_signal, signal_from_file
 from cjt_gym.training.tuning.gains import choose, files_of, gains_in_record
 
-Floats = NDArray[np.float64]
 TRACKING, NONE = "pd_feedforward", "none"
 """Controller where nothing else is said; the name for no controller at all."""
 COMMANDS = ("i_cmd", "tau_cmd")

@@ -16,7 +16,7 @@ from cjt_gym.console.options import (
     structure_of,
     tell_effects,
 )
-from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.errors import ConfigurationError, check_name
 from cjt_gym.joint import load_joint
 from cjt_gym.joint.current_loop import with_current_loop
 from cjt_gym.plant.simulated import DT_PHYSICS
@@ -90,8 +90,7 @@ def run(options: argparse.Namespace) -> None:
     env = environment(config.env, options)
     tell(env, config.env)
     config = config.with_changes(env=env, seed=options.seed, total_steps=options.steps)
-    if options.backend not in BACKENDS:
-        raise unknown_name("backend", options.backend, BACKENDS)
+    check_name("backend", options.backend, BACKENDS)
     if options.seeds is None and options.backend != "loky":
         raise ConfigurationError(f"--backend {options.backend} needs --seeds.")
     from cjt_gym.training.learning.distributed import train_on_ray  # torch takes seconds to import

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.errors import ConfigurationError, SimulationError
-from cjt_gym.joint.arrays import MEMORY, WORK_ROWS, WORK_WIDTH, Batch, Setup
+from cjt_gym.joint.arrays import MEMORY, WORK_ROWS, WORK_WIDTH, Batch, Floats, Setup
 from cjt_gym.joint.compiled import compiled
 from cjt_gym.joint.current_loop import check_loop, longest_sample
 from cjt_gym.joint.discretize import SCRATCH, discretize
@@ -25,7 +25,6 @@ from cjt_gym.joint.spring_table import spring_rows
 if TYPE_CHECKING:
     from cjt_gym.joint.joint import Joint
 
-Floats = NDArray[np.float64]
 INERTIAS = ("I_m", "I_g", "I_l")
 CHANNEL_DELAYS = ("late_i", "late_q_m", "late_q_g", "late_q_l", "late_tau")
 DELAYS = ("command_delay", "measurement_delay", *CHANNEL_DELAYS)

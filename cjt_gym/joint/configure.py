@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.errors import CjtGymWarning, ParameterError, unknown_name
+from cjt_gym.errors import CjtGymWarning, ParameterError, check_name, unknown_name
 from cjt_gym.joint.drives import NEEDED_PARAMETERS
 from cjt_gym.joint.effect_entries import CHANNEL_VALUES, usual_entries
 from cjt_gym.joint.effects import EFFECTS, PLACES, Effect, EffectParameter, body_of
@@ -67,8 +67,7 @@ def resolve_effects(
     given, assumed = _requested(spec, file)
     everything = given.pop(ALL, None) is not None
     for name in given:
-        if name not in EFFECTS:
-            raise unknown_name("effect", name, EFFECTS)
+        check_name("effect", name, EFFECTS)
     chosen = []
     for name in EFFECTS if everything else [name for name in EFFECTS if name in given]:
         effect = EFFECTS[name]
@@ -193,8 +192,7 @@ def _plain(effect: Effect, values: Mapping[str, Any], file: JointFile) -> dict[s
     channel = plain.pop("channel", None)
     if channel is None:
         return plain
-    if channel not in effect.channels:
-        raise unknown_name(f"channel of effect {effect.name}", str(channel), effect.channels)
+    check_name(f"channel of effect {effect.name}", channel, effect.channels)
     key = next((k for k in CHANNEL_VALUES if k in plain), None)
     if key is not None:
         plain[channel] = plain.pop(key)

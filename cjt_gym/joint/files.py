@@ -11,7 +11,7 @@ from typing import Any
 from cjt_gym.disk import Inline
 from cjt_gym.disk import to_toml as write_tables
 from cjt_gym.disk.text import read_text
-from cjt_gym.errors import MissingFileError, ParameterError, unknown_name
+from cjt_gym.errors import MissingFileError, ParameterError, check_name, unknown_name
 from cjt_gym.joint.drives import DRIVES
 from cjt_gym.joint.effect_entries import usual_effects
 from cjt_gym.joint.mistakes import Mistakes
@@ -134,8 +134,7 @@ def load_joint_file(name_or_path: str | Path) -> JointFile:
             return read_toolbox(name_or_path)
         return _parsed(read_joint_text(path), str(name_or_path))
     name = str(name_or_path)
-    if name not in joint_names():
-        raise unknown_name("joint", name, joint_names())
+    check_name("joint", name, joint_names())
     text = (resources.files("cjt_gym.params") / f"{name}.toml").read_text(encoding="utf-8")
     return _parsed(text, f"params/{name}.toml")
 

@@ -7,13 +7,12 @@ from collections.abc import Mapping
 from weakref import WeakValueDictionary
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.errors import OutsideFoundWarning
+from cjt_gym.joint.arrays import Floats
 from cjt_gym.joint.diagnosed import Range, ranges_of
 from cjt_gym.joint.files import JointFile
 
-Floats = NDArray[np.float64]
 Met = Mapping[str, tuple[float, float]]
 MARGIN = 0.1
 """Share of the largest value found by which speed and torque may be exceeded."""

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from cjt_gym.analysis import Loop, figures_of, probe_law, probe_plant, stiffest_rendered
 from cjt_gym.disk import write_text
-from cjt_gym.errors import ConfigurationError, SimulationError, unknown_name
+from cjt_gym.errors import ConfigurationError, SimulationError, check_name
 from cjt_gym.joint import get_structure, load_joint_file
 from cjt_gym.training.benchmark import make_agents
 from cjt_gym.training.benchmark.cluster import BACKENDS, cluster
@@ -257,8 +257,7 @@ def run_grid(
         UnknownNameError: There is no such backend.
         ConfigurationError: The backend is not installed.
     """
-    if backend not in BACKENDS:
-        raise unknown_name("backend", backend, BACKENDS)
+    check_name("backend", backend, BACKENDS)
     if jobs < 1 and jobs != -1:
         raise ConfigurationError(f"--jobs must be >= 1, or -1 for one per core, got {jobs}.")
     folder.mkdir(parents=True, exist_ok=True)

@@ -23,14 +23,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import signal
 
 from cjt_gym.joint import load_joint
+from cjt_gym.joint.arrays import Floats
 from cjt_gym.plant import SimulatedPlant
 from cjt_gym.records import Record, read_record
-
-Floats = NDArray[np.float64]
 
 PUBLISHED = {
     "emps": {"force": 5.848, "velocity": 0.22911, "position": 0.013752},

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, Final, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.baselines.linear_law import MEASURED
 from cjt_gym.envs.core import Episodes
@@ -19,6 +18,7 @@ from cjt_gym.errors import ConfigurationError
 from cjt_gym.export.c_check import Checked
 from cjt_gym.export.c_library import compiled
 from cjt_gym.export.c_text import VALUES, parameters
+from cjt_gym.joint.arrays import Floats
 from cjt_gym.plant import Measurement
 from cjt_gym.records import Record
 from cjt_gym.training.deploy.exported import Exported, load_exported
@@ -29,7 +29,6 @@ from cjt_gym.training.deploy.stepper import Stepper
 from cjt_gym.training.learning.config import VALIDATION_SEEDS, environment_arguments
 from cjt_gym.training.learning.policy import PolicyAgent
 
-Floats = NDArray[np.float64]
 Run = tuple[list[tuple[Any, ...]], Floats]
 STEPS: Final = 300  # of an episode, whose first few fill the memory of observations
 TOLERANCE: Final = 2e-5

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.errors import ConfigurationError, check_name
 from cjt_gym.joint.border import checked_array
 from cjt_gym.joint.compiled import inlined, reordered, threaded
 
@@ -122,8 +122,7 @@ class Layer:
     def __post_init__(self) -> None:
         weight = checked_array("weights of a layer", self.weight, (None, None), np.float32)
         bias = checked_array("biases of a layer", self.bias, weight.shape[:1], np.float32)
-        if self.activation not in ACTIVATIONS:
-            raise unknown_name("activation", str(self.activation), ACTIVATIONS)
+        check_name("activation", self.activation, ACTIVATIONS)
         object.__setattr__(self, "weight", weight)
         object.__setattr__(self, "bias", bias)
 

@@ -12,7 +12,7 @@ from importlib import resources
 from pathlib import Path
 
 from cjt_gym.disk import read_toml
-from cjt_gym.errors import ConfigurationError, UnknownNameError, unknown_name
+from cjt_gym.errors import ConfigurationError, UnknownNameError, check_name, unknown_name
 
 
 @dataclass(frozen=True)
@@ -46,8 +46,7 @@ def policy_card(name: str) -> Card:
         UnknownNameError: None of that name ships.
         ConfigurationError: Its card lacks something.
     """
-    if name not in policy_names():
-        raise unknown_name("policy", name, policy_names())
+    check_name("policy", name, policy_names())
     path = _folder() / f"{name}.toml"
     told = read_toml(path, ConfigurationError)
     wanted = {field.name for field in fields(Card)} - {"name"}

@@ -12,18 +12,17 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.envs.settings import REWARD_WEIGHTS
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import Joint
+from cjt_gym.joint.arrays import Floats
 from cjt_gym.plant.simulated import DT_PHYSICS
 from cjt_gym.records import Record
 from cjt_gym.signals import Signal
 from cjt_gym.training.evaluation.conditions import EVALUATION_SEEDS, Conditions
 from cjt_gym.training.evaluation.rollout import Agent, ControllerAgent, Traces, run_episodes
 
-Floats = NDArray[np.float64]
 EPISODES = 8  # in each joint, which differ by start and noise alone
 BLOCK = 0.5
 """Length of a block of the bootstrap [s]."""

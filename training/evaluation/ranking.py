@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.errors import ConfigurationError
+from cjt_gym.joint.arrays import Floats
 
-Floats = NDArray[np.float64]
 RESAMPLES = 2000  # as in `metrics`
 LEVEL = 0.95  # of all comparisons together
 TINY = 1e-12  # standard error that stands for none

@@ -12,13 +12,11 @@ from numpy.typing import NDArray
 from cjt_gym.baselines import Controller
 from cjt_gym.envs.core import Episodes
 from cjt_gym.joint import Joint
-from cjt_gym.joint.arrays import DQ_L, Q_L, TAU
+from cjt_gym.joint.arrays import DQ_L, Q_L, TAU, Floats
 from cjt_gym.signals import Signal
 from cjt_gym.training.evaluation.conditions import Conditions
 from cjt_gym.training.evaluation.tasks import Rendering, Setting
 from cjt_gym.training.tuning.gains import Choice, choose
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

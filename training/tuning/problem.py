@@ -13,6 +13,7 @@ from cjt_gym.baselines.table import CONTROLLERS, get_entry
 from cjt_gym.envs.core import Episodes
 from cjt_gym.errors import ConfigurationError, SimulationError
 from cjt_gym.joint import Joint
+from cjt_gym.joint.arrays import Floats
 from cjt_gym.training.evaluation.conditions import TASKS, Asked, Conditions
 from cjt_gym.training.evaluation.metrics import squared_errors
 from cjt_gym.training.evaluation.rollout import Agent, ControllerAgent, joint_of, run_episodes
@@ -20,7 +21,6 @@ from cjt_gym.training.evaluation.tasks import Setting, get_task
 from cjt_gym.training.tuning.gains import Choice
 from cjt_gym.training.tuning.limits import Assessment, Limits, assess
 
-Floats = NDArray[np.float64]
 TUNING_SEEDS = 600_000
 """Where the draws of the search begin; training, validation and evaluation lie elsewhere."""
 HELD_OUT_SEEDS = 700_000

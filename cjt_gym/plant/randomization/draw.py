@@ -11,10 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cjt_gym.joint.arrays import Floats
 from cjt_gym.joint.compiled import compiled
 from cjt_gym.joint.random_stream import normal, uniform
-
-Floats = NDArray[np.float64]
 
 # Columns of a source of randomness.
 WHEN, EVERY, KEEP, IS_LINEAR = range(4)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.errors import ConfigurationError, check_name, unknown_name
 from cjt_gym.joint import EFFECTS, Joint
 from cjt_gym.joint.configure import BASE_FIELDS
 from cjt_gym.joint.effects import Effect, EffectParameter
@@ -121,11 +121,9 @@ def find_target(joint: Joint, name: str) -> Target:
         nominal = joint.parameters.get(name, absent)
         return Target(name, nominal, base_domain(joint, name), (name,), math.isnan(nominal))
     effect, symbol = name.split(".", 1)
-    if effect not in joint.effects:
-        raise unknown_name("active effect to randomise", effect, joint.effects)
+    check_name("active effect to randomise", effect, joint.effects)
     scalars = {p.symbol: p for p in _scalars(EFFECTS[effect])}
-    if symbol not in scalars:
-        raise unknown_name(f"scalar parameter of effect {effect}", symbol, scalars)
+    check_name(f"scalar parameter of effect {effect}", symbol, scalars)
     parameter, value = scalars[symbol], joint.effects[effect][symbol]
     assert isinstance(value, float)
     replaces = parameter.replaces or parameter.shared
