@@ -44,20 +44,14 @@ JOINED = "+"
 class WithFriction(Controller):
     """A linear law and a friction that is fed forward beside it.
 
-    Attributes:
-        block: The law.
-        dt: Sample time [s].
-        friction: What is added to its command.
-        torque_limit: Largest motor torque that is commanded [N m].
-
     Raises:
         ConfigurationError: A number is out of range.
     """
 
     block: Block
-    dt: float
-    friction: KnownFriction
-    torque_limit: float = math.inf
+    dt: float  # sample time [s]
+    friction: KnownFriction  # what is added to its command
+    torque_limit: float = math.inf  # largest motor torque that is commanded [N m]
     _memory: LawMemory = field(init=False, repr=False)
 
     def __post_init__(self) -> None:

@@ -63,18 +63,13 @@ class FrictionFeedForward(CompensatedPd):
 
     `model`, `kp`, `kd` and `lead` are those of `CompensatedPd`.
 
-    Attributes:
-        share: Of the friction that is compensated, >= 0 [-].
-        smoothing: w_0, the velocity over which the sign is smoothed, > 0 [rad/s].
-        torque_limit: Largest motor torque that is commanded [N m].
-
     Raises:
         ConfigurationError: A number is out of range.
     """
 
-    share: float
-    smoothing: float
-    torque_limit: float
+    share: float  # of the friction that is compensated, >= 0 [-]
+    smoothing: float  # w_0, the velocity over which the sign is smoothed, > 0 [rad/s]
+    torque_limit: float  # largest motor torque that is commanded [N m]
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -69,20 +69,14 @@ class IterativeLearning(CompensatedPd):
 
     `model`, `kp`, `kd` and `lead` are those of `CompensatedPd`.
 
-    Attributes:
-        rate: Of the learning, > 0 and < 2 [-].
-        cutoff_hz: Up to where it learns, > 0 [Hz].
-        trial_s: Duration of a trial, rounded to samples, at least two of them [s].
-        torque_limit: Largest motor torque that is commanded; half of it may be learnt [N m].
-
     Raises:
         ConfigurationError: A number is out of range, or learning would not converge.
     """
 
-    rate: float
-    cutoff_hz: float
-    trial_s: float
-    torque_limit: float
+    rate: float  # of the learning, > 0 and < 2 [-]
+    cutoff_hz: float  # up to where it learns, > 0 [Hz]
+    trial_s: float  # duration of a trial, rounded to samples, at least two of them [s]
+    torque_limit: float  # largest motor torque that is commanded; half of it may be learnt [N m]
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -239,16 +239,12 @@ class LawMemory:
 class LinearController(Controller):
     """Runs a linear law over a batch of joints; see `LawMemory`.
 
-    Attributes:
-        law: The law.
-        torque_limit: Largest motor torque that is commanded [N m].
-
     Raises:
         ConfigurationError: A number is out of range.
     """
 
     law: LinearLaw
-    torque_limit: float = math.inf
+    torque_limit: float = math.inf  # largest motor torque that is commanded [N m]
     dt: float = field(init=False)
 
     def __post_init__(self) -> None:

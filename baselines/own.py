@@ -57,20 +57,14 @@ def _parts(word: str) -> tuple[str, str]:
 class OwnController(Controller):
     """Runs what is no `Controller` itself, within the limit of the joint.
 
-    Attributes:
-        law: Anything with `act` and `reset`.
-        name: Its name, for errors.
-        dt: Sample time [s].
-        torque_limit: Largest motor torque that is commanded [N m].
-
     Raises:
         ConfigurationError: A number is out of range, or its commands are no numbers.
     """
 
-    law: Any
-    name: str
-    dt: float
-    torque_limit: float
+    law: Any  # anything with `act` and `reset`
+    name: str  # its name, for errors
+    dt: float  # sample time [s]
+    torque_limit: float  # largest motor torque that is commanded [N m]
 
     def __post_init__(self) -> None:
         check_sampling(self)

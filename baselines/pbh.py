@@ -24,15 +24,11 @@ SMALL = 1e-6
 
 @dataclass(frozen=True)
 class Mode:
-    """A mode of a system.
+    """A mode of a system."""
 
-    Attributes:
-        pole: Its eigenvalue [1/s]; of a conjugate pair, that with the positive imaginary part.
-        states: Indices of the states that take part in it.
-    """
-
+    # its eigenvalue [1/s]; of a conjugate pair, that with the positive imaginary part
     pole: complex
-    states: tuple[int, ...]
+    states: tuple[int, ...]  # indices of the states that take part in it
 
     def text(self, names: Sequence[str] = ()) -> str:
         """Return it in words, with the names of its states where those of all are given."""

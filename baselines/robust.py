@@ -59,18 +59,12 @@ MARGIN = 1.0 + 1e-6
 
 @dataclass(frozen=True)
 class Bench:
-    """What laws for a joint are tried on.
+    """What laws for a joint are tried on."""
 
-    Attributes:
-        nominal: The loop.
-        others: Loops on which a law must be stable too.
-        f: Frequencies [Hz], shape (points,).
-        plant: Response from command to measurement and torque, shape (points, 8).
-    """
-
-    nominal: LoopModel
-    others: tuple[LoopModel, ...]
-    f: Floats
+    nominal: LoopModel  # the loop
+    others: tuple[LoopModel, ...]  # loops on which a law must be stable too
+    f: Floats  # frequencies [Hz], shape (points,)
+    # response from command to measurement and torque, shape (points, 8)
     plant: NDArray[np.complex128]
 
     def is_stable(self, law: LinearLaw) -> bool:

@@ -26,19 +26,12 @@ from cjt_gym.errors import ConfigurationError
 
 @dataclass(frozen=True)
 class Feedback:
-    """u = reference_gain r - states x - commands u_before - integral z.
+    """u = reference_gain r - states x - commands u_before - integral z."""
 
-    Attributes:
-        states: Gains of the joint's states, shape (order,).
-        commands: Gains of the commands on their way, the oldest last, shape (delay,).
-        integral: Gain of the integral of the torque error, tau - r, times dt.
-        reference_gain: Gain of the reference.
-    """
-
-    states: Floats
-    commands: Floats
-    integral: float
-    reference_gain: float
+    states: Floats  # gains of the joint's states, shape (order,)
+    commands: Floats  # gains of the commands on their way, the oldest last, shape (delay,)
+    integral: float  # gain of the integral of the torque error, tau - r, times dt
+    reference_gain: float  # gain of the reference
 
 
 def with_commands(a: Floats, b: Floats, delay: int) -> tuple[Floats, Floats]:

@@ -65,26 +65,17 @@ ControllerOrFactory = str | BaseController | Callable[[Joint, float], BaseContro
 
 @dataclass(frozen=True)
 class Settings:
-    """A torque-tracking task.
-
-    Attributes:
-        joint: The joint.
-        references: Signals of which each episode draws one [N m].
-        disturbances: Likewise for the load input [N m] or, with a fixed output, [rad/s].
-        layout: What is observed, and the unit of an action.
-        episode_steps: Control steps after which an episode is truncated.
-        dt_physics: Substep [s].
-        reward_weights: Weight of each reward term.
-        randomization: What varies and how, fully spelt out.
-    """
+    """A torque-tracking task."""
 
     joint: Joint
-    references: tuple[Signal, ...]
+    references: tuple[Signal, ...]  # signals of which each episode draws one [N m]
+    # likewise for the load input [N m] or, with a fixed output, [rad/s]
     disturbances: tuple[Signal, ...]
-    layout: Layout
-    episode_steps: int
-    dt_physics: float
-    reward_weights: Mapping[str, float]
+    layout: Layout  # what is observed, and the unit of an action
+    episode_steps: int  # control steps after which an episode is truncated
+    dt_physics: float  # substep [s]
+    reward_weights: Mapping[str, float]  # weight of each reward term
+    # what varies and how, fully spelt out
     randomization: Mapping[str, Variation] = field(default_factory=dict)
 
 

@@ -25,30 +25,18 @@ class DesignModel:
     With a fixed output, angles and velocities count from those of the load, so that the load's own
     are zero. With a free load, the position of the last body is a state where an angle is measured.
     With a disturbance, the last state is a constant torque that acts on the motor as u does.
-
-    Attributes:
-        a: Shape (order, order).
-        b: Shape (order,).
-        c: Measured outputs, shape (outputs, order).
-        tau: Joint torque, shape (order,).
-        rows: How `SIGNALS` give the outputs, shape (outputs, 9).
-        noise: Standard deviations of the outputs' noise, shape (outputs,); see `output_noise`.
-        outputs: Their names.
-        states: Names of the states.
-        delay: Between command and measurement [samples].
-        dt: Sample time [s].
     """
 
-    a: Floats
-    b: Floats
-    c: Floats
-    tau: Floats
-    rows: Floats
-    noise: Floats
+    a: Floats  # shape (order, order)
+    b: Floats  # shape (order,)
+    c: Floats  # measured outputs, shape (outputs, order)
+    tau: Floats  # joint torque, shape (order,)
+    rows: Floats  # how `SIGNALS` give the outputs, shape (outputs, 9)
+    noise: Floats  # standard deviations of the outputs' noise, shape (outputs,); see `output_noise`
     outputs: tuple[str, ...]
     states: tuple[str, ...]
-    delay: int
-    dt: float
+    delay: int  # between command and measurement [samples]
+    dt: float  # sample time [s]
 
 
 def design_model(

@@ -115,21 +115,13 @@ def run(options: argparse.Namespace) -> Answer:
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """What to simulate, with every default settled.
+    """What to simulate, with every default settled."""
 
-    Attributes:
-        recorded: Record that serves as the reference, or None.
-        structure: Structure of the joint.
-        controller: A name of `CONTROLLERS`, or `NONE`.
-        duration: [s].
-        dt: Control step [s].
-    """
-
-    recorded: Record | None
+    recorded: Record | None  # record that serves as the reference, or None
     structure: str
-    controller: str
-    duration: float
-    dt: float
+    controller: str  # a name of `CONTROLLERS`, or `NONE`
+    duration: float  # [s]
+    dt: float  # control step [s]
 
 
 def _task(options: argparse.Namespace) -> Task:

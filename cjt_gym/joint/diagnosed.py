@@ -27,32 +27,20 @@ REMEDY = "Write the file with  cjt-gym diagnose  again, or remove the table."
 
 @dataclass(frozen=True, eq=False)
 class Covariance:
-    """The uncertainty of the numbers of a joint, and how they vary together.
+    """The uncertainty of the numbers of a joint, and how they vary together."""
 
-    Attributes:
-        names: Numbers of the file, such as "damping.d_m".
-        values: Their values, shape (n,).
-        matrix: Their covariance, shape (n, n).
-    """
-
-    names: tuple[str, ...]
-    values: NDArray[np.float64]
-    matrix: NDArray[np.float64]
+    names: tuple[str, ...]  # numbers of the file, such as "damping.d_m"
+    values: NDArray[np.float64]  # their values, shape (n,)
+    matrix: NDArray[np.float64]  # their covariance, shape (n, n)
 
 
 @dataclass(frozen=True)
 class Range:
-    """A range of values in which a joint was identified.
+    """A range of values in which a joint was identified."""
 
-    Attributes:
-        low: Lowest value.
-        high: Highest value.
-        unit: Unit of both.
-    """
-
-    low: float
-    high: float
-    unit: str
+    low: float  # lowest value
+    high: float  # highest value
+    unit: str  # unit of both
 
 
 def covariance_of(file: JointFile) -> Covariance | None:

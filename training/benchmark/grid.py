@@ -55,27 +55,16 @@ HAND_SHARE = 0.05
 
 @dataclass(frozen=True)
 class Cell(Asked):
-    """One agent on one joint, structure and seed.
+    """One agent on one joint, structure and seed."""
 
-    Attributes:
-        agent: What `choose` takes, or run folder of a policy.
-        is_policy: Whether it is a run folder or an exported policy.
-        joint: Name of the joint, or path of its file.
-        structure: Its structure.
-        tasks: Its tasks.
-        seed: Which held-out episodes.
-        episodes: Of each task.
-        amplitude: Of the references [N m]; None for that of the joint.
-    """
-
-    agent: str
-    is_policy: bool
-    joint: str
+    agent: str  # what `choose` takes, or run folder of a policy
+    is_policy: bool  # whether it is a run folder or an exported policy
+    joint: str  # name of the joint, or path of its file
     structure: str
     tasks: tuple[str, ...]
-    seed: int = 0
-    episodes: int = 32
-    amplitude: float | None = None
+    seed: int = 0  # which held-out episodes
+    episodes: int = 32  # of each task
+    amplitude: float | None = None  # of the references [N m]; None for that of the joint
 
     def conditions(self) -> Conditions:
         """Return the conditions of the comparison."""

@@ -42,21 +42,14 @@ BEGINNING = 6  # samples that a parabola is laid through
 
 @dataclass(frozen=True)
 class Replay:
-    """A record and its closed-loop simulation.
-
-    Attributes:
-        name: Name of the record.
-        t: Time [s], shape (samples,).
-        measured: By "force" [N], "velocity" [m/s], "position" [m]; each of shape (samples,).
-        simulated: Likewise.
-        published: Relative errors that the authors of the record report [%].
-    """
+    """A record and its closed-loop simulation."""
 
     name: str
-    t: Floats
+    t: Floats  # time [s], shape (samples,)
+    # by "force" [N], "velocity" [m/s], "position" [m]; each of shape (samples,)
     measured: dict[str, Floats]
-    simulated: dict[str, Floats]
-    published: dict[str, float]
+    simulated: dict[str, Floats]  # likewise
+    published: dict[str, float]  # relative errors that the authors of the record report [%]
 
     def errors(self) -> dict[str, float]:
         """Return 100 |measured - simulated| / |measured| of every signal, in the 2-norm [%]."""

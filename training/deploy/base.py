@@ -25,17 +25,11 @@ ARRAYS = ("a", "b", "c", "d")
 
 @dataclass(frozen=True)
 class BaseLaw:
-    """A base controller.
-
-    Attributes:
-        name: Its name.
-        gains: Its gains.
-        law: What it does.
-    """
+    """A base controller."""
 
     name: str
     gains: Mapping[str, float]
-    law: CLaw
+    law: CLaw  # what it does
 
     @property
     def is_linear(self) -> bool:

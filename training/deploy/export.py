@@ -22,17 +22,11 @@ from cjt_gym.training.deploy.onnx_file import write_onnx
 
 @dataclass(frozen=True)
 class Written:
-    """An exported policy.
-
-    Attributes:
-        path: The file.
-        form: "onnx", "numpy" or "c".
-        checked: How it compares with the policy.
-    """
+    """An exported policy."""
 
     path: Path
-    form: str
-    checked: Checked
+    form: str  # "onnx", "numpy" or "c"
+    checked: Checked  # how it compares with the policy
 
     def to_dict(self) -> dict[str, Any]:
         """Return the same as plain data; what is not known is None."""

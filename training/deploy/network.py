@@ -107,17 +107,11 @@ def run_network(network: Packed, observation: Floats) -> int:
 
 @dataclass(frozen=True)
 class Layer:
-    """A linear layer and what follows it.
+    """A linear layer and what follows it."""
 
-    Attributes:
-        weight: Shape (outputs, inputs).
-        bias: Shape (outputs,).
-        activation: One of `ACTIVATIONS`.
-    """
-
-    weight: Floats
-    bias: Floats
-    activation: str
+    weight: Floats  # shape (outputs, inputs)
+    bias: Floats  # shape (outputs,)
+    activation: str  # one of `ACTIVATIONS`
 
     def __post_init__(self) -> None:
         weight = checked_array("weights of a layer", self.weight, (None, None), np.float32)
@@ -129,19 +123,12 @@ class Layer:
 
 @dataclass(frozen=True)
 class Network:
-    """A deterministic policy: observations are normalised, pass the layers, and are limited to 1.
+    """A deterministic policy: observations are normalised, pass the layers, are limited to 1."""
 
-    Attributes:
-        layers: First to last.
-        mean: What observations are shifted by, shape (size,).
-        scale: What they are then multiplied with, shape (size,).
-        clip: What they are then limited to.
-    """
-
-    layers: tuple[Layer, ...]
-    mean: Floats
-    scale: Floats
-    clip: float
+    layers: tuple[Layer, ...]  # first to last
+    mean: Floats  # what observations are shifted by, shape (size,)
+    scale: Floats  # what they are then multiplied with, shape (size,)
+    clip: float  # what they are then limited to
 
     def __post_init__(self) -> None:
         if not self.layers:

@@ -17,21 +17,13 @@ from cjt_gym.errors import ConfigurationError, UnknownNameError, check_name, unk
 
 @dataclass(frozen=True)
 class Card:
-    """What is known of a policy that ships.
-
-    Attributes:
-        name: Its name.
-        summary: What it is, in one line.
-        trained_on: Joint, structure, effects, recipe and steps of its training.
-        tested_on: What it was compared on, and what came out.
-        fails: Where it should not be used.
-    """
+    """What is known of a policy that ships."""
 
     name: str
-    summary: str
-    trained_on: str
-    tested_on: str
-    fails: str
+    summary: str  # what it is, in one line
+    trained_on: str  # joint, structure, effects, recipe and steps of its training
+    tested_on: str  # what it was compared on, and what came out
+    fails: str  # where it should not be used
 
 
 def policy_names() -> list[str]:

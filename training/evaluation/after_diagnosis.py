@@ -31,32 +31,20 @@ WORLDS = ("nominal", "identified", "recorded")
 
 @dataclass(frozen=True)
 class ClosedLoop:
-    """A closed-loop replay.
+    """A closed-loop replay."""
 
-    Attributes:
-        controller: What closed the loop.
-        record: Which record was replayed.
-        gap: How far its gap shrinks.
-    """
-
-    controller: str
-    record: str
-    gap: GapSize
+    controller: str  # what closed the loop
+    record: str  # which record was replayed
+    gap: GapSize  # how far its gap shrinks
 
 
 @dataclass(frozen=True)
 class InTheLoop:
-    """What the nominal and the identified joint do under control.
+    """What the nominal and the identified joint do under control."""
 
-    Attributes:
-        replay: The closed-loop replay, where the controller of a record is known.
-        performance: What every agent that was asked for earns.
-        notes: What could not be compared, and why.
-    """
-
-    replay: ClosedLoop | None
-    performance: tuple[PerformanceGap, ...]
-    notes: tuple[str, ...]
+    replay: ClosedLoop | None  # the closed-loop replay, where the controller of a record is known
+    performance: tuple[PerformanceGap, ...]  # what every agent that was asked for earns
+    notes: tuple[str, ...]  # what could not be compared, and why
 
     def to_dict(self) -> dict[str, Any]:
         """Return what diagnosis.json has of it, as plain data."""

@@ -145,17 +145,12 @@ def realistic_conditions(
 
 @dataclass(frozen=True, kw_only=True)
 class Asked:
-    """What of the conditions a command line may say.
-
-    Attributes:
-        drive: The drive.
-        effects: What makes the joint non-ideal, in words; None for `realistic_effects`.
-        randomization: Preset of what every episode draws anew; None for
-            `realistic_randomization`.
-    """
+    """What of the conditions a command line may say."""
 
     drive: str = "current"
+    # what makes the joint non-ideal, in words; None for `realistic_effects`
     effects: tuple[str, ...] | None = None
+    # preset of what every episode draws anew; None for `realistic_randomization`
     randomization: str | None = None
 
     def conditions_on(self, joint: str, structure: str, **others: Any) -> Conditions:

@@ -31,46 +31,29 @@ DRAWS = 400  # of the bootstrap, for two digits of an interval
 
 @dataclass(frozen=True)
 class Performance:
-    """What an agent does in one world, by the torque that is measured there.
+    """What an agent does in one world, by the torque that is measured there."""
 
-    Attributes:
-        reward: Mean reward per control step: tracking and smoothness, as the environment weighs
-            them.
-        rmse: Root mean square error of the measured joint torque [N m].
-        nrmse: The same over the root mean square of the reference.
-        low: Low end of the 95 % interval of rmse, by bootstrap over blocks [N m].
-        high: High end [N m].
-        terminated: Share of episodes that passed a safety limit.
-    """
-
+    # mean reward per control step: tracking and smoothness, as the environment weighs them
     reward: float
-    rmse: float
-    nrmse: float
-    low: float
-    high: float
-    terminated: float = 0.0
+    rmse: float  # root mean square error of the measured joint torque [N m]
+    nrmse: float  # the same over the root mean square of the reference
+    low: float  # low end of the 95 % interval of rmse, by bootstrap over blocks [N m]
+    high: float  # high end [N m]
+    terminated: float = 0.0  # share of episodes that passed a safety limit
 
 
 @dataclass(frozen=True)
 class PerformanceGap:
-    """What an agent does in the nominal, the identified and the recorded world.
-
-    Attributes:
-        agent: Its name.
-        nominal: In the joint before the diagnosis.
-        identified: In the joint with its effects.
-        recorded: In the record, where that was made with the agent.
-        removed: Share of the difference of rmse between the nominal and the recorded world that
-            the identified one takes away; None without a recorded world.
-        note: What to know about the comparison.
-    """
+    """What an agent does in the nominal, the identified and the recorded world."""
 
     agent: str
-    nominal: Performance
-    identified: Performance
-    recorded: Performance | None
+    nominal: Performance  # in the joint before the diagnosis
+    identified: Performance  # in the joint with its effects
+    recorded: Performance | None  # in the record, where that was made with the agent
+    # share of the difference of rmse between the nominal and the recorded world that the identified
+    # one takes away; None without a recorded world
     removed: float | None
-    note: str
+    note: str  # what to know about the comparison
 
     def to_dict(self) -> dict[str, Any]:
         """Return the same as plain data."""

@@ -26,30 +26,20 @@ TINY = 1e-12  # standard error that stands for none
 
 @dataclass(frozen=True)
 class Place:
-    """Where an agent stands.
+    """Where an agent stands."""
 
-    Attributes:
-        rank: One more than the agents that are significantly better, and no less than the rank of
-            one with a better score; equal ranks are ties.
-        agent: Its name.
-        score: Nrmse, geometric mean over the tasks [-].
-        low: Low end of the 95 % interval of the score.
-        high: High end.
-        to_next: Ratio of its score to that of the next in order; None for the last.
-        to_next_low: Low end of the 95 % interval of the ratio, by itself.
-        to_next_high: High end.
-        next_is_worse: Whether the next is significantly worse, all comparisons allowed for; None
-            for the last, and where there is a single episode.
-    """
-
+    # one more than the agents that are significantly better, and no less than the rank of one with
+    # a better score; equal ranks are ties
     rank: int
     agent: str
-    score: float
-    low: float
-    high: float
-    to_next: float | None
-    to_next_low: float | None
-    to_next_high: float | None
+    score: float  # nrmse, geometric mean over the tasks [-]
+    low: float  # low end of the 95 % interval of the score
+    high: float  # high end
+    to_next: float | None  # ratio of its score to that of the next in order; None for the last
+    to_next_low: float | None  # low end of the 95 % interval of the ratio, by itself
+    to_next_high: float | None  # high end
+    # whether the next is significantly worse, all comparisons allowed for; None for the last, and
+    # where there is a single episode
     next_is_worse: bool | None
 
     def to_dict(self) -> dict[str, Any]:

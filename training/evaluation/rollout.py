@@ -24,22 +24,14 @@ class Traces:
     """What a batch of episodes did; each array has the shape (episodes, steps).
 
     Sample k is what holds at the end of control step k.
-
-    Attributes:
-        reference: Wanted joint torque [N m].
-        tau: Joint torque without sensor effects [N m].
-        tau_measured: Measured joint torque [N m].
-        command: Motor torque commanded during the step [N m].
-        terminated: Whether the episode passed a safety limit at that step.
-        dt: Control step [s].
     """
 
-    reference: Floats
-    tau: Floats
-    tau_measured: Floats
-    command: Floats
-    terminated: NDArray[np.bool_]
-    dt: float
+    reference: Floats  # wanted joint torque [N m]
+    tau: Floats  # joint torque without sensor effects [N m]
+    tau_measured: Floats  # measured joint torque [N m]
+    command: Floats  # motor torque commanded during the step [N m]
+    terminated: NDArray[np.bool_]  # whether the episode passed a safety limit at that step
+    dt: float  # control step [s]
 
     @property
     def t(self) -> Floats:
@@ -92,16 +84,13 @@ class Agent(Protocol):
 class ControllerAgent:
     """A controller of the table with its default gains, or one from a gain file.
 
-    Attributes:
-        word: What `choose` takes, or a `Choice`.
-
     Raises:
         UnknownNameError: There is no such row.
         MissingFileError: There is no such file.
         ConfigurationError: The file is not valid.
     """
 
-    word: str | Choice
+    word: str | Choice  # what `choose` takes, or a `Choice`
     _made: dict[str, Controller] = field(default_factory=dict, repr=False, compare=False)
 
     def __post_init__(self) -> None:

@@ -65,9 +65,6 @@ class RunFolder:
     (status, seeds, versions, git revision, parameter hash), `model.zip` (the model that was best in
     validation), `normalization.npz` where observations or rewards were normalised, `progress.csv`,
     `tensorboard/` and `checkpoints/`.
-
-    Attributes:
-        path: The folder.
     """
 
     path: Path

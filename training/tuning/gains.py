@@ -40,19 +40,12 @@ KNOWN_BY = ("kp", "kd", "derivative", "command_gain")
 
 @dataclass(frozen=True)
 class Choice:
-    """A controller, with gains of its own or those that it takes by default.
-
-    Attributes:
-        name: Name in tables.
-        controller: What `get_entry` takes.
-        gains: Gains that replace its defaults.
-        facts: What is known about them.
-    """
+    """A controller, with gains of its own or those that it takes by default."""
 
     name: str
-    controller: str
-    gains: Mapping[str, float] = field(default_factory=dict)
-    facts: Mapping[str, Any] = field(default_factory=dict)
+    controller: str  # what `get_entry` takes
+    gains: Mapping[str, float] = field(default_factory=dict)  # gains that replace its defaults
+    facts: Mapping[str, Any] = field(default_factory=dict)  # what is known about them
 
     @property
     def entry(self) -> ControllerEntry:

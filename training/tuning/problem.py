@@ -90,30 +90,20 @@ class Search(Asked):
 
 @dataclass(frozen=True)
 class Trial:
-    """One candidate.
-
-    Attributes:
-        gains: Its gains.
-        cost: Error over that of the open loop [-]; 10 and more where a limit is broken.
-        violation: By how much limits are broken.
-    """
+    """One candidate."""
 
     gains: dict[str, float]
-    cost: float
-    violation: float
+    cost: float  # error over that of the open loop [-]; 10 and more where a limit is broken
+    violation: float  # by how much limits are broken
 
 
 @dataclass(frozen=True)
 class Errors:
-    """Mean squared error of every episode, and the task that it drew.
+    """Mean squared error of every episode, and the task that it drew."""
 
-    Attributes:
-        squares: [N^2 m^2], shape (episodes,).
-        task: Index of the reference, or the number of references where the output is moved, shape
-            (episodes,).
-    """
-
-    squares: Floats
+    squares: Floats  # [N^2 m^2], shape (episodes,)
+    # index of the reference, or the number of references where the output is moved, shape
+    # (episodes,)
     task: NDArray[np.int64]
 
     def over(self, base: Errors, rows: NDArray[np.int64] | None = None) -> float:

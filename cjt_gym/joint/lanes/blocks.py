@@ -85,21 +85,13 @@ EXTRAS = ("d_m_extra_n", "d_g_extra_n", "d_l_extra_n")
 
 
 class Blocks(NamedTuple):
-    """The blocks of a batch.
+    """The blocks of a batch."""
 
-    Attributes:
-        rows: The parameters of each block, shape (blocks, rows, WIDTH).
-        scratch: Scratch rows of each thread, shape (threads, SCRATCH_ROWS, WIDTH).
-        stale: Whose parameters have changed since they were read, shape (n,).
-        left: Which joints the last step left to the general kernel, shape (n,).
-        work: Scratch rows of the general code, shape (threads, WORK_ROWS, WORK_WIDTH).
-    """
-
-    rows: Floats
-    scratch: Floats
-    stale: Masks
-    left: Masks
-    work: Floats
+    rows: Floats  # the parameters of each block, shape (blocks, rows, WIDTH)
+    scratch: Floats  # scratch rows of each thread, shape (threads, SCRATCH_ROWS, WIDTH)
+    stale: Masks  # whose parameters have changed since they were read, shape (n,)
+    left: Masks  # which joints the last step left to the general kernel, shape (n,)
+    work: Floats  # scratch rows of the general code, shape (threads, WORK_ROWS, WORK_WIDTH)
 
 
 def kind_of(joint: Joint, voltage: bool) -> Kind | None:

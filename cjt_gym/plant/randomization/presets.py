@@ -27,21 +27,13 @@ NORMAL = 1.96  # standard deviations on either side of the middle that hold 95 %
 
 @dataclass(frozen=True)
 class Width:
-    """How wide a preset is.
+    """How wide a preset is."""
 
-    Attributes:
-        base: Factors on base parameters.
-        size: Factors on how far an effect is from being off.
-        speed: Factors on bandwidths, cut-offs and rate limits.
-        samples: Control steps that delays gain at most.
-        by_tolerance: Whether a tolerance in the joint file goes before `base`.
-    """
-
-    base: tuple[float, float]
-    size: tuple[float, float]
-    speed: Variation
-    samples: float
-    by_tolerance: bool
+    base: tuple[float, float]  # factors on base parameters
+    size: tuple[float, float]  # factors on how far an effect is from being off
+    speed: Variation  # factors on bandwidths, cut-offs and rate limits
+    samples: float  # control steps that delays gain at most
+    by_tolerance: bool  # whether a tolerance in the joint file goes before `base`
 
 
 MILD = Width((0.9, 1.1), (0.7, 1.3), Variation(0.7, 1.3), 1.0, True)

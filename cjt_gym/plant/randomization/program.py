@@ -36,19 +36,12 @@ Span = tuple[float, float]
 
 @dataclass(frozen=True)
 class Plan:
-    """A randomisation that has been checked.
+    """A randomisation that has been checked."""
 
-    Attributes:
-        names: What varies, in the order of the columns of `Draws.values`.
-        nominal: Values without randomisation, shape (names,).
-        program: For compiled code; its rows may be more than the names.
-        delays: Longest value of each delay [s].
-    """
-
-    names: tuple[str, ...]
-    nominal: Floats
-    program: Program
-    delays: Mapping[str, float]
+    names: tuple[str, ...]  # what varies, in the order of the columns of `Draws.values`
+    nominal: Floats  # values without randomisation, shape (names,)
+    program: Program  # for compiled code; its rows may be more than the names
+    delays: Mapping[str, float]  # longest value of each delay [s]
 
     @cached_property
     def within(self) -> bool:

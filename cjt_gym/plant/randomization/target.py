@@ -19,19 +19,12 @@ BODY_INERTIAS = ("I_m", "I_g", "I_l")
 
 @dataclass(frozen=True)
 class Domain:
-    """Values that a number may take.
+    """Values that a number may take."""
 
-    Attributes:
-        low: Lowest value.
-        strict: Whether the lowest value itself is forbidden.
-        high: Highest value.
-        unit: Unit of all of them.
-    """
-
-    low: float
-    strict: bool
-    high: float
-    unit: str
+    low: float  # lowest value
+    strict: bool  # whether the lowest value itself is forbidden
+    high: float  # highest value
+    unit: str  # unit of all of them
 
     def holds(self, low: float, high: float) -> bool:
         """Whether all values from low to high are allowed."""
@@ -45,23 +38,14 @@ class Domain:
 
 @dataclass(frozen=True)
 class Target:
-    """One number that can vary.
+    """One number that can vary."""
 
-    Attributes:
-        name: Its name, such as "k_b" or "coulomb.d_cm".
-        nominal: Its value without randomisation; NaN where the joint gives none.
-        domain: What it may be.
-        fields: Kernel parameters that it changes.
-        replaces: Whether it sets them; else it adds to them what differs from nominal.
-        relative_to: Kernel parameter from which its field is counted, or None.
-    """
-
-    name: str
-    nominal: float
-    domain: Domain
-    fields: tuple[str, ...]
-    replaces: bool = False
-    relative_to: str | None = None
+    name: str  # its name, such as "k_b" or "coulomb.d_cm"
+    nominal: float  # its value without randomisation; NaN where the joint gives none
+    domain: Domain  # what it may be
+    fields: tuple[str, ...]  # kernel parameters that it changes
+    replaces: bool = False  # whether it sets them; else it adds to them what differs from nominal
+    relative_to: str | None = None  # kernel parameter from which its field is counted, or None
 
     def span(self, variation: Variation, owner: str) -> tuple[float, float]:
         """Return the lowest and highest value under a variation.
