@@ -38,9 +38,6 @@ class AdaptiveFriction(CompensatedPd):
     """Feed-forward, PD and a Coulomb friction that is learnt; see the module.
 
     `model`, `kp`, `kd` and `lead` are those of `CompensatedPd`.
-
-    Raises:
-        ConfigurationError: A number is out of range.
     """
 
     rate_hz: float  # bandwidth of the learning, rate / (2 pi J), > 0 [Hz]

@@ -42,11 +42,7 @@ JOINED = "+"
 @final
 @dataclass(eq=False)
 class WithFriction(Controller):
-    """A linear law and a friction that is fed forward beside it.
-
-    Raises:
-        ConfigurationError: A number is out of range.
-    """
+    """A linear law and a friction that is fed forward beside it."""
 
     block: Block
     dt: float  # sample time [s]

@@ -42,12 +42,9 @@ class FilteredDerivative:
         self._y = np.zeros(0)
 
     def step(self, x: Floats, fresh: Mask) -> Floats:
-        """Return the derivative at this sample.
+        """Return the derivative at this sample, shape (n,).
 
-        Args:
-            x: Present values, shape (n,).
-            fresh: Signals without a past, shape (n,): they are taken to have been constant, so
-                that their derivative is zero.
+        Fresh signals have no past: they are taken to have been constant, so that it is zero.
         """
         if self._x.shape != x.shape:
             self._x, self._y = x.copy(), np.zeros_like(x)

@@ -62,9 +62,6 @@ class FrictionFeedForward(CompensatedPd):
     """Feed-forward of friction, and PD; see the module.
 
     `model`, `kp`, `kd` and `lead` are those of `CompensatedPd`.
-
-    Raises:
-        ConfigurationError: A number is out of range.
     """
 
     share: float  # of the friction that is compensated, >= 0 [-]

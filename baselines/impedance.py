@@ -39,11 +39,7 @@ DAMPING_RATIO = 0.5
 @final
 @dataclass(eq=False)
 class Impedance(Controller):
-    """Renders a spring and a damper on a linear torque law; see the module.
-
-    Raises:
-        ConfigurationError: A number is out of range.
-    """
+    """Renders a spring and a damper on a linear torque law; see the module."""
 
     inner: LinearLaw
     stiffness: float  # of the rendered spring, >= 0 [N m/rad]

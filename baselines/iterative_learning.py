@@ -68,9 +68,6 @@ class IterativeLearning(CompensatedPd):
     """Feed-forward, PD, and what was learnt in the trials before; see the module.
 
     `model`, `kp`, `kd` and `lead` are those of `CompensatedPd`.
-
-    Raises:
-        ConfigurationError: A number is out of range, or learning would not converge.
     """
 
     rate: float  # of the learning, > 0 and < 2 [-]
@@ -134,13 +131,7 @@ class IterativeLearning(CompensatedPd):
 
 
 def answer(loop: LoopModel, law: LinearLaw, f: Floats) -> Complex:
-    """Return the response from a torque at the command to the measured torque, shape (points,).
-
-    Args:
-        loop: The joint between the law's command and what it measures.
-        law: The law around it.
-        f: Frequencies [Hz], shape (points,).
-    """
+    """Return the response from a torque at the command to the measured torque, with the law."""
     plant = loop.response(f)[:, :-1]
     back = law.response(f)[:, 1:]
     return np.asarray(plant[:, 0] / (1.0 - np.sum(back * plant, axis=1)))

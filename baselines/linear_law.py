@@ -167,11 +167,7 @@ class LinearLaw:
     def response(self, f: Floats) -> Complex:
         """Return the unlimited response from reference and measured signals to the command.
 
-        Args:
-            f: Frequencies [Hz], shape (points,).
-
-        Returns:
-            Shape (points, 8), in the order of `SIGNALS`.
+        Shape (points, 8) at frequencies f [Hz], in the order of `SIGNALS`.
         """
         a, b = self.unlimited()
         z = np.exp(2j * math.pi * f * self.dt)
@@ -223,10 +219,8 @@ class LawMemory:
     ) -> None:
         """Go on to the next sample with the command that was applied [N m], shape (n,).
 
-        Args:
-            command: The command.
-            back: The g of the law as a block, where something was added to what it proposed.
-            added: What was added, which no limit has to answer for [N m], shape (n,).
+        Where something was added to what the law proposed, for which no limit has to answer [N m],
+        `back` is the g of the law as a block.
         """
         self._w[COMMAND] = command
         self._x = self.law.a @ self._x + self.law.b @ self._w
@@ -237,11 +231,7 @@ class LawMemory:
 @final
 @dataclass(eq=False)
 class LinearController(Controller):
-    """Runs a linear law over a batch of joints; see `LawMemory`.
-
-    Raises:
-        ConfigurationError: A number is out of range.
-    """
+    """Runs a linear law over a batch of joints; see `LawMemory`."""
 
     law: LinearLaw
     torque_limit: float = math.inf  # largest motor torque that is commanded [N m]
@@ -266,14 +256,7 @@ def stack(measurement: Measurement, reference: Floats) -> Floats:
 
 
 def begin(rest: Floats, x: Floats, w: Floats, fresh: Mask) -> Floats:
-    """Return the state with that of fresh joints at rest under their present torque.
-
-    Args:
-        rest: See `LinearLaw.at_rest`.
-        x: State, shape (order, n).
-        w: Signals, shape (9, n).
-        fresh: Joints without a past, shape (n,).
-    """
+    """Return the state with that of fresh joints at `rest` under their present torque."""
     if x.shape[1] != len(fresh):
         x = np.zeros((len(rest), len(fresh)))
     if not fresh.any():

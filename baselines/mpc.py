@@ -43,11 +43,7 @@ PRECISION = 1e-7
 @final
 @dataclass(eq=False)
 class ModelPredictive(Controller):
-    """Model-predictive control; see the module.
-
-    Raises:
-        ConfigurationError: A number is out of range, or the joint's torque cannot be held.
-    """
+    """Model-predictive control; see the module."""
 
     model: SampledJoint
     effort: float  # weight of the command against the torque, > 0 [-]

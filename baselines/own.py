@@ -55,11 +55,7 @@ def _parts(word: str) -> tuple[str, str]:
 @final
 @dataclass(eq=False)
 class OwnController(Controller):
-    """Runs what is no `Controller` itself, within the limit of the joint.
-
-    Raises:
-        ConfigurationError: A number is out of range, or its commands are no numbers.
-    """
+    """Runs what is no `Controller` itself, within the limit of the joint."""
 
     law: Any  # anything with `act` and `reset`
     name: str  # its name, for errors
@@ -122,11 +118,7 @@ def own_entry(word: str) -> ControllerEntry:
 
 
 def entry_of(word: str, name: str, make: Callable[..., Any]) -> ControllerEntry:
-    """Return the row of what makes a controller.
-
-    Raises:
-        ConfigurationError: A gain that it lists is none.
-    """
+    """Return the row of what makes a controller."""
     tunable = tuple(getattr(make, "tunable", ()))
     if not all(isinstance(gain, Gain) and gain.usual is not None for gain in tunable):
         raise ConfigurationError(

@@ -83,14 +83,9 @@ class PdFeedForward(Controller):
 def pd_feedforward_law(
     kp: float, kd: float, dt: float, lead: float = 1.0, cutoff_hz: float | None = None
 ) -> LinearLaw:
-    """Return the law; see `PdFeedForward`.
+    """Return the law; see `PdFeedForward`, and `cjt_gym.baselines.pid.derivative` for the cut-off.
 
-    Args:
-        kp: Proportional gain [-].
-        kd: Derivative gain [s].
-        dt: Sample time [s].
-        lead: With at least 0.5 the derivative is that of the error.
-        cutoff_hz: Of the derivative; see `cjt_gym.baselines.pid.derivative` [Hz].
+    With a `lead` of at least 0.5 the derivative is that of the error.
     """
     return assemble(dt, pid(kp, 0.0, kd, dt, lead, 1.0, cutoff_hz))
 

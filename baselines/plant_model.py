@@ -32,9 +32,6 @@ class SampledJoint:
     Attributes:
         joint: The joint.
         dt: Sample time [s].
-
-    Raises:
-        ConfigurationError: The sample time is not > 0.
     """
 
     joint: Joint

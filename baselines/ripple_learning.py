@@ -47,9 +47,6 @@ class RippleLearning(CompensatedPd):
     """PD and a ripple that is learnt over the motor angle; see the module.
 
     `model`, `kp`, `kd` and `lead` are those of `CompensatedPd`.
-
-    Raises:
-        ConfigurationError: A number is out of range.
     """
 
     rate: float  # of the learning, > 0 [1/s]

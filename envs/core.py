@@ -92,9 +92,8 @@ class Episodes:
     def reset(self, options: Mapping[str, Any] | None = None) -> None:
         """Begin all episodes anew.
 
-        Args:
-            options: {"parameters": {name: value}} fixes exact parameters, without any
-                randomisation, until the next call; any other key is an error.
+        The options {"parameters": {name: value}} fix exact parameters, without any randomisation,
+        until the next call.
         """
         given = dict(options or {})
         fixed = given.pop("parameters", None)
@@ -114,12 +113,7 @@ class Episodes:
     def step(self, action: NDArray[np.floating[Any]]) -> None:
         """Advance all episodes by one control step.
 
-        Args:
-            action: In [-1, 1], shape (num, 1); values outside are clipped.
-
-        Raises:
-            ConfigurationError: The action has the wrong shape or is not finite.
-            SimulationError: A state ceased to be finite.
+        Actions, shape (num, 1), are clipped to [-1, 1].
         """
         action = np.asarray(action)
         if action.shape != (self.num, 1):
@@ -130,11 +124,7 @@ class Episodes:
     def step_or_begin(self, action: NDArray[np.floating[Any]], ended: NDArray[np.bool_]) -> None:
         """Advance by one control step, but begin those anew that ended in the step before.
 
-        These take no action, and have no reward in this step.
-
-        Args:
-            action: See `step`.
-            ended: Which episodes ended, shape (num,).
+        These, `ended` of shape (num,), take no action, and have no reward in this step.
         """
         if not ended.any():
             self.step(action)
@@ -204,12 +194,8 @@ class Episodes:
     def choose(self, action: NDArray[np.floating[Any]], measured: Measurement) -> Floats:
         """Return the motor torques that an action and the base controller command, (num,) [N m].
 
-        Args:
-            action: In [-1, 1], shape (num, 1); values outside are clipped.
-            measured: What the base controller goes by.
-
-        Raises:
-            ConfigurationError: The action has the wrong shape or is not finite.
+        The base controller goes by what is measured; actions, shape (num, 1), are clipped to [-1,
+        1].
         """
         action = np.asarray(action, dtype=np.float64)
         if action.shape != (self.num, 1) or not np.isfinite(action).all():

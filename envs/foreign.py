@@ -48,11 +48,7 @@ class ForeignEpisode:
     def choose(self, action: NDArray[np.floating[Any]]) -> Floats:
         """Return the motor torque that an action and the base controller command, (1,) [N m].
 
-        Args:
-            action: In [-1, 1], shape (1, 1); values outside are clipped.
-
-        Raises:
-            ConfigurationError: The action has the wrong shape or is not finite.
+        The action, shape (1, 1), is clipped to [-1, 1].
         """
         return self.episodes.choose(action, self.measured)
 

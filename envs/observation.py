@@ -92,9 +92,6 @@ class Layout:
         n: Gear ratio; the rotor's angle is n q_m.
         dt: Control step [s].
         joint_numbers: What of the joint's datasheet ends an observation.
-
-    Raises:
-        ConfigurationError: A number is out of its range.
     """
 
     preview: int

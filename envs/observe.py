@@ -166,12 +166,7 @@ def rotor_angle(task: Task, q_m: float) -> float:
 def observe(task: Task, i: int, now: Seen, rotor: tuple[float, float], begun: bool) -> None:
     """Write the observation of episode i, which has begun before or begins.
 
-    Args:
-        task: The task.
-        i: Which episode.
-        now: What is seen of its joint.
-        rotor: Sine and cosine of the measured angle of the rotor.
-        begun: Whether it goes on from an observation before.
+    `rotor` is the sine and cosine of the rotor's measured angle.
     """
     out, t = task.observation[i], now.k * task.dt
     for ahead in range(task.preview + 1):
@@ -184,13 +179,10 @@ def observe(task: Task, i: int, now: Seen, rotor: tuple[float, float], begun: bo
 
 @inlined
 def put_sample(out: NDArray[np.float32], sample: Observed, divisors: Floats, begun: bool) -> None:
-    """Put a sample into an observation, before those of the past.
+    """Put a sample, over its divisors, into an observation, before those of the past.
 
-    Args:
-        out: What follows the reference in the observation before, shape (3 + 4 history,).
-        sample: The sample.
-        divisors: What divides it, shape (7,).
-        begun: Whether there is a past; the first sample stands for all of it.
+    `out` is what follows the reference in the observation before, shape (3 + 4 history,). Before an
+    episode has begun there is no past, and its first sample stands for all of it.
     """
     for j in range(PRESENT):
         out[j] = limited(sample[j] / divisors[j])

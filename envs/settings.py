@@ -117,15 +117,11 @@ def default_amplitude(p: JointParameters) -> float:
 
 
 def joint_numbers(joint: Joint, amplitude: float) -> tuple[float, ...]:
-    """Return what tells joints apart once torques are divided by an amplitude.
+    """Return what tells joints apart once torques are divided by an amplitude [N m].
 
     With f the frequency of motor and gear on the spring, ln(f / 20 Hz) and (20 Hz / f)^2, which is
     the torque that accelerates over that which stretches the spring at 20 Hz; the Coulomb friction
     of motor and gear and the noise of the torque sensor, both over the amplitude.
-
-    Args:
-        joint: The joint as its datasheet has it.
-        amplitude: Torque amplitude [N m].
     """
     p = joint.parameters
     if "k_b" not in p or joint.structure == "rigid":

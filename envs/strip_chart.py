@@ -17,20 +17,12 @@ COLOURS = ("#888888", "#0b6fb8", "#d9822b")
 
 
 class StripChart:
-    """The last second of an episode, where it is to be drawn.
-
-    Raises:
-        UnknownNameError: There is no such mode.
-        ConfigurationError: matplotlib is not installed.
-    """
+    """The last second of an episode, where it is to be drawn."""
 
     def __init__(self, mode: str | None, dt: float, labels: tuple[str, ...] = LABELS) -> None:
-        """Prepare an empty chart.
+        """Prepare an empty chart of torques, one sample every `dt` [s].
 
-        Args:
-            mode: "human" for a window, "rgb_array" for images, None to draw nothing.
-            dt: Time between two samples [s].
-            labels: What the torques are.
+        The mode is "human" for a window, "rgb_array" for images, None to draw nothing.
         """
         self.mode = mode
         if mode is None:

@@ -38,11 +38,7 @@ def run(options: argparse.Namespace) -> Answer:
 
 
 def chosen(what: Sequence[str]) -> dict[str, list[dict[str, Any]]]:
-    """Return the tables, or the rows, of those names; all tables where none is named.
-
-    Raises:
-        UnknownNameError: There is no such table, and no such row.
-    """
+    """Return the tables, or the rows, of those names; all tables where none is named."""
     tables = describe()
     paths = [word for word in what if is_path(word)]
     tables["joints"] += [_joint(path) | {"name": path} for path in paths]

@@ -180,19 +180,8 @@ def simulate(
 ) -> Record:
     """Run a joint in closed loop and return the record.
 
-    Args:
-        joint: The joint.
-        reference: Wanted joint torque [N m].
-        controller: Name of the controller, gain file, or `NONE` for a reference that is the
-            motor's torque.
-        duration: [s].
-        dt: Control step [s].
-        dt_physics: Substep [s].
-        seed: Seed of the sensors' noise, and of what is drawn.
-        randomize: What varies about the joint, see `resolve_randomization`.
-
-    Returns:
-        Row k holds what was true, measured, wanted and commanded at t = k dt.
+    The reference is the wanted joint torque or, with the controller `NONE`, the motor's [N m]. Row
+    k holds what was true, measured, wanted and commanded at t = k dt.
     """
     if not (np.isfinite(duration) and duration >= dt):
         raise ConfigurationError(f"--duration must be >= one control step, got {duration} s.")

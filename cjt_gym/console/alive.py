@@ -45,9 +45,8 @@ class Alive:
     def __init__(self, until_a_word: bool = False) -> None:
         """Prepare.
 
-        Args:
-            until_a_word: Whether to be silent for good once the command has written anything, as
-                those do that then wait for others.
+        With `until_a_word` it is silent for good once the command has written anything, for those
+        that then wait for others.
         """
         self.doing, self._until_a_word = LOADING, until_a_word
         self._lock, self._over = threading.RLock(), threading.Event()

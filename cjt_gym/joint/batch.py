@@ -107,16 +107,8 @@ class JointBatch:
     ) -> None:
         """Allocate and discretise `num` identical joints, at rest at the origin.
 
-        Args:
-            joint: The joint.
-            num: How many.
-            dt: Control step [s].
-            dt_physics: Substep [s]; dt is a whole multiple of it.
-            voltage: Whether commands are voltages [V] instead of currents [A].
-            longest_delay: Longest delay that will be set later [s].
-
-        Raises:
-            ConfigurationError: The steps do not fit, or the substep is too long for the drive.
+        `dt` is a whole multiple of the substep `dt_physics`, and `longest_delay` that which will be
+        set later [s]; with `voltage` commands are voltages [V] instead of currents [A].
         """
         structure = joint.structure_row
         substeps = substeps_of(dt, dt_physics)
@@ -205,9 +197,6 @@ class JointBatch:
         Args:
             commands: Commands on the q and d axes, shape (num, 2) [A or V].
             load: Load torque [N m] or load velocity [rad/s], shape (num,).
-
-        Raises:
-            SimulationError: A state ceased to be finite; it carries the last good states.
         """
         mask, left = self._all, self.arrays.tau.shape[0]
         if self.blocks is not None and self.kind is not None:

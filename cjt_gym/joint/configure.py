@@ -58,11 +58,6 @@ def resolve_effects(
         file: The joint file.
         structure: Where they act.
         drive: Name of the drive.
-
-    Raises:
-        UnknownNameError: An effect or one of its parameters is not in the table.
-        ParameterError: A value is missing, not finite, out of its domain or without effect, or
-            an effect cannot act in the structure.
     """
     given, assumed = _requested(spec, file)
     everything = given.pop(ALL, None) is not None

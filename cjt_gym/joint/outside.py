@@ -33,11 +33,7 @@ def tell_outside(file: JointFile, met: Met) -> None:
     """Warn, once, that a simulation leaves the ranges in which a joint was identified.
 
     Rest is always within; so is what goes beyond a range by a tenth of its largest value, and a
-    frequency within an octave.
-
-    Args:
-        file: The joint file, whose [found] states the ranges.
-        met: Lowest and highest value by quantity, in the units of the file.
+    frequency within an octave. `met` is in the units of the file, whose [found] states the ranges.
     """
     if is_told(file):
         return

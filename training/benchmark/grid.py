@@ -234,17 +234,9 @@ def run_grid(
 ) -> list[dict[str, Any]]:
     """Run cells, or take what the folder keeps of them; return their results in order.
 
-    Args:
-        cells: The grid.
-        folder: Where results are kept. Workers on other machines must see it.
-        jobs: Processes side by side; -1 for one per core.
-        backend: Of joblib, one of `BACKENDS`. For "ray" and "dask" a cluster that is already
-            there is used, as their environment variables say, else one on this machine.
-        report: Told each result as it comes.
-
-    Raises:
-        UnknownNameError: There is no such backend.
-        ConfigurationError: The backend is not installed.
+    The folder must be seen by workers on other machines too. `jobs` processes work side by side, -1
+    for one per core. For "ray" and "dask" a cluster that is already there is used, as their
+    environment variables say, else one on this machine.
     """
     check_name("backend", backend, BACKENDS)
     if jobs < 1 and jobs != -1:
@@ -289,22 +281,9 @@ def make_cells(
     episodes: int,
     **others: Any,
 ) -> list[Cell]:
-    """Return the cells of a grid.
+    """Return the cells of a grid; `others` are those that `Cell` inherits, and its amplitude.
 
-    Args:
-        controllers: Names of controllers, or gain files.
-        policies: Run folders.
-        joints: Names of joints, or paths of their files.
-        structures: Structures.
-        tasks: Tasks; those that do not exist for a structure are left out there.
-        seeds: Blocks of held-out episodes.
-        episodes: Of each task and seed.
-        **others: Amplitude, drive, effects and randomization, see `Cell`.
-
-    Raises:
-        ConfigurationError: There is no agent, two have the same name, or a task exists nowhere.
-        UnknownNameError: A name is not known.
-        MissingFileError: A file or folder does not exist.
+    Tasks that do not exist for a structure are left out there.
     """
     agents = make_agents(controllers, policies)
     words = [(word, False) for word in controllers] + [(str(word), True) for word in policies]

@@ -88,12 +88,8 @@ def check(
 ) -> Checked:
     """Compare an exported file with its policy, on what that measures in an episode.
 
-    Args:
-        agent: The policy.
-        path: The file.
-        target: "numpy", "onnx" or "c".
-        header: Text of the header, for "c", with the prefix "policy".
-        records: Recorded signals to compare on, too.
+    The target is "numpy", "onnx" or "c", for which `header` is the text with the prefix "policy";
+    records are recorded signals to compare on, too.
     """
     runs = [recorded(agent), *(replayed(agent, record) for record in records)]
     try:

@@ -40,10 +40,6 @@ class Exported(Trained):
         base: The controller that it adds to; None where there is none, or none that can be written
             as numbers.
         limit: Largest motor torque that is commanded [N m].
-
-    Raises:
-        ConfigurationError: The network does not take what the layout makes, or gives more than one
-            action.
     """
 
     name: str

@@ -13,13 +13,7 @@ if TYPE_CHECKING:  # torch is only loaded for a run folder
 
 
 def load_agent(word: str | Path) -> PolicyAgent | Exported:
-    """Return the policy of a run folder, of a file of `cjt-gym export --to numpy`, or of a name.
-
-    Raises:
-        UnknownNameError: There is neither a folder nor a policy that ships of that name.
-        MissingFileError: There is no such path.
-        ConfigurationError: It is not of ours, or the run has no model yet.
-    """
+    """Return the policy of a run folder, of a file of `cjt-gym export --to numpy`, or of a name."""
     path = policy_path(word)
     if path.suffix == ".npz":
         return load_exported(path)

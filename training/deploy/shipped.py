@@ -32,12 +32,7 @@ def policy_names() -> list[str]:
 
 
 def policy_card(name: str) -> Card:
-    """Return the card of a policy that ships.
-
-    Raises:
-        UnknownNameError: None of that name ships.
-        ConfigurationError: Its card lacks something.
-    """
+    """Return the card of a policy that ships."""
     check_name("policy", name, policy_names())
     path = _folder() / f"{name}.toml"
     told = read_toml(path, ConfigurationError)
@@ -51,9 +46,6 @@ def policy_path(word: str | Path) -> Path:
     """Return the file of a policy that ships where a word is its name, else the word as a path.
 
     A run folder or file of that name comes first.
-
-    Raises:
-        UnknownNameError: It looks like a name, and none of that name ships.
     """
     path, text = Path(word), str(word)
     if path.exists() or len(path.parts) > 1 or path.suffix:

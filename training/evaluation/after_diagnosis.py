@@ -96,13 +96,8 @@ def in_the_loop(
 ) -> InTheLoop:
     """Replay a record under its controller, and run the agents in both joints.
 
-    Args:
-        found: The diagnosis.
-        nominal: The joint before it.
-        structure: How its bodies are joined.
-        fitted: Records that were diagnosed.
-        held: Records that were kept from it; the comparison prefers them.
-        agents: See `agents_for`.
+    The nominal joint is that before the diagnosis. Records that were held back from it are
+    preferred to those that were fitted; for the agents see `agents_for`.
     """
     record = _tracking([*held, *fitted])
     if record is None:

@@ -54,14 +54,8 @@ def rank(
 ) -> list[Place]:
     """Return the agents in order of their score.
 
-    Args:
-        squares: By agent, by task, the mean squared error of every episode [N^2 m^2]; the episodes
-            are the same for all agents.
-        powers: Likewise the mean square of the reference.
-        seed: Of the draws.
-
-    Raises:
-        ConfigurationError: Agents have no task in common, or another number of episodes.
+    By agent, by task, the mean squared error of every episode and the mean square of its reference
+    [N^2 m^2]; the episodes are the same for all agents.
     """
     names = list(squares)
     tasks = [t for t in squares[names[0]] if all(t in squares[n] for n in names)] if names else []

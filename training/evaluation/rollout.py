@@ -82,13 +82,7 @@ class Agent(Protocol):
 
 @dataclass(frozen=True)
 class ControllerAgent:
-    """A controller of the table with its default gains, or one from a gain file.
-
-    Raises:
-        UnknownNameError: There is no such row.
-        MissingFileError: There is no such file.
-        ConfigurationError: The file is not valid.
-    """
+    """A controller of the table with its default gains, or one from a gain file."""
 
     word: str | Choice  # what `choose` takes, or a `Choice`
     _made: dict[str, Controller] = field(default_factory=dict, repr=False, compare=False)

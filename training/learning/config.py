@@ -214,10 +214,6 @@ def load_config(path: str | Path) -> TrainConfig:
 
     Args:
         path: A TOML file, or the name of one that ships with the package, such as "demo".
-
-    Raises:
-        MissingFileError: There is no such file.
-        ConfigurationError: It is not valid.
     """
     file = _find(path)
     data = read_toml(file, ConfigurationError)

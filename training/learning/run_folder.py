@@ -154,12 +154,7 @@ class RunFolder:
 
 
 def open_run(path: str | Path) -> RunFolder:
-    """Return the run in a folder.
-
-    Raises:
-        MissingFileError: There is no such folder.
-        ConfigurationError: The folder holds something else.
-    """
+    """Return the run in a folder."""
     folder = Path(path)
     if not folder.is_dir():
         raise MissingFileError(

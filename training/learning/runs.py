@@ -26,12 +26,7 @@ COLUMNS = (
 
 
 def find_runs(paths: Sequence[str | Path]) -> list[RunFolder]:
-    """Return the runs in some folders and below them, by path.
-
-    Raises:
-        MissingFileError: A folder does not exist.
-        ConfigurationError: There is none.
-    """
+    """Return the runs in some folders and below them, by path."""
     found: dict[Path, RunFolder] = {}
     for path in map(Path, paths):
         if not path.is_dir():

@@ -113,11 +113,7 @@ def measured(agent: Agent, config: TrainConfig, episodes: int) -> tuple[float, f
 
 
 def search(plan: Plan) -> optuna.Study:
-    """Run the trials that are missing, write `best.toml` if one is feasible; return the study.
-
-    Raises:
-        CjtGymError: Recipe or controller cannot be used.
-    """
+    """Run the trials that are missing, write `best.toml` if one is feasible; return the study."""
     if plan.trials < 1 or plan.steps < 1 or plan.episodes < 1:
         raise ConfigurationError(
             f"--trials, --steps and --episodes must be >= 1, got {plan.trials}, {plan.steps} and "

@@ -91,14 +91,7 @@ class Choice:
 def choose(word: str | Path) -> Choice:
     """Return the controller of that name, or the one in a gain file (*.toml).
 
-    Args:
-        word: What `get_entry` takes, a gain file, or PATH.py:NAME@FILE.toml, a controller of one's
-            own with the gains of a file.
-
-    Raises:
-        UnknownNameError: There is no such controller or gain.
-        MissingFileError: There is no such file.
-        ConfigurationError: The file is not valid.
+    PATH.py:NAME@FILE.toml is a controller of one's own with the gains of a file.
     """
     name, _, file = str(word).partition(WITH)
     if is_own(name):
@@ -145,13 +138,7 @@ def write_gains(
 
 
 def read_gains(path: str | Path) -> Choice:
-    """Read a gain file.
-
-    Raises:
-        MissingFileError: There is no such file.
-        ConfigurationError: It is not valid.
-        UnknownNameError: There is no such controller or gain.
-    """
+    """Read a gain file."""
     return _read(path, None)
 
 

@@ -54,9 +54,6 @@ class Limits:
             sensor's noise, from the noise of all sensors [-].
         port_share: Damping of the environment with which the output must be passive, as a share
             of `port_resistance` [-].
-
-    Raises:
-        ConfigurationError: A limit is out of range.
     """
 
     gain_margin: float = 2.0

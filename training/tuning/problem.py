@@ -52,10 +52,6 @@ class Search(Asked):
             ones compare the best with the designed gains.
         limits: What the loop must keep.
         dt: Sample time [s].
-
-    Raises:
-        UnknownNameError: There is no such controller.
-        ConfigurationError: It has no gains, or budget or seed is out of range.
     """
 
     controller: str

@@ -113,12 +113,9 @@ def tune(
 ) -> Outcome:
     """Search for gains.
 
-    Args:
-        search: What to tune.
-        trials: File that keeps every candidate, one JSON line each. A search that was stopped
-            is resumed; with other settings it starts again.
-        jobs: Processes side by side.
-        report: Told how many candidates were tried, and the least cost.
+    The file of trials keeps every candidate, one JSON line each: a search that was stopped is
+    resumed; with other settings it starts again. `report` is told how many were tried, and the
+    least cost.
     """
     problem = Problem(search)
     log = TrialLog(search, trials)

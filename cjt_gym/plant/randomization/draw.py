@@ -85,17 +85,9 @@ def normal_quantile(u: float) -> float:
 
 @compiled
 def refresh(program: Program, draws: Draws, rng: NDArray[np.uint64], i: int, step: int) -> int:
-    """Draw the scores of joint i that are due.
+    """Draw the scores of joint i that are due `step` control steps after its episode began.
 
-    Args:
-        program: What varies.
-        draws: What has been drawn.
-        rng: Random streams, shape (n,).
-        i: Which joint.
-        step: Control steps since the episode began; 0 begins one.
-
-    Returns:
-        NOTHING, SOME, or LINEAR if a parameter that enters the discretisation changes.
+    Returns NOTHING, SOME, or LINEAR if a parameter that enters the discretisation changes.
     """
     found, scores = NOTHING, draws.scores[i]
     for k in range(program.sources.shape[0]):

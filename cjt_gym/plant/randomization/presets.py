@@ -95,10 +95,6 @@ def identified(joint: Joint) -> Variations:
     where the draws stay; a tolerance is one sigma, relative. That of the amplitudes of a ripple
     becomes one of its scale; frequencies of ripples count as exact. A value that replaces that of
     the file has none of these.
-
-    Raises:
-        ConfigurationError: The file gives none of them to anything that acts.
-        ParameterError: [found.covariance] is not one.
     """
     found = {}
     for name, quantity in joint.parameters.quantities.items():

@@ -56,17 +56,7 @@ class Plan:
 
 
 def compile_plan(joint: Joint, variations: Mapping[str, Variation], dt: float) -> Plan:
-    """Return the plan of a randomisation.
-
-    Args:
-        joint: The nominal joint.
-        variations: What varies, by name.
-        dt: Control step [s].
-
-    Raises:
-        UnknownNameError: A name is not a parameter of the joint or of an active effect.
-        ConfigurationError: A value could leave its domain, or times do not fit.
-    """
+    """Return the plan of a randomisation, for control steps of `dt` [s]."""
     owner = joint.parameters.name
     pairs = [(find_target(joint, name), v) for name, v in variations.items()]
     sources, mixed = _sources(variations, dt)
@@ -108,12 +98,7 @@ def compile_plan(joint: Joint, variations: Mapping[str, Variation], dt: float) -
 
 
 def exact_plan(joint: Joint, values: Mapping[str, float], dt: float) -> Plan:
-    """Return the plan that sets exact values.
-
-    Raises:
-        UnknownNameError: A name is not a parameter of the joint or of an active effect.
-        ConfigurationError: A value is not finite or out of its domain.
-    """
+    """Return the plan that sets exact values."""
     if not isinstance(values, Mapping):
         raise ConfigurationError(
             f"Exact parameters are a mapping of names to values, got {values!r}."

@@ -48,15 +48,7 @@ class Target:
     relative_to: str | None = None  # kernel parameter from which its field is counted, or None
 
     def span(self, variation: Variation, owner: str) -> tuple[float, float]:
-        """Return the lowest and highest value under a variation.
-
-        Args:
-            variation: How it varies.
-            owner: Whose number it is, for messages.
-
-        Raises:
-            ConfigurationError: A value would leave the domain, or there is none to start from.
-        """
+        """Return the lowest and highest value under a variation; messages name the owner."""
         if math.isnan(self.nominal) and variation.operation != "set":
             raise ConfigurationError(
                 f"randomization of {self.name} cannot {variation.operation} a value that {owner} "
@@ -89,15 +81,7 @@ def variable_names(joint: Joint) -> tuple[str, ...]:
 
 
 def find_target(joint: Joint, name: str) -> Target:
-    """Return what a name stands for.
-
-    Args:
-        joint: The joint, whose active effects can vary.
-        name: A parameter such as "k_b", or "effect.parameter" such as "coulomb.d_cm".
-
-    Raises:
-        UnknownNameError: No such parameter, or an effect that is not active.
-    """
+    """Return what a name such as "k_b" or, of an active effect, "coulomb.d_cm" stands for."""
     if "." not in name:
         if name not in BASE_FIELDS:
             raise unknown_name("parameter to randomise", name, variable_names(joint))
