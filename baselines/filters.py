@@ -18,10 +18,6 @@ class FilteredDerivative:
 
         y[k] = a y[k-1] + b (x[k] - x[k-1]),  a = (2 - w dt) / (2 + w dt),  b = 2 w / (2 + w dt)
 
-    Attributes:
-        a: Pole.
-        b: Gain of a difference [1/s].
-
     References:
         Franklin, Powell, Workman (1998), Digital Control of Dynamic Systems, section 6.1.
 

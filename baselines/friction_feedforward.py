@@ -32,20 +32,12 @@ SMOOTHING = 0.02
 
 
 class KnownFriction:
-    """The friction that a joint file names, at the velocity that the reference asks for.
-
-    Attributes:
-        share: Of the friction that is given.
-        smoothing: w_0 [rad/s].
-        coulomb: Of motor and gear [N m].
-        viscous: Of motor and gear [N m s/rad].
-        velocity: The velocity.
-    """
+    """The friction that a joint file names, at the velocity that the reference asks for."""
 
     def __init__(self, joint: Joint, dt: float, share: float, smoothing: float) -> None:
         p = joint.parameters
         self.share, self.smoothing = share, smoothing
-        self.coulomb = p.get("d_cm", 0.0) + p.get("d_cg", 0.0)
+        self.coulomb = p.get("d_cm", 0.0) + p.get("d_cg", 0.0)  # of motor and gear [N m]
         self.viscous = p.get("d_m", 0.0) + p.get("d_g", 0.0)
         self.velocity = ReferenceVelocity(joint, dt)
 

@@ -197,9 +197,6 @@ class LawMemory:
 
     After a reset the memory is that of a joint that has been at rest under its present torque for
     ever, with that torque as reference and as command.
-
-    Attributes:
-        law: The law.
     """
 
     def __init__(self, law: LinearLaw) -> None:

@@ -28,17 +28,7 @@ Reward = Callable[[Mapping[str, NDArray[Any]]], NDArray[Any]]
 
 
 class Episodes:
-    """`num` episodes that advance together; a single environment is a batch of one.
-
-    Attributes:
-        settings: The task.
-        plant: The joints.
-        task: Arrays of the episodes.
-        observation_space: Of one episode.
-        action_space: Of one episode.
-        base: Motor torque of the base controller in the last step, shape (num,) [N m].
-        residual: Motor torque of the action in the last step, shape (num,) [N m].
-    """
+    """`num` episodes that advance together; a single environment is a batch of one."""
 
     def __init__(self, num: int, **arguments: Any) -> None:
         """Prepare the episodes; arguments are those of `TaskArguments`."""
@@ -57,6 +47,7 @@ class Episodes:
         self.action_space = spaces.Box(-1.0, 1.0, (1,), np.float32)
         limit, per_ampere = self.plant.limits.tau, s.joint.parameters.k_t * s.joint.parameters.n
         self.control = make_control(num, s.layout.action, limit, per_ampere)
+        # of the last step, shape (num,) [N m]
         self.base, self.residual = self.control.base, self.control.residual
         self.plant.batch.use_blocks(s.joint, threads_for(num))
         self._connect()

@@ -24,12 +24,7 @@ class ForeignEpisode:
     """One episode after the other on such a joint.
 
     A step is `choose`, then the joint moves, then `advance` with what it measures, and `conclude`.
-
-    Attributes:
-        episodes: The task, as a batch of one whose simulated joint stands still.
-        task: Its arrays.
-        measured: The latest measurement.
-        steps: Control steps since the episode began.
+    The task is that of a batch of one whose simulated joint stands still.
     """
 
     def __init__(self, episodes: Episodes) -> None:

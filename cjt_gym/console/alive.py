@@ -36,11 +36,7 @@ class Watched:
 
 
 class Alive:
-    """Watches what a command writes, and writes to standard error where that is nothing.
-
-    Attributes:
-        doing: What the command is doing, in words.
-    """
+    """Watches what a command writes, and writes to standard error where that is nothing."""
 
     def __init__(self, until_a_word: bool = False) -> None:
         """Prepare.

@@ -86,14 +86,7 @@ def restart_some(batch: Batch, setup: Setup, mask: NDArray[np.bool_], load: Floa
 
 
 class JointBatch:
-    """The state of `num` joints and the compiled steps over them.
-
-    Attributes:
-        arrays: What the kernel works on.
-        setup: What the joints share.
-        kind: What the joints have in common where blocks can step them, or None.
-        blocks: The blocks, or None.
-    """
+    """The state of `num` joints and the compiled steps over them."""
 
     def __init__(
         self,
@@ -159,7 +152,7 @@ class JointBatch:
         )
         self.arrays.memory[:, MEMORY:] = table.ravel()
         self._all = np.ones(num, dtype=np.bool_)
-        self.kind: Kind | None = None
+        self.kind: Kind | None = None  # where blocks can step them
         self.blocks: Blocks | None = None
         self.discretize()
 

@@ -90,7 +90,7 @@ class Cell(Asked):
     def load(self) -> Agent:
         """Return the agent."""
         if self.is_policy:
-            from cjt_gym.training.deploy.load_agent import load_agent
+            from cjt_gym.training.deploy.shipped import load_agent
 
             return load_agent(self.agent)
         return ControllerAgent(self.agent)

@@ -31,7 +31,7 @@ def make_agents(controllers: Sequence[str], policies: Sequence[str | Path]) -> l
     """
     agents: list[Agent] = [ControllerAgent(name) for name in controllers]
     if policies:
-        from cjt_gym.training.deploy.load_agent import load_agent
+        from cjt_gym.training.deploy.shipped import load_agent
 
         agents += [load_agent(path) for path in policies]
     names = [agent.name for agent in agents]

@@ -24,7 +24,6 @@ from cjt_gym.records import Record
 from cjt_gym.training.deploy.exported import Exported, load_exported
 from cjt_gym.training.deploy.fast_policy import exported
 from cjt_gym.training.deploy.onnx_file import OnnxStepper
-from cjt_gym.training.deploy.signals import used_inputs
 from cjt_gym.training.deploy.stepper import Stepper
 from cjt_gym.training.learning.config import VALIDATION_SEEDS, environment_arguments
 from cjt_gym.training.learning.policy import PolicyAgent
@@ -172,7 +171,7 @@ def _columns(record: Record, policy: Exported, layout: Layout) -> dict[str, Floa
             f"{record.owner} has a sample time of {record.dt:g} s; the policy {policy.name} runs "
             f"every {layout.dt:g} s. Record at that rate."
         )
-    used = used_inputs(policy)
+    used = policy.uses
     names = {"tau_ref": "reference", **{name: name for name in MEASURED}}
     missing = [name for name, signal in names.items() if signal in used and name not in record]
     if missing:

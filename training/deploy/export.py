@@ -16,8 +16,8 @@ from cjt_gym.training.deploy.c_header import c_header
 from cjt_gym.training.deploy.check import TOLERANCE, check
 from cjt_gym.training.deploy.exported import save_exported
 from cjt_gym.training.deploy.fast_policy import exported
-from cjt_gym.training.deploy.load_agent import load_agent
 from cjt_gym.training.deploy.onnx_file import write_onnx
+from cjt_gym.training.deploy.shipped import load_agent
 
 
 @dataclass(frozen=True)

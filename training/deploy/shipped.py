@@ -10,9 +10,14 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from importlib import resources
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from cjt_gym.disk import read_toml
 from cjt_gym.errors import ConfigurationError, UnknownNameError, check_name, unknown_name
+
+if TYPE_CHECKING:  # torch is only loaded for a run folder
+    from cjt_gym.training.deploy.exported import Exported
+    from cjt_gym.training.learning.policy import PolicyAgent
 
 
 @dataclass(frozen=True)
@@ -54,6 +59,18 @@ def policy_path(word: str | Path) -> Path:
         return _folder() / f"{text}.npz"
     known = unknown_name("policy", text, policy_names())
     raise UnknownNameError(f"{known} Or give the path of a run folder or of an exported policy.")
+
+
+def load_agent(word: str | Path) -> PolicyAgent | Exported:
+    """Return the policy of a run folder, of a file of `cjt-gym export --to numpy`, or of a name."""
+    path = policy_path(word)
+    if path.suffix == ".npz":
+        from cjt_gym.training.deploy.exported import load_exported
+
+        return load_exported(path)
+    from cjt_gym.training.learning.policy import load_policy
+
+    return load_policy(path)
 
 
 def _folder() -> Path:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -50,7 +50,7 @@ class InTheLoop:
         """Return what diagnosis.json has of it, as plain data."""
         return {
             "closed_loop": None if self.replay is None else _plain(self.replay),
-            "performance": [gap.to_dict() for gap in self.performance],
+            "performance": [asdict(gap) for gap in self.performance],
         }
 
     def tables(self) -> tuple[Table, ...]:

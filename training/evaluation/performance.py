@@ -8,7 +8,7 @@ explains.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,7 @@ from cjt_gym.joint.arrays import Floats
 from cjt_gym.plant.simulated import DT_PHYSICS
 from cjt_gym.records import Record
 from cjt_gym.signals import Signal
+from cjt_gym.training.evaluation import metrics
 from cjt_gym.training.evaluation.conditions import EVALUATION_SEEDS, Conditions
 from cjt_gym.training.evaluation.rollout import Agent, ControllerAgent, Traces, run_episodes
 
@@ -54,10 +55,6 @@ class PerformanceGap:
     # one takes away; None without a recorded world
     removed: float | None
     note: str  # what to know about the comparison
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the same as plain data."""
-        return asdict(self)
 
 
 def performance_gap(
@@ -175,11 +172,10 @@ def _command(record: Record, nominal: Joint) -> Floats | None:
 def _performance(traces: Traces, amplitude: float) -> Performance:
     measured = replace(traces, tau=traces.tau_measured)
     low, high = _interval(measured)
-    rmse = float(np.sqrt(np.mean(measured.error**2)))
     return Performance(
         float(np.mean(rewards(measured, amplitude))),
-        rmse,
-        rmse / float(np.sqrt(np.mean(traces.reference**2))),
+        metrics.rmse(measured),
+        metrics.nrmse(measured),
         low,
         high,
         float(np.mean(traces.terminated.any(axis=1))),

@@ -10,16 +10,15 @@ if it is larger, in standard errors, than what the largest of all differences re
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint.arrays import Floats
+from cjt_gym.training.evaluation.metrics import RESAMPLES
 
-RESAMPLES = 2000  # as in `metrics`
 LEVEL = 0.95  # of all comparisons together
 TINY = 1e-12  # standard error that stands for none
 
@@ -41,10 +40,6 @@ class Place:
     # whether the next is significantly worse, all comparisons allowed for; None for the last, and
     # where there is a single episode
     next_is_worse: bool | None
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the same as plain data."""
-        return asdict(self)
 
 
 def rank(

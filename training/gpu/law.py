@@ -12,11 +12,7 @@ from cjt_gym.joint.arrays import CHANNELS
 
 
 class TorchLaw:
-    """Does what a linear controller does, for joints whose measurements are a tensor.
-
-    Attributes:
-        columns: Which of the measured channels the law takes, in its order.
-    """
+    """Does what a linear controller does, for joints whose measurements are a tensor."""
 
     def __init__(
         self, law: LinearLaw, limit: float, num: int, device: torch.device, *, follows: bool = False

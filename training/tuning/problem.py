@@ -15,7 +15,7 @@ from cjt_gym.errors import ConfigurationError, SimulationError
 from cjt_gym.joint import Joint
 from cjt_gym.joint.arrays import Floats
 from cjt_gym.training.evaluation.conditions import TASKS, Asked, Conditions
-from cjt_gym.training.evaluation.metrics import squared_errors
+from cjt_gym.training.evaluation.metrics import RESAMPLES, squared_errors
 from cjt_gym.training.evaluation.rollout import Agent, ControllerAgent, joint_of, run_episodes
 from cjt_gym.training.evaluation.tasks import Setting, get_task
 from cjt_gym.training.tuning.gains import Choice
@@ -34,8 +34,6 @@ HELD_OUT_FACTOR = 4
 """Unseen episodes over those of a candidate, for a comparison that is surer than the search."""
 BROKEN = 10.0
 """Cost of a broken limit, above that of any loop that keeps them: the open loop costs 1."""
-RESAMPLES = 2000
-"""Of the bootstrap over episodes."""
 
 
 @dataclass(frozen=True)
