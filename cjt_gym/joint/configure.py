@@ -190,7 +190,7 @@ def _plain(effect: Effect, values: Mapping[str, Any], file: JointFile) -> dict[s
     check_name(f"channel of effect {effect.name}", channel, effect.channels)
     key = next((k for k in CHANNEL_VALUES if k in plain), None)
     if key is not None:
-        plain[channel] = plain.pop(key)
+        plain[str(channel)] = plain.pop(key)
     for parameter in effect.parameters:
         if parameter.symbol in effect.channels:
             plain.setdefault(parameter.symbol, parameter.neutral)

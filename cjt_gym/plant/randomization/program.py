@@ -11,10 +11,11 @@ import numpy as np
 
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import EFFECTS, Joint
+from cjt_gym.joint.arrays import Floats
 from cjt_gym.joint.batch import CHANNEL_DELAYS, DELAYS
 from cjt_gym.joint.configure import FIELDS
 from cjt_gym.plant.randomization import draw as columns
-from cjt_gym.plant.randomization.draw import Floats, Program, normal_share
+from cjt_gym.plant.randomization.draw import Program, normal_share
 from cjt_gym.plant.randomization.target import (
     BODY_INERTIAS,
     Domain,
