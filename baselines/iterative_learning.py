@@ -95,7 +95,6 @@ class IterativeLearning(CompensatedPd):
         self._begin(0)
 
     def _begin(self, count: int) -> None:
-        """Start with empty trials."""
         shape = self.samples, count
         self._forward, self._error = np.zeros(shape), np.zeros(shape)
         self._wanted = np.full(shape, np.nan)

@@ -126,7 +126,6 @@ class TorqueTrackingVectorEnv(VectorEnv[Observation, Action, NDArray[Any]]):
         }
 
     def _draw(self, info: dict[str, Any], begun: NDArray[np.bool_]) -> None:
-        """Add the step to the strip charts."""
         for i, chart in enumerate(self._charts):
             if begun[i]:
                 chart.clear()

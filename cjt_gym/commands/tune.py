@@ -129,7 +129,6 @@ class Progress:
     """A progress bar on standard error."""
 
     def __init__(self, total: int) -> None:
-        """Begin the bar."""
         self.total = total
         self.bar: Any = None
 

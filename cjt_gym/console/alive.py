@@ -22,7 +22,6 @@ class Watched:
     """A stream that tells when something is written to it; all else is that of the stream."""
 
     def __init__(self, stream: Any, alive: Alive) -> None:
-        """Watch a stream."""
         self._stream, self._alive = stream, alive
 
     def write(self, text: str) -> int:
@@ -114,7 +113,6 @@ class Alive:
             stream.flush()
 
     def _close(self) -> None:
-        """End or erase the sign of life."""
         with self._lock:
             if self._open:
                 self._streams[1].write(self._open if self._terminal else "\n")
@@ -123,6 +121,5 @@ class Alive:
 
 
 def _bars() -> list[Any]:
-    """Return the progress bars that are shown."""
     shown = getattr(sys.modules.get("tqdm"), "tqdm", None)
     return [bar for bar in getattr(shown, "_instances", ()) if not bar.disable]

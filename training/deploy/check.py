@@ -60,7 +60,6 @@ class CStepper:
     """A running header, compiled for this machine."""
 
     def __init__(self, header: str, layout: Layout) -> None:
-        """Compile it."""
         self._library = compiled(SHIM, {"policy.h": header})
         self._step = self._library.step
         number = ctypes.c_double
