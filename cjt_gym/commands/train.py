@@ -34,13 +34,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     names = ", ".join(config_names())
     add("config", metavar="CONFIG.toml", help=f"a file, or one that ships: {names}")
-    add(
-        "--out",
-        type=Path,
-        required=True,
-        metavar="RUN",
-        help="run folder; an interrupted run is resumed",
-    )
+    text = "run folder; an interrupted run is resumed"
+    add("--out", type=Path, required=True, metavar="RUN", help=text)
     text = "joint that replaces the configuration's; it brings its own effects, or takes over "
     text += "those of the configuration as far as it knows the numbers"
     add("--joint", metavar="JOINT|FILE.toml", help=text)

@@ -89,11 +89,8 @@ class Cell(Asked):
 
     def load(self) -> Agent:
         """Return the agent."""
-        if self.is_policy:
-            from cjt_gym.training.deploy.shipped import load_agent
-
-            return load_agent(self.agent)
-        return ControllerAgent(self.agent)
+        named = ([], [self.agent]) if self.is_policy else ([self.agent], [])
+        return make_agents(*named)[0]
 
 
 def run_cell(cell: Cell) -> dict[str, Any]:

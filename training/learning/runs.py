@@ -96,11 +96,3 @@ def _flat(data: Any, path: str = "") -> dict[str, Any]:
     for key, value in data.items():
         found |= _flat(value, f"{path}.{key}" if path else str(key))
     return found
-
-
-def cells(rows: Sequence[dict[str, Any]]) -> list[list[str]]:
-    """Return rows as the cells of a table with a head."""
-    table = [[title for title, _, _ in COLUMNS]]
-    for row in rows:
-        table.append(["-" if row[k] is None else form.format(row[k]) for _, k, form in COLUMNS])
-    return table
