@@ -89,11 +89,8 @@ def integrator(rate: float, dt: float, direct: float, **weights: float) -> Block
     While a limit holds the command, it goes on as if the reference had asked for just that
     command (conditioning).
 
-    Args:
-        rate: Gain of the integral [1/s]; 0 is none.
-        dt: Sample time [s].
-        direct: How much of a lasting reference the law feeds to the command at once, >= 0.
-        weights: Signals that are integrated.
+    `rate` is the gain of the integral [1/s], 0 for none; `direct` says how much of a lasting
+    reference the law feeds to the command at once, >= 0.
 
     References:
         Hanus, Kinnaert, Henrotte (1987), Conditioning technique, a general anti-windup and

@@ -62,10 +62,7 @@ def check_torque_controllable(model: SampledJoint) -> None:
 def quadratic_feedback(model: SampledJoint, effort: float, reset: float) -> Feedback:
     """Return the feedback with the least sum of (tau - r)^2 + reset^2 z^2 + effort (u - r)^2.
 
-    Args:
-        model: The joint.
-        effort: Weight of the command against the torque, > 0.
-        reset: Weight of the integral z of the torque error [1/s]; 0 for none.
+    z is the integral of the torque error; `effort` > 0, and `reset` [1/s] is 0 for none.
     """
     check_torque_controllable(model)
     plant, delay = model.mechanics, model.loop.delay

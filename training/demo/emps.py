@@ -68,10 +68,7 @@ def replay(name: str = "emps", continuous: bool = False, joint: str | Path = "em
     difference of the position after a Butterworth low pass of order 4 at 100 Hz, run forwards
     and backwards; the simulated one is the state itself.
 
-    Args:
-        name: "emps" or "emps_pulses".
-        continuous: Whether the controller is continuous, on the true velocity, and starts at rest.
-        joint: Name or file of the simulated drive.
+    A continuous controller acts on the true velocity, and starts at rest.
     """
     record = read_record(name)
     drive = load_joint(joint, structure="rigid")

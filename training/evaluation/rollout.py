@@ -194,16 +194,10 @@ def run_episodes(
     An episode that passes a safety limit goes on, so that all have the same length; `terminated`
     tells.
 
-    Args:
-        agent: Controller or policy to run.
-        arguments: Of the environment.
-        num: How many episodes.
-        seed: Of the first; episode i has seed + i.
-        from_zero: Whether all bodies start at an angle of zero.
-        rendering: Spring and damper that replace the reference. The agent is asked for their
-            torque by the measured motion, unless it renders them by itself; what counts is their
-            torque by the true motion.
-        of_motor: Whether to keep the motor's torque instead of the joint's.
+    Episode i has seed + i. With `from_zero` all bodies start at an angle of zero. A `rendering` is
+    a spring and damper that replace the reference: the agent is asked for their torque by the
+    measured motion, unless it renders them by itself; what counts is their torque by the true
+    motion. With `of_motor` the motor's torque is kept instead of the joint's.
     """
     episodes = Episodes(num, **arguments)
     episodes.plant.seed(seed)

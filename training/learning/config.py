@@ -208,12 +208,9 @@ def from_dict(data: Mapping[str, Any], origin: str) -> TrainConfig:
 
 
 def load_config(path: str | Path) -> TrainConfig:
-    """Read a configuration.
+    """Read a TOML file, or the configuration of a name that ships, such as "demo".
 
     A joint or a controller that is named by a path is looked for beside the file.
-
-    Args:
-        path: A TOML file, or the name of one that ships with the package, such as "demo".
     """
     file = _find(path)
     data = read_toml(file, ConfigurationError)
