@@ -27,7 +27,14 @@ COLUMNS = (
 def make_agents(controllers: Sequence[str], policies: Sequence[str | Path]) -> list[Agent]:
     """Return the agents to compare.
 
-    Controllers are names or gain files, policies run folders or exported policies (.npz).
+    Args:
+        controllers: Names of `CONTROLLERS`, or gain files.
+        policies: Run folders, or exported policies (.npz).
+
+    Raises:
+        ConfigurationError: There is none, or two have the same name.
+        UnknownNameError: There is no such controller.
+        MissingFileError: There is no such gain file or run.
     """
     agents: list[Agent] = [ControllerAgent(name) for name in controllers]
     if policies:

@@ -126,9 +126,15 @@ def realistic_conditions(
     randomization: str | None = None,
     **others: Any,
 ) -> Conditions:
-    """Return conditions for a comparison; `others` are further arguments of `Conditions`.
+    """Return conditions for a comparison.
 
-    Without effects and randomization these are `realistic_effects` and `realistic_randomization`.
+    Args:
+        joint: Name of the joint, or path of its file.
+        structure: Its structure.
+        effects: What makes it non-ideal; None for `realistic_effects`.
+        randomization: Preset of what every episode draws anew; None for
+            `realistic_randomization`.
+        **others: Other arguments of `Conditions`.
     """
     effects = realistic_effects(joint) if effects is None else effects
     varying: dict[str, Any] = {"preset": randomization}

@@ -120,9 +120,18 @@ def evaluate(
 ) -> Evaluation:
     """Run an agent through the tasks, on seeds that no training uses.
 
-    Each of the episodes of a task draws its own joint, reference and noise; `seed` says which
-    held-out ones these are, the same for every agent that is to be compared. `report` is told what
-    is being done.
+    Args:
+        agent: The agent.
+        conditions: What it faces.
+        tasks: Which tasks, see `BENCHMARK_TASKS`.
+        episodes: Episodes of each task; each draws its own joint, reference and noise.
+        seed: Which held-out episodes; the same for every agent that is to be compared.
+        report: Told what is being done.
+
+    Raises:
+        ConfigurationError: episodes or seed is out of range, or a task does not exist for the
+            structure or the kind of agent.
+        UnknownNameError: There is no such task.
     """
     check_episodes(episodes, seed)
     first = first_seed(next(iter(BENCHMARK_TASKS)), seed)

@@ -67,11 +67,20 @@ def performance_gap(
 ) -> PerformanceGap:
     """Run an agent in both joints against the reference of a record, and compare.
 
-    The gains of a classical controller are those for the nominal joint, before the diagnosis, in
-    both worlds, as its user would have set them. Episodes differ by where the joint stands and by
-    the sensors' noise.
+    The gains of a classical controller are those for the nominal joint in both worlds, as its user
+    would have set them. Episodes differ by where the joint stands and by the sensors' noise.
 
-    The record has `tau_ref` [N m] and, for the recorded world, `tau` and `tau_cmd` or `i_cmd`.
+    Args:
+        record: Has `tau_ref` [N m], and, for the recorded world, `tau` and `tau_cmd` or `i_cmd`.
+        nominal: The joint before the diagnosis.
+        identified: The joint with its effects.
+        agent: A controller or a policy; see `make_agents`.
+        episodes: How many in each joint.
+        seed: Which episodes.
+
+    Raises:
+        ConfigurationError: The record has no usable reference, or the policy another control step.
+        SimulationError: A state ceased to be finite.
     """
     reference = _reference(record)
     amplitude = float(np.abs(reference).max())

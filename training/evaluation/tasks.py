@@ -224,6 +224,10 @@ for _name, _row in installed_rows("tasks", BENCHMARK_TASKS):
 
 
 def get_task(name: str) -> Task:
-    """Return the row of that name."""
+    """Return the row of that name.
+
+    Raises:
+        UnknownNameError: There is none; the message suggests the nearest.
+    """
     check_name("task", name, BENCHMARK_TASKS)
     return BENCHMARK_TASKS[name]

@@ -208,9 +208,16 @@ def from_dict(data: Mapping[str, Any], origin: str) -> TrainConfig:
 
 
 def load_config(path: str | Path) -> TrainConfig:
-    """Read a TOML file, or the configuration of a name that ships, such as "demo".
+    """Read a configuration.
 
     A joint or a controller that is named by a path is looked for beside the file.
+
+    Args:
+        path: A TOML file, or the name of one that ships with the package, such as "demo".
+
+    Raises:
+        MissingFileError: There is no such file.
+        ConfigurationError: It is not valid.
     """
     file = _find(path)
     data = read_toml(file, ConfigurationError)

@@ -58,9 +58,17 @@ class PolicyAgent(Trained):
 
 
 def load_policy(run: str | Path, checkpoint: Path | None = None) -> PolicyAgent:
-    """Return the policy of a run, the best or that of the folder of a checkpoint.
+    """Return the policy of a run.
 
     Only weights are read from its files: network and options come from `config.toml`.
+
+    Args:
+        run: The run folder.
+        checkpoint: Folder of one of its checkpoints, instead of the best model.
+
+    Raises:
+        MissingFileError: There is no such folder.
+        ConfigurationError: It is not a run of ours, or has no model yet.
     """
     folder = open_run(run)
     files = checkpoint or folder.path

@@ -27,8 +27,18 @@ from cjt_gym.training.learning.run_folder import RunFolder, TrainingError, begin
 def train(config: TrainConfig, out: str | Path, quiet: bool = False) -> RunFolder:
     """Train as a configuration says, or go on from the last checkpoint of a run that was stopped.
 
-    A run that was finished before is left as it is. `quiet` leaves out the progress bar and
-    messages on standard error. The reason of a TrainingError is in `run.json`, too.
+    Args:
+        config: What to train.
+        out: The run folder; see `RunFolder` for what it will hold.
+        quiet: Whether to leave out the progress bar and messages on standard error.
+
+    Returns:
+        The run folder. A run that was finished before is left as it is.
+
+    Raises:
+        ConfigurationError: The configuration is not valid, the folder holds something else, or
+            another process is training in it.
+        TrainingError: The training diverged; `run.json` has the reason.
     """
     joint = Episodes(1, **environment_arguments(config.env)).settings.joint
     env = make_environment(config)
