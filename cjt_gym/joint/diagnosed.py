@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 from cjt_gym.errors import ParameterError
 from cjt_gym.joint.files import JointFile
 
-__all__ = ["QUANTITIES", "Covariance", "Range", "covariance_of", "ranges_of"]
-
 QUANTITIES = ("speed", "torque", "frequency", "temperature")
 """What a range may be of."""
 ROUNDING = 1e-4

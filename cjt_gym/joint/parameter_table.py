@@ -11,16 +11,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-__all__ = [
-    "AXES",
-    "PARAMETERS",
-    "SAMPLING_UNITS",
-    "SENSOR_KEYS",
-    "ParameterSpec",
-    "axis_units",
-    "sensor_units",
-]
-
 AXES = ("rotary", "prismatic")
 SENSOR_KEYS = ("resolution", "noise")
 

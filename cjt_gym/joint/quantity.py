@@ -9,8 +9,6 @@ from typing import TypeVar
 
 from cjt_gym.errors import ParameterError, did_you_mean
 
-__all__ = ["FrozenMapping", "Plain", "Quantity", "Setting", "freeze", "parse_quantity"]
-
 Value = TypeVar("Value")
 QUANTITY_KEYS = ("value", "unit", "source", "tolerance", "guess", "asymmetric", "low", "high")
 
