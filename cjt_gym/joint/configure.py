@@ -234,7 +234,7 @@ def _fallback(
     partner = (parameter.joint_parameter or "").removesuffix("_n")
     if partner in merged:  # a level that is given moves the one of the other direction along
         return merged[partner]
-    stated = _stated(parameter, file) or file.parameters.quantities.get(partner)
+    stated = stated_by_file(parameter, file) or file.parameters.quantities.get(partner)
     if stated is not None:
         return stated.value
     if typical:
@@ -299,7 +299,7 @@ def _check_whole(effect: Effect, values: EffectValues, given: set[str], file: Jo
     if not _is_idle(effect, values, file.parameters) or given & set(effect.size):
         return
     size = [p for p in effect.parameters if p.symbol in effect.size]
-    if any(_stated(p, file) is not None for p in size):
+    if any(stated_by_file(p, file) is not None for p in size):
         warnings.warn(
             f"Effect {effect.name} of {owner} changes nothing: its values are those without it.",
             CjtGymWarning,
@@ -325,7 +325,7 @@ def is_known(effect: Effect, file: JointFile) -> bool:
     size = [p for p in effect.parameters if p.symbol in effect.size]
     if effect.name in file.effects:
         return True
-    if all(_stated(p, file) is None for p in size):
+    if all(stated_by_file(p, file) is None for p in size):
         return False
     values = {
         p.symbol: _checked(effect, p, _fallback(effect, p, {}, file, typical=False), file)
@@ -334,7 +334,7 @@ def is_known(effect: Effect, file: JointFile) -> bool:
     return not _is_idle(effect, values, file.parameters)
 
 
-def _stated(parameter: EffectParameter, file: JointFile) -> Quantity | None:
+def stated_by_file(parameter: EffectParameter, file: JointFile) -> Quantity | None:
     """Return the value that the joint file gives outside the effect's own table."""
     source = parameter.joint_parameter or ""
     if source.startswith("sensors."):

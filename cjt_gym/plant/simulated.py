@@ -36,14 +36,7 @@ def redraw_one(
 ) -> bool:
     """Draw what is due of joint i, leaving its state alone; return whether anything was.
 
-    Args:
-        batch: All joints.
-        setup: What they share.
-        program: What varies.
-        draws: What has been drawn.
-        i: Which joint.
-        step: Control steps since its episode began; 0 begins one.
-        scratch: Scratch of the discretisation.
+    `step` counts control steps since its episode began; 0 begins one.
     """
     found = refresh(program, draws, batch.rng, i, step)
     if found == NOTHING and step > 0:

@@ -10,6 +10,7 @@ import numpy as np
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import EFFECTS, Joint
 from cjt_gym.joint.batch import DELAYS
+from cjt_gym.joint.configure import stated_by_file
 from cjt_gym.joint.effect_entries import CHANNEL_VALUES
 from cjt_gym.joint.effects import Effect, EffectParameter
 from cjt_gym.joint.quantity import Quantity
@@ -193,14 +194,7 @@ def _source_of(joint: Joint, effect: str, parameter: EffectParameter) -> Quantit
     key = parameter.symbol
     if listed.get("channel") == key:
         key = next((k for k in CHANNEL_VALUES if k in listed), key)
-    quantity = listed.get(key)
-    if quantity is None and parameter.joint_parameter is not None:
-        source = parameter.joint_parameter
-        if source.startswith("sensors."):
-            _, channel, entry = source.split(".")
-            quantity = joint.file.sensors.get(channel, {}).get(entry)
-        else:
-            quantity = joint.parameters.quantities.get(source)
+    quantity = listed.get(key) or stated_by_file(parameter, joint.file)
     return quantity if isinstance(quantity, Quantity) else None
 
 
