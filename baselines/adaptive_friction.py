@@ -38,21 +38,12 @@ class AdaptiveFriction(CompensatedPd):
     """Feed-forward, PD and a Coulomb friction that is learnt; see the module.
 
     `model`, `kp`, `kd` and `lead` are those of `CompensatedPd`.
-
-    Attributes:
-        rate_hz: Bandwidth of the learning, rate / (2 pi J), > 0 [Hz].
-        threshold: Velocity above which it learns, > 0 [rad/s].
-        share: Of the friction that is compensated, >= 0 [-].
-        torque_limit: Largest motor torque that is commanded; a friction above a fifth of it is
-            rejected [N m].
-
-    Raises:
-        ConfigurationError: A number is out of range.
     """
 
-    rate_hz: float
-    threshold: float
-    share: float
+    rate_hz: float  # bandwidth of the learning, rate / (2 pi J), > 0 [Hz]
+    threshold: float  # velocity above which it learns, > 0 [rad/s]
+    share: float  # of the friction that is compensated, >= 0 [-]
+    # largest motor torque that is commanded; a friction above a fifth of it is rejected [N m]
     torque_limit: float
 
     def __post_init__(self) -> None:

@@ -79,11 +79,9 @@ def compensated_row(
 ) -> ControllerEntry:
     """Return the row of such a law.
 
-    Args:
-        law: Makes it for a sampled joint, gains by their names, and a torque limit.
-        more: Gains beside those of PD, for a joint and the PD gains that are designed for it.
-        tunable: Those gains.
-        **row: What else `ControllerEntry` says.
+    `law` makes it for a sampled joint, gains by their names, and a torque limit. `more` gives the
+    gains beside those of PD, for a joint and the PD gains that are designed for it; they are
+    `tunable`.
     """
 
     def defaults(joint: Joint, dt: float) -> Gains:

@@ -32,7 +32,7 @@ from cjt_gym.baselines.own import is_own
 from cjt_gym.baselines.parts import OBSERVER, PARTS, Part, friction_of
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.baselines.robust import best_gains
-from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.errors import ConfigurationError, check_name
 from cjt_gym.joint import Joint
 from cjt_gym.plant import Measurement, limits_of
 
@@ -42,22 +42,12 @@ JOINED = "+"
 @final
 @dataclass(eq=False)
 class WithFriction(Controller):
-    """A linear law and a friction that is fed forward beside it.
-
-    Attributes:
-        block: The law.
-        dt: Sample time [s].
-        friction: What is added to its command.
-        torque_limit: Largest motor torque that is commanded [N m].
-
-    Raises:
-        ConfigurationError: A number is out of range.
-    """
+    """A linear law and a friction that is fed forward beside it."""
 
     block: Block
-    dt: float
-    friction: KnownFriction
-    torque_limit: float = math.inf
+    dt: float  # sample time [s]
+    friction: KnownFriction  # what is added to its command
+    torque_limit: float = math.inf  # largest motor torque that is commanded [N m]
     _memory: LawMemory = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -113,8 +103,7 @@ def composed(word: str) -> ControllerEntry:
 
 
 def _part(name: str, word: str) -> Part:
-    if name not in PARTS:
-        raise unknown_name(f"part of the controller {word}", name, PARTS)
+    check_name(f"part of the controller {word}", name, PARTS)
     return PARTS[name]
 
 

@@ -81,11 +81,9 @@ class CurrentController:
     def act(self, wanted: Floats, currents: Floats, dq_m: Floats, fresh: Mask) -> Floats:
         """Return the voltages [v_q, v_d] until the next sample, within the supply [V], (n, 2).
 
-        Args:
-            wanted: Current on the q axis that is wanted [A], shape (n,).
-            currents: Measured currents [i_q, i_d] [A], shape (n, 2).
-            dq_m: Motor velocity on the link side [rad/s], shape (n,).
-            fresh: Joints without a past, shape (n,): their integrals begin at zero.
+        From the wanted current on the q axis [A] and the motor velocity on the link side [rad/s],
+        shape (n,), and the measured [i_q, i_d] [A], shape (n, 2). The integrals of `fresh` joints,
+        which have no past, begin at zero.
         """
         shape = wanted.shape
         if not (shape == dq_m.shape == fresh.shape and currents.shape == (*shape, 2)):

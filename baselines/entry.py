@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import SupportsFloat
 
 from cjt_gym.baselines.controller import Controller
-from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.errors import ConfigurationError, check_name
 from cjt_gym.joint import STRUCTURES, Joint
 
 EVERY = tuple(STRUCTURES)
@@ -115,8 +115,7 @@ def check_gains(owner: str, tunable: Iterable[Gain], gains: Gains) -> None:
     """Check the names and ranges of gains; see `ControllerEntry.check_gains`."""
     known = {gain.name: gain for gain in tunable}
     for name, value in gains.items():
-        if name not in known:
-            raise unknown_name(f"gain of {owner}", name, known)
+        check_name(f"gain of {owner}", name, known)
         gain = known[name]
         if not gain.allows(value):
             raise ConfigurationError(

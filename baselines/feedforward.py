@@ -25,17 +25,12 @@ class ReferenceVelocity:
 
     The sign of that velocity is what laws use, so that noise of dq_l would come out as large as
     friction is wherever the joint rests: dq_l goes through a low pass of first order at 10 Hz.
-
-    Attributes:
-        stiffness: Of gearbox and torsion bar in series [N m/rad].
-        rate: Derivative of the reference.
-        share: How much of a new dq_l the low pass takes over in a sample.
     """
 
     def __init__(self, joint: Joint, dt: float) -> None:
         self.stiffness = SampledJoint(joint, dt).stiffness
         self.rate = FilteredDerivative(min(CUTOFF_HZ, 0.4 / dt), dt)
-        self.share = -math.expm1(-2.0 * math.pi * LOAD_HZ * dt)
+        self.share = -math.expm1(-2.0 * math.pi * LOAD_HZ * dt)  # of a new dq_l, in a sample
         self._load = np.zeros(0)
 
     def step(self, measurement: Measurement, reference: Floats, fresh: Mask) -> Floats:

@@ -5,10 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from cjt_gym.baselines.controller import Floats, Mask
 
 
 class FilteredDerivative:
@@ -19,10 +17,6 @@ class FilteredDerivative:
     discretised by the bilinear (Tustin) rule:
 
         y[k] = a y[k-1] + b (x[k] - x[k-1]),  a = (2 - w dt) / (2 + w dt),  b = 2 w / (2 + w dt)
-
-    Attributes:
-        a: Pole.
-        b: Gain of a difference [1/s].
 
     References:
         Franklin, Powell, Workman (1998), Digital Control of Dynamic Systems, section 6.1.
@@ -44,12 +38,9 @@ class FilteredDerivative:
         self._y = np.zeros(0)
 
     def step(self, x: Floats, fresh: Mask) -> Floats:
-        """Return the derivative at this sample.
+        """Return the derivative at this sample, shape (n,).
 
-        Args:
-            x: Present values, shape (n,).
-            fresh: Signals without a past, shape (n,): they are taken to have been constant, so
-                that their derivative is zero.
+        Fresh signals have no past: they are taken to have been constant, so that it is zero.
         """
         if self._x.shape != x.shape:
             self._x, self._y = x.copy(), np.zeros_like(x)

@@ -32,20 +32,12 @@ SMOOTHING = 0.02
 
 
 class KnownFriction:
-    """The friction that a joint file names, at the velocity that the reference asks for.
-
-    Attributes:
-        share: Of the friction that is given.
-        smoothing: w_0 [rad/s].
-        coulomb: Of motor and gear [N m].
-        viscous: Of motor and gear [N m s/rad].
-        velocity: The velocity.
-    """
+    """The friction that a joint file names, at the velocity that the reference asks for."""
 
     def __init__(self, joint: Joint, dt: float, share: float, smoothing: float) -> None:
         p = joint.parameters
         self.share, self.smoothing = share, smoothing
-        self.coulomb = p.get("d_cm", 0.0) + p.get("d_cg", 0.0)
+        self.coulomb = p.get("d_cm", 0.0) + p.get("d_cg", 0.0)  # of motor and gear [N m]
         self.viscous = p.get("d_m", 0.0) + p.get("d_g", 0.0)
         self.velocity = ReferenceVelocity(joint, dt)
 
@@ -62,19 +54,11 @@ class FrictionFeedForward(CompensatedPd):
     """Feed-forward of friction, and PD; see the module.
 
     `model`, `kp`, `kd` and `lead` are those of `CompensatedPd`.
-
-    Attributes:
-        share: Of the friction that is compensated, >= 0 [-].
-        smoothing: w_0, the velocity over which the sign is smoothed, > 0 [rad/s].
-        torque_limit: Largest motor torque that is commanded [N m].
-
-    Raises:
-        ConfigurationError: A number is out of range.
     """
 
-    share: float
-    smoothing: float
-    torque_limit: float
+    share: float  # of the friction that is compensated, >= 0 [-]
+    smoothing: float  # w_0, the velocity over which the sign is smoothed, > 0 [rad/s]
+    torque_limit: float  # largest motor torque that is commanded [N m]
 
     def __post_init__(self) -> None:
         super().__post_init__()

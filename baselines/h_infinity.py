@@ -26,16 +26,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_continuous_are, solve_discrete_are
 
+from cjt_gym.baselines.controller import Floats
 from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST, Gain
 from cjt_gym.baselines.linear_law import Block, LinearLaw, assemble, signals, static
 from cjt_gym.baselines.linear_row import grid, linear_row
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.baselines.state_feedback import check_torque_controllable, with_commands
 
-Floats = NDArray[np.float64]
 Plain = tuple[Floats, Floats, Floats, Floats]
 LEAK = 1e-4
 """Where the integral of W ends, relative to w_b: a pole at 0 itself cannot be told from a zero."""

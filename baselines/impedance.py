@@ -39,22 +39,12 @@ DAMPING_RATIO = 0.5
 @final
 @dataclass(eq=False)
 class Impedance(Controller):
-    """Renders a spring and a damper on a linear torque law; see the module.
-
-    Attributes:
-        inner: The torque law.
-        stiffness: Of the rendered spring, >= 0 [N m/rad].
-        damping: Of the rendered damper, >= 0 [N m s/rad].
-        torque_limit: Largest motor torque that is commanded [N m].
-
-    Raises:
-        ConfigurationError: A number is out of range.
-    """
+    """Renders a spring and a damper on a linear torque law; see the module."""
 
     inner: LinearLaw
-    stiffness: float
-    damping: float
-    torque_limit: float = math.inf
+    stiffness: float  # of the rendered spring, >= 0 [N m/rad]
+    damping: float  # of the rendered damper, >= 0 [N m s/rad]
+    torque_limit: float = math.inf  # largest motor torque that is commanded [N m]
     dt: float = field(init=False)
 
     def __post_init__(self) -> None:

@@ -23,17 +23,13 @@ def integral_law(model: SampledJoint, ki: float) -> LinearLaw:
     return assemble(model.dt, static(reference=1.0), integral)
 
 
-def _candidates(model: SampledJoint) -> list[dict[str, float]]:
-    return grid(ki=np.geomspace(0.1, 100.0, 31).tolist())
-
-
 ROW = linear_row(
     name="integral_feedforward",
     summary="Feed-forward and integral of the torque error.",
     source="Vischer, Khatib (1995), IEEE Transactions on Robotics and Automation 11(4)",
     tunable=(KI,),
     law=integral_law,
-    candidates=_candidates,
+    candidates=lambda model: grid(ki=np.geomspace(0.1, 100.0, 31).tolist()),
     structures=FIXED,
     refusal=ZERO_AT_REST,
 )

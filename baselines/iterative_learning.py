@@ -32,7 +32,6 @@ from dataclasses import dataclass
 from typing import final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.baselines.compensation import CompensatedPd, compensated_row
 from cjt_gym.baselines.controller import Floats, Mask, check
@@ -42,9 +41,8 @@ from cjt_gym.baselines.linear_law import LinearLaw
 from cjt_gym.baselines.plant_model import LoopModel, SampledJoint
 from cjt_gym.baselines.robust import make_bench
 from cjt_gym.errors import ConfigurationError
+from cjt_gym.joint.arrays import Complex
 from cjt_gym.plant import Measurement
-
-Complex = NDArray[np.complex128]
 
 RATE = 0.5
 """Half of an error is taken away per trial, so that noise of one trial averages out."""
@@ -70,21 +68,12 @@ class IterativeLearning(CompensatedPd):
     """Feed-forward, PD, and what was learnt in the trials before; see the module.
 
     `model`, `kp`, `kd` and `lead` are those of `CompensatedPd`.
-
-    Attributes:
-        rate: Of the learning, > 0 and < 2 [-].
-        cutoff_hz: Up to where it learns, > 0 [Hz].
-        trial_s: Duration of a trial, rounded to samples, at least two of them [s].
-        torque_limit: Largest motor torque that is commanded; half of it may be learnt [N m].
-
-    Raises:
-        ConfigurationError: A number is out of range, or learning would not converge.
     """
 
-    rate: float
-    cutoff_hz: float
-    trial_s: float
-    torque_limit: float
+    rate: float  # of the learning, > 0 and < 2 [-]
+    cutoff_hz: float  # up to where it learns, > 0 [Hz]
+    trial_s: float  # duration of a trial, rounded to samples, at least two of them [s]
+    torque_limit: float  # largest motor torque that is commanded; half of it may be learnt [N m]
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -106,7 +95,6 @@ class IterativeLearning(CompensatedPd):
         self._begin(0)
 
     def _begin(self, count: int) -> None:
-        """Start with empty trials."""
         shape = self.samples, count
         self._forward, self._error = np.zeros(shape), np.zeros(shape)
         self._wanted = np.full(shape, np.nan)
@@ -142,13 +130,7 @@ class IterativeLearning(CompensatedPd):
 
 
 def answer(loop: LoopModel, law: LinearLaw, f: Floats) -> Complex:
-    """Return the response from a torque at the command to the measured torque, shape (points,).
-
-    Args:
-        loop: The joint between the law's command and what it measures.
-        law: The law around it.
-        f: Frequencies [Hz], shape (points,).
-    """
+    """Return the response from a torque at the command to the measured torque, with the law."""
     plant = loop.response(f)[:, :-1]
     back = law.response(f)[:, 1:]
     return np.asarray(plant[:, 0] / (1.0 - np.sum(back * plant, axis=1)))

@@ -8,15 +8,13 @@ from dataclasses import dataclass, field
 from typing import final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from cjt_gym.baselines.controller import Controller, Floats, Mask, check_sampling
-from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.errors import ConfigurationError, check_name
+from cjt_gym.joint.arrays import Complex
 from cjt_gym.plant import Measurement
 from cjt_gym.records import COLUMNS
-
-Complex = NDArray[np.complex128]
 
 MEASURED = ("tau", "q_m", "q_g", "q_l", "dq_m", "dq_g", "dq_l")
 SIGNALS = ("reference", *MEASURED, "command")
@@ -39,8 +37,7 @@ def signals(**weights: float) -> Floats:
     """
     row = np.zeros(len(SIGNALS))
     for name, weight in weights.items():
-        if name not in SIGNALS:
-            raise unknown_name("signal of a law", name, SIGNALS)
+        check_name("signal of a law", name, SIGNALS)
         row[SIGNALS.index(name)] = weight
     return row
 
@@ -92,11 +89,8 @@ def integrator(rate: float, dt: float, direct: float, **weights: float) -> Block
     While a limit holds the command, it goes on as if the reference had asked for just that
     command (conditioning).
 
-    Args:
-        rate: Gain of the integral [1/s]; 0 is none.
-        dt: Sample time [s].
-        direct: How much of a lasting reference the law feeds to the command at once, >= 0.
-        weights: Signals that are integrated.
+    `rate` is the gain of the integral [1/s], 0 for none; `direct` says how much of a lasting
+    reference the law feeds to the command at once, >= 0.
 
     References:
         Hanus, Kinnaert, Henrotte (1987), Conditioning technique, a general anti-windup and
@@ -170,11 +164,7 @@ class LinearLaw:
     def response(self, f: Floats) -> Complex:
         """Return the unlimited response from reference and measured signals to the command.
 
-        Args:
-            f: Frequencies [Hz], shape (points,).
-
-        Returns:
-            Shape (points, 8), in the order of `SIGNALS`.
+        Shape (points, 8) at frequencies f [Hz], in the order of `SIGNALS`.
         """
         a, b = self.unlimited()
         z = np.exp(2j * math.pi * f * self.dt)
@@ -204,9 +194,6 @@ class LawMemory:
 
     After a reset the memory is that of a joint that has been at rest under its present torque for
     ever, with that torque as reference and as command.
-
-    Attributes:
-        law: The law.
     """
 
     def __init__(self, law: LinearLaw) -> None:
@@ -226,10 +213,8 @@ class LawMemory:
     ) -> None:
         """Go on to the next sample with the command that was applied [N m], shape (n,).
 
-        Args:
-            command: The command.
-            back: The g of the law as a block, where something was added to what it proposed.
-            added: What was added, which no limit has to answer for [N m], shape (n,).
+        Where something was added to what the law proposed, for which no limit has to answer [N m],
+        `back` is the g of the law as a block.
         """
         self._w[COMMAND] = command
         self._x = self.law.a @ self._x + self.law.b @ self._w
@@ -240,18 +225,10 @@ class LawMemory:
 @final
 @dataclass(eq=False)
 class LinearController(Controller):
-    """Runs a linear law over a batch of joints; see `LawMemory`.
-
-    Attributes:
-        law: The law.
-        torque_limit: Largest motor torque that is commanded [N m].
-
-    Raises:
-        ConfigurationError: A number is out of range.
-    """
+    """Runs a linear law over a batch of joints; see `LawMemory`."""
 
     law: LinearLaw
-    torque_limit: float = math.inf
+    torque_limit: float = math.inf  # largest motor torque that is commanded [N m]
     dt: float = field(init=False)
 
     def __post_init__(self) -> None:
@@ -273,14 +250,7 @@ def stack(measurement: Measurement, reference: Floats) -> Floats:
 
 
 def begin(rest: Floats, x: Floats, w: Floats, fresh: Mask) -> Floats:
-    """Return the state with that of fresh joints at rest under their present torque.
-
-    Args:
-        rest: See `LinearLaw.at_rest`.
-        x: State, shape (order, n).
-        w: Signals, shape (9, n).
-        fresh: Joints without a past, shape (n,).
-    """
+    """Return the state with that of fresh joints at `rest` under their present torque."""
     if x.shape[1] != len(fresh):
         x = np.zeros((len(rest), len(fresh)))
     if not fresh.any():

@@ -26,15 +26,8 @@ def linear_row(
 ) -> ControllerEntry:
     """Return the row of a linear law; its defaults are those of `cjt_gym.baselines.robust`.
 
-    Args:
-        name: See `ControllerEntry`, as for the other texts.
-        summary: The law in one line.
-        source: Where it comes from.
-        tunable: Its gains with their ranges.
-        law: Makes the law for a sampled joint and gains, which it takes by their names.
-        candidates: Gains from which the defaults are chosen.
-        structures: The structures that it holds for.
-        refusal: Why it does not hold for others.
+    `law` makes it for a sampled joint and gains, which it takes by their names; `candidates` are
+    gains from which the defaults are chosen. For the rest see `ControllerEntry`.
     """
 
     def defaults(joint: Joint, dt: float) -> Gains:

@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cjt_gym.baselines.controller import Floats
 from cjt_gym.baselines.linear_law import MEASURED
 from cjt_gym.joint import Joint
 from cjt_gym.joint.linear import state_matrices, zero_order_hold
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -22,22 +20,14 @@ class Mechanics:
 
     With a free load the deflections are (q_m - q_g, q_g - q_l) or (q_m - q_l), with a fixed output
     they count from q_l, which stands still.
-
-    Attributes:
-        a: Shape (order, order).
-        b: Motor torque, shape (order,).
-        c: Rows of `MEASURED` with angles from q_l, shape (7, order).
-        continuous: The same (a, b) before sampling.
-        fixed: Whether the output is fixed.
-        dt: Sample time [s].
     """
 
-    a: Floats
-    b: Floats
-    c: Floats
-    continuous: tuple[Floats, Floats]
-    fixed: bool
-    dt: float
+    a: Floats  # shape (order, order)
+    b: Floats  # motor torque, shape (order,)
+    c: Floats  # rows of `MEASURED` with angles from q_l, shape (7, order)
+    continuous: tuple[Floats, Floats]  # the same (a, b) before sampling
+    fixed: bool  # whether the output is fixed
+    dt: float  # sample time [s]
 
     def row(self, name: str) -> Floats:
         """Return the output row of a measured signal, shape (order,)."""

@@ -24,16 +24,12 @@ def momentum_dob_law(model: SampledJoint, bandwidth_hz: float) -> LinearLaw:
     return assemble(model.dt, static(reference=1.0), friction)
 
 
-def _candidates(model: SampledJoint) -> list[dict[str, float]]:
-    return grid(bandwidth_hz=np.geomspace(0.01, 100.0, 33).tolist())
-
-
 ROW = linear_row(
     name="momentum_dob",
     summary="Feed-forward, and friction from a generalised-momentum observer.",
     source="Le Tien, Albu-Schaeffer, De Luca, Hirzinger (2008), IROS",
     tunable=(Gain("bandwidth_hz", "Hz", 0.001, 200.0, log=True),),
     law=momentum_dob_law,
-    candidates=_candidates,
+    candidates=lambda model: grid(bandwidth_hz=np.geomspace(0.01, 100.0, 33).tolist()),
     structures=SPRUNG,
 )

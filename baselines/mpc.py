@@ -43,24 +43,13 @@ PRECISION = 1e-7
 @final
 @dataclass(eq=False)
 class ModelPredictive(Controller):
-    """Model-predictive control; see the module.
-
-    Attributes:
-        model: The joint.
-        effort: Weight of the command against the torque, > 0 [-].
-        drift: Of the Kalman filter, see `lqg_law`, > 0 [-].
-        torque_limit: Largest motor torque that is commanded [N m].
-        horizon: How many commands are planned.
-
-    Raises:
-        ConfigurationError: A number is out of range, or the joint's torque cannot be held.
-    """
+    """Model-predictive control; see the module."""
 
     model: SampledJoint
-    effort: float
-    drift: float
-    torque_limit: float
-    horizon: int = HORIZON
+    effort: float  # weight of the command against the torque, > 0 [-]
+    drift: float  # of the Kalman filter, see `lqg_law`, > 0 [-]
+    torque_limit: float  # largest motor torque that is commanded [N m]
+    horizon: int = HORIZON  # how many commands are planned
     dt: float = field(init=False)
 
     def __post_init__(self) -> None:

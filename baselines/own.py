@@ -55,22 +55,12 @@ def _parts(word: str) -> tuple[str, str]:
 @final
 @dataclass(eq=False)
 class OwnController(Controller):
-    """Runs what is no `Controller` itself, within the limit of the joint.
+    """Runs what is no `Controller` itself, within the limit of the joint."""
 
-    Attributes:
-        law: Anything with `act` and `reset`.
-        name: Its name, for errors.
-        dt: Sample time [s].
-        torque_limit: Largest motor torque that is commanded [N m].
-
-    Raises:
-        ConfigurationError: A number is out of range, or its commands are no numbers.
-    """
-
-    law: Any
-    name: str
-    dt: float
-    torque_limit: float
+    law: Any  # anything with `act` and `reset`
+    name: str  # its name, for errors
+    dt: float  # sample time [s]
+    torque_limit: float  # largest motor torque that is commanded [N m]
 
     def __post_init__(self) -> None:
         check_sampling(self)
@@ -128,11 +118,7 @@ def own_entry(word: str) -> ControllerEntry:
 
 
 def entry_of(word: str, name: str, make: Callable[..., Any]) -> ControllerEntry:
-    """Return the row of what makes a controller.
-
-    Raises:
-        ConfigurationError: A gain that it lists is none.
-    """
+    """Return the row of what makes a controller."""
     tunable = tuple(getattr(make, "tunable", ()))
     if not all(isinstance(gain, Gain) and gain.usual is not None for gain in tunable):
         raise ConfigurationError(

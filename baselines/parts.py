@@ -26,27 +26,18 @@ Tries = Mapping[str, Sequence[float]]
 
 @dataclass(frozen=True)
 class Part:
-    """What a controller can be put together from.
-
-    Attributes:
-        name: Its name.
-        kind: One of `FEEDBACK`, `FORWARD`, `OBSERVER`; a controller has one observer at most.
-        summary: What it adds to the command.
-        tunable: Its gains. A gain `ki` is that of an integral of e, which the controller adds.
-        block: Makes it for a sampled joint and gains.
-        tries: Values of its gains from which defaults are chosen; others have usual values.
-        structures: The structures that it holds for.
-        friction: Whether it adds known friction too.
-    """
+    """What a controller can be put together from."""
 
     name: str
-    kind: str
-    summary: str
+    kind: str  # one of `FEEDBACK`, `FORWARD`, `OBSERVER`; a controller has one observer at most
+    summary: str  # what it adds to the command
+    # its gains. A gain `ki` is that of an integral of e, which the controller adds
     tunable: tuple[Gain, ...]
-    block: Callable[[SampledJoint, Gains], Block]
+    block: Callable[[SampledJoint, Gains], Block]  # makes it for a sampled joint and gains
+    # values of its gains from which defaults are chosen; others have usual values
     tries: Callable[[SampledJoint], Tries] = lambda model: {}
-    structures: tuple[str, ...] = SPRUNG
-    friction: bool = False
+    structures: tuple[str, ...] = SPRUNG  # the structures that it holds for
+    friction: bool = False  # whether it adds known friction too
 
     @property
     def refusal(self) -> str:

@@ -17,12 +17,7 @@ from cjt_gym.baselines.plant_model import SampledJoint
 
 
 def passivity_block(shaping: float, damping: float) -> Block:
-    """Return the law as a block; see the module.
-
-    Args:
-        shaping: B / B_d, by how much the motor's inertia appears smaller [-].
-        damping: D_s, the damper beside the spring [N m s/rad].
-    """
+    """Return the law as a block, for B / B_d [-] and D_s [N m s/rad]; see the module."""
     share = shaping * damping
     return static(reference=shaping, tau=1.0 - shaping, dq_m=-share, dq_l=share)
 

@@ -11,12 +11,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import matrix_balance, svdvals
 
+from cjt_gym.baselines.controller import Floats
 from cjt_gym.errors import ConfigurationError
 
-Floats = NDArray[np.float64]
 TOLERANCE = 1e-13
 """Least singular value, relative, that is not zero: some hundred times the rounding of a double."""
 SMALL = 1e-6
@@ -25,15 +24,11 @@ SMALL = 1e-6
 
 @dataclass(frozen=True)
 class Mode:
-    """A mode of a system.
+    """A mode of a system."""
 
-    Attributes:
-        pole: Its eigenvalue [1/s]; of a conjugate pair, that with the positive imaginary part.
-        states: Indices of the states that take part in it.
-    """
-
+    # its eigenvalue [1/s]; of a conjugate pair, that with the positive imaginary part
     pole: complex
-    states: tuple[int, ...]
+    states: tuple[int, ...]  # indices of the states that take part in it
 
     def text(self, names: Sequence[str] = ()) -> str:
         """Return it in words, with the names of its states where those of all are given."""

@@ -14,7 +14,7 @@ from cjt_gym.baselines.linear_row import grid
 from cjt_gym.baselines.pid import CUTOFF_HZ, KD, KP, damping_gains, pid
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.baselines.robust import best_gains
-from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.errors import ConfigurationError, check_name
 from cjt_gym.joint import Joint
 from cjt_gym.plant import Measurement, limits_of
 
@@ -68,8 +68,7 @@ class PdFeedForward(Controller):
                 f"{0.5 / self.dt:g} Hz at dt = {self.dt:g} s, got {self.cutoff_hz:g}. Lower one of "
                 "them."
             )
-        if self.derivative not in DERIVATIVES:
-            raise unknown_name("derivative of PdFeedForward", self.derivative, DERIVATIVES)
+        check_name("derivative of PdFeedForward", self.derivative, DERIVATIVES)
         self._filter = FilteredDerivative(self.cutoff_hz, self.dt)
         lead = self.derivative == "error"
         self.linear = pd_feedforward_law(self.kp, self.kd, self.dt, lead, self.cutoff_hz)
@@ -84,14 +83,9 @@ class PdFeedForward(Controller):
 def pd_feedforward_law(
     kp: float, kd: float, dt: float, lead: float = 1.0, cutoff_hz: float | None = None
 ) -> LinearLaw:
-    """Return the law; see `PdFeedForward`.
+    """Return the law; see `PdFeedForward`, and `cjt_gym.baselines.pid.derivative` for the cut-off.
 
-    Args:
-        kp: Proportional gain [-].
-        kd: Derivative gain [s].
-        dt: Sample time [s].
-        lead: With at least 0.5 the derivative is that of the error.
-        cutoff_hz: Of the derivative; see `cjt_gym.baselines.pid.derivative` [Hz].
+    With a `lead` of at least 0.5 the derivative is that of the error.
     """
     return assemble(dt, pid(kp, 0.0, kd, dt, lead, 1.0, cutoff_hz))
 

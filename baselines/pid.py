@@ -6,14 +6,12 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cjt_gym.baselines.controller import Floats
 from cjt_gym.baselines.entry import Gain
 from cjt_gym.baselines.filters import FilteredDerivative
 from cjt_gym.baselines.linear_law import Block, integrator, static, through, total
 from cjt_gym.baselines.plant_model import SampledJoint
-
-Floats = NDArray[np.float64]
 
 CUTOFF_HZ = 200.0
 """Of the derivative's low pass, as in the toolbox: ten times what the tasks ask for."""
@@ -50,14 +48,9 @@ def pid(
 
     The integral is forward Euler, and is held back where the command is limited.
 
-    Args:
-        kp: Proportional gain [-].
-        ki: Integral gain [1/s].
-        kd: Derivative gain [s].
-        dt: Sample time [s].
-        lead: With at least 0.5 the reference is differentiated too.
-        forward: Gain of the reference that is added to it [-].
-        cutoff_hz: Of the derivative, see `derivative` [Hz].
+    Gains are kp and forward, that of the reference which is added to it [-], ki [1/s] and kd [s];
+    with a `lead` of at least 0.5 the reference is differentiated too. For the cut-off see
+    `derivative`.
 
     References:
         Readman (1994), Flexible Joint Robots, CRC Press; Astrom, Hagglund (2006), Advanced PID

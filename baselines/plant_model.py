@@ -7,16 +7,14 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cjt_gym.baselines.controller import Floats
 from cjt_gym.baselines.linear_law import COMMAND, LinearLaw
 from cjt_gym.baselines.mechanics import Mechanics, mechanics, placed
 from cjt_gym.baselines.rational import Rational, transfer_function
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import Joint
-
-Floats = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+from cjt_gym.joint.arrays import Complex
 
 DELAY_EFFECTS = ("command_delay", "measurement_delay", "torque_delay")
 LONGEST_DELAY = 100
@@ -34,9 +32,6 @@ class SampledJoint:
     Attributes:
         joint: The joint.
         dt: Sample time [s].
-
-    Raises:
-        ConfigurationError: The sample time is not > 0.
     """
 
     joint: Joint
@@ -97,29 +92,18 @@ class SampledJoint:
 class LoopModel:
     """The joint between a law's command and what it measures, with the noise of the sensors.
 
-        x[k+1] = a x + b u[k - delay] + m n,  y = c x + n_y n
-
-    Attributes:
-        a: Shape (order, order).
-        b: Shape (order,).
-        c: `MEASURED`, shape (7, order).
-        tau: Joint torque itself, shape (order,).
-        noise_in: Sensor noise into the filters, shape (order, 4).
-        noise_out: Sensor noise onto the measurement, shape (7, 4).
-        scatter: Standard deviation of the noise of tau, q_m, q_g, q_l, shape (4,).
-        delay: Of the whole loop [samples].
-        dt: Sample time [s].
+    x[k+1] = a x + b u[k - delay] + m n,  y = c x + n_y n
     """
 
-    a: Floats
-    b: Floats
-    c: Floats
-    tau: Floats
-    noise_in: Floats
-    noise_out: Floats
-    scatter: Floats
-    delay: int
-    dt: float
+    a: Floats  # shape (order, order)
+    b: Floats  # shape (order,)
+    c: Floats  # `MEASURED`, shape (7, order)
+    tau: Floats  # joint torque itself, shape (order,)
+    noise_in: Floats  # sensor noise into the filters, shape (order, 4)
+    noise_out: Floats  # sensor noise onto the measurement, shape (7, 4)
+    scatter: Floats  # standard deviation of the noise of tau, q_m, q_g, q_l, shape (4,)
+    delay: int  # of the whole loop [samples]
+    dt: float  # sample time [s]
 
     def later(self, spare: int) -> LoopModel:
         """Return the same with more delay [samples]."""

@@ -8,15 +8,14 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import eigvals, matrix_balance
 from scipy.signal import bilinear_zpk, butter, cont2discrete, zpk2sos, zpk2ss
 
+from cjt_gym.baselines.controller import Floats
 from cjt_gym.baselines.pbh import root_text
 from cjt_gym.errors import ConfigurationError
+from cjt_gym.joint.arrays import Complex
 
-Floats = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 StateSpace = tuple[Floats, Floats, Floats, float]
 NOTHING = 1e-9
 """Relative size of what is zero but for rounding: a gain, or the real part of a zero."""

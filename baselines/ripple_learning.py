@@ -47,19 +47,11 @@ class RippleLearning(CompensatedPd):
     """PD and a ripple that is learnt over the motor angle; see the module.
 
     `model`, `kp`, `kd` and `lead` are those of `CompensatedPd`.
-
-    Attributes:
-        rate: Of the learning, > 0 [1/s].
-        observer_hz: Bandwidth of the momentum observer [Hz].
-        torque_limit: Largest motor torque that is commanded; a ripple above a tenth of it is not
-            believed [N m].
-
-    Raises:
-        ConfigurationError: A number is out of range.
     """
 
-    rate: float
-    observer_hz: float
+    rate: float  # of the learning, > 0 [1/s]
+    observer_hz: float  # bandwidth of the momentum observer [Hz]
+    # largest motor torque that is commanded; a ripple above a tenth of it is not believed [N m]
     torque_limit: float
 
     def __post_init__(self) -> None:

@@ -35,12 +35,11 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_lyapunov
 from threadpoolctl import threadpool_limits
 
+from cjt_gym.baselines.controller import Floats
 from cjt_gym.baselines.linear_law import COMMAND, LinearLaw
 from cjt_gym.baselines.plant_model import LoopModel, SampledJoint, loop_model
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import Joint
-
-Floats = NDArray[np.float64]
 
 PEAK = 2.0
 """Of the sensitivity: at least 6 dB gain margin and 29 degrees phase margin."""
@@ -60,18 +59,12 @@ MARGIN = 1.0 + 1e-6
 
 @dataclass(frozen=True)
 class Bench:
-    """What laws for a joint are tried on.
+    """What laws for a joint are tried on."""
 
-    Attributes:
-        nominal: The loop.
-        others: Loops on which a law must be stable too.
-        f: Frequencies [Hz], shape (points,).
-        plant: Response from command to measurement and torque, shape (points, 8).
-    """
-
-    nominal: LoopModel
-    others: tuple[LoopModel, ...]
-    f: Floats
+    nominal: LoopModel  # the loop
+    others: tuple[LoopModel, ...]  # loops on which a law must be stable too
+    f: Floats  # frequencies [Hz], shape (points,)
+    # response from command to measurement and torque, shape (points, 8)
     plant: NDArray[np.complex128]
 
     def is_stable(self, law: LinearLaw) -> bool:

@@ -28,13 +28,7 @@ def _read(path: Path) -> dict[str, Any]:
 
 
 def shipped_gains(entry: ControllerEntry, joint: Joint, dt: float) -> dict[str, float] | None:
-    """Return the gains that ship for a joint, None if there are none that hold for it.
-
-    Args:
-        entry: The controller.
-        joint: The joint; delays among its effects are taken into account.
-        dt: Sample time [s].
-    """
+    """Return the gains that ship for a joint with its delays, None if there are none that hold."""
     file = f"{entry.name}.toml"
     path = FOLDER / joint.parameters.name / joint.structure / file
     if path.name != file or not path.is_file():  # the name of code of one's own has folders
@@ -53,11 +47,7 @@ def shipped_gains(entry: ControllerEntry, joint: Joint, dt: float) -> dict[str, 
 
 
 def designed_gains(entry: ControllerEntry, joint: Joint, dt: float) -> dict[str, float]:
-    """Return the gains that are designed for a joint, made once for each.
-
-    Raises:
-        ConfigurationError: The law does not fit the joint or the sample time.
-    """
+    """Return the gains that are designed for a joint, made once for each."""
     row = f"{entry.name} {entry.tunable} {joint.file.hash_hex()} {joint.structure} {joint.drive}"
     key = f"{row} {joint.effects} {dt}"
     if key not in _DESIGNED:
@@ -66,11 +56,7 @@ def designed_gains(entry: ControllerEntry, joint: Joint, dt: float) -> dict[str,
 
 
 def gains_of(entry: ControllerEntry, joint: Joint, dt: float) -> dict[str, float]:
-    """Return the gains that a controller takes unless it is given others: shipped or designed.
-
-    Raises:
-        ConfigurationError: The law does not fit the joint or the sample time.
-    """
+    """Return the gains that a controller takes unless it is given others: shipped or designed."""
     entry.check_structure(joint)
     found = shipped_gains(entry, joint, dt)
     return designed_gains(entry, joint, dt) if found is None else entry.complete(found)

@@ -14,33 +14,24 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 from scipy.signal import place_poles
 
+from cjt_gym.baselines.controller import Floats
 from cjt_gym.baselines.linear_law import SIGNALS, Block, signals, static
 from cjt_gym.baselines.pbh import check_stabilisable
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.errors import ConfigurationError
 
-Floats = NDArray[np.float64]
-
 
 @dataclass(frozen=True)
 class Feedback:
-    """u = reference_gain r - states x - commands u_before - integral z.
+    """u = reference_gain r - states x - commands u_before - integral z."""
 
-    Attributes:
-        states: Gains of the joint's states, shape (order,).
-        commands: Gains of the commands on their way, the oldest last, shape (delay,).
-        integral: Gain of the integral of the torque error, tau - r, times dt.
-        reference_gain: Gain of the reference.
-    """
-
-    states: Floats
-    commands: Floats
-    integral: float
-    reference_gain: float
+    states: Floats  # gains of the joint's states, shape (order,)
+    commands: Floats  # gains of the commands on their way, the oldest last, shape (delay,)
+    integral: float  # gain of the integral of the torque error, tau - r, times dt
+    reference_gain: float  # gain of the reference
 
 
 def with_commands(a: Floats, b: Floats, delay: int) -> tuple[Floats, Floats]:
@@ -71,10 +62,7 @@ def check_torque_controllable(model: SampledJoint) -> None:
 def quadratic_feedback(model: SampledJoint, effort: float, reset: float) -> Feedback:
     """Return the feedback with the least sum of (tau - r)^2 + reset^2 z^2 + effort (u - r)^2.
 
-    Args:
-        model: The joint.
-        effort: Weight of the command against the torque, > 0.
-        reset: Weight of the integral z of the torque error [1/s]; 0 for none.
+    z is the integral of the torque error; `effort` > 0, and `reset` [1/s] is 0 for none.
     """
     check_torque_controllable(model)
     plant, delay = model.mechanics, model.loop.delay

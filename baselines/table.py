@@ -2,32 +2,8 @@
 
 from __future__ import annotations
 
-from cjt_gym.baselines import (
-    adaptive_friction,
-    cascade,
-    disturbance_rejection,
-    friction_feedforward,
-    h_infinity,
-    impedance,
-    integral_feedforward,
-    iterative_learning,
-    lqg,
-    lqi,
-    mass_dob,
-    momentum_dob,
-    mpc,
-    observer_feedback,
-    open_loop,
-    passivity,
-    passivity_momentum,
-    pd,
-    pd_feedforward,
-    pid_compensation,
-    pid_feedforward,
-    pid_inner_dob,
-    pid_outer_dob,
-    ripple_learning,
-)
+from importlib import import_module
+
 from cjt_gym.baselines.compose import composed, is_composed
 from cjt_gym.baselines.controller import Controller
 from cjt_gym.baselines.entry import ControllerEntry, Gains
@@ -39,32 +15,32 @@ from cjt_gym.joint import Joint
 from cjt_gym.plugins import installed_rows
 
 CONTROLLERS: dict[str, ControllerEntry] = {
-    module.ROW.name: module.ROW
-    for module in (
-        open_loop,
-        pd,
-        pd_feedforward,
-        integral_feedforward,
-        pid_feedforward,
-        pid_compensation,
-        pid_inner_dob,
-        pid_outer_dob,
-        mass_dob,
-        momentum_dob,
-        passivity,
-        passivity_momentum,
-        cascade,
-        lqi,
-        lqg,
-        observer_feedback,
-        disturbance_rejection,
-        h_infinity,
-        mpc,
-        friction_feedforward,
-        adaptive_friction,
-        ripple_learning,
-        iterative_learning,
-        impedance,
+    name: import_module(f"cjt_gym.baselines.{name}").ROW
+    for name in (
+        "open_loop",
+        "pd",
+        "pd_feedforward",
+        "integral_feedforward",
+        "pid_feedforward",
+        "pid_compensation",
+        "pid_inner_dob",
+        "pid_outer_dob",
+        "mass_dob",
+        "momentum_dob",
+        "passivity",
+        "passivity_momentum",
+        "cascade",
+        "lqi",
+        "lqg",
+        "observer_feedback",
+        "disturbance_rejection",
+        "h_infinity",
+        "mpc",
+        "friction_feedforward",
+        "adaptive_friction",
+        "ripple_learning",
+        "iterative_learning",
+        "impedance",
     )
 }
 for _name, _found in installed_rows("controllers", CONTROLLERS):

@@ -6,7 +6,7 @@ remedy.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from difflib import get_close_matches
 
 import numpy as np
@@ -24,6 +24,7 @@ __all__ = [
     "RecordError",
     "SimulationError",
     "UnknownNameError",
+    "check_name",
     "did_you_mean",
     "unknown_name",
 ]
@@ -122,3 +123,9 @@ def unknown_name(what: str, name: str, known: Iterable[str]) -> UnknownNameError
     return UnknownNameError(
         f"Unknown {what} '{name}'.{did_you_mean(name, names)} Known: {listing}."
     )
+
+
+def check_name(what: str, name: object, known: Collection[str]) -> None:
+    """Raise `unknown_name` unless `name` is among the `known` ones."""
+    if name not in known:
+        raise unknown_name(what, str(name), known)

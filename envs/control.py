@@ -17,25 +17,15 @@ REPORT = (
 
 
 class Control(NamedTuple):
-    """What a step is told and what it reports.
+    """What a step is told and what it reports."""
 
-    Attributes:
-        action: In [-1, 1], shape (n,); values outside are clipped.
-        base: Motor torque of the base controller, shape (n,) [N m].
-        residual: Motor torque of the action, shape (n,) [N m].
-        wanted: Both, within the limits, shape (n,) [N m].
-        commands: The same as currents [A], shape (n, 2).
-        report: Columns of `REPORT`, shape (1, 11) for a single episode, else (0, 11).
-        factors: [action scale, torque limit, torque per ampere].
-    """
-
-    action: Floats
-    base: Floats
-    residual: Floats
-    wanted: Floats
-    commands: Floats
-    report: Floats
-    factors: Floats
+    action: Floats  # in [-1, 1], shape (n,); values outside are clipped
+    base: Floats  # motor torque of the base controller, shape (n,) [N m]
+    residual: Floats  # motor torque of the action, shape (n,) [N m]
+    wanted: Floats  # both, within the limits, shape (n,) [N m]
+    commands: Floats  # the same as currents [A], shape (n, 2)
+    report: Floats  # columns of `REPORT`, shape (1, 11) for a single episode, else (0, 11)
+    factors: Floats  # [action scale, torque limit, torque per ampere]
 
 
 def make_control(num: int, action_scale: float, limit: float, torque_per_ampere: float) -> Control:

@@ -19,27 +19,16 @@ from cjt_gym.envs.step import BAD_ACTION, begin_some, command_all, step_blocks, 
 from cjt_gym.envs.threads import side_by_side, threads_for
 from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.joint import Joint
-from cjt_gym.joint.arrays import TAU
+from cjt_gym.joint.arrays import TAU, Floats
 from cjt_gym.joint.border import checked_array
 from cjt_gym.plant import Measurement, SimulatedPlant
 from cjt_gym.signals import Signal
 
-Floats = NDArray[np.float64]
 Reward = Callable[[Mapping[str, NDArray[Any]]], NDArray[Any]]
 
 
 class Episodes:
-    """`num` episodes that advance together; a single environment is a batch of one.
-
-    Attributes:
-        settings: The task.
-        plant: The joints.
-        task: Arrays of the episodes.
-        observation_space: Of one episode.
-        action_space: Of one episode.
-        base: Motor torque of the base controller in the last step, shape (num,) [N m].
-        residual: Motor torque of the action in the last step, shape (num,) [N m].
-    """
+    """`num` episodes that advance together; a single environment is a batch of one."""
 
     def __init__(self, num: int, **arguments: Any) -> None:
         """Prepare the episodes; arguments are those of `TaskArguments`."""
@@ -58,6 +47,7 @@ class Episodes:
         self.action_space = spaces.Box(-1.0, 1.0, (1,), np.float32)
         limit, per_ampere = self.plant.limits.tau, s.joint.parameters.k_t * s.joint.parameters.n
         self.control = make_control(num, s.layout.action, limit, per_ampere)
+        # of the last step, shape (num,) [N m]
         self.base, self.residual = self.control.base, self.control.residual
         self.plant.batch.use_blocks(s.joint, threads_for(num))
         self._connect()
@@ -93,9 +83,8 @@ class Episodes:
     def reset(self, options: Mapping[str, Any] | None = None) -> None:
         """Begin all episodes anew.
 
-        Args:
-            options: {"parameters": {name: value}} fixes exact parameters, without any
-                randomisation, until the next call; any other key is an error.
+        The options {"parameters": {name: value}} fix exact parameters, without any randomisation,
+        until the next call.
         """
         given = dict(options or {})
         fixed = given.pop("parameters", None)
@@ -115,12 +104,7 @@ class Episodes:
     def step(self, action: NDArray[np.floating[Any]]) -> None:
         """Advance all episodes by one control step.
 
-        Args:
-            action: In [-1, 1], shape (num, 1); values outside are clipped.
-
-        Raises:
-            ConfigurationError: The action has the wrong shape or is not finite.
-            SimulationError: A state ceased to be finite.
+        Actions, shape (num, 1), are clipped to [-1, 1].
         """
         action = np.asarray(action)
         if action.shape != (self.num, 1):
@@ -131,11 +115,7 @@ class Episodes:
     def step_or_begin(self, action: NDArray[np.floating[Any]], ended: NDArray[np.bool_]) -> None:
         """Advance by one control step, but begin those anew that ended in the step before.
 
-        These take no action, and have no reward in this step.
-
-        Args:
-            action: See `step`.
-            ended: Which episodes ended, shape (num,).
+        These, `ended` of shape (num,), take no action, and have no reward in this step.
         """
         if not ended.any():
             self.step(action)
@@ -205,12 +185,8 @@ class Episodes:
     def choose(self, action: NDArray[np.floating[Any]], measured: Measurement) -> Floats:
         """Return the motor torques that an action and the base controller command, (num,) [N m].
 
-        Args:
-            action: In [-1, 1], shape (num, 1); values outside are clipped.
-            measured: What the base controller goes by.
-
-        Raises:
-            ConfigurationError: The action has the wrong shape or is not finite.
+        The base controller goes by what is measured; actions, shape (num, 1), are clipped to [-1,
+        1].
         """
         action = np.asarray(action, dtype=np.float64)
         if action.shape != (self.num, 1) or not np.isfinite(action).all():

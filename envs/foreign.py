@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from cjt_gym.envs.core import Episodes, report_of
 from cjt_gym.envs.observe import Seen, draw_episodes
 from cjt_gym.envs.step import begin_seen, conclude_seen
+from cjt_gym.joint.arrays import Floats
 from cjt_gym.plant import Measurement
 
-Floats = NDArray[np.float64]
 EVERYONE = np.ones(1, dtype=np.bool_)
 """The mask of a batch of one."""
 
@@ -24,12 +24,7 @@ class ForeignEpisode:
     """One episode after the other on such a joint.
 
     A step is `choose`, then the joint moves, then `advance` with what it measures, and `conclude`.
-
-    Attributes:
-        episodes: The task, as a batch of one whose simulated joint stands still.
-        task: Its arrays.
-        measured: The latest measurement.
-        steps: Control steps since the episode began.
+    The task is that of a batch of one whose simulated joint stands still.
     """
 
     def __init__(self, episodes: Episodes) -> None:
@@ -48,11 +43,7 @@ class ForeignEpisode:
     def choose(self, action: NDArray[np.floating[Any]]) -> Floats:
         """Return the motor torque that an action and the base controller command, (1,) [N m].
 
-        Args:
-            action: In [-1, 1], shape (1, 1); values outside are clipped.
-
-        Raises:
-            ConfigurationError: The action has the wrong shape or is not finite.
+        The action, shape (1, 1), is clipped to [-1, 1].
         """
         return self.episodes.choose(action, self.measured)
 

@@ -231,11 +231,7 @@ def _connect(plant: CanPlant | CanArm, arm: bool) -> None:
 
 
 def check_measured(measured: Measurement, config: HardwareConfig) -> None:
-    """Check that a joint measures what an observation needs.
-
-    Raises:
-        ConfigurationError: It does not.
-    """
+    """Raise ConfigurationError if a joint does not measure what an observation needs."""
     missing = [name for name in NEEDED if not np.isfinite(getattr(measured, name)[0])]
     if missing:
         raise ConfigurationError(

@@ -33,21 +33,14 @@ SCALES: Final = {
 
 
 class Row(NamedTuple):
-    """What a number of an observation is.
+    """What a number of an observation is."""
 
-    Attributes:
-        text: What it means.
-        unit: Its unit before it is scaled.
-        scale: What divides it: a number, or an attribute of what the task is described by.
-        of: Inputs of a controller that it is made of.
-        past: Whether samples of the past are observed as well.
-    """
-
-    text: str
-    unit: str
+    text: str  # what it means
+    unit: str  # its unit before it is scaled
+    # what divides it: a number, or an attribute of what the task is described by
     scale: float | str = 1.0
-    of: tuple[str, ...] = ()
-    past: bool = False
+    of: tuple[str, ...] = ()  # inputs of a controller that it is made of
+    past: bool = False  # whether samples of the past are observed as well
 
 
 class Observed(NamedTuple):
@@ -99,9 +92,6 @@ class Layout:
         n: Gear ratio; the rotor's angle is n q_m.
         dt: Control step [s].
         joint_numbers: What of the joint's datasheet ends an observation.
-
-    Raises:
-        ConfigurationError: A number is out of its range.
     """
 
     preview: int

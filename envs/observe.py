@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.envs.observation import CLIP, PAST, PRESENT, Observed
+from cjt_gym.joint.arrays import Floats
 from cjt_gym.joint.compiled import compiled, inlined
 from cjt_gym.joint.random_stream import mix, uniform
 from cjt_gym.signals.evaluate import evaluate
 
-Floats = NDArray[np.float64]
 Masks = NDArray[np.bool_]
 Words = NDArray[np.uint64]
 
@@ -28,91 +28,51 @@ FINE = 0.05
 
 
 class Task(NamedTuple):
-    """Constants of a task, and the arrays of its n episodes.
+    """Constants of a task, and the arrays of its n episodes."""
 
-    Attributes:
-        reference_rows: Signals of which an episode draws its reference, shape (signals, 6).
-        disturbance_rows: Likewise for the load, shape (signals, 6).
-        reference_tables: Their tables one below the other, shape (rows, 2).
-        disturbance_tables: Likewise.
-        reference_spans: First and last row of each one's table, shape (signals, 2).
-        disturbance_spans: Likewise.
-        reference_row: The reference of each episode, shape (n, 6).
-        disturbance_row: The disturbance of each episode, shape (n, 6).
-        picks: Index of the reference and the disturbance of each episode, shape (n, 2).
-        keys: Keys of reference and disturbance, shape (n, 2).
-        start: Initial states, shape (n, 6).
-        load: Load input at the present time, shape (n,).
-        reference: Reference at the present time, shape (n,) [N m].
-        command: Last motor torque commanded, shape (n,) [N m].
-        observation: Shape (n, size), float32; the past in it is that of the next one, too.
-        reward: Shape (n,).
-        terms: Weighted reward terms, shape (n, 5).
-        terminated: Shape (n,).
-        truncated: Shape (n,).
-        weights: Of the reward terms, shape (5,).
-        divisors: Of the fields of `Observed`, shape (7,).
-        amplitude: Torque that references and rewards are divided by [N m].
-        most_speed: Speed of the motor beyond which an episode ends [rad/s].
-        most_torque: Joint torque beyond which it ends [N m].
-        dt: Control step [s].
-        n: Gear ratio.
-        size: Numbers of an observation up to its past.
-        episode_steps: Control steps after which an episode is truncated.
-        preview: Future samples of the reference in the observation.
-    """
-
-    reference_rows: Floats
-    disturbance_rows: Floats
-    reference_tables: Floats
-    disturbance_tables: Floats
-    reference_spans: NDArray[np.int64]
-    disturbance_spans: NDArray[np.int64]
-    reference_row: Floats
-    disturbance_row: Floats
+    reference_rows: Floats  # signals of which an episode draws its reference, shape (signals, 6)
+    disturbance_rows: Floats  # likewise for the load, shape (signals, 6)
+    reference_tables: Floats  # their tables one below the other, shape (rows, 2)
+    disturbance_tables: Floats  # likewise
+    reference_spans: NDArray[np.int64]  # first and last row of each one's table, shape (signals, 2)
+    disturbance_spans: NDArray[np.int64]  # likewise
+    reference_row: Floats  # the reference of each episode, shape (n, 6)
+    disturbance_row: Floats  # the disturbance of each episode, shape (n, 6)
+    # index of the reference and the disturbance of each episode, shape (n, 2)
     picks: NDArray[np.int64]
-    keys: NDArray[np.uint64]
-    start: Floats
-    load: Floats
-    reference: Floats
-    command: Floats
+    keys: NDArray[np.uint64]  # keys of reference and disturbance, shape (n, 2)
+    start: Floats  # initial states, shape (n, 6)
+    load: Floats  # load input at the present time, shape (n,)
+    reference: Floats  # reference at the present time, shape (n,) [N m]
+    command: Floats  # last motor torque commanded, shape (n,) [N m]
+    # shape (n, size), float32; the past in it is that of the next one, too
     observation: NDArray[np.float32]
-    reward: Floats
-    terms: Floats
-    terminated: Masks
-    truncated: Masks
-    weights: Floats
-    divisors: Floats
-    amplitude: float
-    most_speed: float
-    most_torque: float
-    dt: float
-    n: float
-    size: int
-    episode_steps: int
-    preview: int
+    reward: Floats  # shape (n,)
+    terms: Floats  # weighted reward terms, shape (n, 5)
+    terminated: Masks  # shape (n,)
+    truncated: Masks  # shape (n,)
+    weights: Floats  # of the reward terms, shape (5,)
+    divisors: Floats  # of the fields of `Observed`, shape (7,)
+    amplitude: float  # torque that references and rewards are divided by [N m]
+    most_speed: float  # speed of the motor beyond which an episode ends [rad/s]
+    most_torque: float  # joint torque beyond which it ends [N m]
+    dt: float  # control step [s]
+    n: float  # gear ratio
+    size: int  # numbers of an observation up to its past
+    episode_steps: int  # control steps after which an episode is truncated
+    preview: int  # future samples of the reference in the observation
 
 
 class Seen(NamedTuple):
-    """What a task sees of a joint at the end of a control step.
+    """What a task sees of a joint at the end of a control step."""
 
-    Attributes:
-        k: Control steps since the episode began.
-        q_m: Measured angle of the motor [rad].
-        dq_m: Measured velocity of the motor [rad/s].
-        dq_l: Measured velocity of the load [rad/s].
-        tau: Measured joint torque [N m].
-        true_tau: Joint torque that is rewarded, on a real joint the measured one [N m].
-        true_dq_m: Velocity that is limited, likewise [rad/s].
-    """
-
-    k: int
-    q_m: float
-    dq_m: float
-    dq_l: float
-    tau: float
-    true_tau: float
-    true_dq_m: float
+    k: int  # control steps since the episode began
+    q_m: float  # measured angle of the motor [rad]
+    dq_m: float  # measured velocity of the motor [rad/s]
+    dq_l: float  # measured velocity of the load [rad/s]
+    tau: float  # measured joint torque [N m]
+    true_tau: float  # joint torque that is rewarded, on a real joint the measured one [N m]
+    true_dq_m: float  # velocity that is limited, likewise [rad/s]
 
 
 @inlined
@@ -206,12 +166,7 @@ def rotor_angle(task: Task, q_m: float) -> float:
 def observe(task: Task, i: int, now: Seen, rotor: tuple[float, float], begun: bool) -> None:
     """Write the observation of episode i, which has begun before or begins.
 
-    Args:
-        task: The task.
-        i: Which episode.
-        now: What is seen of its joint.
-        rotor: Sine and cosine of the measured angle of the rotor.
-        begun: Whether it goes on from an observation before.
+    `rotor` is the sine and cosine of the rotor's measured angle.
     """
     out, t = task.observation[i], now.k * task.dt
     for ahead in range(task.preview + 1):
@@ -224,13 +179,10 @@ def observe(task: Task, i: int, now: Seen, rotor: tuple[float, float], begun: bo
 
 @inlined
 def put_sample(out: NDArray[np.float32], sample: Observed, divisors: Floats, begun: bool) -> None:
-    """Put a sample into an observation, before those of the past.
+    """Put a sample, over its divisors, into an observation, before those of the past.
 
-    Args:
-        out: What follows the reference in the observation before, shape (3 + 4 history,).
-        sample: The sample.
-        divisors: What divides it, shape (7,).
-        begun: Whether there is a past; the first sample stands for all of it.
+    `out` is what follows the reference in the observation before, shape (3 + 4 history,). Before an
+    episode has begun there is no past, and its first sample stands for all of it.
     """
     for j in range(PRESENT):
         out[j] = limited(sample[j] / divisors[j])

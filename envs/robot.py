@@ -16,13 +16,13 @@ from cjt_gym.envs.observation import CLIP, Row, divisors, observes
 from cjt_gym.envs.settings import BaseController
 from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.joint import Joint, load_joint
+from cjt_gym.joint.arrays import Floats
 from cjt_gym.joint.border import checked_array
 from cjt_gym.plant import Measurement
 from cjt_gym.plant.randomization import Randomization
 from cjt_gym.robots import CoupledRobot, get_robot, load_model
 from cjt_gym.robots.models import mujoco
 
-Floats = NDArray[np.float64]
 Observation = NDArray[np.float32]
 ERROR_SCALE, SPEED_SCALE = 0.5, 5.0  # that of a large one [rad], [rad/s]
 PERIODS = (1.0, 3.0)  # of the wanted sines, which legs and arms can follow [s]

@@ -94,12 +94,7 @@ class TorqueTrackingVecEnv(BareVecEnv):
     """
 
     def __init__(self, num_envs: int, **arguments: Any) -> None:
-        """Prepare the batch.
-
-        Args:
-            num_envs: How many.
-            **arguments: Those of `TorqueTrackingEnv`, checked as there.
-        """
+        """Prepare the batch; other arguments are those of `TorqueTrackingEnv`, checked as there."""
         use_one_thread()
         self.episodes = Episodes(num_envs, **arguments)
         self.render_mode = None

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from cjt_gym.envs.observation import Layout
 from cjt_gym.envs.observe import TERMS
-from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.errors import ConfigurationError, check_name
 from cjt_gym.joint import Joint, get_structure, load_joint, load_joint_file
+from cjt_gym.joint.arrays import Floats
 from cjt_gym.joint.border import checked_array
 from cjt_gym.joint.current_loop import with_current_loop
 from cjt_gym.joint.parameters import JointParameters
@@ -25,7 +26,6 @@ from cjt_gym.signals import Signal, make_signals, sampled_signal
 if TYPE_CHECKING:
     from cjt_gym.envs.arguments import TaskArguments
 
-Floats = NDArray[np.float64]
 REWARD_WEIGHTS = dict(zip(TERMS, (1.0, 0.0, 0.05, 0.0, 50.0), strict=True))
 USUAL = {"structure": "output_fixed_rigid_gearbox", "drive": "current"}
 """What a joint is where neither an argument nor its file says so."""
@@ -65,26 +65,17 @@ ControllerOrFactory = str | BaseController | Callable[[Joint, float], BaseContro
 
 @dataclass(frozen=True)
 class Settings:
-    """A torque-tracking task.
-
-    Attributes:
-        joint: The joint.
-        references: Signals of which each episode draws one [N m].
-        disturbances: Likewise for the load input [N m] or, with a fixed output, [rad/s].
-        layout: What is observed, and the unit of an action.
-        episode_steps: Control steps after which an episode is truncated.
-        dt_physics: Substep [s].
-        reward_weights: Weight of each reward term.
-        randomization: What varies and how, fully spelt out.
-    """
+    """A torque-tracking task."""
 
     joint: Joint
-    references: tuple[Signal, ...]
+    references: tuple[Signal, ...]  # signals of which each episode draws one [N m]
+    # likewise for the load input [N m] or, with a fixed output, [rad/s]
     disturbances: tuple[Signal, ...]
-    layout: Layout
-    episode_steps: int
-    dt_physics: float
-    reward_weights: Mapping[str, float]
+    layout: Layout  # what is observed, and the unit of an action
+    episode_steps: int  # control steps after which an episode is truncated
+    dt_physics: float  # substep [s]
+    reward_weights: Mapping[str, float]  # weight of each reward term
+    # what varies and how, fully spelt out
     randomization: Mapping[str, Variation] = field(default_factory=dict)
 
 
@@ -126,15 +117,11 @@ def default_amplitude(p: JointParameters) -> float:
 
 
 def joint_numbers(joint: Joint, amplitude: float) -> tuple[float, ...]:
-    """Return what tells joints apart once torques are divided by an amplitude.
+    """Return what tells joints apart once torques are divided by an amplitude [N m].
 
     With f the frequency of motor and gear on the spring, ln(f / 20 Hz) and (20 Hz / f)^2, which is
     the torque that accelerates over that which stretches the spring at 20 Hz; the Coulomb friction
     of motor and gear and the noise of the torque sensor, both over the amplitude.
-
-    Args:
-        joint: The joint as its datasheet has it.
-        amplitude: Torque amplitude [N m].
     """
     p = joint.parameters
     if "k_b" not in p or joint.structure == "rigid":
@@ -241,8 +228,7 @@ def _history(joint: Joint, given: TaskArguments, variations: Mapping[str, Variat
 
 def _weights(given: Mapping[str, float] | None) -> dict[str, float]:
     for name, value in (given or {}).items():
-        if name not in REWARD_WEIGHTS:
-            raise unknown_name("reward term", name, REWARD_WEIGHTS)
+        check_name("reward term", name, REWARD_WEIGHTS)
         if not (math.isfinite(value) and value >= 0.0):
             raise ConfigurationError(f"The weight of reward term {name} must be >= 0, got {value}.")
     return {**REWARD_WEIGHTS, **(given or {})}

@@ -113,13 +113,8 @@ def seen(batch: Batch, i: int) -> Seen:
 def conclude(task: Task, i: int, now: Seen, command: float, sine: float, cosine: float) -> None:
     """Do what follows the measurement in a step of episode i: signals, reward, observation.
 
-    Args:
-        task: The task.
-        i: Which episode.
-        now: What is seen of its joint.
-        command: Motor torque that was commanded [N m].
-        sine: Of the measured angle of the rotor.
-        cosine: Of the same.
+    `command` is the motor torque that was commanded [N m]; sine and cosine are those of the rotor's
+    measured angle.
     """
     look_up(task, i, now.k)
     reward(task, i, now, command)

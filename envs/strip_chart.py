@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.errors import ConfigurationError, check_name
 
 RENDER_MODES = ("human", "rgb_array")
 LENGTH = 1000  # samples: a second at the usual control step
@@ -17,26 +17,17 @@ COLOURS = ("#888888", "#0b6fb8", "#d9822b")
 
 
 class StripChart:
-    """The last second of an episode, where it is to be drawn.
-
-    Raises:
-        UnknownNameError: There is no such mode.
-        ConfigurationError: matplotlib is not installed.
-    """
+    """The last second of an episode, where it is to be drawn."""
 
     def __init__(self, mode: str | None, dt: float, labels: tuple[str, ...] = LABELS) -> None:
-        """Prepare an empty chart.
+        """Prepare an empty chart of torques, one sample every `dt` [s].
 
-        Args:
-            mode: "human" for a window, "rgb_array" for images, None to draw nothing.
-            dt: Time between two samples [s].
-            labels: What the torques are.
+        The mode is "human" for a window, "rgb_array" for images, None to draw nothing.
         """
         self.mode = mode
         if mode is None:
             return
-        if mode not in RENDER_MODES:
-            raise unknown_name("render mode", mode, RENDER_MODES)
+        check_name("render mode", mode, RENDER_MODES)
         try:
             from matplotlib.figure import Figure
         except ImportError:

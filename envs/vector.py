@@ -13,7 +13,7 @@ from cjt_gym.envs.arguments import takes_arguments
 from cjt_gym.envs.core import Episodes
 from cjt_gym.envs.strip_chart import StripChart
 from cjt_gym.envs.torque_tracking import Action, Observation
-from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.errors import ConfigurationError, check_name
 
 AUTORESET = {"same_step": AutoresetMode.SAME_STEP, "next_step": AutoresetMode.NEXT_STEP}
 RENDER_MODE = "rgb_array"
@@ -65,8 +65,7 @@ class TorqueTrackingVectorEnv(VectorEnv[Observation, Action, NDArray[Any]]):
                 f"render_mode of a batch must be {RENDER_MODE!r} or None, got {render_mode!r}. Use "
                 "gymnasium.make for a single environment in a window."
             )
-        if autoreset not in AUTORESET:
-            raise unknown_name("autoreset", str(autoreset), AUTORESET)
+        check_name("autoreset", autoreset, AUTORESET)
         self.num_envs, self.render_mode = num_envs, render_mode
         self.metadata = {**self.metadata, "autoreset_mode": AUTORESET[autoreset]}
         self._waits = autoreset == "next_step"
@@ -127,7 +126,6 @@ class TorqueTrackingVectorEnv(VectorEnv[Observation, Action, NDArray[Any]]):
         }
 
     def _draw(self, info: dict[str, Any], begun: NDArray[np.bool_]) -> None:
-        """Add the step to the strip charts."""
         for i, chart in enumerate(self._charts):
             if begun[i]:
                 chart.clear()

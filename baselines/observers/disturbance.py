@@ -33,7 +33,7 @@ from cjt_gym.baselines.rational import (
     tustin,
     zeros_text,
 )
-from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.errors import ConfigurationError, check_name
 
 
 def observer_block(
@@ -71,8 +71,7 @@ def disturbance_observer(
         ConfigurationError: The signal does not show a lasting disturbance, or does not have a
             stable inverse; the message names those that do.
     """
-    if output not in MEASURED:
-        raise unknown_name("output of an observer", output, MEASURED)
+    check_name("output of an observer", output, MEASURED)
     what = f"{output} of {model.name}"
     plant = invertible(model, output)
     if isinstance(plant, str):

@@ -8,7 +8,7 @@ import numpy as np
 
 from cjt_gym.baselines.controller import Floats, Mask
 from cjt_gym.baselines.linear_law import COMMAND, SIGNALS, Block, begin, stack
-from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.errors import ConfigurationError, check_name
 from cjt_gym.plant import Measurement
 
 
@@ -60,8 +60,7 @@ class LinearObserver:
         """
         row = np.zeros(len(self.names))
         for name, weight in weights.items():
-            if name not in self.names:
-                raise unknown_name("estimate", name, self.names)
+            check_name("estimate", name, self.names)
             row[self.names.index(name)] = weight
         return self.weighted(row)
 

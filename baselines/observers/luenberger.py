@@ -21,18 +21,17 @@ import warnings
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import matrix_balance
 from scipy.optimize import linear_sum_assignment
 from scipy.signal import place_poles
 
+from cjt_gym.baselines.controller import Floats
 from cjt_gym.baselines.observers.linear_observer import LinearObserver
 from cjt_gym.baselines.observers.model import DesignModel, current_observer, design_model
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.errors import ConfigurationError
+from cjt_gym.joint.arrays import Complex
 
-Floats = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 SPREAD = 0.05
 """Relative distance of poles that are asked for at one place: their placement needs them apart."""
 SAME = 1e-6

@@ -6,18 +6,16 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
+from cjt_gym.baselines.controller import Floats
 from cjt_gym.baselines.linear_law import COMMAND, MEASURED, SIGNALS, signals
 from cjt_gym.baselines.mechanics import Mechanics
 from cjt_gym.baselines.observers.linear_observer import LinearObserver
 from cjt_gym.baselines.pbh import check_observable
 from cjt_gym.baselines.plant_model import SampledJoint, scatter, setting
-from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.errors import ConfigurationError, check_name
 from cjt_gym.joint import Joint
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -27,30 +25,18 @@ class DesignModel:
     With a fixed output, angles and velocities count from those of the load, so that the load's own
     are zero. With a free load, the position of the last body is a state where an angle is measured.
     With a disturbance, the last state is a constant torque that acts on the motor as u does.
-
-    Attributes:
-        a: Shape (order, order).
-        b: Shape (order,).
-        c: Measured outputs, shape (outputs, order).
-        tau: Joint torque, shape (order,).
-        rows: How `SIGNALS` give the outputs, shape (outputs, 9).
-        noise: Standard deviations of the outputs' noise, shape (outputs,); see `output_noise`.
-        outputs: Their names.
-        states: Names of the states.
-        delay: Between command and measurement [samples].
-        dt: Sample time [s].
     """
 
-    a: Floats
-    b: Floats
-    c: Floats
-    tau: Floats
-    rows: Floats
-    noise: Floats
+    a: Floats  # shape (order, order)
+    b: Floats  # shape (order,)
+    c: Floats  # measured outputs, shape (outputs, order)
+    tau: Floats  # joint torque, shape (order,)
+    rows: Floats  # how `SIGNALS` give the outputs, shape (outputs, 9)
+    noise: Floats  # standard deviations of the outputs' noise, shape (outputs,); see `output_noise`
     outputs: tuple[str, ...]
     states: tuple[str, ...]
-    delay: int
-    dt: float
+    delay: int  # between command and measurement [samples]
+    dt: float  # sample time [s]
 
 
 def design_model(
@@ -84,8 +70,7 @@ def mechanics_for(model: SampledJoint, outputs: tuple[str, ...]) -> Mechanics:
 
 def _check_outputs(outputs: tuple[str, ...]) -> None:
     for name in outputs:
-        if name not in MEASURED:
-            raise unknown_name("output of an observer", name, MEASURED)
+        check_name("output of an observer", name, MEASURED)
     if not outputs or len(set(outputs)) < len(outputs):
         raise ConfigurationError(
             f"outputs of an observer must be different ones of {', '.join(MEASURED)}, got "

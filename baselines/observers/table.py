@@ -14,7 +14,7 @@ from cjt_gym.baselines.observers.luenberger import place_observer, spread_poles
 from cjt_gym.baselines.observers.model import design_model
 from cjt_gym.baselines.observers.momentum import momentum_observer
 from cjt_gym.baselines.plant_model import SampledJoint
-from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.errors import ConfigurationError, check_name
 
 Make = Callable[[SampledJoint, Mapping[str, float], tuple[str, ...]], LinearObserver]
 HZ = Gain("bandwidth_hz", "Hz", 0.01, 1000.0, log=True)
@@ -108,8 +108,7 @@ def make_observer(
         ConfigurationError: A number is missing or out of range, the signals cannot be chosen, or
             do not show what is to be observed.
     """
-    if name not in OBSERVERS:
-        raise unknown_name("observer", name, OBSERVERS)
+    check_name("observer", name, OBSERVERS)
     row = OBSERVERS[name]
     check_gains(f"observer {name}", row.tunable, gains)
     usual = {g.name: g.usual for g in row.tunable if g.usual is not None}

@@ -25,7 +25,8 @@ from cjt_gym.characteristics.motor import (
 )
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import JointParameters, get_structure
-from cjt_gym.joint.linear import OUTPUTS, Complex, frequency_response, state_matrices
+from cjt_gym.joint.arrays import Complex
+from cjt_gym.joint.linear import OUTPUTS, frequency_response, state_matrices
 
 LOCKED = math.inf
 LOWEST_HZ, HIGHEST_HZ = 1e-2, 1e4  # between which one is looked for

@@ -40,11 +40,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_conditions(parser, several=True, draws=False)
     add("--input", default="tau_m", help=f"{', '.join(INPUTS)}; default: tau_m")
     add("--output", default="tau", help=f"{', '.join(OUTPUTS)}; default: tau")
-    add(
-        "--dt",
-        type=float,
-        help="sample time of a zero-order hold at the input [s]; default: continuous",
-    )
+    text = "sample time of a zero-order hold at the input [s]; default: continuous"
+    add("--dt", type=float, help=text)
     text = "measure the response of the joint with its effects, too: rms of the multisine of motor "
     text += f"torque [N m]; torques are held for --dt, {DT:g} s unless given"
     add("--identify", type=float, metavar="RMS", help=text)

@@ -37,20 +37,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_conditions(parser, several=True, effects=text)
     text = f"{CONTROLLER_HELP}; gain files of `cjt-gym tune`; or {ALL} of the table"
     add("--controller", nargs="+", default=[], metavar="C", help=text)
-    add(
-        "--policy",
-        nargs="+",
-        default=[],
-        metavar="RUN",
-        help="run folders, exported policies (.npz), or names of  cjt-gym policies",
-    )
+    text = "run folders, exported policies (.npz), or names of  cjt-gym policies"
+    add("--policy", nargs="+", default=[], metavar="RUN", help=text)
     text = f"{', '.join(BENCHMARK_TASKS)}; default: all for the structure but current_loop"
     add("--task", nargs="+", metavar="T", help=text)
-    add(
-        "--amplitude",
-        type=float,
-        help="amplitude of the references [N m]; default: from the peak torque",
-    )
+    text = "amplitude of the references [N m]; default: from the peak torque"
+    add("--amplitude", type=float, help=text)
     add("--episodes", type=int, default=32, help="episodes per task and seed, default 32")
     add("--seed", type=int, default=0, help="first seed of the episodes, default 0")
     add("--seeds", type=int, default=1, help="number of consecutive seeds, default 1")

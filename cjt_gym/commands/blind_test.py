@@ -23,7 +23,8 @@ from cjt_gym.blind.plant import STRUCTURES
 from cjt_gym.blind.score import score_case, summarise
 from cjt_gym.blind.table import table
 from cjt_gym.console import Answer
-from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.disk import read_json, write_text
+from cjt_gym.errors import ConfigurationError, check_name, unknown_name
 from cjt_gym.gap.blind_case import diagnose_case, warm_up
 
 SETTINGS = ("seed", "structure", "strength", "duration", "logs")
@@ -34,24 +35,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add how many cases, of what kind, and where to write them."""
     add = parser.add_argument
     add("--cases", type=int, required=True, metavar="N", help="number of joints to draw")
-    add(
-        "--out",
-        type=Path,
-        required=True,
-        metavar="DIR",
-        help="folder; an interrupted test is resumed",
-    )
+    text = "folder; an interrupted test is resumed"
+    add("--out", type=Path, required=True, metavar="DIR", help=text)
     add("--seed", type=int, default=0, help="seed of all joints, default 0")
-    add(
-        "--structure",
-        help=f"structure of all joints; default: mixed. One of {', '.join(STRUCTURES)}",
-    )
-    add(
-        "--strength",
-        type=float,
-        default=1.0,
-        help="scale factor for all effects, such as 0.1; default 1",
-    )
+    text = f"structure of all joints; default: mixed. One of {', '.join(STRUCTURES)}"
+    add("--structure", help=text)
+    text = "scale factor for all effects, such as 0.1; default 1"
+    add("--strength", type=float, default=1.0, help=text)
     add("--duration", type=float, default=10.0, help="duration of each record [s], default 10")
     add("--logs", default="clean", help="clean, or rough as real ones are; default clean")
     add("--workers", type=int, default=2, help="processes, default 2")
@@ -90,8 +80,7 @@ def _check(options: argparse.Namespace) -> None:
         raise ConfigurationError(f"--strength must be within 0 and 3, got {options.strength:g}.")
     if options.structure is not None and options.structure not in STRUCTURES:
         raise unknown_name("structure", options.structure, STRUCTURES)
-    if options.logs not in BLOCKS:
-        raise unknown_name("kind of logs", options.logs, BLOCKS)
+    check_name("kind of logs", options.logs, BLOCKS)
 
 
 def _settle(settings: dict[str, Any], path: Path) -> None:
@@ -121,7 +110,7 @@ def _draw(names: dict[str, int], settings: dict[str, Any], out: Path, workers: i
         if not _label(out, name).is_file()
     }
     for name, _ in _each(draw_one, {n: (n, *job) for n, job in jobs.items()}, workers):
-        _tell(f"{name} drawn")
+        sys.stderr.write(f"{name} drawn\n")
 
 
 def draw_one(name: str, made: Recipe, strength: float, duration: float, out: Path) -> None:
@@ -153,7 +142,7 @@ def _diagnose(names: Iterable[str], out: Path, workers: int) -> None:
         for name, result in _each(diagnose_case, copies, workers, warm_up):
             _write(_diagnosis(out, name), result)
             said = result.get("error") or f"{result['verdict']}, {result['seconds']:.1f} s"
-            _tell(f"{name} diagnosed: {said}")
+            sys.stderr.write(f"{name} diagnosed: {said}\n")
 
 
 def _each(
@@ -172,18 +161,10 @@ def _each(
             yield running[future], future.result()
 
 
-def _read(path: Path) -> dict[str, Any]:
-    found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    return found
+def _read(path: Path) -> Any:
+    return read_json(path, ConfigurationError)
 
 
 def _write(path: Path, content: dict[str, Any]) -> None:
-    """Write a file as a whole or not at all."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    draft = path.with_suffix(".part")
-    draft.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-    draft.replace(path)
-
-
-def _tell(text: str) -> None:
-    sys.stderr.write(text + "\n")
+    write_text(path, json.dumps(content, indent=1, allow_nan=False) + "\n")

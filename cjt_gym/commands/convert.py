@@ -86,7 +86,6 @@ def _write_joint(options: argparse.Namespace) -> Answer:
 
 
 def _write_draft(options: argparse.Namespace) -> Answer:
-    """Write a mapping to be edited."""
     if options.out.exists():
         raise ConfigurationError(f"{options.out} exists. Give another --out, or move it away.")
     text = draft_mapping(options.log)
@@ -113,5 +112,4 @@ def _read(options: argparse.Namespace) -> tuple[tuple[Record, ...], tuple[Repair
 
 
 def _numbered(path: Path, k: int, count: int) -> Path:
-    """Return the name of a piece of a log that was cut."""
     return path if count == 1 else path.with_stem(f"{path.stem}_{k + 1}")

@@ -126,8 +126,7 @@ def write_files(
 ) -> Diagnosis:
     """Write diagnosis.json, report.html, joint.toml, and the next excitation if there is one.
 
-    Returns:
-        The diagnosis, which now names its excitation file.
+    The diagnosis that is returned names its excitation file.
     """
     next_record = diagnosis.suggestion.written(folder / "next.npz")
     diagnosis = replace(diagnosis, suggestion=next_record)

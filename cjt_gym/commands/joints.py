@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 from cjt_gym.console import Answer
@@ -38,11 +39,7 @@ def run(options: argparse.Namespace) -> Answer:
 
 
 def chosen(what: Sequence[str]) -> dict[str, list[dict[str, Any]]]:
-    """Return the tables, or the rows, of those names; all tables where none is named.
-
-    Raises:
-        UnknownNameError: There is no such table, and no such row.
-    """
+    """Return the tables, or the rows, of those names; all tables where none is named."""
     tables = describe()
     paths = [word for word in what if is_path(word)]
     tables["joints"] += [_joint(path) | {"name": path} for path in paths]
@@ -130,21 +127,9 @@ def _effect(row: Effect) -> dict[str, Any]:
 
 def _parameter(effect: Effect, p: EffectParameter) -> dict[str, Any]:
     least, is_excluded, greatest = effect.domain(p)
-    return {
-        "symbol": p.symbol,
-        "unit": p.unit,
-        "neutral": p.neutral,
-        "relative_to": p.relative_to,
-        "low": p.low,
-        "high": p.high,
+    told = {name: value for name, value in asdict(p).items() if name != "fields"}
+    return told | {
         "minimum": least if math.isfinite(least) else None,
         "minimum_excluded": is_excluded,
         "maximum": greatest if math.isfinite(greatest) else None,
-        "default": p.default,
-        "joint_parameter": p.joint_parameter,
-        "typical": list(p.typical) if isinstance(p.typical, tuple) else p.typical,
-        "typical_of": p.typical_of,
-        "series": p.series,
-        "shared": p.shared,
-        "description": p.description,
     }

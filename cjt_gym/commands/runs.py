@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 
 from cjt_gym.console import Answer
-from cjt_gym.training.benchmark import align
-from cjt_gym.training.learning.runs import cells, compared, find_runs
+from cjt_gym.training.benchmark.side_by_side import align, in_columns
+from cjt_gym.training.learning.runs import COLUMNS, compared, find_runs
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -27,7 +27,7 @@ def run(options: argparse.Namespace) -> Answer:
         pages = {str(one.path): str(write_run_page(one)) for one in found}
         for row in rows:
             row["page"] = pages[row["run"]]
-    lines = [align(cells(rows))]
+    lines = [align(in_columns(rows, COLUMNS))]
     for row in rows:
         if row["differs"]:
             changes = ", ".join(f"{name} = {value}" for name, value in row["differs"].items())

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.baselines import CONTROLLERS
 from cjt_gym.console import Answer
@@ -31,7 +30,7 @@ from cjt_gym.disk import refuse_inputs
 from cjt_gym.envs.settings import default_amplitude, default_load
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import Joint, load_joint
-from cjt_gym.joint.arrays import CHANNELS
+from cjt_gym.joint.arrays import CHANNELS, Floats
 from cjt_gym.joint.current_loop import with_current_loop
 from cjt_gym.joint.effect_words import plain_effects
 from cjt_gym.plant import SimulatedPlant
@@ -41,7 +40,6 @@ from cjt_gym.records import FORMATS, Record, record_names, write_record
 from cjt_gym.signals import Signal, make_signals, sampled_signal, signal_from_file
 from cjt_gym.training.tuning.gains import choose, files_of, gains_in_record
 
-Floats = NDArray[np.float64]
 TRACKING, NONE = "pd_feedforward", "none"
 """Controller where nothing else is said; the name for no controller at all."""
 COMMANDS = ("i_cmd", "tau_cmd")
@@ -117,21 +115,13 @@ def run(options: argparse.Namespace) -> Answer:
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """What to simulate, with every default settled.
+    """What to simulate, with every default settled."""
 
-    Attributes:
-        recorded: Record that serves as the reference, or None.
-        structure: Structure of the joint.
-        controller: A name of `CONTROLLERS`, or `NONE`.
-        duration: [s].
-        dt: Control step [s].
-    """
-
-    recorded: Record | None
+    recorded: Record | None  # record that serves as the reference, or None
     structure: str
-    controller: str
-    duration: float
-    dt: float
+    controller: str  # a name of `CONTROLLERS`, or `NONE`
+    duration: float  # [s]
+    dt: float  # control step [s]
 
 
 def _task(options: argparse.Namespace) -> Task:
@@ -190,19 +180,8 @@ def simulate(
 ) -> Record:
     """Run a joint in closed loop and return the record.
 
-    Args:
-        joint: The joint.
-        reference: Wanted joint torque [N m].
-        controller: Name of the controller, gain file, or `NONE` for a reference that is the
-            motor's torque.
-        duration: [s].
-        dt: Control step [s].
-        dt_physics: Substep [s].
-        seed: Seed of the sensors' noise, and of what is drawn.
-        randomize: What varies about the joint, see `resolve_randomization`.
-
-    Returns:
-        Row k holds what was true, measured, wanted and commanded at t = k dt.
+    The reference is the wanted joint torque or, with the controller `NONE`, the motor's [N m]. Row
+    k holds what was true, measured, wanted and commanded at t = k dt.
     """
     if not (np.isfinite(duration) and duration >= dt):
         raise ConfigurationError(f"--duration must be >= one control step, got {duration} s.")

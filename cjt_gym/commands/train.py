@@ -16,7 +16,7 @@ from cjt_gym.console.options import (
     structure_of,
     tell_effects,
 )
-from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.errors import ConfigurationError, check_name
 from cjt_gym.joint import load_joint
 from cjt_gym.joint.current_loop import with_current_loop
 from cjt_gym.plant.simulated import DT_PHYSICS
@@ -34,13 +34,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     names = ", ".join(config_names())
     add("config", metavar="CONFIG.toml", help=f"a file, or one that ships: {names}")
-    add(
-        "--out",
-        type=Path,
-        required=True,
-        metavar="RUN",
-        help="run folder; an interrupted run is resumed",
-    )
+    text = "run folder; an interrupted run is resumed"
+    add("--out", type=Path, required=True, metavar="RUN", help=text)
     text = "joint that replaces the configuration's; it brings its own effects, or takes over "
     text += "those of the configuration as far as it knows the numbers"
     add("--joint", metavar="JOINT|FILE.toml", help=text)
@@ -90,8 +85,7 @@ def run(options: argparse.Namespace) -> None:
     env = environment(config.env, options)
     tell(env, config.env)
     config = config.with_changes(env=env, seed=options.seed, total_steps=options.steps)
-    if options.backend not in BACKENDS:
-        raise unknown_name("backend", options.backend, BACKENDS)
+    check_name("backend", options.backend, BACKENDS)
     if options.seeds is None and options.backend != "loky":
         raise ConfigurationError(f"--backend {options.backend} needs --seeds.")
     from cjt_gym.training.learning.distributed import train_on_ray  # torch takes seconds to import

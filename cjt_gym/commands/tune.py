@@ -24,7 +24,7 @@ from cjt_gym.console.options import (
     structure_of,
     tell_effects,
 )
-from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.errors import ConfigurationError, check_name
 from cjt_gym.training.benchmark.cluster import BACKENDS, cluster
 from cjt_gym.training.evaluation.rollout import joint_of
 from cjt_gym.training.tuning.gains import WITH, choose, read_gains, write_gains
@@ -65,8 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _workers(backend: str, jobs: int) -> AbstractContextManager[Any]:
     """Return joblib's context in which candidates run side by side."""
-    if backend not in BACKENDS:
-        raise unknown_name("backend", backend, BACKENDS)
+    check_name("backend", backend, BACKENDS)
     if jobs > 1:
         return cluster(backend, jobs)
     if backend != "loky":
@@ -130,7 +129,6 @@ class Progress:
     """A progress bar on standard error."""
 
     def __init__(self, total: int) -> None:
-        """Begin the bar."""
         self.total = total
         self.bar: Any = None
 

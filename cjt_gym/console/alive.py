@@ -22,7 +22,6 @@ class Watched:
     """A stream that tells when something is written to it; all else is that of the stream."""
 
     def __init__(self, stream: Any, alive: Alive) -> None:
-        """Watch a stream."""
         self._stream, self._alive = stream, alive
 
     def write(self, text: str) -> int:
@@ -36,18 +35,13 @@ class Watched:
 
 
 class Alive:
-    """Watches what a command writes, and writes to standard error where that is nothing.
-
-    Attributes:
-        doing: What the command is doing, in words.
-    """
+    """Watches what a command writes, and writes to standard error where that is nothing."""
 
     def __init__(self, until_a_word: bool = False) -> None:
         """Prepare.
 
-        Args:
-            until_a_word: Whether to be silent for good once the command has written anything, as
-                those do that then wait for others.
+        With `until_a_word` it is silent for good once the command has written anything, for those
+        that then wait for others.
         """
         self.doing, self._until_a_word = LOADING, until_a_word
         self._lock, self._over = threading.RLock(), threading.Event()
@@ -119,7 +113,6 @@ class Alive:
             stream.flush()
 
     def _close(self) -> None:
-        """End or erase the sign of life."""
         with self._lock:
             if self._open:
                 self._streams[1].write(self._open if self._terminal else "\n")
@@ -128,6 +121,5 @@ class Alive:
 
 
 def _bars() -> list[Any]:
-    """Return the progress bars that are shown."""
     shown = getattr(sys.modules.get("tqdm"), "tqdm", None)
     return [bar for bar in getattr(shown, "_instances", ()) if not bar.disable]

@@ -56,15 +56,7 @@ def installed(kind: str) -> list[str]:
 
 
 def check_words(command: str, words: Sequence[str]) -> None:
-    """Refuse words of a command line that name a controller or a joint that there is not.
-
-    Args:
-        command: The command.
-        words: What follows it.
-
-    Raises:
-        UnknownNameError: There is none of that name; the message suggests the nearest.
-    """
+    """Refuse words of a command line that name a controller or a joint that there is not."""
     known: dict[str, Callable[[], list[str]]] = {
         "--controller": lambda: sorted({*controller_names(), *part_names()}),
         "--joint": joint_names,

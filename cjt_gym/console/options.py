@@ -49,12 +49,8 @@ def add_conditions(
 ) -> None:
     """Add --structure, --drive, --effect and, where episodes are drawn, --randomize.
 
-    Args:
-        parser: The parser of a command.
-        several: Whether there may be several structures.
-        draws: Whether episodes are drawn.
-        effects: What the effects are by default, in words.
-        structure: What the structure is by default, in words.
+    `effects` and `structure` say in words what they are by default; `several` structures may be
+    allowed.
     """
     add = parser.add_argument
     text = f"{', '.join(STRUCTURES)}; default: {structure}"
@@ -80,11 +76,7 @@ def asked_effects(options: argparse.Namespace) -> dict[str, Any] | None:
 
 
 def check_randomize(options: argparse.Namespace) -> str | None:
-    """Return the preset of --randomize, or None.
-
-    Raises:
-        UnknownNameError: There is no such preset.
-    """
+    """Return the preset of --randomize, or None."""
     preset: str | None = options.randomize
     if preset is not None and preset not in PRESETS:
         raise unknown_name("preset of randomization", preset, PRESETS)
@@ -124,11 +116,6 @@ def check_seed(seed: int | None) -> None:
 
 
 def check_time(name: str, value: float | None) -> None:
-    """Raise ConfigurationError if a time is not > 0 s.
-
-    Args:
-        name: Of the option, without its dashes.
-        value: The time [s]; None where it was not given.
-    """
+    """Raise ConfigurationError if a time that was given is not > 0 s."""
     if value is not None and not value > 0.0:
         raise ConfigurationError(f"--{name} must be > 0 s, got {value:g}.")

@@ -28,7 +28,7 @@ from cjt_gym.joint.known import known_joint
 from cjt_gym.plant.measurement import Floats, Measurement
 from cjt_gym.signals import sampled_signal
 from cjt_gym.training.deploy.exported import Exported
-from cjt_gym.training.deploy.load_agent import load_agent
+from cjt_gym.training.deploy.shipped import load_agent
 from cjt_gym.training.evaluation.conditions import Conditions
 from cjt_gym.training.tuning.gains import choose
 

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+Complex = NDArray[np.complex128]
 Integers = NDArray[np.int64]
-
 
 CHANNELS = ("i", "q_m", "q_g", "q_l", "dq_m", "dq_g", "dq_l", "tau")
 CURRENT_I, Q_M, Q_G, Q_L, DQ_M, DQ_G, DQ_L, TAU = range(8)
@@ -70,60 +70,33 @@ MEMORY = 30
 
 
 class Setup(NamedTuple):
-    """What all joints of a batch share.
+    """What all joints of a batch share."""
 
-    Attributes:
-        groups: Coordinate of motor, gear and load, -1 for a prescribed load.
-        size: Number of coordinates.
-        order: Number of mechanical states.
-        drive: Number of the drive.
-        is_voltage: Whether commands are voltages [V]; else currents [A].
-        h: Substep [s].
-        substeps: Substeps per control step.
-        dt: Control step [s].
-    """
-
-    groups: tuple[int, int, int]
-    size: int
-    order: int
+    groups: tuple[int, int, int]  # coordinate of motor, gear and load, -1 for a prescribed load
+    size: int  # number of coordinates
+    order: int  # number of mechanical states
     drive: int
-    is_voltage: bool
-    h: float
-    substeps: int
-    dt: float
+    is_voltage: bool  # whether commands are voltages [V]; else currents [A]
+    h: float  # substep [s]
+    substeps: int  # substeps per control step
+    dt: float  # control step [s]
 
 
 class Batch(NamedTuple):
-    """The arrays of n joints; the kernel changes all but p, ripple, a and b.
+    """The arrays of n joints; the kernel changes all but p, ripple, a and b."""
 
-    Attributes:
-        p: Parameter records, shape (n,).
-        ripple: Rows [f, a, b, kind], shape (n, rows, 4).
-        a: Discrete system matrix of a substep, shape (n, order, order).
-        b: Its inputs: motor torque, load input, torque per coordinate; (n, order, 2 + size).
-        state: [q_m q_g q_l dq_m dq_g dq_l], shape (n, 6) [rad, rad/s].
-        memory: What effects remember, and behind it the table of the bar; (n, MEMORY or more).
-        currents: [i_q, i_d], shape (n, 2) [A].
-        tau: Transmitted joint torque, shape (n,) [N m].
-        snapshot: Channel values at the instants within the step that are reported, shape (n, 8).
-        commands: Ring of the last commands (q and d axis), shape (n, depth, 2).
-        outputs: Ring of the last true channel values, shape (n, depth, 8).
-        measured: Latest measured channel values, shape (n, 8).
-        samples: Control steps since reset, shape (n,).
-        rng: Random streams, shape (n,).
-    """
-
-    p: Any
-    ripple: Floats
-    a: Floats
-    b: Floats
-    state: Floats
-    memory: Floats
-    currents: Floats
-    tau: Floats
+    p: Any  # parameter records, shape (n,)
+    ripple: Floats  # rows [f, a, b, kind], shape (n, rows, 4)
+    a: Floats  # discrete system matrix of a substep, shape (n, order, order)
+    b: Floats  # its inputs: motor torque, load input, torque per coordinate; (n, order, 2 + size)
+    state: Floats  # [q_m q_g q_l dq_m dq_g dq_l], shape (n, 6) [rad, rad/s]
+    memory: Floats  # what effects remember, and behind it the table of the bar; (n, MEMORY or more)
+    currents: Floats  # [i_q, i_d], shape (n, 2) [A]
+    tau: Floats  # transmitted joint torque, shape (n,) [N m]
+    # channel values at the instants within the step that are reported, shape (n, 8)
     snapshot: Floats
-    commands: Floats
-    outputs: Floats
-    measured: Floats
-    samples: Integers
-    rng: NDArray[np.uint64]
+    commands: Floats  # ring of the last commands (q and d axis), shape (n, depth, 2)
+    outputs: Floats  # ring of the last true channel values, shape (n, depth, 8)
+    measured: Floats  # latest measured channel values, shape (n, 8)
+    samples: Integers  # control steps since reset, shape (n,)
+    rng: NDArray[np.uint64]  # random streams, shape (n,)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.errors import ConfigurationError, SimulationError
-from cjt_gym.joint.arrays import MEMORY, WORK_ROWS, WORK_WIDTH, Batch, Setup
+from cjt_gym.joint.arrays import MEMORY, WORK_ROWS, WORK_WIDTH, Batch, Floats, Setup
 from cjt_gym.joint.compiled import compiled
 from cjt_gym.joint.current_loop import check_loop, longest_sample
 from cjt_gym.joint.discretize import SCRATCH, discretize
@@ -25,7 +25,6 @@ from cjt_gym.joint.spring_table import spring_rows
 if TYPE_CHECKING:
     from cjt_gym.joint.joint import Joint
 
-Floats = NDArray[np.float64]
 INERTIAS = ("I_m", "I_g", "I_l")
 CHANNEL_DELAYS = ("late_i", "late_q_m", "late_q_g", "late_q_l", "late_tau")
 DELAYS = ("command_delay", "measurement_delay", *CHANNEL_DELAYS)
@@ -87,14 +86,7 @@ def restart_some(batch: Batch, setup: Setup, mask: NDArray[np.bool_], load: Floa
 
 
 class JointBatch:
-    """The state of `num` joints and the compiled steps over them.
-
-    Attributes:
-        arrays: What the kernel works on.
-        setup: What the joints share.
-        kind: What the joints have in common where blocks can step them, or None.
-        blocks: The blocks, or None.
-    """
+    """The state of `num` joints and the compiled steps over them."""
 
     def __init__(
         self,
@@ -108,16 +100,8 @@ class JointBatch:
     ) -> None:
         """Allocate and discretise `num` identical joints, at rest at the origin.
 
-        Args:
-            joint: The joint.
-            num: How many.
-            dt: Control step [s].
-            dt_physics: Substep [s]; dt is a whole multiple of it.
-            voltage: Whether commands are voltages [V] instead of currents [A].
-            longest_delay: Longest delay that will be set later [s].
-
-        Raises:
-            ConfigurationError: The steps do not fit, or the substep is too long for the drive.
+        `dt` is a whole multiple of the substep `dt_physics`, and `longest_delay` that which will be
+        set later [s]; with `voltage` commands are voltages [V] instead of currents [A].
         """
         structure = joint.structure_row
         substeps = substeps_of(dt, dt_physics)
@@ -168,7 +152,7 @@ class JointBatch:
         )
         self.arrays.memory[:, MEMORY:] = table.ravel()
         self._all = np.ones(num, dtype=np.bool_)
-        self.kind: Kind | None = None
+        self.kind: Kind | None = None  # where blocks can step them
         self.blocks: Blocks | None = None
         self.discretize()
 
@@ -206,9 +190,6 @@ class JointBatch:
         Args:
             commands: Commands on the q and d axes, shape (num, 2) [A or V].
             load: Load torque [N m] or load velocity [rad/s], shape (num,).
-
-        Raises:
-            SimulationError: A state ceased to be finite; it carries the last good states.
         """
         mask, left = self._all, self.arrays.tau.shape[0]
         if self.blocks is not None and self.kind is not None:

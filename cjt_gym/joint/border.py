@@ -9,8 +9,6 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from cjt_gym.errors import ConfigurationError
 
-__all__ = ["checked_array"]
-
 REAL = "fiub"
 """Kinds of dtypes that are numbers without an imaginary part."""
 

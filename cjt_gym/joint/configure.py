@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.errors import CjtGymWarning, ParameterError, unknown_name
+from cjt_gym.errors import CjtGymWarning, ParameterError, check_name, unknown_name
 from cjt_gym.joint.drives import NEEDED_PARAMETERS
 from cjt_gym.joint.effect_entries import CHANNEL_VALUES, usual_entries
 from cjt_gym.joint.effects import EFFECTS, PLACES, Effect, EffectParameter, body_of
@@ -58,17 +58,11 @@ def resolve_effects(
         file: The joint file.
         structure: Where they act.
         drive: Name of the drive.
-
-    Raises:
-        UnknownNameError: An effect or one of its parameters is not in the table.
-        ParameterError: A value is missing, not finite, out of its domain or without effect, or
-            an effect cannot act in the structure.
     """
     given, assumed = _requested(spec, file)
     everything = given.pop(ALL, None) is not None
     for name in given:
-        if name not in EFFECTS:
-            raise unknown_name("effect", name, EFFECTS)
+        check_name("effect", name, EFFECTS)
     chosen = []
     for name in EFFECTS if everything else [name for name in EFFECTS if name in given]:
         effect = EFFECTS[name]
@@ -193,11 +187,10 @@ def _plain(effect: Effect, values: Mapping[str, Any], file: JointFile) -> dict[s
     channel = plain.pop("channel", None)
     if channel is None:
         return plain
-    if channel not in effect.channels:
-        raise unknown_name(f"channel of effect {effect.name}", str(channel), effect.channels)
+    check_name(f"channel of effect {effect.name}", channel, effect.channels)
     key = next((k for k in CHANNEL_VALUES if k in plain), None)
     if key is not None:
-        plain[channel] = plain.pop(key)
+        plain[str(channel)] = plain.pop(key)
     for parameter in effect.parameters:
         if parameter.symbol in effect.channels:
             plain.setdefault(parameter.symbol, parameter.neutral)
@@ -241,7 +234,7 @@ def _fallback(
     partner = (parameter.joint_parameter or "").removesuffix("_n")
     if partner in merged:  # a level that is given moves the one of the other direction along
         return merged[partner]
-    stated = _stated(parameter, file) or file.parameters.quantities.get(partner)
+    stated = stated_by_file(parameter, file) or file.parameters.quantities.get(partner)
     if stated is not None:
         return stated.value
     if typical:
@@ -306,7 +299,7 @@ def _check_whole(effect: Effect, values: EffectValues, given: set[str], file: Jo
     if not _is_idle(effect, values, file.parameters) or given & set(effect.size):
         return
     size = [p for p in effect.parameters if p.symbol in effect.size]
-    if any(_stated(p, file) is not None for p in size):
+    if any(stated_by_file(p, file) is not None for p in size):
         warnings.warn(
             f"Effect {effect.name} of {owner} changes nothing: its values are those without it.",
             CjtGymWarning,
@@ -332,7 +325,7 @@ def is_known(effect: Effect, file: JointFile) -> bool:
     size = [p for p in effect.parameters if p.symbol in effect.size]
     if effect.name in file.effects:
         return True
-    if all(_stated(p, file) is None for p in size):
+    if all(stated_by_file(p, file) is None for p in size):
         return False
     values = {
         p.symbol: _checked(effect, p, _fallback(effect, p, {}, file, typical=False), file)
@@ -341,7 +334,7 @@ def is_known(effect: Effect, file: JointFile) -> bool:
     return not _is_idle(effect, values, file.parameters)
 
 
-def _stated(parameter: EffectParameter, file: JointFile) -> Quantity | None:
+def stated_by_file(parameter: EffectParameter, file: JointFile) -> Quantity | None:
     """Return the value that the joint file gives outside the effect's own table."""
     source = parameter.joint_parameter or ""
     if source.startswith("sensors."):

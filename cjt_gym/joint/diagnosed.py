@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 from cjt_gym.errors import ParameterError
 from cjt_gym.joint.files import JointFile
 
-__all__ = ["QUANTITIES", "Covariance", "Range", "covariance_of", "ranges_of"]
-
 QUANTITIES = ("speed", "torque", "frequency", "temperature")
 """What a range may be of."""
 ROUNDING = 1e-4
@@ -27,32 +25,20 @@ REMEDY = "Write the file with  cjt-gym diagnose  again, or remove the table."
 
 @dataclass(frozen=True, eq=False)
 class Covariance:
-    """The uncertainty of the numbers of a joint, and how they vary together.
+    """The uncertainty of the numbers of a joint, and how they vary together."""
 
-    Attributes:
-        names: Numbers of the file, such as "damping.d_m".
-        values: Their values, shape (n,).
-        matrix: Their covariance, shape (n, n).
-    """
-
-    names: tuple[str, ...]
-    values: NDArray[np.float64]
-    matrix: NDArray[np.float64]
+    names: tuple[str, ...]  # numbers of the file, such as "damping.d_m"
+    values: NDArray[np.float64]  # their values, shape (n,)
+    matrix: NDArray[np.float64]  # their covariance, shape (n, n)
 
 
 @dataclass(frozen=True)
 class Range:
-    """A range of values in which a joint was identified.
+    """A range of values in which a joint was identified."""
 
-    Attributes:
-        low: Lowest value.
-        high: Highest value.
-        unit: Unit of both.
-    """
-
-    low: float
-    high: float
-    unit: str
+    low: float  # lowest value
+    high: float  # highest value
+    unit: str  # unit of both
 
 
 def covariance_of(file: JointFile) -> Covariance | None:

@@ -68,7 +68,6 @@ def discretize(
 
 @lean
 def _mass(p: Any, groups: tuple[int, int, int], g: int) -> float:
-    """Return the inertia of a coordinate."""
     mass = 0.0
     if groups[0] == g:
         mass += p.I_m
@@ -149,7 +148,6 @@ def _scale(x: Matrix, order: int) -> int:
 
 @lean
 def _advance(x: Matrix, y: Matrix, order: int, size: int, out: Matrix) -> None:
-    """Write X y, shape (order, order)."""
     velocity = order - size
     for g in range(size):
         select, row = x[g, velocity + g], velocity + g

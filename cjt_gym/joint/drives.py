@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.errors import unknown_name
+from cjt_gym.errors import check_name
 from cjt_gym.joint.arrays import LAGGED, REFERENCE
 from cjt_gym.joint.compiled import lean
 
@@ -41,8 +41,7 @@ NEEDED_PARAMETERS: dict[str, tuple[str, ...]] = {
 
 def get_drive(name: str) -> int:
     """Return the number of a drive in the kernel."""
-    if name not in DRIVES:
-        raise unknown_name("drive", name, DRIVES)
+    check_name("drive", name, DRIVES)
     return list(DRIVES).index(name)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from cjt_gym.errors import ConfigurationError, ParameterError
@@ -65,11 +65,7 @@ def known_but_off(joint: Joint) -> tuple[str, ...]:
         >>> known_but_off(load_joint("orange_80_6000", "rigid", effects=["noise"]))
         ('coulomb', 'quantization')
     """
-    return tuple(_known_but_off(joint))
-
-
-def _known_but_off(joint: Joint) -> Iterator[str]:
-    taken: set[str] = set(joint.effects)
+    taken, off = set(joint.effects), []
     listed = [name for name in joint.file.effects if name in EFFECTS]
     for name in dict.fromkeys((*listed, *EFFECTS)):
         effect = EFFECTS[name]
@@ -82,7 +78,8 @@ def _known_but_off(joint: Joint) -> Iterator[str]:
             continue
         if known:
             taken.add(name)
-            yield name
+            off.append(name)
+    return tuple(off)
 
 
 def effects_in_words(joint: Joint) -> str:

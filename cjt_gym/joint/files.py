@@ -11,7 +11,7 @@ from typing import Any
 from cjt_gym.disk import Inline
 from cjt_gym.disk import to_toml as write_tables
 from cjt_gym.disk.text import read_text
-from cjt_gym.errors import MissingFileError, ParameterError, unknown_name
+from cjt_gym.errors import MissingFileError, ParameterError, check_name, unknown_name
 from cjt_gym.joint.drives import DRIVES
 from cjt_gym.joint.effect_entries import usual_effects
 from cjt_gym.joint.mistakes import Mistakes
@@ -50,12 +50,9 @@ class JointFile:
     found: Mapping[str, Plain] = field(default_factory=FrozenMapping)
 
     def __post_init__(self) -> None:
-        object.__setattr__(
-            self, "effects", FrozenMapping({k: FrozenMapping(v) for k, v in self.effects.items()})
-        )
-        object.__setattr__(
-            self, "sensors", FrozenMapping({k: FrozenMapping(v) for k, v in self.sensors.items()})
-        )
+        for name in ("effects", "sensors"):
+            frozen = {k: FrozenMapping(v) for k, v in getattr(self, name).items()}
+            object.__setattr__(self, name, FrozenMapping(frozen))
         object.__setattr__(self, "sampling", FrozenMapping(self.sampling))
         object.__setattr__(self, "found", freeze(self.found))
 
@@ -101,13 +98,8 @@ class JointFile:
 def joint_names() -> tuple[str, ...]:
     """Return the names of the shipped joints."""
     folder = resources.files("cjt_gym.params")
-    return tuple(
-        sorted(
-            entry.name[: -len(".toml")]
-            for entry in folder.iterdir()
-            if entry.name.endswith(".toml")
-        )
-    )
+    names = (entry.name for entry in folder.iterdir())
+    return tuple(sorted(n.removesuffix(".toml") for n in names if n.endswith(".toml")))
 
 
 def load_joint_file(name_or_path: str | Path) -> JointFile:
@@ -134,8 +126,7 @@ def load_joint_file(name_or_path: str | Path) -> JointFile:
             return read_toolbox(name_or_path)
         return _parsed(read_joint_text(path), str(name_or_path))
     name = str(name_or_path)
-    if name not in joint_names():
-        raise unknown_name("joint", name, joint_names())
+    check_name("joint", name, joint_names())
     text = (resources.files("cjt_gym.params") / f"{name}.toml").read_text(encoding="utf-8")
     return _parsed(text, f"params/{name}.toml")
 

@@ -22,6 +22,7 @@ from cjt_gym.joint.arrays import (
     REFERENCE,
     WORK_ROWS,
     WORK_WIDTH,
+    Floats,
 )
 from cjt_gym.joint.batch import JointBatch
 from cjt_gym.joint.border import checked_array
@@ -40,7 +41,6 @@ from cjt_gym.records import JOINT_FILE, Record, default_units
 if TYPE_CHECKING:
     import control
 
-Floats = NDArray[np.float64]
 DT_PHYSICS = 1e-5
 """Substep of simulations [s]: a tenth of that of environments, for accuracy."""
 CURRENT_FREE = "current"

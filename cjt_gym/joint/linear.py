@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.errors import ParameterError, unknown_name
+from cjt_gym.errors import ParameterError, check_name
+from cjt_gym.joint.arrays import Complex
 from cjt_gym.joint.parameters import JointParameters
 from cjt_gym.joint.structures import BODIES, Structure
 
@@ -21,7 +22,6 @@ if TYPE_CHECKING:  # it loads matplotlib, so it is imported only where it is use
     import control
 
 Matrix = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 OUTPUTS = ("q_m", "q_g", "q_l", "dq_m", "dq_g", "dq_l", "tau")
 
@@ -172,8 +172,7 @@ def minimal_transfer(
         ("output", output, system.output_labels),
         ("input", input, system.input_labels),
     ):
-        if name not in known:
-            raise unknown_name(f"{what} of the joint", name, known)
+        check_name(f"{what} of the joint", name, known)
     row, column = system.output_labels.index(output), system.input_labels.index(input)
     a, b, c = system.A, system.B[:, [column]], system.C[[row]]
     shift = np.eye(len(a)) if system.isdtime(strict=True) else np.zeros_like(a)

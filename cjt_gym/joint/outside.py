@@ -7,13 +7,12 @@ from collections.abc import Mapping
 from weakref import WeakValueDictionary
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.errors import OutsideFoundWarning
+from cjt_gym.joint.arrays import Floats
 from cjt_gym.joint.diagnosed import Range, ranges_of
 from cjt_gym.joint.files import JointFile
 
-Floats = NDArray[np.float64]
 Met = Mapping[str, tuple[float, float]]
 MARGIN = 0.1
 """Share of the largest value found by which speed and torque may be exceeded."""
@@ -34,11 +33,7 @@ def tell_outside(file: JointFile, met: Met) -> None:
     """Warn, once, that a simulation leaves the ranges in which a joint was identified.
 
     Rest is always within; so is what goes beyond a range by a tenth of its largest value, and a
-    frequency within an octave.
-
-    Args:
-        file: The joint file, whose [found] states the ranges.
-        met: Lowest and highest value by quantity, in the units of the file.
+    frequency within an octave. `met` is in the units of the file, whose [found] states the ranges.
     """
     if is_told(file):
         return

@@ -11,16 +11,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-__all__ = [
-    "AXES",
-    "PARAMETERS",
-    "SAMPLING_UNITS",
-    "SENSOR_KEYS",
-    "ParameterSpec",
-    "axis_units",
-    "sensor_units",
-]
-
 AXES = ("rotary", "prismatic")
 SENSOR_KEYS = ("resolution", "noise")
 
@@ -41,21 +31,14 @@ _VOLTS: Mapping[str, str] = {"N m/A": "N m/V", "A": "V"}
 
 @dataclass(frozen=True)
 class ParameterSpec:
-    """A row of the table: unit, range and meaning of a parameter.
+    """A row of the table: unit, range and meaning of a parameter."""
 
-    Attributes:
-        symbol: Its name in files and in code.
-        units: Units that are allowed, per kind of axis; the first one is the usual one.
-        minimum: Smallest value [unit].
-        exclusive: Whether the minimum itself is forbidden.
-        description: What it is, in words.
-    """
-
-    symbol: str
+    symbol: str  # its name in files and in code
+    # units that are allowed, per kind of axis; the first one is the usual one
     units: Mapping[str, tuple[str, ...]]
-    minimum: float
-    exclusive: bool
-    description: str
+    minimum: float  # smallest value [unit]
+    exclusive: bool  # whether the minimum itself is forbidden
+    description: str  # what it is, in words
 
     def allows(self, value: float) -> bool:
         """Return whether `value` [unit] is finite and within the range."""

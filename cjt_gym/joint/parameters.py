@@ -10,7 +10,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from cjt_gym.errors import ParameterError, did_you_mean, unknown_name
+from cjt_gym.errors import ParameterError, check_name, did_you_mean
 from cjt_gym.joint.mistakes import Mistakes
 from cjt_gym.joint.parameter_table import AXES, PARAMETERS, ParameterSpec
 from cjt_gym.joint.quantity import FrozenMapping, Quantity, Setting
@@ -117,8 +117,7 @@ class JointParameters:
         Raises:
             UnknownNameError: There is no such parameter at all.
         """
-        if symbol not in PARAMETERS:
-            raise unknown_name("parameter", symbol, PARAMETERS)
+        check_name("parameter", symbol, PARAMETERS)
         return self.quantities[symbol].number if symbol in self.quantities else default
 
     def unit(self, symbol: str) -> str:
@@ -127,8 +126,7 @@ class JointParameters:
         Raises:
             UnknownNameError: There is no such parameter at all.
         """
-        if symbol not in PARAMETERS:
-            raise unknown_name("parameter", symbol, PARAMETERS)
+        check_name("parameter", symbol, PARAMETERS)
         quantity = self.quantities.get(symbol)
         return PARAMETERS[symbol].units[self.axis][0] if quantity is None else quantity.unit
 

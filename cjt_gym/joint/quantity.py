@@ -9,8 +9,6 @@ from typing import TypeVar
 
 from cjt_gym.errors import ParameterError, did_you_mean
 
-__all__ = ["FrozenMapping", "Plain", "Quantity", "Setting", "freeze", "parse_quantity"]
-
 Value = TypeVar("Value")
 QUANTITY_KEYS = ("value", "unit", "source", "tolerance", "guess", "asymmetric", "low", "high")
 
@@ -68,11 +66,7 @@ class Quantity:
 
     @property
     def number(self) -> float:
-        """The value of a quantity that holds a single number [unit].
-
-        Raises:
-            ParameterError: It holds a list.
-        """
+        """The value of a quantity that holds a single number [unit]."""
         if isinstance(self.value, tuple):
             raise ParameterError(
                 f"A single number in {self.unit} is needed, got the list {list(self.value)}."
@@ -99,11 +93,7 @@ def _frozen(value: object) -> Plain:
 
 
 def parse_quantity(entry: object, owner: str) -> Quantity:
-    """Return the quantity that a joint file writes as ``{ value = 1.0, unit = "rad" }``.
-
-    Raises:
-        ParameterError: A key is unknown or missing, or a value has the wrong type or is not finite.
-    """
+    """Return the quantity that a joint file writes as ``{ value = 1.0, unit = "rad" }``."""
     if not isinstance(entry, Mapping):
         raise ParameterError(
             f'{owner} must be written as {{ value = ..., unit = "..." }}, got {entry!r}.'

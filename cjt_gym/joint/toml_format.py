@@ -17,8 +17,6 @@ from cjt_gym.joint.parameter_table import AXES, SAMPLING_UNITS, SENSOR_KEYS, sen
 from cjt_gym.joint.quantity import Quantity, Setting, parse_quantity
 from cjt_gym.joint.units import in_usual_unit
 
-__all__ = ["parse_document"]
-
 TOP_LEVEL_KEYS = (
     *("name", "source", "axis", "structure", "drive"),
     *("parameters", "effects", "sensors", "sampling", "found"),

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import Joint
-from cjt_gym.joint.arrays import CHANNELS, K_M, VOLTS, Batch, Setup
+from cjt_gym.joint.arrays import CHANNELS, K_M, VOLTS, Batch, Floats, Setup
 from cjt_gym.joint.batch import DELAYS, JointBatch
 from cjt_gym.joint.border import checked_array
 from cjt_gym.joint.compiled import compiled
@@ -25,7 +25,6 @@ from cjt_gym.plant.randomization import Randomization, resolve_randomization
 from cjt_gym.plant.randomization.draw import LINEAR, NOTHING, Draws, Program, refresh, write
 from cjt_gym.plant.randomization.program import Plan, compile_plan, exact_plan
 
-Floats = NDArray[np.float64]
 DT_CONTROL, DT_PHYSICS = 1e-3, 1e-4  # unless told otherwise [s]
 DEFAULT_TORQUE = 1000.0
 """Limit of a joint whose file gives no peak current [N m]: above what such a joint can bear."""
@@ -37,14 +36,7 @@ def redraw_one(
 ) -> bool:
     """Draw what is due of joint i, leaving its state alone; return whether anything was.
 
-    Args:
-        batch: All joints.
-        setup: What they share.
-        program: What varies.
-        draws: What has been drawn.
-        i: Which joint.
-        step: Control steps since its episode began; 0 begins one.
-        scratch: Scratch of the discretisation.
+    `step` counts control steps since its episode began; 0 begins one.
     """
     found = refresh(program, draws, batch.rng, i, step)
     if found == NOTHING and step > 0:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -49,7 +50,7 @@ def test_the_identified_world_is_as_hard_as_the_recorded_one(worlds: Worlds) -> 
     assert found.removed is not None
     assert found.removed > 0.8
     assert found.recorded.low < found.recorded.rmse < found.recorded.high
-    assert json.loads(json.dumps(found.to_dict(), allow_nan=False)) == found.to_dict()
+    assert json.loads(json.dumps(asdict(found), allow_nan=False)) == asdict(found)
 
 
 def test_a_record_of_another_controller_shows_no_recorded_world(worlds: Worlds) -> None:

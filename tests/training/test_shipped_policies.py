@@ -13,8 +13,7 @@ import pytest
 from cjt_gym.cli import main
 from cjt_gym.errors import CjtGymError
 from cjt_gym.training.deploy.exported import Exported
-from cjt_gym.training.deploy.load_agent import load_agent
-from cjt_gym.training.deploy.shipped import policy_card, policy_names, policy_path
+from cjt_gym.training.deploy.shipped import load_agent, policy_card, policy_names, policy_path
 from cjt_gym.training.deploy.stepper import Stepper
 
 LARGEST = 100_000

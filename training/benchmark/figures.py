@@ -110,11 +110,8 @@ def heat_figure(
 ) -> str:
     """Return a heat map: each column relative to its best, white, up to four times worse, dark.
 
-    Args:
-        names: Agents, one row each.
-        columns: Metrics, one column each.
-        values: Shape (agents, metrics); NaN where there is none.
-        better_high: Of each metric, whether more is better.
+    Values have the shape (agents, metrics), NaN where there is none; `better_high` tells of which
+    metrics more is better.
     """
     values = np.asarray(values, dtype=float)
     worse = np.full(values.shape, np.nan)

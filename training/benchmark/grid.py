@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from cjt_gym.analysis import Loop, figures_of, probe_law, probe_plant, stiffest_rendered
 from cjt_gym.disk import write_text
-from cjt_gym.errors import ConfigurationError, SimulationError, unknown_name
+from cjt_gym.errors import ConfigurationError, SimulationError, check_name
 from cjt_gym.joint import get_structure, load_joint_file
 from cjt_gym.training.benchmark import make_agents
 from cjt_gym.training.benchmark.cluster import BACKENDS, cluster
@@ -55,27 +55,16 @@ HAND_SHARE = 0.05
 
 @dataclass(frozen=True)
 class Cell(Asked):
-    """One agent on one joint, structure and seed.
+    """One agent on one joint, structure and seed."""
 
-    Attributes:
-        agent: What `choose` takes, or run folder of a policy.
-        is_policy: Whether it is a run folder or an exported policy.
-        joint: Name of the joint, or path of its file.
-        structure: Its structure.
-        tasks: Its tasks.
-        seed: Which held-out episodes.
-        episodes: Of each task.
-        amplitude: Of the references [N m]; None for that of the joint.
-    """
-
-    agent: str
-    is_policy: bool
-    joint: str
+    agent: str  # what `choose` takes, or run folder of a policy
+    is_policy: bool  # whether it is a run folder or an exported policy
+    joint: str  # name of the joint, or path of its file
     structure: str
     tasks: tuple[str, ...]
-    seed: int = 0
-    episodes: int = 32
-    amplitude: float | None = None
+    seed: int = 0  # which held-out episodes
+    episodes: int = 32  # of each task
+    amplitude: float | None = None  # of the references [N m]; None for that of the joint
 
     def conditions(self) -> Conditions:
         """Return the conditions of the comparison."""
@@ -100,11 +89,8 @@ class Cell(Asked):
 
     def load(self) -> Agent:
         """Return the agent."""
-        if self.is_policy:
-            from cjt_gym.training.deploy.load_agent import load_agent
-
-            return load_agent(self.agent)
-        return ControllerAgent(self.agent)
+        named = ([], [self.agent]) if self.is_policy else ([self.agent], [])
+        return make_agents(*named)[0]
 
 
 def run_cell(cell: Cell) -> dict[str, Any]:
@@ -245,20 +231,11 @@ def run_grid(
 ) -> list[dict[str, Any]]:
     """Run cells, or take what the folder keeps of them; return their results in order.
 
-    Args:
-        cells: The grid.
-        folder: Where results are kept. Workers on other machines must see it.
-        jobs: Processes side by side; -1 for one per core.
-        backend: Of joblib, one of `BACKENDS`. For "ray" and "dask" a cluster that is already
-            there is used, as their environment variables say, else one on this machine.
-        report: Told each result as it comes.
-
-    Raises:
-        UnknownNameError: There is no such backend.
-        ConfigurationError: The backend is not installed.
+    The folder must be seen by workers on other machines too. `jobs` processes work side by side, -1
+    for one per core. For "ray" and "dask" a cluster that is already there is used, as their
+    environment variables say, else one on this machine.
     """
-    if backend not in BACKENDS:
-        raise unknown_name("backend", backend, BACKENDS)
+    check_name("backend", backend, BACKENDS)
     if jobs < 1 and jobs != -1:
         raise ConfigurationError(f"--jobs must be >= 1, or -1 for one per core, got {jobs}.")
     folder.mkdir(parents=True, exist_ok=True)
@@ -301,22 +278,9 @@ def make_cells(
     episodes: int,
     **others: Any,
 ) -> list[Cell]:
-    """Return the cells of a grid.
+    """Return the cells of a grid; `others` are those that `Cell` inherits, and its amplitude.
 
-    Args:
-        controllers: Names of controllers, or gain files.
-        policies: Run folders.
-        joints: Names of joints, or paths of their files.
-        structures: Structures.
-        tasks: Tasks; those that do not exist for a structure are left out there.
-        seeds: Blocks of held-out episodes.
-        episodes: Of each task and seed.
-        **others: Amplitude, drive, effects and randomization, see `Cell`.
-
-    Raises:
-        ConfigurationError: There is no agent, two have the same name, or a task exists nowhere.
-        UnknownNameError: A name is not known.
-        MissingFileError: A file or folder does not exist.
+    Tasks that do not exist for a structure are left out there.
     """
     agents = make_agents(controllers, policies)
     words = [(word, False) for word in controllers] + [(str(word), True) for word in policies]

@@ -43,12 +43,9 @@ def write_benchmark_report(
 ) -> Path:
     """Write the page and return its path.
 
-    Args:
-        path: HTML file.
-        groups: By joint and structure: the ranking, the cells of the first seed with the best
-            agent first, and the rows of the benchmark.
-        others: Cells that were refused or failed.
-        facts: Sentences about what was run.
+    `groups` has by joint and structure the ranking, the cells of the first seed with the best agent
+    first, and the rows of the benchmark; `others` are the cells that were refused or failed,
+    `facts` sentences about what was run.
     """
     parts: list[Block] = [report.paragraph(text) for text in facts]
     parts.append(report.html_table(_tasks(groups)))

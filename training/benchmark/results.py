@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -85,7 +86,7 @@ def write_benchmark(results: Sequence[Result], out: Path, facts: Sequence[str]) 
     rows, places = merge(results), rankings(results)
     write_rows(rows, out)
     plain = [
-        {"joint": joint, "structure": structure, "ranking": [place.to_dict() for place in ranked]}
+        {"joint": joint, "structure": structure, "ranking": [asdict(place) for place in ranked]}
         for (joint, structure), ranked in places.items()
     ]
     text = json.dumps(plain, indent=1) + "\n"

@@ -38,7 +38,7 @@ def make_agents(controllers: Sequence[str], policies: Sequence[str | Path]) -> l
     """
     agents: list[Agent] = [ControllerAgent(name) for name in controllers]
     if policies:
-        from cjt_gym.training.deploy.load_agent import load_agent
+        from cjt_gym.training.deploy.shipped import load_agent
 
         agents += [load_agent(path) for path in policies]
     names = [agent.name for agent in agents]
@@ -69,11 +69,17 @@ def table(rows: Sequence[Mapping[str, object]]) -> str:
 def cells_of(rows: Sequence[Mapping[str, object]]) -> list[list[str]]:
     """Return rows, as plain data, as the cells of a table with a head."""
     varied = [n for n in ("joint", "structure", "where") if len({row.get(n) for row in rows}) > 1]
-    columns = (*((name, name, "{}") for name in varied), *COLUMNS)
+    return in_columns(rows, [*((name, name, "{}") for name in varied), *COLUMNS])
+
+
+def in_columns(
+    rows: Sequence[Mapping[str, object]], columns: Sequence[tuple[str, str, str]]
+) -> list[list[str]]:
+    """Return rows as the cells of a table; a column has a title, a key and a format."""
     cells = [[title for title, _, _ in columns]]
     for row in rows:
         cells.append(
-            ["-" if row[name] is None else form.format(row[name]) for _, name, form in columns]
+            ["-" if row[key] is None else form.format(row[key]) for _, key, form in columns]
         )
     return cells
 

@@ -40,21 +40,13 @@ FULL_SPAN = 8.0  # of the record that is drawn [s]
 
 @dataclass(frozen=True)
 class Outcome:
-    """What the demonstration found.
+    """What the demonstration found."""
 
-    Attributes:
-        replay: The real drive.
-        run: The training.
-        evaluations: Of the open loop, the base and the policy.
-        levels: Error on the validation episodes of those that do not learn [N m].
-        seconds: What each part took [s].
-    """
-
-    replay: Replay
+    replay: Replay  # the real drive
     run: RunFolder
-    evaluations: Sequence[Evaluation]
-    levels: dict[str, float]
-    seconds: dict[str, float]
+    evaluations: Sequence[Evaluation]  # of the open loop, the base and the policy
+    levels: dict[str, float]  # error on the validation episodes of those that do not learn [N m]
+    seconds: dict[str, float]  # what each part took [s]
 
 
 def run_demo(config: TrainConfig, out: Path, episodes: int = EPISODES) -> Outcome:

@@ -23,14 +23,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import signal
 
 from cjt_gym.joint import load_joint
+from cjt_gym.joint.arrays import Floats
 from cjt_gym.plant import SimulatedPlant
 from cjt_gym.records import Record, read_record
-
-Floats = NDArray[np.float64]
 
 PUBLISHED = {
     "emps": {"force": 5.848, "velocity": 0.22911, "position": 0.013752},
@@ -44,21 +42,14 @@ BEGINNING = 6  # samples that a parabola is laid through
 
 @dataclass(frozen=True)
 class Replay:
-    """A record and its closed-loop simulation.
-
-    Attributes:
-        name: Name of the record.
-        t: Time [s], shape (samples,).
-        measured: By "force" [N], "velocity" [m/s], "position" [m]; each of shape (samples,).
-        simulated: Likewise.
-        published: Relative errors that the authors of the record report [%].
-    """
+    """A record and its closed-loop simulation."""
 
     name: str
-    t: Floats
+    t: Floats  # time [s], shape (samples,)
+    # by "force" [N], "velocity" [m/s], "position" [m]; each of shape (samples,)
     measured: dict[str, Floats]
-    simulated: dict[str, Floats]
-    published: dict[str, float]
+    simulated: dict[str, Floats]  # likewise
+    published: dict[str, float]  # relative errors that the authors of the record report [%]
 
     def errors(self) -> dict[str, float]:
         """Return 100 |measured - simulated| / |measured| of every signal, in the 2-norm [%]."""
@@ -77,10 +68,7 @@ def replay(name: str = "emps", continuous: bool = False, joint: str | Path = "em
     difference of the position after a Butterworth low pass of order 4 at 100 Hz, run forwards
     and backwards; the simulated one is the state itself.
 
-    Args:
-        name: "emps" or "emps_pulses".
-        continuous: Whether the controller is continuous, on the true velocity, and starts at rest.
-        joint: Name or file of the simulated drive.
+    A continuous controller acts on the true velocity, and starts at rest.
     """
     record = read_record(name)
     drive = load_joint(joint, structure="rigid")

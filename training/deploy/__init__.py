@@ -3,7 +3,6 @@
 =============  ===============================================================
 `network`      a policy as matrices and biases, and what they act on
 `base`         the controller that it adds to
-`signals`      names and units of what goes in and out
 `exported`     all of it in one file of arrays (`.npz`), read back without torch
 `stepper`      such a file at work
 `onnx_file`    the same as an ONNX graph

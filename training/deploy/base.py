@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.baselines.linear_law import COMMAND, REFERENCE, SIGNALS, TAU, LinearLaw
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.export.c_additions import NOTHING
 from cjt_gym.export.c_law import CLaw, law_of
+from cjt_gym.joint.arrays import Floats
 from cjt_gym.joint.border import checked_array
 from cjt_gym.joint.compiled import inlined
 from cjt_gym.training.learning.config import TrainConfig, base_of
@@ -20,23 +20,16 @@ from cjt_gym.training.learning.config import TrainConfig, base_of
 if TYPE_CHECKING:
     from cjt_gym.envs.settings import Settings
 
-Floats = NDArray[np.float64]
 ARRAYS = ("a", "b", "c", "d")
 
 
 @dataclass(frozen=True)
 class BaseLaw:
-    """A base controller.
-
-    Attributes:
-        name: Its name.
-        gains: Its gains.
-        law: What it does.
-    """
+    """A base controller."""
 
     name: str
     gains: Mapping[str, float]
-    law: CLaw
+    law: CLaw  # what it does
 
     @property
     def is_linear(self) -> bool:

@@ -18,7 +18,6 @@ from cjt_gym.export.c_text import (
     parameters,
 )
 from cjt_gym.training.deploy.exported import Exported
-from cjt_gym.training.deploy.signals import used_inputs
 
 ACTIVATIONS: Final = {
     "tanh": "tanhf(x)",
@@ -48,7 +47,7 @@ def c_header(policy: Exported, prefix: str = "policy") -> str:
         "BASESTATE": f"  {own}_state base;\n" if own else "",
         "BASERESET": f"  {own}_reset(&state->base);\n" if own else "",
         "BASESTEP": f"{own}_step(&state->base, reference[0], {VALUES})" if own else "0.0",
-        "MEANINGS": meanings(used_inputs(policy)),
+        "MEANINGS": meanings(policy.uses),
         "PARAMETERS": parameters("double"),
         "VALUES": VALUES,
         "MOST": number(policy.limit),

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, Final, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.baselines.linear_law import MEASURED
 from cjt_gym.envs.core import Episodes
@@ -19,17 +18,16 @@ from cjt_gym.errors import ConfigurationError
 from cjt_gym.export.c_check import Checked
 from cjt_gym.export.c_library import compiled
 from cjt_gym.export.c_text import VALUES, parameters
+from cjt_gym.joint.arrays import Floats
 from cjt_gym.plant import Measurement
 from cjt_gym.records import Record
 from cjt_gym.training.deploy.exported import Exported, load_exported
 from cjt_gym.training.deploy.fast_policy import exported
 from cjt_gym.training.deploy.onnx_file import OnnxStepper
-from cjt_gym.training.deploy.signals import used_inputs
 from cjt_gym.training.deploy.stepper import Stepper
 from cjt_gym.training.learning.config import VALIDATION_SEEDS, environment_arguments
 from cjt_gym.training.learning.policy import PolicyAgent
 
-Floats = NDArray[np.float64]
 Run = tuple[list[tuple[Any, ...]], Floats]
 STEPS: Final = 300  # of an episode, whose first few fill the memory of observations
 TOLERANCE: Final = 2e-5
@@ -62,7 +60,6 @@ class CStepper:
     """A running header, compiled for this machine."""
 
     def __init__(self, header: str, layout: Layout) -> None:
-        """Compile it."""
         self._library = compiled(SHIM, {"policy.h": header})
         self._step = self._library.step
         number = ctypes.c_double
@@ -89,12 +86,8 @@ def check(
 ) -> Checked:
     """Compare an exported file with its policy, on what that measures in an episode.
 
-    Args:
-        agent: The policy.
-        path: The file.
-        target: "numpy", "onnx" or "c".
-        header: Text of the header, for "c", with the prefix "policy".
-        records: Recorded signals to compare on, too.
+    The target is "numpy", "onnx" or "c", for which `header` is the text with the prefix "policy";
+    records are recorded signals to compare on, too.
     """
     runs = [recorded(agent), *(replayed(agent, record) for record in records)]
     try:
@@ -177,7 +170,7 @@ def _columns(record: Record, policy: Exported, layout: Layout) -> dict[str, Floa
             f"{record.owner} has a sample time of {record.dt:g} s; the policy {policy.name} runs "
             f"every {layout.dt:g} s. Record at that rate."
         )
-    used = used_inputs(policy)
+    used = policy.uses
     names = {"tau_ref": "reference", **{name: name for name in MEASURED}}
     missing = [name for name, signal in names.items() if signal in used and name not in record]
     if missing:

@@ -16,23 +16,17 @@ from cjt_gym.training.deploy.c_header import c_header
 from cjt_gym.training.deploy.check import TOLERANCE, check
 from cjt_gym.training.deploy.exported import save_exported
 from cjt_gym.training.deploy.fast_policy import exported
-from cjt_gym.training.deploy.load_agent import load_agent
 from cjt_gym.training.deploy.onnx_file import write_onnx
+from cjt_gym.training.deploy.shipped import load_agent
 
 
 @dataclass(frozen=True)
 class Written:
-    """An exported policy.
-
-    Attributes:
-        path: The file.
-        form: "onnx", "numpy" or "c".
-        checked: How it compares with the policy.
-    """
+    """An exported policy."""
 
     path: Path
-    form: str
-    checked: Checked
+    form: str  # "onnx", "numpy" or "c"
+    checked: Checked  # how it compares with the policy
 
     def to_dict(self) -> dict[str, Any]:
         """Return the same as plain data; what is not known is None."""
@@ -57,18 +51,9 @@ def export_policy(
 ) -> Written:
     """Write a policy in another form, and try the file on an episode of its training task.
 
-    Args:
-        run: The run folder, the file of an exported policy, or the name of one that ships.
-        form: "onnx", "numpy" or "c".
-        path: The file to write. Names in a C header begin with its name.
-        records: Recorded signals on which the file is to be compared with the policy, too.
-
-    Raises:
-        UnknownNameError: It looks like a name, and no policy of that name ships.
-        MissingFileError: There is no such path.
-        ConfigurationError: It is no run of ours, its network or its base controller cannot be
-            exported, a record does not fit, or a package is missing.
-        ExportError: The file gives other actions than the policy.
+    The policy is a run folder, the file of an exported policy, or the name of one that ships; the
+    form is "onnx", "numpy" or "c". Names in a C header begin with that of the file. It is compared
+    with the policy on recorded signals, too, and an ExportError tells where it gives other actions.
     """
     agent = load_agent(run)
     policy, header = exported(agent), ""

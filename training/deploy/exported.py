@@ -13,13 +13,13 @@ from typing import Any, Final, final
 import numpy as np
 from numpy.typing import NDArray
 
+from cjt_gym.baselines.linear_law import INPUTS
 from cjt_gym.disk import parse_json, parsing, whole
 from cjt_gym.disk.arrays import read_arrays
-from cjt_gym.envs.observation import CLIP, Layout
+from cjt_gym.envs.observation import CLIP, ROWS, Layout
 from cjt_gym.errors import CjtGymError, ConfigurationError, MissingFileError
 from cjt_gym.training.deploy.base import BaseLaw, read_base
 from cjt_gym.training.deploy.network import Layer, Network
-from cjt_gym.training.deploy.signals import described
 from cjt_gym.training.learning.config import TrainConfig, from_dict
 from cjt_gym.training.learning.policy_arguments import Trained
 
@@ -40,10 +40,6 @@ class Exported(Trained):
         base: The controller that it adds to; None where there is none, or none that can be written
             as numbers.
         limit: Largest motor torque that is commanded [N m].
-
-    Raises:
-        ConfigurationError: The network does not take what the layout makes, or gives more than one
-            action.
     """
 
     name: str
@@ -73,6 +69,13 @@ class Exported(Trained):
         """The network on the joint of the layout, whose numbers are no input any more."""
         return self.network.with_end(np.clip(self.layout.joint_numbers, -CLIP, CLIP).tolist())
 
+    @cached_property
+    def uses(self) -> frozenset[str]:
+        """The names of the inputs that it needs; the others may be zero."""
+        places = zip(self.layout.names(), self.on_its_joint.scale, strict=True)
+        used = {one for name, weight in places if weight != 0.0 for one in ROWS[name].of}
+        return frozenset(used | (self.base.uses if self.base else set()))
+
     def check_whole(self, form: str, linear: bool = True) -> None:
         """Refuse to be a controller by itself where the base controller is missing."""
         base = self.base
@@ -96,6 +99,18 @@ class Exported(Trained):
 
 def facts_of(policy: Exported) -> dict[str, Any]:
     """Return what is known of a policy beside its numbers, as plain data."""
+    limit = policy.limit if math.isfinite(policy.limit) else None
+    inputs = [
+        {
+            "name": name,
+            "unit": unit,
+            "what": what,
+            "size": policy.layout.preview + 1 if name == "reference" else 1,
+            "used": name in policy.uses,
+        }
+        for name, (unit, what) in INPUTS.items()
+    ]
+    output = "motor torque to command, at the output side of the gear"
     return {
         "kind": KIND,
         "schema": SCHEMA,
@@ -105,8 +120,9 @@ def facts_of(policy: Exported) -> dict[str, Any]:
         "clip": policy.network.clip,
         "activations": [layer.activation for layer in policy.network.layers],
         "base": None if policy.base is None else policy.base.facts(),
-        "limit": policy.limit if math.isfinite(policy.limit) else None,
-        **described(policy),
+        "limit": limit,
+        "inputs": inputs,
+        "output": {"name": "torque", "unit": "N m", "what": output, "limit": limit},
     }
 
 

@@ -30,11 +30,8 @@ NAMES: dict[type[torch.nn.Module], str] = {
 def fast_policy(agent: PolicyAgent) -> Callable[[Floats], Floats]:
     """Return the deterministic policy of an agent as a function of one observation.
 
-    It gives what `agent.act` gives, without torch's overhead. A network that is not a chain of
-    linear layers and known activations goes through torch as before.
-
-    Returns:
-        Function from an observation, shape (size,), to the action, shape (1,).
+    From shape (size,) to (1,), it gives what `agent.act` gives, without torch's overhead. A network
+    that is not a chain of linear layers and known activations goes through torch as before.
     """
     network = network_of(agent)
     if network is None:

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.errors import ConfigurationError, check_name
 from cjt_gym.joint.border import checked_array
 from cjt_gym.joint.compiled import inlined, reordered, threaded
 
@@ -107,42 +107,28 @@ def run_network(network: Packed, observation: Floats) -> int:
 
 @dataclass(frozen=True)
 class Layer:
-    """A linear layer and what follows it.
+    """A linear layer and what follows it."""
 
-    Attributes:
-        weight: Shape (outputs, inputs).
-        bias: Shape (outputs,).
-        activation: One of `ACTIVATIONS`.
-    """
-
-    weight: Floats
-    bias: Floats
-    activation: str
+    weight: Floats  # shape (outputs, inputs)
+    bias: Floats  # shape (outputs,)
+    activation: str  # one of `ACTIVATIONS`
 
     def __post_init__(self) -> None:
         weight = checked_array("weights of a layer", self.weight, (None, None), np.float32)
         bias = checked_array("biases of a layer", self.bias, weight.shape[:1], np.float32)
-        if self.activation not in ACTIVATIONS:
-            raise unknown_name("activation", str(self.activation), ACTIVATIONS)
+        check_name("activation", self.activation, ACTIVATIONS)
         object.__setattr__(self, "weight", weight)
         object.__setattr__(self, "bias", bias)
 
 
 @dataclass(frozen=True)
 class Network:
-    """A deterministic policy: observations are normalised, pass the layers, and are limited to 1.
+    """A deterministic policy: observations are normalised, pass the layers, are limited to 1."""
 
-    Attributes:
-        layers: First to last.
-        mean: What observations are shifted by, shape (size,).
-        scale: What they are then multiplied with, shape (size,).
-        clip: What they are then limited to.
-    """
-
-    layers: tuple[Layer, ...]
-    mean: Floats
-    scale: Floats
-    clip: float
+    layers: tuple[Layer, ...]  # first to last
+    mean: Floats  # what observations are shifted by, shape (size,)
+    scale: Floats  # what they are then multiplied with, shape (size,)
+    clip: float  # what they are then limited to
 
     def __post_init__(self) -> None:
         if not self.layers:

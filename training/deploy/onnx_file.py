@@ -36,7 +36,6 @@ class Graph:
     """Collects the nodes and the constants of a graph."""
 
     def __init__(self) -> None:
-        """Begin an empty graph."""
         from onnx import helper, numpy_helper
 
         self._helper, self._numpy = helper, numpy_helper
@@ -192,7 +191,6 @@ class OnnxStepper:
     """An exported graph at work, by onnxruntime on one thread; as `Stepper`."""
 
     def __init__(self, path: str | Path) -> None:
-        """Open a graph."""
         try:
             import onnxruntime
         except ImportError as error:

@@ -10,28 +10,25 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from importlib import resources
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from cjt_gym.disk import read_toml
-from cjt_gym.errors import ConfigurationError, UnknownNameError, unknown_name
+from cjt_gym.errors import ConfigurationError, UnknownNameError, check_name, unknown_name
+
+if TYPE_CHECKING:  # torch is only loaded for a run folder
+    from cjt_gym.training.deploy.exported import Exported
+    from cjt_gym.training.learning.policy import PolicyAgent
 
 
 @dataclass(frozen=True)
 class Card:
-    """What is known of a policy that ships.
-
-    Attributes:
-        name: Its name.
-        summary: What it is, in one line.
-        trained_on: Joint, structure, effects, recipe and steps of its training.
-        tested_on: What it was compared on, and what came out.
-        fails: Where it should not be used.
-    """
+    """What is known of a policy that ships."""
 
     name: str
-    summary: str
-    trained_on: str
-    tested_on: str
-    fails: str
+    summary: str  # what it is, in one line
+    trained_on: str  # joint, structure, effects, recipe and steps of its training
+    tested_on: str  # what it was compared on, and what came out
+    fails: str  # where it should not be used
 
 
 def policy_names() -> list[str]:
@@ -40,14 +37,8 @@ def policy_names() -> list[str]:
 
 
 def policy_card(name: str) -> Card:
-    """Return the card of a policy that ships.
-
-    Raises:
-        UnknownNameError: None of that name ships.
-        ConfigurationError: Its card lacks something.
-    """
-    if name not in policy_names():
-        raise unknown_name("policy", name, policy_names())
+    """Return the card of a policy that ships."""
+    check_name("policy", name, policy_names())
     path = _folder() / f"{name}.toml"
     told = read_toml(path, ConfigurationError)
     wanted = {field.name for field in fields(Card)} - {"name"}
@@ -60,9 +51,6 @@ def policy_path(word: str | Path) -> Path:
     """Return the file of a policy that ships where a word is its name, else the word as a path.
 
     A run folder or file of that name comes first.
-
-    Raises:
-        UnknownNameError: It looks like a name, and none of that name ships.
     """
     path, text = Path(word), str(word)
     if path.exists() or len(path.parts) > 1 or path.suffix:
@@ -71,6 +59,18 @@ def policy_path(word: str | Path) -> Path:
         return _folder() / f"{text}.npz"
     known = unknown_name("policy", text, policy_names())
     raise UnknownNameError(f"{known} Or give the path of a run folder or of an exported policy.")
+
+
+def load_agent(word: str | Path) -> PolicyAgent | Exported:
+    """Return the policy of a run folder, of a file of `cjt-gym export --to numpy`, or of a name."""
+    path = policy_path(word)
+    if path.suffix == ".npz":
+        from cjt_gym.training.deploy.exported import load_exported
+
+        return load_exported(path)
+    from cjt_gym.training.learning.policy import load_policy
+
+    return load_policy(path)
 
 
 def _folder() -> Path:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -31,38 +31,26 @@ WORLDS = ("nominal", "identified", "recorded")
 
 @dataclass(frozen=True)
 class ClosedLoop:
-    """A closed-loop replay.
+    """A closed-loop replay."""
 
-    Attributes:
-        controller: What closed the loop.
-        record: Which record was replayed.
-        gap: How far its gap shrinks.
-    """
-
-    controller: str
-    record: str
-    gap: GapSize
+    controller: str  # what closed the loop
+    record: str  # which record was replayed
+    gap: GapSize  # how far its gap shrinks
 
 
 @dataclass(frozen=True)
 class InTheLoop:
-    """What the nominal and the identified joint do under control.
+    """What the nominal and the identified joint do under control."""
 
-    Attributes:
-        replay: The closed-loop replay, where the controller of a record is known.
-        performance: What every agent that was asked for earns.
-        notes: What could not be compared, and why.
-    """
-
-    replay: ClosedLoop | None
-    performance: tuple[PerformanceGap, ...]
-    notes: tuple[str, ...]
+    replay: ClosedLoop | None  # the closed-loop replay, where the controller of a record is known
+    performance: tuple[PerformanceGap, ...]  # what every agent that was asked for earns
+    notes: tuple[str, ...]  # what could not be compared, and why
 
     def to_dict(self) -> dict[str, Any]:
         """Return what diagnosis.json has of it, as plain data."""
         return {
             "closed_loop": None if self.replay is None else _plain(self.replay),
-            "performance": [gap.to_dict() for gap in self.performance],
+            "performance": [asdict(gap) for gap in self.performance],
         }
 
     def tables(self) -> tuple[Table, ...]:
@@ -108,13 +96,8 @@ def in_the_loop(
 ) -> InTheLoop:
     """Replay a record under its controller, and run the agents in both joints.
 
-    Args:
-        found: The diagnosis.
-        nominal: The joint before it.
-        structure: How its bodies are joined.
-        fitted: Records that were diagnosed.
-        held: Records that were kept from it; the comparison prefers them.
-        agents: See `agents_for`.
+    The nominal joint is that before the diagnosis. Records that were held back from it are
+    preferred to those that were fitted; for the agents see `agents_for`.
     """
     record = _tracking([*held, *fitted])
     if record is None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from cjt_gym.envs.settings import default_amplitude
-from cjt_gym.errors import unknown_name
+from cjt_gym.errors import check_name
 from cjt_gym.joint import EFFECTS, get_structure, load_joint_file
 from cjt_gym.joint.effect_words import parse_effects
 from cjt_gym.signals import Signal, make_signals
@@ -145,17 +145,12 @@ def realistic_conditions(
 
 @dataclass(frozen=True, kw_only=True)
 class Asked:
-    """What of the conditions a command line may say.
-
-    Attributes:
-        drive: The drive.
-        effects: What makes the joint non-ideal, in words; None for `realistic_effects`.
-        randomization: Preset of what every episode draws anew; None for
-            `realistic_randomization`.
-    """
+    """What of the conditions a command line may say."""
 
     drive: str = "current"
+    # what makes the joint non-ideal, in words; None for `realistic_effects`
     effects: tuple[str, ...] | None = None
+    # preset of what every episode draws anew; None for `realistic_randomization`
     randomization: str | None = None
 
     def conditions_on(self, joint: str, structure: str, **others: Any) -> Conditions:
@@ -204,8 +199,7 @@ def task_reference(task: str, amplitude: float) -> Signal:
 
     "step": random levels held for 0.5 s; the others as the environments have them.
     """
-    if task not in TASKS:
-        raise unknown_name("task", task, TASKS)
+    check_name("task", task, TASKS)
     if task == "step":
         return Signal("step", amplitude=amplitude, period=STEP_HOLD)
     return make_signals(task, amplitude)[0]

@@ -39,43 +39,27 @@ class Row:
     Bandwidth, overshoot, settling time and noise amplification belong to the agent and are the
     same in all its rows: they come from a sweep, from the task "step" and from a run without
     reference. NaN and infinity stand for what cannot be said, and are null in JSON.
-
-    Attributes:
-        controller: Name of the agent.
-        kind: "classical", "learned" or "residual".
-        joint: The joint.
-        structure: Its structure.
-        task: One of `BENCHMARK_TASKS`.
-        rmse: Root mean square error of the true joint torque [N m].
-        nrmse: The same over the root mean square of the reference [-].
-        bandwidth_hz: Where the response of the torque to the reference first falls 3 dB below
-            that at 1 to 2 Hz, at the torque amplitude of the comparison [Hz]; 150 where it does
-            not.
-        overshoot: Mean overshoot over the height of the step [-].
-        settling_s: Median time until a step stays within 10 % of its height [s].
-        effort_rms: Root mean square of the motor torque [N m].
-        noise_amplification: Standard deviation of the command over that of the torque sensor's
-            noise, without reference [-].
-        episodes: How many.
-        ci95: 95 % interval of rmse, by bootstrap over the episodes [N m].
-        terminated: Share of episodes that passed a safety limit.
     """
 
     controller: str
-    kind: str
+    kind: str  # "classical", "learned" or "residual"
     joint: str
     structure: str
-    task: str
-    rmse: float
-    nrmse: float
+    task: str  # one of `BENCHMARK_TASKS`
+    rmse: float  # root mean square error of the true joint torque [N m]
+    nrmse: float  # the same over the root mean square of the reference [-]
+    # where the response of the torque to the reference first falls 3 dB below that at 1 to 2 Hz, at
+    # the torque amplitude of the comparison [Hz]; 150 where it does not
     bandwidth_hz: float
-    overshoot: float
-    settling_s: float
-    effort_rms: float
+    overshoot: float  # mean overshoot over the height of the step [-]
+    settling_s: float  # median time until a step stays within 10 % of its height [s]
+    effort_rms: float  # root mean square of the motor torque [N m]
+    # standard deviation of the command over that of the torque sensor's noise, without reference
+    # [-]
     noise_amplification: float
-    episodes: int
-    ci95: tuple[float, float]
-    terminated: float
+    episodes: int  # how many
+    ci95: tuple[float, float]  # 95 % interval of rmse, by bootstrap over the episodes [N m]
+    terminated: float  # share of episodes that passed a safety limit
 
     def to_json(self) -> dict[str, object]:
         """Return the row as plain data for JSON."""
@@ -92,19 +76,12 @@ def _plain(value: object) -> object:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """All that one agent did.
-
-    Attributes:
-        agent: Its name.
-        rows: One per task.
-        traces: What happened, per task.
-        sweep: What happened under the sweep of the bandwidth.
-    """
+    """All that one agent did."""
 
     agent: str
-    rows: tuple[Row, ...]
-    traces: dict[str, Traces]
-    sweep: Traces
+    rows: tuple[Row, ...]  # one per task
+    traces: dict[str, Traces]  # what happened, per task
+    sweep: Traces  # what happened under the sweep of the bandwidth
 
     def pooled(self) -> Traces:
         """Return the episodes of all tasks as one batch."""

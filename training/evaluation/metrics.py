@@ -7,10 +7,8 @@ import itertools
 import numpy as np
 from numpy.typing import NDArray
 
+from cjt_gym.joint.arrays import Complex, Floats
 from cjt_gym.training.evaluation.rollout import Traces
-
-Floats = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 SETTLING_BAND = 0.1
 """Of a step within which it has settled: wide enough for what friction may leave."""

@@ -8,22 +8,22 @@ explains.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.envs.settings import REWARD_WEIGHTS
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import Joint
+from cjt_gym.joint.arrays import Floats
 from cjt_gym.plant.simulated import DT_PHYSICS
 from cjt_gym.records import Record
 from cjt_gym.signals import Signal
+from cjt_gym.training.evaluation import metrics
 from cjt_gym.training.evaluation.conditions import EVALUATION_SEEDS, Conditions
 from cjt_gym.training.evaluation.rollout import Agent, ControllerAgent, Traces, run_episodes
 
-Floats = NDArray[np.float64]
 EPISODES = 8  # in each joint, which differ by start and noise alone
 BLOCK = 0.5
 """Length of a block of the bootstrap [s]."""
@@ -32,50 +32,29 @@ DRAWS = 400  # of the bootstrap, for two digits of an interval
 
 @dataclass(frozen=True)
 class Performance:
-    """What an agent does in one world, by the torque that is measured there.
+    """What an agent does in one world, by the torque that is measured there."""
 
-    Attributes:
-        reward: Mean reward per control step: tracking and smoothness, as the environment weighs
-            them.
-        rmse: Root mean square error of the measured joint torque [N m].
-        nrmse: The same over the root mean square of the reference.
-        low: Low end of the 95 % interval of rmse, by bootstrap over blocks [N m].
-        high: High end [N m].
-        terminated: Share of episodes that passed a safety limit.
-    """
-
+    # mean reward per control step: tracking and smoothness, as the environment weighs them
     reward: float
-    rmse: float
-    nrmse: float
-    low: float
-    high: float
-    terminated: float = 0.0
+    rmse: float  # root mean square error of the measured joint torque [N m]
+    nrmse: float  # the same over the root mean square of the reference
+    low: float  # low end of the 95 % interval of rmse, by bootstrap over blocks [N m]
+    high: float  # high end [N m]
+    terminated: float = 0.0  # share of episodes that passed a safety limit
 
 
 @dataclass(frozen=True)
 class PerformanceGap:
-    """What an agent does in the nominal, the identified and the recorded world.
-
-    Attributes:
-        agent: Its name.
-        nominal: In the joint before the diagnosis.
-        identified: In the joint with its effects.
-        recorded: In the record, where that was made with the agent.
-        removed: Share of the difference of rmse between the nominal and the recorded world that
-            the identified one takes away; None without a recorded world.
-        note: What to know about the comparison.
-    """
+    """What an agent does in the nominal, the identified and the recorded world."""
 
     agent: str
-    nominal: Performance
-    identified: Performance
-    recorded: Performance | None
+    nominal: Performance  # in the joint before the diagnosis
+    identified: Performance  # in the joint with its effects
+    recorded: Performance | None  # in the record, where that was made with the agent
+    # share of the difference of rmse between the nominal and the recorded world that the identified
+    # one takes away; None without a recorded world
     removed: float | None
-    note: str
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the same as plain data."""
-        return asdict(self)
+    note: str  # what to know about the comparison
 
 
 def performance_gap(
@@ -202,11 +181,10 @@ def _command(record: Record, nominal: Joint) -> Floats | None:
 def _performance(traces: Traces, amplitude: float) -> Performance:
     measured = replace(traces, tau=traces.tau_measured)
     low, high = _interval(measured)
-    rmse = float(np.sqrt(np.mean(measured.error**2)))
     return Performance(
         float(np.mean(rewards(measured, amplitude))),
-        rmse,
-        rmse / float(np.sqrt(np.mean(traces.reference**2))),
+        metrics.rmse(measured),
+        metrics.nrmse(measured),
         low,
         high,
         float(np.mean(traces.terminated.any(axis=1))),
@@ -218,12 +196,8 @@ def rewards(
 ) -> Floats:
     """Return the reward of every step, as the environment computes it, shape (episodes, steps).
 
-    The terms of safety are left out: a record does not end.
-
-    Args:
-        traces: What happened.
-        amplitude: Torque that rewards are scaled by [N m].
-        weights: Weight of each term.
+    It is scaled by the torque `amplitude` [N m]. The terms of safety are left out: a record does
+    not end.
     """
     u = traces.command / amplitude
     before = np.concatenate([np.zeros((len(u), 1)), u[:, :-1]], axis=1)

@@ -10,51 +10,36 @@ if it is larger, in standard errors, than what the largest of all differences re
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cjt_gym.errors import ConfigurationError
+from cjt_gym.joint.arrays import Floats
+from cjt_gym.training.evaluation.metrics import RESAMPLES
 
-Floats = NDArray[np.float64]
-RESAMPLES = 2000  # as in `metrics`
 LEVEL = 0.95  # of all comparisons together
 TINY = 1e-12  # standard error that stands for none
 
 
 @dataclass(frozen=True)
 class Place:
-    """Where an agent stands.
+    """Where an agent stands."""
 
-    Attributes:
-        rank: One more than the agents that are significantly better, and no less than the rank of
-            one with a better score; equal ranks are ties.
-        agent: Its name.
-        score: Nrmse, geometric mean over the tasks [-].
-        low: Low end of the 95 % interval of the score.
-        high: High end.
-        to_next: Ratio of its score to that of the next in order; None for the last.
-        to_next_low: Low end of the 95 % interval of the ratio, by itself.
-        to_next_high: High end.
-        next_is_worse: Whether the next is significantly worse, all comparisons allowed for; None
-            for the last, and where there is a single episode.
-    """
-
+    # one more than the agents that are significantly better, and no less than the rank of one with
+    # a better score; equal ranks are ties
     rank: int
     agent: str
-    score: float
-    low: float
-    high: float
-    to_next: float | None
-    to_next_low: float | None
-    to_next_high: float | None
+    score: float  # nrmse, geometric mean over the tasks [-]
+    low: float  # low end of the 95 % interval of the score
+    high: float  # high end
+    to_next: float | None  # ratio of its score to that of the next in order; None for the last
+    to_next_low: float | None  # low end of the 95 % interval of the ratio, by itself
+    to_next_high: float | None  # high end
+    # whether the next is significantly worse, all comparisons allowed for; None for the last, and
+    # where there is a single episode
     next_is_worse: bool | None
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the same as plain data."""
-        return asdict(self)
 
 
 def rank(
@@ -64,14 +49,8 @@ def rank(
 ) -> list[Place]:
     """Return the agents in order of their score.
 
-    Args:
-        squares: By agent, by task, the mean squared error of every episode [N^2 m^2]; the episodes
-            are the same for all agents.
-        powers: Likewise the mean square of the reference.
-        seed: Of the draws.
-
-    Raises:
-        ConfigurationError: Agents have no task in common, or another number of episodes.
+    By agent, by task, the mean squared error of every episode and the mean square of its reference
+    [N^2 m^2]; the episodes are the same for all agents.
     """
     names = list(squares)
     tasks = [t for t in squares[names[0]] if all(t in squares[n] for n in names)] if names else []

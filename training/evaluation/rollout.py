@@ -12,13 +12,11 @@ from numpy.typing import NDArray
 from cjt_gym.baselines import Controller
 from cjt_gym.envs.core import Episodes
 from cjt_gym.joint import Joint
-from cjt_gym.joint.arrays import DQ_L, Q_L, TAU
+from cjt_gym.joint.arrays import DQ_L, Q_L, TAU, Floats
 from cjt_gym.signals import Signal
 from cjt_gym.training.evaluation.conditions import Conditions
 from cjt_gym.training.evaluation.tasks import Rendering, Setting
 from cjt_gym.training.tuning.gains import Choice, choose
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -26,22 +24,14 @@ class Traces:
     """What a batch of episodes did; each array has the shape (episodes, steps).
 
     Sample k is what holds at the end of control step k.
-
-    Attributes:
-        reference: Wanted joint torque [N m].
-        tau: Joint torque without sensor effects [N m].
-        tau_measured: Measured joint torque [N m].
-        command: Motor torque commanded during the step [N m].
-        terminated: Whether the episode passed a safety limit at that step.
-        dt: Control step [s].
     """
 
-    reference: Floats
-    tau: Floats
-    tau_measured: Floats
-    command: Floats
-    terminated: NDArray[np.bool_]
-    dt: float
+    reference: Floats  # wanted joint torque [N m]
+    tau: Floats  # joint torque without sensor effects [N m]
+    tau_measured: Floats  # measured joint torque [N m]
+    command: Floats  # motor torque commanded during the step [N m]
+    terminated: NDArray[np.bool_]  # whether the episode passed a safety limit at that step
+    dt: float  # control step [s]
 
     @property
     def t(self) -> Floats:
@@ -92,18 +82,9 @@ class Agent(Protocol):
 
 @dataclass(frozen=True)
 class ControllerAgent:
-    """A controller of the table with its default gains, or one from a gain file.
+    """A controller of the table with its default gains, or one from a gain file."""
 
-    Attributes:
-        word: What `choose` takes, or a `Choice`.
-
-    Raises:
-        UnknownNameError: There is no such row.
-        MissingFileError: There is no such file.
-        ConfigurationError: The file is not valid.
-    """
-
-    word: str | Choice
+    word: str | Choice  # what `choose` takes, or a `Choice`
     _made: dict[str, Controller] = field(default_factory=dict, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -213,16 +194,10 @@ def run_episodes(
     An episode that passes a safety limit goes on, so that all have the same length; `terminated`
     tells.
 
-    Args:
-        agent: Controller or policy to run.
-        arguments: Of the environment.
-        num: How many episodes.
-        seed: Of the first; episode i has seed + i.
-        from_zero: Whether all bodies start at an angle of zero.
-        rendering: Spring and damper that replace the reference. The agent is asked for their
-            torque by the measured motion, unless it renders them by itself; what counts is their
-            torque by the true motion.
-        of_motor: Whether to keep the motor's torque instead of the joint's.
+    Episode i has seed + i. With `from_zero` all bodies start at an angle of zero. A `rendering` is
+    a spring and damper that replace the reference: the agent is asked for their torque by the
+    measured motion, unless it renders them by itself; what counts is their torque by the true
+    motion. With `of_motor` the motor's torque is kept instead of the joint's.
     """
     episodes = Episodes(num, **arguments)
     episodes.plant.seed(seed)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cjt_gym.errors import unknown_name
+from cjt_gym.errors import check_name
 from cjt_gym.joint import Joint, get_structure
 from cjt_gym.plugins import installed_rows
 from cjt_gym.signals import Signal
@@ -229,6 +229,5 @@ def get_task(name: str) -> Task:
     Raises:
         UnknownNameError: There is none; the message suggests the nearest.
     """
-    if name not in BENCHMARK_TASKS:
-        raise unknown_name("task", name, BENCHMARK_TASKS)
+    check_name("task", name, BENCHMARK_TASKS)
     return BENCHMARK_TASKS[name]

@@ -25,19 +25,12 @@ SIMULATED = bool(getattr(config, "ENABLE_CUDASIM", False))
 class DeviceEpisodes:
     """Episodes stepped on a CUDA device by the code that the CPU runs, a thread for each.
 
-    All arrays stay there; torch sees those below without a copy. Numbers are double precision, as
-    on the CPU. Episodes that end begin anew within the same step; `last` holds what they observed
-    last. Compiling the two kernels takes minutes, once per process.
+    All arrays stay there; torch sees those of `HostEpisodes` and those below without a copy. All
+    numbers are double precision, as on the CPU. Compiling takes minutes, once per process.
 
     A base controller must be a linear law, such as pd_feedforward: torch computes it on the device.
 
     Attributes:
-        num_envs: How many episodes.
-        device: Where the tensors are.
-        observation_space: Of one episode.
-        action_space: Of one episode.
-        observation: Shape (num_envs, size), float32; the next step changes it.
-        last: Last observation before the latest begin of each episode, same shape.
         state: [q_m q_g q_l dq_m dq_g dq_l], shape (num_envs, 6) [rad, rad/s].
         measured: Measured channels, shape (num_envs, 8).
         reference: Reference torque now, shape (num_envs,) [N m].
@@ -111,13 +104,7 @@ class DeviceEpisodes:
         return self.observation
 
     def step(self, action: torch.Tensor) -> Step:
-        """Advance all episodes by one control step.
-
-        Args:
-            action: In [-1, 1], shape (num_envs, 1), on the device; values outside are clipped.
-
-        Returns:
-            Observation, reward, terminated, truncated; the next step changes them.
+        """Advance all episodes by one control step, see `HostEpisodes`; actions are on the device.
 
         Raises:
             ConfigurationError: The action has the wrong shape.

@@ -12,24 +12,15 @@ from cjt_gym.joint.arrays import CHANNELS
 
 
 class TorchLaw:
-    """Does what a linear controller does, for joints whose measurements are a tensor.
-
-    Attributes:
-        columns: Which of the measured channels the law takes, in its order.
-    """
+    """Does what a linear controller does, for joints whose measurements are a tensor."""
 
     def __init__(
         self, law: LinearLaw, limit: float, num: int, device: torch.device, *, follows: bool = False
     ) -> None:
-        """Prepare for `num` joints.
+        """Prepare for `num` joints, with the largest motor torque that is commanded [N m].
 
-        Args:
-            law: The law.
-            limit: Largest motor torque that is commanded [N m].
-            num: How many joints.
-            device: Where they are.
-            follows: Whether its memory begins as if the reference had long stood where it is, as
-                that of `PdFeedForward` does; else as if it had been the torque that is there.
+        If it `follows`, its memory begins as if the reference had long stood where it is, as that
+        of `PdFeedForward` does; else as if it had been the torque that is there.
         """
 
         def tensor(values: object) -> torch.Tensor:

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from sb3_contrib import TQC, RecurrentPPO
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.base_class import BaseAlgorithm
@@ -22,12 +21,12 @@ from cjt_gym.disk import parsing, whole
 from cjt_gym.disk.arrays import read_arrays
 from cjt_gym.envs.sb3 import JointsVecEnv, TorqueTrackingVecEnv
 from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.joint.arrays import Floats
 from cjt_gym.joint.border import checked_array
 from cjt_gym.training.learning.config import TrainConfig
 from cjt_gym.training.learning.joint_families import arguments_of
 from cjt_gym.training.learning.quiet import QuietPolicy, sensor_noise
 
-Floats = NDArray[np.float64]
 CLASSES: dict[str, type[BaseAlgorithm]] = {
     "PPO": PPO,
     "SAC": SAC,

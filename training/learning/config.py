@@ -12,7 +12,7 @@ from typing import Any
 
 from cjt_gym.disk import read_toml
 from cjt_gym.envs.arguments import complete
-from cjt_gym.errors import ConfigurationError, MissingFileError, unknown_name
+from cjt_gym.errors import ConfigurationError, MissingFileError, check_name, unknown_name
 from cjt_gym.training.tuning.gains import Choice, choose_listed
 
 ALGORITHMS = ("PPO", "SAC", "TQC", "RecurrentPPO")
@@ -48,8 +48,7 @@ class PolicyConfig:
             raise ConfigurationError(
                 f"net_arch of [policy] must list whole numbers >= 1, got {list(self.net_arch)}."
             )
-        if self.activation not in ACTIVATIONS:
-            raise unknown_name("activation", self.activation, ACTIVATIONS)
+        check_name("activation", self.activation, ACTIVATIONS)
         _at_least("lstm_hidden_size of [policy]", self.lstm_hidden_size, 1)
         weight: Any = self.noise_weight
         number = isinstance(weight, (int, float)) and not isinstance(weight, bool)
@@ -154,8 +153,7 @@ class TrainConfig:
     datasheets: DatasheetsConfig = field(default_factory=DatasheetsConfig)
 
     def __post_init__(self) -> None:
-        if self.algorithm not in ALGORITHMS:
-            raise unknown_name("algorithm", self.algorithm, ALGORITHMS)
+        check_name("algorithm", self.algorithm, ALGORITHMS)
         for name in ("total_steps", "num_envs", "threads", "checkpoint_every"):
             _at_least(name, getattr(self, name), 1)
         _at_least("seed", self.seed, 0)

@@ -28,21 +28,13 @@ from cjt_gym.training.learning.run_folder import open_run
 
 @dataclass(frozen=True)
 class PolicyAgent(Trained):
-    """A trained policy.
-
-    Attributes:
-        name: Its name in tables.
-        config: How it was trained.
-        layout: What its observation is made of.
-        model: The Stable-Baselines3 model.
-        normalizer: Environment whose statistics scale its observations, or None.
-    """
+    """A trained policy."""
 
     name: str
-    config: TrainConfig
-    layout: Layout
-    model: BaseAlgorithm
-    normalizer: VecNormalize | None
+    config: TrainConfig  # how it was trained
+    layout: Layout  # what its observation is made of
+    model: BaseAlgorithm  # the Stable-Baselines3 model
+    normalizer: VecNormalize | None  # environment whose statistics scale its observations, or None
     _memory: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
 
     def act(self, observation: NDArray[np.float32]) -> NDArray[Any]:

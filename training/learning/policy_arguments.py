@@ -23,17 +23,11 @@ def conditions_of(config: TrainConfig) -> Conditions:
 
 
 class Trained(ABC):
-    """What policies have in common, whatever their form.
-
-    Attributes:
-        name: Its name in tables.
-        config: How it was trained.
-        layout: What its observation is made of.
-    """
+    """What policies have in common, whatever their form."""
 
     name: str
-    config: TrainConfig
-    layout: Layout
+    config: TrainConfig  # how it was trained
+    layout: Layout  # what its observation is made of
 
     @property
     def kind(self) -> str:

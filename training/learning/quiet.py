@@ -43,25 +43,20 @@ share of the minibatches; their penalties stand for those of the others."""
 
 @dataclass(frozen=True)
 class SensorNoise:
-    """What the sensors' noise does to observations at rest, on each joint of a training.
+    """What the sensors' noise does to observations at rest, on each joint of a training."""
 
-    Attributes:
-        rows: Deviations of observations from their mean, shape (joints, steps, episodes, size).
-        base: Those of the base controller's command that answers each, over `action`, shape
-            (joints, steps, episodes).
-        torque: Standard deviation of the measured torque from the true one, shape (joints,) [N m].
-        action: Motor torque of an action of 1, shape (joints,) [N m].
-        amplitude: Torque that observations are divided by, shape (joints,) [N m].
-        numbers: What of the datasheets ends observations, shape (joints, numbers).
-        commands: Where an observation holds the past commands, newest first, shape (history,).
-    """
-
+    # deviations of observations from their mean, shape (joints, steps, episodes, size)
     rows: NDArray[np.float32]
+    # those of the base controller's command that answers each, over `action`, shape (joints, steps,
+    # episodes)
     base: NDArray[np.float32]
+    # standard deviation of the measured torque from the true one, shape (joints,) [N m]
     torque: NDArray[np.float64]
-    action: NDArray[np.float64]
-    amplitude: NDArray[np.float64]
+    action: NDArray[np.float64]  # motor torque of an action of 1, shape (joints,) [N m]
+    amplitude: NDArray[np.float64]  # torque that observations are divided by, shape (joints,) [N m]
+    # what of the datasheets ends observations, shape (joints, numbers)
     numbers: NDArray[np.float32]
+    # where an observation holds the past commands, newest first, shape (history,)
     commands: NDArray[np.int64]
 
 

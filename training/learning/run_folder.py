@@ -65,9 +65,6 @@ class RunFolder:
     (status, seeds, versions, git revision, parameter hash), `model.zip` (the model that was best in
     validation), `normalization.npz` where observations or rewards were normalised, `progress.csv`,
     `tensorboard/` and `checkpoints/`.
-
-    Attributes:
-        path: The folder.
     """
 
     path: Path
@@ -157,12 +154,7 @@ class RunFolder:
 
 
 def open_run(path: str | Path) -> RunFolder:
-    """Return the run in a folder.
-
-    Raises:
-        MissingFileError: There is no such folder.
-        ConfigurationError: The folder holds something else.
-    """
+    """Return the run in a folder."""
     folder = Path(path)
     if not folder.is_dir():
         raise MissingFileError(

@@ -26,12 +26,7 @@ COLUMNS = (
 
 
 def find_runs(paths: Sequence[str | Path]) -> list[RunFolder]:
-    """Return the runs in some folders and below them, by path.
-
-    Raises:
-        MissingFileError: A folder does not exist.
-        ConfigurationError: There is none.
-    """
+    """Return the runs in some folders and below them, by path."""
     found: dict[Path, RunFolder] = {}
     for path in map(Path, paths):
         if not path.is_dir():
@@ -101,11 +96,3 @@ def _flat(data: Any, path: str = "") -> dict[str, Any]:
     for key, value in data.items():
         found |= _flat(value, f"{path}.{key}" if path else str(key))
     return found
-
-
-def cells(rows: Sequence[dict[str, Any]]) -> list[list[str]]:
-    """Return rows as the cells of a table with a head."""
-    table = [[title for title, _, _ in COLUMNS]]
-    for row in rows:
-        table.append(["-" if row[k] is None else form.format(row[k]) for _, k, form in COLUMNS])
-    return table

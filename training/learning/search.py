@@ -113,11 +113,7 @@ def measured(agent: Agent, config: TrainConfig, episodes: int) -> tuple[float, f
 
 
 def search(plan: Plan) -> optuna.Study:
-    """Run the trials that are missing, write `best.toml` if one is feasible; return the study.
-
-    Raises:
-        CjtGymError: Recipe or controller cannot be used.
-    """
+    """Run the trials that are missing, write `best.toml` if one is feasible; return the study."""
     if plan.trials < 1 or plan.steps < 1 or plan.episodes < 1:
         raise ConfigurationError(
             f"--trials, --steps and --episodes must be >= 1, got {plan.trials}, {plan.steps} and "
@@ -187,12 +183,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description="Search the hyperparameters of a recipe.")
     add = parser.add_argument
     add("recipe", metavar="RECIPE", help="configuration to begin from")
-    add(
-        "--out",
-        type=Path,
-        default=Plan.out,
-        help="folder of the search; an interrupted search is resumed",
-    )
+    text = "folder of the search; an interrupted search is resumed"
+    add("--out", type=Path, default=Plan.out, help=text)
     add("--structure", help="replaces that of the recipe")
     add("--base", help="controller or gain file that replaces that of the recipe")
     add("--against", default=Plan.against, help="controller whose noise is the limit")

@@ -17,20 +17,10 @@ STRIDE = 1000
 
 
 def train_seeds(config: TrainConfig, out: str | Path, seeds: int, jobs: int) -> Iterator[RunFolder]:
-    """Train from several seeds and yield the runs, each as it ends.
+    """Train from several seeds, `jobs` at a time, and yield the runs, each as it ends.
 
-    Run k is in the folder OUT_k and has k * `STRIDE` more as seed than the configuration. What was
-    interrupted is resumed, what is finished stays.
-
-    Args:
-        config: What to train; it may have up to `STRIDE` environments.
-        out: Path of the run folders without _k.
-        seeds: How many.
-        jobs: How many processes train at a time.
-
-    Raises:
-        ConfigurationError: A number is out of range, or a folder holds something else.
-        TrainingError: A training diverged.
+    Run k is in the folder OUT_k and has k * `STRIDE` more as seed than the configuration, which may
+    have up to `STRIDE` environments. What was interrupted is resumed, what is finished stays.
     """
     if jobs < 1:
         raise ConfigurationError(f"--jobs must be >= 1, got {jobs}.")

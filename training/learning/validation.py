@@ -25,11 +25,8 @@ def validation_error(
     With [datasheets], these are on joints of other datasheets than those of the training; their
     errors over their amplitudes, times that of the joint of [env].
 
-    Args:
-        config: The training. Its [env] has the base controller on which the agent acts, so that an
-            agent that always gives zero tells the error of that controller alone.
-        agent: Policy to evaluate.
-        changes: Arguments of the environment to replace, such as another base controller.
+    The agent acts on the base controller of [env], so that one that always gives zero tells the
+    error of that controller alone; `changes` replace arguments of the environment.
     """
     own, episodes = environment_arguments(config.env), config.evaluation.episodes
     changed = dict(changes or {})

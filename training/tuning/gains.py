@@ -40,19 +40,12 @@ KNOWN_BY = ("kp", "kd", "derivative", "command_gain")
 
 @dataclass(frozen=True)
 class Choice:
-    """A controller, with gains of its own or those that it takes by default.
-
-    Attributes:
-        name: Name in tables.
-        controller: What `get_entry` takes.
-        gains: Gains that replace its defaults.
-        facts: What is known about them.
-    """
+    """A controller, with gains of its own or those that it takes by default."""
 
     name: str
-    controller: str
-    gains: Mapping[str, float] = field(default_factory=dict)
-    facts: Mapping[str, Any] = field(default_factory=dict)
+    controller: str  # what `get_entry` takes
+    gains: Mapping[str, float] = field(default_factory=dict)  # gains that replace its defaults
+    facts: Mapping[str, Any] = field(default_factory=dict)  # what is known about them
 
     @property
     def entry(self) -> ControllerEntry:
@@ -98,14 +91,7 @@ class Choice:
 def choose(word: str | Path) -> Choice:
     """Return the controller of that name, or the one in a gain file (*.toml).
 
-    Args:
-        word: What `get_entry` takes, a gain file, or PATH.py:NAME@FILE.toml, a controller of one's
-            own with the gains of a file.
-
-    Raises:
-        UnknownNameError: There is no such controller or gain.
-        MissingFileError: There is no such file.
-        ConfigurationError: The file is not valid.
+    PATH.py:NAME@FILE.toml is a controller of one's own with the gains of a file.
     """
     name, _, file = str(word).partition(WITH)
     if is_own(name):
@@ -152,13 +138,7 @@ def write_gains(
 
 
 def read_gains(path: str | Path) -> Choice:
-    """Read a gain file.
-
-    Raises:
-        MissingFileError: There is no such file.
-        ConfigurationError: It is not valid.
-        UnknownNameError: There is no such controller or gain.
-    """
+    """Read a gain file."""
     return _read(path, None)
 
 

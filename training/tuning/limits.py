@@ -54,9 +54,6 @@ class Limits:
             sensor's noise, from the noise of all sensors [-].
         port_share: Damping of the environment with which the output must be passive, as a share
             of `port_resistance` [-].
-
-    Raises:
-        ConfigurationError: A limit is out of range.
     """
 
     gain_margin: float = 2.0
@@ -110,35 +107,25 @@ def port_resistance(joint: Joint) -> float:
 
 @dataclass(frozen=True)
 class Assessment:
-    """What the limits look at; infinite margins where there is no feedback.
+    """What the limits look at; infinite margins where there is no feedback."""
 
-    Attributes:
-        linear: Whether it comes from the linear model. Otherwise the law is not linear, and it
-            comes from multisines on the simulated joint with all its effects.
-        stable: Whether the loop is stable.
-        growth: Of an unstable loop, the logarithm of its fastest pole's size per sample [-].
-        gain_margin: [-].
-        phase_margin: [deg].
-        delay_margin: [s].
-        sensitivity_peak: [-].
-        noise_amplification: [-].
-        port_share: Damping that the environment must add, as a share of `port_resistance` [-];
-            None where it is not known, because the law is not linear.
-        bandwidth_hz: From the reference [Hz].
-        robust: Whether the linear part of the law is stable on changed joints too, see
-            `cjt_gym.baselines.robust`; gains that ship are taken only there.
-    """
-
+    # whether it comes from the linear model. Otherwise the law is not linear, and it comes from
+    # multisines on the simulated joint with all its effects
     linear: bool
-    stable: bool
+    stable: bool  # whether the loop is stable
+    # of an unstable loop, the logarithm of its fastest pole's size per sample [-]
     growth: float = 0.0
-    gain_margin: float = math.inf
-    phase_margin: float = math.inf
-    delay_margin: float = math.inf
-    sensitivity_peak: float = 1.0
-    noise_amplification: float = 0.0
+    gain_margin: float = math.inf  # [-]
+    phase_margin: float = math.inf  # [deg]
+    delay_margin: float = math.inf  # [s]
+    sensitivity_peak: float = 1.0  # [-]
+    noise_amplification: float = 0.0  # [-]
+    # damping that the environment must add, as a share of `port_resistance` [-]; None where it is
+    # not known, because the law is not linear
     port_share: float | None = None
-    bandwidth_hz: float = math.nan
+    bandwidth_hz: float = math.nan  # from the reference [Hz]
+    # whether the linear part of the law is stable on changed joints too, see
+    # `cjt_gym.baselines.robust`; gains that ship are taken only there
     robust: bool = True
 
     def to_dict(self) -> dict[str, Any]:

@@ -13,14 +13,14 @@ from cjt_gym.baselines.table import CONTROLLERS, get_entry
 from cjt_gym.envs.core import Episodes
 from cjt_gym.errors import ConfigurationError, SimulationError
 from cjt_gym.joint import Joint
+from cjt_gym.joint.arrays import Floats
 from cjt_gym.training.evaluation.conditions import TASKS, Asked, Conditions
-from cjt_gym.training.evaluation.metrics import squared_errors
+from cjt_gym.training.evaluation.metrics import RESAMPLES, squared_errors
 from cjt_gym.training.evaluation.rollout import Agent, ControllerAgent, joint_of, run_episodes
 from cjt_gym.training.evaluation.tasks import Setting, get_task
 from cjt_gym.training.tuning.gains import Choice
 from cjt_gym.training.tuning.limits import Assessment, Limits, assess
 
-Floats = NDArray[np.float64]
 TUNING_SEEDS = 600_000
 """Where the draws of the search begin; training, validation and evaluation lie elsewhere."""
 HELD_OUT_SEEDS = 700_000
@@ -34,8 +34,6 @@ HELD_OUT_FACTOR = 4
 """Unseen episodes over those of a candidate, for a comparison that is surer than the search."""
 BROKEN = 10.0
 """Cost of a broken limit, above that of any loop that keeps them: the open loop costs 1."""
-RESAMPLES = 2000
-"""Of the bootstrap over episodes."""
 
 
 @dataclass(frozen=True)
@@ -52,10 +50,6 @@ class Search(Asked):
             ones compare the best with the designed gains.
         limits: What the loop must keep.
         dt: Sample time [s].
-
-    Raises:
-        UnknownNameError: There is no such controller.
-        ConfigurationError: It has no gains, or budget or seed is out of range.
     """
 
     controller: str
@@ -90,30 +84,20 @@ class Search(Asked):
 
 @dataclass(frozen=True)
 class Trial:
-    """One candidate.
-
-    Attributes:
-        gains: Its gains.
-        cost: Error over that of the open loop [-]; 10 and more where a limit is broken.
-        violation: By how much limits are broken.
-    """
+    """One candidate."""
 
     gains: dict[str, float]
-    cost: float
-    violation: float
+    cost: float  # error over that of the open loop [-]; 10 and more where a limit is broken
+    violation: float  # by how much limits are broken
 
 
 @dataclass(frozen=True)
 class Errors:
-    """Mean squared error of every episode, and the task that it drew.
+    """Mean squared error of every episode, and the task that it drew."""
 
-    Attributes:
-        squares: [N^2 m^2], shape (episodes,).
-        task: Index of the reference, or the number of references where the output is moved, shape
-            (episodes,).
-    """
-
-    squares: Floats
+    squares: Floats  # [N^2 m^2], shape (episodes,)
+    # index of the reference, or the number of references where the output is moved, shape
+    # (episodes,)
     task: NDArray[np.int64]
 
     def over(self, base: Errors, rows: NDArray[np.int64] | None = None) -> float:

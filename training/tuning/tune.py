@@ -35,24 +35,16 @@ Generation = tuple[list[dict[str, float]], Callable[[list[float]], object]]
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a search found.
+    """What a search found."""
 
-    Attributes:
-        search: What was asked for.
-        best: The best candidate.
-        start: The designed gains, as a candidate.
-        assessment: Margins and so on of the best.
-        held_out: Errors over that of the open loop on unseen draws, for the best and the designed
-            gains, and their ratio with its 95 % interval.
-        trials: How many were tried.
-    """
-
-    search: Search
-    best: Trial
-    start: Trial
-    assessment: Assessment
+    search: Search  # what was asked for
+    best: Trial  # the best candidate
+    start: Trial  # the designed gains, as a candidate
+    assessment: Assessment  # margins and so on of the best
+    # errors over that of the open loop on unseen draws, for the best and the designed gains, and
+    # their ratio with its 95 % interval
     held_out: dict[str, float]
-    trials: int
+    trials: int  # how many were tried
 
     @property
     def feasible(self) -> bool:
@@ -121,12 +113,9 @@ def tune(
 ) -> Outcome:
     """Search for gains.
 
-    Args:
-        search: What to tune.
-        trials: File that keeps every candidate, one JSON line each. A search that was stopped
-            is resumed; with other settings it starts again.
-        jobs: Processes side by side.
-        report: Told how many candidates were tried, and the least cost.
+    The file of trials keeps every candidate, one JSON line each: a search that was stopped is
+    resumed; with other settings it starts again. `report` is told how many were tried, and the
+    least cost.
     """
     problem = Problem(search)
     log = TrialLog(search, trials)

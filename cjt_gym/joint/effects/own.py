@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.errors import ConfigurationError, check_name
 from cjt_gym.joint.effects.row import PLACES, STAGES, Effect
 
 
@@ -29,8 +29,7 @@ def checked_row(row: Effect, table: Mapping[str, Effect]) -> Effect:
         (f"kernel parameter of {owner}", used, sorted(fields)),
     ):
         for name in names:
-            if name not in known:
-                raise unknown_name(what, name, known)
+            check_name(what, name, known)
     if not used or not row.size:
         raise ConfigurationError(
             f"{owner} must have parameters with `fields`, the kernel parameters that they add to, "

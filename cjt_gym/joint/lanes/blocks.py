@@ -29,41 +29,8 @@ from cjt_gym.joint.compiled import inlined, lean, threaded
 from cjt_gym.joint.drives import clip
 from cjt_gym.joint.effects import EFFECTS
 from cjt_gym.joint.kernel import LARGEST
-from cjt_gym.joint.lanes.substeps import (
-    AFTER,
-    BEFORE,
-    CLOSE,
-    COMMAND,
-    CURRENT,
-    D_GL,
-    DOWN,
-    ENOUGH,
-    EXTRA,
-    FAILED,
-    K_B,
-    LATE,
-    LOAD,
-    MOBILITY,
-    MOTOR,
-    OFFSET,
-    PEAK,
-    PER_AMPERE,
-    PLAIN,
-    PUSHED,
-    RESOLUTION,
-    RUB,
-    SCRATCH_ROWS,
-    STEEP,
-    TONES,
-    UP,
-    USABLE,
-    A,
-    Kind,
-    coordinate,
-    run,
-)
-from cjt_gym.joint.lanes.substeps import LATE_SUB as COMMAND_SUB
-from cjt_gym.joint.lanes.substeps import X as STATES
+from cjt_gym.joint.lanes import substeps as at
+from cjt_gym.joint.lanes.substeps import Kind, coordinate, run
 from cjt_gym.joint.lanes.vectors import WIDTH
 from cjt_gym.joint.ripple import COGGING, KIND
 from cjt_gym.joint.sensing import distorts, is_late, lateness, measure, plan_lateness, sensor
@@ -85,21 +52,13 @@ EXTRAS = ("d_m_extra_n", "d_g_extra_n", "d_l_extra_n")
 
 
 class Blocks(NamedTuple):
-    """The blocks of a batch.
+    """The blocks of a batch."""
 
-    Attributes:
-        rows: The parameters of each block, shape (blocks, rows, WIDTH).
-        scratch: Scratch rows of each thread, shape (threads, SCRATCH_ROWS, WIDTH).
-        stale: Whose parameters have changed since they were read, shape (n,).
-        left: Which joints the last step left to the general kernel, shape (n,).
-        work: Scratch rows of the general code, shape (threads, WORK_ROWS, WORK_WIDTH).
-    """
-
-    rows: Floats
-    scratch: Floats
-    stale: Masks
-    left: Masks
-    work: Floats
+    rows: Floats  # the parameters of each block, shape (blocks, rows, WIDTH)
+    scratch: Floats  # scratch rows of each thread, shape (threads, SCRATCH_ROWS, WIDTH)
+    stale: Masks  # whose parameters have changed since they were read, shape (n,)
+    left: Masks  # which joints the last step left to the general kernel, shape (n,)
+    work: Floats  # scratch rows of the general code, shape (threads, WORK_ROWS, WORK_WIDTH)
 
 
 def kind_of(joint: Joint, voltage: bool) -> Kind | None:
@@ -143,8 +102,8 @@ def aligned(*shape: int) -> Floats:
 def make_blocks(kind: Kind, num: int, threads: int = 1) -> Blocks:
     """Allocate the blocks of `num` joints."""
     return Blocks(
-        rows=aligned(-(-num // WIDTH), TONES + 3 * kind.tones, WIDTH),
-        scratch=aligned(threads, SCRATCH_ROWS, WIDTH),
+        rows=aligned(-(-num // WIDTH), at.TONES + 3 * kind.tones, WIDTH),
+        scratch=aligned(threads, at.SCRATCH_ROWS, WIDTH),
         stale=np.ones(num, dtype=np.bool_),
         left=np.zeros(num, dtype=np.bool_),
         work=np.zeros((threads, WORK_ROWS, WORK_WIDTH)),
@@ -166,20 +125,20 @@ def read_friction(p: Any, setup: Setup, kind: Kind, s: Floats, lane: int) -> boo
     """Read the friction of a joint; return whether it fits the kind."""
     left = 0.0
     for k in range(kind.n):
-        s[UP + k, lane] = s[DOWN + k, lane] = s[EXTRA + k, lane] = 0.0
+        s[at.UP + k, lane] = s[at.DOWN + k, lane] = s[at.EXTRA + k, lane] = 0.0
     for body in range(3):
         up, down, extra = body_friction(p, body)
         found = setup.groups[body] < 0
         for k in range(kind.n):
             if setup.groups[body] == coordinate(kind, k):
-                s[UP + k, lane] += up
-                s[DOWN + k, lane] += down
-                s[EXTRA + k, lane] += extra
+                s[at.UP + k, lane] += up
+                s[at.DOWN + k, lane] += down
+                s[at.EXTRA + k, lane] += extra
                 found = True
         left += 0.0 if found else abs(up) + abs(down) + abs(extra)
     width = p.dq_0 if p.dq_0 > 0.0 else 1.0
-    s[STEEP, lane], s[ENOUGH, lane] = 1.0 / width, 1e-10 + 1e-7 * width
-    s[CLOSE, lane] = 0.5 * math.sqrt(s[ENOUGH, lane] * width)
+    s[at.STEEP, lane], s[at.ENOUGH, lane] = 1.0 / width, 1e-10 + 1e-7 * width
+    s[at.CLOSE, lane] = 0.5 * math.sqrt(s[at.ENOUGH, lane] * width)
     return left == 0.0 and (kind.n == 0 or (p.dq_0 == 0.0) == (kind.sharp == 1))
 
 
@@ -206,27 +165,27 @@ def read_parameters(
     usable = read_friction(p, setup, kind, s, lane)
     for row in range(kind.order):
         for j in range(kind.order):
-            s[A + 6 * row + j, lane] = a[row, j]
-        s[MOTOR + row, lane], s[LOAD + row, lane] = b[row, 0], b[row, 1]
+            s[at.A + 6 * row + j, lane] = a[row, j]
+        s[at.MOTOR + row, lane], s[at.LOAD + row, lane] = b[row, 0], b[row, 1]
         for k in range(kind.n):
-            s[RUB + 6 * k + row, lane] = b[row, 2 + coordinate(kind, k)]
+            s[at.RUB + 6 * k + row, lane] = b[row, 2 + coordinate(kind, k)]
     for k in range(kind.n):
         for m in range(kind.n):
             torque = b[coordinate(kind, k), 2 + coordinate(kind, m)]
-            s[MOBILITY + 3 * k + m, lane] = torque / setup.h
+            s[at.MOBILITY + 3 * k + m, lane] = torque / setup.h
     for j in range(kind.tones):
-        row, tone = TONES + 3 * j, batch.ripple[i, j]
+        row, tone = at.TONES + 3 * j, batch.ripple[i, j]
         s[row, lane] = tone[0]
         s[row + 1, lane], s[row + 2, lane] = tone[1] * p.cogging_scale, tone[2] * p.cogging_scale
-    s[PEAK, lane], s[OFFSET, lane] = p.i_p, p.torque_offset
-    s[K_B, lane], s[D_GL, lane] = p.k_b, p.d_gl
-    s[RESOLUTION, lane], s[PER_AMPERE, lane] = p.command_resolution, batch.memory[i, K_M]
-    s[LATE, lane], s[COMMAND_SUB, lane] = lateness(p.command_delay, setup)
-    s[PLAIN, lane] = 1.0 if is_plain(p) else 0.0
+    s[at.PEAK, lane], s[at.OFFSET, lane] = p.i_p, p.torque_offset
+    s[at.K_B, lane], s[at.D_GL, lane] = p.k_b, p.d_gl
+    s[at.RESOLUTION, lane], s[at.PER_AMPERE, lane] = p.command_resolution, batch.memory[i, K_M]
+    s[at.LATE, lane], s[at.LATE_SUB, lane] = lateness(p.command_delay, setup)
+    s[at.PLAIN, lane] = 1.0 if is_plain(p) else 0.0
     if plan_lateness(p, setup, work):
         for channel in range(8):
             usable = usable and work[LATE_SUB, channel] == 0.0
-    s[USABLE, lane] = 1.0 if usable else 0.0
+    s[at.USABLE, lane] = 1.0 if usable else 0.0
 
 
 @inlined
@@ -248,28 +207,28 @@ def enter(
     load: float,
 ) -> bool:
     """Put state and inputs of joint i into place lane; return whether the block can move it."""
-    if not (math.isfinite(command + load) and rows[USABLE, lane] == 1.0):
+    if not (math.isfinite(command + load) and rows[at.USABLE, lane] == 1.0):
         return False
     k, depth = batch.samples[i], batch.commands.shape[1]
-    resolution = rows[RESOLUTION, lane]
+    resolution = rows[at.RESOLUTION, lane]
     if resolution > 0.0:
         command = math.floor(command / resolution + 0.5) * resolution
-    s[COMMAND, lane], s[PUSHED, lane] = command, load
-    late, peak, offset = int(rows[LATE, lane]), rows[PEAK, lane], rows[OFFSET, lane]
-    per_ampere = rows[PER_AMPERE, lane]
+    s[at.COMMAND, lane], s[at.PUSHED, lane] = command, load
+    late, peak, offset = int(rows[at.LATE, lane]), rows[at.PEAK, lane], rows[at.OFFSET, lane]
+    per_ampere = rows[at.PER_AMPERE, lane]
     now = batch.commands[i, wrap(k - late + depth, depth), 0] if late > 0 else command
-    s[CURRENT, lane] = clip(now, peak)
-    s[AFTER, lane] = offset + per_ampere * s[CURRENT, lane]
-    if rows[COMMAND_SUB, lane] > 0.0:
+    s[at.CURRENT, lane] = clip(now, peak)
+    s[at.AFTER, lane] = offset + per_ampere * s[at.CURRENT, lane]
+    if rows[at.LATE_SUB, lane] > 0.0:
         before = clip(batch.commands[i, wrap(k - late - 1 + depth, depth), 0], peak)
-        s[BEFORE, lane] = offset + per_ampere * before
+        s[at.BEFORE, lane] = offset + per_ampere * before
     for body in (2, 1, 0):
         g = setup.groups[body]
         if g >= 0:
-            s[STATES + g, lane] = batch.state[i, body]
-            s[STATES + kind.velocity + g, lane] = batch.state[i, 3 + body]
+            s[at.X + g, lane] = batch.state[i, body]
+            s[at.X + kind.velocity + g, lane] = batch.state[i, 3 + body]
         else:
-            s[STATES + setup.size, lane] = batch.state[i, body]
+            s[at.X + setup.size, lane] = batch.state[i, body]
     return True
 
 
@@ -287,26 +246,26 @@ def leave(
 ) -> bool:
     """Take the state of joint i back and measure; return whether it is finite."""
     for j in range(kind.order):
-        if not abs(s[STATES + j, lane]) < LARGEST:
+        if not abs(s[at.X + j, lane]) < LARGEST:
             return False
     k, depth, state = batch.samples[i], batch.commands.shape[1], batch.state[i]
     for body in range(3):
         g = setup.groups[body]
         if g >= 0:
-            state[body] = s[STATES + g, lane]
-            state[3 + body] = s[STATES + kind.velocity + g, lane]
+            state[body] = s[at.X + g, lane]
+            state[3 + body] = s[at.X + kind.velocity + g, lane]
         else:
-            state[body] = s[STATES + setup.size, lane]
+            state[body] = s[at.X + setup.size, lane]
             state[3 + body] = load
     out, ring = batch.outputs[i, wrap(k + 1, depth)], batch.commands[i, wrap(k, depth)]
-    ring[0], ring[1] = s[COMMAND, lane], 0.0
-    batch.currents[i, 0] = out[CURRENT_I] = s[CURRENT, lane]
+    ring[0], ring[1] = s[at.COMMAND, lane], 0.0
+    batch.currents[i, 0] = out[CURRENT_I] = s[at.CURRENT, lane]
     for j in range(6):
         out[Q_M + j] = state[j]
-    tau = rows[K_B, lane] * (state[1] - state[2]) + rows[D_GL, lane] * (state[4] - state[5])
+    tau = rows[at.K_B, lane] * (state[1] - state[2]) + rows[at.D_GL, lane] * (state[4] - state[5])
     batch.tau[i] = out[TAU] = tau
     batch.samples[i] = k + 1
-    if rows[PLAIN, lane] == 1.0:
+    if rows[at.PLAIN, lane] == 1.0:
         for channel in range(8):
             batch.measured[i, channel] = out[channel]
     else:
@@ -337,11 +296,11 @@ def advance(
             if blocks.stale[i]:
                 read_parameters(batch, setup, kind, rows, lane, i, work)
             good = enter(batch, setup, kind, rows, s, lane, i, commands[i, 0], loads[i])
-            s[FAILED, lane] = 0.0 if good else 1.0
+            s[at.FAILED, lane] = 0.0 if good else 1.0
         run(kind, rows, s, setup.substeps, setup.h)
         for lane in range(min(WIDTH, last + 1 - first)):
             i = first + lane
-            moved = s[FAILED, lane] == 0.0
+            moved = s[at.FAILED, lane] == 0.0
             moved = moved and leave(batch, setup, kind, rows, s, lane, i, loads[i], work)
             blocks.stale[i], blocks.left[i] = False, not moved
             left += 0 if moved else 1

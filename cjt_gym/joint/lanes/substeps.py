@@ -59,27 +59,16 @@ SCRATCH_ROWS = 39
 
 
 class Kind(NamedTuple):
-    """What the joints of a batch have in common.
+    """What the joints of a batch have in common."""
 
-    Attributes:
-        order: Number of mechanical states.
-        velocity: Where velocities begin among them.
-        n: Number of coordinates with friction.
-        first: The coordinates with friction.
-        second: The second of them.
-        third: The third of them.
-        sharp: 1 where the sign of the velocity is sharp (dq_0 = 0), else 0.
-        tones: Number of cogging harmonics.
-    """
-
-    order: int
-    velocity: int
-    n: int
-    first: int
-    second: int
-    third: int
-    sharp: int
-    tones: int
+    order: int  # number of mechanical states
+    velocity: int  # where velocities begin among them
+    n: int  # number of coordinates with friction
+    first: int  # the coordinates with friction
+    second: int  # the second of them
+    third: int  # the third of them
+    sharp: int  # 1 where the sign of the velocity is sharp (dq_0 = 0), else 0
+    tones: int  # number of cogging harmonics
 
 
 @inlined

@@ -11,10 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cjt_gym.joint.arrays import Floats
 from cjt_gym.joint.compiled import compiled
 from cjt_gym.joint.random_stream import normal, uniform
-
-Floats = NDArray[np.float64]
 
 # Columns of a source of randomness.
 WHEN, EVERY, KEEP, IS_LINEAR = range(4)
@@ -35,43 +34,27 @@ TINIEST = 1e-300
 
 
 class Program(NamedTuple):
-    """What varies and how, for compiled code.
+    """What varies and how, for compiled code."""
 
-    Attributes:
-        sources: Independent scores, shape (sources, 4).
-        rows: Numbers that vary, shape (rows, COLUMNS).
-        mixtures: Of which scores, and with which weights, those of the rows are made, one row's
-            after the other's, shape (entries, 2).
-        fields: Kernel parameters that they change, one row's after the other's.
-        table: Values and cumulative probabilities of choices, shape (entries, 2).
-        is_linear: Whether any of them enters the discretisation.
-    """
-
-    sources: Floats
-    rows: Floats
+    sources: Floats  # independent scores, shape (sources, 4)
+    rows: Floats  # numbers that vary, shape (rows, COLUMNS)
+    # of which scores, and with which weights, those of the rows are made, one row's after the
+    # other's, shape (entries, 2)
     mixtures: Floats
-    fields: NDArray[np.int64]
-    table: Floats
-    is_linear: bool
+    fields: NDArray[np.int64]  # kernel parameters that they change, one row's after the other's
+    table: Floats  # values and cumulative probabilities of choices, shape (entries, 2)
+    is_linear: bool  # whether any of them enters the discretisation
 
 
 class Draws(NamedTuple):
-    """What has been drawn for n joints.
+    """What has been drawn for n joints."""
 
-    Attributes:
-        p: Parameter records as plain numbers, shape (n, fields).
-        nominal: Record without randomisation, shape (fields,).
-        scores: Present score of each source, uniform, or normal for a drift; (n, sources).
-        values: Present value of each row, shape (n, rows).
-        fresh: Which joints have been seeded since they drew last, shape (n,).
-        changed: Which joints drew within the episode in the last control step, shape (n,).
-    """
-
-    p: Floats
-    nominal: Floats
-    scores: Floats
-    values: Floats
-    fresh: NDArray[np.bool_]
+    p: Floats  # parameter records as plain numbers, shape (n, fields)
+    nominal: Floats  # record without randomisation, shape (fields,)
+    scores: Floats  # present score of each source, uniform, or normal for a drift; (n, sources)
+    values: Floats  # present value of each row, shape (n, rows)
+    fresh: NDArray[np.bool_]  # which joints have been seeded since they drew last, shape (n,)
+    # which joints drew within the episode in the last control step, shape (n,)
     changed: NDArray[np.bool_]
 
 
@@ -102,17 +85,9 @@ def normal_quantile(u: float) -> float:
 
 @compiled
 def refresh(program: Program, draws: Draws, rng: NDArray[np.uint64], i: int, step: int) -> int:
-    """Draw the scores of joint i that are due.
+    """Draw the scores of joint i that are due `step` control steps after its episode began.
 
-    Args:
-        program: What varies.
-        draws: What has been drawn.
-        rng: Random streams, shape (n,).
-        i: Which joint.
-        step: Control steps since the episode began; 0 begins one.
-
-    Returns:
-        NOTHING, SOME, or LINEAR if a parameter that enters the discretisation changes.
+    Returns NOTHING, SOME, or LINEAR if a parameter that enters the discretisation changes.
     """
     found, scores = NOTHING, draws.scores[i]
     for k in range(program.sources.shape[0]):

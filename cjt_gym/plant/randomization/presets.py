@@ -10,6 +10,7 @@ import numpy as np
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import EFFECTS, Joint
 from cjt_gym.joint.batch import DELAYS
+from cjt_gym.joint.configure import stated_by_file
 from cjt_gym.joint.effect_entries import CHANNEL_VALUES
 from cjt_gym.joint.effects import Effect, EffectParameter
 from cjt_gym.joint.quantity import Quantity
@@ -27,21 +28,13 @@ NORMAL = 1.96  # standard deviations on either side of the middle that hold 95 %
 
 @dataclass(frozen=True)
 class Width:
-    """How wide a preset is.
+    """How wide a preset is."""
 
-    Attributes:
-        base: Factors on base parameters.
-        size: Factors on how far an effect is from being off.
-        speed: Factors on bandwidths, cut-offs and rate limits.
-        samples: Control steps that delays gain at most.
-        by_tolerance: Whether a tolerance in the joint file goes before `base`.
-    """
-
-    base: tuple[float, float]
-    size: tuple[float, float]
-    speed: Variation
-    samples: float
-    by_tolerance: bool
+    base: tuple[float, float]  # factors on base parameters
+    size: tuple[float, float]  # factors on how far an effect is from being off
+    speed: Variation  # factors on bandwidths, cut-offs and rate limits
+    samples: float  # control steps that delays gain at most
+    by_tolerance: bool  # whether a tolerance in the joint file goes before `base`
 
 
 MILD = Width((0.9, 1.1), (0.7, 1.3), Variation(0.7, 1.3), 1.0, True)
@@ -103,10 +96,6 @@ def identified(joint: Joint) -> Variations:
     where the draws stay; a tolerance is one sigma, relative. That of the amplitudes of a ripple
     becomes one of its scale; frequencies of ripples count as exact. A value that replaces that of
     the file has none of these.
-
-    Raises:
-        ConfigurationError: The file gives none of them to anything that acts.
-        ParameterError: [found.covariance] is not one.
     """
     found = {}
     for name, quantity in joint.parameters.quantities.items():
@@ -205,14 +194,7 @@ def _source_of(joint: Joint, effect: str, parameter: EffectParameter) -> Quantit
     key = parameter.symbol
     if listed.get("channel") == key:
         key = next((k for k in CHANNEL_VALUES if k in listed), key)
-    quantity = listed.get(key)
-    if quantity is None and parameter.joint_parameter is not None:
-        source = parameter.joint_parameter
-        if source.startswith("sensors."):
-            _, channel, entry = source.split(".")
-            quantity = joint.file.sensors.get(channel, {}).get(entry)
-        else:
-            quantity = joint.parameters.quantities.get(source)
+    quantity = listed.get(key) or stated_by_file(parameter, joint.file)
     return quantity if isinstance(quantity, Quantity) else None
 
 

@@ -11,10 +11,11 @@ import numpy as np
 
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import EFFECTS, Joint
+from cjt_gym.joint.arrays import Floats
 from cjt_gym.joint.batch import CHANNEL_DELAYS, DELAYS
 from cjt_gym.joint.configure import FIELDS
 from cjt_gym.plant.randomization import draw as columns
-from cjt_gym.plant.randomization.draw import Floats, Program, normal_share
+from cjt_gym.plant.randomization.draw import Program, normal_share
 from cjt_gym.plant.randomization.target import (
     BODY_INERTIAS,
     Domain,
@@ -36,19 +37,12 @@ Span = tuple[float, float]
 
 @dataclass(frozen=True)
 class Plan:
-    """A randomisation that has been checked.
+    """A randomisation that has been checked."""
 
-    Attributes:
-        names: What varies, in the order of the columns of `Draws.values`.
-        nominal: Values without randomisation, shape (names,).
-        program: For compiled code; its rows may be more than the names.
-        delays: Longest value of each delay [s].
-    """
-
-    names: tuple[str, ...]
-    nominal: Floats
-    program: Program
-    delays: Mapping[str, float]
+    names: tuple[str, ...]  # what varies, in the order of the columns of `Draws.values`
+    nominal: Floats  # values without randomisation, shape (names,)
+    program: Program  # for compiled code; its rows may be more than the names
+    delays: Mapping[str, float]  # longest value of each delay [s]
 
     @cached_property
     def within(self) -> bool:
@@ -63,17 +57,7 @@ class Plan:
 
 
 def compile_plan(joint: Joint, variations: Mapping[str, Variation], dt: float) -> Plan:
-    """Return the plan of a randomisation.
-
-    Args:
-        joint: The nominal joint.
-        variations: What varies, by name.
-        dt: Control step [s].
-
-    Raises:
-        UnknownNameError: A name is not a parameter of the joint or of an active effect.
-        ConfigurationError: A value could leave its domain, or times do not fit.
-    """
+    """Return the plan of a randomisation, for control steps of `dt` [s]."""
     owner = joint.parameters.name
     pairs = [(find_target(joint, name), v) for name, v in variations.items()]
     sources, mixed = _sources(variations, dt)
@@ -115,12 +99,7 @@ def compile_plan(joint: Joint, variations: Mapping[str, Variation], dt: float) -
 
 
 def exact_plan(joint: Joint, values: Mapping[str, float], dt: float) -> Plan:
-    """Return the plan that sets exact values.
-
-    Raises:
-        UnknownNameError: A name is not a parameter of the joint or of an active effect.
-        ConfigurationError: A value is not finite or out of its domain.
-    """
+    """Return the plan that sets exact values."""
     if not isinstance(values, Mapping):
         raise ConfigurationError(
             f"Exact parameters are a mapping of names to values, got {values!r}."

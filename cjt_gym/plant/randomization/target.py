@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.errors import ConfigurationError, check_name, unknown_name
 from cjt_gym.joint import EFFECTS, Joint
 from cjt_gym.joint.configure import BASE_FIELDS
 from cjt_gym.joint.effects import Effect, EffectParameter
@@ -19,19 +19,12 @@ BODY_INERTIAS = ("I_m", "I_g", "I_l")
 
 @dataclass(frozen=True)
 class Domain:
-    """Values that a number may take.
+    """Values that a number may take."""
 
-    Attributes:
-        low: Lowest value.
-        strict: Whether the lowest value itself is forbidden.
-        high: Highest value.
-        unit: Unit of all of them.
-    """
-
-    low: float
-    strict: bool
-    high: float
-    unit: str
+    low: float  # lowest value
+    strict: bool  # whether the lowest value itself is forbidden
+    high: float  # highest value
+    unit: str  # unit of all of them
 
     def holds(self, low: float, high: float) -> bool:
         """Whether all values from low to high are allowed."""
@@ -45,34 +38,17 @@ class Domain:
 
 @dataclass(frozen=True)
 class Target:
-    """One number that can vary.
+    """One number that can vary."""
 
-    Attributes:
-        name: Its name, such as "k_b" or "coulomb.d_cm".
-        nominal: Its value without randomisation; NaN where the joint gives none.
-        domain: What it may be.
-        fields: Kernel parameters that it changes.
-        replaces: Whether it sets them; else it adds to them what differs from nominal.
-        relative_to: Kernel parameter from which its field is counted, or None.
-    """
-
-    name: str
-    nominal: float
-    domain: Domain
-    fields: tuple[str, ...]
-    replaces: bool = False
-    relative_to: str | None = None
+    name: str  # its name, such as "k_b" or "coulomb.d_cm"
+    nominal: float  # its value without randomisation; NaN where the joint gives none
+    domain: Domain  # what it may be
+    fields: tuple[str, ...]  # kernel parameters that it changes
+    replaces: bool = False  # whether it sets them; else it adds to them what differs from nominal
+    relative_to: str | None = None  # kernel parameter from which its field is counted, or None
 
     def span(self, variation: Variation, owner: str) -> tuple[float, float]:
-        """Return the lowest and highest value under a variation.
-
-        Args:
-            variation: How it varies.
-            owner: Whose number it is, for messages.
-
-        Raises:
-            ConfigurationError: A value would leave the domain, or there is none to start from.
-        """
+        """Return the lowest and highest value under a variation; messages name the owner."""
         if math.isnan(self.nominal) and variation.operation != "set":
             raise ConfigurationError(
                 f"randomization of {self.name} cannot {variation.operation} a value that {owner} "
@@ -105,15 +81,7 @@ def variable_names(joint: Joint) -> tuple[str, ...]:
 
 
 def find_target(joint: Joint, name: str) -> Target:
-    """Return what a name stands for.
-
-    Args:
-        joint: The joint, whose active effects can vary.
-        name: A parameter such as "k_b", or "effect.parameter" such as "coulomb.d_cm".
-
-    Raises:
-        UnknownNameError: No such parameter, or an effect that is not active.
-    """
+    """Return what a name such as "k_b" or, of an active effect, "coulomb.d_cm" stands for."""
     if "." not in name:
         if name not in BASE_FIELDS:
             raise unknown_name("parameter to randomise", name, variable_names(joint))
@@ -121,11 +89,9 @@ def find_target(joint: Joint, name: str) -> Target:
         nominal = joint.parameters.get(name, absent)
         return Target(name, nominal, base_domain(joint, name), (name,), math.isnan(nominal))
     effect, symbol = name.split(".", 1)
-    if effect not in joint.effects:
-        raise unknown_name("active effect to randomise", effect, joint.effects)
+    check_name("active effect to randomise", effect, joint.effects)
     scalars = {p.symbol: p for p in _scalars(EFFECTS[effect])}
-    if symbol not in scalars:
-        raise unknown_name(f"scalar parameter of effect {effect}", symbol, scalars)
+    check_name(f"scalar parameter of effect {effect}", symbol, scalars)
     parameter, value = scalars[symbol], joint.effects[effect][symbol]
     assert isinstance(value, float)
     replaces = parameter.replaces or parameter.shared

@@ -24,9 +24,6 @@ def found_together(joint: Joint) -> dict[str, Variation]:
     Their normal scores mix common ones, so that the draws have that covariance up to where they
     are cut off: four standard deviations from the value, or the end of what the number may be.
     Numbers that do not act in this joint, or that have another value in it, are left out.
-
-    Raises:
-        ParameterError: The file states something that is no covariance.
     """
     known = covariance_of(joint.file)
     if known is None:

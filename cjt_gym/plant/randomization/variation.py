@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
-from cjt_gym.errors import ConfigurationError, UnknownNameError, unknown_name
+from cjt_gym.errors import ConfigurationError, UnknownNameError, check_name, unknown_name
 
 DISTRIBUTIONS = ("uniform", "log_uniform", "normal", "choice")
 OPERATIONS = ("set", "scale", "add")
@@ -83,8 +83,7 @@ class Variation:
             ("operation", OPERATIONS),
             ("when", TIMES),
         ):
-            if getattr(self, key) not in known:
-                raise unknown_name(key, str(getattr(self, key)), known)
+            check_name(key, getattr(self, key), known)
         _check_keys(self)
         for key in ("low", "high", "mean", "std", "interval", "time_constant"):
             if getattr(self, key) is not None:
