@@ -18,7 +18,7 @@ from typing import Any, NoReturn
 
 from cjt_gym.console import Answer
 from cjt_gym.console.alive import WORKING, Alive
-from cjt_gym.console.known_names import check_words
+from cjt_gym.console.known_names import check_options, check_words
 from cjt_gym.errors import CjtGymError, unknown_name
 
 COMMANDS: dict[str, str] = {
@@ -138,6 +138,7 @@ class _Warnings:
 
 def _run_command(command: str, words: Sequence[str], alive: Alive | None = None) -> int:
     try:
+        check_options(command, words)
         check_words(command, words)
         module = import_module(f"cjt_gym.commands.{command.replace('-', '_')}")
         parser = Parser(prog=f"cjt-gym {command}", description=COMMANDS[command])

@@ -6,6 +6,7 @@ import io
 import subprocess
 import sys
 import time
+from importlib import import_module
 from pathlib import Path
 
 import gymnasium as gym
@@ -112,9 +113,20 @@ def test_the_names_that_are_checked_early_are_those_there_are() -> None:
     assert set(early.joint_names()) == set(joint_names())
 
 
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_option_of_a_command_is_known_early(command: str) -> None:
+    parser = cli.Parser()
+    import_module(f"cjt_gym.commands.{command.replace('-', '_')}").add_arguments(parser)
+    declared = {word for word in parser._option_string_actions if word.startswith("--")}
+    assert declared <= set(early.option_names(command))
+    early.check_options(command, [*declared, "--hel", "--", "--anything"])
+
+
 @pytest.mark.parametrize(
     ("words", "told"),
     [
+        (["benchmark", "--joint", "generic", "--polcy", "x", "--out", "y"], "--policy"),
+        (["tune", "pid", "--joint", "generic", "--gain-margn=3"], "--gain-margin"),
         (["benchmark", "--joint", "generic", "--controller", "pd", "lqgg"], "lqg"),
         (["simulate", "generic", "--out", "x.csv", "--controller=pd_fedforward"], "pd_feedforward"),
         (["tune", "pidd", "--joint", "generic", "--out", "x.toml"], "pid"),
