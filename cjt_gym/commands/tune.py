@@ -37,7 +37,8 @@ LIMITS = {
     "--phase-margin": "smallest phase margin [deg]",
     "--delay-margin": "smallest delay margin [s]",
     "--sensitivity-peak": "largest sensitivity Ms",
-    "--noise-amplification": "largest command for the sensors' noise, over that of the torque sensor",
+    "--noise-amplification": "largest command for the sensors' noise, "
+    "over that of the torque sensor",
     "--port-share": "damping of the environment with which the output must be passive, as a share "
     "of sqrt(k_b (I_m + I_g))",
 }

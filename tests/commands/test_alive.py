@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import subprocess
 import sys
+import threading
 import time
 from importlib import import_module
 from pathlib import Path
@@ -48,6 +49,28 @@ def test_a_silent_command_says_what_it_does(monkeypatch: pytest.MonkeyPatch) -> 
         sys.stderr.write("found it\n")
     assert "\nfound it\n" in stream.getvalue()  # on a line of its own
     assert sys.stderr is stream
+
+
+def test_a_bar_is_updated_while_it_is_refreshed(monkeypatch: pytest.MonkeyPatch) -> None:
+    impatient(monkeypatch)
+    refreshing, updated = threading.Event(), threading.Event()
+
+    class Bar:
+        disable = False
+
+        def refresh(self) -> None:
+            refreshing.set()
+            updated.wait(30.0)
+
+    monkeypatch.setattr(alive, "_bars", lambda: [Bar()])
+    with alive.Alive():
+        assert refreshing.wait(30.0)
+        update = threading.Thread(target=sys.stderr.write, args=("50 %",), daemon=True)
+        update.start()
+        update.join(10.0)
+        waits = update.is_alive()
+        updated.set()
+    assert not waits
 
 
 def test_a_command_that_goes_on_is_left_alone_after_its_first_word(
