@@ -15,7 +15,8 @@ from cjt_gym.errors import CjtGymError
 from cjt_gym.training.deploy.exported import Exported
 from cjt_gym.training.deploy.load_agent import load_agent
 from cjt_gym.training.deploy.shipped import policy_card, policy_names, policy_path
-from cjt_gym.training.deploy.stepper import Stepper
+from cjt_gym.training.evaluation.conditions import realistic_conditions
+from cjt_gym.training.evaluation.evaluate import evaluate
 
 LARGEST = 100_000
 
@@ -36,8 +37,9 @@ def test_policy_is_a_whole_controller_without_pickle(name: str) -> None:
     agent = load_agent(name)
     assert isinstance(agent, Exported)
     assert agent.trained_on[0] in policy_card(name).trained_on
-    reference = [1.0] * (agent.layout.preview + 1)
-    assert Stepper(agent).step(reference, 0.0, *[0.0] * 6) > 0.0
+    conditions = realistic_conditions(agent.trained_on[0], agent.config.env["structure"])
+    (row,) = evaluate(agent, conditions, ["step"], episodes=1).rows
+    assert row.nrmse < 0.5
 
 
 def test_command_lists_them_and_shows_a_card(capsys: pytest.CaptureFixture[str]) -> None:
