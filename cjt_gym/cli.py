@@ -24,7 +24,7 @@ from cjt_gym.errors import CjtGymError, unknown_name
 COMMANDS: dict[str, str] = {
     "joints": "list the joints, structures, drives and effects there are",
     "simulate": "simulate a joint under a reference and a controller, and write the record",
-    "train": "train a policy with Stable-Baselines3, or go on with a run that was stopped",
+    "train": "train a policy with Stable-Baselines3, or resume a run that was stopped",
     "runs": "list and compare training runs, and write the page of one",
     "policies": "list the trained policies that ship, or show the card of one",
     "tune": "search the gains of a controller on a joint, within limits on its robustness",

@@ -6,7 +6,7 @@ A package lists them in its pyproject.toml:
     my_law = "my_package.laws:MyLaw"
 
 Groups: `cjt_gym.controllers` (a `ControllerEntry`, or what makes a controller), `cjt_gym.effects`
-(an `Effect`) and `cjt_gym.tasks` (a `Task`). A row of ours keeps its name.
+(an `Effect`) and `cjt_gym.tasks` (a `Task`). Built-in rows keep their names.
 """
 
 from __future__ import annotations

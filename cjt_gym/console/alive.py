@@ -19,7 +19,7 @@ ERASE: Final = "\r\x1b[K"
 
 
 class Watched:
-    """A stream that tells when something is written to it; all else is that of the stream."""
+    """A stream that reports every write; everything else is passed on to the stream."""
 
     def __init__(self, stream: Any, alive: Alive) -> None:
         """Watch a stream."""

@@ -44,7 +44,7 @@ def summary_lines(tables: Tables) -> Iterator[str]:
 
 
 def detail_lines(tables: Tables) -> Iterator[str]:
-    """Yield all that there is to say about the rows."""
+    """Yield the full description of the rows."""
     if tables["joints"]:
         yield "Joints"
     for row in tables["joints"]:

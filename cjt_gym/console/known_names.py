@@ -1,4 +1,4 @@
-"""Names are checked before anything is imported that takes long."""
+"""Checks of names and options before anything slow is imported."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from pathlib import Path
 from cjt_gym.errors import UnknownNameError, did_you_mean, unknown_name
 
 OWN = re.compile(r"[./\\:@+]")
-"""What only paths, parts and code of one's own have in them; these are checked later."""
+"""Characters that only occur in paths, parts and your own code, which are checked later."""
 FIRST = {
     "tune": "--controller",
     "simulate": "--joint",
     "analyse": "--joint",
     "datasheet": "--joint",
 }
-"""What the words of a command are that stand before its first option."""
+"""The option whose values may stand before the first option of a command."""
 OTHERWISE = (("convert", "--joint"), ("emulate", "--joint"), ("hardware", "--joint"))
 """Options that mean something else."""
 BESIDES = {"--controller": ("none", "all"), "--joint": ()}
@@ -77,7 +77,7 @@ def check_options(command: str, words: Sequence[str]) -> None:
 
 
 def _folder(package: str) -> Path:
-    """Return where a package of ours lies, without importing it."""
+    """Return the folder of a subpackage, without importing it."""
     spec = find_spec(f"cjt_gym.{package}")
     assert spec is not None
     assert spec.origin is not None
@@ -90,14 +90,14 @@ def installed(kind: str) -> list[str]:
 
 
 def check_words(command: str, words: Sequence[str]) -> None:
-    """Refuse words of a command line that name a controller or a joint that there is not.
+    """Reject words of a command line that name an unknown controller or joint.
 
     Args:
         command: The command.
         words: What follows it.
 
     Raises:
-        UnknownNameError: There is none of that name; the message suggests the nearest.
+        UnknownNameError: A name is unknown; the message suggests the nearest.
     """
     known: dict[str, Callable[[], list[str]]] = {
         "--controller": lambda: sorted({*controller_names(), *part_names()}),

@@ -99,7 +99,7 @@ def _plots(joints: Sequence[JointParameters]) -> Iterator[Block]:
     heat: Drawing = (
         "heat",
         lambda: figures.heat(joints),
-        "Above: how long the winding bears a constant torque. Below: where its temperature "
+        "Above: how long the winding can hold a constant torque. Below: where its temperature "
         f"ends; dashed: its limit. Dotted: rated torque{'' if one else 's'}.",
         False,
     )

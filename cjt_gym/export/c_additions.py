@@ -19,7 +19,7 @@ class Addition:
     Attributes:
         state: Fields of the struct.
         local: Variables, each with a comma before it.
-        code: Sets `added`; `state->begun` tells whether there is a past.
+        code: Sets `added`; `state->begun` says whether there was a step before.
         after: Code for the command that was applied.
     """
 

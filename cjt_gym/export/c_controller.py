@@ -23,7 +23,7 @@ def controller_header(
         prefix: What its names begin with.
         title: Its name.
         joint: The joint that it is for.
-        gains: Its gains, which are told in a comment.
+        gains: Its gains, which a comment lists.
     """
     name, order = identifier(prefix), len(law.linear.c)
     kind = f"{name.upper()}_REAL"
@@ -82,8 +82,8 @@ TEMPLATE: Final = """\
  * For: @JOINT@.
  * Gains: @GAINS@.
  * Call @NAME@_step once in every control step of @DT@ s. It returns the motor torque to command
- * [N m], within @NAME@_LIMIT, and goes on from what the limit left. Angles, velocities and torques
- * are those at the output side of the gear. One state per joint; no memory is allocated, nothing is
+ * [N m], within @NAME@_LIMIT, and updates its state with the limited torque. Angles,
+ * velocities and torques are those at the output side of the gear. One state per joint; no memory is allocated, nothing is
  * shared. Numbers are double unless @REAL@ is defined as another type before this is included.
  *
  *   @NAME@_state state;

@@ -43,7 +43,7 @@ def controller_to_c(
         joint: The joint that it is for.
         name: Its name.
         prefix: What names in the header begin with; its name where None is given.
-        gains: Its gains, which are told in a comment.
+        gains: Its gains, which a comment lists.
 
     Raises:
         ConfigurationError: What it does cannot be written in C.

@@ -51,7 +51,7 @@ def law_of(controller: Controller, name: str) -> CLaw:
         name: Its name, for errors.
 
     Raises:
-        ConfigurationError: It learns series, solves programs, or is code of one's own.
+        ConfigurationError: It learns time series, solves programs, or is your own code.
     """
     limit = controller.torque_limit
     match controller:

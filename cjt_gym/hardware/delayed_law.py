@@ -39,7 +39,7 @@ BUS_DELAYS: Final = ("command_delay", "measurement_delay")
 """Effects that delay a loop as a bus does, so that they are measured before a run."""
 LEFT_TO_SPARE: Final = 0.5 * SPARE_DELAY
 """Rest of a delay that is no whole control step and need not become one more [s]: designed gains
-bear `SPARE_DELAY` beyond what they are designed for."""
+stay stable with `SPARE_DELAY` beyond the delay that they are designed for."""
 
 
 def law_for(word: str, joint: Joint, dt: float, delays: Mapping[str, float]) -> Controller:

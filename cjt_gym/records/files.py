@@ -41,7 +41,7 @@ def read_record(
     Args:
         path_or_name: A table in one of :data:`FORMATS`, such as ``run.csv``, or ``run.toml``, or
             one of :func:`record_names`.
-        allow_nan: Whether NaN (an empty cell of a CSV file) stands for a sample that is missing.
+        allow_nan: Whether NaN (an empty cell of a CSV file) marks a missing sample.
         mapping: Which column is which, in which unit, where the table has other names: a TOML file
             or the same as dictionaries, see :mod:`cjt_gym.records.mapping`. Left out, the file
             ``run.map.toml`` beside the table counts, if there is one.

@@ -50,7 +50,7 @@ class Record:
         provenance: Whatever else is known: mode, excitation, output, source, citation, gains ...
         sensors: For each channel its ``resolution`` and ``noise`` (standard deviation), in the
             channel's unit.
-        allow_nan: Whether NaN stands for a sample that is missing. Otherwise NaN is an error.
+        allow_nan: Whether NaN marks a missing sample. Otherwise NaN is an error.
         origin: File the record was read from.
 
     Example:
@@ -205,7 +205,7 @@ def joint_to_load(name: str, made_with: object, origin: Path | None) -> str | Pa
 
     Args:
         name: Name of the joint, or of its file.
-        made_with: Path of the joint file that the record was made with, if it says so.
+        made_with: Path of the joint file that the record was made with, if known.
         origin: File of the record, if it has one.
     """
     places = [] if origin is None else [origin.parent / name]

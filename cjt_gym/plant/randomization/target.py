@@ -71,7 +71,7 @@ class Target:
             owner: Whose number it is, for messages.
 
         Raises:
-            ConfigurationError: A value would leave the domain, or there is none to start from.
+            ConfigurationError: A value would leave its domain, or has no nominal value.
         """
         if math.isnan(self.nominal) and variation.operation != "set":
             raise ConfigurationError(
