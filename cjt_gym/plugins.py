@@ -33,7 +33,7 @@ def installed_rows(group: str, taken: Container[str]) -> Iterator[tuple[str, Any
     """
     for point in metadata.entry_points(group=f"cjt_gym.{group}"):
         if point.name in taken:
-            _warn(point, "there is one of that name already")
+            _warn(point, "the name is taken")
             continue
         try:
             row = point.load()

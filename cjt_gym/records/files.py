@@ -16,7 +16,7 @@ from cjt_gym.errors import RecordError, unknown_name
 from cjt_gym.records.alignment import aligned
 from cjt_gym.records.formats import FORMATS, Table, format_of
 from cjt_gym.records.mapping import SUFFIX, ColumnMapping, load_mapping, read_document
-from cjt_gym.records.metadata import facts_path, metadata_text, read_metadata
+from cjt_gym.records.metadata import describes_record, facts_path, metadata_text, read_metadata
 from cjt_gym.records.record import JOINT_FILE, Record, joint_to_load
 from cjt_gym.records.sources import clock, mapped
 
@@ -111,7 +111,7 @@ def joint_of(path_or_name: str | Path, mapping: MappingLike | None = None) -> st
     path = table_path(path_or_name)
     found, beside = _given_or_beside(path, mapping), path.with_suffix(".toml")
     facts = {} if found is None else read_document(found)
-    if beside.is_file():
+    if describes_record(beside):
         facts |= read_metadata(beside)
     named = facts.get("joint")
     if isinstance(named, str):
@@ -132,7 +132,7 @@ def facts_of(path: Path, mapping: ColumnMapping) -> dict[str, Any]:
         RecordError: The file beside the table is not valid.
     """
     beside = path.with_suffix(".toml")
-    facts = read_metadata(beside) if beside.is_file() else {}
+    facts = read_metadata(beside) if describes_record(beside) else {}
     tables = {
         name: {**mapping.facts[name], **facts.get(name, {})} for name in ("sensors", "provenance")
     }

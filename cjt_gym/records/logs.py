@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,7 +24,7 @@ from cjt_gym.records.files import (
 )
 from cjt_gym.records.formats import Table, format_of
 from cjt_gym.records.mapping import SUFFIX, ColumnMapping
-from cjt_gym.records.metadata import read_metadata
+from cjt_gym.records.metadata import describes_record, read_metadata
 from cjt_gym.records.record import Record
 from cjt_gym.records.repair import make_records
 from cjt_gym.records.repair_notes import Repair
@@ -91,7 +90,7 @@ def open_log(
         if base.name is not None:
             facts["units"] = default_units(("t",)) | facts["units"]
         return Log(path, chosen, base, facts, ())
-    if os.path.isfile(path.with_suffix(".toml")):
+    if describes_record(path.with_suffix(".toml")):
         facts = read_metadata(path.with_suffix(".toml"))
         absent = [name for name in facts["units"] if name not in beginning]
         facts["units"] = {n: u for n, u in facts["units"].items() if n in beginning}
