@@ -71,7 +71,7 @@ def law_for(word: str, joint: Joint, dt: float, delays: Mapping[str, float]) -> 
             raise ConfigurationError(
                 f"The gains of {word} must keep the loop of {joint.parameters.name} stable with a "
                 f"delay of {late * 1e3:.3g} ms and {spare * dt * 1e3:.3g} ms to "
-                f"spare, {steps + spare} control steps; they allow {max(borne, 0)}. Give lower "
+                f"spare, {steps + spare} control steps; they bear {max(borne, 0)}. Give lower "
                 "gains, the name of a controller, whose gains are designed for it, or a faster "
                 "loop."
             )
