@@ -91,7 +91,7 @@ class Episodes:
             self.plant.seed(int(first.integers(2**62)))
 
     def reset(self, options: Mapping[str, Any] | None = None) -> None:
-        """Begin all episodes anew.
+        """Restart all episodes.
 
         Args:
             options: {"parameters": {name: value}} fixes exact parameters, without any
@@ -105,7 +105,7 @@ class Episodes:
         self.begin(self._all)
 
     def begin(self, mask: NDArray[np.bool_]) -> None:
-        """Begin the episodes in a mask anew."""
+        """Restart the episodes in a mask."""
         draw_episodes(self.plant.batch.arrays.rng, self.task, mask)
         self.plant.restart(mask, self.task.start, self.task.load)
         begin_some(self.plant.batch.arrays, self.task, mask)
@@ -129,7 +129,7 @@ class Episodes:
         self._step()
 
     def step_or_begin(self, action: NDArray[np.floating[Any]], ended: NDArray[np.bool_]) -> None:
-        """Advance by one control step, but begin those anew that ended in the step before.
+        """Advance by one control step, but restart the episodes that ended in the step before.
 
         These take no action, and have no reward in this step.
 

@@ -87,7 +87,7 @@ class BareVecEnv(VecEnv):
 class TorqueTrackingVecEnv(BareVecEnv):
     """A batch of `TorqueTrackingEnv` for Stable-Baselines3, with the same arguments.
 
-    Episodes that end begin anew within the same step; their `info` holds `terminal_observation`,
+    Episodes that end are reset within the same step; their `info` holds `terminal_observation`,
     `TimeLimit.truncated`, the keys of a single environment's step, and `episode` with return `r`
     and length `l`. The `info` of the others is empty. The first one lets torch work on one thread;
     see `use_one_thread`.

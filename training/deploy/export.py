@@ -66,7 +66,7 @@ def export_policy(
     Raises:
         UnknownNameError: It looks like a name, and no policy of that name ships.
         MissingFileError: There is no such path.
-        ConfigurationError: It is no run of ours, its network or its base controller cannot be
+        ConfigurationError: It is not a run of cjt-gym, its network or its base controller cannot be
             exported, a record does not fit, or a package is missing.
         ExportError: The file gives other actions than the policy.
     """

@@ -18,7 +18,7 @@ def load_agent(word: str | Path) -> PolicyAgent | Exported:
     Raises:
         UnknownNameError: There is neither a folder nor a policy that ships of that name.
         MissingFileError: There is no such path.
-        ConfigurationError: It is not of ours, or the run has no model yet.
+        ConfigurationError: It was not made by cjt-gym, or the run has no model yet.
     """
     path = policy_path(word)
     if path.suffix == ".npz":

@@ -43,7 +43,7 @@ class Conditions:
         structure: Its structure.
         drive: Its drive.
         effects: What makes it non-ideal, as for `load_joint`.
-        randomization: What every episode draws anew, as for the environments.
+        randomization: What every episode draws, as for the environments.
         torque_amplitude: Amplitude of the references [N m]; None is a tenth of the peak torque, or
             three times the Coulomb friction where that is more.
         dt_control: Control step [s].

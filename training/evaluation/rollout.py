@@ -210,8 +210,8 @@ def run_episodes(
 ) -> Traces:
     """Run an agent over `num` episodes of the environment with these arguments, to their end.
 
-    An episode that passes a safety limit goes on, so that all have the same length; `terminated`
-    tells.
+    An episode that passes a safety limit continues, so that all have the same length; `terminated`
+    marks it.
 
     Args:
         agent: Controller or policy to run.

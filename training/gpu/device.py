@@ -26,7 +26,7 @@ class DeviceEpisodes:
     """Episodes stepped on a CUDA device by the code that the CPU runs, a thread for each.
 
     All arrays stay there; torch sees those below without a copy. Numbers are double precision, as
-    on the CPU. Episodes that end begin anew within the same step; `last` holds what they observed
+    on the CPU. Episodes that end are reset within the same step; `last` holds what they observed
     last. Compiling the two kernels takes minutes, once per process.
 
     A base controller must be a linear law, such as pd_feedforward: torch computes it on the device.

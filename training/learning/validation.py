@@ -27,7 +27,7 @@ def validation_error(
 
     Args:
         config: The training. Its [env] has the base controller on which the agent acts, so that an
-            agent that always gives zero tells the error of that controller alone.
+            agent that always gives zero has the error of that controller alone.
         agent: Policy to evaluate.
         changes: Arguments of the environment to replace, such as another base controller.
     """

@@ -209,5 +209,5 @@ def _read(path: str | Path, own: str | None) -> Choice:
 
 
 def gains_in_record(law: object) -> dict[str, Any]:
-    """Return what the provenance of a record tells of a controller."""
+    """Return the controller that the provenance of a record states."""
     return {name: getattr(law, name) for name in KNOWN_BY if hasattr(law, name)}
