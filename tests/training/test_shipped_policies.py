@@ -62,8 +62,13 @@ def test_benchmark_takes_a_policy_by_name(
     name = policy_names()[0]
     words = ["benchmark", "--joint", "orange_80_6000", "--policy", name, "--task", "step"]
     assert main([*words, "--episodes", "2", "--out", str(tmp_path / "out"), "--json"]) == 0
-    (row,) = json.loads(capsys.readouterr().out)
+    told = capsys.readouterr()
+    (row,) = json.loads(told.out)
     assert row["controller"] == name
+    assert "was trained on" not in told.err
+    words[2] = "lemon_50_6000"
+    assert main([*words, "--episodes", "2", "--out", str(tmp_path / "out"), "--json"]) == 0
+    assert f"{name} was trained on orange_80_6000" in capsys.readouterr().err
 
 
 def test_a_folder_comes_before_a_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

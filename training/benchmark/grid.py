@@ -119,7 +119,7 @@ def run_cell(cell: Cell) -> dict[str, Any]:
     """
     agent = cell.load()
     base: dict[str, Any] = {"cell": asdict(cell), "agent": agent.name}
-    base |= {"kind": agent.kind, "renders": agent.renders}
+    base |= {"kind": agent.kind, "renders": agent.renders, "trained_on": agent.trained_on}
     try:
         conditions = cell.conditions()
         base["effects"] = list(joint_of(conditions).effects)
