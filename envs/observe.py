@@ -103,7 +103,7 @@ class Seen(NamedTuple):
         dq_l: Measured velocity of the load [rad/s].
         tau: Measured joint torque [N m].
         true_tau: Joint torque that is rewarded, on a real joint the measured one [N m].
-        true_dq_m: Velocity that is limited, likewise [rad/s].
+        true_dq_m: True velocity, which is limited [rad/s].
     """
 
     k: int
@@ -211,7 +211,7 @@ def observe(task: Task, i: int, now: Seen, rotor: tuple[float, float], begun: bo
         i: Which episode.
         now: What is seen of its joint.
         rotor: Sine and cosine of the measured angle of the rotor.
-        begun: Whether it goes on from an observation before.
+        begun: Whether there was an observation before.
     """
     out, t = task.observation[i], now.k * task.dt
     for ahead in range(task.preview + 1):

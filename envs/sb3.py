@@ -19,7 +19,7 @@ Indices = int | Iterable[int] | None
 
 
 CHOSEN = ("OMP_NUM_THREADS", "MKL_NUM_THREADS")
-"""Environment variables by which somebody has chosen how many threads torch takes."""
+"""Environment variables that set the number of threads of torch."""
 
 
 def use_one_thread() -> None:

@@ -48,7 +48,7 @@ class Margins:
 
 @dataclass(frozen=True)
 class Figures:
-    """Figures of merit of a closed loop; NaN where they cannot be said.
+    """Figures of merit of a closed loop; NaN where they are undefined.
 
     Attributes:
         stable: Whether the loop is stable. Where it is not, all others are NaN.

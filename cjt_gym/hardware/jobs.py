@@ -68,7 +68,7 @@ class Run:
 
     @property
     def title(self) -> str:
-        """What it is called while it goes on."""
+        """Name shown during the run."""
         return "running" if self.path is None else f"recording {self.path.stem}"
 
 

@@ -185,7 +185,7 @@ class SimulatedPlant:
             self.seed_one(i, seed + i)
 
     def seed_one(self, i: int, seed: int) -> None:
-        """Give joint i the random stream of a seed; what it draws once it draws anew."""
+        """Give joint i the random stream of a seed, and redraw what it draws only once."""
         self.batch.seed(i, seed)
         self._random_draws.fresh[i] = True
 

@@ -1,4 +1,4 @@
-"""Logs as they come: read in pieces, mapped, repaired."""
+"""Raw logs: read in pieces, mapped, repaired."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def read_log(
     seconds: float | None = None,
     n: float | None = None,
 ) -> tuple[tuple[Record, ...], tuple[Repair, ...]]:
-    """Read a log as it comes, and repair it.
+    """Read a raw log, and repair it.
 
     Rows are put in order, a log is cut where its clock was set back or rows are missing for long,
     and samples that cannot be true become NaN; every such thing is listed. Without a mapping and

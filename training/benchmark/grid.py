@@ -251,7 +251,7 @@ def run_grid(
         jobs: Processes side by side; -1 for one per core.
         backend: Of joblib, one of `BACKENDS`. For "ray" and "dask" a cluster that is already
             there is used, as their environment variables say, else one on this machine.
-        report: Told each result as it comes.
+        report: Called with each result.
 
     Raises:
         UnknownNameError: There is no such backend.

@@ -20,7 +20,7 @@ FULLY_KNOWN = "orange_80_6000"
 COGGING_SHARE = 0.003
 """Amplitude of cogging over the peak torque: an assumption, as joint files know none."""
 RIPPLE_SHARE = 0.02
-"""Amplitude of gear ripple over the transmitted torque, likewise."""
+"""Amplitude of gear ripple over the transmitted torque."""
 TASKS = ("step", "chirp", "multisine", "smooth")
 EVALUATION_SEEDS = 1_000_000
 """Where seeds of evaluations begin; those of training stay below."""

@@ -38,7 +38,7 @@ class Row:
 
     Bandwidth, overshoot, settling time and noise amplification belong to the agent and are the
     same in all its rows: they come from a sweep, from the task "step" and from a run without
-    reference. NaN and infinity stand for what cannot be said, and are null in JSON.
+    reference. NaN and infinity mark undefined figures, and are null in JSON.
 
     Attributes:
         controller: Name of the agent.
@@ -149,7 +149,7 @@ def evaluate(
         tasks: Which tasks, see `BENCHMARK_TASKS`.
         episodes: Episodes of each task; each draws its own joint, reference and noise.
         seed: Which held-out episodes; the same for every agent that is to be compared.
-        report: Told what is being done.
+        report: Called with what is being done.
 
     Raises:
         ConfigurationError: episodes or seed is out of range, or a task does not exist for the

@@ -126,7 +126,7 @@ def tune(
         trials: File that keeps every candidate, one JSON line each. A search that was stopped
             is resumed; with other settings it starts again.
         jobs: Processes side by side.
-        report: Told how many candidates were tried, and the least cost.
+        report: Called with the number of candidates tried, and the least cost.
     """
     problem = Problem(search)
     log = TrialLog(search, trials)
