@@ -136,7 +136,7 @@ def _tell(results: list[dict[str, Any]]) -> None:
         raise ConfigurationError(str(results[0]["why"]))
     for (agent, joint, structure), result in others.items():
         sys.stderr.write(f"{agent} on {joint}, {structure}: {result['status']}. {result['why']}\n")
-    homes = {r["agent"]: r["trained_on"] for r in results if r["trained_on"]}
+    homes = {r["agent"]: r["trained_on"] for r in results if r.get("trained_on")}
     for agent, joint, structure in dict.fromkeys(
         (r["agent"], r["cell"]["joint"], r["cell"]["structure"]) for r in results
     ):

@@ -119,9 +119,11 @@ def run_cell(cell: Cell) -> dict[str, Any]:
     """
     agent = cell.load()
     base: dict[str, Any] = {"cell": asdict(cell), "agent": agent.name}
-    base |= {"kind": agent.kind, "renders": agent.renders, "trained_on": agent.trained_on}
+    base |= {"kind": agent.kind, "renders": agent.renders}
     try:
         conditions = cell.conditions()
+        if not agent.arguments(conditions).get("observe_joint"):  # policies for many joints do
+            base["trained_on"] = agent.trained_on
         base["effects"] = list(joint_of(conditions).effects)
         found = evaluate(agent, conditions, cell.tasks, cell.episodes, cell.seed)
         linear = _linear(cell, agent)
