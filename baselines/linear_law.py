@@ -86,7 +86,7 @@ def through(
 def integrator(rate: float, dt: float, direct: float, **weights: float) -> Block:
     """Return the integral of the weighted signals, forward Euler.
 
-    While a limit holds the command, it goes on as if the reference had asked for just that
+    While a limit holds the command, the law continues as if the reference had asked for just that
     command (conditioning).
 
     `rate` is the gain of the integral [1/s], 0 for none; `direct` says how much of a lasting
@@ -190,7 +190,7 @@ def assemble(dt: float, *blocks: Block) -> LinearLaw:
 
 
 class LawMemory:
-    """A linear law in use by a batch of joints: its state, and how it goes on.
+    """A linear law in use by a batch of joints: its state, and how it advances.
 
     After a reset the memory is that of a joint that has been at rest under its present torque for
     ever, with that torque as reference and as command.

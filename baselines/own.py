@@ -1,4 +1,4 @@
-"""Controllers of one's own: `PATH.py:NAME`, code that is imported only where it is named so.
+"""Your own controllers: `PATH.py:NAME`, code that is imported only if it is named this way.
 
 NAME is a `ControllerEntry`, or a class or function that is called with (joint, dt) and a value of
 each of its gains. It may list them as its attribute `tunable`, each a `Gain` with the value that is
@@ -99,7 +99,7 @@ def _reason(error: Exception, path: Path) -> str:
 
 
 def own_entry(word: str) -> ControllerEntry:
-    """Return the row of a controller of one's own."""
+    """Return the row of your own controller."""
     path, name = path_of(word), _parts(word)[1]
     if not path.is_file():
         raise MissingFileError(f"The controller {word} does not exist: there is no file {path}.")

@@ -5,7 +5,7 @@
 
 Pc is the nominal closed loop from r' to tau, so that d, in the sense of a reference, is what that
 loop does otherwise than it should. With a prefilter r0 = Pc^-1 Qf r, else r0 = r. Where a limit
-holds the command, the memory goes on as if the reference had asked for just that command.
+holds the command, the state continues as if the reference had asked for just that command.
 """
 
 from __future__ import annotations

@@ -18,13 +18,13 @@ from typing import Any, NoReturn
 
 from cjt_gym.console import Answer
 from cjt_gym.console.alive import WORKING, Alive
-from cjt_gym.console.known_names import check_words
+from cjt_gym.console.known_names import check_options, check_words
 from cjt_gym.errors import CjtGymError, unknown_name
 
 COMMANDS: dict[str, str] = {
     "joints": "list the joints, structures, drives and effects there are",
     "simulate": "simulate a joint under a reference and a controller, and write the record",
-    "train": "train a policy with Stable-Baselines3, or go on with a run that was stopped",
+    "train": "train a policy with Stable-Baselines3, or resume a run that was stopped",
     "runs": "list and compare training runs, and write the page of one",
     "policies": "list the trained policies that ship, or show the card of one",
     "tune": "search the gains of a controller on a joint, within limits on its robustness",
@@ -138,6 +138,7 @@ class _Warnings:
 
 def _run_command(command: str, words: Sequence[str], alive: Alive | None = None) -> int:
     try:
+        check_options(command, words)
         check_words(command, words)
         module = import_module(f"cjt_gym.commands.{command.replace('-', '_')}")
         parser = Parser(prog=f"cjt-gym {command}", description=COMMANDS[command])

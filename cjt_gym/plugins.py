@@ -6,7 +6,7 @@ A package lists them in its pyproject.toml:
     my_law = "my_package.laws:MyLaw"
 
 Groups: `cjt_gym.controllers` (a `ControllerEntry`, or what makes a controller), `cjt_gym.effects`
-(an `Effect`) and `cjt_gym.tasks` (a `Task`). A row of ours keeps its name.
+(an `Effect`) and `cjt_gym.tasks` (a `Task`). Built-in rows keep their names.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def installed_rows(group: str, taken: Container[str]) -> Iterator[tuple[str, Any
     """
     for point in metadata.entry_points(group=f"cjt_gym.{group}"):
         if point.name in taken:
-            _warn(point, "there is one of that name already")
+            _warn(point, "the name is taken")
             continue
         try:
             row = point.load()

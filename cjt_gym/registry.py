@@ -26,7 +26,7 @@ ENVIRONMENTS: dict[str, dict[str, Any]] = {
     "CJT/Leg-v0": {**ROBOT, "kwargs": {"robot": "leg"}},
     "CJT/Hardware-v0": {"entry_point": "cjt_gym.envs.hardware:HardwareEnv"},
 }
-"""What Gymnasium is told of each."""
+"""What each is registered with in Gymnasium."""
 
 
 def register() -> None:

@@ -27,7 +27,7 @@ def _told(default: Any, text: str, shown: str | None = None) -> Any:
 
 @dataclass(frozen=True, kw_only=True)
 class TaskArguments:
-    """What an environment is told; see the table of `TorqueTrackingEnv`."""
+    """The arguments of an environment; see the table of `TorqueTrackingEnv`."""
 
     joint: str | Joint = _told("orange_80_6000", "name, path or `Joint`")
     structure: str | None = _told(

@@ -81,7 +81,7 @@ class Episodes:
             self.plant.seed(int(first.integers(2**62)))
 
     def reset(self, options: Mapping[str, Any] | None = None) -> None:
-        """Begin all episodes anew.
+        """Restart all episodes.
 
         The options {"parameters": {name: value}} fix exact parameters, without any randomisation,
         until the next call.
@@ -94,7 +94,7 @@ class Episodes:
         self.begin(self._all)
 
     def begin(self, mask: NDArray[np.bool_]) -> None:
-        """Begin the episodes in a mask anew."""
+        """Restart the episodes in a mask."""
         draw_episodes(self.plant.batch.arrays.rng, self.task, mask)
         self.plant.restart(mask, self.task.start, self.task.load)
         begin_some(self.plant.batch.arrays, self.task, mask)
@@ -113,7 +113,7 @@ class Episodes:
         self._step()
 
     def step_or_begin(self, action: NDArray[np.floating[Any]], ended: NDArray[np.bool_]) -> None:
-        """Advance by one control step, but begin those anew that ended in the step before.
+        """Advance by one control step, but restart the episodes that ended in the step before.
 
         These, `ended` of shape (num,), take no action, and have no reward in this step.
         """

@@ -68,7 +68,7 @@ class CurrentControlEnv(gym.Env[Observation, Action]):
 
     ## Starting state
 
-    No current; a speed drawn between -`speed` and `speed`, and a reference drawn anew.
+    No current; a speed drawn between -`speed` and `speed`, and a new reference.
 
     ## Episode end
 

@@ -87,7 +87,7 @@ class RobotEnv(gym.Env[Observation, NDArray[np.float32]]):
     | `robot` | "arm" | "arm" or "leg" |
     | `joint` | "orange_80_6000" | name, path or `Joint` with a fixed output, for all actuators |
     | `effects` | None | as in `TorqueTrackingEnv` |
-    | `randomization` | None | likewise |
+    | `randomization` | None | as for `CJT/TorqueTracking-v0` |
     | `base_controller` | None | name of a controller, or function (joint, dt) -> controller |
     | `action_scale` | 60 | torque of an action of 1 [N m] |
     | `decimation` | 5 | time steps of 1 ms per action |

@@ -19,7 +19,7 @@ Indices = int | Iterable[int] | None
 
 
 CHOSEN = ("OMP_NUM_THREADS", "MKL_NUM_THREADS")
-"""Environment variables by which somebody has chosen how many threads torch takes."""
+"""Environment variables that set the number of threads of torch."""
 
 
 def use_one_thread() -> None:
@@ -87,7 +87,7 @@ class BareVecEnv(VecEnv):
 class TorqueTrackingVecEnv(BareVecEnv):
     """A batch of `TorqueTrackingEnv` for Stable-Baselines3, with the same arguments.
 
-    Episodes that end begin anew within the same step; their `info` holds `terminal_observation`,
+    Episodes that end are reset within the same step; their `info` holds `terminal_observation`,
     `TimeLimit.truncated`, the keys of a single environment's step, and `episode` with return `r`
     and length `l`. The `info` of the others is empty. The first one lets torch work on one thread;
     see `use_one_thread`.

@@ -51,8 +51,8 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
 
     {observation}
 
-    With `observe_joint`, what of the joint's datasheet tells it from others ends the observation,
-    for policies that suit many joints: ln(f / 20 Hz) and (20 Hz / f)^2 with the frequency f of
+    With `observe_joint`, four numbers of the joint's datasheet end the observation, for policies
+    that suit many joints: ln(f / 20 Hz) and (20 Hz / f)^2 with the frequency f of
     motor and gear on the spring, and Coulomb friction and noise of the torque sensor over
     `torque_amplitude`. They are those of the joint file, whatever is randomised.
 
@@ -75,13 +75,13 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
     an array of shape (num,); it returns the rewards, shape (num,). A single environment is a batch
     of one.
 
-    `precision` is for tasks whose errors differ much: halving an error is worth about the same in
+    `precision` is for tasks whose errors differ a lot: halving an error is worth about the same in
     each, down to 5 % of the amplitude.
 
     ## Starting state
 
-    At rest, with the spring relaxed, at a random angle; reference, disturbance and randomised
-    parameters are drawn anew. `reset(options={"parameters": {"k_b": 5000.0}})` fixes exact
+    At rest, with the spring relaxed, at a random angle; a reference, a disturbance and
+    randomised parameters are drawn. `reset(options={"parameters": {"k_b": 5000.0}})` fixes exact
     parameters, without randomisation, until the next call of `reset`.
 
     ## Episode end
@@ -93,8 +93,8 @@ class TorqueTrackingEnv(gym.Env[Observation, Action]):
 
     Each step gives `tau` (true joint torque), `tau_measured`, `tau_reference`, `tau_command`,
     `base_action`, `residual` [N m] and `reward/<term>`; reset gives `parameters`, those that
-    were drawn or fixed, and so does a step before which some were drawn anew. A batch adds the
-    mask `_parameters` of the members for which that holds.
+    were drawn or fixed, and so does a step before which some were redrawn. A batch adds the
+    mask `_parameters` of the members to which this applies.
 
     ## Arguments
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from argparse import Namespace
@@ -61,6 +62,7 @@ def test_joints_shows_a_joint_and_a_file_of_ones_own(
     assert main(["joints", str(path), "orange_80_6000"]) == 0
     text = capsys.readouterr().out
     assert "k_b       3000 N m/rad" in text
+    assert re.search(r" 27\.6 Hz +at which motor and gear swing", text)
     assert "effect coulomb  on" in text
     assert "sensor q_m  resolution 1.19842e-05 rad" in text
 

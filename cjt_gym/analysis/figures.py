@@ -16,7 +16,7 @@ STEP_S = 1.0
 SETTLED = 0.05
 """Of a step within which it has settled."""
 LOW_HZ = 1.0
-"""Where the response stands for that at rest, which integrals make hard to compute."""
+"""Frequency that replaces zero frequency, at which integrators make the response infinite."""
 REJECTION_HZ = 20.0
 """Up to where disturbances count, as far as references go."""
 STIFFEST = 1e6
@@ -32,10 +32,10 @@ class Margins:
     """How far a stable loop is from instability, at the motor torque.
 
     Attributes:
-        gain: Factor > 1 on the loop gain that it bears; infinite where there is none.
-        gain_down: Factor < 1 to which the loop gain may fall; 0 where there is none.
+        gain: Largest stable factor > 1 on the loop gain; infinite if unlimited.
+        gain_down: Smallest stable factor < 1 on the loop gain; 0 if unlimited.
         phase: Smallest phase at a gain of one [deg]; infinite where there is no such gain.
-        delay: Delay that it bears on top [s].
+        delay: Largest additional delay for which the loop is stable [s].
         sensitivity: Ms, largest |S| [-].
     """
 
@@ -48,14 +48,14 @@ class Margins:
 
 @dataclass(frozen=True)
 class Figures:
-    """Figures of merit of a closed loop; NaN where they cannot be said.
+    """Figures of merit of a closed loop; NaN where they are undefined.
 
     Attributes:
         stable: Whether the loop is stable. Where it is not, all others are NaN.
-        gain_margin: Factor > 1 on the loop gain that it bears [-].
+        gain_margin: Largest factor > 1 on the loop gain for which the loop is stable [-].
         gain_reduction: Factor < 1 to which the loop gain may fall [-].
         phase_margin: [deg].
-        delay_margin: Delay that it bears on top [s].
+        delay_margin: Largest additional delay for which the loop is stable [s].
         sensitivity_peak: Ms, largest |S| at the motor torque [-].
         reference_peak: Largest response to the reference over that at 1 Hz [-].
         bandwidth_hz: Where the response to the reference falls 3 dB below that at 1 Hz [Hz].

@@ -44,7 +44,7 @@ class Identified:
         response: Best linear approximation [-].
         noise: Standard deviation of the response for the sensors' noise [-].
         odd: Level of odd distortion over the linear output, at unexcited odd frequencies nearby.
-        even: Level of even distortion likewise.
+        even: Level of even distortion, in the same way.
         amplitude: Rms of the excitation [N m].
     """
 

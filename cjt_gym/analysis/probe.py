@@ -68,7 +68,7 @@ class LinearLaw:
 
     @property
     def is_linear(self) -> bool:
-        """Whether the model stands for the law: a mismatch below 0.1 %."""
+        """Whether the model represents the law: a mismatch below 0.1 %."""
         return self.mismatch < LINEAR
 
 

@@ -24,7 +24,8 @@ from cjt_gym.canbus.run_record import RunRecord
 from cjt_gym.canbus.safety import Fault, HardwareFault, State
 from cjt_gym.canbus.shared_bus import SharedLink
 from cjt_gym.errors import HardwareError
-from cjt_gym.plant.measurement import Floats, Measurement
+from cjt_gym.joint.arrays import Floats
+from cjt_gym.plant.measurement import Measurement
 
 
 @final

@@ -25,7 +25,7 @@ HERE: Final = "127.0.0.1"
 LIMITS: Final = "/cjt_gym/limits"
 FAULTS: Final = "/cjt_gym/faults"
 AGAIN: Final = 0.5
-"""Time after which the limits are sent once more, for their lines and for who comes later [s]."""
+"""Time after which the limits are sent again, for viewers that connect later [s]."""
 FAREWELL: Final = 0.3
 """Time for which the server outlives the runs, so that the last frames go out [s]."""
 

@@ -74,7 +74,7 @@ def _opened(path: Path) -> int:
         if not path.is_symlink() and _is_lock(file):
             return file
         os.close(file)
-        reason = "it is none of ours"
+        reason = "cjt-gym did not make it"
         break
     raise HardwareError(
         f"{path} must be the lock of a node, but cannot be used: {reason}. Move it away."

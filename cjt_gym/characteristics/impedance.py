@@ -3,7 +3,7 @@
 The load moves with velocity dq_l and the joint answers with -Z dq_l + G tau_m. A motor torque can
 thus turn Z into any impedance within a disc, whose radius is what torque and voltage allow over the
 velocity of the motion. How much of it a controller reaches with delay and noise, stably and
-passively, is said by `cjt_gym.analysis.stiffest_rendered`.
+passively, is given by `cjt_gym.analysis.stiffest_rendered`.
 
 References:
     Colgate, Brown (1994), Factors affecting the Z-width of a haptic display, IEEE ICRA;

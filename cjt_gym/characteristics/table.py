@@ -192,7 +192,7 @@ def characteristic(p: JointParameters, name: str) -> float:
     """Return one characteristic of a joint [unit of its row].
 
     Raises:
-        UnknownNameError: There is none of that name.
+        UnknownNameError: The name is unknown.
         ParameterError: The joint lacks a parameter that it needs.
     """
     if name not in CHARACTERISTICS:

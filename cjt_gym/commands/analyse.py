@@ -1,4 +1,4 @@
-"""`cjt-gym analyse`: joints by themselves, linear, laid over each other."""
+"""`cjt-gym analyse`: linear responses of joints, compared with each other."""
 
 from __future__ import annotations
 

@@ -118,7 +118,7 @@ def _tasks(options: argparse.Namespace, structures: list[str], has_controllers: 
 
 
 def _tell(results: list[dict[str, Any]]) -> None:
-    """Say on standard error what was refused or failed; raise if that is all."""
+    """Print what was refused or failed, and what runs on a joint that it was not trained on."""
     others = {
         (r["agent"], r["cell"]["joint"], r["cell"]["structure"]): r
         for r in results
@@ -128,6 +128,13 @@ def _tell(results: list[dict[str, Any]]) -> None:
         raise ConfigurationError(str(results[0]["why"]))
     for (agent, joint, structure), result in others.items():
         sys.stderr.write(f"{agent} on {joint}, {structure}: {result['status']}. {result['why']}\n")
+    homes = {r["agent"]: r["trained_on"] for r in results if r.get("trained_on")}
+    for agent, joint, structure in dict.fromkeys(
+        (r["agent"], r["cell"]["joint"], r["cell"]["structure"]) for r in results
+    ):
+        if agent in homes and list(homes[agent]) != [joint, structure]:
+            home = ", ".join(homes[agent])
+            sys.stderr.write(f"{agent} was trained on {home}, and runs on {joint}, {structure}.\n")
 
 
 def _facts(options: argparse.Namespace, results: list[dict[str, Any]]) -> list[str]:

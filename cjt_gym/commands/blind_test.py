@@ -1,4 +1,4 @@
-"""`cjt-gym blind-test`: the diagnosis on joints whose effects it is not told.
+"""`cjt-gym blind-test`: the diagnosis on joints with hidden effects.
 
 One process draws the cases and keeps the keys; others, which are handed a copy of a case's files
 and nothing else, diagnose them; then keys and diagnoses are laid side by side.

@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> Answer:
-    """Examine the record and print what it tells."""
+    """Examine the record and print what it can tell."""
     structure = None if options.structure is None else get_structure(options.structure)
     joint = _joint(options)
     n = None if joint is None else joint.gear_ratio

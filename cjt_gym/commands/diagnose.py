@@ -33,7 +33,7 @@ from cjt_gym.training.evaluation.after_diagnosis import InTheLoop, agents_for, i
 SECONDS, WINDOW = 60.0, 10.0
 """Length of a log beyond which only its most informative windows are used, and theirs [s]."""
 MOST_REPAIRS = 6
-"""Repairs that are told on the terminal; the report lists all."""
+"""Number of repairs that the terminal shows; the report lists all."""
 ENOUGH = 500
 """Samples below which a piece of a log is left out where there are longer ones."""
 FILES = ("diagnosis.json", "report.html", "joint.toml")
@@ -60,7 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = "controllers to run in the nominal and in the identified joint against the recorded "
     text += "tau_ref; where the record does not say what made it, it was the first of them"
     add("--controller", nargs="+", default=[], action="extend", metavar="C", help=text)
-    text = "run folders of policies to run likewise"
+    text = "run folders of policies to run in both joints"
     add("--policy", nargs="+", default=[], action="extend", metavar="RUN", help=text)
     text = f"of longer logs use the most informative windows of so long in all [s], {SECONDS:g}"
     add("--seconds", type=float, default=SECONDS, help=text)

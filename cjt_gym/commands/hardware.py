@@ -63,7 +63,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--dry-run", action="store_true", help=text)
     text = "run against an emulated joint in this process, as fast as it goes; no bus is touched"
     add("--emulated", action="store_true", help=text)
-    text = "show the run in Foxglove while it goes on; PORT of this machine, default "
+    text = "show the run live in Foxglove; PORT of this machine, default "
     add("--live", nargs="?", type=int, const=LIVE, metavar="PORT", help=f"{text}{LIVE}")
 
 
@@ -103,7 +103,7 @@ def _run(options: argparse.Namespace) -> dict[str, Any]:
 def _watched(
     options: argparse.Namespace, configs: Sequence[HardwareConfig]
 ) -> Iterator[Watcher | None]:
-    """Serve the live view while runs go on, where it is asked for."""
+    """Serve the live view during the runs, if requested."""
     if options.live is None:
         yield None
         return

@@ -1,4 +1,4 @@
-"""`cjt-gym joints`: what there is to choose from."""
+"""`cjt-gym joints`: the joints, structures, drives and effects to choose from."""
 
 from __future__ import annotations
 

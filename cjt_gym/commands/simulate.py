@@ -41,7 +41,7 @@ from cjt_gym.signals import Signal, make_signals, sampled_signal, signal_from_fi
 from cjt_gym.training.tuning.gains import choose, files_of, gains_in_record
 
 TRACKING, NONE = "pd_feedforward", "none"
-"""Controller where nothing else is said; the name for no controller at all."""
+"""The default controller, and the name for no controller at all."""
 COMMANDS = ("i_cmd", "tau_cmd")
 MOST_SAMPLES = 20_000_000
 """Samples of a record, of which each takes some 300 bytes."""

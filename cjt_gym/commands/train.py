@@ -64,7 +64,7 @@ def environment(env: Mapping[str, Any], options: argparse.Namespace) -> dict[str
 
 
 def tell(env: Mapping[str, Any], before: Mapping[str, Any]) -> None:
-    """Say on standard error what is in force, and what the configuration had besides."""
+    """Print on standard error what is in force, and what the configuration had in addition."""
     joint = env.get("joint")
     if not isinstance(joint, str):
         return

@@ -33,12 +33,13 @@ from cjt_gym.training.tuning.problem import Search
 from cjt_gym.training.tuning.tune import Outcome, tune
 
 LIMITS = {
-    "gain_margin": "smallest gain margin [-]",
-    "phase_margin": "smallest phase margin [deg]",
-    "delay_margin": "smallest delay margin [s]",
-    "sensitivity_peak": "largest sensitivity Ms",
-    "noise_amplification": "largest command for the sensors' noise, over that of the torque sensor",
-    "port_share": "damping of the environment with which the output must be passive, as a share "
+    "--gain-margin": "smallest gain margin [-]",
+    "--phase-margin": "smallest phase margin [deg]",
+    "--delay-margin": "smallest delay margin [s]",
+    "--sensitivity-peak": "largest sensitivity Ms",
+    "--noise-amplification": "largest command for the sensors' noise, "
+    "over that of the torque sensor",
+    "--port-share": "damping of the environment with which the output must be passive, as a share "
     "of sqrt(k_b (I_m + I_g))",
 }
 
@@ -60,7 +61,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     for limit in fields(Limits):
         default = f", default {limit.default:g}"
         option = f"--{limit.name.replace('_', '-')}"
-        add(option, type=float, default=limit.default, help=LIMITS[limit.name] + default)
+        add(option, type=float, default=limit.default, help=LIMITS[option] + default)
 
 
 def _workers(backend: str, jobs: int) -> AbstractContextManager[Any]:

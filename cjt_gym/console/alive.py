@@ -19,7 +19,7 @@ ERASE: Final = "\r\x1b[K"
 
 
 class Watched:
-    """A stream that tells when something is written to it; all else is that of the stream."""
+    """A stream that reports every write; everything else is passed on to the stream."""
 
     def __init__(self, stream: Any, alive: Alive) -> None:
         self._stream, self._alive = stream, alive
@@ -93,14 +93,17 @@ class Alive:
                 self._beat()
 
     def _beat(self) -> None:
+        self._last = time.monotonic()
+        bars = _bars()
+        if not bars:
+            self._write()
+        for bar in bars:  # not under our lock: an update of a bar holds tqdm's and takes ours
+            bar.refresh()
+
+    def _write(self) -> None:
         with self._lock:
-            self._last = time.monotonic()
             stream = self._streams[1]
-            bars = _bars()
-            if bars:
-                for bar in bars:
-                    bar.refresh()
-            elif self._terminal:
+            if self._terminal:
                 passed = self._last - self._begun
                 stream.write(f"{ERASE}cjt-gym: {self.doing} ({passed:.0f} s)")
                 self._open = ERASE

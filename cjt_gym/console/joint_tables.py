@@ -44,7 +44,7 @@ def summary_lines(tables: Tables) -> Iterator[str]:
 
 
 def detail_lines(tables: Tables) -> Iterator[str]:
-    """Yield all that there is to say about the rows."""
+    """Yield the full description of the rows."""
     if tables["joints"]:
         yield "Joints"
     for row in tables["joints"]:
@@ -75,6 +75,11 @@ def _joint_lines(row: Mapping[str, Any]) -> Iterator[str]:
     for symbol, quantity in p.quantities.items():
         description = PARAMETERS[symbol].description
         yield from _wrapped(f"    {symbol:9s} {_value(quantity):24s} ", description)
+    if {"k_b", "I_m"} <= set(p.quantities):
+        inertia = sum(getattr(p, symbol) for symbol in ("I_m", "I_g") if symbol in p.quantities)
+        frequency = math.sqrt(p.k_b / inertia) / (2.0 * math.pi)
+        what = "at which motor and gear swing on the torsion bar with the output locked"
+        yield from _wrapped(f"    {'':9s} {f'{frequency:.3g} Hz':24s} ", what)
     for title, table in (("effect", file.effects), ("sensor", file.sensors)):
         for name, entries in table.items():
             numbers = ", ".join(

@@ -1,4 +1,4 @@
-"""Names are checked before anything is imported that takes long."""
+"""Checks of names and options before anything slow is imported."""
 
 from __future__ import annotations
 
@@ -8,20 +8,22 @@ from importlib import metadata
 from importlib.util import find_spec
 from pathlib import Path
 
-from cjt_gym.errors import unknown_name
+from cjt_gym.errors import UnknownNameError, did_you_mean, unknown_name
 
 OWN = re.compile(r"[./\\:@+]")
-"""What only paths, parts and code of one's own have in them; these are checked later."""
+"""Characters that only occur in paths, parts and your own code, which are checked later."""
 FIRST = {
     "tune": "--controller",
     "simulate": "--joint",
     "analyse": "--joint",
     "datasheet": "--joint",
 }
-"""What the words of a command are that stand before its first option."""
+"""The option whose values may stand before the first option of a command."""
 OTHERWISE = (("convert", "--joint"), ("emulate", "--joint"), ("hardware", "--joint"))
 """Options that mean something else."""
 BESIDES = {"--controller": ("none", "all"), "--joint": ()}
+OPTION = re.compile(r'"(--[a-z][a-z-]*)"')
+"""An option as the source of a command declares it."""
 
 
 def controller_names() -> list[str]:
@@ -42,8 +44,40 @@ def joint_names() -> list[str]:
     return sorted(file.stem for file in _folder("params").glob("*.toml"))
 
 
+def option_names(command: str) -> list[str]:
+    """Return the options that a command may have, from its source, without importing it."""
+    files = [_folder("commands") / f"{command.replace('-', '_')}.py"]
+    files += _folder("console").glob("*.py")
+    texts = (file.read_text(encoding="utf-8") for file in files)
+    return sorted({"--help", "--json"}.union(*map(OPTION.findall, texts)))
+
+
+def check_options(command: str, words: Sequence[str]) -> None:
+    """Refuse options that a command does not have.
+
+    Options of other commands that share a source may pass; the parser refuses these later.
+
+    Args:
+        command: The command.
+        words: What follows it.
+
+    Raises:
+        UnknownNameError: It has no option of that name; the message suggests the nearest.
+    """
+    known = option_names(command)
+    for word in words:
+        if word == "--":
+            return
+        name = word.partition("=")[0]
+        if name.startswith("--") and not any(option.startswith(name) for option in known):
+            suggestion = did_you_mean(name, known)
+            raise UnknownNameError(
+                f"Unknown option {name} of {command}.{suggestion} See cjt-gym {command} --help."
+            )
+
+
 def _folder(package: str) -> Path:
-    """Return where a package of ours lies, without importing it."""
+    """Return the folder of a subpackage, without importing it."""
     spec = find_spec(f"cjt_gym.{package}")
     assert spec is not None
     assert spec.origin is not None

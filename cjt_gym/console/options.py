@@ -1,7 +1,7 @@
-"""The options that commands share: which joint is meant, which numbers are allowed.
+"""The options that commands share, and their checks.
 
 A command takes JOINT or --joint, --structure, --drive, --effect and, where episodes are drawn,
---randomize. What is not given is what the joint file says; what it does not say is usual.
+--randomize. The joint file gives the defaults; what it leaves out has the usual value.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ def structure_of(joint: str, given: str | None) -> str:
 
 
 def structures_of(joint: str, given: Sequence[str] | None) -> list[str]:
-    """Return the structures likewise where there may be several."""
+    """Return the structures that were asked for, that of the joint file, or the usual one."""
     return list(given) if given else [structure_of(joint, None)]
 
 
@@ -105,7 +105,7 @@ def chosen_joint(options: argparse.Namespace, name: str, structure: str | None =
 
 
 def tell_effects(joint: Joint) -> None:
-    """Say on standard error which effects are in force, and which the joint knows besides."""
+    """Print on standard error which effects are in force, and which others the joint knows."""
     sys.stderr.write(f"{effects_in_words(joint)}\n")
 
 

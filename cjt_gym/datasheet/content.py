@@ -34,7 +34,7 @@ EFFICIENCY = (
     "White: friction takes all, or the supply is too low."
 )
 HEAT = (
-    "Above: how long the winding bears a constant torque. Below: where its temperature ends; "
+    "Above: how long the winding can hold a constant torque. Below: where its temperature ends; "
     "dashed: its limit. Dotted: rated torque"
 )
 IMPEDANCE = (

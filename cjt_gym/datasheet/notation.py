@@ -60,7 +60,7 @@ def with_tolerance(value: float | None, sigma: float | None) -> str:
 
 
 def plain(text: str) -> str:
-    """Return a text of somebody else as text of a sheet: no sign in it begins a formula."""
+    """Return a user's text as text of a sheet, in which no character begins a formula."""
     return "".join(c if c.isprintable() else "?" for c in text).replace("$", DOLLAR)
 
 

@@ -55,11 +55,11 @@ def write_plot(traces: Sequence[Trace], columns: Sequence[str] | None, out: Path
 
 
 def _panels(traces: Sequence[Trace], columns: Sequence[str] | None) -> dict[str, list[str]]:
-    """Return the columns to draw by their units, in the order of the first record that has them."""
+    """Return the columns to draw by their units, in the order asked for or of the records."""
     panels: dict[str, list[str]] = {}
     for trace in traces:
-        for name in trace.record.columns:
-            if name == "t" or (columns is not None and name not in columns):
+        for name in columns or trace.record.columns:
+            if name == "t" or name not in trace.record:
                 continue
             panel = panels.setdefault(trace.record.units[name], [])
             if name not in panel:
@@ -70,27 +70,26 @@ def _panels(traces: Sequence[Trace], columns: Sequence[str] | None) -> dict[str,
 def _draw(figure: Drawn, traces: Sequence[Trace], panels: dict[str, list[str]]) -> None:
     axes: Any = figure.subplots(max(len(panels), 1), 1, sharex=True, squeeze=False)[:, 0]
     for panel, (unit, names) in zip(axes, panels.items(), strict=False):
-        for k, trace in enumerate(traces):
-            _curves(panel, trace, names, unit, LINES[k % len(LINES)], len(traces) > 1)
-        _plain_text(panel.set_ylabel(unit))
-        legend(panel, loc="upper right", ncols=4)
+        for trace in traces:
+            _curves(panel, trace, names, unit, len(traces) > 1)
+        _plain_text(panel.set_ylabel(f"[{unit}]"))
+        legend(panel, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4)  # beside the curves
         for text in panel.get_legend().get_texts() if panel.get_legend() else ():
             _plain_text(text)
     axes[-1].set_xlabel("t [s]")
-    _plain_text(axes[0].set_title(", ".join(trace.name for trace in traces)))
+    _plain_text(figure.suptitle(", ".join(trace.name for trace in traces), fontsize="medium"))
 
 
-def _curves(
-    axes: Axes, trace: Trace, names: Sequence[str], unit: str, line: str, named: bool
-) -> None:
+def _curves(axes: Axes, trace: Trace, names: Sequence[str], unit: str, named: bool) -> None:
     record = trace.record
-    for k, name in enumerate(names):
+    for name in names:
         if name not in record or record.units[name] != unit:
             continue
         t, value = _envelope(record.t, record[name])
         label = f"{name} ({trace.name})" if named else name
         width = 0.7 if name.startswith(TRUE_PREFIX) else 1.1
-        colour = COLOURS[k % len(COLOURS)]
+        times, k = divmod(len(axes.lines), len(COLOURS))
+        line, colour = LINES[times % len(LINES)], COLOURS[k]
         # a label that begins with an underscore would be left out of the legend
         axes.plot(t, value, line, color=colour, linewidth=width, label=label.lstrip("_"))
     if "fault" in record.provenance:

@@ -3,7 +3,7 @@
 =============  =========================================================================
 `whole_files`  a file that appears whole or not at all; which names and places are refused
 `limits`       how much a file may make of itself
-`parsing`      whatever a parser of other people's making raises, as one error of ours
+`parsing`      whatever a third-party parser raises, as one error of this package
 `text`         TOML and JSON, read
 `toml_writer`  TOML, written
 `arrays`       NumPy archives

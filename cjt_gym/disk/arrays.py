@@ -61,7 +61,7 @@ class Member:
         if self.dtype.kind == TEXT:
             letters = np.frombuffer(data, self.dtype.str[0] + "u4")
             if ((letters > LAST_LETTER) | ((letters >= 0xD800) & (letters < 0xE000))).any():
-                raise ValueError(f"{self.name} has letters that there are not")
+                raise ValueError(f"{self.name} has characters that do not exist")
         return flat.reshape(self.shape, order="F" if self.by_columns else "C")
 
 

@@ -1,4 +1,4 @@
-"""Parsers of other people's making raise anything; what reaches a user is one error of ours."""
+"""Third-party parsers may raise anything; users get one error of this package."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LONGEST = 300
 
 @contextmanager
 def parsing(what: str, error: type[CjtGymError], remedy: str = "") -> Iterator[None]:
-    """Turn any exception into one of ours, which says what was read and why it cannot be.
+    """Turn any exception into an error of this package that says what was read and what is wrong.
 
     Args:
         what: What must be what, such as "run.mat must be a MATLAB file".

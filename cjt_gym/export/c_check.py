@@ -17,8 +17,9 @@ from cjt_gym.errors import CjtGymError, ConfigurationError
 from cjt_gym.export.c_library import compiled
 from cjt_gym.export.c_text import VALUES, parameters
 from cjt_gym.joint import Joint
+from cjt_gym.joint.arrays import Floats
 from cjt_gym.plant import SimulatedPlant, limits_of
-from cjt_gym.plant.measurement import Floats, Measurement
+from cjt_gym.plant.measurement import Measurement
 
 STEPS, HOLD, BEYOND = 600, 60, 1.5
 """Control steps, how long a torque is held, and how far it goes beyond the limit."""

@@ -51,9 +51,10 @@ TEMPLATE: Final = """\
  * For: @JOINT@.
  * Gains: @GAINS@.
  * Call @NAME@_step once in every control step of @DT@ s. It returns the motor torque to command
- * [N m], within @NAME@_LIMIT, and goes on from what the limit left. Angles, velocities and torques
- * are those at the output side of the gear. One state per joint; no memory is allocated, nothing is
- * shared. Numbers are double unless @REAL@ is defined as another type before this is included.
+ * [N m], within @NAME@_LIMIT, and updates its state with the limited torque. Angles,
+ * velocities and torques are those at the output side of the gear. One state per joint; no memory
+ * is allocated, nothing is shared. Numbers are double unless @REAL@ is defined as another type
+ * before this is included.
  *
  *   @NAME@_state state;
  *   @NAME@_reset(&state);

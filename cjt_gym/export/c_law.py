@@ -12,7 +12,7 @@ from cjt_gym.baselines.impedance import Impedance
 from cjt_gym.baselines.linear_law import LinearController, LinearLaw, assemble, static
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.export.c_additions import NOTHING, Addition, known_friction, learnt_friction
-from cjt_gym.plant.measurement import Floats
+from cjt_gym.joint.arrays import Floats
 
 
 @dataclass(frozen=True)

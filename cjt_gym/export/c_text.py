@@ -30,7 +30,7 @@ def identifier(text: str, kind: str = "law") -> str:
 
 
 def comment(text: str) -> str:
-    """Return a text of somebody else that ends no comment and begins none."""
+    """Return a user's text that neither ends nor begins a comment."""
     plain = "".join(c if c.isprintable() else "?" for c in text)
     return plain.replace("*/", "* /").replace("/*", "/ *")
 
@@ -80,7 +80,7 @@ EVERYWHERE = {
     "VALUES": VALUES,
     "MEANINGS": meanings(),
 }
-"""What a template need not be told."""
+"""Values that a template may leave out."""
 
 
 def common_values(

@@ -23,9 +23,10 @@ from cjt_gym.envs.foreign import ForeignEpisode
 from cjt_gym.envs.hardware import check_measured, complete_for
 from cjt_gym.errors import CjtGymWarning, ConfigurationError
 from cjt_gym.joint import Joint
+from cjt_gym.joint.arrays import Floats
 from cjt_gym.joint.configure import resolve_effects
 from cjt_gym.joint.known import known_joint
-from cjt_gym.plant.measurement import Floats, Measurement
+from cjt_gym.plant.measurement import Measurement
 from cjt_gym.signals import sampled_signal
 from cjt_gym.training.deploy.exported import Exported
 from cjt_gym.training.deploy.shipped import load_agent
@@ -36,7 +37,7 @@ BUS_DELAYS: Final = ("command_delay", "measurement_delay")
 """Effects that delay a loop as a bus does, so that they are measured before a run."""
 LEFT_TO_SPARE: Final = 0.5 * SPARE_DELAY
 """Rest of a delay that is no whole control step and need not become one more [s]: designed gains
-bear `SPARE_DELAY` beyond what they are designed for."""
+stay stable with `SPARE_DELAY` beyond the delay that they are designed for."""
 
 
 def law_for(word: str, joint: Joint, dt: float, delays: Mapping[str, float]) -> Controller:

@@ -39,7 +39,7 @@ PACKAGES = (
 STAMP = "compiled.stamp"
 UNKEPT = (
     "Compiled code cannot be kept, as neither the installation nor the cache of this user can be "
-    "written to: it is compiled anew in every process, which takes a minute. Set the environment "
+    "written to: it is compiled again in every process, which takes a minute. Set the environment "
     "variable NUMBA_CACHE_DIR to a folder of your own."
 )
 BORROWED: Any = {"_nrt": False}

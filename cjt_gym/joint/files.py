@@ -37,7 +37,7 @@ class JointFile:
         sensors: "resolution" and "noise" by channel.
         sampling: "dt", "dt_electrical" and "jitter".
         structure: Structure of the joint unless another is asked for; None if the file names none.
-        drive: Its drive, likewise.
+        drive: Its drive, or None.
         found: What a diagnosis says of how it found the values, as plain data.
     """
 

@@ -64,7 +64,7 @@ class Plant(Protocol):
         ...
 
     def reset(self, seed: int | None = None) -> Measurement:
-        """Start anew and return the first measurement."""
+        """Start again and return the first measurement."""
         ...
 
     def step(self, command: Floats) -> Measurement:

@@ -27,7 +27,7 @@ from cjt_gym.plant.randomization.program import Plan, compile_plan, exact_plan
 
 DT_CONTROL, DT_PHYSICS = 1e-3, 1e-4  # unless told otherwise [s]
 DEFAULT_TORQUE = 1000.0
-"""Limit of a joint whose file gives no peak current [N m]: above what such a joint can bear."""
+"""Limit of a joint whose file gives no peak current [N m]: more than any such joint can take."""
 
 
 @compiled
@@ -177,7 +177,7 @@ class SimulatedPlant:
             self.seed_one(i, seed + i)
 
     def seed_one(self, i: int, seed: int) -> None:
-        """Give joint i the random stream of a seed; what it draws once it draws anew."""
+        """Give joint i the random stream of a seed, and redraw what it draws only once."""
         self.batch.seed(i, seed)
         self._random_draws.fresh[i] = True
 
@@ -245,10 +245,10 @@ class SimulatedPlant:
         start: Floats | None = None,
         load: Floats | None = None,
     ) -> Measurement:
-        """Draw parameters anew, start the joints in the mask, and measure.
+        """Draw new parameters, start the joints in the mask, and measure.
 
         Args:
-            seed: Seed of joint 0; joint i gets seed + i. None goes on with the streams.
+            seed: Seed of joint 0; joint i gets seed + i. None continues the streams.
             mask: Which joints, shape (num,); all if absent.
             start: Initial [q_m q_g q_l dq_m dq_g dq_l], shape (num, 6); zero if absent.
             load: Load input at the start, shape (num,); zero if absent.
@@ -295,7 +295,7 @@ class SimulatedPlant:
             tell_outside(self.joint.file, met)
 
     def redraw(self, mask: NDArray[np.bool_] | None = None) -> None:
-        """Draw the parameters of joints anew, without restarting them.
+        """Draw new parameters for joints, without restarting them.
 
         Args:
             mask: Which joints, shape (num,); all if absent.

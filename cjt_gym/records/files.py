@@ -15,7 +15,7 @@ from cjt_gym.disk import whole
 from cjt_gym.errors import RecordError, unknown_name
 from cjt_gym.records.formats import FORMATS, Table, format_of
 from cjt_gym.records.mapping import SUFFIX, ColumnMapping, load_mapping, read_document
-from cjt_gym.records.metadata import facts_path, metadata_text, read_metadata
+from cjt_gym.records.metadata import describes_record, facts_path, metadata_text, read_metadata
 from cjt_gym.records.record import JOINT_FILE, Record, joint_to_load
 from cjt_gym.records.sources import aligned, clock, mapped
 
@@ -40,7 +40,7 @@ def read_record(
     Args:
         path_or_name: A table in one of :data:`FORMATS`, such as ``run.csv``, or ``run.toml``, or
             one of :func:`record_names`.
-        allow_nan: Whether NaN (an empty cell of a CSV file) stands for a sample that is missing.
+        allow_nan: Whether NaN (an empty cell of a CSV file) marks a missing sample.
         mapping: Which column is which, in which unit, where the table has other names: a TOML file
             or the same as dictionaries, see :mod:`cjt_gym.records.mapping`. Left out, the file
             ``run.map.toml`` beside the table counts, if there is one.
@@ -101,7 +101,7 @@ def joint_of(path_or_name: str | Path, mapping: MappingLike | None = None) -> st
     path = table_path(path_or_name)
     found, beside = _given_or_beside(path, mapping), path.with_suffix(".toml")
     facts = {} if found is None else read_document(found)
-    if beside.is_file():
+    if describes_record(beside):
         facts |= read_metadata(beside)
     named = facts.get("joint")
     if isinstance(named, str):
@@ -118,7 +118,7 @@ def _given_or_beside(path: Path, mapping: MappingLike | None) -> MappingLike | N
 def facts_of(path: Path, mapping: ColumnMapping) -> dict[str, Any]:
     """Return what is known of a mapped table: from the mapping, and the ``.toml`` beside it."""
     beside = path.with_suffix(".toml")
-    facts = read_metadata(beside) if beside.is_file() else {}
+    facts = read_metadata(beside) if describes_record(beside) else {}
     tables = {
         name: {**mapping.facts[name], **facts.get(name, {})} for name in ("sensors", "provenance")
     }

@@ -1,8 +1,7 @@
-"""Logs as they come: read in pieces, mapped, repaired."""
+"""Raw logs: read in pieces, mapped, repaired."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,7 +23,7 @@ from cjt_gym.records.files import (
 )
 from cjt_gym.records.formats import Table, format_of
 from cjt_gym.records.mapping import SUFFIX, ColumnMapping
-from cjt_gym.records.metadata import read_metadata
+from cjt_gym.records.metadata import describes_record, read_metadata
 from cjt_gym.records.record import Record
 from cjt_gym.records.repair import make_records
 from cjt_gym.records.repair_notes import Repair
@@ -81,7 +80,7 @@ def open_log(
         if base.name is not None:
             facts["units"] = default_units(("t",)) | facts["units"]
         return Log(path, chosen, base, facts, ())
-    if os.path.isfile(path.with_suffix(".toml")):
+    if describes_record(path.with_suffix(".toml")):
         facts = read_metadata(path.with_suffix(".toml"))
         absent = [name for name in facts["units"] if name not in beginning]
         facts["units"] = {n: u for n, u in facts["units"].items() if n in beginning}
@@ -97,7 +96,7 @@ def read_log(
     seconds: float | None = None,
     n: float | None = None,
 ) -> tuple[tuple[Record, ...], tuple[Repair, ...]]:
-    """Read a log as it comes, and repair it.
+    """Read a raw log, and repair it.
 
     Rows are put in order, a log is cut where its clock was set back or rows are missing for long,
     and samples that cannot be true become NaN; every such thing is listed. Without a mapping and

@@ -35,6 +35,11 @@ class SensorQuantity:
     unit: str
 
 
+def describes_record(path: Path) -> bool:
+    """Return whether a file beside a table belongs to it: it is there and is not a joint file."""
+    return path.is_file() and not _keys(path) >= {"parameters"}
+
+
 def read_metadata(path: Path) -> dict[str, Any]:
     """Return the facts of a record file as keyword arguments of :class:`Record`.
 
@@ -73,7 +78,7 @@ def write_metadata(record: Record, path: Path) -> None:
 def facts_path(table: Path) -> Path:
     """Return the path of the TOML file beside a table that is to be written."""
     path = table.with_suffix(".toml")
-    if path.exists() and not _is_of_record(path):
+    if path.exists() and not _keys(path) >= {"dt", "units"}:
         raise RecordError(
             f"The record {table} needs the file {path} beside it, which is there and belongs to "
             "no record. Give the record another name."
@@ -81,11 +86,12 @@ def facts_path(table: Path) -> Path:
     return path
 
 
-def _is_of_record(path: Path) -> bool:
+def _keys(path: Path) -> set[str]:
+    """Return what stands at the top of a TOML file; nothing if it cannot be read."""
     try:
-        return {"dt", "units"} <= set(read_toml(path, RecordError))
+        return set(read_toml(path, RecordError))
     except RecordError:
-        return False
+        return set()
 
 
 def metadata_text(record: Record) -> str:
@@ -121,14 +127,14 @@ def _plain(value: Any) -> Any:
 
 
 def _parse(path: Path) -> dict[str, Any]:
-    try:
+    if describes_record(path):
         return read_toml(path, RecordError)
-    except FileNotFoundError:
-        raise RecordError(
-            f"The record needs a file {path} beside its table, with the sample time dt = ... [s] "
-            'and the table [units] that gives every column its unit, such as  q_m = "rad"; or, for '
-            f"a log with other names, a mapping:  cjt-gym convert LOG --out {path.stem}.map.toml"
-        ) from None
+    there = "; the one there is a joint file" if path.is_file() else ""
+    raise RecordError(
+        f"The record needs a file {path} beside its table, with the sample time dt = ... [s] "
+        f'and the table [units] that gives every column its unit, such as  q_m = "rad"{there}. Or, '
+        f"for a log with other names, a mapping:  cjt-gym convert LOG --out {path.stem}.map.toml"
+    )
 
 
 def _refuse_misspelt(

@@ -50,7 +50,7 @@ class Record:
         provenance: Whatever else is known: mode, excitation, output, source, citation, gains ...
         sensors: For each channel its ``resolution`` and ``noise`` (standard deviation), in the
             channel's unit.
-        allow_nan: Whether NaN stands for a sample that is missing. Otherwise NaN is an error.
+        allow_nan: Whether NaN marks a missing sample. Otherwise NaN is an error.
         origin: File the record was read from.
 
     Example:

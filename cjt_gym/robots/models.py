@@ -66,7 +66,7 @@ def load_model(name: str) -> Any:
     """Return a new `mujoco.MjModel` of a robot that ships, a row of `ROBOTS`; its step is 1 ms.
 
     Raises:
-        UnknownNameError: There is none of that name.
+        UnknownNameError: The name is unknown.
     """
     text = (files(__package__) / "data" / f"{get_robot(name).name}.xml").read_text("utf-8")
     return mujoco().MjModel.from_xml_string(text)

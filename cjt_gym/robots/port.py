@@ -28,9 +28,9 @@ from numpy.typing import NDArray
 
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import Joint
-from cjt_gym.joint.arrays import Batch, Setup
+from cjt_gym.joint.arrays import Batch, Floats, Setup
 from cjt_gym.plant import SimulatedPlant
-from cjt_gym.plant.measurement import Floats, Measurement
+from cjt_gym.plant.measurement import Measurement
 from cjt_gym.plant.randomization import Randomization
 
 

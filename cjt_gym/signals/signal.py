@@ -80,7 +80,7 @@ class Signal:
             raise ConfigurationError("The times in the table of a file signal must not decrease.")
 
     def reset(self, rng: np.random.Generator) -> Signal:
-        """Return the signal with its random parts drawn anew from `rng`."""
+        """Return the signal with its random parts drawn from `rng`."""
         return replace(self, key=int(rng.integers(2**63)))
 
     def torque(self, t: float | Floats) -> Floats:

@@ -48,7 +48,7 @@ ARMS: Final = ("controller", "nominal", "wide", "identified", "true")
 EPISODES: Final = 2
 """Of a second each, for every task."""
 RATE: Final = {"start": 3e-4, "end": 1e-5}
-"""Learning rate of a training that goes on from another: it begins low."""
+"""Learning rate of a training that continues another one: it begins low."""
 MADE_BY: Final = "made_by.json"
 """File that says what the results of a folder come from."""
 PARTS: Final = (*COUNTED, "blind", "gap")

@@ -207,7 +207,7 @@ def facts(data: dict[str, Any]) -> str:
     return (
         f"{len(outcomes)} joints with {plan['groups']} datasheets, seed {plan['seed']}, one "
         f"training of each policy; {steps} steps on the datasheet, {more} more of "
-        f"each that goes on. Versions: {named}."
+        f"each that continues. Versions: {named}."
     )
 
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 import io
 import subprocess
 import sys
+import threading
 import time
+from importlib import import_module
 from pathlib import Path
 
 import gymnasium as gym
@@ -47,6 +49,28 @@ def test_a_silent_command_says_what_it_does(monkeypatch: pytest.MonkeyPatch) -> 
         sys.stderr.write("found it\n")
     assert "\nfound it\n" in stream.getvalue()  # on a line of its own
     assert sys.stderr is stream
+
+
+def test_a_bar_is_updated_while_it_is_refreshed(monkeypatch: pytest.MonkeyPatch) -> None:
+    impatient(monkeypatch)
+    refreshing, updated = threading.Event(), threading.Event()
+
+    class Bar:
+        disable = False
+
+        def refresh(self) -> None:
+            refreshing.set()
+            updated.wait(30.0)
+
+    monkeypatch.setattr(alive, "_bars", lambda: [Bar()])
+    with alive.Alive():
+        assert refreshing.wait(30.0)
+        update = threading.Thread(target=sys.stderr.write, args=("50 %",), daemon=True)
+        update.start()
+        update.join(10.0)
+        waits = update.is_alive()
+        updated.set()
+    assert not waits
 
 
 def test_a_command_that_goes_on_is_left_alone_after_its_first_word(
@@ -112,9 +136,20 @@ def test_the_names_that_are_checked_early_are_those_there_are() -> None:
     assert set(early.joint_names()) == set(joint_names())
 
 
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_option_of_a_command_is_known_early(command: str) -> None:
+    parser = cli.Parser()
+    import_module(f"cjt_gym.commands.{command.replace('-', '_')}").add_arguments(parser)
+    declared = {word for word in parser._option_string_actions if word.startswith("--")}
+    assert declared <= set(early.option_names(command))
+    early.check_options(command, [*declared, "--hel", "--", "--anything"])
+
+
 @pytest.mark.parametrize(
     ("words", "told"),
     [
+        (["benchmark", "--joint", "generic", "--polcy", "x", "--out", "y"], "--policy"),
+        (["tune", "pid", "--joint", "generic", "--gain-margn=3"], "--gain-margin"),
         (["benchmark", "--joint", "generic", "--controller", "pd", "lqgg"], "lqg"),
         (["simulate", "generic", "--out", "x.csv", "--controller=pd_fedforward"], "pd_feedforward"),
         (["tune", "pidd", "--joint", "generic", "--out", "x.toml"], "pid"),

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from cjt_gym.cli import main
+from cjt_gym.errors import RecordError
 from cjt_gym.joint import load_joint_file, to_toml
 from cjt_gym.records import joint_of, read_log, read_record
 from cjt_gym.records.draft import draft
@@ -64,6 +65,21 @@ def test_the_gear_ratio_comes_from_the_joint_that_the_log_names(
     if where in ("nominal", "file"):
         log.with_name({"file": "my.toml"}.get(where, "nominal.toml")).write_text(joint)
     assert largest_angle(log, capsys) == pytest.approx(0.002, rel=1e-6)
+
+
+def test_a_joint_file_of_the_same_name_says_nothing_of_the_log(
+    log: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    joint = log.with_suffix(".toml")
+    text = to_toml(load_joint_file("orange_80_6000"))
+    joint.write_text(f'{text}\n[sensors.i]\nnoise = {{ value = 1, unit = "mA" }}\n')
+    words = ["check", str(log), "--joint", str(joint)]
+    assert main(words) == 2
+    assert "Columns there: time_ms" in capsys.readouterr().err
+    with pytest.raises(RecordError, match="the one there is a joint file"):
+        read_record(log)
+    mapped(log)
+    assert main(words) == 0, capsys.readouterr().err
 
 
 def test_a_plot_takes_the_ratio_of_the_joint_too(log: Path) -> None:

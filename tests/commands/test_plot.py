@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from cjt_gym.cli import main
-from cjt_gym.datasheet.record_plot import BINS, _envelope
+from cjt_gym.datasheet.drawing import canvas
+from cjt_gym.datasheet.record_plot import BINS, Trace, _draw, _envelope
 from cjt_gym.records import Record, write_record
 
 
@@ -48,6 +49,22 @@ def test_page_of_two_records_names_what_is_drawn_and_how_one_ended(
     assert "http" not in page.split("</svg>")[1]
     svg = page[page.index("<svg") : page.index("</svg>") + 6]
     ET.fromstring(svg)
+
+
+def test_columns_are_drawn_in_the_order_asked_for_and_none_is_under_a_legend(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, out = write_record(record(), tmp_path / "run.npz"), tmp_path / "plot.svg"
+    words = ["plot", str(path), "--columns", "true_tau", "tau", "--out", str(out), "--json"]
+    assert main(words) == 0
+    assert json.loads(capsys.readouterr().out)["columns"] == ["true_tau", "tau"]
+    with canvas() as (figure, _):
+        _draw(figure, [Trace("run", record())], {"N m": ["tau", "true_tau"]})
+        figure.draw_without_rendering()
+        (axes,) = figure.axes
+        named = axes.get_legend()
+        assert named is not None
+        assert named.get_window_extent().y0 >= axes.get_window_extent().y1
 
 
 def test_bad_input_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -165,5 +165,5 @@ def test_a_package_brings_its_rows_along(tmp_path: Path) -> None:
     )
     assert run.returncode == 0, run.stderr
     assert run.stdout.strip() == "Damped. True A seal steps"
-    for told in ("pd of rows-of-mine", "there is one of that name", "broken of rows-of-mine"):
+    for told in ("pd of rows-of-mine", "the name is taken", "broken of rows-of-mine"):
         assert told in run.stderr

@@ -14,7 +14,8 @@ from cjt_gym.cli import main
 from cjt_gym.errors import CjtGymError
 from cjt_gym.training.deploy.exported import Exported
 from cjt_gym.training.deploy.shipped import load_agent, policy_card, policy_names, policy_path
-from cjt_gym.training.deploy.stepper import Stepper
+from cjt_gym.training.evaluation.conditions import realistic_conditions
+from cjt_gym.training.evaluation.evaluate import evaluate
 
 LARGEST = 100_000
 
@@ -35,8 +36,9 @@ def test_policy_is_a_whole_controller_without_pickle(name: str) -> None:
     agent = load_agent(name)
     assert isinstance(agent, Exported)
     assert agent.trained_on[0] in policy_card(name).trained_on
-    reference = [1.0] * (agent.layout.preview + 1)
-    assert Stepper(agent).step(reference, 0.0, *[0.0] * 6) > 0.0
+    conditions = realistic_conditions(agent.trained_on[0], agent.config.env["structure"])
+    (row,) = evaluate(agent, conditions, ["step"], episodes=1).rows
+    assert row.nrmse < 0.5
 
 
 def test_command_lists_them_and_shows_a_card(capsys: pytest.CaptureFixture[str]) -> None:
@@ -59,8 +61,13 @@ def test_benchmark_takes_a_policy_by_name(
     name = policy_names()[0]
     words = ["benchmark", "--joint", "orange_80_6000", "--policy", name, "--task", "step"]
     assert main([*words, "--episodes", "2", "--out", str(tmp_path / "out"), "--json"]) == 0
-    (row,) = json.loads(capsys.readouterr().out)
+    told = capsys.readouterr()
+    (row,) = json.loads(told.out)
     assert row["controller"] == name
+    assert "was trained on" not in told.err
+    words[2] = "lemon_50_6000"
+    assert main([*words, "--episodes", "2", "--out", str(tmp_path / "out"), "--json"]) == 0
+    assert f"{name} was trained on orange_80_6000" in capsys.readouterr().err
 
 
 def test_a_folder_comes_before_a_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

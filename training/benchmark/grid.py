@@ -108,6 +108,8 @@ def run_cell(cell: Cell) -> dict[str, Any]:
     base |= {"kind": agent.kind, "renders": agent.renders}
     try:
         conditions = cell.conditions()
+        if not agent.arguments(conditions).get("observe_joint"):  # policies for many joints do
+            base["trained_on"] = agent.trained_on
         base["effects"] = list(joint_of(conditions).effects)
         found = evaluate(agent, conditions, cell.tasks, cell.episodes, cell.seed)
         linear = _linear(cell, agent)

@@ -178,7 +178,7 @@ def _training_part(outcome: Outcome, config: TrainConfig) -> list[Block]:
             f"{config.algorithm} trains a torque policy for {env['joint']} "
             f"({str(env['structure']).replace('_', ' ')}) that adds to the command of "
             f"{str(env['base_controller']).replace('_', ' ')}. The joint has these effects: "
-            f"{effects}. Its parameters are drawn anew in every episode. "
+            f"{effects}. Every episode draws new parameters. "
             f"{facts['steps']:,} steps took {facts['seconds']:.0f} s."
         ),
         report.figure(

@@ -51,9 +51,18 @@ def export_policy(
 ) -> Written:
     """Write a policy in another form, and try the file on an episode of its training task.
 
-    The policy is a run folder, the file of an exported policy, or the name of one that ships; the
-    form is "onnx", "numpy" or "c". Names in a C header begin with that of the file. It is compared
-    with the policy on recorded signals, too, and an ExportError tells where it gives other actions.
+    Args:
+        run: The run folder, the file of an exported policy, or the name of one that ships.
+        form: "onnx", "numpy" or "c".
+        path: The file to write. Names in a C header begin with its name.
+        records: Recorded signals on which the file is to be compared with the policy, too.
+
+    Raises:
+        UnknownNameError: It looks like a name, and no policy of that name ships.
+        MissingFileError: There is no such path.
+        ConfigurationError: It is not a run of cjt-gym, its network or its base controller cannot be
+            exported, a record does not fit, or a package is missing.
+        ExportError: The file gives other actions than the policy.
     """
     agent = load_agent(run)
     policy, header = exported(agent), ""

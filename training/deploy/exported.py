@@ -55,13 +55,13 @@ class Exported(Trained):
         if made != taken:
             raise ConfigurationError(
                 f"The network of the policy {self.name} takes {taken} numbers, its layout makes "
-                f"{made}. Export it anew."
+                f"{made}. Export it again."
             )
         outputs = len(network.layers[-1].bias)
         if outputs != 1:
             raise ConfigurationError(
                 f"The network of the policy {self.name} must give one action, got {outputs}. "
-                "Export it anew."
+                "Export it again."
             )
 
     @cached_property

@@ -20,7 +20,7 @@ FULLY_KNOWN = "orange_80_6000"
 COGGING_SHARE = 0.003
 """Amplitude of cogging over the peak torque: an assumption, as joint files know none."""
 RIPPLE_SHARE = 0.02
-"""Amplitude of gear ripple over the transmitted torque, likewise."""
+"""Amplitude of gear ripple over the transmitted torque."""
 TASKS = ("step", "chirp", "multisine", "smooth")
 EVALUATION_SEEDS = 1_000_000
 """Where seeds of evaluations begin; those of training stay below."""
@@ -43,7 +43,7 @@ class Conditions:
         structure: Its structure.
         drive: Its drive.
         effects: What makes it non-ideal, as for `load_joint`.
-        randomization: What every episode draws anew, as for the environments.
+        randomization: What every episode draws, as for the environments.
         torque_amplitude: Amplitude of the references [N m]; None is a tenth of the peak torque, or
             three times the Coulomb friction where that is more.
         dt_control: Control step [s].

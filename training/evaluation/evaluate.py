@@ -126,7 +126,7 @@ def evaluate(
         tasks: Which tasks, see `BENCHMARK_TASKS`.
         episodes: Episodes of each task; each draws its own joint, reference and noise.
         seed: Which held-out episodes; the same for every agent that is to be compared.
-        report: Told what is being done.
+        report: Called with what is being done.
 
     Raises:
         ConfigurationError: episodes or seed is out of range, or a task does not exist for the

@@ -142,7 +142,7 @@ def _arguments(
 
 
 def _code(agent: Agent) -> str | None:
-    """Return PATH.py:NAME of code of one's own as it is, which records name so."""
+    """Return PATH.py:NAME of your own code unchanged, as records name it."""
     if isinstance(agent, ControllerAgent) and not agent.choice.gains:
         return agent.choice.controller
     return None

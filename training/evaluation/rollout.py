@@ -191,8 +191,8 @@ def run_episodes(
 ) -> Traces:
     """Run an agent over `num` episodes of the environment with these arguments, to their end.
 
-    An episode that passes a safety limit goes on, so that all have the same length; `terminated`
-    tells.
+    An episode that passes a safety limit continues, so that all have the same length; `terminated`
+    marks it.
 
     Episode i has seed + i. With `from_zero` all bodies start at an angle of zero. A `rendering` is
     a spring and damper that replace the reference: the agent is asked for their torque by the

@@ -20,7 +20,7 @@ Transition = tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor, dict[
 class SkrlEpisodes(Wrapper):  # type: ignore[misc]
     """Episodes as an environment of skrl; observations never leave their device.
 
-    Episodes that end begin anew within the same step. Learners that bootstrap need
+    Episodes that end are reset within the same step. Learners that bootstrap need
     `time_limit_bootstrap=True`, because episodes end by their length.
     """
 

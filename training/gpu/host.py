@@ -14,7 +14,7 @@ Step = tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]
 class HostEpisodes:
     """Episodes stepped by the kernel of the CPU, whose arrays are tensors without a copy.
 
-    Episodes that end begin anew within the same step; `last` holds what they observed last.
+    Episodes that end are reset within the same step; `last` holds what they observed last.
 
     Attributes:
         num_envs: How many episodes.

@@ -126,7 +126,7 @@ class TrainConfig:
         normalize_observations: Whether observations are scaled by their running statistics.
         normalize_rewards: Whether rewards are scaled by the running spread of returns.
         start_from: Run folder whose best model the training starts from, with its own steps and
-            learning rate; None starts anew.
+            learning rate; None starts from scratch.
         env: Arguments of `TorqueTrackingEnv`; `base_controller` is a name of `CONTROLLERS` or a
             gain file, and `base_gains` are gains that replace some of its own, by name.
         policy: The network.

@@ -19,7 +19,7 @@ def train_on_ray(
 ) -> list[RunFolder]:
     """Do what `train_seeds` does, with each training as a task of a Ray cluster.
 
-    A task whose worker is killed starts again on another one and goes on from the last checkpoint
+    A task whose worker is killed starts again on another one and resumes from the last checkpoint
     in its run folder. A cluster that is already there is used, as `RAY_ADDRESS` says, else one on
     this machine. A task takes as many cores as the configuration has threads.
 
@@ -32,7 +32,7 @@ def train_on_ray(
 
     Returns:
         The run folders. Their facts say which finished: a training that
-        diverged, or that lost too many workers, has "failed" there, and the others go on.
+        diverged, or that lost too many workers, has "failed" there, and the others continue.
 
     Raises:
         ConfigurationError: Ray is not installed, a number is out of range, or a folder holds

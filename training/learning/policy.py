@@ -68,7 +68,7 @@ def load_policy(run: str | Path, checkpoint: Path | None = None) -> PolicyAgent:
 
     Raises:
         MissingFileError: There is no such folder.
-        ConfigurationError: It is not a run of ours, or has no model yet.
+        ConfigurationError: It is not a run of cjt-gym, or has no model yet.
     """
     folder = open_run(run)
     files = checkpoint or folder.path

@@ -58,7 +58,7 @@ class TrainingError(CjtGymError, RuntimeError):
 
 @dataclass(frozen=True)
 class RunFolder:
-    """A folder of ours.
+    """A folder made by cjt-gym.
 
     It holds `config.toml` (and `joint.toml` if the joint came from a file), `randomization.toml`
     (every variation of the joint, fully spelt out, as [env.randomization] takes it), `run.json`

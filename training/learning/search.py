@@ -57,7 +57,7 @@ class Plan:
 
     Attributes:
         recipe: Configuration to begin from.
-        out: Folder of the search, which goes on where it stopped.
+        out: Folder of the search; an interrupted search is resumed.
         structure: Structure that replaces that of the recipe.
         base: Controller or gain file that replaces that of the recipe.
         against: Controller whose noise is the limit.

@@ -1,4 +1,4 @@
-"""Train a policy: begin a run, or go on with one."""
+"""Train a policy: begin a run, or resume one."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from cjt_gym.training.learning.run_folder import RunFolder, TrainingError, begin
 
 
 def train(config: TrainConfig, out: str | Path, quiet: bool = False) -> RunFolder:
-    """Train as a configuration says, or go on from the last checkpoint of a run that was stopped.
+    """Train as a configuration says, or resume an interrupted run from its last checkpoint.
 
     Args:
         config: What to train.

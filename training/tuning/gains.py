@@ -108,7 +108,7 @@ def choose(word: str | Path) -> Choice:
 
 
 def choose_listed(word: str | Path) -> Choice:
-    """Return the same for a word that stands in a file: code of one's own is refused."""
+    """Return the same for a word from a file, which must not name code to import."""
     if is_own(str(word)):
         raise ConfigurationError(
             f"A file cannot name code to be imported, got {word}. Give a controller of the table, "
@@ -160,7 +160,7 @@ def _row(path: str | Path, controller: str, own: str | None) -> ControllerEntry:
 
 
 def _read(path: str | Path, own: str | None) -> Choice:
-    """Read a gain file, that of code of one's own where such is given."""
+    """Read a gain file, also one of your own controller."""
     file = Path(path)
     try:
         data = read_toml(file, ConfigurationError)
@@ -189,5 +189,5 @@ def _read(path: str | Path, own: str | None) -> Choice:
 
 
 def gains_in_record(law: object) -> dict[str, Any]:
-    """Return what the provenance of a record tells of a controller."""
+    """Return the controller that the provenance of a record states."""
     return {name: getattr(law, name) for name in KNOWN_BY if hasattr(law, name)}

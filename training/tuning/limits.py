@@ -46,9 +46,9 @@ class Limits:
     """Limits on the loop around the nominal joint.
 
     Attributes:
-        gain_margin: Smallest factor on the loop gain that the loop must bear, > 1 [-].
+        gain_margin: Factor on the loop gain with which the loop must be stable, > 1 [-].
         phase_margin: Smallest phase margin [deg].
-        delay_margin: Shortest delay that it must bear on top [s].
+        delay_margin: Additional delay with which it must be stable [s].
         sensitivity_peak: Largest Ms, > 1 [-].
         noise_amplification: Largest standard deviation of the command over that of the torque
             sensor's noise, from the noise of all sensors [-].

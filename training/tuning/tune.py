@@ -135,7 +135,7 @@ def tune(
 
 
 def _generations(search: Search, start: dict[str, float]) -> Iterator[Generation]:
-    """Give the generations of CMA-ES, begun anew elsewhere where it has converged."""
+    """Yield the generations of CMA-ES, which restarts elsewhere once it has converged."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         import cma
@@ -166,7 +166,7 @@ def _try_all(
 
 
 class TrialLog:
-    """Candidates that were tried, kept in a file so that a search can go on."""
+    """Candidates that were tried, kept in a file so that a search can be resumed."""
 
     def __init__(self, search: Search, path: Path | None) -> None:
         """Read what the file holds for the same settings."""

@@ -41,7 +41,7 @@ class Variation:
         distribution: "uniform", "log_uniform", "normal" or "choice".
         operation: "scale" multiplies the nominal value, "add" adds to it, "set" replaces it.
         mean: Mean of a normal draw, before it is cut off.
-        std: Its standard deviation, likewise.
+        std: Its standard deviation, in the same unit.
         values: What a choice is made from.
         weights: How likely each value is, in any unit; equally if absent.
         when: "reset", at each start of an episode; "once", at the first one after seeding;

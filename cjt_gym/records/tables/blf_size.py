@@ -47,7 +47,7 @@ def _containers(path: Path) -> Iterator[bytes]:
 
 
 def _rest(path: Path, data: bytes) -> bytes:
-    """Return what follows the last whole object of a container, which the next one goes on with."""
+    """Return what follows the last whole object of a container, with which the next one begins."""
     at = 0
     while (found := data.find(b"LOBJ", at, at + 8)) >= 0 and found + OBJECT.size <= len(data):
         _, size, _ = OBJECT.unpack_from(data, found)

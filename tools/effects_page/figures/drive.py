@@ -262,7 +262,7 @@ PLOTS = (
         ),
         "Left: in a d-q drive the current follows as a first-order lag with the bandwidth f_c, a "
         "sample late. Right: the voltage of the q axis, which is held over a sample of the "
-        "controller; a controller that was told a wrong inductance still arrives.",
+        "controller; a controller that assumes a wrong inductance still reaches the set point.",
         current_control,
     ),
     Plot(

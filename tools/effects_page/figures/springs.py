@@ -175,8 +175,8 @@ PLOTS = (
         ),
         "Torque beyond that of the linear spring over deflection: major loop (grey) and a path "
         "with an inner loop that is run through twice (blue). With Bouc-Wen the inner loop does "
-        "not close and drifts; with Maxwell slip it closes, and the major loop goes on as if "
-        "it had not been (wiping-out). Dashed: +- tau_h; dotted: closed form of the "
+        "not close and drifts; with Maxwell slip it closes, and the major loop continues "
+        "as if it had not been there (wiping-out). Dashed: +- tau_h; dotted: closed form of the "
         "rising branch, which Maxwell slip follows in straight pieces.",
         spring_hysteresis,
     ),
