@@ -269,7 +269,8 @@ def _report(
     left = found.left if explains else untouched(found.left)
     stages = _stages(found, fit, all_before, named)
     drawn = gather(problem, fit, within, before)
-    said = (*not_judged(setting), *open_instant(named, setting.series.dt))
+    missing = not_judged(setting)
+    said = (*missing, *open_instant(named, setting.series.dt))
     lying = where(setting, stages, before, problem.stages.first(fit.residuals))
     drawn = replace(
         drawn, regimes=lying, steps=_steps(found), source=source, ladder=rungs, replays=replays,
@@ -286,7 +287,7 @@ def _report(
         regimes=next(iter(lying.values()))[0],
         effects=named,
         gap=gap,
-        unexplained=_unexplained(left, said),
+        unexplained=_unexplained(left, said, missing),
         suggestion=Suggestion(""),
         seconds=time.perf_counter() - started,
         evidence=drawn,
@@ -364,13 +365,16 @@ def _stages(
     return out
 
 
-def _unexplained(left: Sequence[Leftover], open_ends: Sequence[str]) -> Unexplained:
+def _unexplained(
+    left: Sequence[Leftover], open_ends: Sequence[str], missing: tuple[str, ...]
+) -> Unexplained:
     if not left:
-        return Unexplained(0.0, None, " ".join((NOTHING_LEFT, *open_ends)))
+        return Unexplained(0.0, None, " ".join((NOTHING_LEFT, *open_ends)), missing=missing)
     worst = left[0]
     like = f" It looks like {worst.text}." if worst.text else ""
     text = (
         f"In the {worst.stage} stage {100 * worst.share:.0f} % of the gap is left. "
         f"No effect of the table explains it.{like}"
     )
-    return Unexplained(worst.share, worst.stage, " ".join((text, *open_ends)))
+    said = " ".join((text, *open_ends))
+    return Unexplained(worst.share, worst.stage, said, missing=missing)

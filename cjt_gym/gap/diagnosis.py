@@ -113,12 +113,14 @@ class Unexplained:
         stage: That stage, or None.
         text: In words.
         predictable: Share of the motion that a regression predicts and no named effect explains.
+        missing: Sentences on what missing channels leave open.
     """
 
     share: float
     stage: str | None
     text: str
     predictable: float = 0.0
+    missing: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -53,12 +53,16 @@ OUTSIDE = 3.0
 MIMICS = frozenset({"gravity", "thermal_derating", "viscous_asym", "load_friction"})
 """Effects that position, time or a wrong input may mimic: confirmed only where much depends on
 them."""
+SCALED = frozenset({"torque_gain"})
+"""Effects that are none where their number ends at a bound, which is no sensor's."""
 LEVELS = frozenset({"coulomb", "coulomb_asym"})
 """Dry friction that is left at speed, without which falling friction would fall to nothing."""
 VISIBLE = 0.3
 """Displacement of presliding, over the error at the shortest horizon, from which it is seen."""
 MIRRORED = 1.5
 """Friction of one direction over that of the other up to which both are nearly the same."""
+SHADOW = 0.25
+"""Confidence below which an effect beside a cause outside the table is taken for its shadow."""
 LEAST_LEVEL = 0.2
 """That level, over what is more at rest."""
 LATE = frozenset({"command_delay", "current_lag"})
@@ -115,7 +119,7 @@ def retold(
     held = by_torque and loud and not regressed
     effects = tuple(sorted((*effects, *by_torque), key=lambda e: -e.gap_removed))
     if judged.cut and first.verdict == "unexplained":  # the cause is none of the table's
-        effects = tuple(as_tentative(e) for e in effects)
+        effects = tuple(as_tentative(e) for e in effects if e.confidence >= SHADOW)
     rows = judged.rows
     stages = stages_of(first, judged, effects)
     verdict = verdict_of(judged, effects, suspected=bool(first.effects))
@@ -126,6 +130,9 @@ def retold(
         unexplained = replace(unexplained, text=f"{said} {unexplained.text}")
     if judged.cut and first.verdict == "unexplained":
         verdict, unexplained = "partly_explained" if effects else "unexplained", first.unexplained
+    elif first.unexplained.missing:
+        text = " ".join((unexplained.text, *first.unexplained.missing))
+        unexplained = replace(unexplained, text=text)
     return replace(
         first,
         verdict=verdict,
@@ -247,6 +254,8 @@ def _deserves(judged: Judgement, index: int, term: Term, seen: Mapping[str, Spen
     if term.name == "presliding" and not _bends_visibly(judged, index):
         return False
     if not told and not agrees(seen.get(term.name), values):
+        return False
+    if term.name in SCALED and not term.numbers[0].low < values[0] < term.numbers[0].high:
         return False
     as_given = {t.key: t for t in found.base.model.terms}  # the last fit holds the inertia
     number = as_given.get(term.key, term).numbers[0]
