@@ -71,8 +71,12 @@ def test_what_is_drawn_is_what_the_written_joint_does(explained: Diagnosis, tmp_
     assert np.std(run["true_tau"] - drawn) < 0.005 * np.std(drawn)
 
 
-def test_where_nothing_is_named_the_ladder_has_one_step(unexplained: Diagnosis) -> None:
-    assert [step.name for step in unexplained.evidence.ladder] == ["nominal"]
+def test_where_nothing_is_named_no_effect_is_a_step_of_the_ladder(
+    clean: Diagnosis, unexplained: Diagnosis
+) -> None:
+    for found in (clean, unexplained):
+        assert not found.effects
+        assert {step.name for step in found.evidence.ladder} <= {"nominal", "tolerances"}
     assert unexplained.stages["motor"].after > 1.5
 
 
