@@ -20,6 +20,7 @@ from cjt_gym.errors import CjtGymWarning
 from cjt_gym.hardware.beside_simulation import side_by_side
 from cjt_gym.joint import load_joint
 from cjt_gym.records import Record, read_record, write_record
+from cjt_gym.training.deploy.shipped import policy_names
 from cjt_gym.training.tuning.gains import write_gains
 from tests.canbus.bench import config, document, toml
 from tests.canbus.soak import emulator, free_port
@@ -84,9 +85,8 @@ def test_a_policy_says_which_rate_and_which_name_it_needs(
     assert main([*words, "--policy", "orange_residual"]) == 2
     assert "rate_hz = 1000" in capsys.readouterr().err
     assert main([*words, "--policy", "orange_residul"]) == 2
-    told = (
-        "Did you mean 'orange_residual'? Known: orange_residual, quiet_residual. Or give the path"
-    )
+    known = ", ".join(policy_names())
+    told = f"Did you mean 'orange_residual'? Known: {known}. Or give the path"
     assert told in capsys.readouterr().err
 
 
