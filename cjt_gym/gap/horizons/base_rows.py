@@ -78,7 +78,7 @@ def _put_inertia(joint: Joint) -> Put:
     known = total - sum(guess.values())
 
     def put(draft: Draft, values: Sequence[float]) -> None:
-        """Change guessed inertias, or all in proportion if none is a guess or none can be."""
+        """Change guessed inertias, or all in proportion if that is not possible."""
         rest = values[0] * total - known
         changed = {
             s: x * rest / (total - known) for s, x in guess.items() if x > 0.0 and rest > 0.0

@@ -1,8 +1,8 @@
 """Drive response where both command and current were measured: delay, lag and gain.
 
 The measured current is compared, sample by sample, with the command after a dead time and a
-first-order lag; gain and offset are free. Shorter dead times than about half a sample cannot be
-distinguished from the instant within a sample at which a log writes its rows.
+first-order lag; gain and offset are free. Dead times below `LEAST` samples cannot be distinguished
+from the instant within a sample at which a log writes its rows.
 """
 
 from __future__ import annotations
