@@ -18,7 +18,7 @@ from cjt_gym.joint import JointFile, Structure
 from cjt_gym.records import Record
 
 LEAST = 0.3
-"""Reported delay exceeds this number of samples."""
+"""Delay above which it is reported, in samples."""
 BY_SPEED = 0.9
 """Least share of the deflection's variance, beyond the spring's windup, explained by the speed."""
 SOFTEST = 0.5

@@ -17,7 +17,7 @@ BRAKED = 1.5
 """Largest damping torque at a rarely exceeded speed, as a multiple of the rarely exceeded torque:
 little more than one, as a joint at its top speed does not accelerate; gravity may add to it."""
 BACKDRIVEN = 0.02
-"""Least share of the motor in the torque for its torque constant to be fitted."""
+"""Share of the torque due to the motor above which its torque constant is fitted."""
 LOOSE = 0.1
 """Relative step of a datasheet value that is off by more than its stated tolerance."""
 

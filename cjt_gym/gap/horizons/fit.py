@@ -285,7 +285,7 @@ def _solve(hessian: Floats, damping: float, gradient: Floats) -> Floats:
 
 
 def _free(model: Model, z: Floats, gradient: Floats) -> NDArray[np.bool_]:
-    """Return which numbers may move: all but those that their bounds hold back."""
+    """Return which numbers may move: all but those held back by their bounds."""
     values = np.array([n.value(float(x)) for n, x in zip(model.numbers, z, strict=True)])
     low, high = (np.array([getattr(n, end) for n in model.numbers]) for end in ("low", "high"))
     return ~(((values <= low) & (gradient > 0.0)) | ((values >= high) & (gradient < 0.0)))

@@ -117,7 +117,7 @@ def is_needed(fit: Fit, index: int) -> bool:
 
 
 def beyond(base: Fit, fit: Fit) -> list[int]:
-    """Return the terms of a fit that its base lacks, or holds within a datasheet tolerance."""
+    """Return the indices of a fit's terms that its base lacks or holds within a tolerance."""
     given = {term.key for term in base.model.terms}
     terms = enumerate(fit.model.terms)
     return [k for k, t in terms if t.key not in given or t.tight is not None]

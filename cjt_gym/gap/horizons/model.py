@@ -232,7 +232,7 @@ class Scales:
         speed: rms motor speed [rad/s].
         peak: Rarely exceeded torque [N m].
         travel: Range of the motor's angle [rad].
-        driven: Share of the motor in the torque.
+        driven: Share of the torque due to the motor.
         fast: Rarely exceeded motor speed [rad/s].
     """
 
