@@ -1,4 +1,4 @@
-"""What a record can and cannot tell, before any fit: `examine` is the way in."""
+"""What a record can and cannot identify, before any fit; the entry point is `examine`."""
 
 from cjt_gym.gap.check.examination import CannotTell, Examination
 from cjt_gym.gap.check.examine import examine

@@ -1,10 +1,10 @@
-"""A body's balance of torques, and from which size on a term of it can be told.
+"""Torque balance of a body, and the smallest identifiable size of its terms.
 
     y = I a + d v + F sgn(v) + c + ...
 
-The smallest size of a term follows from what is left of its column once the columns that it must be
-told from are taken off, and from the scatter of the balance: plain least squares, and no model of
-the joint is fitted.
+The smallest size of a term follows from the part of its column that is orthogonal to the columns it
+must be distinguished from, and from the scatter of the balance: plain least squares, without
+fitting a model of the joint.
 """
 
 from __future__ import annotations
@@ -18,27 +18,27 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 RELIABLE = 10.0
-"""Deviations of a term's size from which it can be told: 5 would do for white noise, and what is
-left of a real joint is never quite white."""
+"""Size of an identifiable term, in standard deviations: 5 would do for white noise, but the
+residual of a real joint is never quite white."""
 SYSTEMATIC = 0.005
-"""Share of the balance that its own faults may amount to: smaller terms drown in them."""
+"""Share of the balance due to its systematic errors, which hide smaller terms."""
 PER_PERIOD = 4.0
-"""Samples per period, at least, of a torque periodic in the angle."""
+"""Fewest samples per period of a torque periodic in the angle."""
 FEWEST = 50
-"""Samples in motion below which nothing of a body's motion can be told."""
+"""Fewest moving samples of a body that can be evaluated."""
 
 
 @dataclass(frozen=True, eq=False)
 class Balance:
-    """The balance of torques of one body while it moves.
+    """Torque balance of one body while it moves.
 
     Attributes:
-        y: Torque that its motion needs [N m], shape (N,).
+        y: Torque required by its motion [N m], shape (N,).
         columns: Terms by name, each of shape (N,): ``a``, ``v``, ``s`` (direction), ``one``, ``q``,
-            and what else is known at these samples.
-        scatter: Deviation of y about what moves the body, one smoothed sample [N m].
-        width: Samples over which everything was smoothed.
-        level: Torque of the motor or of the load that drives the body, its 95 % quantile [N m].
+            and other quantities known at these samples.
+        scatter: Standard deviation of a smoothed sample of y about its terms [N m].
+        width: Number of samples of the smoothing window.
+        level: 95 % quantile of the motor or load torque that drives the body [N m].
     """
 
     y: Floats
@@ -58,11 +58,11 @@ class Balance:
         return name in self.columns
 
     def least(self, term: Floats, against: Sequence[str]) -> float:
-        """Return the smallest factor of a term that can be told [N m per unit of the term].
+        """Return the smallest identifiable factor of a term [N m per unit of the term].
 
         Args:
             term: The term's column, shape (N,).
-            against: Names of the columns that it must be told from.
+            against: Names of the columns that it must be distinguished from.
         """
         basis = self._basis(tuple(against))
         left = term - basis @ (basis.T @ term)
@@ -74,13 +74,13 @@ class Balance:
         return float(max(chance, usual))
 
     def apart(self, term: Floats, against: Sequence[str]) -> float:
-        """Return which share of a term is its own, and none of the named columns'."""
+        """Return the share of a term that is orthogonal to the named columns."""
         basis = self._basis(tuple(against))
         left = term - basis @ (basis.T @ term)
         return float(np.sqrt((left @ left) / max(float(term @ term), 1e-300)))
 
     def slow(self, f: float, dt: float) -> Bools:
-        """Return where a torque periodic in the angle is passed slowly enough to show.
+        """Return where motion is slow enough to resolve a torque periodic in the angle.
 
         Args:
             f: Its frequency [rad/rad].
@@ -97,7 +97,7 @@ class Balance:
 
 
 def orthonormal(columns: Sequence[Floats], length: int) -> Floats:
-    """Return an orthonormal basis of columns, shape (length, rank)."""
+    """Return an orthonormal basis of given columns, shape (length, rank)."""
     scaled = [x / np.linalg.norm(x) for x in columns if float(x @ x) > 0.0]
     if not scaled:
         return np.zeros((length, 0))
@@ -108,7 +108,7 @@ def orthonormal(columns: Sequence[Floats], length: int) -> Floats:
 
 
 def factors(y: Floats, columns: Sequence[Floats]) -> Floats:
-    """Return the factors with which columns make y, by least squares; shape (columns,)."""
+    """Return the least-squares coefficients of y on columns, shape (columns,)."""
     size = np.array([max(float(np.linalg.norm(x)), 1e-300) for x in columns])
     matrix = np.column_stack(columns) / size
     found = np.linalg.lstsq(matrix.T @ matrix, matrix.T @ y, rcond=1e-12)[0]
@@ -123,6 +123,6 @@ def slope(x: Floats, y: Floats) -> float:
 
 
 def left_over(y: Floats, columns: Sequence[Floats]) -> float:
-    """Return the deviation of what columns leave of y."""
+    """Return the standard deviation of y after projecting out columns."""
     basis = orthonormal(columns, len(y))
     return float(np.std(y - basis @ (basis.T @ y)))

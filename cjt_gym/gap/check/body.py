@@ -1,4 +1,4 @@
-"""A body of the joint in motion: which channel shows it, and which torque moves it."""
+"""A moving body of the joint: the channel of its motion and the torque that moves it."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from cjt_gym.gap.check.balance import FEWEST, Balance, Floats, factors, left_ove
 from cjt_gym.gap.check.pieces import Columns, gain, motion, smooth
 
 MOVING = 3.0
-"""Deviations of the speed from which a body moves."""
+"""Speed above which a body moves, in standard deviations of its noise."""
 LEAST_SPEED = 2e-3
-"""Share of its highest speed from which a body moves."""
+"""Speed above which a body moves, relative to its highest speed."""
 CLEAN = 3.0
-"""Factor by which the scatter of a balance may exceed what the noise of its channels makes."""
+"""Factor by which the scatter of a balance may exceed that due to the noise of its channels."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,12 +25,12 @@ class Body:
     Attributes:
         pieces: The stretches of the log.
         dt: Sample time [s].
-        angle: The channel that shows its motion.
-        angle_noise: Deviation of a sample of its angle.
-        stiffness: Of the spring to a held output, where the torque stands for the angle.
-        torque: Returns the torque that moves it, of the channels of a stretch.
-        torque_noise: Deviation of a sample of that torque.
-        driving: Returns the motor's torque.
+        angle: The channel of its motion.
+        angle_noise: Standard deviation of a sample of its angle.
+        stiffness: Stiffness of the spring to a held output, if the torque represents the angle.
+        torque: Returns the torque that moves it, from the channels of a stretch.
+        torque_noise: Standard deviation of a sample of that torque.
+        driving: Returns the motor's torque, from the channels of a stretch.
     """
 
     pieces: Sequence[Columns]
@@ -43,7 +43,7 @@ class Body:
     driving: Callable[[Columns], Floats]
 
     def motions(self, width: int) -> list[Columns]:
-        """Return its smoothed motion, for each stretch that is long enough."""
+        """Return its smoothed motion for each stretch that is long enough."""
         long = (piece for piece in self.pieces if len(piece["t"]) > 2 * width)
         return [motion(piece, self.angle, self.stiffness, width) for piece in long]
 
@@ -52,13 +52,13 @@ class Body:
         return motion(piece, self.angle, self.stiffness, width)["v"]
 
     def least_speed(self, width: int) -> float:
-        """Return the speed from which it moves."""
+        """Return the speed above which it moves."""
         fastest = max((float(np.abs(m["v"]).max()) for m in self.motions(width)), default=0.0)
         noise = MOVING * self.angle_noise * gain(width, 1, self.dt, self.angle)
         return float(max(LEAST_SPEED * fastest, noise, 1e-300))
 
     def balance(self, width: int) -> Balance | None:
-        """Return its balance of torques while it moves; None where it hardly does."""
+        """Return its torque balance while it moves; None if it hardly does."""
         limit = self.least_speed(width)
         parts = [
             self._part(k, piece, width, limit)
@@ -88,7 +88,7 @@ class Body:
         return {name: x[moving] for name, x in found.items()}
 
     def _scatter(self, y: Floats, columns: Columns, width: int) -> float:
-        """Return the scatter of a balance: what is left of it, if that is not far above noise."""
+        """Return the scatter of a balance: its residual, limited to a multiple of the noise."""
         plain = [columns[name] for name in ("a", "v", "s", "one")]
         v = columns["v"]
         quick = max(float(np.quantile(np.abs(v), 0.9)), 1e-300)

@@ -1,4 +1,4 @@
-"""What a record from hardware says of its bus and its control loop: the delays that they add."""
+"""Delays added by the bus and the control loop of a hardware record."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from cjt_gym.records import Record
 
 Floats = NDArray[np.float64]
 LOOP = ("age", "lateness", "round_trip")
-"""Columns that are of the loop, and no channels of the joint."""
+"""Columns that describe the control loop and are not channels of the joint."""
 STAMPS: Mapping[str, str] = {
     "hardware": "by the clock of the interface",
     "kernel": "by the kernel",
     "interface": "by the interface",
     "reception": "where the program received them, so that what they waited there is missing",
 }
-"""How frames got their times, by the record's `stamps`."""
+"""Source of the frames' time stamps, by the record's `stamps`."""
 SILENT = 0.01
-"""Share of the control steps without an answer from which it is told."""
+"""Share of control steps without an answer above which it is reported."""
 
 
 def bus(records: Sequence[Record]) -> list[str]:
-    """Return sentences on the bus and the loop of records that tell of them."""
+    """Return sentences on the bus and loop of records that contain the loop columns."""
     found: dict[str, None] = {}
     for record in records:
         if all(name in record for name in LOOP):

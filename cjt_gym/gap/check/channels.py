@@ -1,4 +1,4 @@
-"""What each channel of a record is by itself: its range, resolution, noise, and what is missing."""
+"""Properties of each channel of a record: range, resolution, noise and missing samples."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from cjt_gym.joint import JointFile
 from cjt_gym.records import TRUE_PREFIX, Record
 
 ALIKE = 0.06
-"""Relative difference up to which two estimates of a noise agree, so that it is white."""
+"""Relative difference up to which two noise estimates agree, so that the noise is white."""
 FINEST = 1e-6
-"""Noise of a channel about which nothing is known, as a share of its range."""
+"""Least assumed noise of a channel, relative to its range."""
 LATEST = 20
-"""Samples by which a current may follow its command where its noise is read off the two."""
+"""Largest delay, in samples, of a current after its command when estimating its noise."""
 
 
 @dataclass(frozen=True)
@@ -29,11 +29,11 @@ class Channel:
         unit: Its unit.
         low: Smallest value.
         high: Largest value.
-        resolution: Step of its values, as the joint file states it or else as they show it; 0
-            where they lie on no lattice.
-        specified: Deviation of a sample that the joint file allows, a whole step where it states a
-            resolution alone; 0 where it says nothing.
-        observed: Deviation that the samples show; 0 where it cannot be told.
+        resolution: Step of its values, the larger of that stated in the joint file and that
+            observed; 0 if there is neither.
+        specified: Standard deviation of a sample allowed by the joint file, or a whole step if it
+            states only a resolution; 0 if it states neither.
+        observed: Standard deviation observed in the samples; 0 if it cannot be determined.
         missing: Share of the samples that are missing.
     """
 
@@ -53,7 +53,7 @@ class Channel:
 
     @property
     def noise(self) -> float:
-        """Return the deviation of one sample that counts, never zero."""
+        """Return the effective standard deviation of a sample, never zero."""
         known = self.observed or (self.specified if self.specified != self.resolution else 0.0)
         return float(max(known, self.resolution / np.sqrt(12.0), FINEST * self.span, 1e-300))
 
@@ -63,7 +63,7 @@ class Channel:
         return self.span > max(2.0 * self.resolution, 1e-12 * max(abs(self.high), abs(self.low)))
 
     def to_dict(self) -> dict[str, object]:
-        """Return the channel as JSON has it."""
+        """Return the channel as a JSON-serializable mapping."""
         return {
             "name": self.name,
             "unit": self.unit,
@@ -85,7 +85,7 @@ def channels_of(record: Record, joint: JointFile | None) -> dict[str, Channel]:
 
 
 def measured(name: str, record: Record) -> bool:
-    """Whether a column has samples that a sensor or a controller could give."""
+    """Return whether a column has samples from a sensor or controller."""
     ours = name != "t" and not name.startswith(TRUE_PREFIX)
     return ours and bool(np.isfinite(record[name]).any())
 
@@ -107,7 +107,7 @@ def _channel(record: Record, joint: JointFile | None, name: str, x: Floats) -> C
 
 
 def _observed(record: Record, name: str, x: Floats) -> float:
-    """Return the deviation of white noise on a channel; 0 where there is none to be told."""
+    """Return the standard deviation of white noise on a channel; 0 if it cannot be determined."""
     if name.endswith(("_cmd", "_ref")) or np.ptp(x) == 0.0:
         return 0.0
     beside = _beside_command(record) if name == "i" else 0.0
@@ -123,7 +123,7 @@ def _observed(record: Record, name: str, x: Floats) -> float:
 
 
 def _beside_command(record: Record) -> float:
-    """Return the deviation of the current about what its last commands make of it; 0 if unknown."""
+    """Return the deviation of the current from its prediction by past commands; 0 if unknown."""
     if "i_cmd" not in record or len(record) < 50 * LATEST:
         return 0.0
     i, command = record["i"], record["i_cmd"]

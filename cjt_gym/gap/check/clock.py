@@ -1,4 +1,4 @@
-"""The times of a log: how far apart its samples are, and what is wrong with that."""
+"""Sampling times of a log: their intervals and irregularities."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from cjt_gym.records.repair_notes import counted
 
 Floats = NDArray[np.float64]
 GAP = 5.0
-"""Usual intervals from which a pause between samples is a gap."""
+"""Pause between samples above which it is a gap, in usual intervals."""
 MIXED = 1.5
-"""Ratio of two intervals from which they are two kinds."""
+"""Ratio of two intervals above which they are of different kinds."""
 KIND = 0.04
 """Relative spread within a kind."""
 SHARE = 0.05
-"""Share of the intervals that are of the rarer kind, or that jitter, at least."""
+"""Least share of intervals that are of the rarer kind, or that jitter."""
 BOTH = 0.5
-"""Share of the intervals that are of one of the two kinds at least."""
+"""Least share of intervals that are of either kind."""
 MISSING, WHOLE = 4.5, 0.08
-"""Ratio up to which a whole multiple is a missing row, and the distance from it."""
+"""Ratio up to which a whole multiple means missing rows, and its tolerance."""
 JITTER = 0.2
-"""Deviation from the usual interval, relative, from which it jitters."""
+"""Relative deviation from the usual interval above which an interval jitters."""
 
 
 def clock(records: Sequence[Record]) -> list[str]:
-    """Return sentences on the times of records."""
+    """Return sentences on the sampling times of records."""
     found: dict[str, None] = {}
     for record in records:
         if len(record) > 10:
@@ -37,13 +37,13 @@ def clock(records: Sequence[Record]) -> list[str]:
 
 
 def gap_length(steps: Floats) -> float:
-    """Return the interval from which a pause between samples is a gap [s]."""
+    """Return the interval above which a pause between samples is a gap [s]."""
     kinds = _kinds(steps)
     return GAP * (float(np.median(steps)) if kinds is None else kinds[1])
 
 
 def even(steps: Floats) -> bool:
-    """Whether nearly all samples are equally far apart."""
+    """Return whether nearly all samples are equally spaced."""
     low, high = np.quantile(steps, [0.05, 0.95])
     return bool(high < (1.0 + JITTER) * low)
 
@@ -69,7 +69,7 @@ def _sentences(steps: Floats) -> list[str]:
 
 
 def _kinds(steps: Floats) -> tuple[float, float, float] | None:
-    """Return two usual intervals and the share of the longer ones; None where there is one.
+    """Return two usual intervals and the share of the longer one; None if there is only one.
 
     Intervals that are whole multiples of the usual one are missing rows, not another kind.
     """
@@ -88,7 +88,7 @@ def _kinds(steps: Floats) -> tuple[float, float, float] | None:
 
 
 def _mode(steps: Floats) -> tuple[float, int]:
-    """Return the interval near which most of the sorted ones lie, and how many."""
+    """Return the most frequent interval of a sorted array, and its count."""
     ends = np.searchsorted(steps, steps * (1.0 + KIND), side="right")
     counts = ends - np.arange(len(steps))
     k = int(np.argmax(counts))

@@ -9,25 +9,25 @@ from cjt_gym.gap.check.view import View
 from cjt_gym.records.doubts import doubts
 
 SLOPE = 0.15
-"""Relative difference between a velocity and the slope of its angle that is told."""
+"""Least reported relative difference between a velocity and the slope of its angle."""
 GAIN = 0.25
-"""Relative difference between a current and its command that is told."""
+"""Relative difference between a current and its command above which it is reported."""
 SLOW = 32
-"""Samples over which both are averaged, so that lags and noise matter little."""
+"""Number of samples over which both are averaged to reduce the influence of lags and noise."""
 LINEAR = 0.98
-"""Correlation of these from which one is the other by a factor, and not cut off, say."""
+"""Least correlation of these averages for them to be proportional, and not clipped, say."""
 FEWEST = 20
-"""Averages of which a factor can be told."""
+"""Fewest averages from which a factor is determined."""
 SAME = 0.9
-"""Correlation from which two channels are the same motion."""
+"""Least correlation of two channels that represent the same motion."""
 SPRING = 1.6
-"""Factor between torque and stiffness times deflection that is told."""
+"""Least reported factor between torque and stiffness times deflection."""
 RATIO = 0.1
-"""Relative distance from the gear's ratio up to which two angles differ by it."""
+"""Relative tolerance within which two angles differ by the gear ratio."""
 
 
 def velocities(view: View) -> list[str]:
-    """Return which velocities are not the slopes of their angles."""
+    """Return sentences on velocities that are not the slopes of their angles."""
     found = []
     for body in "mgl":
         angle, velocity = f"q_{body}", f"dq_{body}"
@@ -43,7 +43,7 @@ def velocities(view: View) -> list[str]:
 
 
 def _is_told(view: View, angle: str, velocity: str) -> bool:
-    """Return whether reading a record has noticed that a velocity contradicts its angle."""
+    """Return whether reading a record already showed that a velocity contradicts its angle."""
     told = (
         repair
         for r in view.records
@@ -57,7 +57,7 @@ def _is_told(view: View, angle: str, velocity: str) -> bool:
 
 
 def currents(view: View) -> list[str]:
-    """Return that currents, or torques that stand for them, contradict each other."""
+    """Return sentences on contradictory currents, or torques that represent them."""
     gain = view.value("k_t") * view.ratio
     pairs = [("i_cmd", "i", 1.0, "i_cmd")]
     if gain > 0.0:
@@ -75,7 +75,7 @@ def currents(view: View) -> list[str]:
 
 
 def _follows(view: View, one: str, other: str) -> float | None:
-    """Return by which factor slow changes of a channel are another's; None if they are not."""
+    """Return the factor between slow changes of two channels; None if not proportional."""
     piece = view.stretches[0]
     x, y = (_lumps(piece[name], SLOW) for name in (one, other))
     if len(x) < FEWEST or _factor(x, y, LINEAR) is None:
@@ -84,7 +84,7 @@ def _follows(view: View, one: str, other: str) -> float | None:
 
 
 def angles(view: View) -> list[str]:
-    """Return that load and motor differ by the gear's ratio although both count at the link."""
+    """Return a sentence on load and motor angles that differ by a factor on the link side."""
     if view.structure.output_fixed or "q_l" not in view or "q_m" not in view:
         return []
     x, y = (np.concatenate([p[name] for p in view.stretches]) for name in ("q_m", "q_l"))
@@ -98,7 +98,7 @@ def angles(view: View) -> list[str]:
 
 
 def spring(view: View) -> list[str]:
-    """Return that torque and deflection contradict the spring's stiffness."""
+    """Return a sentence if torque and deflection contradict the spring's stiffness."""
     k_b = view.value("k_b")
     if not view.deflection_known or k_b <= 0.0:
         return []
@@ -115,7 +115,7 @@ def spring(view: View) -> list[str]:
 
 
 def _factor(x: np.ndarray, y: np.ndarray, alike: float = SAME) -> float | None:
-    """Return by which factor y is x, zeros apart; None where they are not the same motion."""
+    """Return the factor from x to y, except for offsets; None if they are not the same motion."""
     x, y = x - x.mean(), y - y.mean()
     power = float((x @ x) * (y @ y))
     if power <= 0.0 or abs(float(x @ y)) < alike * np.sqrt(power):
@@ -124,6 +124,6 @@ def _factor(x: np.ndarray, y: np.ndarray, alike: float = SAME) -> float | None:
 
 
 def _lumps(x: np.ndarray, size: int = 8) -> np.ndarray:
-    """Return means over so many samples, in which noise and lateness matter less."""
+    """Return means over blocks of samples, which are less sensitive to noise and delay."""
     count = len(x) // size
     return np.asarray(x[: count * size].reshape(count, size).mean(axis=1))

@@ -1,4 +1,4 @@
-"""What a record shows of the drive: between command and current, or command and motion."""
+"""What a record shows of the drive, between command and current or command and motion."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from cjt_gym.gap.check.verdicts import Seen, Unseen, Verdict, only_from
 from cjt_gym.gap.check.view import View
 
 LEAST_DELAY = 0.25
-"""Share of a sample below which no delay can be told."""
+"""Share of a sample below which no delay is identifiable."""
 LATEST = 0.03
-"""Delay up to which the least one may come [s]."""
+"""Upper limit on the smallest identifiable delay [s]."""
 FEWEST_VALUES = 20
-"""Values of a command below which its rounding is part of it."""
+"""Number of distinct values of a command below which its rounding cannot be evaluated."""
 NEAR_LIMIT = 0.1
-"""Share of the largest current that a record reaches at least."""
+"""Least share of the largest current that a record must reach."""
 CHANGES = "Record steps of different sizes in the command, and the measured current."
 
 
 def no_command(view: View) -> Unseen | None:
-    """Return why the drive cannot be seen, or None where it can."""
+    """Return why the drive cannot be evaluated, or None if it can."""
     if view.command is None:
         return Unseen("no command is recorded", "Record the command i_cmd beside the current.")
     if view.command not in view:
@@ -31,12 +31,12 @@ def no_command(view: View) -> Unseen | None:
 
 
 def command_delay(view: View) -> Verdict:
-    """A delay needs a command that moves and a quick response."""
+    """Judge a delay, which requires a changing command and a quick response."""
     return _late(view, LEAST_DELAY)
 
 
 def current_lag(view: View) -> Verdict:
-    """So does a lag of the current."""
+    """Judge a lag of the current, which has the same requirements."""
     return _late(view, 2.0 * LEAST_DELAY)
 
 
@@ -50,7 +50,7 @@ def _late(view: View, least: float) -> Verdict:
 
 
 def current_saturation(view: View) -> Verdict:
-    """A limit shows where the command goes beyond it."""
+    """Judge a current limit, which shows where the command exceeds it."""
     if (none := no_command(view)) is not None:
         return none
     assert view.command is not None
@@ -63,7 +63,7 @@ def current_saturation(view: View) -> Verdict:
 
 
 def command_quantization(view: View) -> Verdict:
-    """A coarse command shows where it would be fine."""
+    """Judge a coarse command, which requires many distinct values."""
     if (none := no_command(view)) is not None:
         return none
     assert view.command is not None
@@ -87,7 +87,7 @@ def _gain(view: View) -> float:
 
 
 def _responses(view: View) -> tuple[str, ...]:
-    """Return what shows a response to the command."""
+    """Return the signals that respond to the command."""
     found = ["i"] if "i" in view and view.command == "i_cmd" else []
     if view.motor is not None and view.drive == view.command:
         found.append("motion")
@@ -95,7 +95,7 @@ def _responses(view: View) -> tuple[str, ...]:
 
 
 def _least_delay(view: View, response: str) -> float:
-    """Return the smallest delay that a response shows [s]."""
+    """Return the smallest delay identifiable from a response [s]."""
     assert view.command is not None
     if response == "i":
         rates = [np.gradient(piece["i_cmd"], view.dt) for piece in view.stretches]
@@ -108,7 +108,7 @@ def _least_delay(view: View, response: str) -> float:
 
 
 def _follows(view: View) -> float:
-    """Return by how much the current follows the command, at most 1."""
+    """Return the gain with which the current follows the command, at most 1."""
     x = np.concatenate([piece["i_cmd"] for piece in view.stretches])
     y = np.concatenate([piece["i"] for piece in view.stretches])
     x, y = x - x.mean(), y - y.mean()

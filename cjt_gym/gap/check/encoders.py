@@ -1,6 +1,6 @@
 """Whether the angles at both ends of a spring are read at the same instant.
 
-An angle that is read later than the other looks like a deflection in proportion to the speed, and
+If one angle is read later than the other, it looks like a deflection proportional to the speed, and
 so like a spring that is too soft, with damping.
 """
 
@@ -18,16 +18,16 @@ from cjt_gym.joint import JointFile, Structure
 from cjt_gym.records import Record
 
 LEAST = 0.3
-"""Samples that are told."""
+"""Delay above which it is reported, in samples."""
 BY_SPEED = 0.9
-"""Share of the deflection's variance that the speed must explain beyond what winds a spring."""
+"""Least share of the deflection's variance, beyond the spring's windup, explained by the speed."""
 SOFTEST = 0.5
-"""Share of the datasheet's stiffness that a spring may have."""
+"""Least plausible stiffness of a spring, relative to the datasheet's."""
 LATE = "q_l"
 
 
 def late_angle(view: View) -> float:
-    """Return how much later than q_m the angle q_l is read [s]; 0 where a spring may wind so."""
+    """Return how much later than q_m the angle q_l is read [s]; 0 if the spring may explain it."""
     balance = view.motor
     if balance is None or not view.has_spring or not {"q_m", LATE} <= set(view.channels):
         return 0.0
@@ -47,13 +47,13 @@ def late_angle(view: View) -> float:
 
 
 def _stiffness(view: View) -> float:
-    """Return the stiffness between the two angles, the gearbox's included [N m/rad]."""
+    """Return the stiffness between the two angles, including the gearbox [N m/rad]."""
     springs = [view.value("k_b"), view.value("k_g") if view.has_gear else 0.0]
     return 1.0 / sum(1.0 / k for k in springs if k > 0.0)
 
 
 def angles_apart(view: View) -> list[str]:
-    """Return that the two angles are read at different instants, in words."""
+    """Return a sentence if the two angles are read at different instants."""
     late = late_angle(view)
     if late == 0.0:
         return []
@@ -69,7 +69,7 @@ def angles_apart(view: View) -> list[str]:
 def in_step(
     records: Sequence[Record], held: Sequence[Record], file: JointFile, shape: Structure
 ) -> tuple[list[Record], list[Record]]:
-    """Return records, and those held out, whose angles belong to the same instants."""
+    """Return records and held-out records with both angles aligned to the same instants."""
     try:
         late = late_angle(View.of(records, file, shape))
     except CjtGymError:
@@ -81,7 +81,7 @@ def in_step(
 
 
 def _moved(record: Record, late: float) -> Record:
-    """Return a record whose q_l and dq_l are those of the instants at which they were read."""
+    """Return a record with q_l and dq_l shifted to the instants at which they were read."""
     t = record.t
     x = {name: np.interp(t + late, t, record[name]) for name in (LATE, "dq_l") if name in record}
     first, last = np.searchsorted(t, [t[0] - late, t[-1] - late + 1e-12])
@@ -89,7 +89,7 @@ def _moved(record: Record, late: float) -> Record:
 
 
 def _at(view: View, balance: Balance, name: str) -> np.ndarray:
-    """Return a channel where the joint moves, smoothed as its motion is, without its mean."""
+    """Return a channel where the joint moves, smoothed like its motion, minus its mean."""
     found = np.zeros(len(balance))
     for k, piece in enumerate(view.stretches):
         own = balance["stretch"] == k

@@ -1,4 +1,4 @@
-"""What an examination of a record says."""
+"""Result of the examination of a record."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from cjt_gym.gap.check.channels import Channel
 
 @dataclass(frozen=True)
 class CannotTell:
-    """An effect that a record cannot tell.
+    """An effect that a record cannot identify.
 
     Attributes:
         name: Name of the effect.
-        why: The reason, with the figure that decides.
+        why: The reason, with the decisive figure.
         instead: What to record instead.
     """
 
@@ -25,16 +25,16 @@ class CannotTell:
 
 @dataclass(frozen=True)
 class Examination:
-    """What a record can and cannot tell, before any fit.
+    """What a record can and cannot identify, before any fit.
 
     Attributes:
         can_tell: Effects that it would show.
         cannot_tell: Effects that it would not show, each with its reason.
-        faults: What is wrong with the log, a sentence each.
-        smallest: For each effect that it would show, from which size on, and its unit.
+        faults: Faults of the log, a sentence each.
+        smallest: Smallest visible size and its unit, for each effect that it would show.
         advice: What to record instead, a sentence each.
-        channels: What each channel is by itself.
-        notes: What is worth knowing of the log and no fault, a sentence each.
+        channels: Properties of each channel.
+        notes: Remarks on the log that are not faults, a sentence each.
     """
 
     can_tell: tuple[str, ...]
@@ -46,7 +46,7 @@ class Examination:
     notes: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, object]:
-        """Return what `diagnosis.json` says under ``record``."""
+        """Return the contents of ``record`` in `diagnosis.json`."""
         return {
             "can_tell": list(self.can_tell),
             "cannot_tell": [{"name": row.name, "why": row.why} for row in self.cannot_tell],

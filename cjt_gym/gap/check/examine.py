@@ -1,4 +1,4 @@
-"""Look at a record before any fit: what is wrong with it, and what it can and cannot tell."""
+"""Examination of a record before any fit: its faults, and what it can and cannot identify."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from cjt_gym.joint import JointFile, Structure
 from cjt_gym.records import Record
 
 SHORTEST = 100
-"""Fewest samples of which anything can be said."""
+"""Fewest samples for an examination."""
 ROWS: Mapping[str, Callable[[View], Verdict]] = {
     "command_delay": drive.command_delay,
     "current_lag": drive.current_lag,
@@ -56,16 +56,16 @@ ROWS: Mapping[str, Callable[[View], Verdict]] = {
 def examine(
     record: Record | Sequence[Record], joint: JointFile | None, structure: Structure | None
 ) -> Examination:
-    """Return what a record can and cannot tell, and what is wrong with it.
+    """Return what a record can and cannot identify, and its faults.
 
-    No model is fitted: what an effect would do to the record is compared with what the channels
-    scatter, by plain least squares.
+    No model is fitted: the influence of an effect on the record is compared with the scatter of the
+    channels, by plain least squares.
 
     Args:
         record: The record, or several of one joint, which are judged together.
-        joint: The nominal joint; None where it is not known.
-        structure: How its bodies are joined; None takes what the record says, or else what its
-            channels suggest.
+        joint: The nominal joint; None if unknown.
+        structure: Structure of the joint; None takes the one named in the record, or else the one
+            suggested by its channels.
 
     Raises:
         RecordError: There is no record, or it has fewer than 100 samples or no channel.
@@ -73,7 +73,7 @@ def examine(
     records = (record,) if isinstance(record, Record) else tuple(record)
     _check(records)
     view = View.of(records, joint, structure)
-    with threadpool_limits(1, "blas"):  # products of narrow matrices lose by threads
+    with threadpool_limits(1, "blas"):  # threads slow down products of narrow matrices
         verdicts = {name: row(view) for name, row in ROWS.items()}
         wrong, remedies = faults(view)
         known = notes(view)

@@ -1,4 +1,4 @@
-"""What is wrong with a record: channels against each other, clock, noise, motion."""
+"""Faults of a record: contradictory channels, clock, noise, motion."""
 
 from __future__ import annotations
 
@@ -20,22 +20,22 @@ from cjt_gym.records import clean_pieces
 from cjt_gym.records.repair import NOTE
 
 FEW_COUNTS = 100.0
-"""Steps of an angle below which its motion is told."""
+"""Motion of an angle, in steps of its resolution, below which it is reported."""
 COUNTED = 50.0
-"""Range of an angle [rad] from which whole numbers are told."""
+"""Least range of an angle for whole numbers to be reported [rad]."""
 AGAINST = "has the sign against"
 NOISY = 1.5
-"""Factor between observed and specified noise that is told."""
+"""Ratio of observed to specified noise above which it is reported."""
 LOUD = 0.2
-"""Share of the current that its noise may be where nothing is specified."""
+"""Largest acceptable noise of the current, relative to its deviation, if none is specified."""
 TAIL = 0.2
-"""Share of a record that is kept to test what was found."""
+"""Share of a record that is held out for testing."""
 AT_REST = 0.1
-"""Speed in that part, as a share of that before it, below which it is at rest."""
+"""Speed in that part, relative to that before it, up to which it is at rest."""
 
 
 def faults(view: View) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return what is wrong with the records and what to do about it, a sentence each."""
+    """Return the faults of the records and their remedies, a sentence each."""
     said: dict[str, None] = {}
     remedies: dict[str, None] = {}
     for look, remedy in LOOKS:
@@ -46,12 +46,12 @@ def faults(view: View) -> tuple[tuple[str, ...], tuple[str, ...]]:
 
 
 def notes(view: View) -> tuple[str, ...]:
-    """Return what is worth knowing of the records and no fault, a sentence each."""
+    """Return remarks on the records that are not faults, a sentence each."""
     return tuple(note for look in NOTES for note in look(view))
 
 
 def _repairs(view: View) -> list[str]:
-    """Return what reading the records has found, and what their signs and units say."""
+    """Return the findings of the record reader, and those on signs and units."""
     found: list[str] = []
     for record in view.records:
         _, repairs = clean_pieces(record)
@@ -67,7 +67,7 @@ def _repairs(view: View) -> list[str]:
 
 
 def _known_better(view: View, text: str) -> bool:
-    """Whether a doubt is answered by the joint file, or said better by another part."""
+    """Return whether the joint file settles a doubt, or another check reports it better."""
     turns = " spans " in text and view.joint is not None
     return turns or text.startswith(("Sampling is uneven", "No rows for up to"))
 
@@ -130,7 +130,7 @@ def _direction(view: View) -> list[str]:
 
 
 def _tail(view: View) -> list[str]:
-    """Return that the part on which findings are tested is at rest."""
+    """Return a sentence if the part used for testing is at rest."""
     angle = view.motor_angle
     if angle is None or len(view.records) > 1:
         return []
@@ -147,7 +147,7 @@ def _tail(view: View) -> list[str]:
 
 
 def _moved(x: np.ndarray, angle: str, t: np.ndarray) -> np.ndarray:
-    """Return how far a body goes between samples, noise of the angle left out."""
+    """Return how far a body moves between samples, without the noise of the angle."""
     x = np.nan_to_num(x, nan=float(np.nanmean(x)))
     if angle.startswith("dq_"):
         return np.asarray(np.abs(x[1:] * np.diff(t)))
@@ -192,7 +192,7 @@ LOOKS: tuple[tuple[Callable[[View], Sequence[str]], str], ...] = (
     (_tail, "Record motion to the end, or a second record to test on."),
     (_swing, ""),
 )
-"""Where faults are looked for, and what to do where one is found."""
+"""Checks for faults, each with its remedy."""
 NOTES: tuple[Callable[[View], Sequence[str]], ...] = (
     lambda view: current_and_command(view)[1],
     lambda view: motion_and_torque(view)[1],
@@ -200,4 +200,4 @@ NOTES: tuple[Callable[[View], Sequence[str]], ...] = (
     at_rest,
     lambda view: bus(view.records),
 )
-"""Where what is worth knowing is looked for."""
+"""Checks that return remarks."""

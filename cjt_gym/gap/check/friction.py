@@ -1,4 +1,4 @@
-"""What a record shows of the motor's inertia and friction, by its balance of torques."""
+"""What a record shows of the motor's inertia and friction, from its torque balance."""
 
 from __future__ import annotations
 
@@ -12,36 +12,36 @@ from cjt_gym.gap.check.verdicts import TORQUE, Seen, Unseen, Verdict, no_balance
 from cjt_gym.gap.check.view import View
 
 BOTH_WAYS = 0.02
-"""Share of the moving samples, at least, in the rarer direction."""
+"""Least share of the moving samples in the rarer direction."""
 FEWEST_COUNTS = 10.0
-"""Counts that the way in each direction takes at least."""
+"""Least travel in each direction, in counts."""
 INERTIA = 1.0
-"""Share of the inertia up to which its least difference may come."""
+"""Upper limit on the smallest identifiable inertia difference, relative to the inertia."""
 FEWEST_REVERSALS = 4
-"""Reversals or breakaways that presliding needs."""
+"""Fewest reversals or breakaways for presliding."""
 SLOW = 0.002
-"""Share of the motion, at least, that is slower than a tenth of its highest speed."""
+"""Least share of the motion that is slower than a tenth of its highest speed."""
 STEPS = 3.0
-"""Counts, or deviations of the noise, that presliding has to cover."""
+"""Least presliding displacement, in counts or standard deviations of the noise."""
 SWING = 0.1
-"""Share of a usual swing up to which presliding may reach."""
+"""Largest presliding displacement, relative to a usual swing."""
 APART = 0.05
-"""Share of an effect's torque, at least, that is none of the others'."""
+"""Least share of an effect's torque that other effects cannot explain."""
 LOADED = 0.05
-"""Share of the driving torque that a weight amounts to, at least, where it makes a load."""
+"""Least gravity torque that counts as a load, relative to the driving torque."""
 TURN = "Record motion in both directions, as often in one as in the other."
 SPREAD = "Record slow and fast motion: ramps from rest to full speed in both directions."
 
 
 def two_ways(view: View) -> bool:
-    """Whether the motor moves far enough in both directions."""
+    """Return whether the motor moves far enough in both directions."""
     up, down = view.both_ways
     count = view.angle_noise(view.motor_angle) if view.motor_angle else 0.0
     return min(up, down) >= BOTH_WAYS and min(view.travel) > FEWEST_COUNTS * count
 
 
 def one_way(view: View) -> str:
-    """Return the sentence on a motion in one direction."""
+    """Return a clause on motion in one direction."""
     share = percent(max(view.both_ways))
     way = "positive" if view.both_ways[0] > view.both_ways[1] else "negative"
     return f"{share} of the motion is in the {way} direction"
@@ -56,16 +56,16 @@ def seen(
     instead: str,
     share: float = TORQUE,
 ) -> Verdict:
-    """Return whether a torque shows whose column is given, of size 1 where it is at its most.
+    """Judge whether a torque with a given column is identifiable.
 
     Args:
         view: The records.
-        balance: Of the body on which it acts.
+        balance: Balance of the body on which it acts.
         term: Its column, shape (N,).
-        against: The columns that it must be told from.
-        unit: Of its factor.
-        instead: What to record where it does not show.
-        share: Of the driving torque, up to which its least size may come.
+        against: Names of the columns that it must be distinguished from.
+        unit: Unit of its factor.
+        instead: What to record if it is not identifiable.
+        share: Upper limit on its smallest size, relative to the driving torque.
     """
     size = balance.least(term, against)
     most = float(np.quantile(np.abs(term), 0.95)) or float(np.abs(term).max(initial=0.0))
@@ -81,7 +81,7 @@ def seen(
 
 
 def inertia(view: View) -> Verdict:
-    """Inertia needs acceleration torque above the noise, and a log that follows its swing."""
+    """Judge inertia, which requires inertial torque above the noise and fast enough sampling."""
     if (none := no_balance(view)) is not None:
         return none
     if (fast := too_fast(view)) is not None:
@@ -109,7 +109,7 @@ def _all(view: View) -> tuple[str, ...]:
 
 
 def too_fast(view: View) -> Unseen | None:
-    """Return that a held joint swings above the log's Nyquist frequency, if it does."""
+    """Return the reason if a held joint resonates above the log's Nyquist frequency, else None."""
     swing, nyquist = resonance(view), 0.5 / view.dt
     if not view.structure.output_fixed or swing <= nyquist:
         return None
@@ -121,7 +121,7 @@ def too_fast(view: View) -> Unseen | None:
 
 
 def damping(view: View) -> Verdict:
-    """Damping is told from Coulomb friction by a spread of speeds."""
+    """Judge damping, which differs from Coulomb friction over a range of speeds."""
     if (none := no_balance(view) or too_fast(view)) is not None:
         return none
     assert view.motor is not None
@@ -130,7 +130,7 @@ def damping(view: View) -> Verdict:
 
 
 def coulomb(view: View) -> Verdict:
-    """Coulomb friction is told from damping by a spread of speeds, or by both directions."""
+    """Judge Coulomb friction, which requires a range of speeds or both directions."""
     if (none := no_balance(view)) is not None:
         return none
     assert view.motor is not None
@@ -148,7 +148,7 @@ def _by_speed(view: View, term: Floats, against: Sequence[str], unit: str) -> Ve
 
 
 def coulomb_asym(view: View) -> Verdict:
-    """Friction that differs with the direction needs both of them."""
+    """Judge direction-dependent friction, which requires motion in both directions."""
     if (none := no_balance(view)) is not None:
         return none
     if not two_ways(view):
@@ -159,7 +159,7 @@ def coulomb_asym(view: View) -> Verdict:
 
 
 def viscous_asym(view: View) -> Verdict:
-    """So does damping that differs with the direction, and a spread of speeds."""
+    """Judge direction-dependent damping, which requires both directions and a range of speeds."""
     if (none := no_balance(view) or too_fast(view)) is not None:
         return none
     if not two_ways(view):
@@ -170,7 +170,7 @@ def viscous_asym(view: View) -> Verdict:
 
 
 def torque_offset(view: View) -> Verdict:
-    """A constant torque is told from Coulomb friction by the direction of motion."""
+    """Judge a constant torque, which differs from Coulomb friction if both directions occur."""
     if (none := no_balance(view)) is not None:
         return none
     if not two_ways(view):
@@ -181,7 +181,7 @@ def torque_offset(view: View) -> Verdict:
 
 
 def stribeck(view: View) -> Verdict:
-    """A friction that falls with speed needs slow phases beside fast ones."""
+    """Judge friction that falls with speed, which requires both slow and fast phases."""
     if (none := no_balance(view)) is not None:
         return none
     balance = view.motor
@@ -203,7 +203,7 @@ def stribeck(view: View) -> Verdict:
 
 
 def presliding(view: View) -> Verdict:
-    """Elastic presliding needs reversals, and an angle fine enough to see it."""
+    """Judge elastic presliding, which requires reversals and a fine enough angle."""
     if (none := no_balance(view)) is not None:
         return none
     instead = "Record small oscillations below the breakaway torque, many of them."
@@ -225,7 +225,7 @@ def presliding(view: View) -> Verdict:
 
 
 def load_friction(view: View) -> Verdict:
-    """Friction that grows with the load needs a load that changes apart from the direction."""
+    """Judge load-dependent friction, which requires a load varying independently of direction."""
     if (none := no_balance(view)) is not None:
         return none
     balance = view.motor
@@ -243,7 +243,7 @@ def load_friction(view: View) -> Verdict:
 
 
 def _weight(balance: Balance) -> Floats | None:
-    """Return the torque of a weight, shape (N,); None where the record shows none."""
+    """Return the gravity torque, shape (N,); None if the record shows none."""
     plain = [balance[name] for name in ("a", "v", "s", "one")]
     waves = [np.sin(balance["q"]), np.cos(balance["q"])]
     weight = np.column_stack(waves) @ factors(balance.y, [*plain, *waves])[-2:]

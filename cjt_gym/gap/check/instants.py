@@ -1,8 +1,8 @@
-"""Whether the channels of one row belong to one instant.
+"""Whether the channels of one row belong to the same instant.
 
-A row of most logs holds a command and what was measured before it acted, so that a current follows
-by a row even where the drive has no dead time. More than that may be the drive or the log; what
-cannot be the drive is a fault of the log.
+In most logs a row holds a command and the measurements taken before it acted, so that the current
+lags by one row even if the drive has no dead time. A larger lag may be due to the drive or the log;
+if it cannot be the drive, it is a fault of the log.
 """
 
 from __future__ import annotations
@@ -16,32 +16,32 @@ from cjt_gym.gap.check.view import View
 from cjt_gym.records import Record
 
 LATE = 0.7
-"""Samples that are told."""
+"""Lag of the current above which it is reported, in samples."""
 USUAL = 1.5
-"""Samples by which a current follows its command in logs of drives without dead time, at most."""
+"""Largest lag of a current after its command without dead time, in samples."""
 MOST_LATE = 40
-"""Samples up to which a current may follow its command."""
+"""Largest lag of a current after its command that is searched, in samples."""
 LONGEST = 0.03
-"""Dead time that no drive has [s]."""
+"""Longest plausible dead time of a drive [s]."""
 ALIKE = 0.3
-"""Correlation of changes from which a current follows its command."""
+"""Least correlation of changes for a current to follow its command."""
 ROWS = 0.7
-"""Mean square that counting in rows must leave, as a share of what counting in time does."""
+"""Largest ratio of the mean square residual with a lag in rows to that with a lag in time."""
 SHIFTS = np.arange(-12.0, 24.01, 0.5)
-"""Samples by which a motion is tried against what moves it."""
+"""Candidate shifts between motion and torque, in samples."""
 EXPLAINED = 0.5
-"""Deviation that a motion's balance may leave, as a share, for its instants to be judged."""
+"""Largest relative residual of a motion's balance for its instants to be judged."""
 CLEARLY = 0.5
-"""Mean square that the best shift must leave, as a share of that without any."""
+"""Largest mean square residual with the best shift, relative to that without a shift."""
 HEAVY = 0.5
-"""Share of the inertia without a shift that must be left at the best one."""
+"""Least inertia at the best shift, relative to that without a shift."""
 APART = 1.5
-"""Samples of such a shift that are told."""
+"""Least reported shift, in samples."""
 WHAT_TO_DO = "samples_late in the mapping puts its values into the rows of their instants"
 
 
 def current_and_command(view: View) -> tuple[list[str], list[str]]:
-    """Return what is wrong, and what is worth knowing, of the instants of i and i_cmd."""
+    """Return faults and remarks on the instants of i and i_cmd."""
     if "i" not in view or "i_cmd" not in view:
         return [], []
     if view.channels["i"].unit != view.channels["i_cmd"].unit:
@@ -77,7 +77,7 @@ def current_and_command(view: View) -> tuple[list[str], list[str]]:
 
 
 def motion_and_torque(view: View) -> tuple[list[str], list[str]]:
-    """Return what is wrong, and what is worth knowing, of the instants of motion and torque."""
+    """Return faults and remarks on the instants of motion and torque."""
     shift = _shift(view)
     if shift is None or abs(shift) < APART or view.drive is None:
         return [], []
@@ -103,7 +103,7 @@ def motion_and_torque(view: View) -> tuple[list[str], list[str]]:
 
 
 def _lag(piece: dict[str, Floats]) -> float | None:
-    """Return by how many samples a current follows its command; None where it does not."""
+    """Return the lag of a current after its command in samples; None if it does not follow."""
     x, y = np.diff(piece["i_cmd"]), np.diff(piece["i"])
     most = min(MOST_LATE, len(x) // 4)
     lags = np.arange(-most, most + 1)
@@ -126,9 +126,9 @@ def _alike(x: Floats, y: Floats, lag: int) -> float:
 
 
 def _rows(record: Record) -> int:
-    """Return by how many rows a current follows, where it is rows and no time; else 0.
+    """Return the lag of a current in rows if it is a number of rows, not a time; else 0.
 
-    Only a log of uneven sampling tells: a dead time picks another row where rows take longer.
+    Only uneven sampling shows the difference: a dead time spans fewer rows where rows take longer.
     """
     t, i, command = record.t, record["i"], record["i_cmd"]
     if even(np.diff(t)):
@@ -149,10 +149,10 @@ def _rows(record: Record) -> int:
 
 
 def _shift(view: View) -> float | None:
-    """Return by how many samples the motion follows its torque; None where that cannot be told."""
+    """Return the lag of the motion after its torque in samples; None if it is not identifiable."""
     balance = view.motor
     if balance is None or view.motor_angle == "tau" or view.drive == "v":
-        return None  # a voltage moves the motor late by itself
+        return None  # the motor inherently lags behind a voltage
     terms = [balance[name] for name in ("a", "v", "s", "one", "q")]
     if not view.records[0].prismatic:
         terms += [np.sin(balance["q"]), np.cos(balance["q"])]
@@ -169,12 +169,12 @@ def _shift(view: View) -> float | None:
     if best in (0, len(SHIFTS) - 1) or left[best] > EXPLAINED:
         return None
     if factors(tried[best], terms)[0] < HEAVY * factors(tried[none], terms)[0]:
-        return None  # it is the inertia that comes late
+        return None  # the lag is due to inertia
     return float(SHIFTS[best]) if left[best] ** 2 < CLEARLY * now**2 else 0.0
 
 
 def _earlier(view: View, torques: dict[int, Floats], shift: float) -> Floats:
-    """Return the torque so many samples before the joint's motion, where it moves."""
+    """Return the torque `shift` samples before the joint's motion, where it moves."""
     balance = view.motor
     assert balance is not None
     y = np.zeros(len(balance))

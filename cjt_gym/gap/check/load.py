@@ -1,4 +1,4 @@
-"""What a record shows of a free load: inertia, friction, weight."""
+"""What a record shows of a free load: inertia, friction, gravity."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from cjt_gym.gap.check.verdicts import TORQUE, Seen, Unseen, Verdict, no_balance
 from cjt_gym.gap.check.view import View
 
 WEIGHT = 1.0
-"""Share of the driving torque up to which the least weight may come: a pendulum that is swung up
-weighs more than its motor gives."""
+"""Upper limit on the smallest gravity torque, relative to the driving torque: that of a pendulum
+that is swung up exceeds its motor's."""
 FREE = "Record with a free load, its angle q_l and the joint torque tau."
 OFFSET = "On a straight axis look for a weight as torque_offset."
 HELD = Unseen("the output is held", FREE)
 
 
 def no_load(view: View) -> Unseen | None:
-    """Return why the load cannot be told from the motor, or None where it can."""
+    """Return why the load cannot be distinguished from the motor, or None if it can."""
     if view.structure.output_fixed:
         return HELD
     if view.load is not None:
@@ -34,7 +34,7 @@ def no_load(view: View) -> Unseen | None:
 
 
 def load_inertia(view: View) -> Verdict:
-    """A load's inertia needs its acceleration above the noise of the torque."""
+    """Judge the load's inertia, which requires inertial torque above the torque's noise."""
     if (none := no_load(view)) is not None:
         return none
     balance = view.load
@@ -50,7 +50,7 @@ def load_inertia(view: View) -> Verdict:
 
 
 def load_coulomb(view: View) -> Verdict:
-    """Dry friction of the load needs it to move, under a measured torque."""
+    """Judge the load's dry friction, which requires motion under a measured torque."""
     if (none := no_load(view)) is not None:
         return none
     balance = view.load
@@ -60,7 +60,7 @@ def load_coulomb(view: View) -> Verdict:
 
 
 def gravity(view: View) -> Verdict:
-    """Weight needs a way over which sine and cosine of the angle are told from a constant."""
+    """Judge gravity, which requires travel over which sine and cosine of the angle vary."""
     if view.structure.output_fixed:
         return HELD
     if view.angle_unit == "m":

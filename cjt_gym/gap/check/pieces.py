@@ -1,4 +1,4 @@
-"""Stretches of a log between its gaps, on even times, and their angles smoothed."""
+"""Evenly sampled stretches of a log between its gaps, and smoothing of their angles."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from cjt_gym.records import Record
 Floats = NDArray[np.float64]
 Columns = dict[str, Floats]
 ORDER = 3
-"""Order of the polynomials with which everything is smoothed."""
+"""Order of the smoothing polynomials."""
 USED = ("i", "i_cmd", "tau_m", "tau_cmd", "tau", "q_m", "q_g", "q_l", "dq_m", "dq_l")
-"""Channels without which a sample does not count."""
+"""Channels that must be present for a sample to be valid."""
 
 
 def stretches(record: Record, channels: Collection[str]) -> list[Columns]:
-    """Return the channels of a record on even times, cut at its gaps."""
+    """Return the channels of a record on even time grids, split at its gaps."""
     t, dt = record.t, record.dt
     gap = gap_length(np.diff(t))
     ends = np.flatnonzero(np.diff(t) > gap) + 1
@@ -47,14 +47,14 @@ def stretches(record: Record, channels: Collection[str]) -> list[Columns]:
 
 
 def motion(piece: Columns, angle: str, stiffness: float, width: int) -> Columns:
-    """Return angle, speed and acceleration of a body, smoothed.
+    """Return the smoothed angle, speed and acceleration of a body.
 
     Args:
         piece: The channels of a stretch.
-        angle: The channel that shows the body's motion: an angle, a velocity, or the torque of a
-            spring to a held output.
-        stiffness: Of that spring [N m/rad].
-        width: Samples over which to smooth.
+        angle: The channel of the body's motion: an angle, a velocity, or the torque of a spring to
+            a held output.
+        stiffness: Stiffness of that spring [N m/rad].
+        width: Number of samples of the smoothing window.
     """
     x, dt = piece[angle], float(piece["t"][1] - piece["t"][0])
     if angle == "tau":
@@ -67,18 +67,18 @@ def motion(piece: Columns, angle: str, stiffness: float, width: int) -> Columns:
 
 
 def smooth(x: Floats, width: int, order: int = 0, dt: float = 1.0) -> Floats:
-    """Return a channel, or a derivative of it, smoothed by polynomials; shape (N,)."""
+    """Return a channel or its derivative, smoothed by polynomials, shape (N,)."""
     return np.asarray(savgol_filter(x, width, ORDER, deriv=order, delta=dt), dtype=np.float64)
 
 
 def gain(width: int, order: int, dt: float, angle: str) -> float:
-    """Return the deviation of a smoothed derivative per deviation of a sample."""
+    """Return the ratio of a smoothed derivative's deviation to that of a sample."""
     order -= angle.startswith("dq_")
     return float(np.linalg.norm(savgol_coeffs(width, ORDER, deriv=order, delta=dt)))
 
 
 def changes(way: NDArray[np.float64], rest: int) -> int:
-    """Return how often a direction changes, or begins again after so many samples of rest."""
+    """Return how often motion reverses, or starts after more than `rest` samples of rest."""
     at = np.flatnonzero(way)
     if len(at) < 2:
         return len(at)

@@ -1,4 +1,4 @@
-"""Where the joint swings, by its nominal values."""
+"""Resonance frequencies of the joint, from its nominal values."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from cjt_gym.gap.check.view import View
 
 
 def resonance(view: View) -> float:
-    """Return the frequency at which the joint swings on its torsion bar [Hz]; 0 if unknown."""
+    """Return the resonance frequency of the joint on its torsion bar [Hz]; 0 if unknown."""
     if not view.has_spring:
         return 0.0
     motor = view.value("I_m") + view.value("I_g")
@@ -17,7 +17,7 @@ def resonance(view: View) -> float:
 
 
 def gear_resonance(view: View) -> float:
-    """Return the frequency at which motor and gear swing on the gearbox [Hz]; 0 if unknown."""
+    """Return the resonance frequency of motor and gear on the gearbox [Hz]; 0 if unknown."""
     return _frequency(view.value("k_g"), view.value("I_m"), view.value("I_g"))
 
 

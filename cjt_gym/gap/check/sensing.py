@@ -1,4 +1,4 @@
-"""What a record shows of the torque sensor, and of sensors that are worse than specified."""
+"""What a record shows of the torque sensor, and of sensors worse than specified."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from cjt_gym.gap.check.verdicts import Seen, Unseen, Verdict, only_from
 from cjt_gym.gap.check.view import View
 
 GAIN = 0.3
-"""Relative size up to which the least one may come."""
+"""Upper limit on the smallest identifiable gain error."""
 LATEST = 0.03
-"""Delay up to which the least one may come [s]."""
+"""Upper limit on the smallest identifiable delay [s]."""
 LEAST_DELAY = 0.25
-"""Share of a sample below which no delay can be told."""
+"""Share of a sample below which no delay is identifiable."""
 STEPS = 8.0
-"""Steps of its resolution over which a channel must move."""
+"""Least range of a channel, in steps of its resolution."""
 MEASURED = ("i", "q_m", "q_g", "q_l", "dq_m", "dq_g", "dq_l", "tau")
 
 
 def torque_gain(view: View) -> Verdict:
-    """The sensor's scale is told from the motor's by the spring's deflection."""
+    """Judge the sensor's scale, which requires a sufficient deflection of the spring."""
     if (none := no_spring(view)) is not None:
         return none
     balance = spring(view)
@@ -32,7 +32,7 @@ def torque_gain(view: View) -> Verdict:
 
 
 def torque_bias(view: View) -> Verdict:
-    """The sensor's zero needs motion in both directions, or rest."""
+    """Judge the sensor's zero, which requires motion in both directions."""
     if "tau" not in view:
         return Unseen("no joint torque tau is recorded that changes", BESIDE)
     balance = view.motor if view.cut else view.load
@@ -44,7 +44,7 @@ def torque_bias(view: View) -> Verdict:
 
 
 def torque_delay(view: View) -> Verdict:
-    """A late sensor needs a torque that changes fast."""
+    """Judge a delayed sensor, which requires a rapidly changing torque."""
     if (none := no_spring(view)) is not None:
         return none
     balance = spring(view)
@@ -69,7 +69,7 @@ def _rise(view: View):  # type: ignore[no-untyped-def]
 
 
 def noise(view: View) -> Verdict:
-    """A noise beyond the specified needs a specification."""
+    """Judge excess noise, which requires a specification."""
     stated = [view.channels[n] for n in MEASURED if n in view and view.channels[n].specified > 0.0]
     if not stated:
         why = "the joint file specifies neither noise nor resolution of any channel recorded"
@@ -79,7 +79,7 @@ def noise(view: View) -> Verdict:
 
 
 def quantization(view: View) -> Verdict:
-    """A coarse channel needs a stated resolution, and motion over many steps."""
+    """Judge a coarse channel, which requires a stated resolution and motion over many steps."""
     if view.joint is None:
         return Unseen("no joint file states a resolution", "State it: [sensors.q_m] resolution.")
     sensors = view.joint.sensors

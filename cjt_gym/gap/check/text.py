@@ -1,4 +1,4 @@
-"""An examination in words, for a terminal."""
+"""Text output of an examination for a terminal."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ HEAD = ("channel", "unit", "from", "to", "resolution", "noise", "missing")
 
 
 def text(found: Examination, width: int) -> str:
-    """Return an examination as text of so many letters a line."""
+    """Return an examination as text with lines of at most `width` characters."""
     channels = Table("Channels", "", [HEAD, *map(_row, found.channels.values())])
     sizes = [(name, _size(*size)) for name, size in found.smallest.items()]
     parts = [channels.text(width), _list("Faults of the log", found.faults, width, "none found")]

@@ -1,4 +1,4 @@
-"""What a record shows of the motor's torque: its constant, its heat, its ripple."""
+"""What a record shows of the motor's torque: constant, thermal derating, ripple."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from cjt_gym.gap.check.verdicts import Seen, Unseen, Verdict, no_balance, only_f
 from cjt_gym.gap.check.view import View
 
 CONSTANT = 0.3
-"""Relative difference of the torque constant up to which its least size may come."""
+"""Upper limit on the smallest identifiable relative difference of the torque constant."""
 WARMING = (2.0, 5.0, 10.0, 40.0)
-"""Time constants of heat that are tried [s]."""
+"""Candidate thermal time constants [s]."""
 SHORTEST_HEAT = 5.0
-"""Time that a record of warming covers at least [s]."""
+"""Least duration of a record for thermal derating [s]."""
 DROP = 0.3
-"""Share of the torque up to which the least drop may come."""
+"""Upper limit on the smallest identifiable relative drop of the torque."""
 PER_TURN = np.geomspace(1.0, 200.0, 48)
-"""Periods of a ripple per turn of the rotor that are tried."""
+"""Candidate numbers of ripple periods per turn of the rotor."""
 PERIODS = 1.5
-"""Periods of a ripple that a record covers at least."""
+"""Fewest ripple periods that a record must cover."""
 FEWEST = 100
-"""Samples of slow passes at least."""
+"""Fewest samples at low speed."""
 
 
 def torque_constant(view: View) -> Verdict:
-    """A torque constant needs a known torque: without one, all else can be off with it."""
+    """Judge the torque constant, which requires a known torque to fix the overall scale."""
     if (none := no_balance(view)) is not None:
         return none
     balance = view.motor
@@ -44,7 +44,7 @@ def torque_constant(view: View) -> Verdict:
 
 
 def thermal_derating(view: View) -> Verdict:
-    """Torque that falls with heat needs torque for long."""
+    """Judge thermal derating, which requires torque over a long time."""
     if (none := no_balance(view)) is not None:
         return none
     instead = "Record constant torque near the rated one at rest, for a minute or longer."
@@ -61,7 +61,7 @@ def thermal_derating(view: View) -> Verdict:
 
 
 def _heat(view: View, balance: Balance, constant: float) -> Floats:
-    """Return how warm the windings are while the motor moves, 1 at the most; shape (N,)."""
+    """Return the relative winding heat while the motor moves, at most 1, shape (N,)."""
     assert view.drive is not None
     keep = float(np.exp(-view.dt / constant))
     parts = []
@@ -79,12 +79,12 @@ def _heat(view: View, balance: Balance, constant: float) -> Floats:
 
 
 def cogging(view: View) -> Verdict:
-    """A torque periodic in the rotor's angle needs slow passes over several periods."""
+    """Judge a torque periodic in the rotor's angle, which requires slow motion over periods."""
     return _ripple(view, lambda balance: np.ones(len(balance)), view.torque_unit)
 
 
 def gear_ripple(view: View) -> Verdict:
-    """A ripple that grows with the load needs the transmitted torque, too."""
+    """Judge load-dependent ripple, which also requires the transmitted torque."""
     if (none := no_balance(view)) is not None:
         return none
     if "tau" not in view:
@@ -118,7 +118,7 @@ def _ripple(view: View, carrier, unit: str) -> Verdict:  # type: ignore[no-untyp
 
 
 def _fine(view: View, f: float) -> bool:
-    """Whether a period of a ripple is many counts of the angle."""
+    """Return whether the angle resolves a period of a ripple."""
     assert view.motor_angle is not None
     return f * view.angle_noise(view.motor_angle) < 0.5
 

@@ -1,4 +1,4 @@
-"""A measured torque: what to do with it where there is no spring, and what it reads at rest."""
+"""A measured torque: its use without a spring, and its reading at rest."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from cjt_gym.gap.check.pieces import smooth
 from cjt_gym.gap.check.view import View
 
 HELPS = 0.8
-"""What the motion's balance must leave with the torque as a load's, as a share of that without."""
+"""Largest residual of the motion's balance with the torque as a load, relative to that without."""
 NO_TORQUE = 0.02
-"""Share of the largest motor torque below which there is none."""
+"""Motor torque up to which it counts as zero, relative to the largest."""
 SETTLED = 0.1
-"""Time after which a rest counts [s]."""
+"""Settling time at the start of a rest, which is ignored [s]."""
 SURE = 3.0
-"""Deviations of the mean of a rest."""
+"""Number of standard deviations for a significant difference from zero."""
 
 
 def without_spring(view: View) -> list[str]:
-    """Return what to do with a torque that the structure has no spring for."""
+    """Return a remark on a torque for which the structure has no spring."""
     if view.has_spring or "tau" not in view or "tau_l" in view.channels:
         return []
     said = (
@@ -41,9 +41,9 @@ def without_spring(view: View) -> list[str]:
 
 
 def _load_sign(view: View) -> tuple[int, float, float] | None:
-    """Return the sign with which a torque explains the motion, and what is left before and after.
+    """Return the sign with which a torque explains the motion, and the residuals without and with.
 
-    None where it explains nothing.
+    None if it does not help.
     """
     balance = view.motor
     if balance is None or "tau" not in balance:
@@ -57,7 +57,7 @@ def _load_sign(view: View) -> tuple[int, float, float] | None:
 
 
 def at_rest(view: View) -> list[str]:
-    """Return what the torque sensor reads where nothing moves and the motor has no torque."""
+    """Return a remark on the torque sensor's reading at rest without motor torque."""
     if not view.has_spring or "tau" not in view or view.drive is None:
         return []
     rests = _rests(view)
@@ -83,7 +83,7 @@ def at_rest(view: View) -> list[str]:
 
 
 def _rests(view: View) -> list[Floats]:
-    """Return the torque of each stretch of rest without motor torque."""
+    """Return the measured torque of each rest without motor torque."""
     width, found = view.width, []
     u = [np.abs(view.driving(piece)) for piece in view.stretches]
     most = NO_TORQUE * max((float(x.max()) for x in u), default=0.0)

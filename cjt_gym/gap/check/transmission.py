@@ -1,4 +1,4 @@
-"""What a record shows of spring and gearbox: torque against deflection."""
+"""What a record shows of spring and gearbox, from torque and deflection."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from cjt_gym.gap.check.verdicts import Seen, Unseen, Verdict, only_from
 from cjt_gym.gap.check.view import View
 
 RELATIVE = 0.3
-"""Relative size up to which the least one may come."""
+"""Upper limit on the smallest identifiable relative size."""
 CROSSINGS = 4
-"""Passages of the torque through zero that play needs."""
+"""Fewest zero crossings of the torque for backlash."""
 PLAY = 0.2
-"""Share of the range of deflections up to which the least play may come."""
+"""Upper limit on the smallest identifiable backlash, relative to the range of deflections."""
 RIGID = ""
-"""A joint that is rigid as it is given needs no other record."""
+"""Advice for a joint defined as rigid, which needs no other record."""
 BESIDE = "Record the joint torque tau and both angles of the spring, q_m and q_l."
 NEAR = 0.4
-"""Share of the gearbox's resonance up to which an excitation must reach at least."""
+"""Least frequency that the excitation must reach, relative to the gearbox's resonance."""
 ABOVE = 5.0
-"""Deviations of the noise that it must have there."""
+"""Power of the excitation, relative to its noise, above which it counts."""
 
 
 def no_spring(view: View) -> Unseen | None:
-    """Return why the spring cannot be seen, or None where it can."""
+    """Return why the spring cannot be evaluated, or None if it can."""
     if not view.has_spring:
         why = f"the structure {view.structure.name} has no spring"
         return Unseen(why, RIGID)
@@ -40,13 +40,13 @@ def no_spring(view: View) -> Unseen | None:
 
 
 def tied(view: View) -> Balance | None:
-    """Return the balance of a motor that its spring ties to a wall, where no torque is measured."""
+    """Return the balance of a motor with a spring to a held output and no measured torque."""
     held = view.has_spring and view.structure.output_fixed and "tau" not in view.channels
     return view.motor if held and view.drive is not None else None
 
 
 def deflection(view: View, piece: dict[str, Floats]) -> Floats:
-    """Return how far the spring is wound [rad], shape (N,); gearbox included."""
+    """Return the spring's deflection, gearbox included [rad], shape (N,)."""
     held = piece.get("q_l", np.zeros(len(piece["t"])))
     assert view.motor_angle is not None
     if view.motor_angle.startswith("dq_"):
@@ -56,7 +56,7 @@ def deflection(view: View, piece: dict[str, Floats]) -> Floats:
 
 
 def spring(view: View) -> Balance:
-    """Return the balance of the spring: its torque, and what makes it."""
+    """Return the balance of the spring: its torque and the terms that cause it."""
     wound = [deflection(view, piece) for piece in view.stretches]
     delta = np.concatenate([x - x.mean() for x in wound])
     rate = np.concatenate([np.gradient(x, view.dt) for x in wound])
@@ -73,7 +73,7 @@ def spring(view: View) -> Balance:
 
 
 def stiffness(view: View) -> Verdict:
-    """A stiffness needs torque and deflection, or the motion of a load that swings on it."""
+    """Judge stiffness, which requires torque and deflection, or motion of a body on the spring."""
     if view.wound and view.load is not None:
         size = view.load.least(view.load.y, ("v", "s", "one"))
         if size <= RELATIVE:
@@ -94,7 +94,7 @@ def stiffness(view: View) -> Verdict:
 
 
 def hardening(view: View) -> Verdict:
-    """Hardening needs large deflections beside small ones."""
+    """Judge hardening, which requires both large and small deflections."""
     if (motor := tied(view)) is not None:
         cubed = (motor["q"] - motor["q"].mean()) ** 3
         size = motor.least(cubed, ("a", "v", "s", "one", "q"))
@@ -117,7 +117,7 @@ def hardening(view: View) -> Verdict:
 
 
 def spring_hysteresis(view: View) -> Verdict:
-    """Hysteresis needs the spring to be wound and unwound."""
+    """Judge hysteresis, which requires loading and unloading of the spring."""
     if (none := no_spring(view)) is not None:
         return none
     balance = spring(view)
@@ -129,7 +129,7 @@ def spring_hysteresis(view: View) -> Verdict:
 
 
 def backlash(view: View) -> Verdict:
-    """Play needs a torque that passes through zero, and a fine deflection."""
+    """Judge backlash, which requires zero crossings of the torque and a fine deflection."""
     if (none := no_spring(view)) is not None:
         return none
     instead = "Record motion in which the torque passes through zero, slowly and often."
@@ -156,7 +156,7 @@ def _crossings(view: View) -> int:
 
 
 def gear_stiffness(view: View) -> Verdict:
-    """The gearbox's stiffness shows near its resonance, or between its two angles."""
+    """Judge the gearbox's stiffness, which shows near its resonance or between its two angles."""
     if not view.has_gear:
         why = f"the gearbox of the structure {view.structure.name} is rigid"
         return Unseen(why, RIGID)
@@ -179,7 +179,7 @@ def gear_stiffness(view: View) -> Verdict:
 
 
 def excited_to(view: View) -> float:
-    """Return the frequency up to which what drives the joint stands above its noise [Hz]."""
+    """Return the highest frequency at which the joint's input exceeds its noise [Hz]."""
     from scipy.signal import welch
 
     assert view.drive is not None

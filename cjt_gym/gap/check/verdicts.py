@@ -1,4 +1,4 @@
-"""What a record says of one effect: from which size on it shows, or why it cannot."""
+"""Verdict on one effect: its smallest visible size, or why it is not identifiable."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from cjt_gym.gap.check.view import View
 
 TORQUE = 0.3
-"""Share of the driving torque up to which the least size of a friction, say, may come."""
+"""Upper limit on the smallest identifiable torque, relative to the driving torque."""
 
 
 @dataclass(frozen=True)
@@ -17,7 +17,7 @@ class Seen:
     """An effect that the record would show.
 
     Attributes:
-        size: From which size on.
+        size: Smallest visible size.
         unit: Its unit.
     """
 
@@ -27,10 +27,10 @@ class Seen:
 
 @dataclass(frozen=True)
 class Unseen:
-    """An effect that the record cannot tell.
+    """An effect that the record cannot identify.
 
     Attributes:
-        why: The reason, with the figure that decides.
+        why: The reason, with the decisive figure.
         instead: What to record instead.
     """
 
@@ -51,7 +51,7 @@ NO_INPUT = Unseen(
 
 
 def no_balance(view: View) -> Unseen | None:
-    """Return why there is no balance of the motor's torques, or None where there is one."""
+    """Return why there is no torque balance of the motor, or None if there is one."""
     if view.drive is None:
         return NO_INPUT
     if view.motor_angle is None:
@@ -60,7 +60,7 @@ def no_balance(view: View) -> Unseen | None:
 
 
 def only_from(size: float, unit: str) -> str:
-    """Return the sentence that an effect would show only from a size on.
+    """Return a clause on the smallest size of an effect that would show.
 
     Example:
         >>> only_from(0.123, "N m"), only_from(0.5, "-"), only_from(float("inf"), "s")
@@ -73,7 +73,7 @@ def only_from(size: float, unit: str) -> str:
 
 
 def percent(share: float) -> str:
-    """Return a share in per cent, with two digits.
+    """Return a share in percent, with two digits.
 
     Example:
         >>> percent(1.0), percent(0.0312)

@@ -1,4 +1,4 @@
-"""A record seen as bodies that move: what is measured of them, and how far and how fast they go."""
+"""A record viewed as moving bodies: their measured channels, balances, travel and speed."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from cjt_gym.joint import STRUCTURES, JointFile, Structure
 from cjt_gym.records import Record
 
 WIDTHS = (5, 7, 9, 13, 17, 25, 37, 53, 75, 101)
-"""Samples over which angles may be smoothed."""
+"""Candidate smoothing windows, in samples."""
 LONGEST = 0.3
-"""Time over which they are smoothed at most [s]."""
+"""Longest smoothing window [s]."""
 REST = 0.1
-"""Time without motion from which a body is at rest [s]."""
+"""Time without motion after which a body is at rest [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,9 +29,9 @@ class View:
 
     Attributes:
         records: The records.
-        joint: The nominal joint; None where it is not known.
-        structure: How its bodies are joined.
-        channels: What each channel is by itself; of several records, that of the longest.
+        joint: The nominal joint; None if unknown.
+        structure: Structure of the joint.
+        channels: Properties of each channel, from the longest record.
     """
 
     records: tuple[Record, ...]
@@ -49,22 +49,22 @@ class View:
         return cls(tuple(records), joint, structure or _likely(longest, channels), channels)
 
     def __contains__(self, name: object) -> bool:
-        """Return whether a channel is there and moves."""
+        """Return whether a channel exists and moves."""
         return name in self.channels and self.channels[str(name)].moves
 
-    # ---- what the joint file says
+    # ---- values of the joint file
     def value(self, symbol: str, default: float = 0.0) -> float:
-        """Return a parameter of the joint, or the default where there is none."""
+        """Return a parameter of the joint, or the default if absent."""
         return default if self.joint is None else self.joint.parameters.get(symbol, default)
 
     @property
     def ratio(self) -> float:
-        """Ratio of the gear; 1 where it is not known."""
+        """Gear ratio; 1 if unknown."""
         return self.value("n", 1.0)
 
     @property
     def torque_per_input(self) -> float:
-        """Torque on the link side per unit of what drives the motor; 1 where it is not known."""
+        """Link-side torque per unit of the motor's input; unknown factors count as 1."""
         gain = self.value("k_t", 1.0) * self.ratio
         if self.drive == "v" and self.value("r") > 0.0:
             gain /= self.value("r")
@@ -82,7 +82,7 @@ class View:
         """Unit of the angles."""
         return "m" if self.records[0].prismatic else "rad"
 
-    # ---- what is there
+    # ---- available channels
     @property
     def dt(self) -> float:
         """Usual sample time [s]."""
@@ -90,12 +90,12 @@ class View:
 
     @property
     def seconds(self) -> float:
-        """Time that the longest record covers [s]."""
+        """Duration of the longest record [s]."""
         return max(float(record.t[-1] - record.t[0]) for record in self.records)
 
     @cached_property
     def drive(self) -> str | None:
-        """The channel that stands for the motor's torque, or None."""
+        """The channel that represents the motor's torque, or None."""
         names = ("i", "tau_m", "i_cmd", "tau_cmd", "v")
         return next((name for name in names if name in self.channels), None)
 
@@ -106,7 +106,7 @@ class View:
 
     @property
     def has_spring(self) -> bool:
-        """Whether a torsion bar separates motor side and load."""
+        """Whether a torsion bar connects motor side and load."""
         return self.structure.groups[1] != self.structure.groups[2]
 
     @property
@@ -121,7 +121,7 @@ class View:
 
     @cached_property
     def motor_angle(self) -> str | None:
-        """The channel that shows the motor's motion: an angle, a velocity, or tau; or None."""
+        """The channel of the motor's motion: an angle, a velocity, or tau; or None."""
         groups = self.structure.groups
         bodies = [b for b, group in zip("mgl", groups, strict=True) if group == groups[0]]
         names = [*(f"q_{b}" for b in bodies), *(f"dq_{b}" for b in bodies)]
@@ -131,7 +131,7 @@ class View:
 
     @cached_property
     def load_angle(self) -> str | None:
-        """The channel that shows the load's motion, or None."""
+        """The channel of the load's motion, or None."""
         if self.structure.output_fixed:
             return None
         return next((name for name in ("q_l", "dq_l") if name in self.channels), None)
@@ -145,7 +145,7 @@ class View:
 
     @cached_property
     def stretches(self) -> tuple[Columns, ...]:
-        """The channels on even times between the gaps, longest first; without short pieces."""
+        """Evenly sampled channels between the gaps, longest first, without short pieces."""
         found = [piece for record in self.records for piece in stretches(record, self.channels)]
         found.sort(key=lambda piece: -len(piece["t"]))
         return tuple(piece for piece in found if len(piece["t"]) >= FEWEST) or tuple(found[:1])
@@ -153,7 +153,7 @@ class View:
     # ---- bodies
     @cached_property
     def motor_body(self) -> Body | None:
-        """The motor side, or all bodies where nothing cuts them; None without motion."""
+        """The motor side, or all bodies if no measured torque cuts them; None without motion."""
         if self.motor_angle is None:
             return None
         power = (self.torque_per_input * self._noise(self.drive)) ** 2
@@ -162,14 +162,14 @@ class View:
 
     @cached_property
     def motor(self) -> Balance | None:
-        """The balance of that body, or None."""
+        """The torque balance of that body, or None."""
         if self.motor_body is None or self.drive is None:
             return None
         return self.motor_body.balance(self.width)
 
     @cached_property
     def load(self) -> Balance | None:
-        """The balance of the load, where it is cut off and free; or None."""
+        """The torque balance of a free load whose torque is known, or None."""
         angle = self.load_angle if self.has_spring else self.motor_angle
         known = "tau" in self or self.wound
         if self.structure.output_fixed or not known or angle is None:
@@ -180,18 +180,18 @@ class View:
 
     @property
     def wound(self) -> bool:
-        """Whether the spring's torque follows from its two angles, as none is measured."""
+        """Whether the spring's torque is not measured but follows from its two angles."""
         ends = self.has_spring and {"q_m", "q_l"} <= self.channels.keys()
         return ends and "tau" not in self and self.value("k_b") > 0.0
 
     def _noise(self, name: str | None) -> float:
-        """Return the deviation of a sample of a channel; 0 of a command or where it is not."""
+        """Return the deviation of a sample of a channel; 0 for a command or an absent channel."""
         if name is None or name not in self.channels or name.endswith("_cmd"):
             return 0.0
         return self.channels[name].noise
 
     def angle_noise(self, angle: str) -> float:
-        """Return the deviation of a sample of an angle; of tau, of the angle that it stands for."""
+        """Return the deviation of a sample of an angle; tau is converted to an angle."""
         return self._noise(angle) / (self.value("k_b", 1.0) if angle == "tau" else 1.0)
 
     def _body(self, angle: str, torque: Callable[[Columns], Floats], noise: float) -> Body:
@@ -207,13 +207,13 @@ class View:
         )
 
     def driving(self, piece: Columns) -> Floats:
-        """Return the motor's torque, of the channels of a stretch."""
+        """Return the motor's torque, from the channels of a stretch."""
         if self.drive is None:
             return np.zeros(len(piece["t"]))
         return np.asarray(self.torque_per_input * piece[self.drive])
 
     def motor_torque(self, piece: Columns) -> Floats:
-        """Return the torque that moves the motor side, of the channels of a stretch."""
+        """Return the torque that moves the motor side, from the channels of a stretch."""
         torque = self.driving(piece)
         return np.asarray(torque - piece["tau"] if self.cut else torque + piece.get("tau_l", 0.0))
 
@@ -224,7 +224,7 @@ class View:
     # ---- motion
     @cached_property
     def travel(self) -> tuple[float, float]:
-        """How far the motor goes in the positive and in the negative direction."""
+        """Total travel of the motor in the positive and in the negative direction."""
         up = down = 0.0
         for motion in self._motions:
             change = np.diff(motion["q"])
@@ -241,7 +241,7 @@ class View:
 
     @cached_property
     def speeds(self) -> tuple[float, float]:
-        """Tenth and nine tenths quantile of the motor's speed while it moves."""
+        """10 % and 90 % quantiles of the motor's speed while it moves."""
         if self.motor is None:
             return 0.0, 0.0
         low, high = np.quantile(np.abs(self.motor["v"]), [0.1, 0.9])
@@ -249,7 +249,7 @@ class View:
 
     @cached_property
     def reversals(self) -> int:
-        """How often the motor turns round, or sets out from rest."""
+        """Number of times the motor reverses or starts from rest."""
         if self.motor_body is None:
             return 0
         limit, rest = self.motor_body.least_speed(self.width), max(int(REST / self.dt), 3)
@@ -265,13 +265,13 @@ class View:
 
     @cached_property
     def width(self) -> int:
-        """Samples over which everything is smoothed: those that show the acceleration best."""
+        """Samples of the smoothing window, chosen to show the acceleration best."""
         longest = max(len(piece["t"]) for piece in self.stretches) // 8
         most = max(min(LONGEST / self.dt, longest), WIDTHS[0])
         return max((width for width in WIDTHS if width <= most), key=self._sharpness)
 
     def _sharpness(self, width: int) -> float:
-        """Return how sharply a smoothing shows the acceleration, which is more than its noise."""
+        """Return how well a smoothing window resolves the acceleration above its noise."""
         body, found = self.motor_body, None
         if body is not None and self.drive is not None:
             found = body.balance(width)
@@ -284,7 +284,7 @@ class View:
 
 
 def _likely(record: Record, channels: Mapping[str, Channel]) -> Structure:
-    """Return the structure that a record names, or else the one that its channels suggest."""
+    """Return the structure named in a record, or else the one suggested by its channels."""
     if record.structure in STRUCTURES:
         return STRUCTURES[record.structure]
     if "tau" not in channels:

@@ -1,18 +1,18 @@
-"""How well a joint predicts a record at several horizons, and which rows of the effect table help.
+"""Quality of a joint's predictions at several horizons, and effects that improve them.
 
 =============  ====================================================================
-`log`          a record as even arrays, with its gaps and its measured states
-`windows`      pieces of it, from a few samples to half a second, and where they start
-`forward`      what a joint predicts in each of them, by the joint's own kernel
-`model`        a joint and the numbers of its effects that are free
-`base_rows`    what is free in every fit
-`rows`         which rows of the effect table may be added, and where their search starts
+`log`          a record on an even time grid, with its gaps and measured states
+`windows`      windows of it, from a few samples to half a second, and their starts
+`forward`      predictions of a joint in the windows, by the joint's own kernel
+`model`        a joint and the free numbers of its effects
+`base_rows`    terms that are free in every fit
+`rows`         rows of the effect table that may be added, and starts of their search
 `fit`          least squares over all horizons at once
-`baseline`     what five lines of least squares find
-`predictable`  what of an error could still be predicted, whatever the cause
-`grow`         one term more in a model, or one less, and what that is `worth`
-`starts`       from where the search begins
-`search`       which rows a record calls for, and their `rivals`
+`baseline`     least-squares baseline
+`predictable`  predictable part of an error, whatever its cause
+`grow`         adding a term to a model or removing one, and its `worth`
+`starts`       starting points of the search
+`search`       rows that a record supports, and their `rivals`
 `judge`        the table of horizons, and which joint is the answer
 =============  ====================================================================
 """

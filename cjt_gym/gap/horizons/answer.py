@@ -1,4 +1,4 @@
-"""The diagnosis of the stages, judged by what its joint predicts."""
+"""Judgement of the stages' diagnosis by the predictions of its joint."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ from cjt_gym.joint import JointFile, Structure
 from cjt_gym.records import Record
 
 BETTER = 0.95
-"""Relative error, over that of the datasheet, that one horizon must have for an effect to be
-confirmed."""
+"""Relative error, as a fraction of the datasheet's, that at least one horizon must fall below for
+an effect to be confirmed."""
 OVER_THE_RECORD = (
     "One sample ahead the named effects explain what was measured; over the whole record the "
     "datasheet predicts better, so that its joint is the one given."
 )
 FURTHER = "The named effects help one sample ahead; further ahead hardly anything is predicted."
 SETTLED = ("explained", "no_gap")
-"""Verdicts of the stages that leave nothing open."""
+"""Verdicts of the stages that leave nothing unexplained."""
 DRIFTLESS, FLOORS = 0.15, 5.0
-"""Relative error, and that over what noise leaves, from which a held output, whose replay does not
-drift, is not explained."""
+"""Limits on the relative error and on its ratio to the noise floor. A held output, whose replay
+does not drift, counts as unexplained if it exceeds both."""
 FAR_OFF = 2.0
-"""Relative error, over that of the datasheet, from which what the stages suspect is not told."""
+"""Ratio to the datasheet's relative error at which the stages' suspects are not reported."""
 
 
 def judged(
@@ -45,15 +45,15 @@ def judged(
     shape: Structure,
     progress: Progress,
 ) -> Diagnosis:
-    """Return a diagnosis whose joint predicts well at all horizons, or the better of the others.
+    """Return a diagnosis whose joint predicts well at all horizons, or else the best alternative.
 
     Args:
-        first: What the stages' predictors have found, with the examination of the records.
-        records: The records that are explained, whole.
-        held: Those on which the explanation is tested.
+        first: Diagnosis of the stages' predictors, with the examination of the records.
+        records: Complete records to explain.
+        held: Held-out records on which the explanation is tested.
         file: The nominal joint.
-        shape: How its bodies are joined.
-        progress: Is told in words what is being done.
+        shape: Structure of the joint.
+        progress: Called with a description of the current step.
     """
     first = _without_guesses(first, file)
     exam = first.examination
@@ -81,7 +81,7 @@ def judged(
 
 
 def _near(found: Judgement) -> bool:
-    """Return whether the joint of the stages predicts less than twice as badly as the datasheet."""
+    """Return whether the error of the stages' joint is less than twice the datasheet's."""
     windows = found.case.test
     if "stages" not in found.errors:
         return False
@@ -92,7 +92,7 @@ def _near(found: Judgement) -> bool:
 def _suspected(
     told: Diagnosis, first: Diagnosis, effects: Sequence[NamedEffect], said: str
 ) -> Diagnosis:
-    """Return a diagnosis with what the stages suspect, of which nothing is confirmed."""
+    """Return a diagnosis with the effects suspected by the stages, all of them tentative."""
     if not effects:
         return told
     left = replace(told.unexplained, text=f"{said} {first.unexplained.text}")
@@ -101,9 +101,9 @@ def _suspected(
 
 
 def _cleared(first: Diagnosis, found: Judgement) -> Diagnosis:
-    """Return a diagnosis that sees no gap where nothing of what is left could be predicted.
+    """Return a diagnosis without a gap if no part of the remaining error is predictable.
 
-    Without a measured torque a motor's one-step predictor does not know what its spring does.
+    Without a measured torque, a motor's one-step predictor does not know the torque of its spring.
     """
     open_ = found.cut or found.unexplained or any(row.left is None for row in found.rows[-1:])
     if first.verdict != "unexplained" or first.effects or open_:
@@ -114,10 +114,10 @@ def _cleared(first: Diagnosis, found: Judgement) -> Diagnosis:
 
 
 def _doubted(first: Diagnosis, found: Judgement) -> Diagnosis:
-    """Return a diagnosis that confirms and explains nothing beside predictions that do not improve.
+    """Return a diagnosis that confirms and explains nothing unless predictions improve.
 
-    Effects of the sensors only change what is measured, not what is predicted. What remembers, as
-    a temperature does, shows in the replay from the start of a record rather than in its pieces.
+    Sensor effects change only the measurement, not the prediction. Effects with memory, such as
+    temperature, show in the replay of a whole record rather than in its pieces.
     """
     gap = first.gap
     better = gap.after < BETTER * gap.before or any(
@@ -152,7 +152,7 @@ def _doubted(first: Diagnosis, found: Judgement) -> Diagnosis:
 
 
 def _without_guesses(first: Diagnosis, file: JointFile) -> Diagnosis:
-    """Return a diagnosis that corrects a guess of the datasheet instead of naming it a cause."""
+    """Return a diagnosis that corrects guessed datasheet values instead of naming them causes."""
     known = file.parameters.quantities
     guessed = [e for e in first.effects if all(n in known and known[n].guess for n in e.parameters)]
     if not guessed:
@@ -170,7 +170,7 @@ def _without_guesses(first: Diagnosis, file: JointFile) -> Diagnosis:
 
 
 def _allowed(first: Diagnosis, excluded: dict[str, str]) -> Diagnosis:
-    """Return a diagnosis that confirms nothing which the record cannot tell."""
+    """Return a diagnosis that confirms no effect that the record cannot identify."""
     effects = tuple(
         as_tentative(e) if e.name in excluded and e.status == "confirmed" else e
         for e in first.effects

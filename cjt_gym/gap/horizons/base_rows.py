@@ -1,4 +1,4 @@
-"""What is free in every fit: inertia, damping, torque constant and springs of the datasheet."""
+"""Terms that are free in every fit: inertia, damping, torque constant and springs."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from cjt_gym.joint import Joint
 K_T, INERTIA, STIFFNESS = 0.05, 0.1, 0.1
 """Relative deviation of datasheet values that state no tolerance."""
 BRAKED = 1.5
-"""Torque of damping at a speed that is rarely exceeded, in torques that are: hardly more than one,
-as a joint at its highest speed does not accelerate; a weight may help."""
+"""Largest damping torque at a rarely exceeded speed, as a multiple of the rarely exceeded torque:
+little more than one, as a joint at its top speed does not accelerate; gravity may add to it."""
 BACKDRIVEN = 0.02
-"""Share of the torque that must be the motor's for its torque constant to be looked for."""
+"""Share of the torque due to the motor above which its torque constant is fitted."""
 LOOSE = 0.1
-"""Relative step of a datasheet value that is wrong by more than it states."""
+"""Relative step of a datasheet value that is off by more than its stated tolerance."""
 
 
 def base_terms(joint: Joint, scales: Scales) -> tuple[Term, ...]:
-    """Return what is free in every fit: inertia, damping and torque constant of the motor."""
+    """Return the terms that are free in every fit: inertia, damping, torque constant, springs."""
     file, groups = joint.file, joint.structure_row
     found = [
         Term("inertia", (_inertia(joint),), _put_inertia(joint), "motor", nominal=(1.0,)),
@@ -78,7 +78,7 @@ def _put_inertia(joint: Joint) -> Put:
     known = total - sum(guess.values())
 
     def put(draft: Draft, values: Sequence[float]) -> None:
-        """Change what is a guess, or all in proportion where none is or that does not do."""
+        """Change guessed inertias, or all in proportion if that is not possible."""
         rest = values[0] * total - known
         changed = {
             s: x * rest / (total - known) for s, x in guess.items() if x > 0.0 and rest > 0.0
@@ -117,7 +117,7 @@ def _damping(joint: Joint, scales: Scales) -> Term:
 
 
 def freed(terms: Sequence[Term]) -> list[Term]:
-    """Return datasheet values with a narrow tolerance as terms that are free of it."""
+    """Return terms that release datasheet values from their narrow tolerances."""
     return [
         replace(
             term,

@@ -1,4 +1,4 @@
-"""Five lines of least squares, which no diagnosis may lose against."""
+"""Least-squares baseline that every diagnosis must at least match."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from cjt_gym.gap.horizons.model import Draft, body_group, drafted
 from cjt_gym.joint import Joint
 
 NOTHING = 1e-6
-"""Share of the inertia that is left to a load which the regression counts with the motor."""
+"""Share of the inertia left to a load that the regression lumps with the motor."""
 SHARP = 0.02
-"""Velocity over which the sign is smoothed in the regression, as a share of its spread."""
+"""Velocity over which the regression smooths the sign, relative to the velocity's deviation."""
 
 
 def least_squares(joint: Joint, log: Log) -> Joint | None:
     """Return the joint with inertia, damping, Coulomb friction and offset from a regression.
 
-    The motor's torque, less what the spring was measured to take, over acceleration, speed, its
-    sign, and a constant. None where the record lacks the angle, or a torque that it would need.
+    The motor's torque, less the measured spring torque, is regressed on acceleration, speed, its
+    sign and a constant. None if the record lacks the angle or a required torque.
     """
     shape, p = joint.structure_row, joint.parameters
     sprung = shape.groups[1] != shape.groups[2]

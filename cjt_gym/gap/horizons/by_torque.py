@@ -1,7 +1,7 @@
-"""What a regression of the torque on the motion says beside the search over horizons.
+"""Effects found by a regression of the torque on the motion, beside the search over horizons.
 
 A search over horizons needs effects that change the motion in many pieces of a record. A regression
-of the torque sees what the torque is spent on wherever the joint moves, however it came to move.
+of the torque shows where the torque goes whenever the joint moves, whatever moves it.
 """
 
 from __future__ import annotations
@@ -22,35 +22,35 @@ HELD = (
     "The torque hardly determines the motion, as when a controller tracks a trajectory. The named "
     "effects come from a regression of the torque on the motion; the joint file does not have them."
 )
-"""What is said where effects are told by the torque alone."""
+"""Message used when effects are identified from the torque alone."""
 SYMBOLS = {"damping": "d_m", "coulomb": "d_cm", "torque_offset": "torque"}
 BODIES = {"damping": "motor", "coulomb": "motor", "gravity": "load"}
-"""Symbols and bodies of the effects on which a torque may be seen to be spent."""
+"""Symbols and bodies of the effects that a torque regression can show."""
 EITHER: Mapping[str, tuple[str, ...]] = {
     "coulomb_asym": ("coulomb", "torque_offset"),
     "torque_offset": ("coulomb_asym",),
     "viscous_asym": ("coulomb_asym", "torque_offset"),
 }
-"""Explanations that are the same, or nearly so, where a joint moves: none of them is confirmed."""
+"""Explanations that are (nearly) equivalent while a joint moves: none of them is confirmed."""
 DRY = frozenset(
     {"coulomb", "coulomb_asym", "stribeck", "presliding", "load_coulomb", "load_friction"}
 )
-"""Laws of dry friction, of which a regression sees only the plain one."""
+"""Laws of dry friction; a regression sees only the plain one."""
 SAME: Mapping[str, frozenset[str]] = {
     "damping": frozenset({"viscous_asym"}),
     "coulomb": DRY,
     "torque_offset": frozenset({"coulomb_asym", "viscous_asym", "gravity"}),
     "gravity": frozenset({"torque_offset"}),
 }
-"""Effects beside which one that the torque shows is the same once more, or its rest."""
+"""For each effect that the torque shows, effects that already account for it or its remainder."""
 AGREES = 0.5
-"""Relative difference up to which a fit and a regression find the same."""
+"""Relative difference up to which a fit and a regression agree."""
 LEAST = 1e-3
-"""Least inertia of a regression, as a share of the datasheet's."""
+"""Lower limit of a regression's inertia, relative to the datasheet's."""
 
 
 def agrees(one: Spent | None, values: Sequence[float]) -> bool:
-    """Return whether a fit finds an effect as large as a regression does."""
+    """Return whether a fit and a regression agree on the size of an effect."""
     if one is None or len(one.values) != len(values):
         return False
     off = math.dist(one.values, values)
@@ -58,20 +58,20 @@ def agrees(one: Spent | None, values: Sequence[float]) -> bool:
 
 
 def covered(name: str, seen: Mapping[str, Spent]) -> bool:
-    """Return whether a regression of the torque tells of an effect, or of one that is the same."""
+    """Return whether a regression of the torque shows an effect or an equivalent one."""
     return any(name in {one, *SAME[one]} for one in seen)
 
 
 def told_by_torque(
     judged: Judgement, seen: Mapping[str, Spent], named: Sequence[NamedEffect], *, alone: bool
 ) -> tuple[NamedEffect, ...]:
-    """Return what the torque is spent on and has no name yet; all of it is tentative.
+    """Return effects that the torque shows and that are not named yet, all of them tentative.
 
     Args:
         judged: The judgement.
-        seen: What a regression sees.
-        named: What has a name already.
-        alone: Whether nothing predicts the motion, so that the torque is all that tells.
+        seen: Effects found by the regression.
+        named: Effects that are named already.
+        alone: Whether the torque is the only evidence, as nothing predicts the motion.
     """
     names = {e.name for e in named}
     found: list[NamedEffect] = []
@@ -90,7 +90,7 @@ def told_by_torque(
 
 
 def _numbers(one: Spent, joint: Joint) -> dict[str, Interval]:
-    """Return the numbers of an effect with their 95 % intervals."""
+    """Return an effect's parameters with their 95 % intervals."""
     half = float(student.ppf(0.975, BLOCKS - 1)) * max(one.deviations)
     if one.name != "gravity":
         return {
@@ -111,15 +111,15 @@ def _interval(effect: str, symbol: str, value: float, half: float, joint: Joint)
 
 
 def _backwards(one: Spent) -> bool:
-    """Return whether a friction would push."""
+    """Return whether a friction coefficient is negative."""
     return one.name in ("damping", "coulomb") and one.values[0] < 0.0
 
 
 def inertia_by_torque(judged: Judgement, term: Term) -> list[float]:
-    """Return what regressions of the torque on the motion find for the inertia, if it is that.
+    """Return inertia factors from regressions of the torque; empty for any other term.
 
-    Noise of the acceleration makes theirs too small, noise of the torque that of predictions too
-    large: where a controller keeps the motion smooth the two may be far apart.
+    Acceleration noise biases these estimates low and torque noise biases those of predictions
+    high: where a controller keeps the motion smooth, the two may be far apart.
     """
     if term.name != "inertia":
         return []

@@ -1,4 +1,4 @@
-"""Records, cut into what is fitted and what is held out, and the joint that they are about."""
+"""Records, split into fitted and held-out parts, and the joint that they describe."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from cjt_gym.joint.quantity import Quantity
 from cjt_gym.records import Record
 
 TEST = 200
-"""Most windows on which models are compared."""
+"""Maximum number of windows on which models are compared."""
 ALL = np.ones(6, dtype=bool)
 
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """Records, cut into what is fitted and what is held out.
+    """Records, split into fitted and held-out parts.
 
     Attributes:
         joint: The nominal joint, without noise.
         logs: The records that are fitted.
         fit: Windows that are fitted.
         test: Windows that are held out.
-        all: Windows over all that the answer is to hold for.
-        drive: How the current follows its command, where both were measured.
+        all: Windows over all data for which the answer must hold.
+        drive: How the current follows its command, if both were measured.
     """
 
     joint: Joint
@@ -69,15 +69,15 @@ def make_case(
 
 
 def _supplied(file: JointFile, logs: Sequence[Log]) -> JointFile:
-    """Return a joint whose supply gives the largest voltage that was recorded."""
+    """Return the joint file with the largest recorded voltage as its supply voltage."""
     most = Quantity(max(float(np.abs(log.command).max()) for log in logs), "V", "largest recorded")
     return replace(file, parameters=file.parameters.replace(v_0=most))
 
 
 def _followed(fit: Windows, joint: Joint) -> bool:
-    """Return whether states that were not measured are better taken from what was, by the joint.
+    """Return whether estimating unmeasured states through the joint improves its predictions.
 
-    A heavy load swings on its spring, a light one is where the motor is, as far as a log tells.
+    A heavy load swings on its spring; a light one stays with the motor as far as a log shows.
     """
     if all(log.known.all() for log in fit.logs):
         return True
@@ -87,7 +87,7 @@ def _followed(fit: Windows, joint: Joint) -> bool:
 
 
 def as_joint(file: JointFile, case: Case) -> Joint:
-    """Return the joint of a file with structure and drive of a case, without noise."""
+    """Return the joint of a file with the structure and drive of a case, without noise."""
     like = case.joint
     effects = resolve_effects(None, file, like.structure_row, like.drive)
     joint = Joint(file, like.structure, like.drive, effects)

@@ -1,8 +1,8 @@
-"""What a drive makes of its command, where both were measured: when, how fast, how much.
+"""Drive response where both command and current were measured: delay, lag and gain.
 
-The measured current is compared with the command through a dead time and a first-order lag, sample
-by sample; a gain and an offset are free. Dead times below most of a sample cannot be told from the
-instant within a sample at which a log writes its rows.
+The measured current is compared, sample by sample, with the command after a dead time and a
+first-order lag; gain and offset are free. Dead times below `LEAST` samples cannot be distinguished
+from the instant within a sample at which a log writes its rows.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from cjt_gym.gap.horizons.windows import Piece
 Floats = NDArray[np.float64]
 DELAYS = np.arange(0.0, 8.01, 0.25)
 LAGS = (0.0, 0.3, 0.6, 1.0, 1.5, 2.5, 4.0, 7.0, 12.0)
-"""Dead times and time constants that are tried, in samples."""
+"""Candidate dead times and time constants, in samples."""
 LEAST = 0.6
-"""Dead time that is told, in samples."""
+"""Shortest reported dead time, in samples."""
 BETTER = 0.8
-"""Mean square that must be left, as a share of that without dead time or lag, at most."""
+"""Largest remaining mean square, as a share of that without dead time or lag."""
 FOLLOWS = 0.5
-"""Share of the current's variance that its command must explain, at least."""
+"""Least share of the current's variance that its command must explain."""
 MOSTLY = 0.75
-"""Share of the pieces in which dead time and lag must help."""
+"""Least share of the pieces in which dead time and lag must help."""
 
 
 @dataclass(frozen=True)
@@ -39,10 +39,10 @@ class DriveFit:
         lag: Time constant [s].
         gain: Current per command.
         offset: Current at no command [A].
-        before: rms of what the command alone leaves of the current [A].
-        after: rms of what is left with dead time and lag [A].
+        before: rms residual of the current with the command alone [A].
+        after: rms residual with dead time and lag [A].
         step: Accuracy of the dead time [s].
-        pieces: Share of the pieces of the record in which they help.
+        pieces: Share of the pieces of the record in which dead time and lag help.
     """
 
     delay: float
@@ -56,7 +56,7 @@ class DriveFit:
 
     @property
     def late(self) -> bool:
-        """Whether the current comes later than the command by more than a log can hide."""
+        """Whether the delay of the current exceeds the timing uncertainty of a log."""
         return self._helps and self.delay > LEAST * self.step * 4.0
 
     @property
@@ -70,7 +70,7 @@ class DriveFit:
 
 
 def fit_drive(log: Log, pieces: list[Piece]) -> DriveFit | None:
-    """Return how the current follows its command, None where it does not or nothing is measured."""
+    """Return how the current follows its command; None if it does not or nothing was measured."""
     if log.wanted is None or not np.any(np.diff(log.wanted)):
         return None
     i, c, use = log.command, log.wanted, log.whole.copy()
@@ -115,7 +115,7 @@ def _late(c: Floats, delay: float) -> Floats:
 
 
 def _left(i: Floats, model: Floats, use: NDArray[np.bool_]) -> tuple[Floats, float, float]:
-    """Return what a regression of the current on a model leaves, its gain and its offset."""
+    """Return the residual, gain and offset of a regression of the current on a model."""
     x = np.stack([model[use], np.ones(int(use.sum()))], axis=1)
     (gain, offset), *_ = np.linalg.lstsq(x, i[use], rcond=None)
     return i[use] - x @ np.array([gain, offset]), float(gain), float(offset)

@@ -1,12 +1,12 @@
 """Least squares over all horizons at once.
 
-The error of each kind (channel and horizon) has a scale of its own that nobody specifies: the cost
-is the logarithm of its mean square, summed over the kinds, so that none drowns the others and no
-noise level enters. Values that a datasheet states with a tolerance have a Gaussian prior.
+Each kind of error (channel and horizon) has its own unspecified scale: the cost is the logarithm of
+its mean square, summed over the kinds, so that none dominates and no noise level is needed. Values
+that a datasheet states with a tolerance have a Gaussian prior.
 
-Where a joint is free to move, a share of the cost is the same error as the torque that would have
-caused it. A joint of great inertia hardly listens to its input; where a motion repeats itself, it
-may predict that motion all the same, from the state alone. As torques its errors are large.
+Where a joint is free to move, part of the cost is the same error expressed as the torque that would
+have caused it. A joint of great inertia hardly responds to its input, but may still predict a
+repetitive motion from the state alone. Expressed as torques, its errors are large.
 """
 
 from __future__ import annotations
@@ -27,32 +27,34 @@ from cjt_gym.gap.horizons.windows import WHOLE, Windows
 
 Floats = NDArray[np.float64]
 LEAST = 3e-3
-"""Relative error below which a better fit is worth nothing."""
+"""Relative error below which a better fit has no value."""
 LONGEST = 3.0
-"""Longest step of a fit, in units of a coordinate."""
+"""Largest step of a fit, in units of a coordinate."""
 MOTION, LISTEN, FORCE = "q_m", 0.1, 0.2
-"""Error that counts as a torque, too, with which weight beside one for all horizons together."""
+"""Channel and horizon of the error that also counts as a torque, and the weight of that; all
+horizons together weigh one."""
 LIGHT = 0.01
-"""Least share of the usual torque that accelerates a real joint. One that is lighter still, and is
-held by dry friction alone, does not count as listening better."""
+"""Least share of the usual torque that accelerates a real joint. A lighter one, held by dry
+friction alone, gets no credit for responding better."""
 ROUGH = 3
-"""A quick look at a candidate takes every so-manyth window."""
+"""Stride of the windows used for a quick look at a candidate."""
 FEWEST = 5
-"""Fewest windows in which something happens that tell what is usual."""
+"""Fewest windows with motion that define the usual error."""
 USUAL, BOUND = 0.8, 4.0
-"""Windows count by the logarithm beyond so many times the mean square that most do not exceed."""
+"""Quantile that defines a usual mean square, and the multiple of it beyond which a window counts
+logarithmically."""
 SHARES = {0.02: 0.5, 0.1: 1.0, 0.5: 1.0}
-"""Weight of each horizon: the shortest owes most of its error to the measured start."""
+"""Weight of each horizon: the error of the shortest is mostly that of the measured start."""
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A model at the coordinates that fit best.
+    """A model at its best-fit coordinates.
 
     Attributes:
         model: The model.
         z: Coordinates, shape (n,).
-        cost: What was minimised.
+        cost: Minimised cost.
         errors: Errors by kind, each of shape (windows, points).
         jacobian: Derivatives of the errors by kind, each of shape (windows, points, n).
     """
@@ -69,14 +71,14 @@ class Fit:
 
 
 def bounded(errors: Floats, moving: NDArray[np.bool_]) -> tuple[Floats, Floats]:
-    """Return what each window counts for, and the weight of its errors, shape (W,) each.
+    """Return the contribution of each window and the weight of its errors, shape (W,) each.
 
-    Few windows that go far wrong (a blow, an end stop) count less than by their square. Where a
-    joint mostly rests, those in which it moves are no few.
+    The few windows with very large errors (an impact, an end stop) count less than their square.
+    Windows with motion are not treated as such outliers where a joint is mostly at rest.
 
     Args:
         errors: Errors of the windows, shape (W, points).
-        moving: In which windows something happens, shape (W,).
+        moving: Windows with motion, shape (W,).
     """
     square = np.mean(errors**2, axis=1)
     usual = square[moving] if np.count_nonzero(moving) >= FEWEST else square
@@ -90,7 +92,7 @@ class Problem:
 
     Attributes:
         windows: The windows.
-        work: Samples that were predicted so far.
+        work: Samples predicted so far.
         force: Weight of an error as a torque.
         weights: Weight of each kind; they sum to one.
     """
@@ -110,23 +112,23 @@ class Problem:
 
     @property
     def strength(self) -> float:
-        """Half the number of errors that count as independent."""
+        """Half the number of independent errors."""
         return 0.5 * self.windows.count
 
     @property
     def all_work(self) -> int:
-        """Samples that were predicted so far, with those of quick looks."""
+        """Samples predicted so far, including quick looks."""
         return self.work + self.rough.work
 
     @cached_property
     def rough(self) -> Problem:
-        """The same with fewer windows, for a quick look."""
+        """The same problem with fewer windows, for a quick look."""
         few = Problem(self.windows.every(ROUGH))
         few.force = self.force
         return few
 
     def at(self, model: Model, z: Floats) -> Fit:
-        """Return a model at coordinates as a fit, with its derivatives."""
+        """Return a model at given coordinates as a fit, with its derivatives."""
         errors = self.errors(model, z)
         jacobian = self.jacobian(model, z, errors)
         return Fit(model, z, self.cost(model, z, errors), errors, jacobian)
@@ -137,7 +139,7 @@ class Problem:
         return float(self.weights[self.windows.keys.index(key)]) + extra
 
     def deafness(self, model: Model, z: Floats) -> float:
-        """Return the logarithm of the torque that moves a free joint off by a given error."""
+        """Return the logarithm of the torque that displaces a free joint by a given error."""
         if self._least is None:
             did = float(np.sqrt(self.windows.scales[self.windows.keys.index((MOTION, LISTEN))]))
             self._least = LIGHT * scales_of(model.joint, self.windows.logs).torque / did
@@ -174,7 +176,7 @@ class Problem:
         return self.strength * data + 0.5 * float(np.sum(z[_known(model)] ** 2))
 
     def fit(self, model: Model, z: Floats | None = None, steps: int = 12) -> Fit:
-        """Return the best fit of a model from given coordinates, by Levenberg and Marquardt."""
+        """Return the best fit of a model from given coordinates, by Levenberg-Marquardt."""
         z = np.zeros(len(model.numbers)) if z is None else np.array(z, dtype=np.float64)
         errors = self.errors(model, z)
         cost, damping = self.cost(model, z, errors), 1e-3
@@ -208,7 +210,7 @@ class Problem:
     ) -> list[Floats]:
         """Return the derivatives of the errors, each of shape (windows, points, n).
 
-        Those of the first numbers may be known already.
+        Those of the first `first` numbers may be given as `known`.
         """
         out = [np.zeros((*e.shape, len(z))) for e in errors]
         for k, columns in enumerate(known or ()):
@@ -231,7 +233,7 @@ class Problem:
     def normal(
         self, model: Model, z: Floats, errors: Sequence[Floats], jacobian: Sequence[Floats]
     ) -> tuple[Floats, Floats]:
-        """Return Gauss and Newton's Hessian, shape (n, n), and the gradient, shape (n,)."""
+        """Return the Gauss-Newton Hessian, shape (n, n), and the gradient, shape (n,)."""
         known = _known(model)
         hessian, gradient = np.diag(known + 1e-9), known * z
         weights = self.weights.copy()
@@ -249,10 +251,10 @@ class Problem:
 
 
 def resistance(model: Model, z: Floats) -> float:
-    """Return the torque that moves a free joint off by a given error [N m/rad].
+    """Return the torque that displaces a free joint by a given error [N m/rad].
 
-    Over a time h it is about 2 I / h^2 + d / h for inertia I and damping d. What the motor makes of
-    its current counts where there is one, and of all torque the share that friction leaves.
+    Over a time h it is about 2 I / h^2 + d / h for inertia I and damping d, divided by the relative
+    torque constant and by the share of the torque that load-dependent friction leaves.
     """
     draft = model.draft(z)
     p, shape = model.joint.parameters, model.joint.structure_row
@@ -283,14 +285,14 @@ def _solve(hessian: Floats, damping: float, gradient: Floats) -> Floats:
 
 
 def _free(model: Model, z: Floats, gradient: Floats) -> NDArray[np.bool_]:
-    """Return which numbers are not at a bound beyond which the cost would fall."""
+    """Return which numbers may move: all but those held back by their bounds."""
     values = np.array([n.value(float(x)) for n, x in zip(model.numbers, z, strict=True)])
     low, high = (np.array([getattr(n, end) for n in model.numbers]) for end in ("low", "high"))
     return ~(((values <= low) & (gradient > 0.0)) | ((values >= high) & (gradient < 0.0)))
 
 
 def _within(model: Model, z: Floats) -> Floats:
-    """Return coordinates whose values stay within their bounds."""
+    """Return coordinates with their values clipped to their bounds."""
     return np.array(
         [n.coordinate(n.value(float(x))) for n, x in zip(model.numbers, z, strict=True)]
     )

@@ -1,4 +1,4 @@
-"""What a joint predicts in windows of a record, by the joint's own kernel."""
+"""Predictions of a joint in windows of a record, by the joint's own kernel."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ Integers = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 CHANNELS = {"q_m": 0, "q_l": 1, "tau": 2}
 SUBSTEP = 2e-3
-"""Longest substep [s]: linear motion is exact at any, friction and ripple to about its square."""
+"""Longest substep [s]: linear motion is exact at any; friction and ripple are second order."""
 LEAD = 0.06
-"""Time before a window over which delays, lags and bristles follow what was measured [s]."""
+"""Time before a window over which delays, lags and bristles settle on measured states [s]."""
 
 
 @threaded
@@ -47,10 +47,10 @@ def run_windows(
     work: Floats,
     out: Floats,
 ) -> None:
-    """Predict each window from its measured start; NaN from where a state ceases to be finite.
+    """Predict each window from its measured start; NaN once a state is no longer finite.
 
-    Before a window begins the joint is held to its measured states, so that delay lines, lags,
-    bristles and temperatures are what they are when it is let go.
+    Before a window begins, the joint is held to its measured states so that delay lines, lags,
+    bristles and temperatures have settled when it is released.
 
     Args:
         batch: A batch of one.
@@ -60,7 +60,7 @@ def run_windows(
         states: Measured states, shape (N, 6).
         starts: First sample of each window, shape (W,).
         lengths: Samples of each window, shape (W,).
-        leads: Samples before it from which the joint is held, shape (W,).
+        leads: Samples before each window over which the joint is held, shape (W,).
         work: Scratch space.
         out: Receives q_m, q_l and tau as the sensors report them, shape (W, longest, 3).
     """
@@ -103,9 +103,9 @@ def follow(
     work: Floats,
     out: Floats,
 ) -> None:
-    """Estimate states that were not measured: they follow those that were, through the joint.
+    """Estimate unmeasured states by driving the joint with the measured ones.
 
-    Where the record is broken, and where a state ceases to be finite, they start anew.
+    The estimate restarts where the record is broken and where a state is no longer finite.
 
     Args:
         batch: A batch of one.
@@ -131,7 +131,7 @@ def follow(
 
 
 def followed(joint: Joint, log: Log) -> Floats:
-    """Return the states of a record, shape (N, 6), with those that were not measured estimated."""
+    """Return the states of a record, shape (N, 6), with estimates of the unmeasured ones."""
     if log.known.all():
         return log.states
     batch = _batch(joint, log)
@@ -156,15 +156,15 @@ def _batch(joint: Joint, log: Log) -> JointBatch:
 def predict(
     joint: Joint, log: Log, starts: Integers, lengths: Integers, leads: Integers, states: Floats
 ) -> Floats:
-    """Return what a joint predicts in windows, shape (W, longest, 3); columns as in `CHANNELS`.
+    """Return a joint's predictions in windows, shape (W, longest, 3); columns as in `CHANNELS`.
 
     Args:
         joint: The joint, without noise.
         log: The record.
         starts: First sample of each window, shape (W,).
         lengths: Samples of each, shape (W,).
-        leads: Samples before each that are held to what was measured, shape (W,).
-        states: What `followed` returns, shape (N, 6).
+        leads: Samples before each that are held to measured states, shape (W,).
+        states: States from `followed`, shape (N, 6).
     """
     batch = _batch(joint, log)
     out = np.zeros((len(starts), int(lengths.max(initial=1)), 3))

@@ -1,4 +1,4 @@
-"""What a search ends with."""
+"""Result of a search."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from cjt_gym.gap.horizons.grow import leaves
 from cjt_gym.gap.horizons.worth import Worth, worth
 
 Held = Callable[[Fit], float]
-"""Returns the cost of a fit on held-out data."""
+"""Callable that returns the cost of a fit on held-out data."""
 
 
 @dataclass(frozen=True)
 class Found:
-    """What a search ends with.
+    """Result of a search.
 
     Attributes:
-        fit: The model with all terms that the record calls for.
+        fit: The model with all terms that the record supports.
         base: The fit of the base alone.
         worths: Worth of each term of the model.
-        rivals: For each term the names of others that would do as well in its place.
-        less: For each term the fit without it.
+        rivals: For each term, the names of others that would fit as well in its place.
+        less: For each term, the fit without it.
     """
 
     fit: Fit
@@ -32,7 +32,7 @@ class Found:
     less: tuple[Fit, ...]
 
     def dropped(self, problem: Problem, index: int, held: Held) -> Found:
-        """Return the search without one of its terms."""
+        """Return the result without one of its terms."""
         fit = self.less[index]
         less = tuple(leaves(problem, fit))
         rivals = self.rivals[:index] + self.rivals[index + 1 :]
@@ -40,7 +40,7 @@ class Found:
 
 
 def worths_of(problem: Problem, less: Sequence[Fit], fit: Fit, held: Held) -> tuple[Worth, ...]:
-    """Return what each term of a fit is worth, given the fits without it."""
+    """Return the worth of each term of a fit, given the fits without it."""
     kept = held(fit)
     return tuple(
         replace(worth(problem, one, fit, term), held=held(one) - kept)

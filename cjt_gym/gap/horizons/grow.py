@@ -1,4 +1,4 @@
-"""One term more in a model, or one less."""
+"""Adding a term to a model, or removing one."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from cjt_gym.gap.horizons.worth import price
 
 Floats = NDArray[np.float64]
 FULL = 3
-"""Candidates that are fitted fully after a quick look at all."""
+"""Number of candidates fitted fully after a quick look at all."""
 
 
 def added(fit: Fit, term: Term, values: Sequence[float]) -> tuple[Model, Floats]:
-    """Return a model with one more term, which may take the place of others, and coordinates."""
+    """Return a model with one more term, which may replace others, and its coordinates."""
     if term.tight is not None:
         return _freed(fit, term, values)
     kept = [k for k, t in enumerate(fit.model.terms) if t.name not in term.replaces]
@@ -30,7 +30,7 @@ def added(fit: Fit, term: Term, values: Sequence[float]) -> tuple[Model, Floats]
 
 
 def _freed(fit: Fit, term: Term, values: Sequence[float]) -> tuple[Model, Floats]:
-    """Return a model in which a datasheet value is free of its tolerance, and coordinates."""
+    """Return a model with a datasheet value released from its tolerance, and its coordinates."""
     own = next(k for k, t in enumerate(fit.model.terms) if t.key == term.key)
     terms, z = list(fit.model.terms), fit.z.copy()
     pairs = zip(term.numbers, values, strict=True)
@@ -39,7 +39,7 @@ def _freed(fit: Fit, term: Term, values: Sequence[float]) -> tuple[Model, Floats
 
 
 def quick(problem: Problem, fit: Fit, term: Term) -> Fit | None:
-    """Return a rough fit with one more term: one step from each of its starts."""
+    """Return a rough fit with one more term: the best after one step from each of its starts."""
     best: Fit | None = None
     for start in term.starts:
         model, z = added(fit, term, start)
@@ -57,7 +57,7 @@ def _replaced(fit: Fit, term: Term) -> bool:
 
 
 def _step(problem: Problem, fit: Fit, first: int, known: Sequence[Floats] | None) -> Fit:
-    """Return a fit after a damped step, with the derivatives of its first numbers known."""
+    """Return a fit after a damped step; derivatives of its first numbers may be known."""
     jacobian = problem.jacobian(fit.model, fit.z, fit.errors, first, known)
     hessian, gradient = problem.normal(fit.model, fit.z, fit.errors, jacobian)
     for damping in (1e-3, 0.3, 10.0):
@@ -89,7 +89,7 @@ def allowed(fit: Fit, term: Term) -> bool:
 def extend(
     problem: Problem, fit: Fit, terms: Sequence[Term], most: int = FULL
 ) -> list[tuple[Fit, Term]]:
-    """Return the fits with one more term, the best first."""
+    """Return the fits with one more term, best first."""
     rough = problem.rough
     here = rough.at(fit.model, fit.z)
     may = [t for t in terms if allowed(fit, t)]
@@ -110,19 +110,19 @@ def leave(problem: Problem, fit: Fit, index: int) -> Fit:
 
 
 def is_needed(fit: Fit, index: int) -> bool:
-    """Return whether another term makes no sense without one."""
+    """Return whether another term depends on this one."""
     own, *others = fit.model.terms[index], *fit.model.terms[:index], *fit.model.terms[index + 1 :]
     given = {t.name for t in others} | fit.model.joint.effects.keys()
     return any(own.name in t.needs and not given & set(t.needs) for t in others)
 
 
 def beyond(base: Fit, fit: Fit) -> list[int]:
-    """Return which terms of a fit its base has not, or has within a datasheet's tolerance."""
+    """Return the indices of a fit's terms that its base lacks or holds within a tolerance."""
     given = {term.key for term in base.model.terms}
     terms = enumerate(fit.model.terms)
     return [k for k, t in terms if t.key not in given or t.tight is not None]
 
 
 def priced(fit: Fit, base: Fit) -> float:
-    """Return the cost of a fit with the price of its terms beyond the base."""
+    """Return the cost of a fit plus the price of its terms beyond the base."""
     return fit.cost + sum(price(fit.model.terms[k]) for k in beyond(base, fit))

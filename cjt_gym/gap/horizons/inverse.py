@@ -1,9 +1,9 @@
-"""Inverse dynamics: a regression of the motor's torque on what it has to move.
+"""Inverse dynamics: a regression of the motor's torque on the motion.
 
-A search that begins with too heavy a joint may never leave it: such a joint hardly listens to its
-torque, so that no further effect changes much. Inverse dynamics err to the other side, and are
-where else a search may start. Where a controller holds the motion, so that nothing predicts it
-from the torque, they still show what the torque is spent on.
+A search that starts from too heavy a joint may get stuck there: such a joint hardly responds to its
+torque, so that no further effect changes much. Inverse dynamics err in the other direction and give
+alternative starts. Where a controller imposes the motion, so that nothing predicts it from the
+torque, they still show where the torque goes.
 """
 
 from __future__ import annotations
@@ -26,34 +26,34 @@ Floats = NDArray[np.float64]
 OVER = 0.1
 """Time over which torque and motion are smoothed [s]."""
 STUCK = 0.05
-"""Share of the usual speed below which dry friction says nothing."""
+"""Share of the usual speed below which dry friction cannot be evaluated."""
 FEWEST = 50
 """Fewest samples of motion."""
 BLOCKS = 12
-"""Stretches of a record, each of which is predicted from the others."""
+"""Number of stretches of a record, each predicted from the others."""
 SHORTEST = 10
 """Fewest samples of such a stretch."""
 SPENT, CLEAR = 0.15, 3.0
-"""Share of the error that an effect takes away from a regression, and that in its standard
-deviations over the stretches, from which it is seen."""
+"""Least share of the error that an effect must remove from a regression, and least reduction in
+standard deviations over the stretches, to be detected."""
 OUTSIDE = 3.0
-"""Tolerances, and deviations, beyond which a damping is more than the datasheet's."""
+"""Number of tolerances, and of deviations, by which damping must exceed the datasheet's."""
 PLACES = {"damping": (1,), "coulomb": (2,), "torque_offset": (3,), "gravity": (4, 5)}
-"""Columns of the regressors that stand for an effect."""
+"""Regressor columns of each effect."""
 DRAG, HALF = "damping", 0.5
-"""What is too small to be seen, but others take its torque where it is left out; and the share of
-such an effect that must be left beside it."""
+"""Effect that may be too small to be detected but whose torque others absorb if it is left out,
+and the share of another effect that must remain once it is included."""
 SETS = (("coulomb",), ("coulomb", "torque_offset"), ("coulomb", "gravity"))
 """Effects of each start."""
 
 
 @dataclass(frozen=True)
 class Inverse:
-    """What a regression finds.
+    """Result of a regression.
 
     Attributes:
-        inertia: Of all bodies that move with the motor [kg m^2].
-        damping: The same [N m s/rad].
+        inertia: Inertia of all bodies that move with the motor [kg m^2].
+        damping: Their damping [N m s/rad].
         effects: Values of the terms, by the name of the effect, dry friction first.
     """
 
@@ -63,7 +63,7 @@ class Inverse:
 
 
 def inverse(joint: Joint, logs: Sequence[Log]) -> list[Inverse]:
-    """Return a regression for each set of effects; none where the records do not allow it."""
+    """Return a regression for each set of effects; none if the records do not allow it."""
     found = []
     columns, torque = _moving(joint, logs)
     for effects in SETS if len(torque) >= FEWEST else ():
@@ -83,7 +83,7 @@ class Spent:
         name: The effect.
         values: Its coefficients.
         deviations: Their standard deviations, from regressions without one stretch each.
-        share: Share of the squared error that it takes away from predicted stretches.
+        share: Share of the squared error on predicted stretches that it removes.
     """
 
     name: str
@@ -98,12 +98,12 @@ class Spent:
 
 
 def spent(joint: Joint, logs: Sequence[Log], names: Sequence[str]) -> list[Spent]:
-    """Return on which of some effects the torque is clearly spent, stretch predicting stretch.
+    """Return the effects on which torque is clearly spent, cross-validated over stretches.
 
     Args:
         joint: The nominal joint.
         logs: The records.
-        names: Effects that may be seen, of `PLACES`.
+        names: Candidate effects from `PLACES`.
     """
     columns, torque = _moving(joint, logs)
     if len(torque) < BLOCKS * SHORTEST:
@@ -130,7 +130,7 @@ def spent(joint: Joint, logs: Sequence[Log], names: Sequence[str]) -> list[Spent
 def seen_in_torque(
     joint: Joint, logs: Sequence[Log], excluded: Collection[str] = ()
 ) -> dict[str, Spent]:
-    """Return on which effects the torque is clearly spent, of those that the record can tell."""
+    """Return the effects on which torque is clearly spent, of those the record can identify."""
     wide = joint.parameters.axis == "rotary" and np.ptp(logs[0].states[:, 0]) > SWING
     names = [n for n in PLACES if n not in excluded and n not in joint.effects]
     found = spent(joint, logs, [n for n in names if wide or n != "gravity"])
@@ -138,7 +138,7 @@ def seen_in_torque(
 
 
 def _new(joint: Joint, damping: Spent) -> bool:
-    """Return whether a damping is more than the datasheet's, which a regression finds as well."""
+    """Return whether damping exceeds the datasheet's, which a regression also finds."""
     own = [f"d_{b}" for b in body_group(joint.structure_row, "m")]
     known = {s: joint.parameters.get(s, 0.0) for s in own if joint.parameters.get(s, 0.0) > 0.0}
     allowed = OUTSIDE * sum(
@@ -159,7 +159,7 @@ def _spent(name: str, names: Sequence[str], fits: Floats, share: float) -> Spent
 
 
 def _predicted(columns: Floats, torque: Floats, names: Sequence[str]) -> tuple[Floats, Floats]:
-    """Return the mean square error of each stretch, and the fits without it, one per row."""
+    """Return the mean square error of each stretch and the fits without it, one per row."""
     used = [0, *(k for n in names for k in PLACES[n])]
     block = np.arange(len(torque)) * BLOCKS // len(torque)
     errors, fits = [], []
@@ -172,14 +172,14 @@ def _predicted(columns: Floats, torque: Floats, names: Sequence[str]) -> tuple[F
 
 
 def _gain(full: Floats, less: Floats) -> tuple[float, float]:
-    """Return the share of the error that is gained, and the gain in its standard deviations."""
+    """Return the share of the error that is removed, and the reduction in standard deviations."""
     gains = less - full
     deviation = max(float(np.std(gains, ddof=1)) * np.sqrt(len(gains)), 1e-300)
     return float(1.0 - full.sum() / max(less.sum(), 1e-300)), float(gains.sum()) / deviation
 
 
 def _moving(joint: Joint, logs: Sequence[Log]) -> tuple[Floats, Floats]:
-    """Return regressors and torque over all records, none where something is missing for them."""
+    """Return regressors and torque over all records; empty if a required channel is missing."""
     shape = joint.structure_row
     sprung = shape.groups[1] != shape.groups[2]
     usable = [x for x in logs if "q_m" in x.measured and not (sprung and "tau" not in x.measured)]

@@ -1,4 +1,4 @@
-"""Which joint predicts best, which effects it has, and how well anything could predict."""
+"""Which joint predicts best, which effects it has, and how good a prediction could be."""
 
 from __future__ import annotations
 
@@ -39,44 +39,44 @@ Floats = NDArray[np.float64]
 Key = tuple[str, float]
 Progress = Callable[[str], None]
 WORSE = 1.02
-"""Relative error, over that of datasheet or least squares, up to which a joint is no worse."""
+"""Ratio to the relative error of datasheet or least squares up to which a joint is no worse."""
 WORSE_AT_ONCE = 1.2
-"""The same at the shortest horizon, where the measured start decides more than the joint."""
+"""The same at the shortest horizon, which depends more on the measured start than on the joint."""
 SAME = 1.0
-"""Difference of the cost up to which the first of several joints is the answer."""
+"""Cost difference up to which the first of several joints is the answer."""
 MISS = 1.25
-"""Relative error, over that of the datasheet, from which the stages of a cut joint are not the
-answer: they fit zeros and lateness of every record, which its joint does not hold."""
+"""Ratio to the datasheet's relative error above which the stages of a cut joint are rejected: they
+fit the offsets and delays of each record, which its joint does not contain."""
 CLEARLY = 0.4
-"""Logarithm of the mean square by which a search has to beat the stages of a cut joint."""
+"""Logarithm of the mean square by which a search must beat the stages of a cut joint."""
 NEAR = 0.2
-"""Relative error from which a search looks for a better joint than that of the stages."""
+"""Relative error above which a search looks for a better joint than that of the stages."""
 LEFT_SHARE, LEFT_CLEAR = 0.3, 3.0
-"""Share of an error that a regression predicts, and its deviations, from which it is left."""
+"""Share of an error, and number of its deviations, above which it counts as predictable."""
 KEPT = 0.1
-"""How far the inertia may move in the end, relative."""
+"""Relative deviation that the final fit allows the inertia."""
 BALANCED = 3
-"""How often horizons at which a joint would be worse get twice the weight."""
+"""Maximum number of times that the weights of horizons where a joint is worse are doubled."""
 HEAVIER = (10.0, 1e3, 1e5)
-"""Factors on the inertia from which fits start where nothing else predicts the motion."""
+"""Factors on the inertia for additional starts where nothing else predicts the motion."""
 REMEMBERED = {"thermal_derating"}
-"""Effects that show over a record rather than in its pieces."""
+"""Effects that show over a whole record rather than in its pieces."""
 LOUD = 0.6
-"""Relative error, the shortest horizon left out, from which nothing counts as explained."""
+"""Relative error, except at the shortest horizon, above which nothing counts as explained."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """One line of the table of horizons: relative errors on held-out data.
+    """One row of the table of horizons: relative errors on held-out data.
 
     Attributes:
-        seconds: How far ahead [s]; 0 for a piece of a held output as a whole.
-        channel: What is predicted.
+        seconds: Horizon [s]; 0 for a whole piece of a held output.
+        channel: Predicted channel.
         datasheet: Error of the nominal joint.
         least_squares: Error of a regression on inertia, damping, Coulomb friction and offset.
-        found: Error of the joint that is the answer.
-        floor: What is predictable by no model; None where that cannot be told.
-        left: What of the error of the answer is predictable.
+        found: Error of the answer.
+        floor: Error that no model could predict; None if unknown.
+        left: Predictable part of the answer's error.
     """
 
     seconds: float
@@ -89,7 +89,7 @@ class Row:
 
     @property
     def unexplained(self) -> bool:
-        """Whether what is left is clearly more than what no model could predict."""
+        """Whether the remaining error is clearly above the unpredictable part."""
         return (
             self.left is not None
             and self.found > TRIVIAL
@@ -100,16 +100,16 @@ class Row:
 
 @dataclass(frozen=True, eq=False)
 class Judgement:
-    """What several joints predict, and which is the answer.
+    """Predictions of several joints, and which joint is the answer.
 
     Attributes:
         case: The records.
         answer: "datasheet", "least squares", "stages" or "found".
         joint: The joint that is the answer.
         rows: The table of horizons.
-        found: The search, where there was one.
+        found: Result of the search, if there was one.
         tests: Worth of each term of the search on held-out data.
-        problem: What the search was fitted to.
+        problem: The problem that the search was fitted to.
     """
 
     case: Case
@@ -128,7 +128,7 @@ class Judgement:
 
     @property
     def unexplained(self) -> tuple[Row, ...]:
-        """Rows in which something is left that could be predicted."""
+        """Rows with a predictable remaining error."""
         return tuple(row for row in self.rows if row.unexplained)
 
 
@@ -145,12 +145,12 @@ def judge(
 
     Args:
         case: The record.
-        stages: What the stages' one-step predictors have found, to be judged beside the others.
-        progress: Is told in words what is being done.
+        stages: Joint found by the stages' one-step predictors, judged along with the others.
+        progress: Called with a description of the current step.
         suspects: Names of the effects that the stages have found.
-        excluded: Names of those that the record cannot tell: no refined law of friction among them
-            is tried.
-        explained: Whether the stages leave nothing.
+        excluded: Names of effects that the record cannot identify; refined laws of friction among
+            them are not tried.
+        explained: Whether the stages leave nothing unexplained.
     """
     progress("predicting up to half a second ahead")
     scales = scales_of(case.joint, case.logs)
@@ -200,20 +200,20 @@ def judge(
 
 
 def _fails(case: Case, errors: dict[Key, float]) -> bool:
-    """Return whether the stages leave much of the torque of a held output."""
+    """Return whether the stages leave much of a held output's torque unexplained."""
     held = case.joint.structure_row.output_fixed and case.joint.structure_row.size == 1
     return held and errors.get(("tau", WHOLE), 0.0) > NEAR
 
 
 def _cut(case: Case) -> bool:
-    """Return whether a measured torque cuts the joint into stages, which then are sharper."""
+    """Return whether a measured torque cuts the joint into stages, which makes them sharper."""
     shape = case.joint.structure_row
     sprung = shape.groups[1] != shape.groups[2]
     return sprung and any("tau" in log.measured for log in case.logs)
 
 
 def _sound(case: Case, joints: dict[str, Joint]) -> str:
-    """Return "stages" unless the datasheet predicts a joint that is cut clearly better."""
+    """Return "stages" unless the datasheet predicts a cut joint clearly better."""
     kinds = [("tau", WHOLE), ("q_m", 0.1), ("q_m", 0.5)]
     own, other = (relative(case.test, case.test.errors(joints[n])) for n in ("stages", "datasheet"))
     worse = any(own[k] > MISS * max(other[k], TRIVIAL) for k in kinds if k in own)
@@ -225,7 +225,7 @@ def _left(error: float, one: Predictable) -> bool:
 
 
 def _tested(problem: Problem, test: Problem, found: Found) -> tuple[Found, tuple[Worth, ...]]:
-    """Return a search without what held-out data refute, and what they say of the rest."""
+    """Return a search without terms refuted by held-out data, and the worth of the others."""
     while True:
         new, more = beyond(found.base, found.fit), _held(test, found.fit)
         tests = [
@@ -240,17 +240,17 @@ def _tested(problem: Problem, test: Problem, found: Found) -> tuple[Found, tuple
 
 
 def _held(test: Problem, fit: Fit) -> Fit:
-    """Return a fit with its errors and its cost on held-out data."""
+    """Return a fit with its errors and cost on held-out data."""
     errors = test.errors(fit.model, fit.z)
     cost = test.cost(Model(fit.model.joint), np.zeros(0), errors)
     return Fit(fit.model, fit.z, cost, errors)
 
 
 def _no_worse(case: Case, joints: dict[str, Joint], name: str) -> bool:
-    """Return whether a joint predicts no worse than datasheet and least squares, at any horizon.
+    """Return whether a joint predicts no worse than datasheet and least squares at any horizon.
 
-    Where it does worse than going on at the same speed, it must not lose against its fit without
-    any effect, either.
+    Where it predicts worse than motion at constant speed, it must not be worse than the fit without
+    effects, either.
     """
     for windows in {id(w): w for w in (case.test, case.all)}.values():
         errors = windows.errors(joints[name])
@@ -266,12 +266,12 @@ def _no_worse(case: Case, joints: dict[str, Joint], name: str) -> bool:
 
 
 def _slack(key: Key) -> float:
-    """Return the relative error, over that of another joint, up to which one is no worse."""
+    """Return the ratio to another joint's relative error up to which a joint is no worse."""
     return WORSE_AT_ONCE if key[1] == min(HORIZONS) else WORSE
 
 
 def _polished(case: Case, problem: Problem, found: Found, joints: dict[str, Joint]) -> Found:
-    """Return a search whose numbers predict best, its inertia nearly as it was found.
+    """Return a search refitted to predict best, with its inertia nearly unchanged.
 
     Horizons at which it would be worse than datasheet or least squares get more weight.
     """
@@ -292,10 +292,10 @@ def _polished(case: Case, problem: Problem, found: Found, joints: dict[str, Join
 
 
 def _freed(problem: Problem, fits: Sequence[Fit]) -> Fit:
-    """Return the best fit from given ones and from heavier joints.
+    """Return the best fit that starts from given fits or from heavier joints.
 
-    Where nothing predicts the motion from the torque, as when something else imposes it, a joint
-    that the torque hardly moves errs least. A guess of the inertia does not stand against it.
+    Where the torque does not predict the motion, as when something else imposes it, a joint that
+    the torque hardly moves has the least error. A guessed inertia does not prevent this.
     """
     first, values = fits[0].model.terms[0], fits[0].model.values(fits[0].z)[0]
     number = first.numbers[0]
@@ -319,7 +319,7 @@ def _with_inertia(model: Model, number: Number) -> Model:
 
 
 def _with_inertia_kept(model: Model, z: Floats) -> tuple[Model, Floats]:
-    """Return a model whose inertia is known nearly as it is, and coordinates."""
+    """Return a model whose inertia is held near its current value, and coordinates."""
     terms, z = [], z.copy()
     for k, (term, values) in enumerate(zip(model.terms, model.values(z), strict=True)):
         if term.name == "inertia":
@@ -350,12 +350,12 @@ def _best(case: Case, test: Problem, joints: dict[str, Joint]) -> str:
 
 
 def _own(found: Joint | None, nominal: Joint) -> bool:
-    """Return whether a search has found an effect that the stages do not know."""
+    """Return whether a search has found an effect unknown to the stages."""
     return found is not None and not PACKAGED.issuperset(found.effects.keys() - nominal.effects)
 
 
 def _deaf(case: Case, errors: Sequence[Floats]) -> bool:
-    """Return whether a joint hardly predicts what its angle does over the longest horizon."""
+    """Return whether a joint hardly predicts its angle over the longest horizon."""
     return relative(case.test, errors).get(("q_m", max(HORIZONS)), 0.0) > LOUD
 
 

@@ -1,4 +1,4 @@
-"""A record as even arrays: what drives the joint, what was measured, where it may be used."""
+"""A record on an even time grid: input of the joint, measured channels and usable samples."""
 
 from __future__ import annotations
 
@@ -21,18 +21,19 @@ Flags = NDArray[np.bool_]
 SMOOTH = 0.02
 """Time over which angles are smoothed for the state at the start of a window [s]."""
 LEAST_SMOOTH = 5
-"""Fewest samples of it."""
+"""Fewest samples to smooth over."""
 AHEAD, ASTRAY = 0.5, 0.15
-"""Time over which a measured speed must add up to the way of its angle [s], and how nearly."""
+"""Time over which a measured speed must integrate to the change of its angle [s], and the largest
+relative deviation."""
 GAP = 5.0
-"""Sampling intervals, in medians, from which there is a gap in the log."""
+"""Ratio to the median sampling interval above which there is a gap in the log."""
 ENOUGH = 2e-3
-"""Sample time to which records of a joint without a spring are thinned [s]."""
+"""Sample time to which records of a joint without a spring are downsampled [s]."""
 DRIVING = ("i", "i_cmd", "v", "tau_cmd", "tau_m", "tau_l")
 FOLLOWED = 0.1
-"""Share of a current's variance that its command may leave."""
+"""Largest share of a current's variance that its command may leave unexplained."""
 FEWEST = 100
-"""Fewest samples of a channel that can be used."""
+"""Samples that a usable channel must exceed."""
 Drive = Literal["i", "i_cmd", "v"]
 
 
@@ -41,19 +42,19 @@ class Log:
     """One record, ready to be predicted.
 
     Attributes:
-        name: Of the record, in words.
+        name: Description of the record.
         dt: Sample time [s].
         t: Time of the samples [s], shape (N,).
-        drive: Which channel drives the joint.
-        command: That channel [A], or [V] where it is a voltage; shape (N,).
-        wanted: The command of the drive where the current was measured, too [A], shape (N,).
+        drive: Channel that drives the joint.
+        command: That channel [A], or [V] if it is a voltage, shape (N,).
+        wanted: Command of the drive if the current was measured too [A], shape (N,).
         load: Torque on the load [N m], or velocity of a prescribed load [rad/s]; shape (N,).
         measured: Channels to predict, of q_m, q_l and tau, each of shape (N,).
         states: [q_m q_g q_l dq_m dq_g dq_l] as measured, smoothed, shape (N, 6).
-        known: Which of the states were measured, or follow from what was, shape (6,).
-        acceleration: Of the motor, smoothed [rad/s^2], shape (N,).
+        known: Which states were measured or follow from measured channels, shape (6,).
+        acceleration: Smoothed acceleration of the motor [rad/s^2], shape (N,).
         whole: Where all channels were measured and no gap is near, shape (N,).
-        temperature: Lowest and highest that the drive reported [degC]; None where it did not.
+        temperature: Lowest and highest temperature reported by the drive [degC]; None if absent.
     """
 
     name: str
@@ -85,7 +86,7 @@ class Log:
 
 
 def to_logs(records: Sequence[Record], file: JointFile, structure: Structure) -> list[Log]:
-    """Return records on even grids, all of them driven by the same channel where they have it.
+    """Return records on even grids, all driven by the same channel where they have it.
 
     Raises:
         RecordError: As for `to_log`.
@@ -102,8 +103,8 @@ def to_log(record: Record, file: JointFile, structure: Structure, *, measured: b
     Args:
         record: The record.
         file: The joint.
-        structure: How its bodies are joined.
-        measured: Whether a measured current drives the joint even where it follows its command.
+        structure: Structure of the joint.
+        measured: Whether a measured current drives the joint even if it follows its command.
 
     Raises:
         RecordError: Nothing drives the joint, or nothing that could be predicted was measured.
@@ -143,7 +144,7 @@ def to_log(record: Record, file: JointFile, structure: Structure, *, measured: b
 
 
 def _thinned(columns: dict[str, Floats], t: Floats, every: int) -> tuple[dict[str, Floats], Floats]:
-    """Return every so-manyth sample; what drives the joint is averaged until the next."""
+    """Return every nth sample; input channels are averaged over each interval."""
     if every == 1:
         return columns, t
     rows = len(t) // every
@@ -160,7 +161,7 @@ def _even(grid: Floats, t: Floats, x: Floats) -> Floats:
 
 
 def _driving(record: Record, even: dict[str, Floats], file: JointFile) -> tuple[Drive, Floats]:
-    """Return which channel drives the joint, and the current or voltage that it stands for."""
+    """Return the channel that drives the joint, and the current or voltage that it represents."""
     p = file.parameters
     if p.takes_volts and "v" in even:
         return "i_cmd", even["v"]
@@ -181,10 +182,10 @@ def _driving(record: Record, even: dict[str, Floats], file: JointFile) -> tuple[
 
 
 def _followed(i: Floats, command: Floats) -> bool:
-    """Return whether a measured current follows its command so closely that this drives the joint.
+    """Return whether a current follows its command closely enough for the command to drive.
 
-    Between two samples a current that follows a held command is nearer to the next than to the
-    last; a spring that swings makes much of that. The command is known at every instant.
+    Between two samples, a current that follows a held command is closer to the next sample than to
+    the last, which matters with an oscillating spring. The command is known at every instant.
     """
     left = np.min([np.var(i[2:] - command[2 - k : len(command) - k]) for k in (0, 1, 2)])
     return bool(left < FOLLOWED * np.var(i))
@@ -221,11 +222,11 @@ def _measured(
 def _relaxed(
     measured: dict[str, Floats], q_l: Floats | None, drive: Floats, structure: Structure
 ) -> float:
-    """Return what the load's angle lacks so that a spring without torque is relaxed [rad].
+    """Return the offset of the load's angle that makes deflection zero at zero torque [rad].
 
-    Encoders have arbitrary zeros: a regression of the deflection on the torque tells theirs, on
-    what drives the joint where the torque was not measured. The motor's angle stays as it is,
-    because cogging and ripple count from its zero.
+    Encoder zeros are arbitrary: they follow from a regression of the deflection on the torque, or
+    on the input if the torque was not measured. The motor's angle is left unchanged, because
+    cogging and ripple refer to its zero.
     """
     if structure.groups[1] == structure.groups[2] or "q_m" not in measured:
         return 0.0
@@ -248,7 +249,7 @@ def _holes(grid: Floats, t: Floats, columns: list[Floats], dt: float) -> Flags:
 
 
 def _known(measured: dict[str, Floats], held: Floats | None, structure: Structure) -> Flags:
-    """Return which states are told by what was measured, shape (6,)."""
+    """Return which states follow from measured channels, shape (6,)."""
     motor, gear, load = structure.groups
     tau = "tau" in measured
     q_m = "q_m" in measured or tau
@@ -258,7 +259,7 @@ def _known(measured: dict[str, Floats], held: Floats | None, structure: Structur
 
 
 def smoothed(x: Floats, dt: float, order: int = 0) -> Floats:
-    """Return a channel, or its derivative of an order up to 2, over local parabolas."""
+    """Return a channel, or its derivative of order up to 2, smoothed by local parabolas."""
     count = max(LEAST_SMOOTH, round(SMOOTH / dt) | 1)
     return np.asarray(savgol_filter(x, count, 2, deriv=order, delta=dt))
 
@@ -273,8 +274,8 @@ def _states(
 ) -> tuple[Floats, Floats]:
     """Return the measured states, shape (N, 6), and the motor's acceleration, shape (N,).
 
-    What was not measured follows from what was: the deflection of a spring from its torque, the
-    motor's angle of a held output from the same, bodies that move together from each other.
+    Unmeasured states follow from measured ones: the deflection of a spring from its torque, the
+    motor's angle with a held output likewise, and bodies that move together from each other.
     """
     p = file.parameters
     motor, gear, load = structure.groups
@@ -300,7 +301,7 @@ def _states(
 
 
 def _is_slope(speed: Floats, angle: Floats, dt: float) -> bool:
-    """Return whether a measured speed adds up to the way that the angle goes meanwhile."""
+    """Return whether a measured speed integrates to the change of its angle."""
     rows = min(max(round(AHEAD / dt), LEAST_SMOOTH), len(angle) - 1)
     way = angle[rows:] - angle[:-rows]
     total = cumulative_trapezoid(speed, dx=dt, initial=0.0)

@@ -14,7 +14,7 @@ from cjt_gym.joint.structures import Structure
 
 Floats = NDArray[np.float64]
 MEASURES = ("noise", "quantization", "drift", "dropout", "command_noise")
-"""Effects that a prediction leaves out: they scatter, or round, what is measured."""
+"""Effects omitted from predictions: they only scatter or round the measurement."""
 DRIVE = (
     "command_delay",
     "current_lag",
@@ -30,17 +30,17 @@ STEP = 0.02
 
 @dataclass(frozen=True)
 class Number:
-    """One free number, worked on as a coordinate z, its value at z = 0 being the start.
+    """One free number, represented by a coordinate z that is 0 at the start value.
 
     Attributes:
         symbol: Its name in the effect table.
         unit: Its unit.
         start: Value at z = 0.
-        scale: Change that one unit of z makes: relative where `log`, else in the unit.
+        scale: Change per unit of z: relative if `log`, else in the unit.
         log: Whether the value is start * exp(scale z) rather than start + scale z.
         low: Smallest value.
         high: Largest value.
-        prior: Whether z is known to be about 0 with deviation 1.
+        prior: Whether z has a Gaussian prior of mean 0 and deviation 1.
         step: Step of a finite difference, in units of z. A delay acts in whole substeps.
     """
 
@@ -74,13 +74,13 @@ class Draft:
     """Parameters and effects of a joint while they are being changed."""
 
     def __init__(self, file: JointFile, effects: Mapping[str, EffectValues]) -> None:
-        """Begin with a joint as it is."""
+        """Start from a joint's file and effects."""
         self.file = file
         self.parameters: dict[str, float] = {}
         self.effects: dict[str, EffectValues] = {name: dict(v) for name, v in effects.items()}
 
     def row(self, name: str) -> EffectValues:
-        """Return the values of an effect, off where it was not there."""
+        """Return the values of an effect, added at neutral values if absent."""
         if name not in self.effects:
             p = self.file.parameters
             self.effects[name] = {
@@ -100,7 +100,7 @@ class Draft:
         return float(stated[0]) if stated else 0.0  # type: ignore[arg-type]
 
     def smooth(self, width: float) -> None:
-        """Give all dry friction a smoothing [rad/s]."""
+        """Set the smoothing velocity of all dry friction [rad/s]."""
         for values in self.effects.values():
             if SHARED in values:
                 values[SHARED] = width
@@ -117,15 +117,15 @@ class Term:
         name: Name in the effect table.
         numbers: Its free numbers.
         put: Writes their values into a draft.
-        body: motor, gear or load, where that is a choice.
-        channel: Channel, where that is a choice.
-        replaces: Names of terms whose place it takes.
-        starts: Values of the numbers at which a search starts, each of their length.
-        needs: Names of terms without which it makes no sense.
-        nominal: Values of the numbers at which it does nothing.
-        family: Terms of one family are compared with each other.
-        factor: Factor on the price of one that is less likely than others.
-        tight: The same within the tolerance of its datasheet, where this one is free of that.
+        body: "motor", "gear" or "load", if applicable.
+        channel: Channel, if applicable.
+        replaces: Names of terms that it replaces.
+        starts: Values of the numbers from which a search starts.
+        needs: Names of terms of which it requires at least one.
+        nominal: Values of the numbers at which it has no effect.
+        family: Name of a group of similar terms.
+        factor: Factor on the price, larger for less likely terms.
+        tight: The same term within its datasheet tolerance, if this one is released from it.
     """
 
     name: str
@@ -143,7 +143,7 @@ class Term:
 
     @property
     def key(self) -> tuple[str, str | None, str | None]:
-        """What tells it from the others."""
+        """Identifier of the term: name, body and channel."""
         return (self.name, self.body, self.channel)
 
     @property
@@ -180,23 +180,23 @@ class Model:
         return found
 
     def span(self, index: int) -> slice:
-        """Return where the coordinates of a term are."""
+        """Return the slice of a term's coordinates."""
         at = sum(len(term.numbers) for term in self.terms[:index])
         return slice(at, at + len(self.terms[index].numbers))
 
     def draft(self, z: Floats) -> Draft:
-        """Return the joint's parameters and effects at coordinates."""
+        """Return the joint's parameters and effects at given coordinates."""
         draft = Draft(self.joint.file, self.joint.effects)
         for term, values in zip(self.terms, self.values(z), strict=True):
             term.put(draft, values)
         return draft
 
     def at(self, z: Floats) -> Joint:
-        """Return the joint at coordinates."""
+        """Return the joint at given coordinates."""
         return drafted(self.joint, self.draft(z))
 
     def without(self, index: int, z: Floats) -> tuple[Model, Floats]:
-        """Return the model less one of its terms, or with it as its datasheet has it."""
+        """Return the model without one of its terms, or with its datasheet version instead."""
         tight, span = self.terms[index].tight, self.span(index)
         kept = () if tight is None else (tight,)
         values = np.zeros(sum(len(term.numbers) for term in kept))
@@ -213,11 +213,11 @@ def drafted(joint: Joint, draft: Draft) -> Joint:
 
 
 def quiet(joint: Joint, *, driven: bool = True) -> Joint:
-    """Return a joint without noise and rounding of what it measures.
+    """Return a joint without measurement noise and rounding.
 
     Args:
         joint: The joint.
-        driven: Whether its drive takes a command; a measured current has passed the drive already.
+        driven: Whether its drive takes a command; a measured current has already passed the drive.
     """
     out = MEASURES if driven else (*MEASURES, *DRIVE)
     return replace(joint, effects={n: v for n, v in joint.effects.items() if n not in out})
@@ -225,15 +225,15 @@ def quiet(joint: Joint, *, driven: bool = True) -> Joint:
 
 @dataclass(frozen=True)
 class Scales:
-    """What is large on a record; searches start from shares of it.
+    """Typical magnitudes in a record; searches start from fractions of them.
 
     Attributes:
-        torque: Torque of motor and load, rms of what varies [N m].
-        speed: Motor speed, rms [rad/s].
-        peak: That torque's size that is rarely exceeded [N m].
+        torque: Standard deviation of the torque of motor and load [N m].
+        speed: rms motor speed [rad/s].
+        peak: Rarely exceeded torque [N m].
         travel: Range of the motor's angle [rad].
-        driven: Share of the torque that is the motor's.
-        fast: Motor speed that is rarely exceeded [rad/s].
+        driven: Share of the torque due to the motor.
+        fast: Rarely exceeded motor speed [rad/s].
     """
 
     torque: float
@@ -245,7 +245,7 @@ class Scales:
 
 
 def body_group(structure: Structure, body: str) -> tuple[str, ...]:
-    """Return the letters of the bodies that move together with one."""
+    """Return the letters of the bodies that move together with a given one."""
     group = structure.groups["mgl".index(body)]
     return tuple(b for b, g in zip("mgl", structure.groups, strict=True) if g == group)
 

@@ -1,4 +1,4 @@
-"""Candidates that follow from a row of the effect table alone: effects of one's own."""
+"""Candidates derived from rows of the effect table alone: user-defined effects."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from cjt_gym.joint.configure import EffectValue, typical_value
 from cjt_gym.joint.effects import Effect, EffectParameter, own_effects
 
 STEP = 0.25
-"""Step of a search, in units of where it starts."""
+"""Step of a search, relative to its start."""
 SHARE = 0.2
-"""Share of what is large on a record from which a search starts."""
+"""Fraction of a record's typical magnitudes from which a search starts."""
 
 
 def own_terms(joint: Joint, scales: Scales) -> list[Term]:
-    """Return the effects of one's own that may act in a joint and are not listed in its file.
+    """Return user-defined effects that may act in a joint and are not listed in its file.
 
-    The numbers in a row's `size` are free within its range; the others keep their usual values.
-    Whoever registers an effect suspects it, so that it is as likely as dry friction.
+    The numbers in a row's `size` are free within their ranges; the others keep their usual values.
+    A registered effect is a suspect, and so rated as likely as dry friction.
     """
     return [
         _term(row, joint, scales)
@@ -57,7 +57,7 @@ def _off(parameter: EffectParameter, joint: Joint) -> float:
 
 
 def _reach(parameter: EffectParameter, joint: Joint, scales: Scales) -> float:
-    """Return by how much a parameter may differ from its value at rest where a search starts."""
+    """Return the offset of a parameter from its neutral value at which a search starts."""
     large = {
         "N m": scales.torque,
         "N m s/rad": scales.torque / scales.speed,

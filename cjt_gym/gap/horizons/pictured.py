@@ -1,4 +1,4 @@
-"""What a report draws of a joint that was judged by its predictions."""
+"""Signals that a report plots for a joint judged by its predictions."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ KEYS = ("measured", "before", "after")
 
 
 def pictured(judged: Judgement, first: Evidence) -> Evidence:
-    """Return evidence whose signals are what datasheet and answer predict of held-out data.
+    """Return evidence with the predictions of datasheet and answer on held-out data.
 
-    The residuals and maps of the stages are those of another joint, and are left out.
+    The residuals and maps of the stages belong to another joint and are omitted.
 
     Args:
         judged: The judgement.
-        first: Evidence of the stages, of which the sources stay.
+        first: Evidence of the stages, whose sources are kept.
     """
     groups = _drawn(judged.case.test)
     log = judged.case.test.logs[groups[0].log]
@@ -42,7 +42,7 @@ def pictured(judged: Judgement, first: Evidence) -> Evidence:
 
 
 def _stretches(judged: Judgement, log: Log, group: Group) -> dict[str, dict[str, Floats]]:
-    """Return what was measured and predicted in windows, one after the other, by channel."""
+    """Return measured and predicted signals of consecutive windows, by channel."""
     starts = _apart(group)
     rows = starts[:, None] + np.arange(group.length)
     joints = (judged.case.joint, judged.joint)
@@ -58,7 +58,7 @@ def _stretches(judged: Judgement, log: Log, group: Group) -> dict[str, dict[str,
 
 
 def _drawn(windows: Windows) -> list[Group]:
-    """Return the windows of one record that are drawn: pieces as a whole, or the longest ones."""
+    """Return the windows of one record to plot: whole pieces, or else the longest windows."""
     whole = [g for g in windows.groups if g.horizons == (WHOLE,)]
     if whole:
         return [g for g in whole if g.log == whole[0].log]
@@ -66,7 +66,7 @@ def _drawn(windows: Windows) -> list[Group]:
 
 
 def _apart(group: Group) -> NDArray[np.int64]:
-    """Return the starts of windows that do not overlap."""
+    """Return the starts of non-overlapping windows."""
     kept: list[int] = []
     for start in np.sort(group.starts).tolist():
         if not kept or start >= kept[-1] + group.length:
@@ -75,7 +75,7 @@ def _apart(group: Group) -> NDArray[np.int64]:
 
 
 def _predicted(joint: Joint, log: Log, group: Group, starts: NDArray[np.int64]) -> Floats:
-    """Return what a joint predicts in windows, shape (W, length, 3); 0 where it is not finite."""
+    """Return a joint's predictions in windows, shape (W, length, 3); 0 where not finite."""
     order = np.argsort(group.starts)
     leads = group.leads[order][np.searchsorted(group.starts[order], starts)]
     lengths = np.full(len(starts), group.length)

@@ -1,9 +1,8 @@
-"""What of an error could still be predicted, whatever causes it.
+"""Predictable part of an error, whatever its cause.
 
-A flexible regression (random Fourier features under ridge) of the error at the end of each window
-on the state at its start, the input within it, and the recent past, including the error of the
-window that ends where this one begins. It is trained on some pieces of the record and tested on
-the others: what it predicts there is not noise. What is left is the floor.
+A flexible ridge regression (on random Fourier features) of the error at the end of each window on
+the state at its start, the input within it and the recent past. It is trained on some pieces of the
+record and tested on the others: what it predicts there is not noise. The remainder is the floor.
 """
 
 from __future__ import annotations
@@ -22,19 +21,19 @@ FEATURES = 60
 FOLDS = 6
 RIDGES = np.geomspace(1e-2, 1e4, 9)
 FEWEST = 30
-"""Windows below which nothing can be said."""
+"""Fewest windows for a result."""
 CLIP = 4.0
-"""Errors count up to so many of their median sizes, so that one blow teaches nothing."""
+"""Limit of the errors, in robust deviations, so that a single impact has little influence."""
 
 
 @dataclass(frozen=True)
 class Predictable:
-    """What is predictable of the errors of one kind.
+    """Predictable part of the errors of one kind.
 
     Attributes:
         share: Share of their mean square that a regression predicts on unseen pieces, 0 to 1.
-        deviation: How uncertain that share is, one deviation over the folds.
-        windows: From how many windows.
+        deviation: Standard deviation of that share, from the folds.
+        windows: Number of windows.
     """
 
     share: float
@@ -43,7 +42,7 @@ class Predictable:
 
 
 def features(windows: Windows, key: tuple[str, float]) -> Floats:
-    """Return what an error may depend on, shape (windows, n), each of unit spread."""
+    """Return variables on which an error may depend, shape (windows, n), of unit deviation."""
     horizon, rows = key[1], []
     for group in windows.groups_of(key):
         log = windows.logs[group.log]
@@ -73,7 +72,7 @@ def features(windows: Windows, key: tuple[str, float]) -> Floats:
 def predictable(
     windows: Windows, errors: list[Floats], key: tuple[str, float], seed: int = 0
 ) -> Predictable:
-    """Return which share of the errors of a kind is predictable."""
+    """Return the predictable share of the errors of a kind."""
     error = errors[windows.keys.index(key)][:, -1]
     pieces, x = windows.pieces(key), features(windows, key)
     good = np.isfinite(error)
@@ -93,7 +92,7 @@ def predictable(
 
 
 def _shares(phi: Floats, y: Floats, fold: Integers) -> tuple[float, float]:
-    """Return the predicted share over folds, and its deviation, at the best of all ridges."""
+    """Return the predicted share over folds and its deviation, at the best ridge parameter."""
     total = np.array([np.sum(y[fold == f] ** 2) for f in range(FOLDS)])
     left = np.zeros((FOLDS, len(RIDGES)))
     for f in range(FOLDS):
@@ -111,6 +110,6 @@ def _shares(phi: Floats, y: Floats, fold: Integers) -> tuple[float, float]:
 
 
 def left(windows: Windows, joint: Joint) -> dict[tuple[str, float], Predictable]:
-    """Return for each kind what of a joint's errors is predictable."""
+    """Return the predictable part of a joint's errors of each kind."""
     errors = windows.errors(joint)
     return {k: predictable(windows, errors, k) for k in windows.keys if k[1] in HORIZONS}

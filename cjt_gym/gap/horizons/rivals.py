@@ -1,4 +1,4 @@
-"""Which terms would do as well in the place of another."""
+"""Terms that would fit as well in the place of another."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from cjt_gym.gap.horizons.worth import price
 from cjt_gym.joint.effects import PACKAGED
 
 FIRST = "coulomb"
-"""Dry friction is tried from a grid at once: damping alone may have taken its place."""
+"""Term tried from a grid of its own at the start, as damping alone may have taken its place."""
 ALIKE, ALIKE_PLAIN = 2.0, 12.0
-"""Difference of the cost up to which two models fit alike, and up to which plain dry friction is
-still a rival of a law that refines it: a wrong input makes small differences between them."""
+"""Cost difference up to which two models fit alike, and up to which plain dry friction still rivals
+a law that refines it: a wrong input causes small differences between them."""
 REFINED = ("stribeck", "presliding", "coulomb_asym", "load_friction", "damping")
-"""Laws of friction that refine the plain one, or take its place."""
+"""Laws of friction that refine or replace the plain one."""
 
 
 def rivals_of(
     problem: Problem, found: Found, terms: Sequence[Term]
 ) -> tuple[tuple[tuple[str, ...], ...], Fit | None]:
-    """Return for each term of a search's end the names of others that would do in its place.
+    """Return for each term of a search result the names of others that could replace it.
 
-    Beside them stands the best fit with one in another's place, where it is clearly better: a law
-    that was taken first may stand in the way of one that explains more together with others.
+    Also returned is the best fit with one term replaced, if clearly better: a law that was added
+    first may block one that explains more together with others.
     """
     new = beyond(found.base, found.fit)
     rivals: list[tuple[str, ...]] = []
@@ -55,7 +55,7 @@ def rivals_of(
 def _in_its_place(
     problem: Problem, less: Fit, term: Term, others: Sequence[Term]
 ) -> list[tuple[Fit, Term, bool]]:
-    """Return the fits with others in the place of a term; marked is plain dry friction."""
+    """Return fits with others in place of a term, each with a flag for plain dry friction."""
     own = [t for t in others if t.name not in PACKAGED]
     plain = [t for t in others if t.name == FIRST] if term.name in REFINED else []
     looked = [*extend(problem, less, others, 2), *extend(problem, less, own)]

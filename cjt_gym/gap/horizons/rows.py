@@ -1,4 +1,4 @@
-"""Which rows of the effect table may explain a record, and where the search for them starts."""
+"""Rows of the effect table that may explain a record, and starts of the search for them."""
 
 from __future__ import annotations
 
@@ -23,34 +23,34 @@ from cjt_gym.joint import EFFECTS, Joint
 
 Floats = NDArray[np.float64]
 LIKELY, RARE, UNLIKELY = 0.5, 2.0, 4.0
-"""Factors on the price of a term: dry friction, which every joint has; what few joints show, or
-other errors mimic; a delay or lag behind a current that was measured."""
+"""Price factors of a term: for dry friction, which every joint has; for effects that are rare or
+mimicked by other errors; for a delay or lag after a measured current."""
 LOSS = 0.002
 """Loss of torque constant per kelvin that a diagnosis writes; only its product with the heat per
-square ampere can be told [1/K]."""
+square ampere is identifiable [1/K]."""
 CREEP = 0.002
 """Velocity over which the toolbox smooths dry friction, which then creeps [rad/s]."""
 SLOWEST = 0.02
-"""Longest time constant of a drive [s]: what is slower is the mechanics."""
+"""Longest time constant of a drive [s]; anything slower is the mechanics."""
 LONGEST_DELAY = 0.06
-"""Longest dead time of a command [s], as where a computer drives an amplifier over a network."""
+"""Longest dead time of a command [s], as when a computer drives an amplifier over a network."""
 HEAVIEST = 10.0
-"""Largest weight that is looked for, in torques that are rarely exceeded: a pendulum that is swung
-up is heavier than its motor is strong."""
+"""Largest gravity torque considered, as a multiple of the rarely exceeded torque: that of a
+pendulum that is swung up exceeds its motor's."""
 SWING = 0.4
-"""Travel from which a weight can be told from a constant torque [rad]."""
+"""Travel above which gravity can be distinguished from a constant torque [rad]."""
 COASTING = 0.1
-"""Share of what its inertia takes that counts as the torque of a joint that nothing drives."""
+"""Share of the inertial torque that counts as the torque of an undriven joint."""
 FALLEN = 1.0
-"""Speed, in usual ones, by which friction that falls with it has fallen: with a falling friction
-that lasts longer, damping takes the place of the Coulomb friction that every joint has."""
+"""Largest Stribeck velocity, relative to the rms speed: if friction falls more slowly, damping
+takes the place of the Coulomb friction that every joint has."""
 MOST_LOST = 0.5
-"""Largest share of the transmitted torque that friction takes, as in the effect table."""
+"""Largest share of the transmitted torque lost to friction, as in the effect table."""
 BODIES = {"m": "motor", "g": "gear", "l": "load"}
 
 
 def scales_of(joint: Joint, logs: Sequence[Log]) -> Scales:
-    """Return what is large on some records."""
+    """Return the typical magnitudes in some records."""
     p = joint.parameters
     gain = p.k_t * p.n / (p.r if logs[0].voltage else 1.0)
     own = [gain * log.command[log.whole] for log in logs]
@@ -72,7 +72,7 @@ def scales_of(joint: Joint, logs: Sequence[Log]) -> Scales:
 
 
 def sets(effect: str, *symbols: str) -> Put:
-    """Return what writes numbers into a row of the effect table."""
+    """Return a function that writes numbers into a row of the effect table."""
 
     def put(draft: Draft, values: Sequence[float]) -> None:
         row = draft.row(effect)
@@ -83,7 +83,7 @@ def sets(effect: str, *symbols: str) -> Put:
 
 
 def candidates(joint: Joint, scales: Scales, logs: Sequence[Log]) -> tuple[Term, ...]:
-    """Return the rows that may be added to the model of a record."""
+    """Return the terms that may be added to the model of a record."""
     shape, drive = joint.structure_row, joint.drive
     found = [
         *_friction(joint, scales, "m"),
@@ -106,7 +106,7 @@ def candidates(joint: Joint, scales: Scales, logs: Sequence[Log]) -> tuple[Term,
 
 
 def likelier(terms: Sequence[Term], names: Collection[str]) -> list[Term]:
-    """Return terms of which some are as likely as dry friction, for other reasons."""
+    """Return terms, with those named rated at least as likely as dry friction."""
     return [replace(t, factor=min(t.factor, LIKELY)) if t.name in names else t for t in terms]
 
 
@@ -211,13 +211,13 @@ def _drive(logs: Sequence[Log]) -> list[Term]:
 
 
 def _late(dt: float, longest: float) -> Number:
-    """Return a delay, which acts in whole substeps of the kernel."""
+    """Return a delay whose finite-difference step is a whole substep of the kernel."""
     substep = dt / math.ceil(dt / SUBSTEP - 1e-9)
     return Number("delay", "s", 0.0, 0.5 * dt, low=0.0, high=longest, step=substep / (0.5 * dt))
 
 
 def _derating(joint: Joint, scales: Scales, logs: Sequence[Log]) -> Term:
-    """Return windings that warm: only derating times the heat per square ampere can be told."""
+    """Return the derating of warm windings: only its product with heat per A^2 is identifiable."""
     p = joint.parameters
     current = scales.torque / (p.k_t * p.n)
     length = max(log.t[-1] - log.t[0] for log in logs)

@@ -1,4 +1,4 @@
-"""How sure the numbers of a joint file are, from how sure the coordinates of a fit are."""
+"""Uncertainty of the numbers of a joint file, from that of the coordinates of a fit."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from cjt_gym.joint.effect_entries import unit_on
 
 Floats = NDArray[np.float64]
 STEP = 0.01
-"""Change of a coordinate, in its scale, over which slopes are taken."""
+"""Step of a coordinate for finite-difference slopes, in units of its scale."""
 DIGITS = 8
 
 
 @dataclass(frozen=True, eq=False)
 class Scatter:
-    """The numbers of effects that a fit has moved, and how they go with its coordinates.
+    """Numbers of effects changed by a fit, and their dependence on its coordinates.
 
-    A number of the file need not be one of the fit: the damping in the negative direction is fitted
-    as a difference, a weight as two components.
+    A number of the file need not be one of the fit: damping in the negative direction is fitted as
+    a difference, gravity as two components.
 
     Attributes:
-        spread: How sure the coordinates are.
+        spread: Covariance of the coordinates.
         names: "effect.symbol" of each number.
-        values: Their values, shape (n,).
-        slopes: Their derivatives by the coordinates, shape (n, coordinates).
+        values: Values of the numbers, shape (n,).
+        slopes: Derivatives with respect to the coordinates, shape (n, coordinates).
     """
 
     spread: Spread
@@ -57,7 +57,7 @@ class Scatter:
         return np.asarray(self.slopes @ self.spread.matrix @ self.slopes.T)
 
     def intervals(self) -> dict[str, Interval]:
-        """Return the 95 % intervals: as far as the coordinates go that move a number most."""
+        """Return the 95 % intervals, along the most probable change of the coordinates."""
         z, found = self.spread.fit.z, {}
         for name, value, slope in zip(self.names, self.values, self.slopes, strict=True):
             way = self.spread.matrix @ slope
@@ -77,7 +77,7 @@ class Scatter:
         return found
 
     def table(self) -> dict[str, object]:
-        """Return what a joint file says of it."""
+        """Return the entries for a joint file."""
         return {
             "names": self.names,
             "values": tuple(map(_short, self.values)),
@@ -86,7 +86,7 @@ class Scatter:
 
 
 def _numbers(model: Model, z: Floats) -> dict[str, float]:
-    """Return the numbers of the effects at coordinates."""
+    """Return the numbers of the effects at given coordinates."""
     return {
         f"{name}.{symbol}": float(value)
         for name, values in model.draft(z).effects.items()

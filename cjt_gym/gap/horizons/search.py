@@ -1,4 +1,4 @@
-"""Which rows of the effect table a record calls for: forward, then each left out again."""
+"""Selection of the effect-table rows that a record supports: forward search, then pruning."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from cjt_gym.gap.horizons.starts import apart, begin, best_start, inverse_starts
 from cjt_gym.gap.horizons.worth import worth
 
 PATIENCE = 100_000_000
-"""Predicted samples, a minute's work or two, after which nothing else is looked for."""
+"""Number of predicted samples (a minute or two of work) after which the search stops."""
 MOST = 6
-"""Most terms beyond the base."""
+"""Maximum number of terms that an extension adds."""
 SWAPS = 2
-"""How often one term may take the place of another in the end."""
+"""Maximum number of final replacements of one term by another."""
 LATE, EDGE = "late", 0.02
-"""Family of delays and lags, and how near to its bound, relative, one is at it."""
+"""Family of delays and lags, and the relative distance within which a value is at its bound."""
 
 
 def search(
@@ -34,19 +34,18 @@ def search(
     tested: Callable[[Found], Found] = lambda found: found,
     held: Held = lambda _: 0.0,
 ) -> Found:
-    """Return the terms that a record calls for.
+    """Return the terms that a record supports.
 
-    Several searches from different starts may end at different models. They are pruned in the order
-    of their costs, on held-out data, too, until no other could still be better than the best that
-    is left.
+    Searches from different starts may end at different models. These are pruned in the order of
+    their costs, which include held-out data, until no other could improve on the best.
 
     Args:
         problem: The windows.
-        base: What is free in every fit.
-        terms: What may be added.
-        suspects: Names of terms to begin with, in the order of their weight.
-        progress: Is told in words what is being done.
-        tested: Takes out of a search's end what held-out data refute.
+        base: Model with the terms that are free in every fit.
+        terms: Terms that may be added.
+        suspects: Names of terms to start with, in order of importance.
+        progress: Called with a description of the current step.
+        tested: Removes terms refuted by held-out data from a search result.
         held: Returns the cost of a fit on held-out data.
     """
     until = problem.all_work + PATIENCE
@@ -100,14 +99,14 @@ def extended(
     progress: Callable[[str], None],
     until: float = np.inf,
 ) -> Fit:
-    """Return a fit with one term after another, as long as each is worth its price.
+    """Return a fit with terms added one by one as long as each gains more than its price.
 
     Args:
         problem: The windows.
-        fit: From where.
-        terms: What may be added.
-        progress: Is told in words what is being done.
-        until: Predicted samples after which no further term is looked for.
+        fit: The fit to extend.
+        terms: Terms that may be added.
+        progress: Called with a description of the current step.
+        until: Number of predicted samples after which no further term is tried.
     """
     for _ in range(MOST):
         if problem.all_work > until:
@@ -133,9 +132,9 @@ def _accepted(problem: Problem, less: Fit, more: Fit, term: Term) -> bool:
 
 
 def _at_an_edge(problem: Problem, fit: Fit, index: int) -> bool:
-    """Return whether a delay or lag is as long as any may be: something else is slow then.
+    """Return whether a delay or lag is as long as allowed, so that something else is slow.
 
-    Where nothing but the command was recorded, what is slow may be the drive.
+    If only the command was recorded, the slow part may be the drive.
     """
     if problem.windows.logs[0].drive != "i":
         return False
@@ -147,7 +146,7 @@ def _at_an_edge(problem: Problem, fit: Fit, index: int) -> bool:
 
 
 def pruned(problem: Problem, base: Fit, fit: Fit, held: Held) -> Found:
-    """Return a search's end without the terms that are not needed; no rivals are looked for."""
+    """Return a search result without superfluous terms; rivals are not determined."""
     while True:
         less = leaves(problem, fit)
         if (nearer := _from_its_datasheet(problem, base, fit, less)) is not None:
@@ -162,9 +161,9 @@ def pruned(problem: Problem, base: Fit, fit: Fit, held: Held) -> Found:
 
 
 def _from_its_datasheet(problem: Problem, base: Fit, fit: Fit, less: Sequence[Fit]) -> Fit | None:
-    """Return a better fit from where a value that is always free is as in the datasheet.
+    """Return a better fit that starts with one base value reset to the datasheet, if any.
 
-    A fit may end far from it, and worse, where it began before it had all its terms.
+    A fit that started before all its terms were present may end far from it, at a higher cost.
     """
     fixed = [k for k in range(len(fit.model.terms)) if k not in beyond(base, fit)]
     worst = min(fixed, key=lambda k: less[k].cost, default=None)

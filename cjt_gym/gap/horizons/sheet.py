@@ -1,4 +1,4 @@
-"""How well a datasheet knows its values."""
+"""Uncertainty of datasheet values."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from cjt_gym.gap.horizons.model import Number, Term, body_group
 from cjt_gym.joint import Joint, JointFile
 
 VAGUE = 0.3
-"""Tolerance from which a value counts as a guess."""
+"""Relative tolerance at or above which a value counts as a guess."""
 GUESSED = 1.0
-"""Deviation of the logarithm of a guess."""
+"""Standard deviation of the logarithm of a guess."""
 
 
 def tolerance_of(file: JointFile, symbol: str, usual: float) -> float:
@@ -25,9 +25,9 @@ def tolerance_of(file: JointFile, symbol: str, usual: float) -> float:
 
 
 def stated_tolerance(joint: Joint, term: Term) -> float | None:
-    """Return the relative deviation that a datasheet states, None where it states none.
+    """Return the relative deviation stated by a datasheet, or None.
 
-    The inertia of a joint is that of all bodies that move with the motor.
+    For the inertia it is that of all bodies that move with the motor.
     """
     moving = [f"I_{b}" for b in body_group(joint.structure_row, "m")]
     symbols = moving if term.name == "inertia" else [term.numbers[0].symbol]
@@ -40,7 +40,7 @@ def stated_tolerance(joint: Joint, term: Term) -> float | None:
 
 
 def datasheet_number(file: JointFile, symbol: str, usual: float, reach: float) -> Number:
-    """Return a value of the datasheet as a number with its tolerance."""
+    """Return a datasheet value as a free number with its tolerance."""
     quantity = file.parameters.quantities[symbol]
     tolerance = tolerance_of(file, symbol, usual)
     vague = not math.isfinite(tolerance)

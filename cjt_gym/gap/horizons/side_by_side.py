@@ -1,4 +1,4 @@
-"""Independent fits, side by side: the kernel that predicts lets the interpreter go on."""
+"""Independent fits in parallel threads: the prediction kernel releases the interpreter lock."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ import numpy as np
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 MOST = 8
-"""Most threads; each spends a tenth of its time in the interpreter, where only one can be."""
+"""Maximum number of threads; each holds the interpreter lock for a tenth of its time."""
 _thread = local()
 
 
 def side_by_side(function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
-    """Return a function of each item, on as many threads as there are processors to use.
+    """Return the function's result for each item, using one thread per available processor.
 
-    What runs in one of them already goes on there, one item after the other.
+    Calls from within such a thread run serially in it.
     """
     items = list(items)
     count = min(len(items), _processors(), MOST)
@@ -29,7 +29,7 @@ def side_by_side(function: Callable[[Item], Result], items: Iterable[Item]) -> l
 
     def run(item: Item) -> Result:
         _thread.busy = True
-        with np.errstate(all="ignore"):  # a thread does not inherit it
+        with np.errstate(all="ignore"):  # not inherited by threads
             return function(item)
 
     with ThreadPoolExecutor(count) as pool:

@@ -1,4 +1,4 @@
-"""How sure the numbers of a fit are: its gradient, as it scatters over pieces of the record."""
+"""Uncertainty of a fit's numbers, from the scatter of its gradient over pieces of the record."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Spread:
     Attributes:
         fit: The fit.
         matrix: Covariance, shape (n, n).
-        factor: Half width of an interval, in deviations.
+        factor: Half width of an interval, in standard deviations.
     """
 
     fit: Fit
@@ -51,24 +51,24 @@ class Spread:
         return found
 
     def _unit(self, term: Term, number: Number) -> str:
-        """Return the unit of a number of the effect table on the joint; N for N m if it slides."""
+        """Return the unit of a number for the joint; N instead of N m if prismatic."""
         parameter = EFFECTS[term.name].parameter(number.symbol)
         if parameter is None:
             return number.unit
         return unit_on(parameter, self.model.joint.parameters)
 
     def _scale(self, name: str, symbol: str) -> float:
-        """Return what a factor multiplies: the inertia of the bodies that move with the motor."""
+        """Return the value that a factor scales: the motor-side inertia, or 1."""
         if name != "inertia":
             return 1.0
         return motor_inertia(self.model.joint)
 
 
 def spread_of(problem: Problem, fit: Fit) -> Spread:
-    """Return how sure a fit is: curvature, corrected by the scatter of its gradient ("sandwich").
+    """Return the "sandwich" covariance of a fit: curvature corrected by its gradient's scatter.
 
-    Each piece of the record counts as one observation, so that errors that go together within a
-    piece do not make the numbers look surer than they are.
+    Each piece of the record counts as one observation, so that correlated errors within a piece do
+    not make the numbers look more certain than they are.
     """
     jacobian = problem.jacobian(fit.model, fit.z, fit.errors)
     hessian, _ = problem.normal(fit.model, fit.z, fit.errors, jacobian)

@@ -1,4 +1,4 @@
-"""Where the search for a model starts."""
+"""Starting points of the search for a model."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from cjt_gym.gap.horizons.model import Model, Number, Term, motor_inertia
 from cjt_gym.gap.horizons.side_by_side import side_by_side
 
 FAR = 0.5
-"""Deviation of a logarithm from which a start is tried at other magnitudes, too."""
+"""Deviation of a logarithm at or above which other magnitudes are tried as starts, too."""
 OTHER = 0.4
-"""Difference of the logarithm of the inertia from which a second start is followed as well."""
+"""Difference of the logarithm of the inertia above which a second start is followed as well."""
 
 
 def best_start(problem: Problem, model: Model) -> Fit:
-    """Return the best fit of a model from a grid of its numbers, which may be far off."""
+    """Return the best fit of a model from a grid of starts for its numbers."""
     numbers = model.numbers
     grids = [_grid(n) for n in numbers]
     starts = [
@@ -42,7 +42,7 @@ def _grid(number: Number) -> tuple[float, ...]:
 
 
 def seeded(problem: Problem, fit: Fit, terms: Sequence[Term], suspects: Sequence[str]) -> Fit:
-    """Return a fit with the terms that others suspect, as far as they may stand together."""
+    """Return a fit with the suspected terms, as far as they are compatible."""
     for name in suspects:
         term = next((t for t in terms if t.name == name and allowed(fit, t)), None)
         if term is not None and term.starts:
@@ -52,7 +52,7 @@ def seeded(problem: Problem, fit: Fit, terms: Sequence[Term], suspects: Sequence
 
 
 def inverse_starts(problem: Problem, base: Model, terms: Sequence[Term]) -> list[Fit]:
-    """Return the fits that start from what a regression of the torque on the motion finds."""
+    """Return fits that start from regressions of the torque on the motion."""
     total, found = motor_inertia(base.joint), []
     for start in inverse(base.joint, problem.windows.logs):
         known = {"inertia": start.inertia / total, "damping": start.damping}
@@ -73,7 +73,7 @@ def begin(problem: Problem, fit: Fit, term: Term) -> Fit:
 
 
 def apart(begun: Sequence[Fit], base: Fit) -> list[Fit]:
-    """Return the best of some fits, and the best of those whose inertia is clearly different."""
+    """Return the best of some fits, and the best of those with a clearly different inertia."""
     ordered = sorted(begun, key=lambda fit: priced(fit, base))
     sizes = [float(np.log(fit.model.values(fit.z)[0][0])) for fit in ordered]
     others = [f for f, x in zip(ordered, sizes, strict=True) if abs(x - sizes[0]) > OTHER]

@@ -1,4 +1,4 @@
-"""From a judgement to what a diagnosis says: effects, joint, verdict, gap."""
+"""Conversion of a judgement to a diagnosis: effects, joint, verdict, gap."""
 
 from __future__ import annotations
 
@@ -47,36 +47,36 @@ from cjt_gym.gap.horizons.write import joint_of
 
 Floats = NDArray[np.float64]
 SURE, FIRM = 1.4, 2.0
-"""By how much, as a multiple of what is needed, an effect is clear and worth to be confirmed."""
+"""Multiples of the required clarity and price above which an effect may be confirmed."""
 OUTSIDE = 3.0
-"""Deviations of a datasheet value from which it is told apart from its tolerance."""
+"""Number of tolerances by which a datasheet value must be off to be diagnosed."""
 MIMICS = frozenset({"gravity", "thermal_derating", "viscous_asym", "load_friction"})
-"""Effects that position, time or a wrong input may mimic: confirmed only where much depends on
-them."""
+"""Effects that position, time or a wrong input may mimic: confirmed only if they remove more than
+`MUCH` of the error."""
 SCALED = frozenset({"torque_gain"})
-"""Effects that are none where their number ends at a bound, which is no sensor's."""
+"""Effects that are dropped if their number ends at a bound, which no sensor reaches."""
 LEVELS = frozenset({"coulomb", "coulomb_asym"})
-"""Dry friction that is left at speed, without which falling friction would fall to nothing."""
+"""Dry friction that remains at speed; without it, Stribeck friction would fall to zero."""
 VISIBLE = 0.3
-"""Displacement of presliding, over the error at the shortest horizon, from which it is seen."""
+"""Presliding displacement, relative to the error at the shortest horizon, that is visible."""
 MIRRORED = 1.5
-"""Friction of one direction over that of the other up to which both are nearly the same."""
+"""Ratio of the friction in the two directions up to which both are nearly the same."""
 SHADOW = 0.25
-"""Confidence below which an effect beside a cause outside the table is taken for its shadow."""
+"""Confidence below which an effect is attributed to a cause outside the table."""
 LEAST_LEVEL = 0.2
-"""That level, over what is more at rest."""
+"""Least friction that remains at speed, relative to the additional friction at rest."""
 LATE = frozenset({"command_delay", "current_lag"})
-"""Effects that only a measured current tells from what is slow behind it."""
+"""Effects that cannot be separated from slow mechanics without a measured current."""
 MUCH = 0.5
-"""Share of the squared error that such an effect has to take away."""
+"""Share of the squared error that an effect of `MIMICS` must remove."""
 NOTHING = 1e-3
-"""Share of the step of a search by which an effect must differ from none at all."""
+"""Share of a search step by which an effect must differ from no effect."""
 MOST_ADVICE = 2
-"""Sentences of advice of each kind."""
+"""Maximum number of sentences of advice of each kind."""
 SKEW = frozenset({"coulomb_asym", "viscous_asym", "torque_offset"})
-"""Effects that differ between the directions, of which several together are one another's rest."""
+"""Effects that depend on the direction; several of them together compensate each other."""
 COMBINED = ("gravity", "viscous_asym")
-"""Effects whose numbers in the effect table are combinations of those that are fitted."""
+"""Effects whose numbers in the effect table are combinations of the fitted ones."""
 
 
 def horizons_of(judged: Judgement) -> tuple[Horizon, ...]:
@@ -98,12 +98,12 @@ def _length(judged: Judgement) -> float:
 def retold(
     first: Diagnosis, judged: Judgement, excluded: Mapping[str, str], record: str
 ) -> Diagnosis:
-    """Return a diagnosis whose answer is that of a judgement.
+    """Return a diagnosis with the answer of a judgement.
 
     Args:
         first: The diagnosis of the stages.
-        judged: The judgement, whose answer is not that of the stages.
-        excluded: Effects that the record cannot tell, with the reason.
+        judged: The judgement, whose answer is not the stages' joint.
+        excluded: Effects that the record cannot identify, with the reason.
         record: Name of the record, for the joint's sources.
     """
     seen = seen_in_torque(judged.case.joint, judged.case.logs, excluded)
@@ -111,14 +111,14 @@ def retold(
     regressed, loud = judged.answer == "least squares", main_row(judged).found > LOUD
     if judged.answer == "datasheet" and not loud:
         seen = {}
-    if loud:  # nothing predicts the motion: the torque alone tells
+    if loud:  # nothing predicts the motion: the torque is the only evidence
         effects = tuple(e for e in effects if not covered(e.name, seen))
     if not (regressed or loud):
         seen = _beside(judged, seen)
     by_torque = told_by_torque(judged, seen, effects, alone=regressed or loud)
     held = by_torque and loud and not regressed
     effects = tuple(sorted((*effects, *by_torque), key=lambda e: -e.gap_removed))
-    if judged.cut and first.verdict == "unexplained":  # the cause is none of the table's
+    if judged.cut and first.verdict == "unexplained":  # the cause is not in the table
         effects = tuple(as_tentative(e) for e in effects if e.confidence >= SHADOW)
     rows = judged.rows
     stages = stages_of(first, judged, effects)
@@ -149,9 +149,9 @@ def retold(
 
 
 def _beside(judged: Judgement, seen: Mapping[str, Spent]) -> dict[str, Spent]:
-    """Return what a torque shows and a fit that predicts does not contradict.
+    """Return effects that the torque shows and that a predictive fit does not contradict.
 
-    A fit that has the effect has to find it as large; one that has not must leave something open.
+    A fit with the effect must agree on its size; one without it must leave something unexplained.
     """
     if judged.found is None:
         return {}
@@ -167,7 +167,7 @@ def _beside(judged: Judgement, seen: Mapping[str, Spent]) -> dict[str, Spent]:
 
 
 def _suggestion(judged: Judgement, effects: Sequence[NamedEffect], first: Diagnosis) -> Suggestion:
-    """Return what to record next: what tells the named effects from their rivals."""
+    """Return what to record next to distinguish the named effects from their rivals."""
     pairs = [(e.name, rival) for e in effects for rival in e.confusable_with]
     told = dict.fromkeys(advice(name, rival) for name, rival in pairs)
     exam = first.examination
@@ -180,14 +180,14 @@ def _suggestion(judged: Judgement, effects: Sequence[NamedEffect], first: Diagno
 
 # ---- effects
 def as_tentative(effect: NamedEffect) -> NamedEffect:
-    """Return an effect that is not confirmed."""
+    """Return an effect with tentative status."""
     return replace(effect, status="tentative", confidence=min(effect.confidence, 0.5))
 
 
 def _effects(
     judged: Judgement, excluded: Mapping[str, str], seen: Mapping[str, Spent]
 ) -> tuple[NamedEffect, ...]:
-    """Return the effects that deserve a name, by the share of the error that they take away."""
+    """Return the effects to name, sorted by the share of the error that they remove."""
     if judged.found is None or judged.problem is None or judged.answer == "datasheet":
         return _of_drive(judged)
     found, problem = judged.found, judged.problem
@@ -204,7 +204,7 @@ def _effects(
 
 
 def _regressed(judged: Judgement, effect: NamedEffect) -> NamedEffect:
-    """Return an effect that a search has found, with the numbers of the regression given."""
+    """Return an effect found by a search, with the values of the regression that is the answer."""
     given = judged.joint.effects[effect.name]
     numbers = {
         symbol: replace(one, value=x, low=min(one.low, x), high=max(one.high, x))
@@ -215,7 +215,7 @@ def _regressed(judged: Judgement, effect: NamedEffect) -> NamedEffect:
 
 
 def _folded(named: Sequence[NamedEffect]) -> list[NamedEffect]:
-    """Return effects with dry friction as a part of presliding, where that explains much."""
+    """Return effects with dry friction merged into presliding if that explains much."""
     whole = {e.body: e for e in named if e.name == "presliding" and e.gap_removed > MUCH}
     parts = {e.body: e for e in named if e.name == "coulomb" and e.body in whole}
     rest = [e for e in named if e not in parts.values()]
@@ -228,7 +228,7 @@ def _folded(named: Sequence[NamedEffect]) -> list[NamedEffect]:
 
 
 def _as_plain(effect: NamedEffect) -> NamedEffect:
-    """Return dry friction that is nearly the same in both directions as plain, where that does."""
+    """Return nearly symmetric dry friction as plain Coulomb friction if that fits as well."""
     plain = "coulomb" in effect.confusable_with
     if effect.name != "coulomb_asym" or not plain or len(effect.parameters) != 2:
         return effect
@@ -245,7 +245,7 @@ def _as_plain(effect: NamedEffect) -> NamedEffect:
 
 
 def _deserves(judged: Judgement, index: int, term: Term, seen: Mapping[str, Spent]) -> bool:
-    """Return whether a term differs from the datasheet by more than that allows."""
+    """Return whether a term is supported and deviates beyond what the datasheet allows."""
     assert judged.found is not None
     found = judged.found
     values = found.fit.model.values(found.fit.z)[index]
@@ -257,7 +257,7 @@ def _deserves(judged: Judgement, index: int, term: Term, seen: Mapping[str, Spen
         return False
     if term.name in SCALED and not term.numbers[0].low < values[0] < term.numbers[0].high:
         return False
-    as_given = {t.key: t for t in found.base.model.terms}  # the last fit holds the inertia
+    as_given = {t.key: t for t in found.base.model.terms}  # the final fit holds the inertia
     number = as_given.get(term.key, term).numbers[0]
     if number.prior:
         tolerance = stated_tolerance(judged.case.joint, term)
@@ -271,7 +271,7 @@ def _deserves(judged: Judgement, index: int, term: Term, seen: Mapping[str, Spen
 
 
 def _intervals(judged: Judgement, spread: Spread, index: int) -> dict[str, Interval]:
-    """Return the intervals of a term; that of the inertia covers what regressions find."""
+    """Return the intervals of a term; that of the inertia covers the results of regressions."""
     term, found = spread.model.terms[index], spread.intervals(index)
     if term.name in COMBINED:
         return Scatter.of(spread).of_effect(term.name)
@@ -313,7 +313,7 @@ def _named(
 
 
 def _bends_visibly(judged: Judgement, index: int) -> bool:
-    """Return whether presliding gives way by more than what prediction leaves at once."""
+    """Return whether presliding moves by more than part of the error at the shortest horizon."""
     assert judged.found is not None
     fit, windows = judged.found.fit, judged.case.test
     key = (MOTION, min(HORIZONS))
@@ -328,7 +328,7 @@ def _bends_visibly(judged: Judgement, index: int) -> bool:
 
 
 def _levelled(fit: Fit, index: int) -> bool:
-    """Return whether dry friction falls to a level at speed rather than to nothing."""
+    """Return whether dry friction falls to a level at speed rather than to zero."""
     joint = fit.model.joint
     levels = [
         abs(value)
@@ -348,13 +348,13 @@ NESTED: Mapping[str, tuple[str, ...]] = {
 
 
 def _removed(less: Fit, more: Fit) -> float:
-    """Return the share of the squared error that a term takes away, where it takes most."""
+    """Return the largest share of the squared error of any kind that a term removes."""
     one, two = less.relative() ** 2, more.relative() ** 2
     return float(np.clip(np.max((one - two) / np.maximum(one, 1e-12)), 0.0, 1.0))
 
 
 def _of_drive(judged: Judgement) -> tuple[NamedEffect, ...]:
-    """Return what the drive does between its command and the measured current."""
+    """Return the effects of the drive between its command and the measured current."""
     drive = judged.case.drive
     if drive is None:
         return ()

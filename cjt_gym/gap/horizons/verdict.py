@@ -1,4 +1,4 @@
-"""What a judgement says of gap, stages and verdict, and of what is left."""
+"""Gap, stages, verdict and unexplained part of a judgement."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from cjt_gym.gap.horizons.model import motor_inertia
 from cjt_gym.gap.horizons.windows import HORIZONS, WHOLE, bootstrapped
 
 HALVED = 0.5
-"""Error, over that of the datasheet, from which there is a gap though nothing has a name."""
+"""Ratio to the datasheet's error below which there is a gap even if no effect is named."""
 HEAVY = 10.0
-"""Times the inertia of datasheet and regression from which one is that of no real joint."""
+"""Multiple of the inertia of datasheet and regressions at or above which it is not realistic."""
 REFINED = 0.1
-"""Relative difference from which a refined value is told."""
+"""Relative difference above which a refined value is reported."""
 STAGES = {"q_m": "motor", "q_l": "load", "tau": "transmission"}
 
 
 def stages_of(
     first: Diagnosis, judged: Judgement, effects: Sequence[NamedEffect]
 ) -> dict[str, StageGap]:
-    """Return the stages in units of what no model could predict, where a channel shows them."""
+    """Return the stages' gaps in units of the unpredictable error, if a channel shows them."""
     out = dict(first.stages)
     for channel, stage in STAGES.items():
         rows = [r for r in judged.rows if r.channel == channel and r.floor]
@@ -43,9 +43,9 @@ def stages_of(
 
 
 def main_row(judged: Judgement) -> Row:
-    """Return the row whose error is the gap: the torque as a whole, or the longest horizon.
+    """Return the row that measures the gap: the torque as a whole, or the longest horizon.
 
-    A torque of which nothing could be predicted, being small beside its noise, measures no gap.
+    A torque that is unpredictable, being small compared with its noise, does not measure the gap.
     """
     whole = judged.case.joint.structure_row.output_fixed
     torque = [r for r in judged.rows if r.channel == "tau"]
@@ -56,7 +56,7 @@ def main_row(judged: Judgement) -> Row:
 
 
 def gap_of(judged: Judgement) -> GapSize:
-    """Return the gap on held-out data, as the row that measures it has it."""
+    """Return the gap on held-out data, from the row that measures it."""
     row = main_row(judged)
     before, after = row.datasheet, row.found
     removed = 1.0 - after / before if before > 0.0 else 0.0
@@ -74,7 +74,7 @@ def gap_of(judged: Judgement) -> GapSize:
 
 
 def worst_row(judged: Judgement) -> Row:
-    """Return the row of the main channel with the largest error, the shortest horizon left out."""
+    """Return the main channel's row with the largest error, except the shortest horizon."""
     main = main_row(judged)
     if main.seconds == WHOLE:
         return main
@@ -87,8 +87,8 @@ def verdict_of(judged: Judgement, effects: Sequence[NamedEffect], *, suspected: 
 
     Args:
         judged: The judgement.
-        effects: What is named.
-        suspected: Whether the stages have named something that is not named now.
+        effects: Named effects.
+        suspected: Whether the stages have named any effects.
     """
     loud = worst_row(judged).found > LOUD
     open_ = bool(judged.unexplained) or loud
@@ -101,7 +101,7 @@ def verdict_of(judged: Judgement, effects: Sequence[NamedEffect], *, suspected: 
 
 
 def unexplained_of(judged: Judgement, verdict: str, left: Sequence[Row]) -> Unexplained:
-    """Return what is left, of the rows given where something could be predicted, and in words."""
+    """Return the unexplained part and its description, from rows with a predictable error."""
     row = max(left, key=lambda r: r.found**2 * (r.left.share if r.left else 0.0), default=None)
     said = _said(judged)
     if row is None or row.left is None:
@@ -124,11 +124,11 @@ def unexplained_of(judged: Judgement, verdict: str, left: Sequence[Row]) -> Unex
 
 
 def refined(judged: Judgement, *, known: bool = False) -> str:
-    """Return which values of the joint given differ from the datasheet's, though none is named.
+    """Return a sentence on values that differ from the datasheet though no effect is named.
 
     Args:
         judged: The judgement.
-        known: Whether guesses of the datasheet, and what it allows, do not count.
+        known: Whether to skip values that have a datasheet prior, guesses included.
     """
     fit = _fit(judged)
     if fit is None:
@@ -149,7 +149,7 @@ def _ahead(row: Row) -> str:
 
 
 def _said(judged: Judgement) -> str:
-    """Return which joint is the answer, where it is not one with named effects."""
+    """Return a sentence on the answer if it is not a joint with named effects."""
     return {
         "least squares": "Nothing predicts better than least squares on inertia, damping, Coulomb "
         "friction and offset: that is the joint given.",
@@ -158,7 +158,7 @@ def _said(judged: Judgement) -> str:
 
 
 def _imposed(judged: Judgement) -> str:
-    """Return that the inertia given is not the joint's own, where something imposes its motion."""
+    """Return a sentence on an unrealistic inertia where something else imposes the motion."""
     fit = _fit(judged)
     if fit is None or main_row(judged).found < LOUD:
         return ""
@@ -176,7 +176,7 @@ def _imposed(judged: Judgement) -> str:
 
 
 def _fit(judged: Judgement) -> Fit | None:
-    """Return the fit that is the answer, None where it is none."""
+    """Return the fit that is the answer; None if the answer is not a fit."""
     if judged.found is None or judged.answer not in ("found", "base"):
         return None
     return judged.found.fit if judged.answer == "found" else judged.found.base

@@ -1,4 +1,4 @@
-"""Windows of records: from where, how far, and in which part of the record they lie."""
+"""Prediction windows of records: their starts, lengths and pieces of the record."""
 
 from __future__ import annotations
 
@@ -17,31 +17,31 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Key = tuple[str, float]
 HORIZONS = (0.02, 0.1, 0.5)
-"""How far ahead a joint is asked to predict [s]."""
+"""Prediction horizons [s]."""
 SHORTEST = 3
 """Fewest samples of a window."""
 POINTS = 8
-"""Samples of a window that count, evenly spread."""
+"""Number of evenly spaced samples of a window that are evaluated."""
 PIECES = 24
-"""Pieces into which a record is cut; evidence has to come from many of them."""
+"""Number of pieces into which a record is cut; evidence must come from many of them."""
 LEAST_PIECE = 0.8
 """Shortest piece [s]."""
 HELD = 4
-"""Every so-manyth moving piece is held out where there is no second record."""
+"""One in this many moving pieces is held out if there is no second record."""
 MOST = 80
-"""Most windows of a search."""
+"""Maximum number of windows of a search."""
 STEP = 1e-3
-"""Longest sample that the joint's kernel takes as one step, about [s]."""
+"""Approximate longest sample time that the joint's kernel takes in one step [s]."""
 WHOLE = 0.0
-"""The horizon of a piece that is predicted from its first sample to its last."""
+"""Horizon key of a piece that is predicted from its first sample to its last."""
 LONG = 400
-"""Samples of such a piece that count."""
+"""Number of samples of such a piece that are evaluated."""
 DECISIVE = 8
-"""Pieces beside which a single one decides nothing."""
+"""Number of pieces above which a single piece is not decisive."""
 STILL = 0.05
-"""Share of the mean square of what a channel does up to which it does nothing in a window."""
+"""Share of a channel's mean square up to which nothing happens in a window."""
 TRIVIAL = 0.03
-"""Relative error that is left to no one's concern."""
+"""Relative error that is negligible."""
 TINY = 1e-12
 _NONE: tuple[Integers, Integers] = (np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))
 
@@ -52,11 +52,11 @@ class Group:
 
     Attributes:
         log: Index of the record.
-        horizons: How far ahead errors are taken [s]; `WHOLE` alone for a piece as a whole.
+        horizons: Horizons at which errors are taken [s]; only `WHOLE` for a whole piece.
         starts: First sample of each window, shape (W,).
-        length: Samples of each.
-        pieces: Number of the piece that each lies in, over all records, shape (W,).
-        leads: Samples before each over which the joint is held to what was measured, shape (W,).
+        length: Samples of each window.
+        pieces: Piece of each window, numbered over all records, shape (W,).
+        leads: Samples before each window over which the joint is held to the record, shape (W,).
     """
 
     log: int
@@ -67,7 +67,7 @@ class Group:
     leads: Integers
 
     def points(self, horizon: float, dt: float) -> Integers:
-        """Return the samples of a window that count at a horizon."""
+        """Return the samples of a window that are evaluated at a horizon."""
         if horizon == WHOLE:
             return np.unique(np.linspace(1, self.length - 1, min(self.length, LONG)).astype(int))
         last = min(samples(horizon, dt), self.length) - 1
@@ -76,14 +76,14 @@ class Group:
 
 @dataclass(frozen=True, eq=False)
 class Windows:
-    """Windows over some records, and what was measured in them.
+    """Windows over some records, and the magnitude of the signals in them.
 
     Attributes:
         logs: The records.
         groups: The windows.
         keys: Channel and horizon of each kind of error.
-        scales: For each key what the channel did, mean square over its windows [unit^2].
-        moving: For each key in which windows it did something to speak of, shape (W,) each.
+        scales: For each key, mean square change of the channel over its windows [unit^2].
+        moving: For each key, the windows in which the channel moves noticeably, shape (W,) each.
     """
 
     logs: tuple[Log, ...]
@@ -99,14 +99,14 @@ class Windows:
 
     @property
     def samples(self) -> int:
-        """Samples that one prediction takes, long ones counted as the steps that they take."""
+        """Samples of one prediction; long samples count as the number of their kernel steps."""
         steps = [
             len(g.starts) * g.length * max(self.logs[g.log].dt / STEP, 1.0) for g in self.groups
         ]
         return round(sum(steps))
 
     def every(self, step: int) -> Windows:
-        """Return every so-manyth window, of the pieces as a whole every so-manyth piece."""
+        """Return every `step`-th window, and every `step`-th whole piece."""
         long = [g for g in self.groups if g.horizons == (WHOLE,)]
         groups = [g for g in self.groups if g.horizons != (WHOLE,)]
         kept = [
@@ -123,8 +123,8 @@ class Windows:
     def errors(self, joint: Joint) -> list[Floats]:
         """Return predicted minus measured for each key, shape (windows, points) each.
 
-        Errors are in units of what the channel did. Where the prediction ceases to be finite they
-        are a hundred.
+        Errors are relative to the rms change of the channel. They are 100 where the prediction is
+        not finite.
         """
         parts: dict[Key, list[Floats]] = {key: [] for key in self.keys}
         used = {group.log for group in self.groups}
@@ -136,7 +136,7 @@ class Windows:
             for key, points in self._kinds(group):
                 at = group.starts[:, None] + points
                 error = out[:, points, CHANNELS[key[0]]] - log.measured[key[0]][at]
-                if key[0] == "tau":  # every record has a zero of its own
+                if key[0] == "tau":  # every record has its own zero
                     good = np.isfinite(error)
                     error = error - (np.mean(error[good]) if good.any() else 0.0)
                 parts[key].append(error)
@@ -155,7 +155,7 @@ class Windows:
         ]
 
     def pieces(self, key: Key) -> Integers:
-        """Return in which piece each window of a kind lies, shape (W,)."""
+        """Return the piece of each window of a kind, shape (W,)."""
         return np.concatenate([g.pieces for g in self.groups_of(key)])
 
     def groups_of(self, key: Key) -> list[Group]:
@@ -164,7 +164,7 @@ class Windows:
 
 
 def samples(horizon: float, dt: float) -> int:
-    """Return the samples of a window of a length [s]."""
+    """Return the number of samples of a window for a horizon [s]."""
     return max(SHORTEST, round(horizon / dt))
 
 
@@ -181,7 +181,7 @@ class Piece:
     Attributes:
         log: Index of the record.
         start: First sample.
-        stop: Sample after its last.
+        stop: Sample after the last.
     """
 
     log: int
@@ -203,7 +203,7 @@ def cut(logs: Sequence[Log]) -> list[Piece]:
 
 
 def split(logs: Sequence[Log], pieces: Sequence[Piece]) -> tuple[list[Piece], list[Piece]]:
-    """Return pieces to fit and pieces to hold out, the latter among those in which it moves."""
+    """Return pieces to fit and pieces to hold out, the latter chosen from those with motion."""
     moved = [_motion(logs[p.log], p) for p in pieces]
     moving = [k for k, m in enumerate(moved) if m > 0.05 * max(moved)]
     held = set(moving[HELD // 2 :: HELD]) if len(moving) >= HELD else set()
@@ -214,7 +214,7 @@ def split(logs: Sequence[Log], pieces: Sequence[Piece]) -> tuple[list[Piece], li
 
 
 def _motion(log: Log, piece: Piece) -> float:
-    """Return how much happens in a piece: spread of the motor's speed, or of the torque."""
+    """Return a measure of the motion in a piece, from the motor's speed or the torque."""
     cut = slice(piece.start, piece.stop)
     x = log.measured["tau"] if "tau" in log.measured and "q_m" not in log.measured else log.speed
     return float(np.std(x[cut]) + 0.1 * np.abs(np.mean(x[cut])))
@@ -225,13 +225,13 @@ def make_windows(
 ) -> Windows:
     """Return windows spread evenly over pieces of records.
 
-    A piece that is too short for the longest horizon has windows as long as it allows.
+    A piece too short for the longest horizon gets windows of the longest horizon that fits.
 
     Args:
         logs: The records.
-        pieces: Where the windows may lie.
-        most: Most windows.
-        whole: Whether the pieces themselves are windows, too, as where the output is held.
+        pieces: Pieces in which the windows may lie.
+        most: Maximum number of windows.
+        whole: Whether whole pieces are windows, too, as with a held output.
     """
     groups = []
     total = max(sum(p.stop - p.start for p in pieces), 1)
@@ -264,7 +264,7 @@ def _lead(log: Log) -> int:
 def _spread(
     own: Sequence[tuple[int, Piece]], length: int, share: float
 ) -> tuple[Integers, Integers]:
-    """Return starts and piece numbers of windows, as even as pieces allow."""
+    """Return starts and piece numbers of windows, spread as evenly as the pieces allow."""
     room = [max(p.stop - p.start - length, 0) for _, p in own]
     fits = [r > 0 for r in room]
     total = sum(p.stop - p.start for (_, p), f in zip(own, fits, strict=True) if f)
@@ -299,7 +299,7 @@ def _scaled(logs: tuple[Log, ...], groups: tuple[Group, ...]) -> Windows:
 
 
 def _stays(log: Log, key: Key, group: Group, points: Integers) -> Floats:
-    """Return the channel if the joint went on as it does at the start, shape (W, points)."""
+    """Return the channel extrapolated from the start at constant speed, shape (W, points)."""
     channel, horizon = key
     if channel == "tau" or horizon == WHOLE:
         return np.full((len(group.starts), 1), float(np.mean(log.measured[channel])))
@@ -309,23 +309,23 @@ def _stays(log: Log, key: Key, group: Group, points: Integers) -> Floats:
 
 
 def relative(windows: Windows, errors: Sequence[Floats]) -> dict[Key, float]:
-    """Return the relative error of each kind: 1 is no better than going on as at the start."""
+    """Return the relative error of each kind; 1 is no better than extrapolating the start."""
     return {key: float(np.sqrt(np.mean(e**2))) for key, e in zip(windows.keys, errors, strict=True)}
 
 
 def worse(
     windows: Windows, own: Sequence[Floats], other: Sequence[Floats], slack: Mapping[Key, float]
 ) -> list[Key]:
-    """Return at which horizons errors are larger than others, whichever piece is left out.
+    """Return the kinds whose errors exceed others, with and without the worst piece.
 
-    One piece of a record in which something happens that is not in the record, such as a brake,
-    decides nothing as long as there are `DECISIVE` others.
+    A single piece with an unrecorded event, such as a brake, is not decisive as long as there are
+    `DECISIVE` others.
 
     Args:
-        windows: What was predicted.
+        windows: The predicted windows.
         own: Errors of each kind.
-        other: Those that they are compared with.
-        slack: For each kind, how much larger they may be.
+        other: Errors to compare with.
+        slack: For each kind, the factor by which they may be larger.
     """
     found = []
     for key, a, b in zip(windows.keys, own, other, strict=True):
@@ -345,7 +345,7 @@ def worse(
 def bootstrapped(
     windows: Windows, before: Sequence[Floats], after: Sequence[Floats], key: Key
 ) -> tuple[float, float]:
-    """Return the 95 % interval of the share by which an error falls, over pieces of the record."""
+    """Return the bootstrapped 95 % interval, over pieces, of an error's relative reduction."""
     k = windows.keys.index(key)
     pieces = windows.pieces(key)
     order = np.unique(pieces)

@@ -1,4 +1,4 @@
-"""What a term of a model is worth: how much cheaper a fit is with it, and how clearly."""
+"""Worth of a model term: how much it lowers the cost of a fit, and how clearly."""
 
 from __future__ import annotations
 
@@ -12,27 +12,27 @@ from cjt_gym.gap.horizons.model import Term
 
 Floats = NDArray[np.float64]
 PRICE, PER_NUMBER = 3.0, 1.0
-"""Fall of the cost that a term has to bring, and each of its numbers beyond the first."""
+"""Cost reduction required of a term, and of each of its numbers beyond the first."""
 CLEAR = 2.5
-"""Fall over the pieces of the record in its own standard deviations, at least."""
+"""Least cost reduction over the pieces of the record, in its own standard deviations."""
 BROAD = 0.05
-"""Share of the pieces, the best ones, without which a term must still be worth its price."""
+"""Share of the pieces, the best ones, without which a term must still lower the cost."""
 QUIET = 0.2
-"""Share of the usual error below which that of a piece makes no difference."""
+"""Share of the usual error below which the error of a piece hardly matters."""
 
 
 @dataclass(frozen=True)
 class Worth:
-    """What a term is worth.
+    """Worth of a term.
 
     Attributes:
-        fall: By how much it lowers the cost.
-        clear: That over the pieces of the record, in its own standard deviations.
-        rest: Fall that is left without the best pieces.
-        price: What it has to be worth.
-        needed: How clear it has to be.
+        fall: Reduction of the cost.
+        clear: Reduction over the pieces of the record, in its own standard deviations.
+        rest: Reduction without the best pieces.
+        price: Required reduction.
+        needed: Required clarity.
         strained: Whether it is a datasheet value beyond its tolerance.
-        held: By how much it lowers the cost of held-out data, where these were asked.
+        held: Reduction of the cost on held-out data, if evaluated.
     """
 
     fall: float
@@ -45,26 +45,26 @@ class Worth:
 
     @property
     def enough(self) -> bool:
-        """Whether the record calls for it: clearly, or so that held-out data call for it, too."""
+        """Whether the record supports the term, clearly or confirmed by held-out data."""
         agreed = self.seen or self.strained
         return self.fall > self.price and agreed and self.rest > 0.3 * self.price
 
     @property
     def seen(self) -> bool:
-        """Whether errors show it, and not the datasheet alone."""
+        """Whether errors support the term, and not only the datasheet."""
         return self.clear > self.needed or self.held > self.price
 
 
 def price(term: Term) -> float:
-    """Return what a term has to be worth."""
+    """Return the cost reduction required of a term."""
     return term.factor * (PRICE + PER_NUMBER * (len(term.numbers) - 1))
 
 
 def worth(problem: Problem, less: Fit, more: Fit, term: Term) -> Worth:
-    """Return what the difference between two fits is worth.
+    """Return the worth of a term from the fits without and with it.
 
-    Over the pieces the errors are compared by their ratio, so that no piece counts more because
-    more happens in it; pieces in which nothing happens count for nothing.
+    Errors of the pieces are also compared by their ratio, so that pieces with more motion do not
+    count more; pieces without motion have hardly any weight.
     """
     size = max(int(problem.windows.pieces(k).max()) for k in problem.windows.keys) + 1
     gains, ratios, there = np.zeros(size), np.zeros(size), np.zeros(size, dtype=bool)
@@ -83,7 +83,7 @@ def worth(problem: Problem, less: Fit, more: Fit, term: Term) -> Worth:
     best = np.sort(gains)[: len(gains) - max(round(BROAD * len(gains)), 1)]
     clear = max(_in_deviations(gains), _in_deviations(ratios))
     needed, fall, rest = CLEAR * term.factor**0.5, less.cost - more.cost, float(best.sum())
-    strained = term.tight is not None  # what holds a datasheet value back is no error of a piece
+    strained = term.tight is not None  # a datasheet value is held by its prior, not by errors
     return Worth(fall, clear, fall if strained else rest, price(term), needed, strained)
 
 

@@ -1,4 +1,4 @@
-"""The joint of a judgement as a joint file: rows with their intervals, and where it was found."""
+"""Joint file of a judgement: effects with their intervals, and the ranges of validity."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from cjt_gym.joint.quantity import Setting as Entry
 Floats = NDArray[np.float64]
 DIGITS = 8
 RARE = 1e-3
-"""Share of the samples that are faster one way, most of them glitches of a derivative."""
+"""Share of samples ignored at each end of the speed range, mostly glitches of a derivative."""
 
 
 def joint_of(judged: Judgement, effects: Sequence[NamedEffect], record: str) -> JointFile:
@@ -30,7 +30,7 @@ def joint_of(judged: Judgement, effects: Sequence[NamedEffect], record: str) -> 
 
     Args:
         judged: The judgement.
-        effects: What is named, with its intervals.
+        effects: Named effects with their intervals.
         record: Name of the record, for the sources of the entries.
     """
     answer, nominal = judged.joint, judged.case.joint.file
@@ -65,7 +65,7 @@ def joint_of(judged: Judgement, effects: Sequence[NamedEffect], record: str) -> 
 
 
 def _same(one: Interval, other: Interval) -> bool:
-    """Return whether two intervals are of the same number, not of a part of it."""
+    """Return whether two intervals belong to the same number, not to a part of it."""
     return math.isclose(one.value, other.value, rel_tol=1e-6)
 
 
@@ -95,7 +95,7 @@ def _entry(
 
 
 def found_at(judged: Judgement) -> FrozenMapping[Plain]:
-    """Return the ranges in which the joint was found, and the covariance of its numbers."""
+    """Return the ranges in which the joint was identified, and the covariance of its numbers."""
     logs = judged.case.logs
     speed = np.concatenate([log.speed[log.whole] for log in logs])
     ends = np.quantile(speed, [RARE, 1.0 - RARE])
@@ -119,7 +119,7 @@ def found_at(judged: Judgement) -> FrozenMapping[Plain]:
 
 
 def _scatter(judged: Judgement) -> Scatter | None:
-    """Return how sure the numbers of the answer are; None where they are not from the fit."""
+    """Return the scatter of the answer's numbers; None if they are not from the fit."""
     if judged.answer != "found" or judged.found is None or judged.problem is None:
         return None
     return Scatter.of(spread_of(judged.problem, judged.found.fit))
