@@ -156,7 +156,7 @@ def _with_values(effect: Hypothesis, values: Values) -> Hypothesis:
 def _shared(
     setting: Setting, names: tuple[str, ...], problem: Problem, fit: Fit, known: Covariance
 ) -> tuple[Nuisance, ...]:
-    """Return what may differ, and the datasheet values as certain as the first record leaves them."""
+    """Return what may differ, and datasheet values as certain as the first record leaves them."""
     values = {
         n.field: _narrow(n.unknown, float(fit.z[k]), known.std(k))
         for k, n in enumerate(problem.shared)
