@@ -96,7 +96,7 @@ class Setting:
         return float(np.sqrt(stiffness / inertia)) / (2.0 * np.pi) * self.series.dt > FOLLOWED
 
     def unseen(self, channel: str) -> NDArray[np.float64]:
-        """Return the deviation from the unknown instant within a sample of a change."""
+        """Return the deviation due to not knowing when within a sample a signal changes."""
         if self.series.slow:
             return np.asarray(self.series.change(channel) / np.sqrt(12.0))
         slope = self.noise[channel].jitter if channel in self.noise else 0.0
