@@ -1,8 +1,8 @@
 """Joints whose effects are hidden, from a simulator that shares nothing with the package's own.
 
-A diagnosis that is tried on data of the simulator it fits with proves little. Here the bodies, the
-laws of force, the integrator and the drive are written anew; only the format of the records is
-shared.
+Testing a diagnosis on data from the simulator that it fits with proves little. Here the bodies, the
+force laws, the integrator and the drive are implemented independently; only the format of the
+records is shared.
 
 Example:
     >>> case = draw_case(7, effects=["coulomb"], structure="rigid_gearbox", duration=2.0)

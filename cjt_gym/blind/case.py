@@ -27,7 +27,7 @@ from cjt_gym.blind.tracking import first_gains, under_control
 DURATION: Final = 10.0
 """Usual length of a record [s]."""
 ROUGH_STEP: Final = 4e-5
-"""Step of the integrator where only the sizes of signals are asked for [s]."""
+"""Step of the integrator if only the magnitudes of signals are needed [s]."""
 
 
 @dataclass(frozen=True)
@@ -50,13 +50,13 @@ class Case:
     """A joint whose effects are hidden.
 
     Attributes:
-        sheet: What is stated of the joint and of its records.
+        sheet: Stated facts on the joint and its records.
         structure: Name of its structure.
         diagnose: Record to diagnose.
         validate: Record to check a diagnosis on.
         label: What is hidden, how large its trace in the first record is, the true values of the
             joint, and how far the stated and the true model are from the second record.
-        world: The joint as it is, for whoever may try something on it.
+        world: The true joint, for further experiments.
     """
 
     sheet: Datasheet
@@ -92,7 +92,7 @@ def draw_case(
         duration: Of each record [s].
         joint: Seed of the joint and its datasheet alone, so that several cases can have the same;
             None takes it from `seed`.
-        defects: What is wrong with the records and the datasheet, of DEFECTS.
+        defects: Defects of the records and the datasheet, from DEFECTS.
 
     Raises:
         UnknownNameError: An effect, place, structure, excitation or defect has no such name.
@@ -170,7 +170,7 @@ def _signal(
 def _scales(
     world: World, sheet: Datasheet, plan: Plan, signal: Floats, rng: np.random.Generator
 ) -> Scales:
-    """Return the sizes of the signals of the first record, were there no effect."""
+    """Return the magnitudes of the first record's signals without any effect."""
     return scales_of(world, _record(world, sheet, plan.closed[0], signal, rng, ROUGH_STEP))
 
 
@@ -203,7 +203,7 @@ def _record(
 
 
 def _log(plan: Plan, sheet: Datasheet, flaws: Defects, result: Run, turn: int, order: int) -> Log:
-    """Return what is recorded of a run, less the rows that are lost at random."""
+    """Return the record of a run, without the rows that are lost at random."""
     t = result.times if flaws.stamped else instants(sheet.dt, len(result.command))
     columns = {"t": t, "i_cmd": result.command}
     columns |= {name: result.measured[:, CHANNELS.index(name)] for name in sheet.channels}

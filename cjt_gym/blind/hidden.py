@@ -76,7 +76,7 @@ class Effect:
 
     Attributes:
         name: Its name.
-        stage: Where it shows itself.
+        stage: Stage in which it appears.
         apply: Changes a joint.
         places: Bodies or channels it may act on in a structure; ("",) where there is no choice and
             () where the structure cannot have it.
@@ -106,17 +106,17 @@ def on_sensing(world: World, **values: float) -> World:
 
 
 def anywhere(_structure: Structure) -> Places:
-    """Return that every structure can have it, without a choice of place."""
+    """Allow every structure, without a choice of place."""
     return ("",)
 
 
 def with_spring(structure: Structure) -> Places:
-    """Return that it takes a torsion bar."""
+    """Require a torsion bar."""
     return ("",) if structure.bar_is_soft else ()
 
 
 def with_load(structure: Structure) -> Places:
-    """Return that it takes a load that moves."""
+    """Require a load that moves."""
     return () if structure.is_locked else ("",)
 
 

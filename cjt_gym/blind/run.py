@@ -57,7 +57,7 @@ class Frame(NamedTuple):
 
 @dataclass(frozen=True)
 class Run:
-    """What came out of a run.
+    """Results of a run.
 
     Attributes:
         command: Command at every sample [A], shape (n,).
@@ -107,7 +107,7 @@ def draw_chances(world: World, samples: int, rng: np.random.Generator) -> Chance
 
 
 def no_chances(world: World, samples: int) -> Chances:
-    """Return the random numbers of a run where nothing is left to chance."""
+    """Return the random numbers of a deterministic run."""
     zero = np.zeros(samples)
     return Chances(np.zeros((samples, 5)), zero, instants(world.sampling, samples), zero)
 

@@ -18,7 +18,7 @@ NONE, OUTSIDE, FAILED = "(none)", "(outside the table)", "(failed)"
 """Entries of the confusion matrix that are no effects."""
 LEFT: Final = ("unexplained", "partly_explained")
 MATERIAL: Final = 2.0
-"""Gap over its noise floor from which its shrink is compared."""
+"""Ratio of gap to noise floor above which its reduction is compared."""
 Label = Mapping[str, Any]
 Row = dict[str, Any]
 
@@ -39,7 +39,7 @@ def accepted(label: Label) -> dict[str, str]:
 
 
 def _twins(structure: str) -> tuple[tuple[str, str], ...]:
-    """Return the pairs of effects that are one and the same in a structure."""
+    """Return the pairs of effects that are equivalent in a structure."""
     if structure.startswith("output_fixed"):
         return (("torque_offset", "torque_bias"),)
     if structure == "rigid":

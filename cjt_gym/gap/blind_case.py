@@ -1,4 +1,4 @@
-"""The diagnosing process of a blind test: it is given a folder, and nothing that tells the key."""
+"""The diagnosing process of a blind test: it sees a case's folder, but never the key."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from pathlib import Path
 from typing import Any
 
 FILES = ("nominal.toml", "diagnose.npz", "diagnose.toml", "validate.npz", "validate.toml")
-"""All that the folder of a case holds."""
+"""Complete contents of a case's folder."""
 
 
 def diagnose_case(folder: Path) -> dict[str, Any]:
-    """Return what `diagnose_files` does, of a folder that is known to hold no more than a case.
+    """Return the result of `diagnose_files` for a folder verified to hold nothing but a case.
 
     Raises:
-        ValueError: The folder holds more or less than the files of a case.
+        ValueError: The folder does not hold exactly the files of a case.
     """
     if sorted(path.name for path in folder.iterdir()) != sorted(FILES):
         raise ValueError(f"{folder} must hold {', '.join(FILES)} and nothing else.")
@@ -22,9 +22,9 @@ def diagnose_case(folder: Path) -> dict[str, Any]:
 
 
 def diagnose_files(folder: Path) -> dict[str, Any]:
-    """Return the content of diagnosis.json for a case, or {"error": text} where there is none.
+    """Return the content of diagnosis.json for a case, or {"error": text} if the diagnosis failed.
 
-    Beside it stands `cpu_seconds`, the time of a processor that the diagnosis took.
+    The result also has `cpu_seconds`, the processor time of the diagnosis.
     """
     from cjt_gym.gap import diagnose
     from cjt_gym.records import read_record
@@ -36,12 +36,12 @@ def diagnose_files(folder: Path) -> dict[str, Any]:
         started = time.process_time()
         result = diagnose(record, validate=check).to_dict()
         return result | {"cpu_seconds": time.process_time() - started}
-    except Exception as error:  # whatever goes wrong counts against the diagnosis
+    except Exception as error:  # any failure counts against the diagnosis
         return {"error": f"{type(error).__name__}: {error}"}
 
 
 def warm_up() -> None:
-    """Load and compile what a diagnosis needs, so that the first case is timed like the others."""
+    """Load and compile everything a diagnosis needs, so the first case is timed like the rest."""
     from cjt_gym.gap import diagnose
     from cjt_gym.records import read_record
 

@@ -19,11 +19,11 @@ class Chain:
 
     Attributes:
         a: Transition matrix, shape (n, n); the state is the coordinates, then their velocities.
-        torque: Effect of a torque held on motor, gear and load, shape (n, 3).
+        torque: Effect of a constant torque on motor, gear and load, shape (n, 3).
         ramp: Effect of a torque that rises from -1/2 to 1/2 over the sample, shape (n, 3).
         start: Effect of the prescribed position at the start of the sample, shape (n,).
         slope: Effect of its mean velocity over the sample, shape (n,).
-        groups: Coordinate of motor, gear and load; -1 where the body is no part of it.
+        groups: Coordinate of motor, gear and load; -1 if the body is not part of it.
     """
 
     a: Floats
@@ -110,8 +110,8 @@ def _discretise(
 ) -> Chain:
     size = mass.size
     n = 2 * size
-    # Augmented state: chain, the three torques, the prescribed position and its velocity, and how
-    # fast the torques rise.
+    # Augmented state: chain, the three torques, the prescribed position and its velocity, and the
+    # rates of the torques.
     full = np.zeros((n + 8, n + 8))
     full[:size, size:n] = np.eye(size)
     full[size:n, :size] = -spring / mass[:, None]
@@ -132,13 +132,13 @@ def _discretise(
 def kalman_gain(
     chain: Chain, outputs: Sequence[int], torque_std: Sequence[float], noise: Sequence[float]
 ) -> tuple[Floats, Floats]:
-    """Return the steady-state gain, shape (n, m), and the innovations' deviation, shape (m,).
+    """Return the steady-state gain (n, m) and the standard deviation (m,) of the innovations.
 
     Args:
         chain: The piece of the joint.
-        outputs: Coordinates that are measured.
+        outputs: Measured coordinates.
         torque_std: White torque noise on motor, gear and load, per sample [N m].
-        noise: Deviation of each measurement, per sample.
+        noise: Standard deviation of each measurement, per sample.
     """
     n, m = chain.a.shape[0], len(outputs)
     c = np.zeros((m, n))

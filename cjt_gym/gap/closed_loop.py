@@ -1,7 +1,7 @@
 """Closed-loop replay: the joint under the controller that it was recorded with.
 
-An open-loop replay lets every error of a model add up; in a closed loop the controller takes part
-of it away, as it does on the joint. What is left is the error that a simulation in the loop has.
+In an open-loop replay the errors of a model accumulate; in closed loop the controller corrects
+part of them, as on the real joint. What remains is the error of a closed-loop simulation.
 """
 
 from __future__ import annotations
@@ -28,34 +28,34 @@ NEEDED = ("tau_ref", "tau")
 
 
 class Law(Protocol):
-    """What a closed loop asks of a controller."""
+    """Interface of a controller in the closed loop."""
 
     def reset(self) -> None:
-        """Forget the past."""
+        """Reset the internal state."""
 
     def act(self, measurement: Measurement, reference: Floats) -> Floats:
-        """Return the motor torque to command [N m], shape (1,)."""
+        """Return the commanded motor torque [N m], shape (1,)."""
         ...
 
 
 def replay_closed_loop(
     record: Record, joint: Joint, controller: Law, seed: int = 0
 ) -> Mapping[str, Floats]:
-    """Return what a joint does under a controller that tracks a record's reference.
+    """Simulate a joint under a controller that tracks a record's reference.
 
     Args:
-        record: Gives the reference `tau_ref` [N m], the sample time, where the joint starts, and
+        record: Provides the reference `tau_ref` [N m], the sample time, the initial state, and
             the load torque `tau_l` of a free load.
         joint: The joint.
-        controller: What drives it.
-        seed: Seed of the sensors' noise, where the joint has any.
+        controller: The controller that drives it.
+        seed: Seed of the sensor noise, if the joint has any.
 
     Returns:
         Channels of `CHANNELS` as they would be recorded, each of shape (N,).
 
     Raises:
         ConfigurationError: The record has no reference.
-        SimulationError: A state ceased to be finite.
+        SimulationError: A state became infinite or NaN.
     """
     _check(record)
     dt = record.dt
@@ -106,20 +106,20 @@ def closed_loop_gap(
     """Return how far the gap of the joint torque shrinks in a closed loop.
 
     Args:
-        record: Recorded under the controller; best one that the identification has not seen.
+        record: Recorded under the controller, preferably unseen by the identification.
         nominal: The joint before the diagnosis.
         identified: The joint with its effects.
         controller: The controller of the record, with its gains.
-        scatter: Deviation of one sample of the torque sensor [N m], for the floor.
-        begin: First sample that counts: where a fit has seen the beginning, the first it has not.
+        scatter: Standard deviation of a torque sensor sample [N m], for the floor.
+        begin: First sample that counts; the first unseen one if a fit has seen the beginning.
 
     Returns:
-        Errors relative to the rms of the recorded torque, with the interval of a block bootstrap.
-        The torque counts; commands, angle and speed of the motor are given beside it.
+        Errors relative to the rms of the recorded torque, with a block bootstrap interval. The
+        torque counts; errors of command, motor angle and speed are given for information.
 
     Raises:
         ConfigurationError: The record has no reference or no joint torque.
-        SimulationError: A state ceased to be finite.
+        SimulationError: A state became infinite or NaN.
     """
     one, two = (replay_closed_loop(record, joint, controller) for joint in (nominal, identified))
     signals = {

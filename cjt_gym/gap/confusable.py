@@ -1,4 +1,4 @@
-"""What a record leaves open, and which experiment would tell."""
+"""Explanations that a record cannot tell apart, and the experiment that would."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from cjt_gym.gap.prune import SIMPLER
 from cjt_gym.gap.select import evidence
 
 NEAR = 25.0
-"""Evidence within which another explanation counts as nearly as good."""
+"""Difference in evidence within which another explanation counts as nearly as good."""
 SHARE = 0.02
-"""Or share of the evidence that the explanation gained."""
+"""The same as a share of the evidence that the explanation gained."""
 SEPARATED_BY: dict[frozenset[str], str] = {
     frozenset(pair): text
     for *pair, text in (
@@ -35,16 +35,16 @@ SEPARATED_BY: dict[frozenset[str], str] = {
     )
 }
 NOTHING = "nothing"
-"""Name of the model without an effect that is only tentative."""
+"""Name of the model without a tentative effect."""
 DEFAULT = "a second record with other excitation: slow ramps through zero, steps, and a chirp"
 
 
 def rival_fits(
     problem: Problem, base: Fit, fit: Fit, index: int, seen: Sequence[Fit]
 ) -> dict[str, Fit]:
-    """Return fits with another effect in the place of one of a fit, by its name, the best first.
+    """Return fits that replace one effect of a fit by another, keyed by its name, best first.
 
-    A law that contains the effect as a special case, and does no better, is no rival.
+    A law that contains the effect as a special case and does no better is not a rival.
     """
     effects = fit.model.effects
     rest = {e.key for k, e in enumerate(effects) if k != index}
@@ -70,14 +70,14 @@ def _richer(name: str) -> set[str]:
 
 
 def rivals(problem: Problem, base: Fit, fit: Fit, index: int, seen: Sequence[Fit]) -> list[str]:
-    """Return effects that could stand in the place of one effect of a fit, the best first."""
+    """Return effects that could replace one effect of a fit, best first."""
     return list(rival_fits(problem, base, fit, index, seen))
 
 
 def best_rival(problem: Problem, fit: Fit, index: int, seen: Sequence[Fit]) -> float:
     """Return the evidence of the best fit without one of a model's effects.
 
-    A law that contains the effect as a special case, and was found to do no better, is no rival.
+    A law that contains the effect as a special case and does no better is not a rival.
     """
     effect = fit.model.effects[index]
     split = problem.stages.setting.current_unspecified and effect.name == "torque_offset"
@@ -101,7 +101,7 @@ def advice(name: str, rival: str) -> str:
 
 
 def difference(name: str, *rivals: str) -> str:
-    """Return what an experiment shall tell, as part of a sentence that begins with "to tell"."""
+    """Return the purpose of an experiment, as the end of a sentence that begins with "to tell"."""
     if rivals == (NOTHING,):
         return f"whether there is {name} at all"
     return f"{name} from {' and '.join(rivals)}"

@@ -1,9 +1,9 @@
-"""The next experiment: the input under which what a record leaves open would differ the most.
+"""The next experiment: the input that best separates the explanations that a record leaves open.
 
 Each explanation that fits the record is simulated under every input of the menu, within the limits
-of the joint, and the others are fitted to what it gives. What the best of these fits still lacks is
-the cross-innovation: the input whose smaller cross-innovation is the largest tells the explanations
-apart whichever of them is true.
+of the joint, and the others are fitted to the result. The misfit of the best of these fits is the
+cross-innovation; the input that maximises the smaller cross-innovation tells the explanations apart
+whichever of them is true.
 
 References:
     Hunter, Reiner (1965), Technometrics 7(3), for designs that discriminate between rival models.
@@ -29,28 +29,28 @@ from cjt_gym.gap.unknown import LEFT
 
 Floats = NDArray[np.float64]
 SAMPLES, SHORTEST, LONGEST = 4000, 4.0, 20.0
-"""Samples of an input, and the least and the greatest time that they may take [s]."""
+"""Number of samples of an input, and its shortest and longest duration [s]."""
 MOVES = 10
-"""Steps of the fit of a rival."""
+"""Number of steps when fitting a rival."""
 RESERVE = 0.8
 """Share of a limit of the joint file that an experiment uses."""
 BEYOND = 2.0
-"""How far beyond what was recorded an experiment goes at most."""
+"""Largest size of an experiment relative to what was recorded."""
 TELLS = 14.0
-"""Margin of evidence from which an input tells two explanations apart."""
+"""Margin of evidence above which an input tells two explanations apart."""
 BACK_OFF, TRIALS = 0.75, 12
-"""Factor by which an input that breaks a limit is made smaller, and how often."""
+"""Factor by which an input that breaks a limit is scaled down, and the number of attempts."""
 
 
 @dataclass(frozen=True)
 class Bounds:
-    """What an experiment keeps to.
+    """Limits of an experiment.
 
     Attributes:
         current: Largest current [A].
         speed: Largest speed of the motor [rad/s].
         torque: Largest joint torque [N m].
-        travel: Largest distance of the motor from where it starts [rad].
+        travel: Largest distance of the motor from its starting point [rad].
     """
 
     current: float
@@ -61,14 +61,14 @@ class Bounds:
 
 @dataclass(frozen=True)
 class Cross:
-    """How badly one explanation fits what another one gives.
+    """How badly one explanation fits data simulated with another.
 
     Attributes:
-        true: Name of what the data were made with.
-        rival: Name of what was fitted to them.
-        margin: Evidence that it lacks.
-        stage: Stage in which that shows.
-        residual: Normalised residual there, root mean square.
+        true: Name of the explanation that generated the data.
+        rival: Name of the explanation fitted to them.
+        margin: Evidence that the rival lacks.
+        stage: Stage with the misfit.
+        residual: Rms of the normalised residual in that stage.
     """
 
     true: str
@@ -80,7 +80,7 @@ class Cross:
 
 @dataclass(frozen=True, eq=False)
 class Prospect:
-    """What an input promises.
+    """Expected outcome of an input.
 
     Attributes:
         input: Row of the menu.
@@ -103,11 +103,11 @@ class Prospect:
 
 
 def bounds(setting: Setting) -> Bounds:
-    """Return what an experiment keeps to: the joint file's limits, near what was recorded."""
+    """Return the limits of an experiment: the joint file's, near the recorded range."""
     series, p = setting.series, setting.joint.parameters
     drive = series["i_cmd"] if "i_cmd" in series else series["i"]
     current = BEYOND * float(np.abs(drive).max())
-    # A spring to a held output bounds the motion of itself, and slow records say nothing of it.
+    # A spring to a locked output bounds the motion by itself; slow records do not show how far.
     locked = setting.structure.output_fixed and setting.has_spring
     speed = np.inf if locked else BEYOND * float(np.abs(series.speed("q_m")).max())
     travel = np.inf if locked and "tau" in series else BEYOND * float(np.ptp(series["q_m"]))
@@ -121,7 +121,7 @@ def bounds(setting: Setting) -> Bounds:
 
 
 def prospects(problem: Problem, fits: Mapping[str, Fit]) -> tuple[Prospect, ...]:
-    """Return what each input of the menu promises, the best first.
+    """Return the expected outcome of each input of the menu, best first.
 
     Args:
         problem: The record that leaves the explanations open.
@@ -131,7 +131,7 @@ def prospects(problem: Problem, fits: Mapping[str, Fit]) -> tuple[Prospect, ...]
     within = bounds(setting)
     models = {name: written(problem, fit.model, fit.z) for name, fit in fits.items()}
     found = []
-    with np.errstate(over="ignore", invalid="ignore"):  # of steps that a fit tries and rejects
+    with np.errstate(over="ignore", invalid="ignore"):  # from rejected trial steps
         for row in MENU.values():
             current = _sized(setting, row, models, within)
             if current is not None:
@@ -144,8 +144,8 @@ def prospects(problem: Problem, fits: Mapping[str, Fit]) -> tuple[Prospect, ...]
 def _margin(prospect: Prospect, among: Sequence[Prospect]) -> float:
     """Return the smaller cross-innovation.
 
-    A law that contains another one explains all that the other one gives, whatever the input:
-    such a pair does not count, as long as there is one that does.
+    A law that contains another one explains everything the other one can produce, whatever the
+    input; such a pair is ignored unless there is no other.
     """
     hopeful = [
         cross.margin
@@ -164,7 +164,7 @@ def _samples(setting: Setting) -> int:
 def _sized(
     setting: Setting, row: Input, models: Mapping[str, Written], within: Bounds
 ) -> Floats | None:
-    """Return an input at the largest size at which no explanation breaks a limit, if there is one.
+    """Return an input at the largest amplitude at which no explanation breaks a limit, if any.
 
     Returns:
         Current [A], shape (N,).
@@ -185,7 +185,7 @@ def _sized(
 
 
 def _friction(model: Written) -> float:
-    """Return the current from which the motor's side moves [A]."""
+    """Return the current above which the motor side moves [A]."""
     fields = model.fields
     levels = (
         max(fields[f"c_p_{b}"], fields[f"c_n_{b}"]) + max(fields[f"s_p_{b}"], fields[f"s_n_{b}"])
@@ -202,11 +202,11 @@ def _is_within(setting: Setting, model: Written, current: Floats, within: Bounds
     return bool(small and np.isfinite(travel).all() and travel.max() <= within.travel)
 
 
-# ---- what an explanation gives, and how well another one fits it
+# ---- data simulated with an explanation, and how well another one fits them
 def _blank(setting: Setting, model: Written, current: Floats) -> Setting:
-    """Return the setting of an experiment that has not been made: its command, and a joint at rest.
+    """Return the setting of a planned experiment: its command, with the joint at rest.
 
-    The spring is relaxed at the start.
+    The spring is initially relaxed.
     """
     size, old, fields = len(current), setting.series, model.fields
     columns = {name: np.zeros(size) for name in old.columns}
@@ -222,7 +222,7 @@ def pretended(setting: Setting, model: Written, current: Floats) -> Setting:
     """Return the setting of an experiment as it would be recorded if a model were true.
 
     Args:
-        setting: The record that was made, whose sensors and sampling it shares.
+        setting: The existing record, whose sensors and sampling the experiment shares.
         model: The model.
         current: The command [A], shape (N,).
     """
@@ -259,7 +259,7 @@ def _crosses(
 
 
 def _contains(model: Model, other: Model) -> bool:
-    """Return whether a model gives all that another one gives: it has more, or a richer law."""
+    """Return whether a model contains another: it has more effects, or a richer law."""
     more = [e for e in model.effects if e.key not in {o.key for o in other.effects}]
     less = [o for o in other.effects if o.key not in {e.key for e in model.effects}]
     if len(more) == len(less) == 1:
@@ -268,12 +268,12 @@ def _contains(model: Model, other: Model) -> bool:
 
 
 def _nested(true: str, rival: str) -> Cross:
-    """Return what comes of a rival that contains the truth: it fits as well, under every input."""
+    """Return the result for a rival that contains the truth: it fits equally well on any input."""
     return Cross(true, rival, 0.0, "motor", 1.0)
 
 
 def _cross(true: str, rival: str, start: Fit, there: Problem, own: Fit) -> Cross:
-    """Return how well a rival, fitted from `start`, does on data that the truth has made."""
+    """Return how well a rival, fitted from `start`, explains data generated by the truth."""
     other = there.fit(start.model, start.z, MOVES)
     data = sum(
         there.counts[n] / DEFLATION * np.log(max(ms, FLOOR**2) / max(own.mean_square[n], FLOOR**2))
@@ -286,13 +286,13 @@ def _cross(true: str, rival: str, start: Fit, there: Problem, own: Fit) -> Cross
 
 
 def strain(problem: Problem, z: Floats) -> float:
-    """Return what the priors of the datasheet's values and offsets cost at some coordinates."""
+    """Return the prior cost of datasheet values and offsets at given coordinates."""
     flat = np.array([n.unknown.flat for n in problem.shared], dtype=bool)
     return 0.5 * float(np.sum(z[: len(flat)][~flat] ** 2))
 
 
 def _evaluated(problem: Problem, model: Model, z: Floats) -> Fit:
-    """Return the true model on its own data, fitted to them where the predictor is too coarse."""
+    """Return the true model on its own data, refitted if the predictor is too coarse."""
     residuals = problem.residuals(model, z)
     found = Fit(model, z, 0.0, problem.mean_square(residuals), residuals)
     coarse = max(found.mean_square.values()) > LEFT**2
@@ -300,7 +300,7 @@ def _evaluated(problem: Problem, model: Model, z: Floats) -> Fit:
 
 
 def _moved(old: Problem, new: Problem, fit: Fit) -> Floats:
-    """Return the coordinates of a fit in the problem of another record, at the same values."""
+    """Return a fit's coordinates in the problem of another record, at the same values."""
     shared = Model().fields(old.stages.setting.nominal, old.shared, fit.z)
     first = [n.unknown.coordinate(shared[n.field]) for n in new.shared]
     return np.concatenate([first, fit.z[len(old.shared) :]])

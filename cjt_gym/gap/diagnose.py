@@ -51,23 +51,23 @@ from cjt_gym.joint.structures import Structure
 from cjt_gym.records import Record
 
 TAIL = 0.2
-"""Share of a record, its end, that is kept for the replay where there is no second record."""
+"""Final share of a record that is held out for the replay if there is no second record."""
 WITHIN = 2.5
-"""Deviations of a datasheet value that count as its tolerance."""
+"""Number of standard deviations of a datasheet value that count as its tolerance."""
 FAR = 3.0
-"""Residual within tolerances, as a multiple of noise, from which there is a gap."""
+"""Residual within tolerances, as a multiple of noise, above which there is a gap."""
 KNOWN = 0.7
-"""Share of its tolerance within which a fit must know a datasheet value to refine it."""
+"""Share of the tolerance within which a fit must determine a datasheet value to refine it."""
 MOVED = 0.1
-"""Or share of it by which the fit moves the value; several may be known only together."""
+"""Share of the tolerance by which a fit may move it instead; some are only known jointly."""
 
 Ask = Callable[[], Suggestion]
-"""Returns what to record next, which takes longer than most of a diagnosis."""
+"""Function that suggests what to record next; slower than most of a diagnosis."""
 COMMANDING = ("i", "i_cmd", "tau_m", "tau_cmd")
-"""Channels of which the stages need one."""
+"""Channels of which the stages need at least one."""
 
 
-@np.errstate(all="ignore")  # a trial of a fit may overflow; it is then not taken
+@np.errstate(all="ignore")  # a trial step of a fit may overflow; it is then rejected
 def diagnose(
     records: Record | Sequence[Record],
     joint: str | Joint | JointFile | None = None,
@@ -78,13 +78,13 @@ def diagnose(
     """Return where the gap between a joint and its simulation is, why, and how far it shrinks.
 
     Args:
-        records: What was recorded. Several records of one joint are explained together: its
-            values and effects are the same in all, offsets and zeros are each record's own.
-        joint: The nominal joint, or its name or path; left out, the one that the record names.
-        structure: How its bodies are joined; left out, what the record or the joint says.
-        validate: Further records, with other excitation, on which the explanation is tested; left
-            out, the last fifth of every record is kept for that.
-        progress: Is told in words what is being done.
+        records: The records. Several records of one joint are explained together: they share its
+            values and effects, but each has its own offsets and zeros.
+        joint: The nominal joint, or its name or path; by default the one that the record names.
+        structure: How its bodies are joined; by default as the record or the joint states.
+        validate: Further records, with other excitation, on which the explanation is tested; by
+            default the last fifth of every record is held out for this.
+        progress: Called with a description of the current step.
 
     Raises:
         CjtGymError: The records, the joint or the structure cannot be used; the message says why.
@@ -104,7 +104,7 @@ def diagnose(
     cuts = [int((1.0 - TAIL) * len(record)) for record in whole]
     fitted = whole if held else [r.slice(0, cut) for r, cut in zip(whole, cuts, strict=True)]
     tested = tested or [r.slice(cut, None) for r, cut in zip(whole, cuts, strict=True)]
-    with threadpool_limits(1, "blas"):  # small matrices lose more by threads than they gain
+    with threadpool_limits(1, "blas"):  # for small matrices threads cost more than they gain
         try:
             found, ask = _by_stages(fitted, tested, whole, held, file, shape, started, progress)
         except (np.linalg.LinAlgError, FloatingPointError, ValueError) as error:
@@ -121,7 +121,7 @@ def diagnose(
 
 
 def _asked(ask: Ask) -> Suggestion:
-    """Return what to record next, in general terms where no experiment can be designed."""
+    """Return what to record next, in general terms if no experiment can be designed."""
     try:
         return ask()
     except (np.linalg.LinAlgError, ValueError):
@@ -138,7 +138,7 @@ def _by_stages(
     started: float,
     progress: Progress,
 ) -> tuple[Diagnosis, Ask]:
-    """Return what the one-step predictors of the stages find, and what tells the next record."""
+    """Return the findings of the stages' one-step predictors, and what suggests the next record."""
     explanation, replayed = _explained(fitted, _long(tested), file, shape, progress)
     if _seen_elsewhere(explanation) and len(given) == len(_long(held)) == 1:
         progress("explaining the other record, which alone shows a gap")
@@ -161,7 +161,7 @@ def _explained(
     shape: Structure,
     progress: Progress,
 ) -> tuple[Explanation, list[Setting]]:
-    """Return the explanation of records, and those on which it is tested."""
+    """Return the explanation of records, and the records on which it is tested."""
     setting = make_setting(fitted[0], file, shape)
     zero = setting.series.zero
     more = [make_setting(r, file, shape, zero) for r in fitted[1:]]
@@ -170,7 +170,7 @@ def _explained(
 
 
 def _by_voltage(record: Record) -> bool:
-    """Return whether a voltage alone drives a joint, of which the stages know nothing."""
+    """Return whether a joint is driven by a voltage alone, which the stages do not model."""
     return "v" in record and not any(name in record for name in COMMANDING)
 
 
@@ -181,7 +181,7 @@ def _seen_elsewhere(found: Explanation) -> bool:
 
 
 def _with_structure_said(found: Diagnosis, record: Record, shape: Structure) -> Diagnosis:
-    """Return a diagnosis that says where another structure was asked for than the record states."""
+    """Return a diagnosis with a note if the requested structure differs from the record's."""
     if record.structure in (None, shape.name):
         return found
     said = f"{record.owner} states {record.structure}, but was diagnosed as {shape.name}."
@@ -246,8 +246,8 @@ def _report(
     within = _within_tolerance(found)
     all_before = {n: problem.stages.residual(n, within.fields) for n in problem.stages.names}
     before = problem.stages.first(all_before)
-    # Where nothing is named, nothing is said to explain: the nominal joint stays, its values
-    # refined within their tolerances where that leaves no gap.
+    # Without named effects there is no explanation: the nominal joint stays, with its values
+    # refined within their tolerances if that leaves no gap.
     explains = bool(named)
     if not explains and not found.left:
         found = replace(found, left=_beyond_tolerance(problem.mean_square(all_before)))
@@ -264,7 +264,7 @@ def _report(
     if not explains and gap.removed < 0.0:
         told, models = {}, [nominal]
         gap, rungs, replays = measure_gap(settings, models, held_out)
-    if gap.high < -HARM:  # whatever each is worth, together they do not make the joint
+    if gap.high < -HARM:  # whatever each is worth, together they do harm
         named = tuple(doubted(effect) for effect in named)
     left = found.left if explains else untouched(found.left)
     stages = _stages(found, fit, all_before, named)
@@ -297,7 +297,7 @@ def _report(
 
 
 def _refined(found: Explanation, fit: Fit, spread: Covariance) -> dict[str, tuple[float, float]]:
-    """Return the datasheet values that the record tells, each with its relative deviation."""
+    """Return the datasheet values the record determines, each with its relative deviation."""
     shared = found.problem.shared
     known = found.problem.stages.setting.joint.parameters.quantities
     released = {effect.releases for effect in fit.model.effects}
@@ -321,7 +321,7 @@ def _steps(found: Explanation) -> tuple[tuple[str, dict[str, float]], ...]:
 
 
 def _within_tolerance(found: Explanation) -> Written:
-    """Return the nominal joint, its values no further off than their tolerance."""
+    """Return the nominal joint with its values limited to their tolerances."""
     problem = found.problem
     held = [n.field in problem.stages.setting.joint.parameters.quantities for n in problem.shared]
     sensor = [n.field in ("tau_0", "i_0") for n in problem.shared]
@@ -332,14 +332,14 @@ def _within_tolerance(found: Explanation) -> Written:
 
 
 def _beyond_tolerance(mean_square: Mapping[str, float]) -> tuple[Leftover, ...]:
-    """Return the stages that only values beyond their tolerances would explain, the worst first."""
+    """Return the stages explained only by values beyond their tolerances, worst first."""
     far = [(ms, name) for name, ms in mean_square.items() if ms > FAR**2]
     text = "datasheet values that are further off than their tolerances"
     return tuple(Leftover(name, 1.0, text) for _, name in sorted(far, reverse=True))
 
 
 def _nominal_fields(found: Explanation) -> Fields:
-    """Return the fields of the nominal joint, with the record's offsets only."""
+    """Return the fields of the nominal joint with only the record's offsets added."""
     problem = found.problem
     offsets = ("q_0", "w_i")
     pairs = zip(problem.shared, found.base.z, strict=True)

@@ -1,4 +1,4 @@
-"""What a diagnosis says, as frozen data and as JSON."""
+"""Results of a diagnosis, as frozen dataclasses and as JSON."""
 
 from __future__ import annotations
 
@@ -42,17 +42,17 @@ class NamedEffect:
 
     Attributes:
         name: Name in the effect table.
-        stage: Where it shows itself.
+        stage: Stage in which it appears.
         body: motor, gear or load, or None.
         channel: Channel, or None.
         parameters: Its numbers.
         status: "confirmed" or "tentative".
-        confidence: Chance that the name is right.
-        gap_removed: Share of its stage's gap that it takes away.
+        confidence: Probability that the name is right.
+        gap_removed: Share of its stage's gap that it removes.
         confusable_with: Effects that explain nearly as much.
         lead: Evidence by which the explanation leads the best one without this effect.
-        worth: Share by which held-out residuals fall of that by which the effect changes them: 1
-            for a true effect; None where no held-out record excites it, or for a sensor.
+        worth: Reduction of held-out residuals relative to the change that the effect makes: 1 for
+            a true effect; None for a sensor, or if no held-out record excites it.
     """
 
     name: str
@@ -70,12 +70,12 @@ class NamedEffect:
 
 @dataclass(frozen=True)
 class StageGap:
-    """A stage's normalised residual: 1 is what the specified noise explains.
+    """A stage's normalised residual: 1 is the level of the specified noise.
 
     Attributes:
         before: Its rms with the nominal joint.
         after: Its rms with the named effects.
-        significant: Whether there is a gap that tolerances do not explain.
+        significant: Whether there is a gap beyond the tolerances.
     """
 
     before: float
@@ -93,7 +93,7 @@ class Regime:
         low: Low end of the range.
         high: High end of the range.
         unit: Unit of both.
-        share: Share of the stage's excess residual; over one variable they add up to 1.
+        share: Share of the stage's excess residual; the shares over one variable sum to 1.
     """
 
     stage: str
@@ -106,12 +106,12 @@ class Regime:
 
 @dataclass(frozen=True)
 class Unexplained:
-    """What is left.
+    """The unexplained remainder of the gap.
 
     Attributes:
-        share: Largest share of a stage's gap that is left.
+        share: Largest unexplained share of a stage's gap.
         stage: That stage, or None.
-        text: In words.
+        text: Description.
         predictable: Share of the motion that a regression predicts and no named effect explains.
         missing: Sentences on what missing channels leave open.
     """
@@ -125,19 +125,19 @@ class Unexplained:
 
 @dataclass(frozen=True)
 class Horizon:
-    """How well a channel is predicted so far ahead, on held-out data.
+    """Prediction error of a channel at one horizon, on held-out data.
 
-    Errors are relative to what the channel did within the window beyond "the speed at the start
-    stays" (angles), or to its deviation from the mean (torque).
+    Errors are relative to the channel's departure within the window from motion at its initial
+    speed (angles), or to its deviation from the mean (torque).
 
     Attributes:
-        seconds: How far ahead [s].
-        channel: What is predicted.
+        seconds: Horizon [s].
+        channel: Predicted channel.
         datasheet: Error of the nominal joint.
         least_squares: Error of a regression on inertia, damping, Coulomb friction and offset; None
-            where the record does not allow it.
+            if the record does not allow it.
         found: Error of the joint of this diagnosis.
-        floor: Error that no model could avoid; None where that cannot be told.
+        floor: Error that no model could avoid; None if it cannot be determined.
     """
 
     seconds: float
@@ -153,9 +153,9 @@ class Suggestion:
     """What to record next.
 
     Attributes:
-        text: In words.
+        text: Description.
         record: Excitation file, or None.
-        excitation: What that file holds: commands over time, or None.
+        excitation: Contents of that file: commands over time, or None.
     """
 
     text: str
@@ -163,10 +163,10 @@ class Suggestion:
     excitation: Record | None = field(default=None, repr=False)
 
     def written(self, path: str | Path) -> Suggestion:
-        """Write the excitation, where there is one; return the suggestion that names its file.
+        """Write the excitation, if there is one, and return the suggestion with its file name.
 
         Args:
-            path: File to write, such as ``next.npz``; its facts go to ``next.toml`` beside it.
+            path: File to write, such as ``next.npz``; its metadata go to ``next.toml`` beside it.
         """
         if self.excitation is None:
             return self
@@ -180,11 +180,11 @@ class GapSize:
     Attributes:
         before: With the nominal joint.
         after: With the effects added.
-        floor: What the noise of the sensor alone would leave.
-        removed: Share of the error that is gone.
+        floor: Error that sensor noise alone would cause.
+        removed: Share of the error that was removed.
         low: Low end of its 95 % interval.
         high: High end of its 95 % interval.
-        held_out: Whether the data were kept from the fit.
+        held_out: Whether the data were withheld from the fit.
         by_channel: Errors before and after, by channel.
     """
 
@@ -203,7 +203,7 @@ class Step:
     """The replay error on held-out data of one model of the ladder from nominal to explained.
 
     Attributes:
-        name: "nominal", "tolerances" or the effect that this model has more than the one before.
+        name: "nominal", "tolerances" or the effect that this model adds to the previous one.
         body: motor, gear or load, or None.
         channel: Channel of the effect, or None.
         error: Error relative to the rms of the signal.
@@ -221,15 +221,15 @@ class Step:
 
 @dataclass(frozen=True, eq=False)
 class FrictionMap:
-    """What a body's torque lacks, over its velocity.
+    """Unexplained torque of a body over its velocity.
 
-    Torques count as friction does: positive where they resist positive motion.
+    Torques have the sign of friction: positive if they resist positive motion.
 
     Attributes:
         stage: motor or load.
         speed: Velocity of the body [rad/s], shape (N,).
         before: Torque that the nominal joint does not explain [N m], shape (N,).
-        after: Torque that the explained one does not [N m], shape (N,).
+        after: Torque that the explained joint does not [N m], shape (N,).
         law_speed: Velocities of the law [rad/s], shape (M,).
         law: Friction that the effects add [N m], shape (M,).
     """
@@ -279,13 +279,13 @@ class SpringLoop:
 
 @dataclass(frozen=True)
 class Source:
-    """What the diagnosis was computed from.
+    """Inputs of the diagnosis.
 
     Attributes:
         joint: Name of the nominal joint.
         structure: How its bodies are joined.
-        fitted: Records used for the fit, in words.
-        held_out: Records or parts kept from it, in words.
+        fitted: Description of the records used for the fit.
+        held_out: Description of the records or parts withheld from it.
         angle: Unit of its angles, "rad" or "m".
         torque: Unit of its torques, "N m" or "N".
     """
@@ -300,7 +300,7 @@ class Source:
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """What a report draws; the maps are of the fitted record, the replays of the held-out one.
+    """Data for a report's charts: maps of the fitted record, replays of the held-out one.
 
     Attributes:
         t: Time of the samples [s], shape (N,).
@@ -309,15 +309,15 @@ class Evidence:
         replays: Measured, nominal and explained signals by channel.
         steps: Names of the effects and the residuals' rms after each, in the order of discovery.
         replay_dt: Sample time of the replays [s].
-        restarted: After which time each of them begins anew from what was measured [s]; 0 for one
-            replay of the whole record.
+        restarted: Interval after which each replay restarts from the measured state [s]; 0 for
+            one replay of the whole record.
         ladder: Replay errors from the nominal joint to the explained one.
-        regimes: For each stage with a gap its regimes before, and what is left of each as a share
-            of the same total; the stage with the largest gap first.
+        regimes: For each stage with a gap its regimes before, and the remainder of each as a
+            share of the same total; the stage with the largest gap first.
         friction: Friction maps.
         ripple: Torque that repeats with the motor's angle, if there is any motion.
-        spring: Torque over deflection, where there is a spring between measurements.
-        source: What it was computed from.
+        spring: Torque over deflection, if there is a spring between measurements.
+        source: Inputs of the diagnosis.
     """
 
     t: Floats
@@ -345,14 +345,14 @@ class Diagnosis:
         verdict: "no_gap", "explained", "partly_explained" or "unexplained".
         stages: Residuals of drive, motor, transmission, sensing and load.
         regimes: Where the gap lies in the operating range.
-        effects: What explains it, by the share of the gap removed.
+        effects: Effects that explain it, ordered by the share of the gap removed.
         gap: How far it shrinks on held-out data.
-        unexplained: What is left.
+        unexplained: The unexplained remainder.
         suggestion: What to record next.
-        seconds: Time that the diagnosis took [s].
+        seconds: Duration of the diagnosis [s].
         evidence: Arrays for a report.
         joint: The nominal joint with the effects added; `cjt_gym.joint.to_toml` writes it.
-        horizons: How well the joint is predicted at several horizons.
+        horizons: Prediction errors of the joint at several horizons.
         examination: What the record can and cannot tell.
     """
 
@@ -420,7 +420,7 @@ def _effect(effect: NamedEffect) -> dict[str, object]:
 
 
 def _plain(value: object) -> object:
-    """Return a value with NumPy's scalars made Python's, and no number that is not finite."""
+    """Convert NumPy scalars in a value to Python's, and replace non-finite numbers by 0."""
     if isinstance(value, Mapping):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

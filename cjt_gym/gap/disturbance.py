@@ -1,7 +1,7 @@
-"""Signals that act beside the model: what a cause outside the effect table adds to a joint.
+"""Signals added to the model: how causes outside the effect table act on a joint.
 
 A disturbance adds a signal to one channel. Its numbers are fields of the model, named after it, so
-that it is fitted like an effect of the table.
+it is fitted like an effect of the table.
 
 =============  ====================================================
 channel        the signal is
@@ -32,11 +32,11 @@ SENSORS = ("i", "tau", "q_m", "q_l")
 
 @dataclass(frozen=True, eq=False)
 class Disturbance:
-    """A signal that acts beside the model.
+    """A signal added to the model.
 
     Attributes:
-        channel: What it adds to.
-        signal: From a record and the disturbance's numbers to the signal, shape (N,).
+        channel: Channel to which it is added.
+        signal: Maps a record and the disturbance's numbers to the signal, shape (N,).
     """
 
     channel: str
@@ -51,7 +51,7 @@ def field_of(name: str, symbol: str) -> str:
 def disturbing(
     fields: Fields, series: Series, known: Mapping[str, Disturbance]
 ) -> Mapping[str, Floats]:
-    """Return what a model's disturbances add to each channel, each of shape (N,)."""
+    """Return the sum of a model's disturbances on each channel, each of shape (N,)."""
     values: dict[str, dict[str, float]] = {}
     for key, value in fields.items():
         name, dot, symbol = key.partition(".")

@@ -1,4 +1,4 @@
-"""What a report draws, computed once an explanation is found."""
+"""Data for a report's charts, computed once an explanation is found."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ Floats = NDArray[np.float64]
 
 
 def gather(problem: Problem, fit: Fit, within: Written, before: Mapping[str, Floats]) -> Evidence:
-    """Return what a report draws of the stages.
+    """Return the data of the stages for a report's charts.
 
     Args:
         problem: The record.
         fit: Its explanation.
-        within: The nominal joint, its values no further off than their tolerance.
+        within: The nominal joint with its values limited to their tolerances.
         before: Residuals of the latter by stage, each of shape (N,).
     """
     stages = problem.stages
@@ -51,7 +51,7 @@ def gather(problem: Problem, fit: Fit, within: Written, before: Mapping[str, Flo
 def source_of(
     file: JointFile, shape: Structure, fitted: Sequence[Record], held_out: Sequence[Record]
 ) -> Source:
-    """Return what a diagnosis was computed from."""
+    """Return the inputs of a diagnosis."""
     units = ("m", "N") if file.parameters.axis == "prismatic" else ("rad", "N m")
     return Source(file.name, shape.name, _described(fitted), _described(held_out), *units)
 
@@ -69,8 +69,8 @@ def nothing_said(
         file: The nominal joint.
         shape: How its bodies are joined.
         fitted: Records that were to be explained.
-        held_out: Records kept from it.
-        why: Why there is none.
+        held_out: Records withheld from it.
+        why: Why the stages could not be judged.
     """
     names = ("drive", "motor", "transmission", "sensing", "load")
     text = f"The stages could not be judged one by one on this record ({why})."
@@ -91,7 +91,7 @@ def nothing_said(
 
 
 def _described(records: Sequence[Record]) -> tuple[str, ...]:
-    """Return records in words: name, number of samples, duration."""
+    """Return a description of records: name, number of samples, duration."""
     return tuple(
         f"{'/'.join(PurePath(r.owner).parts[-2:])}: {len(r)} samples, {r.t[-1] - r.t[0]:.3g} s"
         for r in records

@@ -39,11 +39,11 @@ from cjt_gym.gap.stages import Stages
 from cjt_gym.gap.unknown import HELD_LEFT, Leftover, leftovers
 
 PATIENCE = 60.0
-"""Processor time after which the search for effects ends with what it has [s]."""
+"""Processor time after which the search for effects stops with its best result [s]."""
 REFUTED = 0.2
 """Worth on held-out data below which an effect is refuted."""
 BETTER = 0.7
-"""Share of a held-out mean square to which another model of the same evidence must bring it."""
+"""Ratio of held-out mean squares below which an alternative model is preferred."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,9 +53,9 @@ class Explanation:
     Attributes:
         problem: The record.
         base: The fit without effects.
-        fit: The fit with those that are needed.
+        fit: The fit with the needed effects.
         needs: What each of them is needed for.
-        held: What it is worth on held-out records.
+        held: Its performance on held-out records.
         seen: All other fits.
         left: Stages that are not explained.
         sensors: Channels that are worse than specified.
@@ -81,9 +81,9 @@ def explain(
 
     Args:
         setting: The record.
-        others: Records that were not used to find it, on which it must stand.
+        others: Held-out records on which the explanation must hold.
         more: Further records to be explained together with it.
-        progress: Is told what is being done.
+        progress: Called with a description of the current step.
     """
     progress("fitting the nominal joint within its tolerances")
     problem, base = _without_effects(setting, more)
@@ -95,7 +95,7 @@ def explain(
     coarse = any(finding.name == "quantization" for finding in sensors)
     if any(finding.name == "quantization" and finding.channel == "i" for finding in sensors):
         candidates = tuple(h for h in candidates if h.name != "command_quantization")
-    # Causes outside the table are told by small traces, and those from colour by a stated noise.
+    # Causes outside the table leave small traces; only a stated noise tells them from colour.
     rows = () if setting.current_unspecified else problem.stages.outside.rows
     outside = shown(rows, problem.stages.names)
     beyond = COARSE_BEYOND if coarse else BEYOND
@@ -105,7 +105,7 @@ def explain(
     found = selection.run()
     fit = simplify(problem, found, selection.candidates)
     fit = likelier_twins(problem, fit, selection.candidates)
-    if fit is not found:  # another law was tried from where the first had left the datasheet
+    if fit is not found:  # the other law started from the datasheet values that the first had left
         fit = retuned(problem, fit)
     if setting.current_unspecified:
         fit = other_frequencies(problem, fit)
@@ -139,7 +139,7 @@ def explain(
 def _standing(
     problem: Problem, fit: Fit, others: Sequence[Setting], strain: float
 ) -> tuple[Fit, list[Need], tuple[HeldOut, ...]]:
-    """Return the model without what it can do without and without what held-out data refute."""
+    """Return the model without effects that are not needed or that held-out data refute."""
     while True:
         fit, needs = prune(problem, fit, strain)
         held = tuple(on_held_out(other, problem, fit) for other in others)
@@ -158,9 +158,9 @@ def _decided(
     others: Sequence[Setting],
     candidates: tuple[Hypothesis, ...],
 ) -> Fit:
-    """Return the best on held-out records of models that the first record cannot tell apart.
+    """Return the model that does best on held-out records, of those the first cannot tell apart.
 
-    They are asked only where the chosen one leaves something there.
+    Held-out records are consulted only if the chosen model leaves a residual there.
     """
     stages = {n for h in held for n, ms in h.after.items() if ms > HELD_LEFT**2}
     best, least = fit, sum(sum(h.after.values()) for h in held)
@@ -177,7 +177,7 @@ def _decided(
 def _found_late(
     setting: Setting, fit: Fit, known: tuple[SensorFinding, ...]
 ) -> tuple[SensorFinding, ...]:
-    """Return noisy channels that show themselves only when the effects are out of the way."""
+    """Return noisy channels that are visible only once the effects are removed."""
     found = list(sensor_findings(setting, fit.residuals))
     if "drive" in fit.residuals and (noisy := noisy_current(setting, fit.residuals["drive"])):
         found.append(noisy)

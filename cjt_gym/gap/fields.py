@@ -1,7 +1,7 @@
-"""The numbers that a model of the joint is made of, at their nominal values.
+"""The fields of a model of the joint, at their nominal values.
 
 A model is a dictionary of fields. Nominal parameters, sensor offsets and effects are all fields;
-an effect that is off has its neutral value. Stages read fields, hypotheses change them.
+an inactive effect has its neutral value. Stages read fields, hypotheses change them.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ NEUTRAL: Final[Mapping[str, float]] = {
     "delay": 0.0,  # dead time of the command [s]
     "lag": 0.0,  # time constant of the current loop [s]
     "i_max": np.inf,  # limit of the current [A]
-    "dead": 0.0,  # commands below it are not answered [A]
-    "less": 0.0,  # by how much those above it are answered less [A]
+    "dead": 0.0,  # commands below it have no effect [A]
+    "less": 0.0,  # amount by which those above it are reduced [A]
     "slew": np.inf,  # fastest change of the current [A/s]
     "step": 0.0,  # resolution of the command [A]
     "offset": 0.0,  # constant torque on the motor [N m]
@@ -45,14 +45,14 @@ NEUTRAL: Final[Mapping[str, float]] = {
     "play": 0.0,  # width of a backlash at the torsion bar [rad]
     "play_g": 0.0,  # width of a backlash in the compliant gear [rad]
     "centre_g": 0.0,  # its middle, from the gear's first angle [rad]
-    "pull_g": 0.0,  # whether its damper holds teeth that part, 1 or 0
+    "pull_g": 0.0,  # whether its damper resists parting teeth, 1 or 0
     "hard": 0.0,  # cubic stiffness over linear stiffness [1/rad^2]
     "hyst": 0.0,  # torque of the hysteresis [N m]
     "hyst_z": 1e-3,  # its displacement [rad]
     "hyst_n": 2.0,  # how sharply it yields: the exponent of Bouc-Wen, 0 for Maxwell slip
     "gain": 1.0,  # torque sensor: measured over true
     "late": 0.0,  # torque sensor: delay [s]
-    "skew": 0.0,  # a small part of it, within the tolerance of the sampling [s]
+    "skew": 0.0,  # small part of the delay, within the sampling tolerance [s]
     "grav_a": 0.0,
     "grav_b": 0.0,  # weight: amplitudes of cos(q_l), sin(q_l) [N m]
 } | {f"{name}_{body}": 0.0 for name in LAW for body in "mgl"}
@@ -66,7 +66,7 @@ def nominal_fields(joint: JointFile, structure: Structure) -> Fields:
     fields["k_t"] = p.k_t
     fields |= {name: p.get(name, 0.0) for name in CHAIN}
     for name in structure.needed_parameters:
-        fields[name] = getattr(p, name)  # raises a clear error where it is absent
+        fields[name] = getattr(p, name)  # raises a clear error if it is absent
     fields["i_max"] = p.get("i_p", np.inf)
     _add_known_effects(fields, joint)
     return fields
@@ -104,19 +104,19 @@ def _add_known_effects(fields: Fields, joint: JointFile) -> None:
 
 
 def own_field(name: str, number: int) -> str:
-    """Return the field that holds by how much a field differs in a further record."""
+    """Return the field that holds the difference of a field in a further record."""
     return f"{name}@{number}"
 
 
 def of_record(fields: Fields, number: int) -> Fields:
-    """Return the fields of the model for a further record, those that differ there added."""
+    """Return the fields of the model for a further record, with its differences added."""
     mark = own_field("", number)
     own = {name.removesuffix(mark): x for name, x in fields.items() if name.endswith(mark)}
     return fields | {name: fields[name] + x for name, x in own.items()}
 
 
 def friction_law(fields: Fields, body: str) -> NDArray[np.float64]:
-    """Return a body's friction law as the kernel takes it, shape (10,); body is m, g or l."""
+    """Return a body's friction law in the kernel's format, shape (10,); body is m, g or l."""
     law = np.empty(LAW_SIZE)
     for column, name in enumerate(LAW):
         law[column] = fields[f"{name}_{body}"]

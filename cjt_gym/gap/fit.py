@@ -24,11 +24,11 @@ from cjt_gym.gap.unknowns import Unknown
 Floats = NDArray[np.float64]
 DEFLATION = 10.0
 FLOOR = 1.05
-"""Root mean square of a normalised residual below which a better fit is no better."""
+"""Rms of a normalised residual below which lowering it further is no improvement."""
 STEP = 1e-3
 MOVES = 12
 STRAINED, RELAXED = 3.0, 0.5
-"""Deviations from the datasheet from which a value is strained, and those to which it is let go."""
+"""Deviations from the datasheet above which a value is strained, and to which it is relaxed."""
 LONGEST = 100.0
 """Longest step of a coordinate."""
 
@@ -38,7 +38,7 @@ class Model:
     """A set of effects.
 
     Attributes:
-        effects: The hypotheses that are taken to hold.
+        effects: The hypotheses that are assumed to hold.
     """
 
     effects: tuple[Hypothesis, ...] = ()
@@ -68,7 +68,7 @@ class Fit:
         cost: Its cost.
         mean_square: Mean square of each stage's normalised residual.
         residuals: Normalised residuals by stage.
-        jacobian: Derivatives of each stage's residual, shape (N, p), where they were computed.
+        jacobian: Derivatives of each stage's residual, shape (N, p), if they were computed.
     """
 
     model: Model
@@ -134,7 +134,7 @@ class Problem:
         return {n: float(r @ r) / max(self.counts[n], 1) for n, r in residuals.items()}
 
     def cost(self, mean_square: dict[str, float], z: Floats, flat: NDArray[np.bool_]) -> float:
-        """Return the cost of a fit; below the floor it goes on falling, but only linearly."""
+        """Return the cost of a fit; below the floor it falls only linearly."""
         total = 0.5 * float(np.sum(z[~flat] ** 2))
         for name, ms in mean_square.items():
             if not np.isfinite(ms):
@@ -159,7 +159,7 @@ class Problem:
             z: Start, shape (p,).
             moves: Largest number of steps.
             known: Derivatives for the first numbers, from a similar fit, shape (N, some) by stage.
-            tolerance: Gain in cost below which it ends.
+            tolerance: Gain in cost below which the fit ends.
         """
         unknowns = self.unknowns(model)
         flat = np.array([u.flat for u in unknowns], dtype=bool)
@@ -179,16 +179,16 @@ class Problem:
             small = step is None or gain < tolerance
             if small and fresh:
                 break
-            fresh = small  # derivatives of nuisances are renewed only where the old ones do no more
+            fresh = small  # nuisances' derivatives are renewed only once the old ones fail
             jacobian = self.jacobian(model, z, residuals, None if small else jacobian)
         fitted = Fit(model, z, cost, ms, residuals, jacobian)
         return self._relaxed(fitted, flat) if moves else fitted
 
     def _relaxed(self, fit: Fit, flat: NDArray[np.bool_]) -> Fit:
-        """Return a fit without strain of the datasheet that only lowers residuals below the floor.
+        """Return a fit without datasheet strain that merely lowers residuals below the floor.
 
-        There a lower residual is no better: a body that friction holds scatters less than a free
-        one, and less still if it were heavier.
+        A lower residual is no improvement there: a body held by friction scatters less than a
+        free one, and a heavier body less still.
         """
         for j in range(len(self.shared)):
             if flat[j] or abs(fit.z[j]) <= STRAINED:
@@ -247,7 +247,7 @@ class Problem:
     ) -> dict[str, Floats]:
         """Return the derivatives of the residuals by forward differences, shape (N, p) by stage.
 
-        Where some are known already, only those of the effects are computed.
+        If some are already known, only those of the effects are computed.
         """
         size, first = len(z), 0
         out = {name: np.zeros((len(r), size), order="F") for name, r in residuals.items()}
@@ -294,7 +294,7 @@ def retuned(problem: Problem, fit: Fit) -> Fit:
 
 
 def without(problem: Problem, fit: Fit, index: int) -> Fit:
-    """Return the fit of a model less one of its effects."""
+    """Return the fit of a model without one of its effects."""
     effects = fit.model.effects
     at = len(problem.shared) + sum(len(e.unknowns) for e in effects[:index])
     z = np.delete(fit.z, slice(at, at + len(effects[index].unknowns)))

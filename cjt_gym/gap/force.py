@@ -1,9 +1,9 @@
 """The drive torque that a joint without a spring needs for its measured motion.
 
-Without a spring to ground the position of a replay is an integral of all its errors and ranks
-models wrongly. What a model says of the torque does not drift: its inertia times the measured
-acceleration, its friction along the measured motion, against the torque that was applied. Both are
-low-pass filtered alike, forwards and backwards.
+Without a spring to ground the position of a replay integrates all its errors and ranks models
+wrongly. The torque that a model needs does not drift: its inertia times the measured acceleration
+plus its friction along the measured motion. It is compared with the applied torque; both pass the
+same low-pass filter, forwards and backwards.
 
 References:
     Gautier, M. (1997), Dynamic identification of robots with power model, ICRA: inverse dynamics
@@ -27,17 +27,17 @@ CUTOFF, SHARE = 100.0, 0.2
 LOWEST = 2.0
 """Lowest cut-off [Hz]."""
 PART = 0.05
-"""Share of the torque, in rms, that the noise of what is compared may have."""
+"""Largest rms of the noise in the compared torques, as a share of the torque."""
 ORDER = 4
 PERIODS = 2.0
-"""Time in which the filter forgets an end of a record, in periods of its cut-off."""
+"""Settling time of the filter at an end of a record, in periods of its cut-off."""
 
 
 def torques(setting: Setting, fields: Fields) -> tuple[Floats, Floats]:
-    """Return the torque that was applied and the one that the model needs [N m], each shape (M,).
+    """Return the applied torque and the one that the model needs [N m], each of shape (M,).
 
-    Left out are the ends of the record, where the filter knows the motion on one side only: a
-    record that begins or ends in motion seems to need a jerk there.
+    The ends of the record are left out, where the filter knows the motion on one side only: a
+    record that begins or ends in motion would appear to need a jerk there.
 
     Args:
         setting: The record of a joint without a spring.
@@ -64,7 +64,7 @@ def torques(setting: Setting, fields: Fields) -> tuple[Floats, Floats]:
 
 
 def _memory(samples: int, dt: float, cutoff: float) -> int:
-    """Return how many samples at an end of a record the filter fills with what it does not know."""
+    """Return the number of samples at an end of a record that the filter distorts."""
     return min(round(PERIODS / (cutoff * dt)), samples // 10)
 
 
@@ -83,7 +83,7 @@ def _centred(torque: Floats) -> Floats:
 
 
 def low_pass(x: Floats, dt: float, cutoff: float) -> Floats:
-    """Return a signal without what is faster than a cut-off [Hz], shape (N,)."""
+    """Return a signal low-pass filtered at a cut-off [Hz], shape (N,)."""
     sos = butter(ORDER, cutoff, fs=1.0 / dt, output="sos")
     return np.asarray(sosfiltfilt(sos, x))
 

@@ -1,4 +1,4 @@
-"""How far the gap shrinks: replays of data that no fit has seen, from model to model."""
+"""How far the gap shrinks from model to model, in replays of unseen data."""
 
 from __future__ import annotations
 
@@ -14,28 +14,28 @@ from cjt_gym.gap.setting import Setting
 
 Floats = NDArray[np.float64]
 COUNTED = ("tau", "tau_m", "dq_m")
-"""Channels whose errors are told, the one that counts first."""
+"""Channels whose errors are reported, the one that counts first."""
 BLOCK = 0.5
 """Length of a block of the bootstrap [s]."""
 FEWEST = 10
-"""Least number of blocks of a record."""
+"""Minimum number of blocks in a record."""
 DRAWS = 400
 HARM = 0.1
-"""Relative growth of the gap from which an effect does harm."""
+"""Relative growth of the gap above which an effect does harm."""
 
 
 def followed(setting: Setting, models: Sequence[Written]) -> dict[str, Floats]:
     """Return each channel as measured and as every model replays it, shape (1 + models, N).
 
-    Without a spring it is the drive torque that the measured motion needs, because nothing else
-    keeps a replay from drifting; all models are held against what the first knows of it.
+    Without a spring it is the drive torque that the measured motion needs, since a replay would
+    drift; all models are compared with the applied torque as the first model has it.
     """
     series = setting.series
     measured = {"dq_m": series.speed("q_m")}
     if setting.has_spring and "tau" in series:
         measured["tau"] = series["tau"]
     if setting.has_spring and setting.structure.output_fixed:
-        measured["q_m"] = series["q_m"]  # without a spring to ground it drifts in any replay
+        measured["q_m"] = series["q_m"]  # without a spring to ground any replay of it drifts
     if "i" in series:
         measured["i"] = series["i"]
     runs = [replay(setting, model) for model in models]
@@ -67,9 +67,9 @@ def measure_gap(
 
     Args:
         settings: The records; the error of a channel is taken over all of them.
-        models: The nominal joint, maybe the one within its tolerances and with one effect more
-            each, and the explained joint.
-        held_out: Whether the records were kept from the fit.
+        models: The nominal joint, optionally the one within its tolerances and those with one
+            more effect each, and the explained joint.
+        held_out: Whether the records were withheld from the fit.
         named: The effects in the order in which the models have them.
 
     Returns:
@@ -98,10 +98,10 @@ def measure_gap(
 
 
 def harms(settings: Sequence[Setting], without: Written, explained: Written) -> bool:
-    """Return whether the gap on data that a fit has not seen is surely larger with an effect.
+    """Return whether an effect certainly enlarges the gap on unseen data.
 
-    Datasheet values that are strained in its stead may fit a record about as well; so the gap must
-    grow by more than `HARM`.
+    Strained datasheet values in its place may fit a record about as well, so the gap must grow by
+    more than `HARM`.
     """
     return bool(settings) and measure_gap(settings, [without, explained], True)[0].high < -HARM
 
@@ -122,9 +122,9 @@ def size_of(
         signals: By channel one array per record, its first row measured, its second and last the
             first and the last model's, shape (rows, N).
         main: The channel that counts.
-        noise: Deviation of one of its samples.
+        noise: Standard deviation of one of its samples.
         dt: Sample time [s].
-        held_out: Whether the records were kept from the fit.
+        held_out: Whether the records were withheld from the fit.
     """
     table = {name: relative(parts)[[0, -1]] for name, parts in signals.items()}
     before, after = (float(x) for x in table[main])
@@ -148,8 +148,8 @@ def _rms(x: Floats) -> float:
 def _spread(parts: Sequence[Floats], dt: float) -> tuple[tuple[float, float], Floats, Floats]:
     """Return 95 % intervals by a bootstrap over blocks.
 
-    They are those of the share that the last model removes, and the ends of those of each model's
-    error, shape (models,) each.
+    The first is that of the share that the last model removes; the others are the low and high
+    ends of each model's error, shape (models,) each.
     """
     tables = []
     for x in parts:

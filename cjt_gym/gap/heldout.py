@@ -1,9 +1,8 @@
-"""The explanation on data that it has not seen: its stages, predicted with what was fitted kept.
+"""The explanation on unseen data: predictions of its stages with the fitted numbers kept.
 
 Offsets, zeros and timing may differ from record to record and are fitted again; all other numbers
-may move as far as the first record leaves them uncertain. A true effect
-lowers the held-out residuals by as much as it changes them; one that only mimics the cause on the
-first record does not.
+may move within their uncertainty from the first record. A true effect lowers the held-out residuals
+by as much as it changes them; one that only mimics the cause on the first record does not.
 """
 
 from __future__ import annotations
@@ -29,18 +28,18 @@ PER_RECORD = ("i_0", "w_i", "delay", "tau_0", "skew", "q_0")
 MOVES = 4
 """Steps of a fit to a held-out record."""
 LEAST = 1e-3
-"""Least deviation of a coordinate that is fitted again."""
+"""Smallest standard deviation of a coordinate that is fitted again."""
 SEEN = 0.02
-"""Mean square of the change from which an effect shows itself on a record."""
+"""Mean square of the change above which a record excites an effect."""
 
 
 @dataclass(frozen=True)
 class Trial:
-    """What an effect is worth on a record that it was not fitted to.
+    """Performance of an effect on a record that it was not fitted to.
 
     Attributes:
         change: Mean square by which it changes the normalised residuals of its stages.
-        worth: Share of this change by which they fall: 1 for a true effect, 0 for one that does
+        worth: Their reduction as a share of this change: 1 for a true effect, 0 for one that does
             not help, negative for one that does harm.
     """
 
@@ -50,12 +49,12 @@ class Trial:
 
 @dataclass(frozen=True)
 class HeldOut:
-    """The explanation on one record that it has not seen.
+    """The explanation on one unseen record.
 
     Attributes:
         before: Mean square of each stage's residual without effects, all values fitted anew.
-        after: The same with the effects, everything as well known as from the first record.
-        trials: What each effect of the model is worth.
+        after: The same with the effects, all numbers as certain as the first record leaves them.
+        trials: Worth of each effect of the model.
     """
 
     before: Mapping[str, float]
@@ -64,7 +63,7 @@ class HeldOut:
 
 
 def worth(held: Sequence[HeldOut], index: int) -> Trial | None:
-    """Return what an effect is worth over all held-out records, None where none excites it."""
+    """Return the worth of an effect over all held-out records, None if none excites it."""
     trials = [h.trials[index] for h in held]
     change = sum(trial.change for trial in trials)
     if change < SEEN:
@@ -73,7 +72,7 @@ def worth(held: Sequence[HeldOut], index: int) -> Trial | None:
 
 
 def on_held_out(setting: Setting, problem: Problem, fit: Fit) -> HeldOut:
-    """Return what an explanation is worth on another record.
+    """Evaluate an explanation on another record.
 
     Args:
         setting: The other record, its angles counted from the zeros of the first.
@@ -115,10 +114,10 @@ def _trial(held: Problem, full: Fit, index: int) -> Trial:
 
 
 def _kept(held: Problem, full: Fit) -> tuple[Problem, Fit]:
-    """Return problem and fit with all numbers kept but those that differ from record to record.
+    """Return problem and fit with all numbers fixed but those that differ from record to record.
 
-    An effect that only spares the datasheet a strain is judged by what it changes, too: without it
-    the other values must not take its place.
+    An effect that merely relieves strain on the datasheet is also judged by what it changes:
+    without it the other values must not take its place.
     """
     setting = held.stages.setting
     nominal = dict(setting.nominal)
@@ -157,7 +156,7 @@ def _with_values(effect: Hypothesis, values: Values) -> Hypothesis:
 def _shared(
     setting: Setting, names: tuple[str, ...], problem: Problem, fit: Fit, known: Covariance
 ) -> tuple[Nuisance, ...]:
-    """Return what may differ, and the datasheet values as well as the first record tells them."""
+    """Return what may differ, and datasheet values as certain as the first record leaves them."""
     values = {
         n.field: _narrow(n.unknown, float(fit.z[k]), known.std(k))
         for k, n in enumerate(problem.shared)
@@ -170,9 +169,9 @@ def _shared(
 
 
 def _narrowed(problem: Problem, fit: Fit, known: Covariance) -> tuple[Hypothesis, ...]:
-    """Return the effects with their numbers known as well as the first record tells them.
+    """Return the effects with their numbers as certain as the first record leaves them.
 
-    Causes outside the table may be another time what they were not, and stay as free as they were.
+    Causes outside the table may differ from record to record and stay as free as they were.
     """
     at, found = len(problem.shared), []
     for effect in fit.model.effects:
@@ -187,6 +186,6 @@ def _narrowed(problem: Problem, fit: Fit, known: Covariance) -> tuple[Hypothesis
 
 
 def _narrow(unknown: Unknown, z: float, std: float) -> Unknown:
-    """Return a number that starts where a fit has put it, with what is known of it as its prior."""
+    """Return a number that starts at its fitted value, with its uncertainty as the prior."""
     scale = unknown.scale * max(std, LEAST)
     return replace(unknown, start=unknown.value(z), scale=scale, flat=False)

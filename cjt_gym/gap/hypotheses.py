@@ -1,6 +1,6 @@
 """The candidates: one row per effect that may explain a gap.
 
-A row says which numbers the effect has, where a fit may start, and how it changes the model.
+A row states the effect's numbers, where a fit may start, and how it changes the model.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from cjt_gym.gap.setting import Setting
 
 
 def hypotheses(setting: Setting, stages: tuple[str, ...]) -> tuple[Hypothesis, ...]:
-    """Return all candidates of the effect table that a record with these stages can show."""
+    """Return all candidates of the effect table that a record with these stages can reveal."""
     size = scales(setting)
     rows: list[Hypothesis] = []
     if "i_cmd" in setting.series:
@@ -36,7 +36,7 @@ def hypotheses(setting: Setting, stages: tuple[str, ...]) -> tuple[Hypothesis, .
 
 
 def shown(rows: Sequence[Hypothesis], stages: tuple[str, ...]) -> tuple[Hypothesis, ...]:
-    """Return the candidates that touch any of the stages, with those that they touch."""
+    """Return the candidates that touch any of the stages, each reduced to those it touches."""
     kept = []
     for row in rows:
         touches = tuple(s for s in row.touches if s in stages)

@@ -1,4 +1,4 @@
-"""What one candidate is, and the sizes from which its starting points are taken."""
+"""Definition of a candidate, and typical magnitudes for its starting points."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ class Hypothesis:
 
     Attributes:
         name: Name in the effect table.
-        stage: Where the table says that it shows itself.
+        stage: Stage in which it appears according to the table.
         unknowns: Its numbers.
         apply: Changes the fields of a model by its values.
         touches: Stages that it changes.
-        body: motor, gear or load, where that is a choice.
-        channel: Channel, where that is a choice.
-        starts: Values of the unknowns at which a fit starts, each of their length.
-        family: Effects that are compared among each other when one of them leads.
-        releases: Field of the datasheet that it sets free, where it does only that.
+        body: motor, gear or load, if there is a choice.
+        channel: Channel, if there is a choice.
+        starts: Starting points of a fit, each with one value per unknown.
+        family: Effects that are compared with each other when one of them leads.
+        releases: Datasheet field that it sets free, if that is all it does.
         search: Kind of periodic torque whose frequency is searched in the residual, if any.
         variant: Which of several laws of the same effect.
-        outside: In words what it is, for a cause that is not in the effect table.
+        outside: Description of a cause that is not in the effect table.
     """
 
     name: str
@@ -52,22 +52,22 @@ class Hypothesis:
 
     @property
     def strained(self) -> bool:
-        """Whether a model without it could take its place by straining the datasheet."""
+        """Whether strained datasheet values could imitate it."""
         return self.releases is not None or self.name in ("torque_gain", "torque_bias")
 
     @property
     def key(self) -> tuple[str, str | None, str | None, str]:
-        """What tells it from the others."""
+        """Key that distinguishes it from the others."""
         return (self.name, self.body, self.channel, self.variant)
 
 
 OVERDAMPED = 50.0
-"""Damping ratio that no joint exceeds."""
+"""Upper bound on a joint's damping ratio."""
 
 
 @dataclass(frozen=True)
 class Scales:
-    """Typical sizes in a record, from which starting points are taken.
+    """Typical magnitudes in a record, from which starting points are derived.
 
     Attributes:
         torque: Of the motor [N m].
@@ -84,7 +84,7 @@ class Scales:
 
 
 def scales(setting: Setting) -> Scales:
-    """Return the typical sizes of a record."""
+    """Return the typical magnitudes in a record."""
     s = setting.series
     drive = s["i"] if "i" in s else s["i_cmd"]
     current = max(float(np.std(drive)), 1e-9)
@@ -92,7 +92,7 @@ def scales(setting: Setting) -> Scales:
     speed = max(float(np.std(s.speed("q_m"))), 1e-9)
     bar = max(setting.nominal["k_b"], 1e-9)
     load = float(np.std(s["tau"])) if "tau" in s else torque
-    # A deflection below what the encoder resolves is no scale to work with.
+    # A deflection below the encoder's resolution is not a usable scale.
     deflection = max(load / bar, setting.std("q_m"), 1e-12)
     return Scales(torque, speed, deflection, current, len(s) * s.dt)
 
@@ -100,7 +100,7 @@ def scales(setting: Setting) -> Scales:
 def most_damping(setting: Setting, body: str) -> float:
     """Return the largest damping that a body on a spring may plausibly have [N m s/rad].
 
-    It is that of `OVERDAMPED` times the critical one; a body without a spring has no such limit.
+    It is `OVERDAMPED` times critical damping; a body without a spring has no such limit.
 
     Args:
         setting: The record and its joint.

@@ -1,4 +1,4 @@
-"""How sure the numbers are: parameter covariance from blocks of residuals."""
+"""Confidence intervals of the numbers: parameter covariance from blocks of residuals."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from cjt_gym.gap.unknowns import Unknown
 BLOCKS = 40
 NORMAL = 1.96
 INFLATION = 2.0
-"""For what no covariance of a fitted model sees: that the model is not exactly true."""
+"""Factor for model error, which the covariance of a fit cannot account for."""
 EXACT, EXACT_SHAPE = 0.0025, 0.025
-"""Relative deviation that every number has at least, as laws are solved sample by sample: of a
-size, and of a number on a logarithmic scale that only shapes a law near its bend. With `INFLATION`
-chosen so that the intervals of blind cases cover as often as they say (`benchmarks/calibrate.py`).
+"""Smallest relative deviation, since laws are solved sample by sample: of a magnitude, and of a
+number on a logarithmic scale that only shapes a law near its bend. Chosen with `INFLATION` for
+nominal coverage of the intervals of blind cases (`benchmarks/calibrate.py`).
 """
 
 
@@ -34,15 +34,15 @@ class Covariance:
     matrix: Floats
 
     def std(self, index: int) -> float:
-        """Return the deviation of a coordinate."""
+        """Return the standard deviation of a coordinate."""
         return float(np.sqrt(max(self.matrix[index, index], 0.0)))
 
 
 def covariance(problem: Problem, fit: Fit) -> Covariance:
     """Return the covariance of a fit.
 
-    Curvature of the likelihood with the residuals' own mean square, corrected ("sandwich") by how
-    much its gradient scatters from block to block, which also counts colour in the residuals.
+    Inverse curvature of the likelihood with the residuals' own mean square, corrected ("sandwich")
+    by the scatter of its gradient between blocks, which also accounts for coloured residuals.
     """
     jacobian = problem.jacobian(fit.model, fit.z, fit.residuals)
     flat = np.array([u.flat for u in problem.unknowns(fit.model)], dtype=bool)
@@ -54,10 +54,10 @@ def covariance(problem: Problem, fit: Fit) -> Covariance:
         pieces = np.array_split(j * fit.residuals[name][:, None], BLOCKS)
         sums = np.array([piece.sum(axis=0) for piece in pieces]) * weight
         scatter += sums.T @ sums
-    scale = 1.0 / np.sqrt(np.diag(curvature))  # for the inversion: columns differ by far in size
+    scale = 1.0 / np.sqrt(np.diag(curvature))  # for the inversion: columns differ greatly in size
     inverse = np.linalg.inv(curvature * np.outer(scale, scale)) * np.outer(scale, scale)
     sandwich = inverse @ scatter @ inverse
-    # Few blocks may by chance scatter too little: the larger of the two deviations counts.
+    # A few blocks may scatter too little by chance: the larger of the two deviations counts.
     grow = np.sqrt(np.maximum(np.diag(sandwich) / np.diag(inverse), 1.0)) * INFLATION
     return Covariance(inverse * np.outer(grow, grow))
 
@@ -88,25 +88,25 @@ def effect_intervals(
 
 
 def along(unit: str) -> str:
-    """Return the unit of a sliding axis for that of a turning one: N for N m, m for rad."""
+    """Convert the unit of a rotary axis to that of a prismatic one: N m to N, rad to m."""
     return unit.replace("N m", "N").replace("rad", "m")
 
 
 def _least(unknown: Unknown, value: float) -> float:
-    """Return the least deviation of a coordinate."""
+    """Return the smallest standard deviation of a coordinate."""
     relative = EXACT_SHAPE if unknown.shape and unknown.log else EXACT
     return relative / unknown.scale * (1.0 if unknown.log else abs(value))
 
 
 def may_be_nothing(effect: Hypothesis, intervals: Mapping[str, Interval]) -> bool:
-    """Return whether the intervals of an effect leave room for there being none of it."""
+    """Return whether the intervals of an effect include its absence."""
     sizes = [unknown for unknown in effect.unknowns if not unknown.shape]
     pairs = [(unknown.start, intervals[unknown.symbol]) for unknown in sizes]
     return bool(pairs) and all(known.low <= none <= known.high for none, known in pairs)
 
 
 def at_an_end(effect: Hypothesis, intervals: Mapping[str, Interval]) -> bool:
-    """Return whether a factor of a datasheet value or a sensor went as far as it may."""
+    """Return whether a factor of a datasheet value or a sensor has reached its bound."""
     factors = [unknown for unknown in effect.unknowns if unknown.log and not unknown.shape]
     return any(
         known.low <= u.low or known.high >= u.high
@@ -115,9 +115,9 @@ def at_an_end(effect: Hypothesis, intervals: Mapping[str, Interval]) -> bool:
 
 
 def _whole_delay(problem: Problem, fit: Fit, interval: Interval) -> Interval:
-    """Return the dead time with the part below a sample that every fit leaves free.
+    """Return the dead time including the part below a sample that every fit leaves free.
 
-    A current that follows its command at once shows no more of it than whole samples.
+    A current that follows its command at once reveals it in whole samples only.
     """
     setting = problem.stages.setting
     fields = problem.fields(fit.model, fit.z)

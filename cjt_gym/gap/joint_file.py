@@ -1,8 +1,8 @@
 """The joint that a diagnosis found: the nominal joint file with the named effects added.
 
 The named numbers become rows of the effect table, each with its 95 % interval. Datasheet values
-that the record knows better than their tolerance are refined: value and tolerance are then those of
-the fit. Angles count as in the record, not from its first sample.
+that the record determines better than their tolerance are refined: value and tolerance are then
+those of the fit. Angles are those of the record, not relative to its first sample.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ def identified_joint(
         setting: The record that was explained, with the nominal joint.
         fields: The model that explains it.
         named: The effects to add.
-        refined: Datasheet values by symbol, each with its deviation, relative, as the fit has them;
-            "lag" [s] is that of a current loop whose bandwidth the file states.
+        refined: Fitted datasheet values by symbol, each with its relative deviation; "lag" [s] is
+            that of a current loop whose bandwidth the file states.
         record: Name of the record, for the entries' sources.
     """
     joint, source = setting.joint, f"identified from {record}"
@@ -77,7 +77,7 @@ def identified_joint(
 
 
 def _both_ways(entries: Mapping[str, Entry]) -> dict[str, Entry]:
-    """Return symmetric Coulomb friction with its levels written for each direction."""
+    """Return symmetric Coulomb friction written with one level per direction."""
     levels = {key: entry for key, entry in entries.items() if key.startswith("d_c")}
     return {**entries, **{f"{key}_n": entry for key, entry in levels.items()}}
 
@@ -90,7 +90,7 @@ def _put(
     joint: JointFile,
     source: str,
 ) -> None:
-    """Add the numbers of an effect to a table, with all else that the table says left as it is."""
+    """Add the numbers of an effect to a table, leaving its other entries unchanged."""
     entries = table.setdefault(row.name, {})
     if row.bodies and body is not None:
         if not entries:
@@ -109,7 +109,7 @@ def _put(
 
 
 def _as_series(quantity: Quantity) -> Quantity:
-    """Return a quantity that holds a list of one number."""
+    """Return a quantity that holds a one-element list."""
     if isinstance(quantity.value, tuple):
         return quantity
     low, high = ((x,) if isinstance(x, float) else x for x in (quantity.low, quantity.high))
@@ -117,7 +117,7 @@ def _as_series(quantity: Quantity) -> Quantity:
 
 
 def _name_no_body(entries: dict[str, Entry], row: Effect, kept: set[str], joint: JointFile) -> None:
-    """Let an effect act on two bodies; the third stays without, whatever the joint file states."""
+    """Apply an effect to two bodies; the third stays without, whatever the joint file states."""
     del entries["body"]
     for parameter in row.parameters:
         if body_of(parameter.symbol) in (None, *kept) or parameter.joint_parameter is None:
@@ -129,7 +129,7 @@ def _name_no_body(entries: dict[str, Entry], row: Effect, kept: set[str], joint:
 
 
 def _share_smoothing(table: Table, joint: JointFile) -> None:
-    """Give all dry friction the same smoothing: one that was found, or else the nominal joint's."""
+    """Give all dry friction the same smoothing: the one found, else the nominal joint's."""
     owners = [entries[SMOOTHED] for entries in table.values() if SMOOTHED in entries]
     found = [entry for entry in owners if isinstance(entry, Quantity) and entry.low is not None]
     stated = [entries[SMOOTHED] for entries in joint.effects.values() if SMOOTHED in entries]
@@ -141,7 +141,7 @@ def _share_smoothing(table: Table, joint: JointFile) -> None:
 def _worsen(
     sensors: dict[str, dict[str, Quantity]], table: Table, effect: NamedEffect, source: str
 ) -> None:
-    """Give a channel the noise or the resolution that it was found to have."""
+    """Set a channel's noise or resolution to the value found."""
     key, found = next(iter(effect.parameters.items()))
     channel = str(effect.channel)
     value, low, high = (_rounded(x) for x in (found.value, found.low, found.high))
@@ -155,7 +155,7 @@ def _worsen(
 def _refined(
     quantities: Mapping[str, Quantity], refined: Refined, source: str
 ) -> dict[str, Quantity]:
-    """Return values within their tolerance as the fit has them; both directions move together."""
+    """Return the refined datasheet values; both directions move together."""
     found = {}
     for symbol, numbers in refined.items():
         value, deviation = numbers
@@ -171,7 +171,7 @@ def _refined(
 
 
 def _refine_lag(table: Table, lag: float, deviation: float, source: str) -> None:
-    """Give a current loop whose bandwidth is stated the one that the fit has."""
+    """Set a current loop's stated bandwidth to the fitted one."""
     entries = table.get("current_lag", {})
     old = entries.get("bandwidth")
     if isinstance(old, Quantity):

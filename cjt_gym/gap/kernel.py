@@ -2,9 +2,8 @@
 
 Friction is solved implicitly over the sample, so that a body which friction can hold comes to rest
 exactly (set-valued law): v+ = v_free - clip(v_free, -g F-, g F+), with g the velocity that one
-newton metre adds over the sample. Where the body turns round within the sample, friction turns
-round with it: the sample is split where the velocity is zero. Smooth and elastic (Dahl) laws are
-solved implicitly.
+newton metre adds over the sample. If the body reverses within the sample, so does friction: the
+sample is split at zero velocity. Smooth and elastic (Dahl) laws are also solved implicitly.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from cjt_gym.joint.compiled import compiled, lean
 Floats = NDArray[np.float64]
 
 LEVEL_P, LEVEL_N, EXTRA_P, EXTRA_N, SPEED, VISCOUS_P, VISCOUS_N, ELASTIC, LOADED, SMOOTH = range(10)
-"""Columns of a friction law: Coulomb levels for both directions [N m], what breakaway adds to them
+"""Columns of a friction law: Coulomb levels for both directions [N m], breakaway levels above them
 [N m], Stribeck velocity [rad/s], damping added at positive and negative velocity [N m s/rad],
 presliding displacement [rad], friction per transmitted torque [-], smoothing velocity [rad/s]."""
 LAW_SIZE = 10
@@ -40,8 +39,8 @@ def level(law: Floats, side: float, speed: float, load: float) -> float:
 def smooth_speed(start: float, free: float, gain: float, force: float, width: float) -> float:
     """Solve v + gain * force * tanh(m / width) = free for v by Newton's method.
 
-    The law acts at m = start + share * (v - start). The share makes a step exact where the law is
-    linear: 1/2 for a law that is soft over the sample, 1 for one that is stiff.
+    The law acts at m = start + share * (v - start). The share makes a step exact for a linear law:
+    1/2 if the law is soft over the sample, 1 if it is stiff.
     """
     stiff = gain * force / width
     share = 0.5 + stiff / 12.0 if stiff < 1e-3 else 1.0 / (1.0 - math.exp(-stiff)) - 1.0 / stiff
@@ -80,7 +79,7 @@ def elastic_step(
 def turning(
     law: Floats, start: float, free: float, gain: float, load: float, h: float
 ) -> tuple[float, float]:
-    """Return end velocity and lost motion [rad] of a body that comes to zero within the sample.
+    """Return end velocity and lost motion [rad] of a body that stops within the sample.
 
     Args:
         law: Friction law, shape (10,).
@@ -106,10 +105,10 @@ def turning(
 def friction_torque(
     law: Floats, start: float, free: float, gain: float, load: float, h: float, bristle: float
 ) -> tuple[float, float, float]:
-    """Return what friction does over a sample.
+    """Return the effect of friction over a sample.
 
     The three values are the torque that it adds [N m], the bristle's new torque [N m], and the
-    motion [rad] by which the path differs from that under a torque which stays the same.
+    difference in motion [rad] from that under a constant torque.
 
     Args:
         law: Friction law, shape (10,).
@@ -150,12 +149,12 @@ def friction_torque(
 def pushing(start: float, end: float, torque: float, after: float, half: float) -> float:
     """Return the share of a sample in which the teeth of a gear push each other.
 
-    Teeth that touch push as long as spring and damper together do; they never pull.
+    Teeth in contact push while spring and damper together do; they never pull.
 
     Args:
-        start: Deflection of the gear at the start, positive on the side that is looked at [rad].
-        end: Deflection at the end, as if the state of touch stayed that of the start [rad].
-        torque: What spring and damper would push with at the start [N m].
+        start: Deflection of the gear at the start, positive on the side considered [rad].
+        end: Deflection at the end if the contact state remained that of the start [rad].
+        torque: Pushing torque of spring and damper at the start [N m].
         after: The same at the end [N m].
         half: Half the play [rad].
     """
@@ -178,7 +177,7 @@ def pass_through(
     t: int,
     h: float,
 ) -> float:
-    """Correct the new state, computed for a gear in touch, for its play; return the share in touch.
+    """Correct the new state, computed for a gear in contact, for play; return the contact share.
 
     For the arguments see `predict`; `free` is scratch, shape (n,).
     """
@@ -250,7 +249,7 @@ def predict(
         a: Transition matrix over one sample, shape (n, n).
         g: Effect of a torque held over the sample on each friction body, shape (n, bodies).
         k: Predictor gain, shape (n, m).
-        forced: What the known inputs add over each sample, shape (N, n).
+        forced: Contribution of the known inputs over each sample, shape (N, n).
         outputs: Index of the state that each output measures, shape (m,).
         y: Measured outputs, shape (N, m).
         valid: Whether the sample was measured, shape (N,).
@@ -259,12 +258,13 @@ def predict(
         bodies: Index of each body's velocity in the state, shape (bodies,).
         load: Friction on each body beside its law [N m], shape (N, bodies).
         play: Backlash in the gear, shape (1 + 2 n,): half its width [rad], then the signs with
-            which the state makes the gear's deflection, then what the gear's spring adds to the
-            state for a deflection of half the width, then the gear's stiffness [N m/rad] and the
-            part of its damping that keeps the teeth from pulling [N m s/rad]. Shape (0,) for none.
+            with which the state enters the gear's deflection, then the contribution of the gear's
+            spring to the state at a deflection of half the width, then the gear's stiffness
+            [N m/rad] and the part of its damping that keeps the teeth from pulling [N m s/rad].
+            Shape (0,) for none.
         loose: Transition matrix while the teeth do not touch, shape (n, n), or (0, 0).
-        adrift: What the known inputs add meanwhile, shape (N, n), or (0, 0).
-        slack_g: What `g` is meanwhile, shape (n, bodies), or (0, 0).
+        adrift: The same as `forced` meanwhile, shape (N, n), or (0, 0).
+        slack_g: The same as `g` meanwhile, shape (n, bodies), or (0, 0).
         entry: Prescribed part of the gear's deflection [rad], shape (N,), or (0,).
         h: Sample time [s].
 

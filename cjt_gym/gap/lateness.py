@@ -1,8 +1,8 @@
-"""Dead time within a sample: when it is more than the way in which a drive takes its command over.
+"""Dead time within a sample: when it exceeds the usual latching instant of a drive.
 
-A drive takes its command over at some instant within a sample, which every fit leaves free. Where
-that comes out near the next sample, the joint is late by a sample: `command_delay` takes the place
-of the free instant and is judged like any other effect.
+A drive latches its command at some instant within a sample, which every fit leaves free. If that
+instant comes out near the next sample, the joint is a sample late: `command_delay` replaces the
+free instant and is judged like any other effect.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from cjt_gym.gap.hypothesis import Hypothesis
 
 DELAY = "command_delay"
 LATEST = 0.75
-"""Share of a sample up to which a drive takes its command over: two and a half of the deviations
-that a fit allows it."""
+"""Share of a sample up to which latching a command is usual: two and a half times the standard
+deviation that a fit allows."""
 OPEN = (
     "Up to one sample of the delay between command and joint can come from how the record was "
     "made: it does not tell whether the drive is late or the log."
@@ -28,13 +28,13 @@ OPEN = (
 
 @dataclass(frozen=True, eq=False)
 class Late:
-    """A record whose dead time is an effect, and no instant is free.
+    """A record whose dead time is an effect, with no free instant.
 
     Attributes:
         problem: The record.
         base: The fit without effects, and so without dead time.
         fit: The fit with the effects, among them the dead time.
-        seen: All other fits, with it.
+        seen: All other fits, with the dead time.
     """
 
     problem: Problem
@@ -50,14 +50,14 @@ def as_effect(
     seen: Sequence[Fit],
     candidates: Sequence[Hypothesis],
 ) -> Late | None:
-    """Return a record with its dead time as an effect; None where that is nothing unusual.
+    """Return a record with its dead time as an effect, None if the dead time is usual.
 
     Args:
-        problem: The record, its instant free.
+        problem: The record, with its instant free.
         base: The fit without effects.
         fit: The explanation.
         seen: All other fits.
-        candidates: All effects of the table that the record can show.
+        candidates: All effects of the table that the record can reveal.
     """
     series = problem.stages.setting.series
     at = next((k for k, n in enumerate(problem.shared) if n.field == "delay"), None)
@@ -70,7 +70,7 @@ def as_effect(
     late = Problem(problem.stages, kept, problem.counts)
 
     def renamed(one: Fit) -> Fit:
-        """Return the same fit, its instant added to the dead time."""
+        """Return the same fit with its instant added to the dead time."""
         others = tuple(e for e in one.model.effects if e.name != DELAY)
         values = np.delete(one.z[len(problem.shared) :], _places(one.model))
         total = delay.unknowns[0].coordinate(_delay(problem, one))
@@ -91,13 +91,13 @@ def _delay(problem: Problem, fit: Fit) -> float:
 
 
 def _places(model: Model) -> list[int]:
-    """Return where a dead time stands among the numbers of a model's effects."""
+    """Return the indices of the dead time among the numbers of a model's effects."""
     owners = [effect.name for effect in model.effects for _ in effect.unknowns]
     return [k for k, name in enumerate(owners) if name == DELAY]
 
 
 def _prompt(late: Problem, base: Fit, at: int, touches: tuple[str, ...]) -> Fit:
-    """Return the fit without effects as it is without any dead time."""
+    """Return the fit without effects, with its dead time removed."""
     z = np.delete(base.z, at)
     residuals = base.residuals | late.residuals(base.model, z, touches)
     mean_square = late.mean_square(residuals)
@@ -105,9 +105,9 @@ def _prompt(late: Problem, base: Fit, at: int, touches: tuple[str, ...]) -> Fit:
 
 
 def may_be_the_records(name: str, numbers: Mapping[str, Interval], dt: float) -> bool:
-    """Return whether an effect is a dead time that can come from how a record was made.
+    """Return whether an effect is a dead time that the recording itself may have caused.
 
-    That is one sample, beside the instant within a sample that is usual.
+    Such a dead time is one sample, apart from the usual instant within a sample.
 
     Args:
         name: Of the effect.
@@ -118,6 +118,6 @@ def may_be_the_records(name: str, numbers: Mapping[str, Interval], dt: float) ->
 
 
 def open_instant(named: Sequence[NamedEffect], dt: float) -> tuple[str, ...]:
-    """Return what is to be said where such a dead time is named."""
+    """Return the remarks to make if such a dead time is named."""
     late = any(may_be_the_records(effect.name, effect.parameters, dt) for effect in named)
     return (OPEN,) if late else ()

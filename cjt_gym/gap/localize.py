@@ -14,13 +14,13 @@ from cjt_gym.gap.setting import Setting
 Floats = NDArray[np.float64]
 BINS = 8
 STILL = 0.02
-"""Speeds below this share of the largest make one bin: that is where friction shows itself."""
+"""Speeds below this share of the largest form one bin, where friction dominates."""
 CELLS = 1 << 16
-"""Most cells of the angle, over which a residual is transformed."""
+"""Maximum number of angle cells for the transform of a residual."""
 NARROW = 1.5
-"""Half width of the bin round the highest line over the angle, in units of its resolution."""
+"""Half width of the bin around the highest line over the angle, in units of its resolution."""
 PAD = 4
-"""Factor by which the angle's range is padded, so that lines are drawn smooth."""
+"""Factor by which the angle's range is padded, so that lines look smooth."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,8 +31,8 @@ class Axis:
         name: Column, "t", "frequency" or "cycles_per_rev".
         unit: Its unit.
         edges: Bins, shape (B + 1,).
-        total: Sum of squares of a residual in each bin, and of noise that explains it, as a
-            function of the residual; each of shape (B,).
+        total: Function that returns a residual's sum of squares in each bin, and that expected of
+            noise; each of shape (B,).
     """
 
     name: str
@@ -47,9 +47,9 @@ def where(
     before: Mapping[str, Floats],
     after: Mapping[str, Floats],
 ) -> dict[str, tuple[tuple[Regime, ...], tuple[Regime, ...]]]:
-    """Return the regimes of each stage that has a gap, before and after, the worst stage first.
+    """Return the regimes of each stage with a gap, before and after, worst stage first.
 
-    The stage with the largest residual is always among them.
+    The stage with the largest residual is always included.
     """
     ranked = sorted(before, key=lambda name: -stages[name].before)
     kept = [name for k, name in enumerate(ranked) if k == 0 or stages[name].significant]
@@ -61,15 +61,15 @@ def regimes(
 ) -> tuple[tuple[Regime, ...], tuple[Regime, ...]]:
     """Return the shares of a stage's excess residual over each variable's range.
 
-    The excess is what the squared residual has more than specified noise would have. Over the
-    ranges of one variable the shares before add up to 1; those after are shares of the same total,
-    that is, what is left. The variable over which the gap is most uneven comes first.
+    The excess is the squared residual beyond that of the specified noise. Over the ranges of one
+    variable the shares before sum to 1; those after are shares of the same total, that is, the
+    remainder. The variable over which the gap is most uneven comes first.
 
     Args:
         setting: The record.
         stage: The stage.
         before: Its normalised residual before any effect, shape (N,).
-        after: And with the effects, shape (N,).
+        after: The same with the effects, shape (N,).
     """
     tables = []
     for axis in _axes(setting, stage, before):
@@ -87,7 +87,7 @@ def regimes(
 
 
 def _excess(squares: Floats, noise: Floats) -> tuple[Floats, float]:
-    """Return each bin's share of the excess, and the excess; of all squares where there is none."""
+    """Return each bin's share of the excess, and the excess; without excess, of all squares."""
     excess = np.maximum(squares - noise, 0.0)
     if excess.sum() < 0.05 * noise.sum():
         excess = squares
@@ -163,7 +163,7 @@ def _frequency(dt: float, size: int) -> Axis:
 
 
 def _cycles(q: Floats, moved: Floats, residual: Floats, metre: bool) -> Axis | None:
-    """Return the spatial frequency, with a narrow bin round the highest line of the residual.
+    """Return the spatial frequency, with a narrow bin around the residual's highest line.
 
     Args:
         q: Angle [rad], shape (N,).
@@ -175,7 +175,7 @@ def _cycles(q: Floats, moved: Floats, residual: Floats, metre: bool) -> Axis | N
     moving = np.abs(moved) > STILL * float(np.abs(moved).max())
     if travel <= 0.0 or not moving.any():
         return None
-    # Faster than a quarter of the sampling rate, at the usual speed, no line can be told.
+    # Above a quarter of the sampling rate, at the typical speed, no line can be resolved.
     cells = int(np.clip(0.5 * travel / np.median(np.abs(moved[moving])), 1, CELLS / PAD))
     index = np.minimum(((q - q.min()) / travel * cells).astype(np.int64), cells - 1)
     revolution = 1.0 if metre else 2.0 * np.pi
@@ -185,7 +185,7 @@ def _cycles(q: Floats, moved: Floats, residual: Floats, metre: bool) -> Axis | N
         transform = np.fft.rfft(np.bincount(index, weights=x, minlength=cells), cells * PAD)
         return np.asarray(np.abs(transform) ** 2 / PAD)
 
-    # Slower than three cycles per travel nothing repeats: that is offset, stiffness and friction.
+    # Below three cycles per travel nothing repeats: offset, stiffness and friction dominate.
     first, step = 3 * PAD, float(NARROW * PAD * f[1])
     if first >= len(f) // 2:
         return None

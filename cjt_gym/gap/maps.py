@@ -24,9 +24,9 @@ WINDOW = 0.021
 
 
 def friction_maps(stages: Stages, before: Written, after: Written) -> tuple[FrictionMap, ...]:
-    """Return what the torques of motor and load lack, over their velocities.
+    """Return the unexplained torques of motor and load over their velocities.
 
-    Only the calmer half of the samples counts, in which the velocity changes least.
+    Only the half of the samples in which the velocity changes least counts.
     """
     found = []
     for stage in ("motor", "load"):
@@ -46,14 +46,14 @@ def friction_maps(stages: Stages, before: Written, after: Written) -> tuple[Fric
 
 
 def _speeds(speed: Floats) -> Floats:
-    """Return velocities at which a law is drawn, dense round zero, shape (201,)."""
+    """Return velocities at which a law is drawn, dense around zero, shape (201,)."""
     top = float(np.abs(speed).max())
     half = top * np.geomspace(1e-4, 1.0, 100)
     return np.concatenate([-half[::-1], [0.0], half])
 
 
 def _transmitted(setting: Setting, fields: Fields) -> Floats | None:
-    """Return the joint torque [N m], shape (N,); None where nothing tells it."""
+    """Return the joint torque [N m], shape (N,); None if nothing determines it."""
     series = setting.series
     if not setting.has_spring:
         return np.zeros(len(series))
@@ -68,10 +68,10 @@ def _transmitted(setting: Setting, fields: Fields) -> Floats | None:
 def _lacking(
     stages: Stages, fields: Fields, stage: str
 ) -> tuple[Floats, NDArray[np.bool_], Floats]:
-    """Return velocity, whether it changes little, and the resisting torque that a model lacks.
+    """Return velocity, whether it is nearly constant, and the resisting torque a model lacks.
 
-    Each has the shape (N,). Where the body accelerates, a small error of its inertia or of the
-    acceleration, which is computed from an encoder, would hide the friction.
+    Each has the shape (N,). While the body accelerates, a small error of its inertia or of the
+    acceleration, which is computed from an encoder, would mask the friction.
     """
     setting = stages.setting
     series, dt = setting.series, setting.series.dt
@@ -122,7 +122,7 @@ def ripple(
     Args:
         stages: The record.
         before: Fields of the nominal joint, and the motor's residual, shape (N,).
-        after: Those of the explained one.
+        after: The same for the explained joint.
     """
     cycles, first = ripple_amplitudes(stages, *before)
     _, last = ripple_amplitudes(stages, *after)
@@ -146,7 +146,7 @@ def spring_loop(stages: Stages, before: Fields, after: Fields) -> SpringLoop | N
 
 
 def _bar(stages: Stages, fields: Fields) -> tuple[Floats, Floats]:
-    """Return the bar's deflection [rad] and the measured torque that belongs to it [N m]."""
+    """Return the bar's deflection [rad] and the measured torque at that deflection [N m]."""
     series = stages.setting.series
     states = stages.predict("transmission", fields).states
     q_g = states[:, 0] if states.shape[1] else series["q_m"]

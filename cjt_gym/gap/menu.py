@@ -1,4 +1,4 @@
-"""The inputs among which the next experiment is chosen, as currents of unit size over time."""
+"""The inputs from which the next experiment is chosen, as currents of unit size over time."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ class Input:
 
     Attributes:
         name: Its name.
-        text: What it is, as part of a sentence.
-        shape: Returns its values within [-1, 1] at given times [s], shape (N,); it lasts to the
+        text: Description that fits into a sentence.
+        shape: Returns its values within [-1, 1] at given times [s], shape (N,); it ends at the
             last of them.
-        size: Share of the largest current, or of the friction's level where it is `stuck`.
-        stuck: Whether its size is told in levels of dry friction, about which it swings.
+        size: Share of the largest current, or of the friction level if `stuck`.
+        stuck: Whether its size is relative to the dry friction level, about which it swings.
     """
 
     name: str
@@ -43,7 +43,7 @@ class Input:
         Args:
             samples: Number of samples.
             dt: Time between them [s].
-            floating: Whether the load is free, so that what is slow is taken out.
+            floating: Whether the load is free, so that slow components are removed.
         """
         idle = round(REST / dt)
         out = np.zeros(samples)
@@ -61,7 +61,7 @@ def _without_slow_part(x: Floats, dt: float) -> Floats:
 
 
 def _zigzag(t: Floats, period: float, sizes: tuple[float, ...]) -> Floats:
-    """Return straight lines to +size and -size in turn, one period per size, then again."""
+    """Return straight lines alternating between +size and -size, one period per size, repeated."""
     corners, values = [0.0], [0.0]
     k = 0
     while corners[-1] < t[-1] + period:
@@ -97,7 +97,7 @@ def _holds(t: Floats) -> Floats:
 
 
 def _smooth_levels(levels: tuple[float, ...], time: float) -> tuple[list[float], list[float]]:
-    """Return corners [s] and values of levels that are held, with ramps of a fifth in between."""
+    """Return corners [s] and values of constant levels, with ramps of a fifth in between."""
     corners, values = [0.0], [0.0]
     for k, level in enumerate(levels):
         corners += [(k + 0.2) * time, (k + 1.0) * time]

@@ -1,4 +1,4 @@
-"""What a record cannot tell, because a channel is missing or still: said, not guessed."""
+"""What a record cannot tell because a channel is missing or constant."""
 
 from __future__ import annotations
 
@@ -43,15 +43,15 @@ def not_judged(setting: Setting) -> tuple[str, ...]:
 
 
 TWINS = (("torque_bias", "torque_offset"), ("torque_constant", "torque_gain"))
-"""Effects that a record can be unable to tell apart, the likelier first.
+"""Effects that a record may be unable to tell apart, likelier first.
 
-A strain gauge drifts more easily than an amplifier, and keeps its scale better than a motor."""
+A strain gauge drifts more easily than an amplifier, but keeps its scale better than a motor."""
 
 
 def same_here(setting: Setting, name: str) -> tuple[str, ...]:
-    """Return the effects that this record's channels cannot tell from one, whatever its motion."""
+    """Return the effects that this record's channels cannot tell from one under any motion."""
     pairs = [set(pair) for pair in twins(setting)]
-    pairs.append({"command_delay", "measurement_delay"})  # of all channels alike
+    pairs.append({"command_delay", "measurement_delay"})  # the same delay on all channels
     if not setting.has_spring:
         pairs += [{"inertia", "load_inertia"}, {"coulomb", "load_coulomb"}]
     return tuple(sorted(other for pair in pairs if name in pair for other in pair - {name}))
@@ -60,7 +60,7 @@ def same_here(setting: Setting, name: str) -> tuple[str, ...]:
 def twins(setting: Setting) -> tuple[tuple[str, str], ...]:
     """Return pairs of effects in different parts that this record's channels cannot tell apart.
 
-    Without a spring the bodies are one part, and a name that speaks of another body is no rival.
+    Without a spring the bodies are one part, and the same effect on another body is not a rival.
     """
     offset, gain = TWINS
     found = []

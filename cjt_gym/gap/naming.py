@@ -1,4 +1,4 @@
-"""Which effects of an explanation are named, with what status, confidence and rivals."""
+"""Which effects of an explanation are named, and their status, confidence and rivals."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from cjt_gym.gap.setting import Setting
 from cjt_gym.gap.unknown import status
 
 SHADOW = 0.25
-"""Confidence below which an effect beside a cause outside the table is taken for its shadow."""
+"""Confidence below which an effect beside a cause outside the table is considered its shadow."""
 LIKE_FRICTION = frozenset({"square_m", "square_l", "warm_up", "spot"})
-"""Causes outside the table that others of friction imitate together."""
+"""Causes outside the table that a combination of friction effects imitates."""
 EVEN_CHANCE = 0.5
 """Confidence below which no effect counts as confirmed."""
 
@@ -34,14 +34,14 @@ EVEN_CHANCE = 0.5
 def name_effects(
     found: Explanation, spread: Covariance, unseen: Sequence[Setting]
 ) -> tuple[NamedEffect, ...]:
-    """Return the effects of an explanation that deserve a name, by the share of the gap.
+    """Return the effects of an explanation to be named, ordered by their share of the gap.
 
-    Beside friction outside the table none of that stage is confirmed: it may be what that leaves.
+    Beside friction outside the table no effect of that stage is confirmed: it may be a remnant.
 
     Args:
         found: The explanation.
-        spread: How sure its numbers are.
-        unseen: Records that it was not fitted to; none where there are no others.
+        spread: Covariance of its numbers.
+        unseen: Records that it was not fitted to, if any.
     """
     problem, fit = found.problem, found.fit
     whole, dt = _whole(found), problem.stages.setting.series.dt
@@ -62,7 +62,7 @@ def name_effects(
             state = "tentative"
         lead = evidence(problem, fit) - best_rival(problem, fit, index, found.seen)
         lead = min(lead, need.evidence)
-        if lead < MARGIN:  # another explanation is as good
+        if lead < MARGIN:  # another explanation is equally good
             state = "tentative"
         chance = confidence(lead, trial, state == "tentative")
         beside = any(other.outside for other in fit.model.effects)
@@ -90,20 +90,20 @@ def name_effects(
 
 
 def doubted(effect: NamedEffect) -> NamedEffect:
-    """Return an effect as tentative, unless it was read off a channel."""
+    """Return an effect marked as tentative, unless it was read off a channel."""
     if effect.stage == "sensing" and effect.name in ("noise", "quantization"):
         return effect
     return replace(effect, status="tentative", confidence=min(effect.confidence, EVEN_CHANCE))
 
 
 def _harmful(found: Explanation, need: Need, unseen: Sequence[Setting]) -> bool:
-    """Return whether the replay of data that the fit has not seen is worse with an effect."""
+    """Return whether an effect worsens the replay of unseen data."""
     less, more = (written(found.problem, f.model, f.z) for f in (need.without, found.fit))
     return harms(unseen, less, more)
 
 
 def _confusable(found: Explanation, index: int) -> tuple[str, ...]:
-    """Return what could stand in the place of an effect, here or with these channels."""
+    """Return effects that could replace an effect in this explanation or with these channels."""
     names = rivals(found.problem, found.base, found.fit, index, found.seen)
     name = found.fit.model.effects[index].name
     return tuple(dict.fromkeys((*names, *same_here(found.problem.stages.setting, name))))
@@ -112,8 +112,8 @@ def _confusable(found: Explanation, index: int) -> tuple[str, ...]:
 def _whole(found: Explanation) -> float:
     """Return the evidence that the joint without effects lacks, of which each effect has a share.
 
-    The gap is measured by its evidence, in which residuals and strained datasheet values count
-    alike, under the predictors of the joint that was found.
+    The gap is measured in evidence, which counts residuals and strained datasheet values alike,
+    under the predictors of the joint that was found.
     """
     problem, needs = found.problem, found.needs
     bare = needs[0].without if len(needs) == 1 else problem.fit(found.base.model, found.base.z)

@@ -1,10 +1,9 @@
-"""How much each channel scatters when nothing is wrong.
+"""Normal scatter of each channel.
 
-Three sources for the standard deviation of a sample: what the joint file specifies, half a step of
-the channel's resolution (a uniform error of one step has step / sqrt(12)), and what the data show
-at frequencies that no joint reaches (differences of high order). What is specified counts, unless
-the data show white noise that is clearly less; where nothing is specified, the larger of the
-others.
+There are three sources for the standard deviation of a sample: the joint file's specification, the
+channel's resolution (a uniform error of one step has step / sqrt(12)), and the data at frequencies
+that no joint reaches (differences of high order). The specification counts unless the data show
+clearly less white noise; without a specification the larger of the others counts.
 """
 
 from __future__ import annotations
@@ -23,28 +22,28 @@ ORDER, OTHER_ORDER = 8, 5
 SAME = 0.06
 """Relative difference up to which two estimates of the noise agree."""
 OVERSTATED = 1.3
-"""Specified deviation, over that of white noise in the data, from which the data are believed."""
+"""Ratio of specified to observed white noise above which the data are believed."""
 MOST_JITTER = 0.15
-"""Deviation of the sampling times that a channel may show whatever is stated, in samples."""
+"""Sampling jitter that a channel may show whatever is stated, in samples."""
 WINDOW = 50
 QUIET = 0.25
-"""Share of windows, the quietest ones, from which the noise of a channel is read."""
+"""Share of quietest windows from which a channel's noise is estimated."""
 
 
 FINEST = 1e-4
-"""Deviation of a channel of which nothing is specified, as a share of its spread, at least: a
-converter of 13 bits. A simulated record without noise would else decide by its rounding errors."""
+"""Smallest deviation of an unspecified channel as a share of its spread, as of a 13 bit converter.
+Otherwise rounding errors would decide in a simulated record without noise."""
 
 
 @dataclass(frozen=True)
 class ChannelNoise:
-    """What is known of the scatter of one channel.
+    """Scatter of one channel.
 
     Attributes:
         specified: Deviation that the joint file allows, with its resolution; 0 if unknown.
-        stated: Whether the joint file states a noise beside the resolution.
+        stated: Whether the joint file states a noise besides the resolution.
         observed: Deviation that the data show at high frequency.
-        white: Whether differences of another order show the same.
+        white: Whether differences of another order agree.
         lattice: Step of the values found in the data; 0 if they lie on no lattice.
         resolution: Step that the joint file states; 0 if unknown.
         std: Deviation that counts.
@@ -66,7 +65,7 @@ def channel_noise(series: Series, joint: JointFile, name: str, slope: float) -> 
 
     Args:
         series: The record.
-        joint: The joint, for what is specified.
+        joint: The joint, for its specification.
         name: The channel.
         slope: Jitter of the sampling times [s], whose share is not the channel's own noise.
     """
@@ -97,8 +96,8 @@ def channel_noise(series: Series, joint: JointFile, name: str, slope: float) -> 
 def observed_jitter(x: Floats, valid: NDArray[np.bool_], speed: Floats, limit: float) -> float:
     """Return the deviation of the sampling times [s], up to a limit.
 
-    Where times jitter, the scatter grows with the slope of the signal: the fastest tenth of the
-    samples is compared with the slower half.
+    With jitter the scatter grows with the slope of the signal: the fastest tenth of the samples is
+    compared with the slower half.
     """
     if limit <= 0.0 or len(x) < 4 * WINDOW:
         return 0.0
@@ -117,15 +116,15 @@ def high_frequency_std(
 ) -> float:
     """Return the deviation of white noise under a smooth signal.
 
-    The eighth difference passes white noise with a known gain and stops what is slow. Windows are
-    ranked by how steep the signal is, as steep ones carry the jitter, whose share is taken off; the
-    median of the flattest quarter counts.
+    The eighth difference passes white noise with a known gain and rejects slow signals. Windows are
+    ranked by the slope of the signal, as steep ones carry the jitter, whose share is subtracted;
+    the median of the flattest quarter counts.
 
     Args:
         x: Samples, shape (N,).
-        valid: Where they were measured, shape (N,).
+        valid: Whether they were measured, shape (N,).
         jitter: Deviation that the jitter of the sampling times causes, shape (N,).
-        order: Of the difference.
+        order: Order of the difference.
     """
     if len(x) < 4 * WINDOW:
         return 0.0
@@ -145,15 +144,15 @@ def high_frequency_std(
 
 
 ONCE = 0.9
-"""Share of values met only once, and of distances of one step, from which there is no lattice."""
+"""Shares of unique values and of distances of one step above which there is no lattice."""
 
 
 def lattice_step(x: Floats) -> float:
     """Return the step of the lattice on which all values lie, 0 if there is none.
 
-    The step is the smallest distance between two different values, where nearly all distances are
-    whole multiples of it. A channel that moves on at one speed, so that hardly a value is met
-    twice, shows the same distances on no lattice.
+    The step is the smallest distance between two different values, if nearly all distances are
+    whole multiples of it. A channel that moves at constant speed, so that hardly any value repeats,
+    has equal distances without a lattice.
     """
     distinct = np.unique(x)
     if distinct.size < 4:

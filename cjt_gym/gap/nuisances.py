@@ -1,4 +1,4 @@
-"""What is free in every fit: datasheet values within their tolerances, offsets, sample timing."""
+"""Numbers free in every fit: datasheet values within tolerances, offsets, sample timing."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from cjt_gym.gap.unknowns import Unknown
 
 DEFAULT_TOLERANCE = {"k_t": 0.02, "I": 0.05, "k": 0.05, "d": 0.3}
 LATE = 2e-5
-"""Deviation of the lateness of one channel against another [s]."""
+"""Standard deviation of the delay of one channel relative to another [s]."""
 CURRENT_OFFSET, TORQUE_OFFSET = 0.35, 0.75
 """Deviation of a sensor's offset, in units of its noise."""
 USUAL_CURRENT, USUAL_TORQUE = 0.004, 0.03
-"""Deviation that the offsets of current [A] and torque [N m] have at least."""
+"""Smallest standard deviation of the offsets of current [A] and torque [N m]."""
 OWN = ("i_0", "tau_0", "q_0")
 """Fields that differ from record to record of one joint."""
 BLURRED = 0.3
-"""Relative deviation of inertia and damping where a log is too slow to follow the joint's swing."""
+"""Relative deviation of inertia and damping if a log is too slow to follow the joint's swing."""
 LAG_TOLERANCE = 0.2
 STRETCH, FURTHEST = 30.0, 5.0
-"""How far a fit may stretch a datasheet value: in deviations, and as a factor."""
+"""Largest change of a datasheet value in a fit: in standard deviations, and as a factor."""
 HELD = 0.3
-"""Deviation of the instant at which a drive takes its command over, in samples."""
+"""Standard deviation of the instant at which a drive latches its command, in samples."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Nuisance:
 
 
 def nuisances(setting: Setting, stages: tuple[str, ...]) -> tuple[Nuisance, ...]:
-    """Return what is free in every fit of a record."""
+    """Return the numbers that are free in every fit of a record."""
     found = [*_parameters(setting), *_offsets(setting)]
     kept = [Nuisance(n.field, n.unknown, tuple(s for s in n.stages if s in stages)) for n in found]
     return tuple(n for n in kept if n.stages)
@@ -55,10 +55,10 @@ def nuisances(setting: Setting, stages: tuple[str, ...]) -> tuple[Nuisance, ...]
 def nuisances_of_others(
     first: Sequence[Nuisance], others: Sequence[tuple[Setting, tuple[str, ...]]]
 ) -> tuple[Nuisance, ...]:
-    """Return what may differ from the first record in further ones: offsets and zeros.
+    """Return the numbers that may differ in further records: offsets and zeros.
 
     Args:
-        first: What is free in the first record.
+        first: Numbers that are free in the first record.
         others: Settings of the further records, each with its stages.
     """
     found = []
@@ -128,7 +128,7 @@ def _parameters(setting: Setting) -> list[Nuisance]:
 
 
 def _lumped_tolerance(setting: Setting, name: str) -> float:
-    """Return the tolerance of a value, with that of what is lumped with it."""
+    """Return the tolerance of a value, including those of values lumped with it."""
     groups = setting.structure.groups
     own = {"I": 0, "d": 0}
     if name[0] not in own or name[1:] not in ("_m", "_g", "_l"):

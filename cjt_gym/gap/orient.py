@@ -1,7 +1,7 @@
-"""Signs and units of a record's channels, where the physics of a joint leaves no doubt about them.
+"""Signs and units of a record's channels, where the physics of a joint determines them.
 
-Each law ties the signs of two channels: a current follows its command, a velocity is the slope of
-its angle, the spring's torque grows with its deflection,
+Each law relates the signs of two channels: a current follows its command, a velocity is the slope
+of its angle, the spring's torque grows with its deflection,
 
     tau = k_b (q_m - q_l) + ...,
 
@@ -9,9 +9,9 @@ and the motor's torque accelerates its inertia and loads the spring,
 
     k_t n i = I ddq_m + d dq_m + friction + tau.
 
-The signs that agree with all of this are found by trying all; of those that agree equally well, the
-one that changes fewest channels counts. All signs the other way round agree just as well: which
-direction is positive cannot be told.
+The signs that agree with these laws are found by exhaustive search; of equally good combinations
+the one that changes fewest channels counts. Reversing all signs agrees just as well: which
+direction is positive cannot be determined.
 """
 
 from __future__ import annotations
@@ -42,37 +42,37 @@ FOLLOWERS = (
 """Pairs of which the second follows the first, with the same sign."""
 SLOPES = (("q_m", "dq_m"), ("q_g", "dq_g"), ("q_l", "dq_l"))
 DRIVING = ("i", "tau_m", "i_cmd", "tau_cmd")
-"""What stands for the motor's torque, the best first."""
+"""Channels that represent the motor's torque, best first."""
 CERTAIN = 0.7
-"""Correlation from which two channels follow each other."""
+"""Correlation above which two channels follow each other."""
 PARTIAL = 0.35
-"""Correlation, all else taken off, from which a term of an equation of motion is certain."""
+"""Partial correlation above which a term of an equation of motion is certain."""
 CLEAR = 0.25
-"""Difference of what two signs leave unexplained, over their sum, from which one is certain."""
+"""Difference over sum of two signs' unexplained shares above which one is certain."""
 EXPLAINED = 0.6
-"""Share of the motor's torque that its equation has to explain."""
+"""Share of the motor's torque that its equation must explain."""
 SMOOTH = 0.04
-"""Time over which angles are smoothed to be differentiated [s]."""
+"""Time over which angles are smoothed for differentiation [s]."""
 MOST_LATE = 0.1
-"""Time by which a channel may follow another [s]."""
+"""Largest lag between two related channels [s]."""
 FASTEST = 20_000
-"""Samples from which two channels are compared."""
+"""Minimum number of samples to compare two channels."""
 ORDER = ("tau", "q_l", "q_g", "dq_m", "dq_g", "dq_l", "q_m", "i", "i_cmd")
-"""Channels whose sign is doubted first where any of several would do."""
+"""Channels whose sign is doubted first if any of several would do."""
 UNIT_FACTORS = {180.0 / pi: "180/pi", pi / 180.0: "pi/180", 1e3: "1000", 1e-3: "1/1000"}
 FACTOR_MISFIT = 0.15
 
 
 @dataclass(frozen=True)
 class Tie:
-    """What a law says of two channels.
+    """Relation of two channels by a law.
 
     Attributes:
         first: A channel.
         second: Another.
-        strength: How alike they are once the law is applied, -1 to 1; negative where one of them
-            has the wrong sign.
-        law: The law in words.
+        strength: Their agreement once the law is applied, -1 to 1; negative if one of them has
+            the wrong sign.
+        law: Description of the law.
     """
 
     first: str
@@ -84,7 +84,7 @@ class Tie:
 def orient(
     record: Record, joint: JointFile, structure: Structure
 ) -> tuple[Record, tuple[Repair, ...]]:
-    """Return a record whose channels have signs that agree with each other, and what was turned.
+    """Return a record with consistent signs, and remarks on what was changed.
 
     Args:
         record: The record; NaN where a sample is missing.
@@ -92,8 +92,8 @@ def orient(
         structure: How its bodies are joined.
 
     Returns:
-        The record, which is the same object where nothing had to be turned, and a line for each
-        channel that was turned or seems to have another unit.
+        The record, which is the same object if no sign was reversed, and a line for each channel
+        that was reversed or seems to have another unit.
     """
     channels = _filled(record)
     ties = [*_following(channels, structure, record.dt), *_spring(channels, structure)]
@@ -112,7 +112,7 @@ def orient(
 
 
 def _filled(record: Record) -> dict[str, Floats]:
-    """Return the channels that move, missing samples interpolated, on even times."""
+    """Return the channels that vary, on even times, with missing samples interpolated."""
     t, start = record.t, max(len(record) - FASTEST, 0) // 2
     grid = t[0] + record.dt * np.arange(round((t[-1] - t[0]) / record.dt) + 1)
     grid = grid[start : start + FASTEST]
@@ -137,7 +137,7 @@ def _following(channels: dict[str, Floats], structure: Structure, dt: float) -> 
 
 
 def _alike(x: Floats, y: Floats, dt: float) -> float:
-    """Return the correlation of two channels at the lag at which they are most alike; 0 if poor."""
+    """Return the correlation of two channels at the lag that maximises it; 0 if poor."""
     x, y = x - x.mean(), y - y.mean()
     lags = correlation_lags(len(y), len(x))
     near = np.abs(lags) <= MOST_LATE / dt
@@ -147,7 +147,7 @@ def _alike(x: Floats, y: Floats, dt: float) -> float:
 
 
 def _spring(channels: dict[str, Floats], structure: Structure) -> Iterator[Tie]:
-    """Yield what the spring says: its torque grows with q_m and falls with q_l."""
+    """Yield the relations by the spring: its torque grows with q_m and falls with q_l."""
     if "tau" not in channels or structure.groups[1] == structure.groups[2]:
         return
     names = [name for name in ("q_m", "q_l") if name in channels]
@@ -159,7 +159,7 @@ def _spring(channels: dict[str, Floats], structure: Structure) -> Iterator[Tie]:
 
 
 def _partial(y: Floats, terms: dict[str, Floats]) -> dict[str, float]:
-    """Return the correlation of y with each term, that of all the others taken off."""
+    """Return the partial correlation of y with each term, given all the others."""
     constant = np.ones_like(y)
     out = {}
     for name, x in terms.items():
@@ -178,7 +178,7 @@ def _rest(y: Floats, others: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class _Motor:
-    """The motor's equation: what drives it, and the terms that take it up."""
+    """The motor's equation: its drive torque and the terms that balance it."""
 
     driving: str
     drive: Floats
@@ -205,14 +205,14 @@ class _Motor:
         return cls(driving, drive, terms)
 
     def fit(self) -> tuple[dict[str, float], float]:
-        """Return the factor of each term, and which share of the drive they explain."""
+        """Return the factor of each term, and the share of the drive that they explain."""
         matrix = np.column_stack([*self.terms.values(), np.ones_like(self.drive)])
         factors = np.linalg.lstsq(matrix, self.drive, rcond=None)[0]
         share = 1.0 - np.var(self.drive - matrix @ factors) / max(np.var(self.drive), 1e-300)
         return dict(zip(self.terms, factors.tolist(), strict=False)), float(share)
 
     def left(self, of_motion: float, of_torque: float) -> float:
-        """Return which share of the drive is left, all factors >= 0 as physics wants them.
+        """Return the unexplained share of the drive, with all factors >= 0 as physics requires.
 
         Args:
             of_motion: Sign given to the angle.
@@ -227,7 +227,7 @@ class _Motor:
         return float(rest) / max(float(np.var(self.drive)), 1e-300)
 
     def ties(self) -> list[Tie]:
-        """Return what the equation says of the signs."""
+        """Return the relations of signs by the equation."""
         names = ["q_m", "tau"][: 1 + ("tau" in self.terms)]
         laws = ["the motor's torque accelerates it", "the motor's torque loads the spring"]
         left = {pair: self.left(*pair) for pair in product((1.0, -1.0), repeat=2)}
@@ -237,7 +237,7 @@ class _Motor:
 
 
 def _clear(left: Mapping[tuple[float, ...], float], k: int) -> float:
-    """Return how much better the right sign of a channel does than the wrong one, -1 to 1."""
+    """Return how much better the present sign of a channel fits than the opposite, -1 to 1."""
     right = min(share for signs, share in left.items() if signs[k] > 0)
     wrong = min(share for signs, share in left.items() if signs[k] < 0)
     better = (wrong - right) / max(wrong + right, 1e-300)
@@ -245,7 +245,7 @@ def _clear(left: Mapping[tuple[float, ...], float], k: int) -> float:
 
 
 def _turned(ties: list[Tie]) -> list[str]:
-    """Return the channels to turn so that the ties agree, as few as will do."""
+    """Return the smallest set of channels to reverse so that the relations agree."""
     used = [tie for tie in ties if tie.strength != 0.0]
     names = sorted({name for tie in used for name in (tie.first, tie.second)}, key=_doubt)
     if all(tie.strength > 0.0 for tie in used):
@@ -279,7 +279,7 @@ def _turn(name: str, ties: list[Tie]) -> Repair:
 def _scales(
     channels: dict[str, Floats], motor: _Motor | None, joint: JointFile, structure: Structure
 ) -> list[Repair]:
-    """Return which channels seem to have another unit, by a factor that only a unit has."""
+    """Return remarks on channels off by a factor typical of a wrong unit."""
     p, found = joint.parameters, []
     factors = dict(UNIT_FACTORS)
     if p.n > 2.0:

@@ -23,13 +23,13 @@ Floats = NDArray[np.float64]
 HIGHEST = 20_000.0
 CELLS = 1 << 20
 TRIED, PEAKS = 12, 3
-"""Peaks of the spectrum that are fitted, and how many of them are returned."""
+"""Number of peaks of the spectrum that are fitted, and of those that are returned."""
 SOME = 1500
 """Samples over which the power of a wave is averaged."""
 COARSE, FINE = 40.0, 41
 """Steps within the range of a command up to which they count as coarse; rates tried in a cell."""
 LINE_PERIODS = 8
-"""Fewest periods of a wave in time within a record."""
+"""Minimum number of periods of a wave in time within a record."""
 
 
 def filtered(response: Floats, torque: Floats) -> Floats:
@@ -138,7 +138,7 @@ def _spectrum(
 def _wave_power(f: Floats, response: Floats, v: Floats, weight: Floats) -> Floats:
     """Return the sum of squares of the innovations that a unit wave of each frequency causes.
 
-    A wave that a joint passes in less than two samples shows itself folded.
+    A wave that the joint passes in less than two samples appears aliased.
     """
     gain = np.abs(np.fft.rfft(response, 4096)) ** 2
     cycles = np.linspace(0.0, 0.5, gain.size)
@@ -155,7 +155,7 @@ def _wave_power(f: Floats, response: Floats, v: Floats, weight: Floats) -> Float
 
 
 def _folded(cycles: Floats) -> Floats:
-    """Return frequencies in cycles per sample as they appear in samples, within 0 .. 0.5."""
+    """Return the aliases of frequencies in cycles per sample, within 0 .. 0.5."""
     return np.asarray(np.abs(cycles - np.round(cycles)))
 
 

@@ -25,7 +25,7 @@ class Gain:
     Attributes:
         k: Gain, shape (n, m).
         std: Deviation of the innovations, shape (m,).
-        scatter: Deviation at every sample, with what jitter of the sampling adds, shape (N,).
+        scatter: Deviation at every sample, including sampling jitter, shape (N,).
     """
 
     k: Floats
@@ -35,7 +35,7 @@ class Gain:
 
 @dataclass(eq=False)
 class Prediction:
-    """What a stage predicts.
+    """Prediction of a stage.
 
     Attributes:
         residual: Normalised residual, shape (N,); zero where it does not count.
@@ -109,7 +109,7 @@ def innovation_std(chain: Chain, k: Floats, torque: tuple[float, ...], noise: fl
 
 
 def direct(error: Floats, std: Floats, s: Setting, channels: tuple[str, ...]) -> Prediction:
-    """Return the prediction of a stage without states, from its error and that one's deviation."""
+    """Return the prediction of a stage without states, from its error and the error's deviation."""
     residual = np.where(s.series.measured(*channels), error / std, 0.0)
     residual[: s.settle] = 0.0
     empty = np.zeros((len(error), 0))
@@ -134,7 +134,7 @@ def run_predictor(
     Args:
         fields: The model.
         chain: The stage's piece of the joint.
-        forced: What the known inputs add over each sample, shape (N, n).
+        forced: Contribution of the known inputs over each sample, shape (N, n).
         bodies: Letter and number of the bodies that friction can act on.
         k: Predictor gain, shape (n, 1), or None for a prediction without measurements.
         measured: Measured output, shape (N, 1), and where it is valid, or None.

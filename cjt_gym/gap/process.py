@@ -1,4 +1,4 @@
-"""Noise of a drive that nothing specifies, read off the record: of its torque, and of its clock.
+"""Unspecified noise of a drive, estimated from the record: of its torque and of its clock.
 
 Where a joint file states the noise of the measured current, the torque that is uncertain follows
 from it. Elsewhere the record itself must tell how closely a perfect model could predict: its
@@ -30,21 +30,21 @@ QUIET = 0.25
 QUIET_POWER = 0.87
 """Quantile of the stretches' powers that counts, and what it is for white noise of power 1."""
 MOVING = 0.05
-"""Least mean velocity of a stretch, as a share of the rms velocity: a joint at rest is no test."""
+"""Smallest mean velocity of a stretch as a share of the rms velocity; rest is no test."""
 CLASSES = 4
 """Classes of velocity whose quiet stretches count alike."""
 FEWEST = 8
 COLOUR = 1.4
-"""Factor by which torques that are not modelled, and not white, raise the residual of a good model
-of a real drive."""
+"""Factor by which unmodelled coloured torques raise the residual of a good model of a real
+drive."""
 SMALL = 0.05
-"""Share of the gap, in rms, below which it is left to such torques."""
+"""Share of the gap, in rms, below which it is attributed to such torques."""
 MOST = 0.05
 """Largest torque noise, as a share of the drive's rms torque: a larger one would hide any gap."""
 OCTAVES = 16
-"""Range that is searched, downwards from noise that leaves nothing of the prediction."""
+"""Search range, downwards from noise that makes the prediction worthless."""
 SHAKES = (0.0, *(0.5**k for k in range(2, 11)))
-"""Deviations of the sampling times that are tried, in samples."""
+"""Sampling jitters that are tried, in samples."""
 
 
 def settle_noise(stages: Stages, fields: Fields) -> None:
@@ -98,7 +98,7 @@ def _set(stages: Stages, torque: float, shake: float) -> None:
 
 
 def allow_for_colour(stages: Stages, mean_square: float) -> None:
-    """Widen the scatter of the motor's residual by what no model of a real drive explains.
+    """Widen the scatter of the motor's residual by the share no model of a real drive explains.
 
     Args:
         stages: The record, with the process torque of its white noise.

@@ -1,4 +1,4 @@
-"""What of a selected model is needed: leave one out, and the simplest of equivalent laws."""
+"""Pruning of a selected model: leave one out, and the simplest of equivalent laws."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from cjt_gym.gap.missing import twins
 from cjt_gym.gap.select import LOG_SHARE, MARGIN, STRAIN, evidence
 
 COARSE_STRAIN = 24.0
-"""`STRAIN` where a channel is coarse, whose rounding errors are no white noise."""
+"""`STRAIN` if a channel is coarse, as rounding errors are not white noise."""
 SAME = 0.03
-"""Part of a residual, in log, by which a more complicated law must do better."""
+"""Log reduction of a residual by which a more complicated law must do better."""
 NEAR = 25.0
-"""Evidence within which two explanations are equally good."""
+"""Difference in evidence within which two explanations are equally good."""
 COLOURED = 0.25
-"""Part of a residual, in log, that tells no two laws apart where no noise is specified."""
+"""Log reduction of a residual too small to separate two laws if no noise is specified."""
 SLACK = 10.0
-"""Evidence that the simpler law may lose."""
+"""Evidence by which a simpler law may be worse."""
 SIMPLER: Mapping[str, tuple[str, ...]] = {
     "coulomb": ("coulomb",),  # the smooth one: the plain one is the first of that name
     "stribeck": ("coulomb", "load_coulomb"),
@@ -40,9 +40,9 @@ class Need:
 
     Attributes:
         evidence: Loss of evidence.
-        log_share: Largest part of a stage's residual that comes back, in log.
+        log_share: Largest log increase of a stage's residual.
         stage: That stage.
-        strain: Rise of the priors' cost.
+        strain: Increase of the priors' cost.
         without: The fit without it.
     """
 
@@ -53,7 +53,7 @@ class Need:
     without: Fit
 
     def material(self, strain: float) -> bool:
-        """Whether the effect is worth its name."""
+        """Whether the effect is large enough to be named."""
         return self.evidence > MARGIN and (self.log_share > LOG_SHARE or self.strain > strain)
 
 
@@ -76,12 +76,12 @@ def _strain(problem: Problem, fit: Fit) -> float:
 
 
 def prune(problem: Problem, fit: Fit, strain: float = STRAIN) -> tuple[Fit, list[Need]]:
-    """Return the model without the effects that it can do without, and the need of the others.
+    """Return the model without the effects it does not need, and the need of the others.
 
     Args:
         problem: The record.
         fit: The model.
-        strain: Least relief of the datasheet's priors that makes an effect material.
+        strain: Smallest relief of the datasheet's priors that makes an effect material.
     """
     while fit.model.effects:
         needs = [need(problem, fit, k) for k in range(len(fit.model.effects))]
@@ -94,7 +94,7 @@ def prune(problem: Problem, fit: Fit, strain: float = STRAIN) -> tuple[Fit, list
 
 
 def simplify(problem: Problem, fit: Fit, candidates: tuple[Hypothesis, ...]) -> Fit:
-    """Return the model with simpler laws of friction where they do as well."""
+    """Return the model with simpler laws of friction if they do as well."""
     for index, effect in enumerate(fit.model.effects):
         for name in SIMPLER.get(effect.name, ()):
             match = [h for h in candidates if h.name == name and h.body == effect.body]
@@ -108,7 +108,7 @@ def simplify(problem: Problem, fit: Fit, candidates: tuple[Hypothesis, ...]) -> 
 def alternatives(
     problem: Problem, fit: Fit, index: int, candidates: tuple[Hypothesis, ...]
 ) -> list[Fit]:
-    """Return fits with another effect of the same kind in the place of one, if as good."""
+    """Return equally good fits that replace one effect by another of the same kind."""
     effect = fit.model.effects[index]
     there = {e.key for e in fit.model.effects}
     kin = [
@@ -131,7 +131,7 @@ def alternatives(
 
 
 def likelier_twins(problem: Problem, fit: Fit, candidates: tuple[Hypothesis, ...]) -> Fit:
-    """Return the model with the likelier ones of effects that this record cannot tell apart."""
+    """Return the model with the likelier of the effects that this record cannot tell apart."""
     for likelier, twin in twins(problem.stages.setting):
         for index, effect in enumerate(fit.model.effects):
             other = [h for h in candidates if h.name == likelier]
@@ -142,11 +142,11 @@ def likelier_twins(problem: Problem, fit: Fit, candidates: tuple[Hypothesis, ...
 
 
 def split_asymmetry(problem: Problem, fit: Fit, candidates: tuple[Hypothesis, ...]) -> Fit:
-    """Return the model with an even law and an offset in place of an uneven one, if as good.
+    """Return the model with a symmetric law plus an offset for an asymmetric one, if as good.
 
-    While a body moves, unequal Coulomb levels are equal ones and a constant torque. Where nothing
-    states how exact the command is, an offset of the amplifier is the likelier of the two, even
-    where it leaves somewhat more: the colour of such a residual counts for more than that.
+    While a body moves, unequal Coulomb levels equal symmetric ones plus a constant torque. If the
+    accuracy of the command is unknown, an amplifier offset is the likelier of the two, even if it
+    leaves a slightly larger residual: the colour of such a residual matters more.
     """
     for index, effect in enumerate(fit.model.effects):
         even = EVEN.get(effect.name)
@@ -165,9 +165,9 @@ def split_asymmetry(problem: Problem, fit: Fit, candidates: tuple[Hypothesis, ..
 
 
 def uneven(problem: Problem, fit: Fit, candidates: tuple[Hypothesis, ...]) -> list[Fit]:
-    """Return the fits with an uneven law in place of an even one and of an offset, if there is one.
+    """Return the fits with an asymmetric law in place of a symmetric one and an offset, if any.
 
-    They are what the record leaves open where `split_asymmetry` has decided.
+    They are the alternatives that the record leaves open if `split_asymmetry` has decided.
     """
     offset = [k for k, e in enumerate(fit.model.effects) if e.name == "torque_offset"]
     found = []
@@ -193,7 +193,7 @@ def _swapped(problem: Problem, fit: Fit, index: int, *effects: Hypothesis, start
 
 
 def loss(problem: Problem, less: Fit, more: Fit) -> float:
-    """Return the evidence that the first fit lacks against the second."""
+    """Return the evidence that the first fit lacks compared with the second."""
     return evidence(problem, more) - evidence(problem, less)
 
 

@@ -1,4 +1,4 @@
-"""A quick look at one more effect: only its own derivatives are computed, the others are kept.
+"""A quick evaluation of one more effect: only its own derivatives are computed.
 
 For one record and one fitted model the derivatives of all residuals with respect to the numbers of
 that model are computed once. A candidate then costs one run of the stages that it touches per
@@ -17,25 +17,25 @@ from cjt_gym.gap.hypothesis import Hypothesis
 
 RELINEARISED = 3
 MOVED = 1.0
-"""Move of a coordinate from which the stages that it changes are computed, not extrapolated."""
+"""Step of a coordinate above which the stages it changes are computed, not extrapolated."""
 
 
 @dataclass(eq=False)
 class Square:
-    """A sum of squares as a function of a small move: ss + 2 g.d + d.H d."""
+    """A sum of squares as a function of a small step: ss + 2 g.d + d.H d."""
 
     ss: float
     g: Floats
     h: Floats
 
     def at(self, d: Floats) -> float:
-        """Return the sum of squares after a move."""
+        """Return the sum of squares after a step."""
         return float(self.ss + 2.0 * self.g @ d + d @ self.h @ d)
 
 
 @dataclass(eq=False)
 class Look:
-    """The place from which candidates are judged.
+    """The point from which candidates are judged.
 
     Attributes:
         problem: The record.
@@ -159,7 +159,7 @@ class Look:
         z: Floats,
         flat: NDArray[np.bool_],
     ) -> Floats:
-        """Return the move that lowers the cost most, the residuals being linear."""
+        """Return the step that lowers the cost most for linear residuals."""
         prior = np.where(flat, 0.0, 1.0)
         move: Floats = np.zeros(len(z))
         cost = self._cost({n: s.ss for n, s in squares.items()}, z, flat)

@@ -1,9 +1,9 @@
-"""Datasheet values settled by the replay, where the predictors leave them open.
+"""Refinement by replay of the datasheet values that the predictors leave open.
 
-A predictor is corrected at every sample, so that it hardly feels a resonance that is a little off;
-a replay of a little-damped joint feels nothing else. What the record tells through the predictors
-stays: values move within their covariance, and only as far as the replay of the fitted record,
-never of one that is kept for the test, asks for it.
+A predictor is corrected at every sample and hardly notices a slightly wrong resonance, which
+dominates the replay of a lightly damped joint. Values move within the covariance that the
+predictors leave, and only as far as the replay of the fitted record, never of a held-out one,
+demands.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from cjt_gym.gap.replay import written
 
 Floats = NDArray[np.float64]
 DEFLATION = 100.0
-"""Samples that count as one: errors of a replay ring on, so that they are alike for long."""
+"""Samples that count as one, since errors of a replay are correlated over a long time."""
 FURTHEST = 2.5
-"""Deviations from the datasheet beyond which no value is moved."""
+"""Largest allowed distance from the datasheet, in standard deviations."""
 MOVES = 6
 WORTH = 0.9
-"""Factor on the replay error below which a refinement is taken."""
+"""Factor on the replay error below which a refinement is accepted."""
 
 
 def settled(problem: Problem, fit: Fit, spread: Covariance) -> Fit:
-    """Return a fit whose datasheet values are those that replay the fitted record best.
+    """Return a fit with the datasheet values that replay the fitted record best.
 
     Args:
         problem: The record.

@@ -1,9 +1,9 @@
 """Open-loop replay: the joint that a model stands for, driven by the recorded command alone.
 
-The predictors of the stages lean on measurements at every sample; a replay does not, which is why
-it shows how far simulation and record are apart, and why it is not used to find the cause. It is
-the simulation that anybody can repeat with the written joint: a model gives its joint, and of the
-record only what the record's sensors have of their own, zeros and offsets.
+The predictors of the stages use measurements at every sample; a replay does not, so it shows how
+far simulation and record diverge, but is not used to find the cause. Anybody can repeat this
+simulation with the written joint: beyond the joint it uses only the zeros and offsets of the
+record's sensors.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ Floats = NDArray[np.float64]
 SUBSTEP, COARSEST = 1e-4, 2.5e-4
 """Substep, to which delays are rounded, and that of long records [s]."""
 MANY = 200_000
-"""Substeps from which a record is long."""
+"""Number of substeps above which a record is long."""
 SMOOTH = 11
 """Samples over which a prescribed angle of the load is smoothed."""
 
@@ -106,7 +106,7 @@ def steps(
 
 
 def exactly(effect: Hypothesis, numbers: Sequence[float]) -> NamedEffect:
-    """Return an effect as if it were named, its numbers exactly known."""
+    """Return an effect as if it were named, with exactly known numbers."""
     values = {u.symbol: x for u, x in zip(effect.unknowns, numbers, strict=True)}
     if effect.name == "stribeck":  # a fit has its rise, a diagnosis the level of breakaway
         values["d_s"] += values[effect.unknowns[0].symbol]
@@ -150,7 +150,7 @@ def replay(setting: Setting, model: Written) -> dict[str, Floats]:
 def _start_and_load(setting: Setting, fields: Fields, zero: float) -> tuple[Floats, Floats]:
     """Return the state at the first sample, shape (6,), and what acts on the load, shape (N,).
 
-    The load's angle counts so that it is the motor's where the spring is relaxed.
+    The load's angle equals the motor's when the spring is relaxed.
     """
     series = setting.series
     tau = float(np.mean(series["tau"][:5])) - fields["tau_0"] if "tau" in series else 0.0
@@ -165,7 +165,7 @@ def _start_and_load(setting: Setting, fields: Fields, zero: float) -> tuple[Floa
     if setting.structure.output_fixed:
         q_l = series["q_l"] if "q_l" in series else np.zeros(len(series))
         if len(q_l) > SMOOTH and np.ptp(q_l) > 0.0:
-            q_l = savgol_filter(q_l, SMOOTH, 3)  # a stiff spring would make torque of its noise
+            q_l = savgol_filter(q_l, SMOOTH, 3)  # a stiff spring would turn its noise into torque
         load = np.append(np.diff(q_l), 0.0) / series.dt
         start[2], start[5] = q_l[0] + zero + fields["q_0"], load[0]
     return start, load

@@ -1,7 +1,7 @@
-"""From what a diagnosis calls the numbers of an effect to the rows of the effect table.
+"""Conversion of a diagnosis's numbers for an effect into rows of the effect table.
 
-One function per effect. What adds to the nominal joint is taken as it was named; what is fitted
-together with a datasheet value or an offset is taken from the fitted model.
+One function per effect. Additions to the nominal joint are taken as named; numbers fitted
+together with a datasheet value or an offset are taken from the fitted model.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ SHARP_LOOP = 0.95
 SLIP_SPAN = 3.0
 """Multiples of delta_h at which the one element of a Maxwell slip model yields."""
 DERATING, HOTTEST = 0.002, 100.0
-"""Loss of torque constant that stands for what a record shows per square ampere [1/K]; it grows
-where the windings would need more thermal resistance than that [K/W]."""
+"""Assumed loss of torque constant [1/K] behind the loss per square ampere in a record; it grows if
+the windings would otherwise need more than this thermal resistance [K/W]."""
 HOUSING = 1e3
 """Time constant of the housing over that of the winding."""
 
@@ -33,7 +33,7 @@ class Number:
         value: The number.
         low: Low end.
         high: High end.
-        note: What the reader of a joint file should know.
+        note: Remark for the reader of a joint file.
     """
 
     value: float
@@ -127,7 +127,7 @@ def _damping(x: Found) -> Rows:
 
 
 def _drag(x: Found, symbol: str, own: float) -> Numbers:
-    """Return viscous friction; of bodies that are one mass the motor takes it all."""
+    """Return viscous friction; for bodies that are one mass, all of it on the motor."""
     others = _one_with_motor(x.setting) if symbol == "d_m" else ""
     if not others:
         return {symbol: x.moved(symbol, own)}
@@ -155,7 +155,7 @@ def _viscous_asym(x: Found) -> Rows:
 def _derating(x: Found) -> Rows:
     """Return windings that warm up as fast and weaken as much as the record shows.
 
-    A record tells the product derating * r * r_th1 and the time constant, but no temperature.
+    A record reveals the product derating * r * r_th1 and the time constant, but no temperature.
     """
     p, time = x.setting.joint.parameters, x.fields["heat"]
     product = x.fields["derate"] / DERATING
@@ -176,7 +176,7 @@ def _derating(x: Found) -> Rows:
 
 
 def _ripple(x: Found) -> Rows:
-    """Return amplitudes over the recorded angle instead of that from the first sample."""
+    """Convert amplitudes over the angle from the first sample to the recorded angle."""
     f, a, b = (x.effect.parameters[s] for s in "fab")
     phase = f.value * x.setting.series.zero["q_m"]
     cos, sin = math.cos(phase), math.sin(phase)
@@ -323,4 +323,4 @@ ROWS: Mapping[str, Callable[[Found], Rows]] = {
     "load_coulomb": _load_coulomb,
     "gravity": _gravity,
 }
-"""Effects that a diagnosis may name, but for those that concern a sensor alone."""
+"""Effects that a diagnosis may name, except those that concern a sensor alone."""

@@ -1,8 +1,8 @@
-"""What each effect does for a record: models of growing detail, each fitted anew.
+"""Contribution of each effect to a record: models of growing detail, each fitted anew.
 
 Unlike the ladder of a diagnosis, whose effects keep the values of the whole explanation, every rung
-is the best that its effects can do, and the effects are the caller's choice. Datasheet values and
-offsets stay where the nominal joint has them.
+is the best fit of its effects, which the caller chooses. Datasheet values and offsets stay at their
+nominal values.
 """
 
 from __future__ import annotations
@@ -54,14 +54,14 @@ def rungs(
     """Return how well models with the named effects explain a record, and others unseen.
 
     Args:
-        record: What they are fitted to.
+        record: The record to which they are fitted.
         ladder: Names of the effects of each model.
         joint: The nominal joint.
         structure: How its bodies are joined.
         others: Records of the same joint that they are only tested on.
 
     Raises:
-        UnknownNameError: A name is no effect that this record can show.
+        UnknownNameError: A name is not an effect that this record can reveal.
     """
     file = joint if isinstance(joint, JointFile) else load_joint_file(joint)
     shape = get_structure(structure)
@@ -92,7 +92,7 @@ def _row(rows: Sequence[Hypothesis], name: str) -> Hypothesis:
 
 
 def _fitted(problem: Problem, effects: tuple[Hypothesis, ...]) -> tuple[Written, dict[str, float]]:
-    """Return a model, fitted from its first starts, and its effects' values."""
+    """Return a model fitted from its first starting points, and its effects' values."""
     start = [u.coordinate(x) for e in effects for u, x in zip(e.unknowns, e.starts[0], strict=True)]
     z = np.concatenate([np.zeros(len(problem.shared)), start])
     fit = problem.fit(Model(effects), z, MOVES)

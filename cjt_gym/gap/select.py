@@ -28,36 +28,36 @@ PRICE_PER_NUMBER = 3.0
 RELEASE = 6.0
 BEAM = 2
 TRIAL_MOVES = 6
-"""Steps of a full fit of a candidate; the winner is fitted to the end."""
+"""Steps of a full fit of a candidate; the winner is fitted to convergence."""
 FAMILY_SHARE = 0.4
 """Share of the leader's gain that a law of the same family must show in a rough fit."""
 CLOSE = 0.8
-"""Share of the best gain in evidence from which a second branch is followed."""
+"""Share of the best gain in evidence above which a second branch is followed."""
 MOST = 3
 MARGIN = 3.0
-"""Evidence that one more effect must add to what it costs."""
+"""Evidence that one more effect must add beyond its cost."""
 LEAST = 0.1
-"""Share of what is left that one more effect must explain."""
+"""Share of the remainder that one more effect must explain."""
 LOG_SHARE = 0.08
-"""Least part of a stage's residual, in log, that an effect must take away."""
+"""Smallest log reduction of a stage's residual that an effect must achieve."""
 STRAIN = 8.0
-"""Or least relief of the datasheet's priors: four standard deviations."""
+"""Alternatively, smallest relief of the datasheet's priors: four standard deviations."""
 LINES = {"i": "drive", "push_m": "motor", "push_l": "load"}
-"""Stage in whose residual a wave in time on a channel shows itself."""
+"""Stage in whose residual a wave in time on a channel appears."""
 SHORT_LIST = 4
 BEYOND, COARSE_BEYOND = 1.2, 1.8
-"""Normalised residual of a stage from which causes outside the table are looked at, and the same
-where a channel is coarse, whose rounding errors are no white noise."""
+"""Normalised residual of a stage above which causes outside the table are considered, and the same
+if a channel is coarse, as rounding errors are not white noise."""
 HOPEFUL = 0.3
-"""Share of the leader's gain after one step from which a candidate is given some more."""
+"""Share of the leader's gain after one step above which a candidate gets further steps."""
 EVEN = 20.0
-"""Evidence within which models are compared under predictors of their own."""
+"""Difference in evidence within which models are compared under their own predictors."""
 HOLLOW = 0.5
-"""Share of its gain that a leader must keep under a predictor of its own, or others are tried."""
+"""Share of its gain that a leader must keep under its own predictor, or others are tried."""
 USUAL, STRETCHED = 2.0, 10.0
-"""Deviations that a datasheet value usually has, and from which a fit counts as strained."""
+"""Usual deviations of a datasheet value, and those above which a fit counts as strained."""
 NEAR, NEAR_SHARE = 60.0, 0.25
-"""Evidence by which a rough fit may trail the best one, or share of that one's gain, and still be
+"""Evidence, or share of the best rough fit's gain, by which another may trail it and still be
 fitted in full."""
 
 
@@ -65,11 +65,11 @@ Progress = Callable[[str], None]
 
 
 def silent(step: str) -> None:
-    """Tell nobody what is being done."""
+    """Report no progress."""
 
 
 def price(model: Model) -> float:
-    """Return what a model's effects cost; one that only frees a datasheet value costs less."""
+    """Return the cost of a model's effects; one that only frees a datasheet value costs less."""
     return sum(
         (RELEASE if e.strained else PRICE) + PRICE_PER_NUMBER * (len(e.unknowns) - 1)
         for e in model.effects
@@ -77,7 +77,7 @@ def price(model: Model) -> float:
 
 
 def evidence(problem: Problem, fit: Fit) -> float:
-    """Return the deflated log evidence of a fit, less the price of its effects."""
+    """Return the deflated log evidence of a fit, minus the cost of its effects."""
     flat = np.array([u.flat for u in problem.unknowns(fit.model)], dtype=bool)
     total = -0.5 * float(np.sum(fit.z[~flat] ** 2)) - price(fit.model)
     for name, ms in fit.mean_square.items():
@@ -91,13 +91,13 @@ class Selection:
 
     Attributes:
         problem: The record.
-        candidates: All effects of the table that it can show.
-        outside: Causes outside the table that it can show.
+        candidates: All effects of the table that it can reveal.
+        outside: Causes outside the table that it can reveal.
         base: The fit without any effect.
         seen: All fits made in full.
         until: Processor time after which no further effect is sought [s].
-        beyond: Normalised residual of a stage from which causes outside the table are looked at.
-        progress: Is told which effects are being sought.
+        beyond: Normalised residual of a stage above which causes outside the table are considered.
+        progress: Called with a description of the effects being sought.
     """
 
     problem: Problem
@@ -109,7 +109,7 @@ class Selection:
     beyond: float = BEYOND
     progress: Progress = silent
     untried: list[Fit] = field(default_factory=list)
-    """Rough fits of the last round that were not fitted in full, the best first."""
+    """Rough fits of the last round that were not fitted in full, best first."""
 
     def run(self) -> Fit:
         """Return the best model after forward selection."""
@@ -119,15 +119,15 @@ class Selection:
         return retuned(self.problem, best)
 
     def _groups(self) -> list[tuple[str, ...]]:
-        """Return the stages that can be searched apart: a measured current separates the drive."""
+        """Return groups of stages to search separately: a measured current separates the drive."""
         names = self.problem.stages.names
         rest = tuple(n for n in names if n != "drive")
         return [("drive",), rest] if "drive" in names else [rest]
 
     def _beyond(self, start: Fit, best: Fit, stages: tuple[str, ...]) -> Fit:
-        """Return the best model with causes outside the table, where the table leaves something.
+        """Return the best model with causes outside the table if the table leaves a remainder.
 
-        Such a cause may stand beside the effects found or in the place of any of them.
+        Such a cause may be added to the effects found or replace any of them.
         """
         if all(best.mean_square[name] < self.beyond**2 for name in stages):
             return best
@@ -188,31 +188,31 @@ class Selection:
         return float(gap + 0.5 * np.sum(strain[strain > 4.0]))
 
     def _strain(self, fit: Fit, stages: Sequence[str]) -> Floats:
-        """Return the squared deviations of the values that some stages depend on."""
+        """Return the squared deviations of the values on which given stages depend."""
         far = fit.z[: len(self.problem.shared)]
         flat = np.array([n.unknown.flat for n in self.problem.shared], dtype=bool)
         own = np.array([bool(set(n.stages) & set(stages)) for n in self.problem.shared])
         return np.asarray(np.square(far[own & ~flat]))
 
     def _material(self, fit: Fit, stages: Sequence[str]) -> bool:
-        """Return whether enough is left in some stages for an effect that is worth its name."""
+        """Return whether enough is left in given stages for a material effect."""
         residual = max((0.5 * np.log(fit.mean_square[n]) for n in stages), default=0.0)
         strain = self._strain(fit, stages)
         return bool(residual > LOG_SHARE or 0.5 * strain[strain > 4.0].sum() > STRAIN)
 
     def _gains(self, before: Fit, fits: Sequence[Fit]) -> list[float]:
-        """Return what fits gain over another one under the present predictors.
+        """Return the gains of fits over a reference fit under the present predictors.
 
-        Where these belong to another place, the other one, too, is fitted to them.
+        If the predictors were tuned elsewhere, the reference is also refitted under them.
         """
         moves = TRIAL_MOVES if len(self._places(before)) > 1 else 0
         here = evidence(self.problem, self.problem.fit(before.model, before.z, moves))
         return [evidence(self.problem, f) - here for f in fits]
 
     def _settled(self, fits: list[Fit]) -> list[Fit]:
-        """Return fits, the best first, those of the same evidence each under its own predictor.
+        """Return fits, best first, those of similar evidence each under its own predictor.
 
-        The predictor of a model that lacks an effect may be too dull to tell its laws apart.
+        The predictor of a model that lacks an effect may be too insensitive to separate its laws.
         """
         if not fits:
             return fits
@@ -227,9 +227,9 @@ class Selection:
         return [*even, *fits[len(even) :]]
 
     def _kept(self, fits: list[Fit], before: Fit, gain: float) -> list[Fit]:
-        """Return fits, the best first, with others before a leader whose gain does not last.
+        """Return fits, best first, with others before a leader whose gain does not last.
 
-        A predictor that is tuned to a model without the effect can favour one that only dulls it.
+        A predictor tuned to a model without the effect can favour one that only desensitises it.
         """
         own = retuned(self.problem, fits[0])
         if evidence(self.problem, own) - evidence(self.problem, before) > HOLLOW * gain:
@@ -249,7 +249,7 @@ class Selection:
         )
 
     def _promising(self, fits: list[Fit], before: Fit) -> list[Fit]:
-        """Return the fits to go on from: the best, and the next if it is nearly as good."""
+        """Return the fits to continue from: the best, and the next if it is nearly as good."""
         if len(fits) < 2:
             return fits
         worth = [evidence(self.problem, f) - evidence(self.problem, before) for f in fits[:BEAM]]
@@ -258,23 +258,23 @@ class Selection:
 
     # ---- one more effect
     def expand(self, fit: Fit, pool: Sequence[Hypothesis]) -> list[Fit]:
-        """Return the best fits with one effect more than a fit has."""
+        """Return the best fits with one more effect than a given fit."""
         quick = self.rough(fit, pool)
         chosen = self._short_list(quick, fit)
         self.untried += [f for f in quick if f not in chosen][:SHORT_LIST]
         return [self._tried(f) for f in chosen]
 
     def _tried(self, rough: Fit) -> Fit:
-        """Return a rough fit after some steps in full.
+        """Return a rough fit after some full steps.
 
-        A drive's laws take all they need: the instant at which it takes its command over, which is
-        free, has taken their place and must first give way.
+        A drive's laws are fitted to convergence: the free instant at which the drive latches its
+        command has absorbed them and must first give way.
         """
         moves = MOVES if rough.model.effects[-1].family == "drive" else TRIAL_MOVES
         return self.problem.fit(rough.model, rough.z, moves, rough.jacobian)
 
     def rough(self, fit: Fit, pool: Sequence[Hypothesis]) -> list[Fit]:
-        """Return rough fits with one effect more, the best first."""
+        """Return rough fits with one more effect, best first."""
         used = {h.key for h in fit.model.effects}
         free = [
             h
@@ -309,8 +309,8 @@ class Selection:
     def _places(self, fit: Fit) -> list[Floats]:
         """Return the coordinates from which candidates are tried, the most usual ones last.
 
-        A model that lacks a large effect strains the datasheet to where that effect would not help;
-        then they are tried beside the datasheet, too.
+        A model that lacks a large effect may strain the datasheet so far that the effect would not
+        help; candidates are then also tried from near the datasheet.
         """
         known = len(self.problem.shared)
         z = fit.z.copy()
@@ -319,7 +319,7 @@ class Selection:
         return [fit.z, z] if strained else [fit.z]
 
     def _short_list(self, quick: list[Fit], before: Fit) -> list[Fit]:
-        """Return the leading fits, and the whole family of friction or drive where one leads."""
+        """Return the leading fits, plus the whole friction or drive family if one of it leads."""
         if not quick:
             return []
         top = evidence(self.problem, quick[0])
@@ -343,7 +343,7 @@ class Selection:
         return chosen
 
     def _may_help(self, fit: Fit, effect: Hypothesis) -> bool:
-        """Return whether the stages that an effect touches have enough left to pay for it."""
+        """Return whether the remainder in the stages that an effect touches can justify it."""
         enough = self.potential(fit, effect.touches) > price(Model((effect,))) + MARGIN
         return enough and self._material(fit, effect.touches)
 
@@ -367,9 +367,9 @@ class Selection:
 
 
 def other_frequencies(problem: Problem, fit: Fit) -> Fit:
-    """Return a fit with its periodic torques at the best of the frequencies that stand out.
+    """Return a fit with its periodic torques at the best of the prominent frequencies.
 
-    A rough fit can take a neighbour for the true frequency where little is known of the noise.
+    A rough fit can mistake a neighbour for the true frequency if the noise is poorly known.
     """
     stages = problem.stages
     for index, effect in enumerate(fit.model.effects):
@@ -390,7 +390,7 @@ def other_frequencies(problem: Problem, fit: Fit) -> Fit:
 
 
 def compatible(model: Model, effect: Hypothesis) -> bool:
-    """Return whether an effect may stand beside those of a model: one friction law per body."""
+    """Return whether an effect is compatible with those of a model: one friction law per body."""
     for other in model.effects:
         if other.family == effect.family == "friction" and other.body == effect.body:
             plain = {"load_friction", "viscous_asym"}

@@ -1,7 +1,7 @@
-"""Channels that are coarser or noisier than specified: read off the data, not fitted.
+"""Channels that are coarser or noisier than specified: estimated from the data, not fitted.
 
-A coarse channel shows the lattice of its values. A noisy one scatters at high frequency and, unlike
-a signal that merely is fast, raises the residual of its stage even where that is quietest.
+The values of a coarse channel lie on a lattice. A noisy one scatters at high frequency and, unlike
+a merely fast signal, raises the residual of its stage even where that is quietest.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from cjt_gym.gap.setting import Setting
 
 Floats = NDArray[np.float64]
 COARSER = 1.8
-"""Factor between found and stated resolution from which a channel is called coarse."""
+"""Ratio of found to stated resolution above which a channel is called coarse."""
 NOISIER = 1.3
-"""Factor between found and stated scatter from which a channel may be called noisy."""
+"""Ratio of found to stated scatter above which a channel may be called noisy."""
 RAISED = 1.15
-"""Residual in the quietest windows of its stage from which it is."""
+"""Residual in the quietest windows of its stage above which it is noisy."""
 STAGES_OF = {
     "q_m": ("motor", "transmission"),
     "q_l": ("load", "transmission"),
@@ -31,7 +31,7 @@ STAGES_OF = {
 WINDOW = 100
 QUIETEST = 0.25
 COLOURED = 0.25
-"""Correlation of neighbouring samples from which a residual is not noise."""
+"""Correlation of neighbouring samples above which a residual is not noise."""
 WHITE = 0.08
 """The same for the current, over a whole record."""
 GAUSSIAN_TAILS = 3.6
@@ -98,10 +98,10 @@ def with_findings(setting: Setting, findings: tuple[SensorFinding, ...]) -> Sett
 
 
 def noisy_current(setting: Setting, residual: Floats) -> SensorFinding | None:
-    """Return the finding that the current is noisy, where what its drive's model leaves is noise.
+    """Return the finding that the current is noisy, if the residual of the drive model is noise.
 
-    Unlike the other channels the current has no quiet windows to be read from: its command may be
-    as rough as noise. So this is asked of the residual of a fitted model.
+    Unlike the other channels the current has no quiet windows, since its command may be as rough
+    as noise. So the residual of a fitted model is tested.
 
     Args:
         setting: The record.
@@ -126,9 +126,8 @@ def _memory(x: Floats) -> float:
 def quiet_rms(residual: Floats, coloured: bool = False) -> float:
     """Return the rms of a residual in its quietest windows, 1 for white Gaussian noise.
 
-    Where these windows are not white it is no noise that fills them, and 1 is returned, unless
-    `coloured` says that colour does not matter: a predictor that was tuned to less noise colours
-    what it leaves.
+    If these windows are not white, they do not hold noise, and 1 is returned, unless `coloured`
+    states that colour does not matter: a predictor tuned to less noise colours its residual.
     """
     counted = residual[residual != 0.0]
     count = len(counted) // WINDOW

@@ -22,17 +22,17 @@ from cjt_gym.records import Record
 Floats = NDArray[np.float64]
 USED = ("i_cmd", "i", "q_m", "q_g", "q_l", "tau", "tau_l")
 SHORTEST = 200
-"""Fewest samples from which anything can be told."""
+"""Minimum number of samples for a diagnosis."""
 SLOW = 4e-3
-"""Sample time from which a log is slower than the control of any drive [s]."""
+"""Sample time above which a log is slower than the control of any drive [s]."""
 START = 0.01
-"""Time over which the first velocity is read [s]."""
+"""Time over which the initial velocity is estimated [s]."""
 UNEVEN = 0.2
 """Deviation of a sampling interval from the median, relative, above which times are re-sampled."""
 ANGLES = ("q_m", "q_g", "q_l", "tau")
-"""Channels that are smooth enough to show whether the stamps of a record are to be believed."""
+"""Channels smooth enough to show whether a record's time stamps can be trusted."""
 STAMPED, ROW = 0.02, 0.5
-"""Deviation of the stamps from even ones, in samples, from which and up to which it is asked."""
+"""Range of deviations from even time stamps, in samples, in which they are checked."""
 TINY = 1e-300
 HOLE = 5.0
 """Time between samples of a channel, in its median, from which the record is broken there."""
@@ -46,7 +46,7 @@ class Series:
         dt: Sample time [s].
         columns: Channels by name, each of shape (N,), finite.
         valid: For each channel whether the sample was measured, shape (N,).
-        zero: What was taken off each angle, so that it starts at zero [rad].
+        zero: Offset subtracted from each angle, so that it starts at zero [rad].
         derived: Channels that were not measured but follow from others and the nominal joint.
     """
 
@@ -77,7 +77,7 @@ class Series:
         return np.asarray(np.arange(len(self)) * self.dt, dtype=np.float64)
 
     def measured(self, *names: str) -> NDArray[np.bool_]:
-        """Return where all the named channels were measured, shape (N,)."""
+        """Return whether all the named channels were measured at each sample, shape (N,)."""
         good = np.ones(len(self), dtype=bool)
         for name in names:
             if name in self.valid:
@@ -108,8 +108,8 @@ class Series:
 def unbroken(record: Record) -> Record:
     """Return the longest stretch of a record in which no channel is lost for several samples.
 
-    A predictor that has to guess what happened in a gap takes long to forget it. What is too
-    short to be diagnosed stays as it is.
+    A predictor that has to guess what happened in a gap takes long to recover. A record too
+    short to be diagnosed is left unchanged.
     """
     t = record.t
     edges = {0, len(record)}
@@ -137,7 +137,7 @@ def to_series(
         record: The record.
         joint: The joint, for the current that belongs to a torque.
         structure: How its bodies are joined, for an angle that belongs to another.
-        zero_at: What to take off each angle [rad]; left out, its first value.
+        zero_at: Offset to subtract from each angle [rad]; by default its first value.
 
     Raises:
         RecordError: The record is too short, has no motor angle, or nothing drives it.
@@ -163,10 +163,10 @@ def to_series(
 
 
 def _stamped(columns: dict[str, Floats], t: Floats, dt: float) -> Floats:
-    """Move what was measured to even instants where the stamps tell when it was; return the times.
+    """Resample measurements to even instants if the stamps can be trusted; return the times.
 
-    Stamps may tell when a sample was taken, or when it was written: they are taken at their word
-    where that makes the channels smoother. A current may jump: command and current keep their rows.
+    Stamps may state when a sample was taken or when it was written: they are trusted if that
+    makes the channels smoother. A current may jump: command and current keep their rows.
     """
     step = (t[-1] - t[0]) / (len(t) - 1)
     grid = t[0] + step * np.arange(len(t))
@@ -183,14 +183,14 @@ def _stamped(columns: dict[str, Floats], t: Floats, dt: float) -> Floats:
 
 
 def _near(grid: Floats, t: Floats, dt: float) -> NDArray[np.bool_]:
-    """Return where a measured sample lies within half an interval of the grid."""
+    """Return whether a measured sample lies within half an interval of each grid point."""
     after = np.clip(np.searchsorted(t, grid), 1, len(t) - 1)
     gap = np.minimum(np.abs(grid - t[after - 1]), np.abs(t[after] - grid))
     return np.asarray(gap <= 0.5 * dt)
 
 
 def _add_commands(columns: dict[str, Floats], record: Record, joint: JointFile) -> None:
-    """Turn torques of the motor into currents, where the currents are not there."""
+    """Convert motor torques into currents if the currents are missing."""
     p = joint.parameters
     torques = {"i_cmd": "tau_cmd", "i": "tau_m"}
     for current, torque in torques.items():
@@ -201,10 +201,10 @@ def _add_commands(columns: dict[str, Floats], record: Record, joint: JointFile) 
 def _add_motor_angle(
     columns: dict[str, Floats], record: Record, joint: JointFile, structure: Structure
 ) -> frozenset[str]:
-    """Add the motor's angle where it was not measured but follows; return what was added.
+    """Add the motor's angle if it can be derived instead of measured; return what was added.
 
     It is the angle of a body that moves with the motor, or the integral of the motor's velocity,
-    or, where the output is held, the deflection that the joint torque causes in the spring.
+    or, if the output is locked, the deflection that the joint torque causes in the spring.
     """
     if "q_m" in columns:
         return frozenset()

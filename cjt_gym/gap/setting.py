@@ -16,11 +16,11 @@ from cjt_gym.records import Record
 
 Floats = NDArray[np.float64]
 PROCESS_TORQUE = 0.2
-"""Torque noise on the motor, as a share of what the noise of its torque signals amounts to."""
+"""Torque noise on the motor, as a share of that equivalent to the noise of its signals."""
 CLEAR = 0.5
-"""Scatter from jitter over other noise from which a channel shows the jitter."""
+"""Ratio of scatter from jitter to other noise above which a channel reveals the jitter."""
 LEAST_JITTER = 0.5
-"""Share of the stated jitter that is allowed for in any case."""
+"""Share of the stated jitter that is always allowed for."""
 FOLLOWED = 0.1
 """Periods of a swing per sample up to which a slow log follows it."""
 MOVES, FOLLOWS = 1.3, 5.0
@@ -29,7 +29,7 @@ torque, in deviations of chance, from which it moves."""
 STILL = 1e-12
 """Deviation of the angle of an output that does not move [rad]."""
 SETTLE = 0.05
-"""Time that a predictor is given to settle before its residuals count [s]."""
+"""Settling time of a predictor before its residuals count [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,12 +79,12 @@ class Setting:
 
     @property
     def current_unspecified(self) -> bool:
-        """Whether nothing says how far the motor's torque is known."""
+        """Whether the accuracy of the motor's torque is unspecified."""
         return "i" not in self.series or "i" not in self.joint.sensors
 
     @property
     def command_unit(self) -> str:
-        """Return the unit of current and its command, which of a drive may be a voltage."""
+        """Return the unit of current and its command, which may be a voltage for some drives."""
         return "V" if self.joint.parameters.unit("k_t").endswith("/V") else "A"
 
     @property
@@ -96,7 +96,7 @@ class Setting:
         return float(np.sqrt(stiffness / inertia)) / (2.0 * np.pi) * self.series.dt > FOLLOWED
 
     def unseen(self, channel: str) -> NDArray[np.float64]:
-        """Return the deviation from not knowing when within a sample a signal changes."""
+        """Return the deviation due to not knowing when within a sample a signal changes."""
         if self.series.slow:
             return np.asarray(self.series.change(channel) / np.sqrt(12.0))
         slope = self.noise[channel].jitter if channel in self.noise else 0.0
@@ -140,7 +140,7 @@ def make_setting(
 def _is_still(series: Series, noise: ChannelNoise) -> bool:
     """Return whether a locked output shows no more than noise of its encoder.
 
-    One that yields follows the torque.
+    The angle of a yielding output follows the torque.
     """
     angle = series["q_l"] - np.mean(series["q_l"])
     spread = float(np.std(angle))
@@ -165,7 +165,7 @@ def as_noisy(setting: Setting, known: Setting) -> Setting:
 def _common_jitter(series: Series, noise: Mapping[str, ChannelNoise], stated: float) -> float:
     """Return the deviation of the sampling times [s], which all channels of a record share.
 
-    It is that of the channel that shows it best; where none does, what is stated.
+    It is that of the channel that reveals it best; if none does, the stated jitter.
     """
 
     def clear(name: str) -> float:

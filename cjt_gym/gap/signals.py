@@ -42,7 +42,7 @@ def smooth_mean(x: Floats) -> Floats:
 
 
 def shifted(x: Floats, samples: float) -> Floats:
-    """Return the signal that much earlier (samples > 0), interpolated by a cubic; shape (N,).
+    """Return the signal shifted earlier (samples > 0), interpolated by a cubic; shape (N,).
 
     Value k of the result is the signal at k + samples.
     """
@@ -55,7 +55,7 @@ def shifted(x: Floats, samples: float) -> Floats:
 
 
 def shift_noise(samples: float) -> float:
-    """Return by which factor `shifted` changes the deviation of white noise."""
+    """Return the factor by which `shifted` changes the deviation of white noise."""
     return float(np.linalg.norm(_cubic(samples - np.floor(samples))))
 
 
@@ -79,7 +79,7 @@ def motor_current(fields: Fields, series: Series) -> Floats:
 
 
 def commanded_current(fields: Fields, series: Series) -> Floats:
-    """Return the current that the drive makes of its command, at the samples [A]; shape (N,).
+    """Return the current with which the drive answers its command, at the samples [A]; shape (N,).
 
     The command is held over a sample, delayed, rounded, limited, and passes a first-order lag. A
     delay of minus a sample is that of a log which is slower than the drive: the current is already
@@ -102,7 +102,7 @@ def commanded_current(fields: Fields, series: Series) -> Floats:
 
 
 def taken_over(fields: Fields, c: Floats, dt: float) -> tuple[Floats, Floats, float, float]:
-    """Return how a drive takes its command over: y[k+1] = a y + (b - a) older + (1 - b) newer.
+    """Return a drive's response to its command: y[k+1] = a y + (b - a) older + (1 - b) newer.
 
     Without a lag y[k+1] is the mean over the sample, so that the current changes with the delay
     gradually, not at whole samples alone, where no fit could find its way.
@@ -125,7 +125,7 @@ def taken_over(fields: Fields, c: Floats, dt: float) -> tuple[Floats, Floats, fl
 
 @compiled
 def followed(x: Floats, most: float) -> Floats:
-    """Return what follows a signal with changes of at most so much per sample, shape (N,)."""
+    """Return a signal limited to a largest change per sample, shape (N,)."""
     y = np.empty(x.size)
     last = x[0]
     for k in range(x.size):

@@ -1,4 +1,4 @@
-"""The torque of the torsion bar from its deflection, with all that may be wrong with it."""
+"""The torque of the torsion bar from its deflection, including all its possible defects."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def spring_torque(
         fields: The model.
         deflection: Of the bar [rad], shape (N,).
         dt: Sample time [s].
-        slack: Width of play beside that of the model [rad], shape (N,).
+        slack: Width of play in addition to the model's [rad], shape (N,).
     """
     x = deflection
     if fields["play"] > 0.0 or slack is not None:
@@ -39,7 +39,7 @@ def spring_torque(
     if fields["d_gl"] != 0.0:
         torque = torque + fields["d_gl"] * np.gradient(x, dt)
     if fields["hyst"] != 0.0:
-        # Noise in the path would wear a memory down: where it yields, steps forth and back differ.
+        # Noise in the path would erode the memory: while it yields, forward and back steps differ.
         path = savgol_filter(x, PATH, 3)
         torque = torque + fields["hyst"] * slip(path, fields["hyst_z"], fields["hyst_n"])
     return np.asarray(torque)
@@ -54,7 +54,7 @@ def slip(path: Floats, width: float, exponent: float) -> Floats:
 
     Args:
         path: Deflection without noise [rad], shape (N,).
-        width: Deflection over which it turns round [rad].
+        width: Deflection over which it reverses [rad].
         exponent: How sharply it yields.
     """
     z = np.zeros(path.size)

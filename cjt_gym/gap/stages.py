@@ -115,7 +115,7 @@ class Stages:
         return outside_rows(self.setting)
 
     def tune(self, fields: Fields) -> None:
-        """Compute the predictors' gains, and what noise does in the springs, for these fields."""
+        """Compute the predictors' gains, and noise effects in the springs, for these fields."""
         self.springs = self.setting.nominal | {name: fields[name] for name in SPRINGS}
         for cached in ("spring_noise", "_shaken_angles"):
             self.__dict__.pop(cached, None)
@@ -138,7 +138,7 @@ class Stages:
         return run[name](fields, series, added)
 
     def _added(self, fields: Fields) -> Added:
-        """Return what the causes outside the effect table add to each channel."""
+        """Return the sum of the causes outside the effect table on each channel."""
         if not any("." in key for key in fields):
             return {}
         return disturbing(fields, self.setting.series, self.outside.disturbances)
@@ -336,7 +336,7 @@ class Stages:
 
     # ---- shared
     def _prescribed(self, chain: Chain, q: Floats) -> Floats:
-        """Return what a prescribed angle adds over each sample, shape (N, n)."""
+        """Return the contribution of a prescribed angle over each sample, shape (N, n)."""
         rate = (ahead(q) - q) / self.setting.series.dt
         return q[:, None] * chain.start + rate[:, None] * chain.slope
 
@@ -390,7 +390,7 @@ class Stages:
         k, _ = kalman_gain(chain, (0,), torque, (noise,))
         std = innovation_std(chain, k, torque, s.std(channel))
         shaken = s.noise[channel].jitter * s.series.speed(channel)
-        # Wrong samples come back through the gain: what they do to later ones counts as well.
+        # Wrong samples feed back through the gain: their effect on later ones counts as well.
         returned = innovation_std(chain, k, (0.0, 0.0, 0.0), 1.0)[0] ** 2
         variance = std[0] ** 2 + returned * shaken**2
         if name == "motor" and "i" in s.series:
@@ -442,7 +442,7 @@ class Stages:
 
 
 def passed_on(chain: Chain, body: int, torque: Floats) -> Floats:
-    """Return what a smooth torque on a body adds over each sample, shape (N, n).
+    """Return the contribution of a smooth torque on a body over each sample, shape (N, n).
 
     Args:
         chain: The stage's piece of the joint.

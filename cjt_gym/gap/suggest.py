@@ -20,7 +20,7 @@ MOST_RIVALS = 2
 ENOUGH = "No further record is needed."
 WEAK = "What was found stands on little: "
 SHORT = 5.0
-"""Length of a record below which a longer one is asked for [s]."""
+"""Duration of a record below which a longer one is suggested [s]."""
 ELSEWHERE = (
     "Look at the regimes in which it lies, and record the joint again with one input at a time: "
     "slow ramps, steps, a chirp."
@@ -41,10 +41,10 @@ def suggest(
     Args:
         problem: The record.
         base: The fit without effects.
-        fit: The fit that was chosen.
+        fit: The chosen fit.
         needs: What each of its effects is needed for.
         seen: All other fits.
-        named: The effects that are named.
+        named: The named effects.
         left: Stages that are not explained.
     """
     question = _open_question(problem, base, fit, needs, seen, named)
@@ -64,12 +64,12 @@ def suggest(
 
 
 def cautious(suggestion: Suggestion, setting: Setting, held_out: bool) -> Suggestion:
-    """Return a suggestion that asks for a better record where this one tells little.
+    """Return a suggestion that asks for a better record if this one reveals little.
 
     Args:
-        suggestion: What was suggested.
+        suggestion: The original suggestion.
         setting: The record.
-        held_out: Whether data were kept from the fit.
+        held_out: Whether data were withheld from the fit.
     """
     asked = []
     if setting.series.slow:
@@ -84,7 +84,7 @@ def cautious(suggestion: Suggestion, setting: Setting, held_out: bool) -> Sugges
 
 
 def _nearest(problem: Problem, seen: Sequence[Fit], stage: str) -> Mapping[str, Fit]:
-    """Return the two explanations by which a stage's gap is least badly explained, by name."""
+    """Return the two best explanations of a stage's gap, by name."""
     found: dict[str, Fit] = {}
     blamed = [fit for fit in seen if fit.model.effects]
     for fit in sorted(blamed, key=lambda f: -evidence(problem, f)):
@@ -117,7 +117,7 @@ def _open_question(
 
 
 def _told_otherwise(effect: NamedEffect) -> bool:
-    """Return whether other means than motion tell an effect from what it looks like."""
+    """Return whether means other than motion tell an effect from its rivals."""
     return any(frozenset((effect.name, other)) in SEPARATED_BY for other in effect.confusable_with)
 
 
@@ -146,7 +146,7 @@ def _times(ratio: float) -> str:
 
 
 def _other_means(named: Sequence[NamedEffect]) -> str:
-    """Return what tells effects apart that look the same in these channels whatever the motion."""
+    """Return what separates effects that look the same in these channels under any motion."""
     pairs = ((e.name, rival) for e in named for rival in e.confusable_with)
     return next((advice(*pair) for pair in pairs if frozenset(pair) in SEPARATED_BY), ENOUGH)
 
@@ -160,7 +160,7 @@ def _needs_more(names: Sequence[str], ranked: Sequence[Prospect]) -> str:
 
 
 def record_of(problem: Problem, prospect: Prospect) -> Record:
-    """Return an input as an excitation: a record that holds commands and no measurement."""
+    """Return an input as an excitation: a record of commands without measurements."""
     setting: Setting = problem.stages.setting
     p = setting.joint.parameters
     current = prospect.current

@@ -1,4 +1,4 @@
-"""Is what remains explained? What may be named, how firmly, and the verdict."""
+"""Whether the remainder is explained, which effects may be named, and the verdict."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from cjt_gym.gap.select import STRAIN
 LEFT = 1.3
 """Normalised residual above which a stage is not explained."""
 LEFT_SHARE = 0.005
-"""And least share of its gap that must be left."""
+"""Smallest share of its gap that must also be left."""
 FIRM = 1.5
-"""Part of a residual, in log, from which an effect is confirmed although something is left."""
+"""Log reduction of a residual above which an effect is confirmed despite a remainder."""
 WEAK = 0.5
-"""Part of it below which an effect is not even named where something is left."""
+"""Log reduction below which an effect is not even named if there is a remainder."""
 HELD_LEFT = 1.6
-"""The same as LEFT on a held-out record, to which nothing was fitted."""
+"""The same as LEFT for a held-out record, to which nothing was fitted."""
 HELD_SHARE = 0.02
 COARSE = 1.5
-"""Factor on both where a channel is coarse, whose rounding errors are no white noise."""
+"""Factor on both if a channel is coarse, as rounding errors are not white noise."""
 DOUBTFUL = 0.6
-"""Worth of an effect on held-out data below which it is no more than tentative."""
+"""Worth of an effect on held-out data below which it is at most tentative."""
 CLOSE = 0.2
-"""How far from 1 its worth may be where something is left."""
+"""Largest distance of its worth from 1 if there is a remainder."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Leftover:
     Attributes:
         stage: Its name.
         share: Share of its squared excess residual that is left.
-        text: What it looks like, where that is known.
+        text: What it looks like, if known.
     """
 
     stage: str
@@ -47,16 +47,16 @@ class Leftover:
 def leftovers(
     base: Fit, fit: Fit, needs: Sequence[Need], held: Sequence[HeldOut], coarse: bool
 ) -> tuple[Leftover, ...]:
-    """Return the stages in which a material part of the gap is left, the worst first.
+    """Return the stages in which a material part of the gap is left, worst first.
 
-    What a cause outside the effect table takes away is left, too, and so is what comes up on a
+    The remainder includes what a cause outside the effect table removes and what appears on a
     held-out record.
 
     Args:
         base: The fit without effects.
-        fit: The fit with those that are needed.
+        fit: The fit with the needed effects.
         needs: What each of them is needed for.
-        held: What it is worth on held-out records.
+        held: Its performance on held-out records.
         coarse: Whether a channel is coarser than specified.
     """
     found = []
@@ -83,7 +83,7 @@ def _share(before: Mapping[str, float], stage: str, ms: float) -> float:
 
 
 def untouched(left: Sequence[Leftover]) -> tuple[Leftover, ...]:
-    """Return what is left where nothing is named: of each of these stages, the whole gap."""
+    """Return the remainder if nothing is named: the whole gap of each of these stages."""
     return tuple(replace(item, share=1.0) for item in left)
 
 
@@ -92,11 +92,10 @@ def status(
 ) -> str | None:
     """Return "confirmed" or "tentative" for an effect, None where it should not be named.
 
-    An effect in stages that are explained is confirmed. Where something is left, it could be the
-    shadow of what is missing, which held-out data have, too: one that takes little away is not
-    named, unless the datasheet speaks for it. The others must be worth on held-out data what they
-    say, or, where there are none that excite them, they must have taken a large part of the
-    residual.
+    An effect in explained stages is confirmed. If there is a remainder, it could be the shadow of
+    a missing cause, which also acts on held-out data: one that removes little is not named, unless
+    it relieves the datasheet. The others must prove their worth on held-out data or, if none
+    excite them, must have removed a large part of the residual.
     """
     open_stages = {item.stage for item in left}
     shadow = bool(open_stages & set(touches))
@@ -118,7 +117,7 @@ def status(
 
 
 def verdict(named: int, left: Sequence[Leftover]) -> str:
-    """Return the verdict for a number of named effects and the stages that are left over."""
+    """Return the verdict for a number of named effects and the unexplained stages."""
     if left:
         return "partly_explained" if named else "unexplained"
     return "explained" if named else "no_gap"

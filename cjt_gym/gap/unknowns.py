@@ -1,4 +1,4 @@
-"""Numbers that a fit may change: what they are called, where they start, how far they may go."""
+"""Numbers that a fit may change: their names, starting values and bounds."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Unknown:
-    """One number of a fit, worked on as a coordinate z with the prior N(0, 1).
+    """One number of a fit, represented by a coordinate z with the prior N(0, 1).
 
     Attributes:
         symbol: Its name in reports.
         unit: Its unit.
         start: Value at z = 0 [unit].
-        scale: Deviation of the prior: relative (`log`) or in the unit.
+        scale: Standard deviation of the prior: relative (`log`) or in the unit.
         log: Whether the value is start * exp(scale z) rather than start + scale z.
         low: Smallest value [unit].
         high: Largest value [unit].
         flat: Whether the prior is left out.
-        shape: Whether it only shapes an effect, whose size other numbers tell: those are at
-            their start where there is none of it.
+        shape: Whether it only shapes an effect, whose size is given by other numbers; those are
+            at their start if the effect is absent.
     """
 
     symbol: str
@@ -49,6 +49,6 @@ class Unknown:
         return (value - self.start) / self.scale
 
     def at_bound(self, z: float) -> bool:
-        """Return whether the value is stuck at one of its ends."""
+        """Return whether the value is stuck at one of its bounds."""
         value = self.value(z)
         return value <= self.low or value >= self.high

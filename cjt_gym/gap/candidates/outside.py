@@ -1,4 +1,4 @@
-"""Causes outside the effect table, so that none of the table's effects is blamed for them.
+"""Causes outside the effect table, so that no effect of the table is blamed for them.
 
 They are fitted like the others and compete with them, but are never named as effects: where one of
 them is needed, its stage is not explained by the table, and the diagnosis says what it looks like.
@@ -45,7 +45,7 @@ class Outside:
 
     Attributes:
         setting: The record.
-        size: Its typical sizes.
+        size: Its typical magnitudes.
         rows: The candidates.
         disturbances: What they add to the joint, by name.
     """
@@ -220,7 +220,7 @@ def _on_body(found: Outside, body: str, torque: float, speed: float) -> None:
         text = "a torque that is not proportional to the current"
         found.add("saliency", text, channel, (cubic,), lambda s, v: -v["loss"] * s["i"] ** 3)
     if found.setting.current_unspecified:
-        return  # what follows leans on the measured acceleration, whose noise nothing states
+        return  # the rest relies on the measured acceleration, whose noise is unspecified
     inertia = torque / max(float(np.std(np.gradient(series.speed(angle), series.dt))), 1e-9)
     ride = (
         Unknown("f", "rad/s", 80.0, 0.8, True, low=10.0, high=1.0 / series.dt),

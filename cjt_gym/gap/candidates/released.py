@@ -13,7 +13,7 @@ FURTHEST = 5.0
 
 
 def released(setting: Setting, name: str, effect: str, stage: str, field_name: str) -> Hypothesis:
-    """Return the row of an effect that is a wrong value of the datasheet."""
+    """Return the row of an effect that is a wrong datasheet value."""
     unit = setting.joint.parameters.unit(field_name)
     nominal = setting.nominal[field_name]
     low, high = nominal / FURTHEST, nominal * FURTHEST

@@ -73,7 +73,7 @@ def transmission_rows(setting: Setting, size: Scales) -> list[Hypothesis]:
 
 
 def _gear_play(play: Unknown, centre: Unknown, x: float, pulls: bool) -> Hypothesis:
-    """Return a play in the gear, whose damper may hold teeth that part or may not."""
+    """Return backlash in the gear, whose damper may or may not resist parting teeth."""
 
     def apply(f: Fields, v: Values) -> None:
         f["play_g"], f["pull_g"] = v["b"], float(pulls)

@@ -1,4 +1,4 @@
-"""A diagnosis to look at: one HTML file, and a few lines for a terminal or a notebook.
+"""Presentation of a diagnosis: one HTML file, and a few lines for a terminal or a notebook.
 
 =========  ================================================
 `words`    names, places, numbers, the verdict in a sentence

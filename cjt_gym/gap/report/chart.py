@@ -164,7 +164,7 @@ def _path(curve: Curve, across: _Scale, along: _Scale) -> str:
 
 
 def decimated(x: Floats, y: Floats, dots: bool = False, most: int = MOST) -> tuple[Floats, Floats]:
-    """Return at most so many points of a curve; of a line those that keep its peaks.
+    """Return at most a given number of points of a curve; of a line those that keep its peaks.
 
     Args:
         x: Shape (N,).
@@ -187,7 +187,7 @@ def decimated(x: Floats, y: Floats, dots: bool = False, most: int = MOST) -> tup
 
 
 def ticks(low: float, high: float, about: int = 6) -> list[float]:
-    """Return round values between two ends, about so many."""
+    """Return about a given number of round values between two ends."""
     step = _round_up((high - low) / about)
     first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
     return [k * step for k in range(first, last + 1)]
@@ -208,7 +208,7 @@ def _round_up(step: float) -> float:
 
 
 def _bulk(curve: Curve, values: Floats) -> Floats:
-    """Return what the axis must hold: of a cloud all but its few outermost dots."""
+    """Return the values that an axis must cover: for a cloud all but its few outermost dots."""
     return np.quantile(values, [OUTER, 1.0 - OUTER]) if curve.dots else values
 
 

@@ -48,11 +48,11 @@ def write_report(
     """Write a diagnosis as one HTML file that needs no network, and return its path.
 
     Args:
-        diagnosis: What is shown.
-        path: The file; folders on the way are made.
+        diagnosis: The diagnosis to show.
+        path: The file; missing folders are created.
         title: Its heading.
-        notes: What was repaired in the records, or is else worth knowing; one line each.
-        tables: What else is shown, each in a section of its own.
+        notes: Repairs of the records and other remarks, one line each.
+        tables: Additional tables, each in its own section.
 
     Raises:
         ConfigurationError: The file cannot be written.

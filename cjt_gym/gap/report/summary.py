@@ -24,7 +24,7 @@ def summary(diagnosis: Diagnosis) -> str:
     """Return a diagnosis as plain text of at most 45 lines.
 
     Args:
-        diagnosis: What is told.
+        diagnosis: The diagnosis to summarise.
     """
     gap, explained = diagnosis.gap, bool(diagnosis.effects)
     refined = explained or gap.after != gap.before

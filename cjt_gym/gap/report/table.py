@@ -10,13 +10,13 @@ from html import escape
 
 @dataclass(frozen=True)
 class Table:
-    """A table with what is to be known about it.
+    """A table with explanations.
 
     Attributes:
         title: What it shows.
         aid: How it is read.
         rows: Its cells; the first row is the head.
-        notes: What else is to be known, one line each.
+        notes: Further remarks, one line each.
     """
 
     title: str
@@ -44,7 +44,7 @@ class Table:
         )
 
     def text(self, width: int) -> str:
-        """Return the table for a terminal of so many letters, with aligned columns."""
+        """Return the table for a terminal of a given width, with aligned columns."""
         columns = zip(*self.rows, strict=True)
         widths = [max(len(cell) for cell in column) for column in columns]
         lines = [

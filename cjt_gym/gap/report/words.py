@@ -56,7 +56,7 @@ WITH_BODY = ("coulomb", "coulomb_asym", "viscous_asym", "stribeck", "presliding"
 NOTABLE = 0.1
 """Share of the replay error that must be gone for the verdict to say how much."""
 OPEN, AGAIN = 0.1, 3.0
-"""Replay error, and its ratio to the noise floor, from which an explained joint needs a word."""
+"""Replay error, and its ratio to the noise floor, above which an explained joint needs a remark."""
 DOUBTED = 0.3
 """Confidence of the surest name below which names are only a guess."""
 MINUS = "\N{MINUS SIGN}"
@@ -66,7 +66,7 @@ CONCENTRATED = 0.5
 
 
 def number(value: float, digits: int = 3) -> str:
-    """Return a number with so many significant digits and no exponent where it can be avoided."""
+    """Format a number to a given number of significant digits, avoiding an exponent if possible."""
     if value == 0.0 or not math.isfinite(value):
         return "0"
     mantissa, power = f"{value:.{digits - 1}e}".split("e")
@@ -87,7 +87,7 @@ def percent(share: float) -> str:
 
 
 def noise_floor(gap: GapSize) -> str:
-    """Return what noise alone would leave of a gap; zero stands for what could not be told."""
+    """Return the part of a gap due to noise alone; zero means unknown."""
     return percent(gap.floor) if gap.floor > 0.0 else "not known"
 
 
