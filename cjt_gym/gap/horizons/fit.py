@@ -175,29 +175,37 @@ class Problem:
             data += self.force * (logs[key] + 2.0 * self.deafness(model, z))
         return self.strength * data + 0.5 * float(np.sum(z[_known(model)] ** 2))
 
-    def fit(self, model: Model, z: Floats | None = None, steps: int = 12) -> Fit:
-        """Return the best fit of a model from given coordinates, by Levenberg-Marquardt."""
+    def fit(self, model: Model, z: Floats | None = None, steps: int = 24) -> Fit:
+        """Return the best fit of a model from given coordinates, by Levenberg-Marquardt.
+
+        Between accepted steps the derivatives are updated by Broyden's rank-one formula, which
+        costs no predictions; they are evaluated anew where a step gains little.
+        """
         z = np.zeros(len(model.numbers)) if z is None else np.array(z, dtype=np.float64)
         errors = self.errors(model, z)
         cost, damping = self.cost(model, z, errors), 1e-3
-        jacobian = None
+        jacobian, exact = None, False
         for _ in range(steps if len(z) else 0):
-            jacobian = self.jacobian(model, z, errors)
+            if jacobian is None:
+                jacobian, exact = self.jacobian(model, z, errors), True
             hessian, gradient = self.normal(model, z, errors, jacobian)
             free = _free(model, z, gradient)
-            gain, move = 0.0, np.zeros(len(z))
-            for _ in range(5):
+            gain, move, fresh = 0.0, np.zeros(len(z)), exact
+            for _ in range(5 if fresh else 1):
                 move[free] = -_solve(hessian[np.ix_(free, free)], damping, gradient[free])
                 new = _within(model, z + move * min(1.0, LONGEST / max(np.abs(move).max(), 1e-12)))
                 tried = self.errors(model, new)
                 better = self.cost(model, new, tried)
                 if better < cost:
+                    jacobian, exact = _updated(jacobian, new - z, errors, tried), False
                     gain, cost, z, errors = cost - better, better, new, tried
                     damping = max(damping / 8.0, 1e-9)
                     break
                 damping = max(damping * 8.0, 1e-3)
             if gain < 2e-3 * self.strength:
-                break
+                if fresh:
+                    break
+                jacobian = None
         return Fit(model, z, cost, errors, jacobian)
 
     def jacobian(
@@ -273,6 +281,17 @@ def resistance(model: Model, z: Floats) -> float:
 
 def _number(value: object) -> float:
     return float(value)  # type: ignore[arg-type]
+
+
+def _updated(
+    jacobian: Sequence[Floats], move: Floats, before: Sequence[Floats], after: Sequence[Floats]
+) -> list[Floats]:
+    """Return derivatives that agree with the change of the errors along a step."""
+    along = move / max(float(move @ move), 1e-300)
+    return [
+        j + (new - old - j @ move)[..., None] * along
+        for j, old, new in zip(jacobian, before, after, strict=True)
+    ]
 
 
 def _known(model: Model) -> Floats:

@@ -27,7 +27,8 @@ def best_start(problem: Problem, model: Model) -> Fit:
         np.array([n.coordinate(v) for n, v in zip(numbers, values, strict=True)])
         for values in itertools.product(*grids)
     ]
-    costs = side_by_side(lambda z: problem.cost(model, z, problem.errors(model, z)), starts)
+    rough = problem.rough
+    costs = side_by_side(lambda z: rough.cost(model, z, rough.errors(model, z)), starts)
     best = np.argsort(costs, kind="stable")[:2]
     return min(side_by_side(lambda k: problem.fit(model, starts[k]), best), key=lambda f: f.cost)
 
