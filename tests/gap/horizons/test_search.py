@@ -1,0 +1,114 @@
+"""What a search does with what it has found: one law for another, and back to the datasheet."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import cjt_gym.gap.horizons.search as search_of
+from cjt_gym.gap.horizons.base_rows import base_terms
+from cjt_gym.gap.horizons.case import make_case
+from cjt_gym.gap.horizons.fit import Fit, Problem, _updated
+from cjt_gym.gap.horizons.found import Found, worths_of
+from cjt_gym.gap.horizons.grow import added, leaves
+from cjt_gym.gap.horizons.model import Model, Term
+from cjt_gym.gap.horizons.rivals import rivals_of
+from cjt_gym.gap.horizons.rows import candidates, scales_of
+from cjt_gym.gap.horizons.search import pruned, search
+from cjt_gym.joint import get_structure
+from tests.gap.horizons.rotor import DRY, datasheet, record
+
+
+def nothing(_: Fit) -> float:
+    return 0.0
+
+
+@pytest.fixture(scope="module")
+def posed() -> tuple[Problem, Fit, dict[str, Term]]:
+    """A rotor with dry friction whose inertia the datasheet has right: windows, base, terms."""
+    case = make_case([record()], [], datasheet(1.0, tolerance=0.5), get_structure("rigid"))
+    scales = scales_of(case.joint, case.logs)
+    problem = Problem(case.fit)
+    base = problem.fit(Model(case.joint, base_terms(case.joint, scales)))
+    return problem, base, {t.name: t for t in candidates(case.joint, scales, case.logs)}
+
+
+def with_term(problem: Problem, fit: Fit, term: Term) -> Fit:
+    return problem.fit(*added(fit, term, term.starts[0]))
+
+
+def names(fit: Fit) -> set[str]:
+    return {term.name for term in fit.model.terms}
+
+
+def test_a_law_that_explains_more_takes_the_place_of_another(
+    posed: tuple[Problem, Fit, dict[str, Term]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem, base, terms = posed
+    wrong = with_term(problem, base, terms["viscous_asym"])
+    less = leaves(problem, wrong)
+    found = Found(wrong, base, worths_of(problem, less, wrong, nothing), (), tuple(less))
+    rivals, better = rivals_of(problem, found, list(terms.values()))
+    assert "coulomb" in rivals[-1]
+    assert better is not None
+    assert "coulomb" in names(better)
+    assert "viscous_asym" not in names(better)
+    assert better.cost < wrong.cost
+
+    monkeypatch.setattr(search_of, "extended", lambda _p, fit, *_: fit)
+    monkeypatch.setattr(
+        search_of, "pruned", lambda p, first, fit, held: found if fit is wrong
+        else pruned(p, first, fit, held),
+    )  # fmt: skip
+    dear = replace(base, cost=wrong.cost + 50.0)
+    monkeypatch.setattr(search_of, "best_start", lambda *_: dear)
+    monkeypatch.setattr(search_of, "apart", lambda *_: [wrong])
+    monkeypatch.setattr(search_of, "begin", lambda *_: wrong)
+    monkeypatch.setattr(search_of, "inverse_starts", lambda *_: [])
+    ended = search(problem, base.model, list(terms.values())).fit
+    assert "coulomb" in names(ended)
+    assert "viscous_asym" not in names(ended)
+
+
+def test_a_search_that_ends_far_from_the_datasheet_starts_from_it_again(
+    posed: tuple[Problem, Fit, dict[str, Term]],
+) -> None:
+    problem, base, terms = posed
+    good = with_term(problem, base, terms["coulomb"])
+    inertia = good.model.terms[0].numbers[0]
+    z = good.z.copy()
+    z[0] = inertia.coordinate(4.0 * good.model.values(good.z)[0][0])
+    far = problem.at(good.model, z)
+    assert far.cost > good.cost + 10.0
+    kept = pruned(problem, base, far, nothing).fit
+    assert kept.cost == pytest.approx(good.cost, abs=1.0)
+    assert kept.model.values(kept.z)[0][0] == pytest.approx(1.0, rel=0.1)
+    pairs = zip(kept.model.terms, kept.model.values(kept.z), strict=True)
+    dry = [values[0] for term, values in pairs if term.name == "coulomb"]
+    assert dry == pytest.approx([DRY], rel=0.1)
+
+
+def test_updated_derivatives_explain_the_step_that_was_taken() -> None:
+    rng = np.random.default_rng(0)
+    before, after = ([rng.standard_normal((5, 3)) for _ in range(2)] for _ in range(2))
+    old = [rng.standard_normal((5, 3, 4)) for _ in range(2)]
+    move = rng.standard_normal(4)
+    across = np.linalg.qr(np.column_stack([move, rng.standard_normal((4, 3))]))[0][:, 1:]
+    for j, was, a, b in zip(_updated(old, move, before, after), old, before, after, strict=True):
+        assert j @ move == pytest.approx(b - a, rel=1e-9)
+        assert j @ across == pytest.approx(was @ across, rel=1e-9), "unchanged across the step"
+
+
+def test_derivatives_that_are_updated_lead_to_the_same_fit_with_less_work(
+    posed: tuple[Problem, Fit, dict[str, Term]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem, base, terms = posed
+    start = added(base, terms["coulomb"], terms["coulomb"].starts[0])
+    quick, slow = replace(problem, work=0), replace(problem, work=0)
+    one = quick.fit(*start)
+    monkeypatch.setattr("cjt_gym.gap.horizons.fit._updated", lambda *_: None)
+    other = slow.fit(*start)
+    assert one.cost == pytest.approx(other.cost, abs=0.5)
+    assert quick.work < slow.work
