@@ -11,10 +11,10 @@ from cjt_gym.errors import CjtGymError
 from cjt_gym.gap.diagnosis import NOTHING_LEFT, Diagnosis, NamedEffect, Unexplained
 from cjt_gym.gap.horizons.by_torque import DRY
 from cjt_gym.gap.horizons.case import as_joint, make_case
-from cjt_gym.gap.horizons.judge import LOUD, Judgement, Progress, judge
+from cjt_gym.gap.horizons.judge import LOUD, NEAR, Judgement, Progress, Row, judge
 from cjt_gym.gap.horizons.model import MEASURES
 from cjt_gym.gap.horizons.tell import as_tentative, horizons_of, retold
-from cjt_gym.gap.horizons.verdict import main_row
+from cjt_gym.gap.horizons.verdict import main_row, unexplained_of
 from cjt_gym.gap.horizons.windows import HORIZONS, TRIVIAL, relative
 from cjt_gym.gap.horizons.write import found_at
 from cjt_gym.joint import JointFile, Structure
@@ -33,6 +33,8 @@ SETTLED = ("explained", "no_gap")
 DRIFTLESS, FLOORS = 0.15, 5.0
 """Limits on the relative error and on its ratio to the noise floor. A held output, whose replay
 does not drift, counts as unexplained if it exceeds both."""
+MOSTLY = 0.5
+"""Predictable share of the squared error above which the stages' effects explain too little."""
 FAR_OFF = 2.0
 """Ratio to the datasheet's relative error at which the stages' suspects are not reported."""
 
@@ -132,7 +134,8 @@ def _doubted(first: Diagnosis, found: Judgement) -> Diagnosis:
         if row.channel != "tau" and row.seconds > min(HORIZONS)
     )
     left = gap.after if far_off else min(main_row(found).found, gap.after)
-    sound = better and not (worse or far_off or adrift) and left < LOUD
+    predictable = [row for row in found.rows if _is_predictable(row) and not found.cut]
+    sound = better and not (worse or far_off or adrift or predictable) and left < LOUD
     if not first.effects or sound:
         return first
     effects = tuple(
@@ -144,11 +147,19 @@ def _doubted(first: Diagnosis, found: Judgement) -> Diagnosis:
     said = f"With the named effects {min(left, 1.0):.0%} of what was measured is left."
     if not better or worse:
         said = f"{said[:-1]}: they do not make predictions better."
+    elif predictable:
+        said = unexplained_of(found, "partly_explained", predictable).text
     elif adrift:
         said = "Further ahead the joint given predicts no better than going on at the same speed."
     text = first.unexplained.text.replace(NOTHING_LEFT, "").strip()
     told = replace(first.unexplained, share=min(left, 1.0), text=f"{said} {text}".strip())
     return replace(first, verdict="partly_explained", effects=effects, unexplained=told)
+
+
+def _is_predictable(row: Row) -> bool:
+    """Return whether most of an error that is not small seems predictable."""
+    matters = row.seconds > min(HORIZONS) and row.found > NEAR
+    return matters and row.left is not None and row.left.share > MOSTLY
 
 
 def _without_guesses(first: Diagnosis, file: JointFile) -> Diagnosis:

@@ -9,15 +9,17 @@ import pytest
 
 import cjt_gym.gap.horizons.search as search_of
 from cjt_gym.gap import Diagnosis, diagnose
+from cjt_gym.gap.horizons.answer import _doubted
 from cjt_gym.gap.horizons.base_rows import base_terms, freed
 from cjt_gym.gap.horizons.baseline import least_squares
 from cjt_gym.gap.horizons.case import Case, make_case
 from cjt_gym.gap.horizons.fit import Fit, Problem
 from cjt_gym.gap.horizons.found import Found
 from cjt_gym.gap.horizons.grow import added, allowed, is_needed
+from cjt_gym.gap.horizons.judge import Judgement, Row
 from cjt_gym.gap.horizons.log import to_log
 from cjt_gym.gap.horizons.model import Model
-from cjt_gym.gap.horizons.predictable import predictable
+from cjt_gym.gap.horizons.predictable import Predictable, predictable
 from cjt_gym.gap.horizons.rows import candidates, scales_of
 from cjt_gym.gap.horizons.search import search
 from cjt_gym.gap.horizons.windows import cut, make_windows, relative, split, worse
@@ -292,3 +294,19 @@ def test_a_joint_that_coasts_has_the_torques_of_its_inertia() -> None:
     scales = scales_of(case.joint, case.logs)
     assert scales.peak > 0.3, "not of the current, which is none"
     assert "torque_constant" not in {t.name for t in base_terms(case.joint, scales)}
+
+
+@pytest.mark.parametrize(("share", "firm"), [(0.3, True), (0.8, False)])
+def test_stages_explain_nothing_where_most_of_an_error_is_predictable(
+    share: float, firm: bool, plain: tuple[Case, Found], told: Diagnosis
+) -> None:
+    case = plain[0]
+    left = Predictable(share, 0.4, 80)
+    rows = (Row(0.1, "q_m", 0.9, None, 0.5, 0.5 * (1.0 - share) ** 0.5, left),)
+    found = Judgement(case, "stages", case.joint, rows)
+    sure = tuple(replace(effect, status="confirmed") for effect in told.effects)
+    first = replace(told, verdict="explained", effects=sure, gap=replace(told.gap, after=0.1))
+    ended = _doubted(first, found)
+    assert ended.verdict == ("explained" if firm else "partly_explained")
+    assert {effect.status for effect in ended.effects} == {"confirmed" if firm else "tentative"}
+    assert ("could be predicted" in ended.unexplained.text) != firm
