@@ -287,7 +287,7 @@ def _cross(true: str, rival: str, start: Fit, there: Problem, own: Fit) -> Cross
 
 def strain(problem: Problem, z: Floats) -> float:
     """Return the prior cost of datasheet values and offsets at given coordinates."""
-    flat = np.array([n.unknown.flat for n in problem.shared], dtype=bool)
+    flat = np.array([not n.unknown.prior for n in problem.shared], dtype=bool)
     return 0.5 * float(np.sum(z[: len(flat)][~flat] ** 2))
 
 

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.hypothesis import Hypothesis
 from cjt_gym.gap.nuisances import Nuisance, nuisances, nuisances_of_others
+from cjt_gym.gap.number import Number
 from cjt_gym.gap.process import settle_noise
 from cjt_gym.gap.stages import Stages
-from cjt_gym.gap.unknowns import Unknown
 
 Floats = NDArray[np.float64]
 DEFLATION = 10.0
@@ -107,7 +107,7 @@ class Problem:
         return problem
 
     # ---- the model as a function of its coordinates
-    def unknowns(self, model: Model) -> list[Unknown]:
+    def unknowns(self, model: Model) -> list[Number]:
         """Return all numbers of a model in the order of its coordinates."""
         found = [n.unknown for n in self.shared]
         return found + [u for effect in model.effects for u in effect.unknowns]
@@ -162,7 +162,7 @@ class Problem:
             tolerance: Gain in cost below which the fit ends.
         """
         unknowns = self.unknowns(model)
-        flat = np.array([u.flat for u in unknowns], dtype=bool)
+        flat = np.array([not u.prior for u in unknowns], dtype=bool)
         z = z.copy()
         residuals = self.residuals(model, z)
         ms = self.mean_square(residuals)
@@ -219,7 +219,7 @@ class Problem:
         hessian: Floats,
         gradient: Floats,
         damping: float,
-        unknowns: list[Unknown],
+        unknowns: list[Number],
         flat: NDArray[np.bool_],
     ) -> tuple[float, float, tuple[Floats, dict[str, Floats], dict[str, float], float] | None]:
         diagonal = np.diag(hessian).copy()
@@ -282,7 +282,7 @@ class Problem:
         return hessian, gradient
 
 
-def _step(unknown: Unknown, z: float) -> float:
+def _step(unknown: Number, z: float) -> float:
     """Return the step of a finite difference, away from a bound."""
     return -STEP if unknown.at_bound(z + STEP) else STEP
 

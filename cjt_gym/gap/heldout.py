@@ -18,9 +18,9 @@ from cjt_gym.gap.fit import Fit, Model, Problem
 from cjt_gym.gap.hypothesis import Hypothesis, Values
 from cjt_gym.gap.intervals import Covariance, covariance
 from cjt_gym.gap.nuisances import Nuisance, nuisances
+from cjt_gym.gap.number import Number
 from cjt_gym.gap.setting import Setting, as_noisy
 from cjt_gym.gap.stages import Stages
-from cjt_gym.gap.unknowns import Unknown
 
 Floats = NDArray[np.float64]
 PER_RECORD = ("i_0", "w_i", "delay", "tau_0", "skew", "q_0")
@@ -185,7 +185,7 @@ def _narrowed(problem: Problem, fit: Fit, known: Covariance) -> tuple[Hypothesis
     return tuple(found)
 
 
-def _narrow(unknown: Unknown, z: float, std: float) -> Unknown:
+def _narrow(unknown: Number, z: float, std: float) -> Number:
     """Return a number that starts at its fitted value, with its uncertainty as the prior."""
     scale = unknown.scale * max(std, LEAST)
-    return replace(unknown, start=unknown.value(z), scale=scale, flat=False)
+    return replace(unknown, start=unknown.value(z), scale=scale, prior=True)

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from cjt_gym.gap.fields import Fields
+from cjt_gym.gap.number import Number
 from cjt_gym.gap.setting import Setting
-from cjt_gym.gap.unknowns import Unknown
 
 Values = Mapping[str, float]
 Apply = Callable[[Fields, Values], None]
@@ -38,7 +38,7 @@ class Hypothesis:
 
     name: str
     stage: str
-    unknowns: tuple[Unknown, ...]
+    unknowns: tuple[Number, ...]
     apply: Apply
     touches: tuple[str, ...]
     body: str | None = None

@@ -10,7 +10,7 @@ import numpy as np
 from cjt_gym.gap.diagnosis import Interval
 from cjt_gym.gap.fit import Fit, Floats, Problem
 from cjt_gym.gap.hypothesis import Hypothesis
-from cjt_gym.gap.unknowns import Unknown
+from cjt_gym.gap.number import Number
 
 BLOCKS = 40
 NORMAL = 1.96
@@ -45,7 +45,7 @@ def covariance(problem: Problem, fit: Fit) -> Covariance:
     by the scatter of its gradient between blocks, which also accounts for coloured residuals.
     """
     jacobian = problem.jacobian(fit.model, fit.z, fit.residuals)
-    flat = np.array([u.flat for u in problem.unknowns(fit.model)], dtype=bool)
+    flat = np.array([not u.prior for u in problem.unknowns(fit.model)], dtype=bool)
     prior = np.diag(np.where(flat, 1e-9, 1.0))
     curvature, scatter = prior.copy(), prior.copy()
     for name, j in jacobian.items():
@@ -92,7 +92,7 @@ def along(unit: str) -> str:
     return unit.replace("N m", "N").replace("rad", "m")
 
 
-def _least(unknown: Unknown, value: float) -> float:
+def _least(unknown: Number, value: float) -> float:
     """Return the smallest standard deviation of a coordinate."""
     relative = EXACT_SHAPE if unknown.shape and unknown.log else EXACT
     return relative / unknown.scale * (1.0 if unknown.log else abs(value))

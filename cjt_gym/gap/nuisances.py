@@ -9,8 +9,8 @@ import numpy as np
 
 from cjt_gym.gap.fields import Fields, own_field
 from cjt_gym.gap.horizons.sheet import GUESSED, tolerance_of
+from cjt_gym.gap.number import Number
 from cjt_gym.gap.setting import Setting
-from cjt_gym.gap.unknowns import Unknown
 
 DEFAULT_TOLERANCE = {"k_t": 0.02, "I": 0.05, "k": 0.05, "d": 0.3}
 LATE = 2e-5
@@ -41,7 +41,7 @@ class Nuisance:
     """
 
     field: str
-    unknown: Unknown
+    unknown: Number
     stages: tuple[str, ...]
 
 
@@ -122,7 +122,7 @@ def _parameters(setting: Setting) -> list[Nuisance]:
         scale = _lumped_tolerance(setting, name)
         unit = setting.joint.parameters.unit(name)
         start, far = setting.nominal[name], min(float(np.exp(STRETCH * scale)), FURTHEST)
-        unknown = Unknown(name, unit, start, scale, True, low=start / far, high=start * far)
+        unknown = Number(name, unit, start, scale, True, low=start / far, high=start * far)
         rows.append(Nuisance(name, unknown, stages_of(setting, name)))
     return rows
 
@@ -157,13 +157,13 @@ def _offsets(setting: Setting) -> list[Nuisance]:
         rows.append(_offset("i_0", "A", 0.0, 1e-3 * limit, ("motor",)))
     if "i" in series and "i_cmd" in series and setting.nominal["lag"] > 0.0:
         start, far = setting.nominal["lag"], float(np.exp(3.0 * LAG_TOLERANCE))
-        lag = Unknown("lag", "s", start, LAG_TOLERANCE, True, low=start / far, high=start * far)
+        lag = Number("lag", "s", start, LAG_TOLERANCE, True, low=start / far, high=start * far)
         rows.append(Nuisance("lag", lag, ("drive",)))
     if "i_cmd" in series:
         dt, start = series.dt, setting.nominal["delay"]
         low = start - dt if series.slow else start
         middle = start - 0.5 * dt if series.slow else start
-        delay = Unknown("delay", "s", middle, HELD * dt, low=low, high=start + dt)
+        delay = Number("delay", "s", middle, HELD * dt, low=low, high=start + dt)
         rows.append(Nuisance("delay", delay, ("drive",) if "i" in series else ("motor",)))
     if setting.cut_at_spring:
         scale = max(TORQUE_OFFSET * setting.std("tau"), USUAL_TORQUE)
@@ -176,7 +176,7 @@ def _offsets(setting: Setting) -> list[Nuisance]:
 
 
 def _offset(field: str, unit: str, start: float, scale: float, stages: tuple[str, ...]) -> Nuisance:
-    return Nuisance(field, Unknown(field, unit, start, max(scale, 1e-12)), stages)
+    return Nuisance(field, Number(field, unit, start, max(scale, 1e-12)), stages)
 
 
 def _relaxed(setting: Setting, stage: str) -> Nuisance:
@@ -190,7 +190,7 @@ def _relaxed(setting: Setting, stage: str) -> Nuisance:
     if setting.cut_at_spring:
         start = float(np.median(deflection - series["tau"] / stiffness))
     scale = max(float(np.std(deflection)), setting.std("q_m")) * 0.1
-    return Nuisance("q_0", Unknown("q_0", "rad", start, scale, flat=True), (stage,))
+    return Nuisance("q_0", Number("q_0", "rad", start, scale, prior=False), (stage,))
 
 
 def _current_weight(nominal: Fields, dt: float) -> float:

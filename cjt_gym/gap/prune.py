@@ -71,7 +71,7 @@ def need(problem: Problem, fit: Fit, index: int) -> Need:
 
 
 def _strain(problem: Problem, fit: Fit) -> float:
-    flat = np.array([n.unknown.flat for n in problem.shared], dtype=bool)
+    flat = np.array([not n.unknown.prior for n in problem.shared], dtype=bool)
     return 0.5 * float(np.sum(fit.z[: len(problem.shared)][~flat] ** 2))
 
 

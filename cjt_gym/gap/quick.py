@@ -74,7 +74,7 @@ class Look:
         model = replace(self.fit.model, effects=(*self.fit.model.effects, effect))
         residuals = self.problem.residuals(model, z)
         ms = self.problem.mean_square(residuals)
-        flat = np.array([u.flat for u in self.problem.unknowns(model)], dtype=bool)
+        flat = np.array([not u.prior for u in self.problem.unknowns(model)], dtype=bool)
         return Fit(model, z, self.problem.cost(ms, z, flat), ms, residuals)
 
     def _improve(self, effect: Hypothesis, z: Floats) -> tuple[float, Floats]:
@@ -82,7 +82,7 @@ class Look:
         squares = self._squares(effect, z)
         model = replace(self.fit.model, effects=(*self.fit.model.effects, effect))
         unknowns = self.problem.unknowns(model)
-        flat = np.array([u.flat for u in unknowns], dtype=bool)
+        flat = np.array([not u.prior for u in unknowns], dtype=bool)
         here = self._cost({n: s.ss for n, s in squares.items()}, z, flat)
         move = self._solve(squares, z, flat)
         for shrink in (1.0, 0.3, 0.1):

@@ -36,7 +36,7 @@ def settled(problem: Problem, fit: Fit, spread: Covariance) -> Fit:
     """
     setting = problem.stages.setting
     known = setting.joint.parameters.quantities
-    free = [k for k, n in enumerate(problem.shared) if n.field in known and not n.unknown.flat]
+    free = [k for k, n in enumerate(problem.shared) if n.field in known and n.unknown.prior]
     if not setting.has_spring or not free:
         return fit
     precision = np.linalg.inv(spread.matrix)[np.ix_(free, free)]

@@ -67,7 +67,7 @@ def rungs(
     shape = get_structure(structure)
     setting = make_setting(record, file, shape)
     problem = Problem.of(Stages(setting))
-    problem.shared = tuple(n for n in problem.shared if n.unknown.flat)
+    problem.shared = tuple(n for n in problem.shared if not n.unknown.prior)
     known = problem.stages.setting
     rows = hypotheses(setting, problem.stages.names)
     tested = [known, *(as_noisy(make_setting(r, file, shape), known) for r in others)]

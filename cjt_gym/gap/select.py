@@ -78,7 +78,7 @@ def price(model: Model) -> float:
 
 def evidence(problem: Problem, fit: Fit) -> float:
     """Return the deflated log evidence of a fit, minus the cost of its effects."""
-    flat = np.array([u.flat for u in problem.unknowns(fit.model)], dtype=bool)
+    flat = np.array([not u.prior for u in problem.unknowns(fit.model)], dtype=bool)
     total = -0.5 * float(np.sum(fit.z[~flat] ** 2)) - price(fit.model)
     for name, ms in fit.mean_square.items():
         total -= problem.counts[name] / DEFLATION * np.log(max(ms / FLOOR**2, 1.0))
@@ -190,7 +190,7 @@ class Selection:
     def _strain(self, fit: Fit, stages: Sequence[str]) -> Floats:
         """Return the squared deviations of the values on which given stages depend."""
         far = fit.z[: len(self.problem.shared)]
-        flat = np.array([n.unknown.flat for n in self.problem.shared], dtype=bool)
+        flat = np.array([not n.unknown.prior for n in self.problem.shared], dtype=bool)
         own = np.array([bool(set(n.stages) & set(stages)) for n in self.problem.shared])
         return np.asarray(np.square(far[own & ~flat]))
 

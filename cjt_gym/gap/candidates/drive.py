@@ -6,8 +6,8 @@ import numpy as np
 
 from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.hypothesis import Hypothesis, Scales, Values
+from cjt_gym.gap.number import Number
 from cjt_gym.gap.setting import Setting
-from cjt_gym.gap.unknowns import Unknown
 
 
 def drive_rows(setting: Setting, size: Scales) -> list[Hypothesis]:
@@ -15,11 +15,11 @@ def drive_rows(setting: Setting, size: Scales) -> list[Hypothesis]:
     touches = ("drive",) if "i" in setting.series else ("motor",)
     dt, unit = setting.series.dt, setting.command_unit
     peak = float(np.abs(setting.series["i_cmd"]).max()) or 1.0
-    delay = Unknown("delay", "s", 0.0, 5.0 * dt, low=0.0, high=60.0 * dt)
-    lag = Unknown("bandwidth", "Hz", 50.0, 1.5, log=True, low=0.5, high=0.45 / dt, shape=True)
-    limit = Unknown("i_max", unit, peak, 1.0, log=True, low=1e-3 * peak, high=peak, shape=True)
+    delay = Number("delay", "s", 0.0, 5.0 * dt, low=0.0, high=60.0 * dt)
+    lag = Number("bandwidth", "Hz", 50.0, 1.5, log=True, low=0.5, high=0.45 / dt, shape=True)
+    limit = Number("i_max", unit, peak, 1.0, log=True, low=1e-3 * peak, high=peak, shape=True)
     least, most = 1e-4 * peak, 0.5 * peak
-    step = Unknown("resolution", unit, 0.05 * peak, 2.0, True, least, most, shape=True)
+    step = Number("resolution", unit, 0.05 * peak, 2.0, True, least, most, shape=True)
 
     def set_lag(f: Fields, v: Values) -> None:
         f["lag"] = 1.0 / (2.0 * np.pi * v["bandwidth"])

@@ -6,8 +6,8 @@ import numpy as np
 
 from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.hypothesis import BODIES, Apply, Hypothesis, Scales, Values, most_damping
+from cjt_gym.gap.number import Number
 from cjt_gym.gap.setting import Setting
-from cjt_gym.gap.unknowns import Unknown
 from cjt_gym.joint.effects.motor import DQ_0
 
 SHARP = 0.03
@@ -39,26 +39,26 @@ def friction_of(
     """Return the laws of friction of one body, by its letter."""
     torque, speed = size.torque, size.speed
     p, n = f"d_c{body}", f"d_c{body}_n"
-    force = Unknown(p, "N m", 0.0, torque, low=0.0)
-    force_n = Unknown(n, "N m", 0.0, torque, low=0.0)
-    rise = Unknown("d_s", "N m", 0.0, torque, low=0.0)  # of breakaway above the Coulomb level
+    force = Number(p, "N m", 0.0, torque, low=0.0)
+    force_n = Number(n, "N m", 0.0, torque, low=0.0)
+    rise = Number("d_s", "N m", 0.0, torque, low=0.0)  # of breakaway above the Coulomb level
     slow, fast = 1e-4 * speed, 20.0 * speed
-    stribeck = Unknown("v_s", "rad/s", 0.1 * speed, 1.2, True, slow, fast, shape=True)
-    slide = Unknown("z_s", "rad", 1e-3, 2.0, log=True, low=1e-6, high=0.3, shape=True)
-    mu = Unknown("mu", "-", 0.0, 0.2, low=0.0, high=1.0)
+    stribeck = Number("v_s", "rad/s", 0.1 * speed, 1.2, True, slow, fast, shape=True)
+    slide = Number("z_s", "rad", 1e-3, 2.0, log=True, low=1e-6, high=0.3, shape=True)
+    mu = Number("mu", "-", 0.0, 0.2, low=0.0, high=1.0)
     most = most_damping(setting, body)
-    d_p = Unknown(f"d_{body}", "N m s/rad", 0.0, torque / speed, high=most)
-    d_n = Unknown(f"d_{body}_n", "N m s/rad", 0.0, torque / speed, high=most)
+    d_p = Number(f"d_{body}", "N m s/rad", 0.0, torque / speed, high=most)
+    d_n = Number(f"d_{body}_n", "N m s/rad", 0.0, torque / speed, high=most)
     guess = 0.05 * torque
     travel = max(float(np.std(setting.series["q_m"])), 1e-9)
 
     widest = _widest(speed)
-    smooth = Unknown(
+    smooth = Number(
         "dq_0", "rad/s", widest / 30.0, 1.5, True, 1e-4 * min(speed, widest), widest, shape=True
     )
 
     def row(
-        name: str, unknowns: tuple[Unknown, ...], apply: Apply, starts: object, variant: str = ""
+        name: str, unknowns: tuple[Number, ...], apply: Apply, starts: object, variant: str = ""
     ) -> Hypothesis:
         return Hypothesis(
             name,

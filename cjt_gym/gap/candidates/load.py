@@ -7,8 +7,8 @@ import numpy as np
 from cjt_gym.gap.candidates.friction import friction_of
 from cjt_gym.gap.candidates.released import released
 from cjt_gym.gap.hypothesis import Hypothesis, Scales
+from cjt_gym.gap.number import Number
 from cjt_gym.gap.setting import Setting
-from cjt_gym.gap.unknowns import Unknown
 
 
 def load_rows(setting: Setting, size: Scales) -> list[Hypothesis]:
@@ -29,7 +29,7 @@ def _gravity(torque: float, touches: tuple[str, ...]) -> Hypothesis:
     return Hypothesis(
         "gravity",
         "load",
-        (Unknown("a", "N m", 0.0, torque), Unknown("b", "N m", 0.0, torque)),
+        (Number("a", "N m", 0.0, torque), Number("b", "N m", 0.0, torque)),
         lambda f, v: f.update(grav_a=v["a"], grav_b=v["b"]),
         touches,
         starts=((0.0, 0.0),),

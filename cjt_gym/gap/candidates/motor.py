@@ -6,8 +6,8 @@ from cjt_gym.gap.candidates.released import released
 from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.hypothesis import BODIES, Hypothesis, Scales, Values, most_damping
 from cjt_gym.gap.nuisances import active_parameters
+from cjt_gym.gap.number import Number
 from cjt_gym.gap.setting import Setting
-from cjt_gym.gap.unknowns import Unknown
 
 
 def motor_rows(setting: Setting, size: Scales) -> list[Hypothesis]:
@@ -20,8 +20,8 @@ def motor_rows(setting: Setting, size: Scales) -> list[Hypothesis]:
     rows += [
         _damping(setting, size, body) for body in ("m", "g") if body == "m" or setting.has_gear
     ]
-    heat = Unknown("time_constant", "s", 5.0, 0.8, log=True, low=0.2, high=500.0, shape=True)
-    derate = Unknown("loss", "1/A^2", 0.0, 0.3 / size.current**2, low=0.0)
+    heat = Number("time_constant", "s", 5.0, 0.8, log=True, low=0.2, high=500.0, shape=True)
+    derate = Number("loss", "1/A^2", 0.0, 0.3 / size.current**2, low=0.0)
     rows.append(
         Hypothesis(
             "thermal_derating",
@@ -33,7 +33,7 @@ def motor_rows(setting: Setting, size: Scales) -> list[Hypothesis]:
             family="thermal",
         )
     )
-    offset = Unknown("torque", "N m", 0.0, size.torque)
+    offset = Number("torque", "N m", 0.0, size.torque)
     rows.append(
         Hypothesis(
             "torque_offset",
@@ -60,7 +60,7 @@ def _damping(setting: Setting, size: Scales, body: str) -> Hypothesis:
         start += setting.nominal["d_g"]
         start += 0.0 if setting.has_spring else setting.nominal["d_l"]
     most = most_damping(setting, body)
-    total = Unknown(f"d_{body}", unit, start, typical, low=0.0, high=start + most)
+    total = Number(f"d_{body}", unit, start, typical, low=0.0, high=start + most)
 
     def apply(f: Fields, v: Values) -> None:
         f[f"d_{body}"] += v[f"d_{body}"] - start
@@ -79,9 +79,9 @@ def _damping(setting: Setting, size: Scales, body: str) -> Hypothesis:
 
 
 def _periodic(name: str, prefix: str, scale: float, unit: str) -> Hypothesis:
-    f = Unknown("f", "1/rev", 0.0, 1.0, low=0.0, flat=True, shape=True)
-    a = Unknown("a", unit, 0.0, scale)
-    b = Unknown("b", unit, 0.0, scale)
+    f = Number("f", "1/rev", 0.0, 1.0, low=0.0, prior=False, shape=True)
+    a = Number("a", unit, 0.0, scale)
+    b = Number("b", unit, 0.0, scale)
 
     def apply(fields: Fields, v: Values) -> None:
         fields[f"{prefix}_f"], fields[f"{prefix}_a"], fields[f"{prefix}_b"] = v["f"], v["a"], v["b"]

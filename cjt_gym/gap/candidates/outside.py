@@ -16,9 +16,9 @@ from scipy.signal import lfilter, savgol_filter
 from cjt_gym.gap.disturbance import Disturbance, field_of
 from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.hypothesis import Apply, Hypothesis, Scales, Values, scales
+from cjt_gym.gap.number import Number
 from cjt_gym.gap.series import Series
 from cjt_gym.gap.setting import Setting
-from cjt_gym.gap.unknowns import Unknown
 
 Floats = NDArray[np.float64]
 Signal = Callable[[Series, Values], Floats]
@@ -60,7 +60,7 @@ class Outside:
         name: str,
         text: str,
         channel: str,
-        unknowns: tuple[Unknown, ...],
+        unknowns: tuple[Number, ...],
         signal: Signal,
         starts: tuple[tuple[float, ...], ...] | None = None,
         search: str | None = None,
@@ -150,8 +150,8 @@ def _drive(found: Outside) -> None:
     series = found.setting.series
     peak = float(np.abs(series["i_cmd"]).max()) or 1.0
     fast = float(np.abs(np.diff(series["i_cmd"])).max()) / series.dt or 1.0
-    dead = Unknown("width", "A", 0.02 * peak, 1.0, True, low=1e-4 * peak, high=0.8 * peak)
-    slew = Unknown("slew", "A/s", 0.3 * fast, 1.5, True, low=1e-4 * fast, high=2.0 * fast)
+    dead = Number("width", "A", 0.02 * peak, 1.0, True, low=1e-4 * peak, high=0.8 * peak)
+    slew = Number("slew", "A/s", 0.3 * fast, 1.5, True, low=1e-4 * fast, high=2.0 * fast)
     text = "a drive that does not answer small commands"
 
     def gate(f: Fields, v: Values) -> None:
@@ -174,7 +174,7 @@ def _drive(found: Outside) -> None:
 
 
 def _of_drive(
-    name: str, text: str, unknown: Unknown, apply: Apply, starts: tuple[tuple[float, ...], ...]
+    name: str, text: str, unknown: Number, apply: Apply, starts: tuple[tuple[float, ...], ...]
 ) -> Hypothesis:
     return Hypothesis(
         name,
@@ -189,13 +189,13 @@ def _of_drive(
     )
 
 
-def _wave(scale: float, unit: str) -> tuple[Unknown, ...]:
-    f = Unknown("f", "rad/s", 0.0, 1.0, low=0.0, flat=True)
-    return f, Unknown("a", unit, 0.0, scale), Unknown("b", unit, 0.0, scale)
+def _wave(scale: float, unit: str) -> tuple[Number, ...]:
+    f = Number("f", "rad/s", 0.0, 1.0, low=0.0, prior=False)
+    return f, Number("a", unit, 0.0, scale), Number("b", unit, 0.0, scale)
 
 
-def _slow(scale: float, unit: str) -> tuple[Unknown, ...]:
-    return tuple(Unknown(symbol, unit, 0.0, scale) for symbol in "xyz")
+def _slow(scale: float, unit: str) -> tuple[Number, ...]:
+    return tuple(Number(symbol, unit, 0.0, scale) for symbol in "xyz")
 
 
 def _on_body(found: Outside, body: str, torque: float, speed: float) -> None:
@@ -206,7 +206,7 @@ def _on_body(found: Outside, body: str, torque: float, speed: float) -> None:
         rate = series.speed(angle)
         return np.asarray(-v["drag"] * rate * np.abs(rate))
 
-    drag = Unknown("drag", "N m s^2/rad^2", 0.0, 0.3 * torque / speed**2)
+    drag = Number("drag", "N m s^2/rad^2", 0.0, 0.3 * torque / speed**2)
     text = f"friction of the {of} that grows with the square of its speed"
     found.add(f"square_{body}", text, channel, (drag,), square)
     text = f"a vibration that shakes the {of}"
@@ -216,16 +216,16 @@ def _on_body(found: Outside, body: str, torque: float, speed: float) -> None:
     text = f"a torque on the {of} that drifts slowly"
     found.add(f"drift_{body}", text, channel, _slow(torque, "N m"), slow)
     if body == "m" and "i" in series:
-        cubic = Unknown("loss", "N m/A^3", 0.0, 0.3 * torque / found.size.current**3)
+        cubic = Number("loss", "N m/A^3", 0.0, 0.3 * torque / found.size.current**3)
         text = "a torque that is not proportional to the current"
         found.add("saliency", text, channel, (cubic,), lambda s, v: -v["loss"] * s["i"] ** 3)
     if found.setting.current_unspecified:
         return  # the rest relies on the measured acceleration, whose noise is unspecified
     inertia = torque / max(float(np.std(np.gradient(series.speed(angle), series.dt))), 1e-9)
     ride = (
-        Unknown("f", "rad/s", 80.0, 0.8, True, low=10.0, high=1.0 / series.dt),
-        Unknown("a", "kg m^2", 0.0, inertia),
-        Unknown("b", "kg m^2", 0.0, inertia),
+        Number("f", "rad/s", 80.0, 0.8, True, low=10.0, high=1.0 / series.dt),
+        Number("a", "kg m^2", 0.0, inertia),
+        Number("b", "kg m^2", 0.0, inertia),
     )
     text = f"a mass that rides on the {of} through a spring"
     starts = tuple((2.0 * np.pi * f, 0.0, 0.0) for f in (6.0, 10.0, 16.0, 25.0, 40.0))
@@ -236,20 +236,20 @@ def _on_body(found: Outside, body: str, torque: float, speed: float) -> None:
 
 def _rubbing(found: Outside) -> None:
     series, torque = found.setting.series, found.size.torque
-    level = Unknown("level", "N m", 0.0, torque)
+    level = Number("level", "N m", 0.0, torque)
     guess = 0.05 * torque
 
     def warming(series: Series, v: Values) -> Floats:
         return np.asarray(v["level"] + v["cold"] * np.exp(-series.t / v["time"]))
 
-    time = Unknown("time", "s", 4.0, 0.7, True, low=0.3, high=300.0)
-    cold = Unknown("cold", "N m", 0.0, torque)
+    time = Number("time", "s", 4.0, 0.7, True, low=0.3, high=300.0)
+    cold = Number("cold", "N m", 0.0, torque)
     text = "dry friction of the motor that changes as it runs"
     starts = ((guess, 0.0, 2.0), (guess, 0.0, 8.0))
     found.add("warm_up", text, "rub_m", (level, cold, time), warming, starts=starts)
     turn = 2.0 * np.pi / max(float(np.ptp(series["q_m"])), 1e-9)
-    f = Unknown("f", "1/rev", 2.0 * turn, 0.7, True, low=0.2 * turn, high=30.0 * turn)
-    a, b = (Unknown(s, "N m", 0.0, torque) for s in "ab")
+    f = Number("f", "1/rev", 2.0 * turn, 0.7, True, low=0.2 * turn, high=30.0 * turn)
+    a, b = (Number(s, "N m", 0.0, torque) for s in "ab")
     spot_starts = tuple((guess, n * turn, 0.0, 0.0) for n in (0.6, 1.2, 2.0, 3.0, 4.2))
     text = "dry friction of the motor that depends on its angle"
     found.add("spot", text, "rub_m", (level, f, a, b), wave_in_angle("q_m"), starts=spot_starts)
@@ -269,8 +269,8 @@ def _encoder(found: Outside, angle: str, size: Scales) -> None:
     n = max(abs(found.setting.nominal["n"]), 1.0)
     scale = max(size.deflection, 10.0 * found.setting.std(angle))
     own = {1.0, 2.0, n, 2.0 * n} if angle == "q_m" else {1.0, 2.0}
-    f = Unknown("f", "1/rev", 1.0, 1.0, low=0.2, high=4.0 * n, flat=True)
-    unknowns = (f, Unknown("a", "rad", 0.0, scale), Unknown("b", "rad", 0.0, scale))
+    f = Number("f", "1/rev", 1.0, 1.0, low=0.2, high=4.0 * n, prior=False)
+    unknowns = (f, Number("a", "rad", 0.0, scale), Number("b", "rad", 0.0, scale))
     text = f"an encoder of {angle} that is wrong periodically over a turn"
     starts = tuple((x, 0.0, 0.0) for x in sorted(own))
     found.add(f"eccentric_{angle}", text, angle, unknowns, wave_in_angle(angle), starts=starts)
@@ -280,20 +280,20 @@ def _torque_sensor(found: Outside) -> None:
     scale = max(float(np.std(found.setting.series["tau"])), 1e-9)
     found.add("drift_tau", "a torque sensor that drifts slowly", "tau", _slow(scale, "N m"), slow)
     if "i" in found.setting.series:
-        gain = Unknown("gain", "N m/A", 0.0, 0.3 * scale / found.size.current)
+        gain = Number("gain", "N m/A", 0.0, 0.3 * scale / found.size.current)
         text = "a torque sensor that also reads the current"
         found.add("crosstalk", text, "tau", (gain,), lambda s, v: v["gain"] * s["i"])
-    bend = Unknown("skew", "-", 0.0, 0.2)
+    bend = Number("skew", "-", 0.0, 0.2)
     text = "a torque sensor that reads one direction larger than the other"
     found.add("lopsided", text, "tau", (bend,), lambda s, v: v["skew"] * np.abs(s["tau"]))
 
 
 def _bar(found: Outside) -> None:
-    skew = Unknown("skew", "-", 0.0, 0.2)
+    skew = Number("skew", "-", 0.0, 0.2)
     text = "a spring that is stiffer in one direction than in the other"
     found.add("one_sided", text, "bar", (skew,), lambda s, v: v["skew"] * np.abs(s["tau"]))
-    share = Unknown("share", "-", 0.0, 0.3)
-    time = Unknown("time", "s", 0.4, 1.0, True, low=0.01, high=30.0)
+    share = Number("share", "-", 0.0, 0.3)
+    time = Number("time", "s", 0.4, 1.0, True, low=0.01, high=30.0)
 
     def yielded(series: Series, v: Values) -> Floats:
         return -v["share"] * memory(series["tau"], series.dt, v["time"])
@@ -303,9 +303,9 @@ def _bar(found: Outside) -> None:
     found.add("creep", text, "bar", (share, time), yielded, starts=starts)
     turn = 2.0 * np.pi / max(float(np.ptp(found.setting.series["q_m"])), 1e-9)
     x = found.size.deflection
-    width = Unknown("level", "rad", 0.0, x)
-    f = Unknown("f", "1/rev", 2.0 * turn, 0.7, True, low=0.2 * turn, high=30.0 * turn)
-    a, b = (Unknown(s, "rad", 0.0, x) for s in "ab")
+    width = Number("level", "rad", 0.0, x)
+    f = Number("f", "1/rev", 2.0 * turn, 0.7, True, low=0.2 * turn, high=30.0 * turn)
+    a, b = (Number(s, "rad", 0.0, x) for s in "ab")
     loose = tuple((0.1 * x, n * turn, 0.0, 0.0) for n in (1.0, 2.0, 3.3))
     text = "a play that depends on the motor's angle"
     found.add("loose", text, "slack", (width, f, a, b), wave_in_angle("q_m"), starts=loose)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.hypothesis import Hypothesis, Values
 from cjt_gym.gap.nuisances import stages_of
+from cjt_gym.gap.number import Number
 from cjt_gym.gap.setting import Setting
-from cjt_gym.gap.unknowns import Unknown
 
 FURTHEST = 5.0
 """Largest factor between the true and the stated value."""
@@ -17,7 +17,7 @@ def released(setting: Setting, name: str, effect: str, stage: str, field_name: s
     unit = setting.joint.parameters.unit(field_name)
     nominal = setting.nominal[field_name]
     low, high = nominal / FURTHEST, nominal * FURTHEST
-    factor = Unknown(name, unit, nominal, 0.5, log=True, low=low, high=high)
+    factor = Number(name, unit, nominal, 0.5, log=True, low=low, high=high)
     body = {"m": "motor", "g": "gear", "l": "load"}.get(field_name[-1])
     if stage not in ("motor", "load") or field_name == "k_t":
         body = None

@@ -5,19 +5,19 @@ from __future__ import annotations
 import numpy as np
 
 from cjt_gym.gap.hypothesis import Apply, Hypothesis
+from cjt_gym.gap.number import Number
 from cjt_gym.gap.setting import Setting
-from cjt_gym.gap.unknowns import Unknown
 
 
 def sensing_rows(setting: Setting) -> list[Hypothesis]:
     """Return the candidates of the torque sensor."""
     touches = ("motor", "transmission", "load")
     dt = setting.series.dt
-    gain = Unknown("gain", "-", 1.0, 0.3, log=True, low=0.05, high=20.0)
-    bias = Unknown("bias", "N m", 0.0, max(float(np.std(setting.series["tau"])), 1e-9))
-    late = Unknown("delay", "s", 0.0, 3.0 * dt, low=0.0, high=60.0 * dt)
+    gain = Number("gain", "-", 1.0, 0.3, log=True, low=0.05, high=20.0)
+    bias = Number("bias", "N m", 0.0, max(float(np.std(setting.series["tau"])), 1e-9))
+    late = Number("delay", "s", 0.0, 3.0 * dt, low=0.0, high=60.0 * dt)
 
-    def row(name: str, unknown: Unknown, apply: Apply, starts: object) -> Hypothesis:
+    def row(name: str, unknown: Number, apply: Apply, starts: object) -> Hypothesis:
         return Hypothesis(
             name,
             "sensing",

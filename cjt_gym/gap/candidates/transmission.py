@@ -7,8 +7,8 @@ from functools import partial
 from cjt_gym.gap.candidates.released import released
 from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.hypothesis import Hypothesis, Scales, Values
+from cjt_gym.gap.number import Number
 from cjt_gym.gap.setting import Setting
-from cjt_gym.gap.unknowns import Unknown
 
 HYSTERESES = {"Bouc-Wen": 2.0, "Dahl": 1.0, "Maxwell slip": 0.0}
 
@@ -24,11 +24,11 @@ def transmission_rows(setting: Setting, size: Scales) -> list[Hypothesis]:
     if setting.has_gear:
         rows.append(released(setting, "k_g", "gear_stiffness", "transmission", "k_g"))
     x = size.deflection
-    play = Unknown("b", "rad", 0.0, x, low=0.0)
-    centre = Unknown("centre", "rad", 0.0, x, shape=True)
-    hard = Unknown("c", "1/rad^2", 0.0, 0.3 / x**2)
-    torque = Unknown("h", "N m", 0.0, setting.nominal["k_b"] * x)
-    width = Unknown("z_h", "rad", 0.3 * x, 1.5, True, low=1e-3 * x, high=100 * x, shape=True)
+    play = Number("b", "rad", 0.0, x, low=0.0)
+    centre = Number("centre", "rad", 0.0, x, shape=True)
+    hard = Number("c", "1/rad^2", 0.0, 0.3 / x**2)
+    torque = Number("h", "N m", 0.0, setting.nominal["k_b"] * x)
+    width = Number("z_h", "rad", 0.3 * x, 1.5, True, low=1e-3 * x, high=100 * x, shape=True)
 
     def apply_play(f: Fields, v: Values) -> None:
         f["play"], f["q_0"] = v["b"], f["q_0"] + v["centre"]
@@ -72,7 +72,7 @@ def transmission_rows(setting: Setting, size: Scales) -> list[Hypothesis]:
     return rows
 
 
-def _gear_play(play: Unknown, centre: Unknown, x: float, pulls: bool) -> Hypothesis:
+def _gear_play(play: Number, centre: Number, x: float, pulls: bool) -> Hypothesis:
     """Return backlash in the gear, whose damper may or may not resist parting teeth."""
 
     def apply(f: Fields, v: Values) -> None:

@@ -6,9 +6,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from cjt_gym.gap.horizons.model import Draft, Number, Put, Scales, Term, body_group
+from cjt_gym.gap.horizons.model import Draft, Free, Put, Scales, Term, body_group
 from cjt_gym.gap.horizons.rows import sets
 from cjt_gym.gap.horizons.sheet import GUESSED, VAGUE, datasheet_number, tolerance_of
+from cjt_gym.gap.number import Number
 from cjt_gym.joint import Joint
 
 K_T, INERTIA, STIFFNESS = 0.05, 0.1, 0.1
@@ -104,7 +105,7 @@ def _damping(joint: Joint, scales: Scales) -> Term:
     number = (
         Number("d_m", "N m s/rad", start, stated, True, start / 100.0, most, True)
         if known
-        else Number("d_m", "N m s/rad", start, step, low=0.0, high=most)
+        else Free("d_m", "N m s/rad", start, step, low=0.0, high=most)
     )
 
     def put(draft: Draft, values: Sequence[float]) -> None:

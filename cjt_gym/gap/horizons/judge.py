@@ -15,7 +15,7 @@ from cjt_gym.gap.horizons.fit import Fit, Problem
 from cjt_gym.gap.horizons.found import Found
 from cjt_gym.gap.horizons.grow import beyond
 from cjt_gym.gap.horizons.inverse import seen_in_torque
-from cjt_gym.gap.horizons.model import Model, Number
+from cjt_gym.gap.horizons.model import Model
 from cjt_gym.gap.horizons.own_rows import own_terms
 from cjt_gym.gap.horizons.predictable import Predictable
 from cjt_gym.gap.horizons.predictable import left as left_by
@@ -32,6 +32,7 @@ from cjt_gym.gap.horizons.windows import (
     worse,
 )
 from cjt_gym.gap.horizons.worth import Worth, worth
+from cjt_gym.gap.number import Number
 from cjt_gym.joint import Joint
 from cjt_gym.joint.effects import PACKAGED
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cjt_gym.gap.number import Number
 from cjt_gym.joint import EFFECTS, Joint, JointFile
 from cjt_gym.joint.configure import EffectValues
 from cjt_gym.joint.structures import Structure
@@ -24,50 +26,8 @@ DRIVE = (
 )
 """Effects between a command and the current."""
 SHARED = "dq_0"
-STEP = 0.02
-"""Usual step of a finite difference, in units of a coordinate."""
-
-
-@dataclass(frozen=True)
-class Number:
-    """One free number, represented by a coordinate z that is 0 at the start value.
-
-    Attributes:
-        symbol: Its name in the effect table.
-        unit: Its unit.
-        start: Value at z = 0.
-        scale: Change per unit of z: relative if `log`, else in the unit.
-        log: Whether the value is start * exp(scale z) rather than start + scale z.
-        low: Smallest value.
-        high: Largest value.
-        prior: Whether z has a Gaussian prior of mean 0 and deviation 1.
-        step: Step of a finite difference, in units of z. A delay acts in whole substeps.
-    """
-
-    symbol: str
-    unit: str
-    start: float
-    scale: float
-    log: bool = False
-    low: float = -np.inf
-    high: float = np.inf
-    prior: bool = False
-    step: float = STEP
-
-    def value(self, z: float) -> float:
-        """Return the value at a coordinate."""
-        if self.log:
-            raw = self.start * float(np.exp(np.clip(self.scale * z, -20.0, 20.0)))
-        else:
-            raw = self.start + self.scale * z
-        return min(max(raw, self.low), self.high)
-
-    def coordinate(self, value: float) -> float:
-        """Return the coordinate of a value."""
-        value = min(max(value, self.low), self.high)
-        if self.log:
-            return float(np.log(max(value, 1e-300) / self.start) / self.scale)
-        return (value - self.start) / self.scale
+Free = partial(Number, prior=False)
+"""A number that nothing but the record limits."""
 
 
 class Draft:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from cjt_gym.gap.horizons.model import Draft, Number, Put, Scales, Term
+from cjt_gym.gap.horizons.model import Draft, Free, Put, Scales, Term
 from cjt_gym.gap.horizons.rows import LIKELY
 from cjt_gym.joint import Joint
 from cjt_gym.joint.configure import EffectValue, typical_value
@@ -34,7 +34,7 @@ def _term(row: Effect, joint: Joint, scales: Scales) -> Term:
     off = tuple(_off(p, joint) for p in free)
     reach = [_reach(p, joint, scales) for p in free]
     numbers = tuple(
-        Number(p.symbol, p.unit, at, STEP * size, low=p.low, high=p.high)
+        Free(p.symbol, p.unit, at, STEP * size, low=p.low, high=p.high)
         for p, at, size in zip(free, off, reach, strict=True)
     )
     signs = (1.0, -1.0) if any(p.low < at for p, at in zip(free, off, strict=True)) else (1.0,)

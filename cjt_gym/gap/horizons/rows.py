@@ -11,14 +11,8 @@ from numpy.typing import NDArray
 
 from cjt_gym.gap.horizons.forward import SUBSTEP
 from cjt_gym.gap.horizons.log import Log
-from cjt_gym.gap.horizons.model import (
-    Draft,
-    Number,
-    Put,
-    Scales,
-    Term,
-    motor_inertia,
-)
+from cjt_gym.gap.horizons.model import Draft, Free, Put, Scales, Term, motor_inertia
+from cjt_gym.gap.number import Number
 from cjt_gym.joint import EFFECTS, Joint
 
 Floats = NDArray[np.float64]
@@ -111,7 +105,7 @@ def likelier(terms: Sequence[Term], names: Collection[str]) -> list[Term]:
 
 
 def _level(symbol: str, scales: Scales) -> Number:
-    return Number(symbol, "N m", 0.0, 0.05 * scales.torque, low=0.0, high=5.0 * scales.peak)
+    return Free(symbol, "N m", 0.0, 0.05 * scales.torque, low=0.0, high=5.0 * scales.peak)
 
 
 def _friction(joint: Joint, scales: Scales, body: str) -> list[Term]:
@@ -147,14 +141,14 @@ def _friction(joint: Joint, scales: Scales, body: str) -> list[Term]:
         draft.row("presliding")[f"sigma_{body}"] = values[0]
 
     d_c = _level(f"d_c{body}", scales)
-    rise = Number(f"d_s{body}", "N m", 0.0, 0.05 * scales.torque, low=0.0, high=3.0 * scales.peak)
-    v_s = Number(
+    rise = Free(f"d_s{body}", "N m", 0.0, 0.05 * scales.torque, low=0.0, high=3.0 * scales.peak)
+    v_s = Free(
         "v_s", "rad/s", 0.1 * scales.speed, 0.5, True, 0.003 * scales.speed, FALLEN * scales.speed
     )
     slope = 0.1 * scales.torque / scales.speed
     steep = scales.torque / scales.travel
-    sigma = Number(f"sigma_{body}", "N m/rad", 100.0 * steep, 0.7, True, 0.5 * steep, 1e6 * steep)
-    mu = Number(f"mu_{body}", "-", 0.0, 0.05, low=0.0, high=MOST_LOST)
+    sigma = Free(f"sigma_{body}", "N m/rad", 100.0 * steep, 0.7, True, 0.5 * steep, 1e6 * steep)
+    mu = Free(f"mu_{body}", "-", 0.0, 0.05, low=0.0, high=MOST_LOST)
     return [
         Term("coulomb", (d_c,), coulomb, name, starts=((nominal + level,),), nominal=(nominal,),
              family="dry", factor=LIKELY),
@@ -172,7 +166,7 @@ def _friction(joint: Joint, scales: Scales, body: str) -> list[Term]:
              family="dry"),
         Term("load_friction", (mu,), sets("load_friction", f"mu_{body}"), name, starts=((0.1,),),
              nominal=(0.0,), family="dry"),
-        Term("viscous_asym", (Number(f"d_{body}_n", "N m s/rad", 0.0, slope),), viscous, name,
+        Term("viscous_asym", (Free(f"d_{body}_n", "N m s/rad", 0.0, slope),), viscous, name,
              starts=((0.2 * slope,), (-0.2 * slope,)), nominal=(0.0,), family="dry",
              factor=RARE),
     ]  # fmt: skip
@@ -186,7 +180,7 @@ def _listed_coulomb(joint: Joint, body: str) -> float:
 
 
 def _offset(scales: Scales) -> Term:
-    number = Number("torque", "N m", 0.0, 0.05 * scales.torque)
+    number = Free("torque", "N m", 0.0, 0.05 * scales.torque)
     start = 0.1 * scales.torque
     return Term(
         "torque_offset", (number,), sets("torque_offset", "torque"), starts=((start,), (-start,)),
@@ -201,7 +195,7 @@ def _drive(logs: Sequence[Log]) -> list[Term]:
     delay = _late(dt, longest)
     slowest = min(1.0 / (2.0 * np.pi * SLOWEST), 0.05 / dt)
     starts = (0.7 * dt, 1.5 * dt, 3.0 * dt, 0.5 * longest)
-    lag = Number("bandwidth", "Hz", 0.1 / dt, 0.5, True, slowest, 0.5 / dt)
+    lag = Free("bandwidth", "Hz", 0.1 / dt, 0.5, True, slowest, 0.5 / dt)
     return [
         Term("command_delay", (delay,), sets("command_delay", "delay"), nominal=(0.0,),
              starts=tuple((x,) for x in starts if x < longest), family="late", factor=factor),
@@ -213,7 +207,7 @@ def _drive(logs: Sequence[Log]) -> list[Term]:
 def _late(dt: float, longest: float) -> Number:
     """Return a delay whose finite-difference step is a whole substep of the kernel."""
     substep = dt / math.ceil(dt / SUBSTEP - 1e-9)
-    return Number("delay", "s", 0.0, 0.5 * dt, low=0.0, high=longest, step=substep / (0.5 * dt))
+    return Free("delay", "s", 0.0, 0.5 * dt, low=0.0, high=longest, step=substep / (0.5 * dt))
 
 
 def _derating(joint: Joint, scales: Scales, logs: Sequence[Log]) -> Term:
@@ -221,8 +215,8 @@ def _derating(joint: Joint, scales: Scales, logs: Sequence[Log]) -> Term:
     p = joint.parameters
     current = scales.torque / (p.k_t * p.n)
     length = max(log.t[-1] - log.t[0] for log in logs)
-    loss = Number("loss", "1/A^2", 0.0, 0.05 / current**2, low=0.0, high=2.0 / current**2)
-    time = Number("T_thw", "s", 0.3 * length, 0.7, True, 0.02 * length, 3.0 * length)
+    loss = Free("loss", "1/A^2", 0.0, 0.05 / current**2, low=0.0, high=2.0 / current**2)
+    time = Free("T_thw", "s", 0.3 * length, 0.7, True, 0.02 * length, 3.0 * length)
 
     def put(draft: Draft, values: Sequence[float]) -> None:
         heat = max(values[0] / LOSS, 1e-9)
@@ -246,14 +240,14 @@ def _load_coulomb(scales: Scales) -> Term:
 
 def _load_damping(scales: Scales) -> Term:
     step = 0.1 * scales.torque / scales.speed
-    number = Number("d_l", "N m s/rad", 0.0, step, low=0.0)
+    number = Free("d_l", "N m s/rad", 0.0, step, low=0.0)
     return Term("damping", (number,), sets("damping", "d_l"), "load", starts=((step,),),
                 nominal=(0.0,))  # fmt: skip
 
 
 def _gravity(joint: Joint, scales: Scales) -> Term:
     size, most = 0.2 * scales.torque, HEAVIEST * scales.peak
-    numbers = tuple(Number(s, "N m", 0.0, size, low=-most, high=most) for s in ("a", "b"))
+    numbers = tuple(Free(s, "N m", 0.0, size, low=-most, high=most) for s in ("a", "b"))
 
     def put(draft: Draft, values: Sequence[float]) -> None:
         a, b = values  # the load needs a cos q + b sin q
@@ -269,8 +263,8 @@ def _gravity(joint: Joint, scales: Scales) -> Term:
 
 def _torque_sensor(logs: Sequence[Log]) -> list[Term]:
     spread = max(float(np.std(log.measured["tau"])) for log in logs if "tau" in log.measured)
-    gain = Number("gain", "-", 1.0, 0.05, True, 0.2, 5.0)
-    bias = Number("bias", "N m", 0.0, 0.05 * spread)
+    gain = Free("gain", "-", 1.0, 0.05, True, 0.2, 5.0)
+    bias = Free("bias", "N m", 0.0, 0.05 * spread)
     dt = logs[0].dt
     late = _late(dt, max(SLOWEST, 4.0 * dt))
     return [
@@ -289,8 +283,8 @@ def _spring(joint: Joint, logs: Sequence[Log]) -> list[Term]:
     swing = [np.abs(log.states[:, 1] - log.states[:, 2]) for log in logs]
     reach = max(float(np.percentile(x - x.min(), 99)) for x in swing) or 1e-3
     k_b = p.get("k_b", 0.0)
-    gap = Number("gap", "rad", 0.0, 0.05 * reach, low=0.0, high=2.0 * reach)
-    cubic = Number("k_3", "N m/rad^3", 0.0, 0.1 * k_b / reach**2, low=0.0)
+    gap = Free("gap", "rad", 0.0, 0.05 * reach, low=0.0, high=2.0 * reach)
+    cubic = Free("k_3", "N m/rad^3", 0.0, 0.1 * k_b / reach**2, low=0.0)
     found = [
         Term("backlash", (gap,), sets("backlash", "gap"), nominal=(0.0,),
              starts=((0.1 * reach,), (0.4 * reach,))),
@@ -299,8 +293,8 @@ def _spring(joint: Joint, logs: Sequence[Log]) -> list[Term]:
     ]  # fmt: skip
     if with_tau:
         size = 0.05 * k_b * reach
-        tau_h = Number("tau_h", "N m", 0.0, size, low=0.0)
-        delta = Number("delta_h", "rad", 0.1 * reach, 0.5, True, 1e-3 * reach, reach)
+        tau_h = Free("tau_h", "N m", 0.0, size, low=0.0)
+        delta = Free("delta_h", "rad", 0.1 * reach, 0.5, True, 1e-3 * reach, reach)
         found.append(
             Term("spring_hysteresis", (tau_h, delta), sets("spring_hysteresis", "tau_h", "delta_h"),
                  nominal=(0.0, 0.1 * reach), starts=((size, 0.1 * reach), (size, 0.3 * reach)))

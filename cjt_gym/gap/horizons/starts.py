@@ -10,8 +10,9 @@ import numpy as np
 from cjt_gym.gap.horizons.fit import Fit, Problem
 from cjt_gym.gap.horizons.grow import added, allowed, priced
 from cjt_gym.gap.horizons.inverse import inverse
-from cjt_gym.gap.horizons.model import Model, Number, Term, motor_inertia
+from cjt_gym.gap.horizons.model import Model, Term, motor_inertia
 from cjt_gym.gap.horizons.side_by_side import side_by_side
+from cjt_gym.gap.number import Number
 
 FAR = 0.5
 """Deviation of a logarithm at or above which other magnitudes are tried as starts, too."""

@@ -6,22 +6,26 @@ from dataclasses import dataclass
 
 import numpy as np
 
+STEP = 0.02
+"""Usual step of a finite difference, in units of a coordinate."""
+
 
 @dataclass(frozen=True)
-class Unknown:
-    """One number of a fit, represented by a coordinate z with the prior N(0, 1).
+class Number:
+    """One free number, represented by a coordinate z that is 0 at the start value.
 
     Attributes:
         symbol: Its name in reports.
         unit: Its unit.
         start: Value at z = 0 [unit].
-        scale: Standard deviation of the prior: relative (`log`) or in the unit.
+        scale: Change per unit of z: relative if `log`, else in the unit.
         log: Whether the value is start * exp(scale z) rather than start + scale z.
         low: Smallest value [unit].
         high: Largest value [unit].
-        flat: Whether the prior is left out.
+        prior: Whether z has a Gaussian prior of mean 0 and deviation 1.
         shape: Whether it only shapes an effect, whose size is given by other numbers; those are
             at their start if the effect is absent.
+        step: Step of a finite difference, in units of z. A delay acts in whole substeps.
     """
 
     symbol: str
@@ -31,8 +35,9 @@ class Unknown:
     log: bool = False
     low: float = -np.inf
     high: float = np.inf
-    flat: bool = False
+    prior: bool = True
     shape: bool = False
+    step: float = STEP
 
     def value(self, z: float) -> float:
         """Return the value [unit] at a coordinate."""
@@ -43,7 +48,8 @@ class Unknown:
         return min(max(raw, self.low), self.high)
 
     def coordinate(self, value: float) -> float:
-        """Return the coordinate of a value [unit]."""
+        """Return the coordinate of a value [unit], limited to its bounds."""
+        value = min(max(value, self.low), self.high)
         if self.log:
             return float(np.log(max(value / self.start, 1e-9)) / self.scale)
         return (value - self.start) / self.scale
