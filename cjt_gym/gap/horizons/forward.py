@@ -151,7 +151,8 @@ def _work() -> Floats:
 
 
 def _batch(joint: Joint, log: Log) -> JointBatch:
-    plain = joint.structure_row.size == 1 and not any(joint.packed()[0][n][0] for n in DELAYS)
+    record, _ = joint.packed()
+    plain = joint.structure_row.size == 1 and not any(record[name][0] for name in DELAYS)
     longest = min(LONGER if plain else SUBSTEP, 0.5 * longest_substep(joint))
     substeps = max(math.ceil(log.dt / longest - 1e-9), 1)
     return JointBatch(joint, 1, log.dt, log.dt / substeps, voltage=log.voltage)
