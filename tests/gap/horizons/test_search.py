@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import cjt_gym.gap.horizons.judge as judge_of
 import cjt_gym.gap.horizons.search as search_of
 from cjt_gym.gap.horizons.base_rows import base_terms
 from cjt_gym.gap.horizons.case import make_case
@@ -112,3 +113,26 @@ def test_derivatives_that_are_updated_lead_to_the_same_fit_with_less_work(
     other = slow.fit(*start)
     assert one.cost == pytest.approx(other.cost, abs=0.5)
     assert quick.work < slow.work
+
+
+@pytest.mark.parametrize(("heavier", "kept"), [(20.0, True), (1.0, False)])
+def test_a_joint_that_hardly_responds_refutes_no_friction(
+    posed: tuple[Problem, Fit, dict[str, Term]],
+    monkeypatch: pytest.MonkeyPatch,
+    heavier: float,
+    kept: bool,
+) -> None:
+    problem, base, terms = posed
+    good = with_term(problem, base, terms["coulomb"])
+    less = leaves(problem, good)
+    z = less[-1].z.copy()
+    z[0] = good.model.terms[0].numbers[0].coordinate(heavier * good.model.values(good.z)[0][0])
+    less[-1] = replace(less[-1], z=z)
+    found = Found(good, base, worths_of(problem, less, good, nothing), (), tuple(less))
+
+    def held(_: Problem, fit: Fit) -> Fit:
+        return replace(fit, cost=-50.0 if fit is less[-1] else 0.0)
+
+    monkeypatch.setattr(judge_of, "_held", held)
+    ended, _ = judge_of._tested(problem, problem, found)
+    assert ("coulomb" in names(ended.fit)) is kept
