@@ -33,6 +33,8 @@ SETTLED = ("explained", "no_gap")
 DRIFTLESS, FLOORS = 0.15, 5.0
 """Limits on the relative error and on its ratio to the noise floor. A held output, whose replay
 does not drift, counts as unexplained if it exceeds both."""
+GONE = 0.2
+"""Ratio to the datasheet's error below which the stages' effects stay confirmed nevertheless."""
 MOSTLY = 0.5
 """Predictable share of the squared error above which the stages' effects explain too little."""
 FAR_OFF = 2.0
@@ -133,13 +135,15 @@ def _doubted(first: Diagnosis, found: Judgement) -> Diagnosis:
         for row in found.rows
         if row.channel != "tau" and row.seconds > min(HORIZONS)
     )
-    left = gap.after if far_off else min(main_row(found).found, gap.after)
+    main = main_row(found)
+    left = gap.after if far_off else min(main.found, gap.after)
     predictable = [row for row in found.rows if _is_predictable(row) and not found.cut]
-    sound = better and not (worse or far_off or adrift or predictable) and left < LOUD
-    if not first.effects or sound:
+    sound = better and not (worse or far_off or adrift) and left < LOUD
+    if not first.effects or (sound and not predictable):
         return first
+    kept = sound and main.found < GONE * main.datasheet
     effects = tuple(
-        e if e.name in MEASURES or e.status == "tentative" else as_tentative(e)
+        e if kept or e.name in MEASURES or e.status == "tentative" else as_tentative(e)
         for e in first.effects
     )
     if first.verdict != "explained":

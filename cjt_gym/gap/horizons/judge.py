@@ -13,7 +13,7 @@ from cjt_gym.gap.horizons.baseline import least_squares
 from cjt_gym.gap.horizons.case import Case
 from cjt_gym.gap.horizons.fit import Fit, Problem
 from cjt_gym.gap.horizons.found import Found
-from cjt_gym.gap.horizons.grow import beyond
+from cjt_gym.gap.horizons.grow import beyond, is_needed
 from cjt_gym.gap.horizons.inverse import seen_in_torque
 from cjt_gym.gap.horizons.model import Model
 from cjt_gym.gap.horizons.own_rows import own_terms
@@ -238,7 +238,9 @@ def _tested(problem: Problem, test: Problem, found: Found) -> tuple[Found, tuple
         ]
         refuted = [
             k for k in new
-            if tests[k].fall < -tests[k].price and not _deafer(problem, found.less[k], found.fit)
+            if tests[k].fall < -tests[k].price
+            and not is_needed(found.fit, k)
+            and not _deafer(problem, found.less[k], found.fit)
         ]  # fmt: skip
         if not refuted:
             return found, tuple(tests)

@@ -296,17 +296,21 @@ def test_a_joint_that_coasts_has_the_torques_of_its_inertia() -> None:
     assert "torque_constant" not in {t.name for t in base_terms(case.joint, scales)}
 
 
-@pytest.mark.parametrize(("share", "firm"), [(0.3, True), (0.8, False)])
-def test_stages_explain_nothing_where_most_of_an_error_is_predictable(
-    share: float, firm: bool, plain: tuple[Case, Found], told: Diagnosis
-) -> None:
+@pytest.mark.parametrize(
+    ("before", "share", "firm", "explained"),
+    [(0.9, 0.3, True, True), (0.9, 0.8, False, False), (5.0, 0.8, True, False)],
+)
+def test_stages_do_not_explain_where_most_of_an_error_is_predictable(
+    before: float, share: float, firm: bool, explained: bool,
+    plain: tuple[Case, Found], told: Diagnosis,
+) -> None:  # fmt: skip
     case = plain[0]
     left = Predictable(share, 0.4, 80)
-    rows = (Row(0.1, "q_m", 0.9, None, 0.5, 0.5 * (1.0 - share) ** 0.5, left),)
+    rows = (Row(0.1, "q_m", before, None, 0.5, 0.5 * (1.0 - share) ** 0.5, left),)
     found = Judgement(case, "stages", case.joint, rows)
     sure = tuple(replace(effect, status="confirmed") for effect in told.effects)
     first = replace(told, verdict="explained", effects=sure, gap=replace(told.gap, after=0.1))
     ended = _doubted(first, found)
-    assert ended.verdict == ("explained" if firm else "partly_explained")
+    assert ended.verdict == ("explained" if explained else "partly_explained")
     assert {effect.status for effect in ended.effects} == {"confirmed" if firm else "tentative"}
-    assert ("could be predicted" in ended.unexplained.text) != firm
+    assert ("could be predicted" in ended.unexplained.text) != explained
