@@ -19,6 +19,7 @@ SEPARATED_BY: dict[frozenset[str], str] = {
         ("coulomb", "presliding", "small oscillations inside the stuck region"),
         ("coulomb", "coulomb_asym", "slow ramps in both directions, and a rest without current"),
         ("stribeck", "presliding", "small oscillations inside the stuck region, then slow ramps"),
+        ("presliding", "spring_hysteresis", "the torque of the spring, with a torque sensor"),
         ("coulomb", "load_friction", "the same slow motion under two different loads"),
         ("damping", "viscous_asym", "fast motion for the same time in both directions"),
         ("torque_bias", "torque_offset", "a rest at zero current with the spring relaxed"),

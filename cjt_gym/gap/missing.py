@@ -50,7 +50,7 @@ A strain gauge drifts more easily than an amplifier, but keeps its scale better 
 
 def same_here(setting: Setting, name: str) -> tuple[str, ...]:
     """Return the effects that this record's channels cannot tell from one under any motion."""
-    pairs = [set(pair) for pair in twins(setting)]
+    pairs = [set(pair) for pair in _alike(setting)]
     pairs.append({"command_delay", "measurement_delay"})  # the same delay on all channels
     if not setting.has_spring:
         pairs += [{"inertia", "load_inertia"}, {"coulomb", "load_coulomb"}]
@@ -74,6 +74,16 @@ def twins(setting: Setting) -> tuple[tuple[str, str], ...]:
     return tuple(found)
 
 
+def _alike(setting: Setting) -> list[tuple[str, str]]:
+    """Return these pairs, and those of which neither is likelier.
+
+    Where only the motor of a held joint is seen, its friction and its spring both lag the motion.
+    """
+    held = setting.structure.output_fixed and setting.has_spring
+    lagging = held and "tau" not in setting.series
+    return [*twins(setting), *([("presliding", "spring_hysteresis")] if lagging else [])]
+
+
 def undecided(setting: Setting, name: str) -> bool:
     """Return whether an effect has such a twin."""
-    return any(name in pair for pair in twins(setting))
+    return any(name in pair for pair in _alike(setting))

@@ -30,9 +30,10 @@ OVER_THE_RECORD = (
 FURTHER = "The named effects help one sample ahead; further ahead hardly anything is predicted."
 SETTLED = ("explained", "no_gap")
 """Verdicts of the stages that leave nothing unexplained."""
-DRIFTLESS, FLOORS = 0.15, 5.0
-"""Limits on the relative error and on its ratio to the noise floor. A held output, whose replay
-does not drift, counts as unexplained if it exceeds both."""
+DRIFTLESS, HALF, FLOORS = 0.15, 0.5, 5.0
+"""Limits on the relative error, on its ratio to the datasheet's, and on that to the noise floor. A
+held output, whose replay does not drift, counts as unexplained if it exceeds the last and one of
+the others."""
 GONE = 0.2
 """Ratio to the datasheet's error below which the stages' effects stay confirmed nevertheless."""
 MOSTLY = 0.5
@@ -129,7 +130,9 @@ def _doubted(first: Diagnosis, found: Judgement) -> Diagnosis:
     )
     worse = gap.after > gap.before > TRIVIAL
     held = found.case.joint.structure_row.output_fixed
-    far_off = held and gap.after > max(DRIFTLESS, FLOORS * gap.floor)
+    far_off = held and gap.after > max(
+        min(DRIFTLESS, HALF * gap.before), FLOORS * gap.floor, TRIVIAL
+    )
     adrift = not held and any(
         row.found > 1.0
         for row in found.rows
