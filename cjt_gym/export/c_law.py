@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from cjt_gym.baselines import Controller, OpenLoop, PdFeedForward
-from cjt_gym.baselines.adaptive_friction import AdaptiveFriction
-from cjt_gym.baselines.compose import WithFriction
-from cjt_gym.baselines.friction_feedforward import FrictionFeedForward
+from cjt_gym.baselines.compensation import WithAddition
 from cjt_gym.baselines.impedance import Impedance
 from cjt_gym.baselines.linear_law import LinearController, LinearLaw, assemble, static
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.export.c_additions import NOTHING, Addition, known_friction, learnt_friction
+from cjt_gym.export.c_additions import NOTHING, Addition, addition_of
 from cjt_gym.joint.arrays import Floats
 
 
@@ -57,18 +55,12 @@ def law_of(controller: Controller, name: str) -> CLaw:
                 stiffness=controller.stiffness,
                 damping=controller.damping,
             )
-        case WithFriction():
-            assert controller.linear is not None
-            back = controller.block.g
-            return CLaw(
-                controller.linear, limit, addition=known_friction(controller.friction), back=back
-            )
-        case FrictionFeedForward():
-            assert controller.linear is not None
-            return CLaw(controller.linear, limit, addition=known_friction(controller.friction))
-        case AdaptiveFriction():
-            assert controller.linear is not None
-            return CLaw(controller.linear, limit, addition=learnt_friction(controller))
+        case WithAddition():
+            added = addition_of(controller.addition)
+            if added is not None:
+                assert controller.linear is not None
+                back = controller.block.g if controller.block.g.any() else None
+                return CLaw(controller.linear, limit, addition=added, back=back)
     raise ConfigurationError(
         f"The controller {name} cannot be written in C: it learns series, solves programs while it "
         "runs, or is code of your own. Take a linear law, such as lqg, or one put together from "
