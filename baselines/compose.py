@@ -13,7 +13,6 @@ from functools import lru_cache, partial
 
 import numpy as np
 
-from cjt_gym.baselines.compensation import WithAddition
 from cjt_gym.baselines.controller import Controller
 from cjt_gym.baselines.entry import ControllerEntry, Gain, Gains
 from cjt_gym.baselines.linear_law import (
@@ -99,7 +98,7 @@ def composed_row(
         linear = assemble(dt, block)
         if makes is None:
             return LinearController(linear, limit)
-        return WithAddition(block, dt, makes(model, gains, linear, limit), limit)
+        return LinearController(linear, limit, makes(model, gains, linear, limit), block.g)
 
     return ControllerEntry(
         name,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import final
+from typing import Protocol, final
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -222,13 +222,28 @@ class LawMemory:
             self._x -= np.outer(back, added)
 
 
+class Addition(Protocol):
+    """What is added to a linear law and is none: friction, or what is learnt."""
+
+    def step(
+        self, measurement: Measurement, reference: Floats, applied: Floats, fresh: Mask
+    ) -> Floats:
+        """Return what is added to the command [N m], shape (n,).
+
+        `applied` is the motor torque since the sample before; of a fresh joint its joint torque.
+        """
+        ...
+
+
 @final
 @dataclass(eq=False)
 class LinearController(Controller):
-    """Runs a linear law over a batch of joints; see `LawMemory`."""
+    """Runs a linear law over a batch of joints, with or without an addition; see `LawMemory`."""
 
     law: LinearLaw
     torque_limit: float = math.inf  # largest motor torque that is commanded [N m]
+    addition: Addition | None = None
+    back: Floats | None = None  # the g of the law as a block, beside an addition
     dt: float = field(init=False)
 
     def __post_init__(self) -> None:
@@ -236,10 +251,18 @@ class LinearController(Controller):
         check_sampling(self)
         self.linear = self.law
         self._memory = LawMemory(self.law)
+        self._applied = np.zeros(0)
 
     def _command(self, measurement: Measurement, reference: Floats, fresh: Mask) -> Floats:
         command = self._memory.propose(measurement, reference, fresh)
-        self._memory.commit(np.clip(command, -self.torque_limit, self.torque_limit))
+        added: Floats | float = 0.0
+        if self.addition is not None:
+            applied = self._applied if len(self._applied) == len(fresh) else measurement.tau
+            applied = np.where(fresh, measurement.tau, applied)
+            added = self.addition.step(measurement, reference, applied, fresh)
+        command = command + added
+        self._applied = np.clip(command, -self.torque_limit, self.torque_limit)
+        self._memory.commit(self._applied, self.back, added)
         return command
 
 

@@ -12,10 +12,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from cjt_gym.baselines.compensation import Addition
 from cjt_gym.baselines.entry import FIXED, SPRUNG, ZERO_AT_REST, Gain, Gains
 from cjt_gym.baselines.feedforward import SHARE, SMOOTHING, KnownFriction
-from cjt_gym.baselines.linear_law import Block, LinearLaw, static, through, total
+from cjt_gym.baselines.linear_law import Addition, Block, LinearLaw, static, through, total
 from cjt_gym.baselines.observers.disturbance import disturbance_observer
 from cjt_gym.baselines.observers.extended_state import designed
 from cjt_gym.baselines.observers.momentum import momentum_observer

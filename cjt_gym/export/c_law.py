@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from cjt_gym.baselines import Controller, OpenLoop, PdFeedForward
-from cjt_gym.baselines.compensation import WithAddition
 from cjt_gym.baselines.impedance import Impedance
 from cjt_gym.baselines.linear_law import LinearController, LinearLaw, assemble, static
 from cjt_gym.errors import ConfigurationError
@@ -44,7 +43,11 @@ def law_of(controller: Controller, name: str) -> CLaw:
         case OpenLoop():
             return CLaw(assemble(controller.dt, static(reference=1.0)), limit)
         case LinearController():
-            return CLaw(controller.law, limit)
+            added = addition_of(controller.addition)
+            back = controller.back
+            if added is not None:
+                back = back if back is not None and back.any() else None
+                return CLaw(controller.law, limit, addition=added, back=back)
         case PdFeedForward():
             assert controller.linear is not None
             return CLaw(controller.linear, limit, follows=True)
@@ -55,12 +58,6 @@ def law_of(controller: Controller, name: str) -> CLaw:
                 stiffness=controller.stiffness,
                 damping=controller.damping,
             )
-        case WithAddition():
-            added = addition_of(controller.addition)
-            if added is not None:
-                assert controller.linear is not None
-                back = controller.block.g if controller.block.g.any() else None
-                return CLaw(controller.linear, limit, addition=added, back=back)
     raise ConfigurationError(
         f"The controller {name} cannot be written in C: it learns series, solves programs while it "
         "runs, or is code of your own. Take a linear law, such as lqg, or one put together from "

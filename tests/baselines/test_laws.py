@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from cjt_gym import load_joint
 from cjt_gym.baselines import CONTROLLERS, Controller, default_gains, make_controller
 from cjt_gym.baselines.adaptive_friction import AdaptiveFriction
-from cjt_gym.baselines.compensation import WithAddition
 from cjt_gym.baselines.current_control import CurrentController
 from cjt_gym.baselines.h_infinity import SLACK, robust_controller, shaped_joint
 from cjt_gym.baselines.impedance import Impedance
 from cjt_gym.baselines.iterative_learning import IterativeLearning, answer, smoothing
+from cjt_gym.baselines.linear_law import LinearController
 from cjt_gym.baselines.mpc import ModelPredictive
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.baselines.ripple_learning import RippleLearning
@@ -187,7 +187,7 @@ def test_predictive_control_solves_its_program() -> None:
 def test_the_friction_level_is_learnt() -> None:
     joint = a_joint(coulomb={"d_cm": 4.0, "d_cg": 2.0, "d_cl": 0.0, "dq_0": 0.002})
     law = make_controller("adaptive_friction", joint, DT)
-    assert isinstance(law, WithAddition)
+    assert isinstance(law, LinearController)
     assert isinstance(law.addition, AdaptiveFriction)
     t = DT * np.arange(2000)
     reference = 40.0 * np.sin(2.0 * np.pi * 2.0 * t)
@@ -216,7 +216,7 @@ def test_ripple_is_learnt_over_the_angle() -> None:
     joint = a_joint(cogging={"f": (480.0,), "a": (1.5,), "b": (0.8,)})
     gains = default_gains("ripple_learning", joint, DT) | {"rate": 8.0}
     law = make_controller("ripple_learning", joint, DT, gains)
-    assert isinstance(law, WithAddition)
+    assert isinstance(law, LinearController)
     assert isinstance(law.addition, RippleLearning)
     np.testing.assert_array_equal(law.addition.periods, [480.0])
     samples = 3000
@@ -260,7 +260,7 @@ def test_the_error_shrinks_as_the_convergence_condition_says() -> None:
     """On a joint without friction and a reference of one tone, by |Q (1 - L G)| per trial."""
     joint = a_joint(command_delay={"delay": 1e-3})
     law = learner(joint, rate=0.4, cutoff_hz=20.0)
-    assert isinstance(law, WithAddition)
+    assert isinstance(law, LinearController)
     assert isinstance(law.addition, IterativeLearning)
     assert law.linear is not None
     loop = law.addition.model.loop

@@ -14,7 +14,7 @@ import pytest
 
 from cjt_gym import load_joint
 from cjt_gym.baselines import CONTROLLERS, default_gains, make_controller
-from cjt_gym.baselines.compensation import WithAddition
+from cjt_gym.baselines.linear_law import LinearController
 from cjt_gym.baselines.observers import OBSERVERS, kalman_filter, make_observer
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.cli import main
@@ -78,9 +78,10 @@ def test_observers_do_in_c_what_they_do_in_python(name: str, structure: str) -> 
 def test_a_header_that_does_otherwise_is_found_out() -> None:
     joint = a_joint()
     law = make_controller("pid+reference+friction", joint, DT)
-    assert isinstance(law, WithAddition)
+    assert isinstance(law, LinearController)
+    assert law.back is not None
     text = controller_to_c(law, joint, "law").text
-    wrong = replace(law, block=replace(law.block, g=2.0 * law.block.g))
+    wrong = replace(law, back=2.0 * law.back)
     for other in (wrong, make_controller("pid+reference", joint, DT)):
         with pytest.raises(ExportError, match="differs from Python by"):
             check_controller(other, joint, text)
