@@ -13,25 +13,13 @@ from functools import lru_cache, partial
 
 import numpy as np
 
-from cjt_gym.baselines.controller import Controller
 from cjt_gym.baselines.entry import ControllerEntry, Gain, Gains
-from cjt_gym.baselines.linear_law import (
-    REFERENCE,
-    Block,
-    LinearController,
-    LinearLaw,
-    assemble,
-    integrator,
-    total,
-)
-from cjt_gym.baselines.linear_row import grid
+from cjt_gym.baselines.linear_law import REFERENCE, Block, LinearLaw, assemble, integrator, total
+from cjt_gym.baselines.linear_row import MakeAddition, grid, linear_row
 from cjt_gym.baselines.own import is_own
-from cjt_gym.baselines.parts import OBSERVER, PARTS, MakeAddition, Part
+from cjt_gym.baselines.parts import OBSERVER, PARTS, Part
 from cjt_gym.baselines.plant_model import SampledJoint
-from cjt_gym.baselines.robust import best_gains
 from cjt_gym.errors import ConfigurationError, check_name
-from cjt_gym.joint import Joint
-from cjt_gym.plant import limits_of
 
 JOINED = "+"
 
@@ -57,7 +45,7 @@ def composed_row(
     tunable: tuple[Gain, ...] = (),
     candidates: Callable[[SampledJoint], Iterable[Gains]] | None = None,
     addition: MakeAddition | None = None,
-    learning: Callable[[SampledJoint, LinearLaw], Gains] = lambda model, law: {},
+    learning: Callable[[SampledJoint, LinearLaw], Gains] | None = None,
     structures: tuple[str, ...] = (),
     refusal: str = "",
 ) -> ControllerEntry:
@@ -78,37 +66,18 @@ def composed_row(
         refusal: Why it does not hold for the others.
     """
     parts = _parts(word)
-    tunable = tunable or tuple(gain for part in parts for gain in part.tunable)
     holds = [part for part in parts if part.refusal]
-    makes = addition or next((part.addition for part in parts if part.addition is not None), None)
-
-    def law(model: SampledJoint, gains: Gains) -> LinearLaw:
-        return assemble(model.dt, _whole(parts, model, gains))
-
-    def defaults(joint: Joint, dt: float) -> Gains:
-        model = SampledJoint(joint, dt)
-        usual = {gain.name: gain.usual for gain in tunable if gain.usual is not None}
-        rows = _tries(parts, model) if candidates is None else candidates(model)
-        found = best_gains(model, partial(law, model), [usual | dict(row) for row in rows])
-        return found | dict(learning(model, law(model, found)))
-
-    def build(joint: Joint, dt: float, gains: Gains) -> Controller:
-        model, limit = SampledJoint(joint, dt), limits_of(joint).tau
-        block = _whole(parts, model, gains)
-        linear = assemble(dt, block)
-        if makes is None:
-            return LinearController(linear, limit)
-        return LinearController(linear, limit, makes(model, gains, linear, limit), block.g)
-
-    return ControllerEntry(
+    return linear_row(
         name,
         summary,
         source,
-        tunable,
-        defaults,
-        build,
+        tunable or tuple(gain for part in parts for gain in part.tunable),
+        lambda model, **gains: assemble(model.dt, _whole(parts, model, gains)),
+        candidates or partial(_tries, parts),
         structures or (holds or parts)[0].structures,
         refusal or (holds[0].refusal if holds else ""),
+        addition or next((part.addition for part in parts if part.addition is not None), None),
+        learning,
     )
 
 

@@ -14,7 +14,8 @@ import numpy as np
 
 from cjt_gym.baselines.entry import FIXED, SPRUNG, ZERO_AT_REST, Gain, Gains
 from cjt_gym.baselines.feedforward import SHARE, SMOOTHING, KnownFriction
-from cjt_gym.baselines.linear_law import Addition, Block, LinearLaw, static, through, total
+from cjt_gym.baselines.linear_law import Block, static, through, total
+from cjt_gym.baselines.linear_row import MakeAddition
 from cjt_gym.baselines.observers.disturbance import disturbance_observer
 from cjt_gym.baselines.observers.extended_state import designed
 from cjt_gym.baselines.observers.momentum import momentum_observer
@@ -31,8 +32,6 @@ from cjt_gym.baselines.rational import (
 
 FEEDBACK, FORWARD, OBSERVER = "feedback", "feed-forward", "disturbance observer"
 Tries = Mapping[str, Sequence[float]]
-MakeAddition = Callable[[SampledJoint, Gains, LinearLaw, float], Addition]
-"""Makes an addition for a sampled joint, gains, the linear law beside it and the torque limit."""
 
 
 @dataclass(frozen=True)

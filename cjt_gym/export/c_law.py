@@ -9,7 +9,6 @@ from cjt_gym.baselines.impedance import Impedance
 from cjt_gym.baselines.linear_law import LinearController, LinearLaw, assemble, static
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.export.c_additions import NOTHING, Addition, addition_of
-from cjt_gym.joint.arrays import Floats
 
 
 @dataclass(frozen=True)
@@ -22,7 +21,6 @@ class CLaw:
         follows: Whether its memory begins as if the reference had long stood where it is, else as
             if it had been the torque that is there.
         addition: What is added to its command.
-        back: What the law's states take back of that, shape (order,).
         stiffness: Of a spring that is rendered at the load by way of the reference [N m/rad].
         damping: Of a damper beside that [N m s/rad].
     """
@@ -31,7 +29,6 @@ class CLaw:
     limit: float
     follows: bool = False
     addition: Addition = NOTHING
-    back: Floats | None = None
     stiffness: float = 0.0
     damping: float = 0.0
 
@@ -44,10 +41,8 @@ def law_of(controller: Controller, name: str) -> CLaw:
             return CLaw(assemble(controller.dt, static(reference=1.0)), limit)
         case LinearController():
             added = addition_of(controller.addition)
-            back = controller.back
             if added is not None:
-                back = back if back is not None and back.any() else None
-                return CLaw(controller.law, limit, addition=added, back=back)
+                return CLaw(controller.law, limit, addition=added)
         case PdFeedForward():
             assert controller.linear is not None
             return CLaw(controller.linear, limit, follows=True)
