@@ -17,11 +17,13 @@ from typing import final
 
 import numpy as np
 
-from cjt_gym.baselines.compensation import CompensatedPd, compensated_row
-from cjt_gym.baselines.controller import Floats, Mask, check
-from cjt_gym.baselines.entry import Gain
-from cjt_gym.baselines.feedforward import ReferenceVelocity
-from cjt_gym.baselines.friction_feedforward import SHARE, SMOOTHING
+from cjt_gym.baselines.compose import composed_row
+from cjt_gym.baselines.controller import Floats, Mask
+from cjt_gym.baselines.entry import Gain, Gains
+from cjt_gym.baselines.feedforward import SHARE, SMOOTHING, ReferenceVelocity, pd_candidates
+from cjt_gym.baselines.linear_law import LinearLaw
+from cjt_gym.baselines.pid import KD, KP, LATE
+from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.plant import Measurement
 
 RATE_HZ = 1.0
@@ -34,12 +36,10 @@ LARGEST_SHARE = 0.2
 
 @final
 @dataclass(eq=False)
-class AdaptiveFriction(CompensatedPd):
-    """Feed-forward, PD and a Coulomb friction that is learnt; see the module.
+class AdaptiveFriction:
+    """A Coulomb friction that is learnt; see the module."""
 
-    `model`, `kp`, `kd` and `lead` are those of `CompensatedPd`.
-    """
-
+    model: SampledJoint
     rate_hz: float  # bandwidth of the learning, rate / (2 pi J), > 0 [Hz]
     threshold: float  # velocity above which it learns, > 0 [rad/s]
     share: float  # of the friction that is compensated, >= 0 [-]
@@ -47,17 +47,15 @@ class AdaptiveFriction(CompensatedPd):
     torque_limit: float
 
     def __post_init__(self) -> None:
-        super().__post_init__()
-        check(self, "rate_hz", "Hz", above=0.0)
-        check(self, "threshold", "rad/s", above=0.0)
-        check(self, "share", "", low=0.0)
+        self.dt = self.model.dt
         self.velocity = ReferenceVelocity(self.model.joint, self.dt)
         self.level, self._speed = np.zeros(0), np.zeros(0)
         self._sent = np.zeros((0, 0))
 
-    def _compensation(
+    def step(
         self, measurement: Measurement, reference: Floats, applied: Floats, fresh: Mask
     ) -> Floats:
+        """Return the friction [N m], shape (n,); see `Addition`."""
         self._learn(measurement, applied, fresh)
         w = self.velocity.step(measurement, reference, fresh)
         return np.asarray(self.share * self.level * np.tanh(w / SMOOTHING))
@@ -82,15 +80,23 @@ class AdaptiveFriction(CompensatedPd):
         self.level, self._speed = np.where(still, self.level, learnt), v
 
 
-ROW = compensated_row(
-    AdaptiveFriction,
-    lambda model, pd: {"rate_hz": RATE_HZ, "threshold": THRESHOLD, "share": SHARE},
-    name="adaptive_friction",
+def _learnt(model: SampledJoint, gains: Gains, law: LinearLaw, limit: float) -> AdaptiveFriction:
+    return AdaptiveFriction(model, gains["rate_hz"], gains["threshold"], gains["share"], limit)
+
+
+ROW = composed_row(
+    "adaptive_friction",
+    "pd+reference",
     summary="Feed-forward of reference and of a friction level that is learnt, and PD.",
     source="Friedland, Park (1992), IEEE Transactions on Automatic Control 37(10)",
     tunable=(
+        *(KP, KD, LATE),
         Gain("rate_hz", "Hz", 0.01, 20.0, log=True),
         Gain("threshold", "rad/s", 1e-3, 1.0, log=True),
         Gain("share", "-", 0.0, 1.5),
     ),
+    candidates=lambda model: pd_candidates(
+        model, rate_hz=RATE_HZ, threshold=THRESHOLD, share=SHARE
+    ),
+    addition=_learnt,
 )

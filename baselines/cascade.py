@@ -12,7 +12,7 @@ from __future__ import annotations
 from cjt_gym.baselines.entry import SPRUNG, Gain
 from cjt_gym.baselines.linear_law import LinearLaw, assemble, integrator, static
 from cjt_gym.baselines.linear_row import grid, linear_row
-from cjt_gym.baselines.passivity import damper
+from cjt_gym.baselines.pid import damper
 from cjt_gym.baselines.plant_model import SampledJoint
 
 LOOPS = (0.0, 0.03, 0.1, 0.2, 0.5, 1.0, 1.5, 2.0)  # gains of the torque loop that are tried

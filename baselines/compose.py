@@ -1,66 +1,27 @@
 """Controllers that are put together from parts, as "pid+reference+momentum_dob".
 
-The command is the sum of what the parts of `cjt_gym.baselines.parts` add. What integrals keep while
-a limit holds the command, and what observers know of it, is that of the whole sum. Gains are those
-of the parts, and their defaults are chosen as for every law (`cjt_gym.baselines.robust`).
+Controllers of the table that are no more than parts are made so too. The command is the sum of what
+the parts of `cjt_gym.baselines.parts` add. What integrals keep while a limit holds the command, and
+what observers know of it, is that of the whole sum. Gains are those of the parts, and their
+defaults are chosen as for every law (`cjt_gym.baselines.robust`).
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
-from dataclasses import dataclass, field
-from functools import lru_cache
-from typing import final
+from collections.abc import Callable, Iterable, Sequence
+from functools import lru_cache, partial
 
 import numpy as np
 
-from cjt_gym.baselines.controller import Controller, Floats, Mask, check_sampling
-from cjt_gym.baselines.entry import ControllerEntry, Gains
-from cjt_gym.baselines.friction_feedforward import KnownFriction
-from cjt_gym.baselines.linear_law import (
-    REFERENCE,
-    Block,
-    LawMemory,
-    LinearController,
-    assemble,
-    integrator,
-    total,
-)
-from cjt_gym.baselines.linear_row import grid
+from cjt_gym.baselines.entry import ControllerEntry, Gain, Gains
+from cjt_gym.baselines.linear_law import REFERENCE, Block, LinearLaw, assemble, integrator, total
+from cjt_gym.baselines.linear_row import MakeAddition, grid, linear_row
 from cjt_gym.baselines.own import is_own
-from cjt_gym.baselines.parts import OBSERVER, PARTS, Part, friction_of
+from cjt_gym.baselines.parts import OBSERVER, PARTS, Part
 from cjt_gym.baselines.plant_model import SampledJoint
-from cjt_gym.baselines.robust import best_gains
 from cjt_gym.errors import ConfigurationError, check_name
-from cjt_gym.joint import Joint
-from cjt_gym.plant import Measurement, limits_of
 
 JOINED = "+"
-
-
-@final
-@dataclass(eq=False)
-class WithFriction(Controller):
-    """A linear law and a friction that is fed forward beside it."""
-
-    block: Block
-    dt: float  # sample time [s]
-    friction: KnownFriction  # what is added to its command
-    torque_limit: float = math.inf  # largest motor torque that is commanded [N m]
-    _memory: LawMemory = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        check_sampling(self)
-        self.linear = assemble(self.dt, self.block)
-        self._memory = LawMemory(self.linear)
-
-    def _command(self, measurement: Measurement, reference: Floats, fresh: Mask) -> Floats:
-        added = self.friction.step(measurement, reference, fresh)
-        command = self._memory.propose(measurement, reference, fresh) + added
-        applied = np.clip(command, -self.torque_limit, self.torque_limit)
-        self._memory.commit(applied, self.block.g, added)
-        return np.asarray(command)
 
 
 def is_composed(word: str) -> bool:
@@ -71,35 +32,64 @@ def is_composed(word: str) -> bool:
 @lru_cache(maxsize=256)
 def composed(word: str) -> ControllerEntry:
     """Return the row of a controller that is put together from the parts that a word names."""
+    summary = f"Put together: {'; '.join(part.summary for part in _parts(word))}."
+    return composed_row(word, word, summary=summary, source="cjt_gym.baselines.parts")
+
+
+def composed_row(
+    name: str,
+    word: str,
+    *,
+    summary: str,
+    source: str,
+    tunable: tuple[Gain, ...] = (),
+    candidates: Callable[[SampledJoint], Iterable[Gains]] | None = None,
+    addition: MakeAddition | None = None,
+    learning: Callable[[SampledJoint, LinearLaw], Gains] | None = None,
+    structures: tuple[str, ...] = (),
+    refusal: str = "",
+) -> ControllerEntry:
+    """Return the row of a controller that is put together from parts.
+
+    Its defaults are those of `cjt_gym.baselines.robust`.
+
+    Args:
+        name: Its name.
+        word: The parts, joined by a plus sign.
+        summary: See `ControllerEntry`, like `source`.
+        source: Where it comes from.
+        tunable: Its gains; those of the parts if left out.
+        candidates: Gains from which the defaults are chosen; what the parts try if left out.
+        addition: Makes what it adds to the command of the parts.
+        learning: Default gains that follow from the linear law with the defaults of the others.
+        structures: Structures that it holds for; those of the parts if left out.
+        refusal: Why it does not hold for the others.
+    """
+    parts = _parts(word)
+    holds = [part for part in parts if part.refusal]
+    return linear_row(
+        name,
+        summary,
+        source,
+        tunable or tuple(gain for part in parts for gain in part.tunable),
+        lambda model, **gains: assemble(model.dt, _whole(parts, model, gains)),
+        candidates or partial(_tries, parts),
+        structures or (holds or parts)[0].structures,
+        refusal or (holds[0].refusal if holds else ""),
+        addition or next((part.addition for part in parts if part.addition is not None), None),
+        learning,
+    )
+
+
+def _tries(parts: Sequence[Part], model: SampledJoint) -> list[dict[str, float]]:
+    return grid(**{name: tried for part in parts for name, tried in part.tries(model).items()})
+
+
+def _parts(word: str) -> tuple[Part, ...]:
+    """Return the parts that a word names."""
     parts = tuple(_part(name, word) for name in word.split(JOINED))
     _check(parts, word)
-
-    def defaults(joint: Joint, dt: float) -> Gains:
-        model = SampledJoint(joint, dt)
-        usual = {gain.name: gain.usual for gain in tunable if gain.usual is not None}
-        tries = {name: values for part in parts for name, values in part.tries(model).items()}
-        rows = [usual | row for row in grid(**tries)]
-        return best_gains(model, lambda gains: assemble(dt, _whole(parts, model, gains)), rows)
-
-    def build(joint: Joint, dt: float, gains: Gains) -> Controller:
-        model, limit = SampledJoint(joint, dt), limits_of(joint).tau
-        block = _whole(parts, model, gains)
-        if any(part.friction for part in parts):
-            return WithFriction(block, dt, friction_of(model, gains), limit)
-        return LinearController(assemble(dt, block), limit)
-
-    tunable = tuple(gain for part in parts for gain in part.tunable)
-    holds = [part for part in parts if part.refusal]
-    return ControllerEntry(
-        word,
-        f"Put together: {'; '.join(part.summary for part in parts)}.",
-        "cjt_gym.baselines.parts",
-        tunable,
-        defaults,
-        build,
-        (holds or parts)[0].structures,
-        holds[0].refusal if holds else "",
-    )
+    return parts
 
 
 def _part(name: str, word: str) -> Part:

@@ -1,4 +1,4 @@
-"""The motor's motion as predicted from the reference alone, which several laws use."""
+"""Feed-forward along the motion that a reference asks for, and candidates for gains beside it."""
 
 from __future__ import annotations
 
@@ -8,16 +8,19 @@ import numpy as np
 
 from cjt_gym.baselines.controller import Floats, Mask
 from cjt_gym.baselines.filters import FilteredDerivative
-from cjt_gym.baselines.linear_law import Block, LinearLaw, assemble, static
 from cjt_gym.baselines.linear_row import grid
-from cjt_gym.baselines.pid import CUTOFF_HZ, damping_gains, pid
+from cjt_gym.baselines.pid import CUTOFF_HZ, damping_gains
 from cjt_gym.baselines.plant_model import SampledJoint
-from cjt_gym.baselines.robust import best_gains
 from cjt_gym.joint import Joint
 from cjt_gym.plant import Measurement
 
 LOAD_HZ = 10.0
 """Low pass of the load's velocity: against its noise at rest [Hz]."""
+SHARE = 0.8
+"""Of the friction that is compensated: more than there is drives a limit cycle, less only leaves
+some of it."""
+SMOOTHING = 0.02
+"""Velocity over which the sign is smoothed [rad/s]; a sharper sign turns the command abruptly."""
 
 
 class ReferenceVelocity:
@@ -41,20 +44,34 @@ class ReferenceVelocity:
         return np.asarray(self.rate.step(reference, fresh) / self.stiffness + self._load)
 
 
-def pd_law(kp: float, kd: float, dt: float, *more: Block, lead: float = 0.0) -> LinearLaw:
-    """Return feed-forward and PD, without lead with the torque's derivative, and more blocks."""
-    return assemble(dt, static(reference=1.0), pid(kp, 0.0, kd, dt, lead), *more)
+class KnownFriction:
+    """The friction that a joint file names, at the velocity that the reference asks for."""
+
+    def __init__(self, joint: Joint, dt: float, share: float, smoothing: float) -> None:
+        p = joint.parameters
+        self.share, self.smoothing = share, smoothing
+        self.coulomb = p.get("d_cm", 0.0) + p.get("d_cg", 0.0)  # of motor and gear [N m]
+        self.viscous = p.get("d_m", 0.0) + p.get("d_g", 0.0)
+        self.velocity = ReferenceVelocity(joint, dt)
+
+    def step(
+        self, measurement: Measurement, reference: Floats, applied: Floats, fresh: Mask
+    ) -> Floats:
+        """Return the friction [N m], shape (n,); see `Addition`."""
+        w = self.velocity.step(measurement, reference, fresh)
+        friction = self.coulomb * np.tanh(w / self.smoothing) + self.viscous * w
+        return np.asarray(self.share * friction)
+
+
+def pd_candidates(model: SampledJoint, **others: float) -> list[dict[str, float]]:
+    """Return candidates for kp and kd [s] beside feed-forward, with fixed other gains."""
+    damping = damping_gains(model, (0.0, 0.03, 0.05, 0.1, 0.2, 0.3, 0.5))
+    fixed = {name: (value,) for name, value in others.items()}
+    return grid(kp=(0.0, 0.03, 0.1, 0.2, 0.4, 0.7, 1.0, 1.5, 2.0), kd=damping, **fixed)
 
 
 def dob_candidates(model: SampledJoint) -> list[dict[str, float]]:
-    """Return candidates for `pd_law` with a disturbance observer: kp, kd [s], dob_hz [Hz]."""
+    """Return the same beside a disturbance observer, dob_hz [Hz]."""
     damping = damping_gains(model, (0.0, 0.03, 0.1, 0.2, 0.3, 0.5))
     cutoffs = (0.2, 2.0, 4.0, 6.0, 9.0, 14.0, 20.0, 35.0, 60.0)
     return grid(kp=(0.0, 0.15, 0.3, 0.6, 1.0), kd=damping, dob_hz=cutoffs)
-
-
-def pd_defaults(model: SampledJoint) -> dict[str, float]:
-    """Return the default gains of `pd_law` for a joint; see `cjt_gym.baselines.robust`."""
-    damping = damping_gains(model, (0.0, 0.03, 0.05, 0.1, 0.2, 0.3, 0.5))
-    candidates = grid(kp=(0.0, 0.03, 0.1, 0.2, 0.4, 0.7, 1.0, 1.5, 2.0), kd=damping)
-    return best_gains(model, lambda g: pd_law(g["kp"], g["kd"], model.dt), candidates)

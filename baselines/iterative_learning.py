@@ -33,11 +33,12 @@ from typing import final
 
 import numpy as np
 
-from cjt_gym.baselines.compensation import CompensatedPd, compensated_row
-from cjt_gym.baselines.controller import Floats, Mask, check
+from cjt_gym.baselines.compose import composed_row
+from cjt_gym.baselines.controller import Floats, Mask
 from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST, Gain, Gains
-from cjt_gym.baselines.feedforward import pd_law
+from cjt_gym.baselines.feedforward import pd_candidates
 from cjt_gym.baselines.linear_law import LinearLaw
+from cjt_gym.baselines.pid import KD, KP, LATE
 from cjt_gym.baselines.plant_model import LoopModel, SampledJoint
 from cjt_gym.baselines.robust import make_bench
 from cjt_gym.errors import ConfigurationError
@@ -64,23 +65,17 @@ POINTS = 400
 
 @final
 @dataclass(eq=False)
-class IterativeLearning(CompensatedPd):
-    """Feed-forward, PD, and what was learnt in the trials before; see the module.
+class IterativeLearning:
+    """What was learnt in the trials before; see the module."""
 
-    `model`, `kp`, `kd` and `lead` are those of `CompensatedPd`.
-    """
-
+    model: SampledJoint
+    linear: LinearLaw  # the law of the closed loop that is learnt on
     rate: float  # of the learning, > 0 and < 2 [-]
     cutoff_hz: float  # up to where it learns, > 0 [Hz]
     trial_s: float  # duration of a trial, rounded to samples, at least two of them [s]
     torque_limit: float  # largest motor torque that is commanded; half of it may be learnt [N m]
 
     def __post_init__(self) -> None:
-        super().__post_init__()
-        check(self, "rate", "", above=0.0)
-        check(self, "cutoff_hz", "Hz", above=0.0)
-        check(self, "trial_s", "s", low=2.0 * self.dt)
-        assert self.linear is not None
         worst = contraction(self.model, self.linear, self.rate, self.cutoff_hz)
         if worst >= 1.0:
             raise ConfigurationError(
@@ -88,8 +83,13 @@ class IterativeLearning(CompensatedPd):
                 f"{worst:.3g} times from trial to trial, with the delay and the parameters that "
                 "the joint may have. Lower cutoff_hz or rate."
             )
-        self.samples = round(self.trial_s / self.dt)
-        f = np.asarray(np.fft.rfftfreq(self.samples, self.dt), dtype=np.float64)
+        self.samples = round(self.trial_s / self.model.dt)
+        if self.samples < 2:
+            raise ConfigurationError(
+                f"trial_s of iterative_learning must be at least {2.0 * self.model.dt:g} s, two "
+                f"samples, got {self.trial_s:g}."
+            )
+        f = np.asarray(np.fft.rfftfreq(self.samples, self.model.dt), dtype=np.float64)
         g = answer(self.model.loop, self.linear, f)
         self._learn, self._keep = learning(g, self.rate), smoothing(f, self.cutoff_hz)
         self._begin(0)
@@ -100,9 +100,10 @@ class IterativeLearning(CompensatedPd):
         self._wanted = np.full(shape, np.nan)
         self._at, self._repeats = np.zeros(count, dtype=np.int64), np.ones(count, dtype=np.bool_)
 
-    def _compensation(
+    def step(
         self, measurement: Measurement, reference: Floats, applied: Floats, fresh: Mask
     ) -> Floats:
+        """Return the feed-forward [N m], shape (n,); see `Addition`."""
         if len(self._at) != len(fresh):
             self._begin(len(fresh))
         self._at[fresh], self._repeats[fresh] = 0, True
@@ -160,25 +161,32 @@ def contraction(model: SampledJoint, law: LinearLaw, rate: float, cutoff_hz: flo
     return max(float(np.max(keep * np.abs(1.0 - step * answer(x, law, f)))) for x in loops)
 
 
-def _learning(model: SampledJoint, pd: Gains) -> Gains:
+def _learning(model: SampledJoint, law: LinearLaw) -> Gains:
     """Return the gains of learning, with as high a cut-off as converges."""
-    law = pd_law(pd["kp"], pd["kd"], model.dt)
     good = [c for c in CUTOFFS if contraction(model, law, RATE, c) < 1.0]
     return {"rate": RATE, "cutoff_hz": good[0] if good else CUTOFFS[-1], "trial_s": TRIAL_S}
 
 
-ROW = compensated_row(
-    IterativeLearning,
-    _learning,
-    name="iterative_learning",
+def _learnt(model: SampledJoint, gains: Gains, law: LinearLaw, limit: float) -> IterativeLearning:
+    rate, cutoff, trial = (gains[name] for name in ("rate", "cutoff_hz", "trial_s"))
+    return IterativeLearning(model, law, rate, cutoff, trial, limit)
+
+
+ROW = composed_row(
+    "iterative_learning",
+    "pd+reference",
     summary="Feed-forward, PD, and a feed-forward learnt over trials of a repeated reference.",
     source="Arimoto, Kawamura, Miyazaki (1984), Journal of Robotic Systems 1(2); Bristow, "
     "Tharayil, Alleyne (2006), IEEE Control Systems Magazine 26(3)",
     tunable=(
+        *(KP, KD, LATE),
         Gain("rate", "-", 0.01, 1.9),
         Gain("cutoff_hz", "Hz", 0.5, 200.0, log=True),
         Gain("trial_s", "s", 0.01, 60.0, log=True, asked=True),
     ),
+    candidates=pd_candidates,
+    addition=_learnt,
+    learning=_learning,
     structures=FIXED,
     refusal=ZERO_AT_REST,
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import final
+from typing import Protocol, final
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -148,6 +148,7 @@ class LinearLaw:
         c: Shape (order,).
         d: Shape (9,).
         dt: Sample time [s].
+        g: Shape (order,), see `Block`; a and b hold it, and only additions need it by itself.
     """
 
     a: Floats
@@ -155,6 +156,7 @@ class LinearLaw:
     c: Floats
     d: Floats
     dt: float
+    g: Floats = field(default_factory=lambda: np.zeros(0))
 
     def unlimited(self) -> tuple[Floats, Floats]:
         """Return system and input matrix from reference and measurement where no limit acts."""
@@ -186,7 +188,7 @@ def assemble(dt: float, *blocks: Block) -> LinearLaw:
     b[:, COMMAND] += whole.g
     if whole.d[COMMAND] != 0.0:
         raise ConfigurationError("A law cannot use its own present command.")
-    return LinearLaw(whole.a - np.outer(whole.g, whole.c), b, whole.c, whole.d, dt)
+    return LinearLaw(whole.a - np.outer(whole.g, whole.c), b, whole.c, whole.d, dt, whole.g)
 
 
 class LawMemory:
@@ -208,27 +210,39 @@ class LawMemory:
         self._x = begin(self._rest, self._x, self._w, fresh)
         return np.asarray(self.law.c @ self._x + self.law.d @ self._w)
 
-    def commit(
-        self, command: Floats, back: Floats | None = None, added: Floats | float = 0.0
-    ) -> None:
+    def commit(self, command: Floats, added: Floats | None = None) -> None:
         """Go on to the next sample with the command that was applied [N m], shape (n,).
 
-        Where something was added to what the law proposed, for which no limit has to answer [N m],
-        `back` is the g of the law as a block.
+        `added` is what was added to what the law proposed [N m], shape (n,), for which no limit has
+        to answer.
         """
         self._w[COMMAND] = command
         self._x = self.law.a @ self._x + self.law.b @ self._w
-        if back is not None:
-            self._x -= np.outer(back, added)
+        if added is not None:
+            self._x -= np.outer(self.law.g, added)
+
+
+class Addition(Protocol):
+    """What is added to a linear law and is none: friction, or what is learnt."""
+
+    def step(
+        self, measurement: Measurement, reference: Floats, applied: Floats, fresh: Mask
+    ) -> Floats:
+        """Return what is added to the command [N m], shape (n,).
+
+        `applied` is the motor torque since the sample before; of a fresh joint its joint torque.
+        """
+        ...
 
 
 @final
 @dataclass(eq=False)
 class LinearController(Controller):
-    """Runs a linear law over a batch of joints; see `LawMemory`."""
+    """Runs a linear law over a batch of joints, with or without an addition; see `LawMemory`."""
 
     law: LinearLaw
     torque_limit: float = math.inf  # largest motor torque that is commanded [N m]
+    addition: Addition | None = None
     dt: float = field(init=False)
 
     def __post_init__(self) -> None:
@@ -236,10 +250,18 @@ class LinearController(Controller):
         check_sampling(self)
         self.linear = self.law
         self._memory = LawMemory(self.law)
+        self._applied = np.zeros(0)
 
     def _command(self, measurement: Measurement, reference: Floats, fresh: Mask) -> Floats:
         command = self._memory.propose(measurement, reference, fresh)
-        self._memory.commit(np.clip(command, -self.torque_limit, self.torque_limit))
+        added = None
+        if self.addition is not None:
+            applied = self._applied if len(self._applied) == len(fresh) else measurement.tau
+            applied = np.where(fresh, measurement.tau, applied)
+            added = self.addition.step(measurement, reference, applied, fresh)
+            command = command + added
+        self._applied = np.clip(command, -self.torque_limit, self.torque_limit)
+        self._memory.commit(self._applied, added)
         return command
 
 

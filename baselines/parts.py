@@ -8,17 +8,27 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
 
 from cjt_gym.baselines.entry import FIXED, SPRUNG, ZERO_AT_REST, Gain, Gains
-from cjt_gym.baselines.friction_feedforward import SHARE, SMOOTHING, KnownFriction
-from cjt_gym.baselines.linear_law import Block, static
-from cjt_gym.baselines.mass_dob import mass_observer
+from cjt_gym.baselines.feedforward import SHARE, SMOOTHING, KnownFriction
+from cjt_gym.baselines.linear_law import Block, static, through, total
+from cjt_gym.baselines.linear_row import MakeAddition
+from cjt_gym.baselines.observers.disturbance import disturbance_observer
 from cjt_gym.baselines.observers.extended_state import designed
 from cjt_gym.baselines.observers.momentum import momentum_observer
-from cjt_gym.baselines.passivity import damper
-from cjt_gym.baselines.pid import DOB_HZ, KD, KI, KP, LEAD, damping_gains, pid
-from cjt_gym.baselines.pid_inner_dob import inner_observer
+from cjt_gym.baselines.pid import DOB_HZ, KD, KI, KP, LEAD, damper, damping_gains, pid
 from cjt_gym.baselines.plant_model import SampledJoint
+from cjt_gym.baselines.rational import (
+    Rational,
+    delayed,
+    held_low_pass,
+    inverse_times,
+    low_pass,
+    tustin,
+)
 
 FEEDBACK, FORWARD, OBSERVER = "feedback", "feed-forward", "disturbance observer"
 Tries = Mapping[str, Sequence[float]]
@@ -37,7 +47,8 @@ class Part:
     # values of its gains from which defaults are chosen; others have usual values
     tries: Callable[[SampledJoint], Tries] = lambda model: {}
     structures: tuple[str, ...] = SPRUNG  # the structures that it holds for
-    friction: bool = False  # whether it adds known friction too
+    # makes what it adds beside its block, where that is no linear law
+    addition: MakeAddition | None = None
 
     @property
     def refusal(self) -> str:
@@ -79,6 +90,31 @@ def _damping_block(model: SampledJoint, gains: Gains) -> Block:
 
 def _observer_tries(name: str) -> Callable[[SampledJoint], Tries]:
     return lambda model: {name: (0.2, 2.0, 5.0, 10.0, 20.0, 40.0)}
+
+
+@lru_cache(maxsize=64)
+def inner_observer(model: SampledJoint, cutoff_hz: float) -> Block:
+    """Return the block of -d; see `cjt_gym.baselines.pid_inner_dob`."""
+    return disturbance_observer(model, cutoff_hz).block(disturbance=-1.0)
+
+
+@lru_cache(maxsize=64)
+def mass_observer(model: SampledJoint, cutoff_hz: float) -> Block:
+    """Return the block of f; see `cjt_gym.baselines.mass_dob`."""
+    p, dt, inertia = model.joint.parameters, model.dt, model.inertia
+    damping = p.get("d_m", 0.0) + p.get("d_g", 0.0)
+    low = low_pass(2, cutoff_hz)
+    # A mass without friction has a pole at 0, which stands among the zeros of its inverse.
+    mass = Rational(np.zeros(0, complex), np.array([-damping / inertia + 0j]), 1.0 / inertia)
+    inverse = tustin(inverse_times(mass, low, "the motor's mass"), dt)
+    seen, late = tustin(low, dt), delayed(held_low_pass(2, cutoff_hz, dt), model.loop.delay)
+    return total(
+        [
+            through(late, command=1.0),
+            through(seen, -1.0, tau=1.0),
+            through(inverse, -1.0, dq_m=1.0),
+        ]
+    )
 
 
 ROWS = (
@@ -125,7 +161,9 @@ ROWS = (
             Gain("smoothing", "rad/s", 1e-4, 1.0, log=True, usual=SMOOTHING),
         ),
         lambda model, gains: static(),
-        friction=True,
+        addition=lambda model, gains, law, limit: KnownFriction(
+            model.joint, model.dt, gains["share"], gains["smoothing"]
+        ),
     ),
     Part(
         "inner_dob",
@@ -163,8 +201,3 @@ ROWS = (
     ),
 )
 PARTS = {part.name: part for part in ROWS}
-
-
-def friction_of(model: SampledJoint, gains: Gains) -> KnownFriction:
-    """Return the friction that a part adds."""
-    return KnownFriction(model.joint, model.dt, gains["share"], gains["smoothing"])

@@ -12,7 +12,7 @@ from __future__ import annotations
 from cjt_gym.baselines.entry import SPRUNG, Gain
 from cjt_gym.baselines.linear_law import Block, LinearLaw, assemble, static
 from cjt_gym.baselines.linear_row import grid, linear_row
-from cjt_gym.baselines.pid import damping_gains
+from cjt_gym.baselines.pid import damper
 from cjt_gym.baselines.plant_model import SampledJoint
 
 
@@ -25,11 +25,6 @@ def passivity_block(shaping: float, damping: float) -> Block:
 def passivity_law(model: SampledJoint, shaping: float, damping: float) -> LinearLaw:
     """Return the law; see `passivity_block`."""
     return assemble(model.dt, passivity_block(shaping, damping))
-
-
-def damper(model: SampledJoint, ratios: tuple[float, ...]) -> list[float]:
-    """Return dampers that give the motor on the spring damping ratios [N m s/rad]."""
-    return [model.joint.parameters.k_b * gain for gain in damping_gains(model, ratios)]
 
 
 def _candidates(model: SampledJoint) -> list[dict[str, float]]:

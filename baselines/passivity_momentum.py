@@ -12,7 +12,8 @@ from cjt_gym.baselines.entry import SPRUNG, Gain
 from cjt_gym.baselines.linear_law import LinearLaw, assemble
 from cjt_gym.baselines.linear_row import grid, linear_row
 from cjt_gym.baselines.observers.momentum import momentum_observer
-from cjt_gym.baselines.passivity import damper, passivity_block
+from cjt_gym.baselines.passivity import passivity_block
+from cjt_gym.baselines.pid import damper
 from cjt_gym.baselines.plant_model import SampledJoint
 
 

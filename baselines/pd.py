@@ -8,16 +8,10 @@ integral it leaves an error of 1 / (1 + kp): it shows what feed-forward is worth
 
 from __future__ import annotations
 
-from cjt_gym.baselines.entry import SPRUNG
-from cjt_gym.baselines.linear_law import LinearLaw, assemble
-from cjt_gym.baselines.linear_row import grid, linear_row
-from cjt_gym.baselines.pid import KD, KP, LEAD, damping_gains, pid
+from cjt_gym.baselines.compose import composed_row
+from cjt_gym.baselines.linear_row import grid
+from cjt_gym.baselines.pid import damping_gains
 from cjt_gym.baselines.plant_model import SampledJoint
-
-
-def pd_law(model: SampledJoint, kp: float, kd: float, lead: float = 1.0) -> LinearLaw:
-    """Return the law; see the module, and `cjt_gym.baselines.pid` for its gains."""
-    return assemble(model.dt, pid(kp, 0.0, kd, model.dt, lead))
 
 
 def _candidates(model: SampledJoint) -> list[dict[str, float]]:
@@ -25,12 +19,10 @@ def _candidates(model: SampledJoint) -> list[dict[str, float]]:
     return grid(kp=kp, kd=damping_gains(model, (0.0, 0.05, 0.1, 0.2, 0.3, 0.5)))
 
 
-ROW = linear_row(
-    name="pd",
+ROW = composed_row(
+    "pd",
+    "pd",
     summary="PD on the torque error without feed-forward, derivative filtered at 200 Hz.",
     source="Readman (1994), Flexible Joint Robots, CRC Press",
-    tunable=(KP, KD, LEAD),
-    law=pd_law,
     candidates=_candidates,
-    structures=SPRUNG,
 )

@@ -59,7 +59,7 @@ def pid(
     error = {"reference": 1.0, "tau": -1.0}
     late = error if lead >= 0.5 else {"tau": -1.0}
     proportional = static(reference=forward + kp, tau=-kp)
-    late_error = through(derivative(dt, cutoff_hz), kd, **late)
+    late_error = static() if kd == 0.0 else through(derivative(dt, cutoff_hz), kd, **late)
     return total([proportional, late_error, integrator(ki, dt, forward + kp, **error)])
 
 
@@ -67,3 +67,8 @@ def damping_gains(model: SampledJoint, ratios: Sequence[float]) -> list[float]:
     """Return the derivative gains that give a mass on the joint's spring damping ratios [s]."""
     unit = 2.0 * math.sqrt(model.inertia / model.joint.parameters.k_b)
     return [ratio * unit for ratio in ratios]
+
+
+def damper(model: SampledJoint, ratios: Sequence[float]) -> list[float]:
+    """Return dampers that give the motor on the spring damping ratios [N m s/rad]."""
+    return [model.joint.parameters.k_b * gain for gain in damping_gains(model, ratios)]

@@ -9,18 +9,10 @@ bare mass and kp takes the part of the spring.
 
 from __future__ import annotations
 
-from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST
-from cjt_gym.baselines.linear_law import LinearLaw, assemble, static
-from cjt_gym.baselines.linear_row import grid, linear_row
-from cjt_gym.baselines.pid import INTEGRALS, KD, KI, KP, LATE, damping_gains, pid
+from cjt_gym.baselines.compose import composed_row
+from cjt_gym.baselines.linear_row import grid
+from cjt_gym.baselines.pid import INTEGRALS, KD, KI, KP, LATE, damping_gains
 from cjt_gym.baselines.plant_model import SampledJoint
-
-
-def pid_compensation_law(
-    model: SampledJoint, kp: float, ki: float, kd: float, lead: float = 0.0
-) -> LinearLaw:
-    """Return the law; see the module, and `cjt_gym.baselines.pid` for its gains."""
-    return assemble(model.dt, static(tau=1.0), pid(kp, ki, kd, model.dt, lead))
 
 
 def _candidates(model: SampledJoint) -> list[dict[str, float]]:
@@ -28,13 +20,11 @@ def _candidates(model: SampledJoint) -> list[dict[str, float]]:
     return grid(kp=(0.5, 0.7, 1.0, 1.2, 1.5, 2.0), ki=INTEGRALS, kd=damping)
 
 
-ROW = linear_row(
-    name="pid_compensation",
+ROW = composed_row(
+    "pid_compensation",
+    "pid+torque",
     summary="Compensation of the measured torque and PID on the torque error.",
     source="Readman (1994), Flexible Joint Robots, CRC Press",
     tunable=(KP, KI, KD, LATE),
-    law=pid_compensation_law,
     candidates=_candidates,
-    structures=FIXED,
-    refusal=ZERO_AT_REST,
 )

@@ -22,11 +22,13 @@ from typing import final
 
 import numpy as np
 
-from cjt_gym.baselines.compensation import CompensatedPd, compensated_row
-from cjt_gym.baselines.controller import Floats, Mask, check
+from cjt_gym.baselines.compose import composed_row
+from cjt_gym.baselines.controller import Floats, Mask
 from cjt_gym.baselines.entry import Gain
-from cjt_gym.baselines.friction_feedforward import SMOOTHING
+from cjt_gym.baselines.feedforward import SMOOTHING, pd_candidates
 from cjt_gym.baselines.observers.momentum import momentum_observer
+from cjt_gym.baselines.pid import KD, KP, LATE
+from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.joint import Joint
 from cjt_gym.plant import Measurement
 
@@ -43,28 +45,25 @@ LARGEST_SHARE = 0.1
 
 @final
 @dataclass(eq=False)
-class RippleLearning(CompensatedPd):
-    """PD and a ripple that is learnt over the motor angle; see the module.
+class RippleLearning:
+    """A ripple that is learnt over the motor angle; see the module."""
 
-    `model`, `kp`, `kd` and `lead` are those of `CompensatedPd`.
-    """
-
+    model: SampledJoint
     rate: float  # of the learning, > 0 [1/s]
     observer_hz: float  # bandwidth of the momentum observer [Hz]
     # largest motor torque that is commanded; a ripple above a tenth of it is not believed [N m]
     torque_limit: float
 
     def __post_init__(self) -> None:
-        super().__post_init__()
-        check(self, "rate", "1/s", above=0.0)
         self.periods = ripple_periods(self.model.joint)
         self._observer = momentum_observer(self.model, self.observer_hz)
-        self._keep = math.exp(-2.0 * math.pi * self.observer_hz * self.dt)
+        self._keep = math.exp(-2.0 * math.pi * self.observer_hz * self.model.dt)
         self._weights = self._filtered = np.zeros((0, 0))
 
-    def _compensation(
+    def step(
         self, measurement: Measurement, reference: Floats, applied: Floats, fresh: Mask
     ) -> Floats:
+        """Return the ripple [N m], shape (n,); see `Addition`."""
         angle = self.periods[:, None] * measurement.q_m
         waves = np.concatenate([np.cos(angle), np.sin(angle)])
         friction = np.tanh(measurement.dq_m / SMOOTHING)[None]
@@ -86,7 +85,7 @@ class RippleLearning(CompensatedPd):
         error = seen - np.sum(self._weights * self._filtered, axis=0)
         moving = np.abs(np.tanh(measurement.dq_m / SMOOTHING)) > FLOOR
         size = 1.0 + np.sum(self._filtered**2, axis=0)
-        step = self.rate * self.dt * np.where(moving & ~fresh, error / size, 0.0)
+        step = self.rate * self.model.dt * np.where(moving & ~fresh, error / size, 0.0)
         self._weights = self._weights + step * self._filtered
 
 
@@ -103,15 +102,19 @@ def ripple_periods(joint: Joint) -> Floats:
     return np.array(sorted(found))
 
 
-ROW = compensated_row(
-    RippleLearning,
-    lambda model, pd: {"rate": RATE, "observer_hz": OBSERVER_HZ},
-    name="ripple_learning",
+ROW = composed_row(
+    "ripple_learning",
+    "pd+reference",
     summary="Feed-forward, PD, and ripple over the motor angle, learnt by filtered-x LMS.",
     source="Widrow, Stearns (1985), Adaptive Signal Processing, chapter 11; Bodson, Douglas "
     "(1997), Automatica 33(12)",
     tunable=(
+        *(KP, KD, LATE),
         Gain("rate", "1/s", 0.01, 100.0, log=True),
         Gain("observer_hz", "Hz", 1.0, 200.0, log=True),
+    ),
+    candidates=lambda model: pd_candidates(model, rate=RATE, observer_hz=OBSERVER_HZ),
+    addition=lambda model, gains, law, limit: RippleLearning(
+        model, gains["rate"], gains["observer_hz"], limit
     ),
 )

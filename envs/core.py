@@ -14,14 +14,14 @@ from cjt_gym.envs.control import REPORT, make_control
 from cjt_gym.envs.handover import table_of
 from cjt_gym.envs.observation import CLIP
 from cjt_gym.envs.observe import TERMS, Task, draw_episodes
-from cjt_gym.envs.settings import BaseController, ControllerOrFactory, Settings, make_settings
+from cjt_gym.envs.settings import ControllerOrFactory, Settings, make_settings
 from cjt_gym.envs.step import BAD_ACTION, begin_some, command_all, step_blocks, tell_some
 from cjt_gym.envs.threads import side_by_side, threads_for
 from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.joint import Joint
 from cjt_gym.joint.arrays import TAU, Floats
 from cjt_gym.joint.border import checked_array
-from cjt_gym.plant import Measurement, SimulatedPlant
+from cjt_gym.plant import Law, Measurement, SimulatedPlant
 from cjt_gym.signals import Signal
 
 Reward = Callable[[Mapping[str, NDArray[Any]]], NDArray[Any]]
@@ -210,7 +210,7 @@ def report_of(episodes: Episodes, tau: Floats, tau_measured: Floats) -> dict[str
     return {name: x.copy() for name, x in zip(REPORT, (*reported, *task.terms.T), strict=True)}
 
 
-def make_base(given: ControllerOrFactory | None, joint: Joint, dt: float) -> BaseController | None:
+def make_base(given: ControllerOrFactory | None, joint: Joint, dt: float) -> Law | None:
     """Return the controller that actions are added to, None for none."""
     if given is None:
         return None
@@ -219,9 +219,9 @@ def make_base(given: ControllerOrFactory | None, joint: Joint, dt: float) -> Bas
 
         return make_controller(given, joint, dt)
     made, what = given, "base_controller"
-    if callable(given) and not isinstance(given, (type, BaseController)):
+    if callable(given) and not isinstance(given, (type, Law)):
         made, what = given(joint, dt), "The function that is the base_controller"
-    if isinstance(made, BaseController) and not isinstance(made, type):
+    if isinstance(made, Law) and not isinstance(made, type):
         return made
     text = f"the class {made.__name__} itself" if isinstance(made, type) else repr(made)
     raise ConfigurationError(

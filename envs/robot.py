@@ -13,12 +13,11 @@ from numpy.typing import NDArray
 
 from cjt_gym.envs.core import make_base
 from cjt_gym.envs.observation import CLIP, Row, divisors, observes
-from cjt_gym.envs.settings import BaseController
 from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.joint import Joint, load_joint
 from cjt_gym.joint.arrays import Floats
 from cjt_gym.joint.border import checked_array
-from cjt_gym.plant import Measurement
+from cjt_gym.plant import Law, Measurement
 from cjt_gym.plant.randomization import Randomization
 from cjt_gym.robots import CoupledRobot, get_robot, load_model
 from cjt_gym.robots.models import mujoco
@@ -111,7 +110,7 @@ class RobotEnv(gym.Env[Observation, NDArray[np.float32]]):
         joint: str | Joint = "orange_80_6000",
         effects: Any = None,
         randomization: Randomization = None,
-        base_controller: str | Callable[[Joint, float], BaseController] | None = None,
+        base_controller: str | Callable[[Joint, float], Law] | None = None,
         action_scale: float = 60.0,
         decimation: int = 5,
         episode_steps: int = 600,
@@ -132,7 +131,7 @@ class RobotEnv(gym.Env[Observation, NDArray[np.float32]]):
         self.coupled = CoupledRobot(
             load_model(robot), dict.fromkeys(names, joint), randomization=randomization
         )
-        if len(names) > 1 and isinstance(base_controller, BaseController):
+        if len(names) > 1 and isinstance(base_controller, Law):
             raise ConfigurationError(
                 f"base_controller of a robot with {len(names)} actuators must be the name of a "
                 "controller or a function (joint, dt) -> controller, which makes one for each, got "

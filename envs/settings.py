@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.envs.observation import Layout
 from cjt_gym.envs.observe import TERMS
@@ -18,7 +17,7 @@ from cjt_gym.joint.arrays import Floats
 from cjt_gym.joint.border import checked_array
 from cjt_gym.joint.current_loop import with_current_loop
 from cjt_gym.joint.parameters import JointParameters
-from cjt_gym.plant import Measurement, Variation
+from cjt_gym.plant import Law, Variation
 from cjt_gym.plant.randomization import resolve_randomization
 from cjt_gym.plant.randomization.program import compile_plan
 from cjt_gym.signals import Signal, make_signals, sampled_signal
@@ -48,19 +47,7 @@ LEAST_HISTORY = 4
 """Past samples at least: enough to see velocity and acceleration of the torque in noise."""
 
 
-@runtime_checkable
-class BaseController(Protocol):
-    """What an environment asks of a controller that it adds actions to."""
-
-    def reset(self, mask: NDArray[np.bool_] | None = None) -> None:
-        """Forget the past of the joints in the mask."""
-
-    def act(self, measurement: Measurement, reference: Floats) -> Floats:
-        """Return the motor torque [N m], shape (num,)."""
-        ...
-
-
-ControllerOrFactory = str | BaseController | Callable[[Joint, float], BaseController]
+ControllerOrFactory = str | Law | Callable[[Joint, float], Law]
 
 
 @dataclass(frozen=True)

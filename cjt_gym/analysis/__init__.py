@@ -21,7 +21,6 @@ from cjt_gym.analysis.identify import Identified, identify
 from cjt_gym.analysis.loop import Loop, Responses
 from cjt_gym.analysis.probe import (
     LINEAR_EFFECTS,
-    Law,
     LinearLaw,
     LinearPlant,
     probe_law,
@@ -29,6 +28,7 @@ from cjt_gym.analysis.probe import (
 )
 from cjt_gym.analysis.system import System, realize
 from cjt_gym.joint import Joint
+from cjt_gym.plant import Law
 
 __all__ = [
     "LINEAR_EFFECTS",

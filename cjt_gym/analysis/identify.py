@@ -16,11 +16,10 @@ from typing import Any
 
 import numpy as np
 
-from cjt_gym.analysis.probe import Law
 from cjt_gym.analysis.system import Complex, Floats
 from cjt_gym.errors import ConfigurationError, unknown_name
 from cjt_gym.joint import Joint
-from cjt_gym.plant import SimulatedPlant
+from cjt_gym.plant import Law, SimulatedPlant
 
 PLACES = ("reference", "disturbance")
 LINES = 40

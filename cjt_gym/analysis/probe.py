@@ -9,15 +9,13 @@ predicts what was not used to make it.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.analysis.system import Floats, System, realize
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import Joint
-from cjt_gym.plant import Measurement, SimulatedPlant, limits_of
+from cjt_gym.plant import Law, Measurement, SimulatedPlant, limits_of
 
 CHANNELS = ("i", "q_m", "q_g", "q_l", "dq_m", "dq_g", "dq_l", "tau")
 TRUE = ("true_tau", "true_q_l", "true_dq_l")
@@ -40,16 +38,6 @@ LINEAR = 1e-3
 """Relative mismatch up to which a law is linear; friction that is compensated is far above."""
 NEGLIGIBLE = 1e-9
 """Answer that counts as none."""
-
-
-class Law(Protocol):
-    """What the analysis asks of a controller."""
-
-    def reset(self, mask: NDArray[np.bool_] | None = None) -> None:
-        """Forget the past."""
-
-    def act(self, measurement: Measurement, reference: Floats) -> Floats:
-        """Return motor torques [N m], shape (n,)."""
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,6 @@ inertia, stiffness or damping n^2 times, so that powers and energies are the sam
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from types import MappingProxyType
 
 from cjt_gym.errors import ConfigurationError, ParameterError
@@ -64,12 +63,4 @@ def _scaled(quantity: Quantity, n: float, sign: int) -> Quantity:
             f"{', '.join(EXPONENTS)}."
         )
     factor = n ** (sign * EXPONENTS[quantity.unit])
-
-    def moved(value: float | tuple[float, ...] | None) -> float | tuple[float, ...] | None:
-        if isinstance(value, tuple):
-            return tuple(factor * x for x in value)
-        return None if value is None else factor * value
-
-    value = moved(quantity.value)
-    assert value is not None
-    return replace(quantity, value=value, low=moved(quantity.low), high=moved(quantity.high))
+    return quantity.converted(lambda x: factor * x, quantity.unit)

@@ -31,8 +31,8 @@ from cjt_gym.envs.settings import default_amplitude, default_load
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import Joint, load_joint
 from cjt_gym.joint.arrays import CHANNELS, Floats
+from cjt_gym.joint.configure import plain_effects
 from cjt_gym.joint.current_loop import with_current_loop
-from cjt_gym.joint.effect_words import plain_effects
 from cjt_gym.plant import SimulatedPlant
 from cjt_gym.plant.randomization import Randomization
 from cjt_gym.plant.simulated import DT_PHYSICS

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from cjt_gym.baselines.adaptive_friction import LARGEST_SHARE, AdaptiveFriction
-from cjt_gym.baselines.feedforward import ReferenceVelocity
-from cjt_gym.baselines.friction_feedforward import SMOOTHING, KnownFriction
+from cjt_gym.baselines.feedforward import SMOOTHING, KnownFriction, ReferenceVelocity
+from cjt_gym.baselines.linear_law import Addition as Added
 from cjt_gym.export.c_text import filled, number
 
 
@@ -26,6 +26,18 @@ class Addition:
 
 
 NOTHING = Addition("", "", "")
+
+
+def addition_of(added: Added | None) -> Addition | None:
+    """Return what is added to a linear law; None where C cannot do that."""
+    match added:
+        case None:
+            return NOTHING
+        case KnownFriction():
+            return known_friction(added)
+        case AdaptiveFriction():
+            return learnt_friction(added)
+    return None
 
 
 def known_friction(friction: KnownFriction) -> Addition:

@@ -15,6 +15,7 @@ def controller_header(
 ) -> str:
     """Return the text of the header."""
     adds, renders = law.addition is not NOTHING, law.stiffness > 0.0 or law.damping > 0.0
+    back = adds and law.linear.g.any()
     impedance = {"STIFFNESS": number(law.stiffness), "DAMPING": number(law.damping)}
     tables = {
         "a": law.linear.a,
@@ -22,7 +23,7 @@ def controller_header(
         "c": law.linear.c,
         "d": law.linear.d,
         "rest": law.linear.at_rest(),
-    } | ({} if law.back is None else {"back": law.back})
+    } | ({"back": law.linear.g} if back else {})
     values = {
         "GAINS": ", ".join(f"{key} = {value:.6g}" for key, value in gains.items()) or "none",
         "LIMIT": number(law.limit),
@@ -33,7 +34,7 @@ def controller_header(
         "AFTER": law.addition.after,
         "LOCAL": law.addition.local,
         "ADDED": "added" if adds else "0.0",
-        "BACK": "" if law.back is None else " - @NAME@_back[i] * added",
+        "BACK": " - @NAME@_back[i] * added" if back else "",
         "REST_STATE": "  @REAL@ rest; /* load angle at the start */\n" if renders else "",
     }
     common = common_values(identifier(prefix), title, joint, law.linear.dt, tables)

@@ -5,14 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from cjt_gym.baselines import Controller, OpenLoop, PdFeedForward
-from cjt_gym.baselines.adaptive_friction import AdaptiveFriction
-from cjt_gym.baselines.compose import WithFriction
-from cjt_gym.baselines.friction_feedforward import FrictionFeedForward
 from cjt_gym.baselines.impedance import Impedance
 from cjt_gym.baselines.linear_law import LinearController, LinearLaw, assemble, static
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.export.c_additions import NOTHING, Addition, known_friction, learnt_friction
-from cjt_gym.joint.arrays import Floats
+from cjt_gym.export.c_additions import NOTHING, Addition, addition_of
 
 
 @dataclass(frozen=True)
@@ -25,7 +21,6 @@ class CLaw:
         follows: Whether its memory begins as if the reference had long stood where it is, else as
             if it had been the torque that is there.
         addition: What is added to its command.
-        back: What the law's states take back of that, shape (order,).
         stiffness: Of a spring that is rendered at the load by way of the reference [N m/rad].
         damping: Of a damper beside that [N m s/rad].
     """
@@ -34,7 +29,6 @@ class CLaw:
     limit: float
     follows: bool = False
     addition: Addition = NOTHING
-    back: Floats | None = None
     stiffness: float = 0.0
     damping: float = 0.0
 
@@ -46,7 +40,9 @@ def law_of(controller: Controller, name: str) -> CLaw:
         case OpenLoop():
             return CLaw(assemble(controller.dt, static(reference=1.0)), limit)
         case LinearController():
-            return CLaw(controller.law, limit)
+            added = addition_of(controller.addition)
+            if added is not None:
+                return CLaw(controller.law, limit, addition=added)
         case PdFeedForward():
             assert controller.linear is not None
             return CLaw(controller.linear, limit, follows=True)
@@ -57,18 +53,6 @@ def law_of(controller: Controller, name: str) -> CLaw:
                 stiffness=controller.stiffness,
                 damping=controller.damping,
             )
-        case WithFriction():
-            assert controller.linear is not None
-            back = controller.block.g
-            return CLaw(
-                controller.linear, limit, addition=known_friction(controller.friction), back=back
-            )
-        case FrictionFeedForward():
-            assert controller.linear is not None
-            return CLaw(controller.linear, limit, addition=known_friction(controller.friction))
-        case AdaptiveFriction():
-            assert controller.linear is not None
-            return CLaw(controller.linear, limit, addition=learnt_friction(controller))
     raise ConfigurationError(
         f"The controller {name} cannot be written in C: it learns series, solves programs while it "
         "runs, or is code of your own. Take a linear law, such as lqg, or one put together from "

@@ -381,3 +381,11 @@ def add_to(record: Any, parameter: EffectParameter, value: Any) -> None:
             record[field] += value - record[parameter.relative_to]
         else:
             record[field] += value - (parameter.neutral or 0.0)
+
+
+def plain_effects(effects: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values of effects in a form for JSON."""
+    return {
+        name: {k: list(v) if isinstance(v, tuple) else v for k, v in values.items()}
+        for name, values in effects.items()
+    }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import Any
 
 from cjt_gym.errors import ConfigurationError, ParameterError
@@ -88,11 +88,3 @@ def effects_in_words(joint: Joint) -> str:
     off = known_but_off(joint)
     left = f"; its file knows, but they are off: {', '.join(off)}" if off else ""
     return f"{joint.file.name} ({joint.structure}, {joint.drive}), effects in force: {names}{left}"
-
-
-def plain_effects(effects: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the values of effects in a form for JSON."""
-    return {
-        name: {k: list(v) if isinstance(v, tuple) else v for k, v in values.items()}
-        for name, values in effects.items()
-    }

@@ -26,7 +26,13 @@ from cjt_gym.joint.arrays import (
 )
 from cjt_gym.joint.batch import JointBatch
 from cjt_gym.joint.border import checked_array
-from cjt_gym.joint.configure import EffectSpec, EffectValues, pack, resolve_effects
+from cjt_gym.joint.configure import (
+    EffectSpec,
+    EffectValues,
+    pack,
+    plain_effects,
+    resolve_effects,
+)
 from cjt_gym.joint.drives import DRIVES, get_drive
 from cjt_gym.joint.files import JointFile, load_joint_file
 from cjt_gym.joint.friction import BRISTLES, LOAD, bristles, note_friction, sliding_friction
@@ -299,10 +305,7 @@ class Joint:
             units["i_cmd"] = "V"
         if self.file.path is not None:
             known = {JOINT_FILE: str(self.file.path), **known}
-        effects = {
-            name: {k: list(v) if isinstance(v, tuple) else v for k, v in values.items()}
-            for name, values in self.effects.items()
-        }
+        effects = plain_effects(self.effects)
         return Record(
             kept,
             units,

@@ -115,17 +115,10 @@ def zero_order_hold(a: Matrix, b: Matrix, dt: float) -> tuple[Matrix, Matrix]:
     n, m = b.shape
     joined = np.zeros((n + m, n + m))
     joined[:n, :n], joined[:n, n:] = a * dt, b * dt
-    norms = np.abs(joined[:n, :n])
-    scale = np.ones(n)
-    for _ in range(10):
-        off = norms * scale[None, :] / scale[:, None]
-        np.fill_diagonal(off, 0.0)
-        column, row = off.sum(axis=0), off.sum(axis=1)
-        good = (column > 0.0) & (row > 0.0)
-        scale[good] *= np.sqrt(row[good] / column[good])
-    full = np.concatenate([scale, np.ones(m)])
-    from scipy.linalg import expm  # takes long to import
+    from scipy.linalg import expm, matrix_balance  # takes long to import
 
+    _, (scale, _) = matrix_balance(joined[:n, :n], permute=False, separate=True)
+    full = np.concatenate([scale, np.ones(m)])
     exact = expm(joined * full[None, :] / full[:, None]) * full[:, None] / full[None, :]
     return exact[:n, :n], exact[:n, n:]
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from typing import TypeVar
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
 
 from cjt_gym.errors import ParameterError, did_you_mean
 
@@ -72,6 +72,17 @@ class Quantity:
                 f"A single number in {self.unit} is needed, got the list {list(self.value)}."
             )
         return self.value
+
+    def converted(self, convert: Callable[[float], float], unit: str) -> Quantity:
+        """Return the quantity in another unit; its interval is converted as its value is."""
+
+        def each(value: Any) -> Any:
+            if isinstance(value, tuple):
+                return tuple(map(convert, value))
+            return None if value is None else convert(value)
+
+        low, high = each(self.low), each(self.high)
+        return replace(self, value=each(self.value), low=low, high=high, unit=unit)
 
 
 Setting = Quantity | str | bool | tuple[str, ...]  # what an entry of [effects.*] may be

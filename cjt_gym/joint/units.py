@@ -6,7 +6,6 @@ Angle is treated as a dimension, so that N m is not a stiffness and Hz not an an
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -59,15 +58,10 @@ def in_usual_unit(quantity: Quantity, units: tuple[str, ...], owner: str) -> Qua
 
 
 def _converted(quantity: Quantity, unit: str) -> Quantity:
-    def convert(value: Any) -> Any:
-        if value is None:
-            return None
-        if isinstance(value, tuple):
-            return tuple(convert(x) for x in value)
+    def convert(value: float) -> float:
         return float(_registry().Quantity(value, _parsed(quantity.unit)).m_as(_parsed(unit)))
 
-    value, low, high = (convert(x) for x in (quantity.value, quantity.low, quantity.high))
-    return replace(quantity, value=value, low=low, high=high, unit=unit)
+    return quantity.converted(convert, unit)
 
 
 @cache

@@ -1,9 +1,12 @@
-"""What a joint reports, and what it can take."""
+"""What a joint reports, what it can take, and what commands it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
 
 from cjt_gym.joint.arrays import Floats
 
@@ -73,4 +76,16 @@ class Plant(Protocol):
 
     def close(self) -> None:
         """Release what is held."""
+        ...
+
+
+@runtime_checkable
+class Law(Protocol):
+    """What commands a plant: a controller, or whatever acts as one."""
+
+    def reset(self, mask: NDArray[np.bool_] | None = None) -> None:
+        """Forget the past of the joints in the mask, or of all."""
+
+    def act(self, measurement: Measurement, reference: Floats) -> Floats:
+        """Return the motor torque for a wanted joint torque [N m], shape (num,)."""
         ...

@@ -14,6 +14,7 @@ from cjt_gym.baselines.current_control import CurrentController
 from cjt_gym.baselines.h_infinity import SLACK, robust_controller, shaped_joint
 from cjt_gym.baselines.impedance import Impedance
 from cjt_gym.baselines.iterative_learning import IterativeLearning, answer, smoothing
+from cjt_gym.baselines.linear_law import LinearController
 from cjt_gym.baselines.mpc import ModelPredictive
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.baselines.ripple_learning import RippleLearning
@@ -186,11 +187,12 @@ def test_predictive_control_solves_its_program() -> None:
 def test_the_friction_level_is_learnt() -> None:
     joint = a_joint(coulomb={"d_cm": 4.0, "d_cg": 2.0, "d_cl": 0.0, "dq_0": 0.002})
     law = make_controller("adaptive_friction", joint, DT)
-    assert isinstance(law, AdaptiveFriction)
+    assert isinstance(law, LinearController)
+    assert isinstance(law.addition, AdaptiveFriction)
     t = DT * np.arange(2000)
     reference = 40.0 * np.sin(2.0 * np.pi * 2.0 * t)
     learning = track(joint, law, reference)
-    assert law.level[0] == pytest.approx(6.0, rel=0.25)
+    assert law.addition.level[0] == pytest.approx(6.0, rel=0.25)
     gains = default_gains("adaptive_friction", joint, DT) | {"share": 0.0}
     without = track(joint, make_controller("adaptive_friction", joint, DT, gains), reference)
     error = [np.sqrt(np.mean((one - reference)[1500:] ** 2)) for one in (learning, without)]
@@ -214,8 +216,9 @@ def test_ripple_is_learnt_over_the_angle() -> None:
     joint = a_joint(cogging={"f": (480.0,), "a": (1.5,), "b": (0.8,)})
     gains = default_gains("ripple_learning", joint, DT) | {"rate": 8.0}
     law = make_controller("ripple_learning", joint, DT, gains)
-    assert isinstance(law, RippleLearning)
-    np.testing.assert_array_equal(law.periods, [480.0])
+    assert isinstance(law, LinearController)
+    assert isinstance(law.addition, RippleLearning)
+    np.testing.assert_array_equal(law.addition.periods, [480.0])
     samples = 3000
     load = np.full(samples, 0.1)
     torque = track(joint, law, np.zeros(samples), load)
@@ -257,11 +260,13 @@ def test_the_error_shrinks_as_the_convergence_condition_says() -> None:
     """On a joint without friction and a reference of one tone, by |Q (1 - L G)| per trial."""
     joint = a_joint(command_delay={"delay": 1e-3})
     law = learner(joint, rate=0.4, cutoff_hz=20.0)
-    assert isinstance(law, IterativeLearning)
+    assert isinstance(law, LinearController)
+    assert isinstance(law.addition, IterativeLearning)
     assert law.linear is not None
+    loop = law.addition.model.loop
     f = np.array([2.0 / (TRIAL * DT)])
-    scale = answer(law.model.loop, law.linear, np.fft.rfftfreq(TRIAL, DT))
-    g = answer(law.model.loop, law.linear, f)
+    scale = answer(loop, law.linear, np.fft.rfftfreq(TRIAL, DT))
+    g = answer(loop, law.linear, f)
     step = 0.4 * np.conj(g) / (np.abs(g) ** 2 + (0.1 * np.max(np.abs(scale))) ** 2)
     expected = abs(smoothing(f, 20.0) * (1.0 - step * g))[0]
     tone = 20.0 * np.sin(4.0 * np.pi * np.arange(TRIAL) / TRIAL)

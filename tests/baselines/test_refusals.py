@@ -9,8 +9,9 @@ import pytest
 
 from cjt_gym import load_joint
 from cjt_gym.baselines import default_gains, make_controller
-from cjt_gym.baselines.feedforward import pd_law
+from cjt_gym.baselines.linear_law import assemble
 from cjt_gym.baselines.pbh import check_stabilisable
+from cjt_gym.baselines.pid import pid
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.baselines.rational import Rational, inverse_times, low_pass
 from cjt_gym.baselines.robust import best_gains
@@ -42,7 +43,9 @@ def test_what_has_no_stable_inverse_is_not_inverted() -> None:
 def test_gains_of_which_none_is_robust_are_refused() -> None:
     model = SampledJoint(load_joint("orange_80_6000", "output_fixed", effects={}), DT)
     with pytest.raises(ConfigurationError, match="No default gains keep the loop of orange_80"):
-        best_gains(model, lambda g: pd_law(g["kp"], 0.0, DT), [{"kp": 9.0}])
+        best_gains(
+            model, lambda g: assemble(DT, pid(g["kp"], 0.0, 0.0, DT, 0.0, 1.0)), [{"kp": 9.0}]
+        )
 
 
 def test_a_library_that_is_missing_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

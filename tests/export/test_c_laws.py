@@ -14,7 +14,7 @@ import pytest
 
 from cjt_gym import load_joint
 from cjt_gym.baselines import CONTROLLERS, default_gains, make_controller
-from cjt_gym.baselines.compose import WithFriction
+from cjt_gym.baselines.linear_law import LinearController
 from cjt_gym.baselines.observers import OBSERVERS, kalman_filter, make_observer
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.cli import main
@@ -78,9 +78,9 @@ def test_observers_do_in_c_what_they_do_in_python(name: str, structure: str) -> 
 def test_a_header_that_does_otherwise_is_found_out() -> None:
     joint = a_joint()
     law = make_controller("pid+reference+friction", joint, DT)
-    assert isinstance(law, WithFriction)
+    assert isinstance(law, LinearController)
     text = controller_to_c(law, joint, "law").text
-    wrong = replace(law, block=replace(law.block, g=2.0 * law.block.g))
+    wrong = replace(law, law=replace(law.law, g=2.0 * law.law.g))
     for other in (wrong, make_controller("pid+reference", joint, DT)):
         with pytest.raises(ExportError, match="differs from Python by"):
             check_controller(other, joint, text)

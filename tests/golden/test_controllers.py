@@ -15,10 +15,8 @@ import pytest
 from numpy.typing import NDArray
 
 from cjt_gym import load_joint
-from cjt_gym.baselines import PdFeedForward
-from cjt_gym.baselines.integral_feedforward import integral_law
+from cjt_gym.baselines import PdFeedForward, make_controller
 from cjt_gym.baselines.linear_law import LinearController, LinearLaw, assemble, static
-from cjt_gym.baselines.momentum_dob import momentum_dob_law
 from cjt_gym.baselines.observers import momentum_observer
 from cjt_gym.baselines.passivity import passivity_law
 from cjt_gym.baselines.pid import pid
@@ -55,6 +53,12 @@ def run(law: LinearLaw) -> Floats:
     return np.array([controller.act(measurement(k), r[k : k + 1])[0] for k in range(len(r))])
 
 
+def linear(name: str, model: SampledJoint, **gains: float) -> LinearLaw:
+    law = make_controller(name, model.joint, model.dt, gains).linear
+    assert law is not None
+    return law
+
+
 def same(found: Floats, expected: Floats) -> None:
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-11 * np.abs(expected).max())
 
@@ -80,7 +84,7 @@ def test_pd_with_feedforward_agrees_with_the_toolbox() -> None:
 
 
 def test_integral_with_feedforward_agrees_with_the_toolbox() -> None:
-    same(run(integral_law(MODEL, 10.0)), VECTORS["iff"])
+    same(run(linear("integral_feedforward", MODEL, ki=10.0)), VECTORS["iff"])
 
 
 def test_passivity_based_control_agrees_with_the_toolbox() -> None:
@@ -106,8 +110,9 @@ def test_two_of_the_toolboxs_examples_are_unstable_without_dry_friction() -> Non
     """Example 3 integrates with 10 1/s, Example 10 observes with 25 Hz; less is stable."""
     joint = load_joint("orange_80_6000", "output_fixed_rigid_gearbox", effects={})
     model = SampledJoint(joint, DT)
-    found = [is_stable(model.loop, integral_law(model, ki)) for ki in (10.0, 5.0)]
-    found += [is_stable(model.loop, momentum_dob_law(model, hz)) for hz in (25.0, 5.0)]
+    laws = [linear("integral_feedforward", model, ki=ki) for ki in (10.0, 5.0)]
+    laws += [linear("momentum_dob", model, bandwidth_hz=hz) for hz in (25.0, 5.0)]
+    found = [is_stable(model.loop, law) for law in laws]
     assert found == [False, True, False, True]
 
 

@@ -138,3 +138,12 @@ def test_other_devices_are_refused() -> None:
 def test_without_a_device_it_says_what_to_do() -> None:
     with pytest.raises(ConfigurationError, match="needs a CUDA device"):
         make_episodes(1, "cuda")
+
+
+@pytest.mark.parametrize("name", ["adaptive_friction", "mpc", "impedance"])
+def test_a_base_controller_that_is_more_than_a_linear_law_is_refused(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cuda, "is_available", lambda: True)
+    with pytest.raises(ConfigurationError, match="must be a linear law"):
+        make_episodes(1, "cuda", base_controller=choose(name).make)

@@ -80,7 +80,8 @@ class DeviceEpisodes:
         if controller is None:
             return None
         # Others with a `linear` form do more than that says: compensate friction, learn, predict.
-        if not isinstance(controller, LinearController | PdFeedForward):
+        added = isinstance(controller, LinearController) and controller.addition is not None
+        if added or not isinstance(controller, LinearController | PdFeedForward):
             raise ConfigurationError(
                 "base_controller of DeviceEpisodes must be a linear law, such as pd_feedforward, "
                 f"got {type(controller).__name__}. Take another, or HostEpisodes."

@@ -19,7 +19,7 @@ from typing import Any
 from cjt_gym.disk import lock, parsing, read_json, to_toml, write_text
 from cjt_gym.errors import CjtGymError, ConfigurationError, MissingFileError
 from cjt_gym.joint import Joint, load_joint_file
-from cjt_gym.joint.effect_words import plain_effects
+from cjt_gym.joint.configure import plain_effects
 from cjt_gym.plant.randomization import resolve_randomization
 from cjt_gym.training.learning.config import (
     VALIDATION_SEEDS,

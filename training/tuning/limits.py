@@ -18,14 +18,14 @@ from typing import Any
 
 import numpy as np
 
-from cjt_gym.analysis import Law, LinearPlant, Loop, Responses, identify, margins, probe_law
+from cjt_gym.analysis import LinearPlant, Loop, Responses, identify, margins, probe_law
 from cjt_gym.analysis.figures import figures_of
 from cjt_gym.baselines import Controller
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.baselines.robust import is_robust, noise_gain
 from cjt_gym.errors import ConfigurationError, SimulationError
 from cjt_gym.joint import Joint
-from cjt_gym.plant import SimulatedPlant, limits_of
+from cjt_gym.plant import Law, SimulatedPlant, limits_of
 
 QUIET_S = 0.4
 """At rest, before noise is measured [s], for observers and integrals to settle."""

@@ -78,10 +78,10 @@ def coordinate(kind: Kind, k: int) -> int:
 
 
 @inlined
-def parts(p: Floats, k: int, v: Any) -> tuple[Any, Any, Any, Any]:
-    """Return smooth friction without a division, from a = 1 + exp(-2 |v| / dq_0).
+def friction(p: Floats, k: int, v: Any) -> tuple[Any, Any]:
+    """Return the smooth friction on coordinate k at velocity v, and its slope.
 
-    That is a, dry friction times a, the slope of friction times a^2, and viscous friction.
+    With e = exp(-2 |v| / dq_0), tanh is (1 - e) / (1 + e) of its sign, its slope 4 e / (1 + e)^2.
     """
     ahead, steep = v >= 0.0, get(p, STEEP)
     level = choose(ahead, get(p, UP + k), get(p, DOWN + k))
@@ -89,15 +89,9 @@ def parts(p: Floats, k: int, v: Any) -> tuple[Any, Any, Any, Any]:
     e = decay(v * steep)
     a = 1.0 + e
     slope = madd(4.0 * steep * level, e, extra * (a * a))
-    return a, level * choose(ahead, 1.0 - e, e - 1.0), slope, extra * v
-
-
-@inlined
-def friction(p: Floats, k: int, v: Any) -> tuple[Any, Any]:
-    """Return the smooth friction on coordinate k at velocity v, and its slope."""
-    a, dry, slope, viscous = parts(p, k, v)
     per_a = 1.0 / a
-    return madd(dry, per_a, viscous), slope * (per_a * per_a)
+    dry = level * choose(ahead, 1.0 - e, e - 1.0)
+    return madd(dry, per_a, extra * v), slope * (per_a * per_a)
 
 
 @lean
@@ -206,46 +200,28 @@ def settle(
 
 @lean
 def newton_1(p: Floats, s: Floats, busy: Any) -> Any:
-    """Take one step of Newton's method for one coordinate; return where it is not solved.
-
-    Residual and slope are those of the equation times a and a^2, so that a single division does.
-    """
+    """Take one step of Newton's method for one coordinate; return where it is not solved."""
     v, w = get(s, SPEED), get(p, MOBILITY)
-    a, dry, slope, viscous = parts(p, 0, v)
-    e = madd(a, madd(w, viscous, v - get(s, WANTED)), w * dry)
-    j = madd(w, slope, a * a)
-    share = 1.0 / (a * j)
-    per_a = share * j
-    change = (a * a) * e * share
-    solved = settle(p, s, 0, busy, v, madd(dry, per_a, viscous), slope * (per_a * per_a), change)
-    return busy & ~solved
+    r, g = friction(p, 0, v)
+    change = (v - get(s, WANTED) + w * r) / (1.0 + w * g)
+    return busy & ~settle(p, s, 0, busy, v, r, g, change)
 
 
 @lean
 def newton_2(p: Floats, s: Floats, busy: Any) -> Any:
-    """Take one step for two coordinates, likewise with a single division."""
+    """Take one step for two coordinates."""
     v1, v2 = get(s, SPEED), get(s, SPEED + 1)
-    a1, dry1, slope1, viscous1 = parts(p, 0, v1)
-    a2, dry2, slope2, viscous2 = parts(p, 1, v2)
+    r1, g1 = friction(p, 0, v1)
+    r2, g2 = friction(p, 1, v2)
     w11, w12 = get(p, MOBILITY), get(p, MOBILITY + 1)
     w21, w22 = get(p, MOBILITY + 3), get(p, MOBILITY + 4)
-    both_a, square1, square2 = a1 * a2, a1 * a1, a2 * a2
-    dry1, dry2 = dry1 * a2, dry2 * a1
-    e1 = madd(w11, viscous1, madd(w12, viscous2, v1 - get(s, WANTED)))
-    e2 = madd(w21, viscous1, madd(w22, viscous2, v2 - get(s, WANTED + 1)))
-    e1 = madd(both_a, e1, madd(w11, dry1, w12 * dry2))
-    e2 = madd(both_a, e2, madd(w21, dry1, w22 * dry2))
-    j11, j12 = madd(w11, slope1, square1), w12 * slope2
-    j21, j22 = w21 * slope1, madd(w22, slope2, square2)
-    determinant = j11 * j22 - j12 * j21
-    share = 1.0 / (both_a * determinant)
-    per_both = share * determinant
-    r1, r2 = madd(dry1, per_both, viscous1), madd(dry2, per_both, viscous2)
-    per1, per2 = a2 * per_both, a1 * per_both
-    change1 = (j22 * e1 - j12 * e2) * (share * square1)
-    change2 = (j11 * e2 - j21 * e1) * (share * square2)
-    solved = settle(p, s, 0, busy, v1, r1, slope1 * (per1 * per1), change1)
-    solved = solved & settle(p, s, 1, busy, v2, r2, slope2 * (per2 * per2), change2)
+    e1 = v1 - get(s, WANTED) + w11 * r1 + w12 * r2
+    e2 = v2 - get(s, WANTED + 1) + w21 * r1 + w22 * r2
+    j11, j12 = 1.0 + w11 * g1, w12 * g2
+    j21, j22 = w21 * g1, 1.0 + w22 * g2
+    scale = 1.0 / (j11 * j22 - j12 * j21)
+    solved = settle(p, s, 0, busy, v1, r1, g1, (j22 * e1 - j12 * e2) * scale)
+    solved = solved & settle(p, s, 1, busy, v2, r2, g2, (j11 * e2 - j21 * e1) * scale)
     return busy & ~solved
 
 
