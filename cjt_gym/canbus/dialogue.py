@@ -74,17 +74,16 @@ class Dialogue:
         link, nodes = self.link, self._nodes
         nodes.hear(link.receive())  # what arrived before now
         end = link.now() + PATIENCE
-        missing = [""]
+        missing = list(nodes.latest.values())
         while missing and link.now() < end:
             link.send(nodes.poll())
             link.wait_until(link.now() + nodes.dt)
             nodes.hear(link.receive())
-            ages = nodes.ages(link.now())
-            missing = [name for name, (age, oldest) in ages.items() if age > oldest]
+            missing = nodes.missing(link.now())
         if missing:
             raise HardwareError(
-                f"No report of {', '.join(missing)} within {PATIENCE:g} s. Check that the nodes "
-                "are powered and set to report it."
+                f"No report of {', '.join(each.label for each in missing)} within {PATIENCE:g} s. "
+                "Check that the nodes are powered and set to report it."
             )
 
     def rehearse(self) -> Timing:

@@ -14,7 +14,6 @@ import can.io.player
 from tests.fuzz.run import Findings, fuzz
 from tests.fuzz.targets import targets
 
-
 INPUT = "input"
 MEMORY = Path("/dev/shm")
 """Folder in memory, where there is one: files in it cost no disk."""
