@@ -129,8 +129,8 @@ def _follow(
         with arm:
             arm.connect()
             laws = [
-                law_for("pd_feedforward", joint.config.joint, arm.dt, joint.measured_delay())
-                for joint in arm.joints
+                law_for("pd_feedforward", config.joint, arm.dt, delays)
+                for config, delays in zip(arm.configs, arm.measured_delays(), strict=True)
             ]
             arm.arm()
             measured = arm.reset()

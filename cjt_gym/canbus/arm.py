@@ -24,9 +24,13 @@ from cjt_gym.canbus.lock import NodeLock, bus_identity
 from cjt_gym.canbus.run_record import RunRecord
 from cjt_gym.canbus.safety import Fault, HardwareFault, State
 from cjt_gym.canbus.shared_bus import SharedLink
+from cjt_gym.canbus.timing import Timing
 from cjt_gym.errors import HardwareError
 from cjt_gym.joint.arrays import Floats
 from cjt_gym.plant.measurement import Measurement
+
+REHEARSAL = 100
+"""Control steps for which the delay of the loop is measured before a run."""
 
 
 @final
@@ -111,6 +115,31 @@ class CanArm:
         except BaseException:
             self._release()
             raise
+
+    def measured_delays(self) -> list[dict[str, float]]:
+        """Return the delays of bus and loop for each joint, measured without moving them [s].
+
+        All are polled together for `REHEARSAL` control periods, as in a run. The keys are the
+        simulator's effects; see `Timing.delay`.
+
+        Raises:
+            HardwareError: A joint is neither idle nor armed.
+        """
+        timings = [Timing() for _ in self.joints]
+        due = self.link.now()
+        for _ in range(REHEARSAL):
+            self._shared.gather()
+            for joint in self.joints:
+                joint.link.send(joint.nodes.poll())
+            self._shared.flush()
+            sent = self.link.now()
+            lateness = max(sent - due, 0.0)
+            due += self.dt
+            self._shared.wait_until(due)
+            for joint, timing in zip(self.joints, timings, strict=True):
+                timing.lateness.append(lateness)
+                joint.rehearse(timing, sent)
+        return [timing.delay(self.dt) for timing in timings]
 
     def arm(self) -> None:
         """Arm the joints one after another, without moving them.

@@ -99,17 +99,17 @@ class CanJoint:
         self._talk.set_up()
         self.guard.move(State.IDLE)
 
-    def measured_delay(self) -> dict[str, float]:
-        """Measure the delays of bus and loop without moving the joint [s].
-
-        The keys are the simulator's effects; see `Timing.delay`.
-        """
+    def rehearse(self, timing: Timing, sent: float) -> None:
+        """Read the answers to a poll that went out at a time [s], and note their timing."""
         if self.state not in (State.IDLE, State.ARMED):
             raise HardwareError(
                 f"The delay is measured before a run, while the joint is idle or armed; it is "
                 f"{self.state.value}."
             )
-        return self._talk.rehearse().delay(self.config.dt)
+        arrivals = self.link.receive()
+        timing.answered(sent, arrivals)
+        self.nodes.hear(arrivals)
+        timing.ages.append(self.age())
 
     def arm(self) -> None:
         """Arm the joint without moving it; see `CanArm.arm`."""

@@ -9,13 +9,10 @@ from typing import final
 from cjt_gym.canbus.link import Arrival, Link
 from cjt_gym.canbus.nodes import Node, Nodes
 from cjt_gym.canbus.protocols.contract import Mode, Step
-from cjt_gym.canbus.timing import Timing
 from cjt_gym.errors import HardwareError, ProtocolError
 
 PATIENCE = 0.5
 """Time for which a first report of every channel is awaited [s]."""
-REHEARSAL = 100
-"""Control steps for which the delay of the loop is measured before a run."""
 GRACE = 0.005
 """Time by which bus and computers may make a drive's stop seem later than it was [s]."""
 PROOFS = 3
@@ -85,22 +82,6 @@ class Dialogue:
                 f"No report of {', '.join(each.label for each in missing)} within {PATIENCE:g} s. "
                 "Check that the nodes are powered and set to report it."
             )
-
-    def rehearse(self) -> Timing:
-        """Poll the nodes for `REHEARSAL` control periods as in a run, and return the timing."""
-        timing, link, nodes = Timing(), self.link, self._nodes
-        due = link.now()
-        for _ in range(REHEARSAL):
-            link.send(nodes.poll())
-            sent = link.now()
-            timing.lateness.append(max(sent - due, 0.0))
-            due += nodes.dt
-            link.wait_until(due)
-            arrivals = link.receive()
-            timing.answered(sent, arrivals)
-            nodes.hear(arrivals)
-            timing.ages.append(link.now() - nodes.latest["q_m"].t)
-        return timing
 
     def prove_watchdog(self, watchdog: float) -> None:
         """Test that the drive stops by itself when commands cease.

@@ -76,7 +76,7 @@ class MoteusMaster(Master):
         )
         size = len(self._to_torque) + SIZES[FLOAT]
         self._from_torque = pad(bytes(size) + STATE)[size:]
-        self._replies = Replies(STATE)
+        self._replies = Replies(read(STATE))
         scaling = settings.scaling
         self._convert: Mapping[int, tuple[str, Callable[[float], float]]] = {
             0x001: ("q_m", lambda turns: scaling.angle(turns * tau)),

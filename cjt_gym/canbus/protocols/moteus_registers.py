@@ -11,10 +11,10 @@ References:
 from __future__ import annotations
 
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from math import isnan, nan
+from math import ceil, isnan, nan
 from typing import Final, Literal, NamedTuple
 
 from can.util import dlc2len, len2dlc
@@ -192,20 +192,21 @@ def read(data: bytes | bytearray) -> list[Subframe]:
 class Replies:
     """Replies to one query, in which every register has its place."""
 
-    def __init__(self, query: bytes) -> None:
+    def __init__(self, asked: Iterable[Subframe]) -> None:
         """Lay a reply out."""
-        code, size = "<", 0
         self._heads: list[tuple[int, bytes]] = []
-        self._places: list[tuple[int, int, float, float]] = []
-        for each in read(query):
+        self._places: list[tuple[int, int, float, int, float]] = []
+        self._blank: list[bytes | float] = []
+        code = "<"
+        for each in asked:
             head = subframe(REPLY, each.type, each.numbers[0], len(each.numbers))
             code += f"{len(head)}s{len(each.numbers)}{CODES[each.type]}"
-            self._heads.append((size, head))
+            self._heads.append((len(self._blank), head))
+            self._blank += [head, *each.numbers]
             lowest = nan if each.type == FLOAT else -(1 << 8 * SIZES[each.type] - 1)
-            for at, number in enumerate(each.numbers, size + 1):
+            for at, number in enumerate(each.numbers, self._heads[-1][0] + 1):
                 step = 1.0 if each.type == FLOAT else _step(number, each.type)
-                self._places.append((at, number, step, lowest))
-            size += 1 + len(each.numbers)
+                self._places.append((at, number, step, each.type, lowest))
         self._layout = struct.Struct(code)
         self._tail = pad(bytes(self._layout.size))[self._layout.size :]
 
@@ -219,8 +220,18 @@ class Replies:
                 return {}
         return {
             number: nan if raw[at] == lowest else raw[at] * step
-            for at, number, step, lowest in self._places
+            for at, number, step, _, lowest in self._places
         }
+
+    def data(self, shown: Callable[[int, int], float]) -> bytes:
+        """Return a reply, padded; `shown` gives a register's value in a type, NaN for none."""
+        raw = list(self._blank)
+        for at, number, step, kind, lowest in self._places:
+            value = shown(number, kind)
+            if kind != FLOAT:
+                value = lowest if isnan(value) else ceil(value / step - 0.5)
+            raw[at] = value
+        return self._layout.pack(*raw) + self._tail
 
 
 def said(frame: Sequence[Subframe], kind: str) -> dict[int, float]:
