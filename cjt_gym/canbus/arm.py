@@ -125,6 +125,12 @@ class CanArm:
         Raises:
             HardwareError: A joint is neither idle nor armed.
         """
+        for joint in self.joints:
+            if joint.state not in (State.IDLE, State.ARMED):
+                raise HardwareError(
+                    "Delays are measured before a run, while the joints are idle or armed; one is "
+                    f"{joint.state.value}."
+                )
         timings = [Timing() for _ in self.joints]
         due = self.link.now()
         for _ in range(REHEARSAL):

@@ -112,7 +112,7 @@ def test_delays_of_all_joints_are_measured_together() -> None:
             arm.step(np.zeros(3))
         during = [sum(joint.timing.delay(arm.dt).values()) for joint in arm.joints]
         assert before == pytest.approx(during, abs=2e-4)
-        with pytest.raises(HardwareError, match="it is running"):
+        with pytest.raises(HardwareError, match="one is running"):
             arm.measured_delays()
 
 
