@@ -16,6 +16,7 @@ import os
 import subprocess
 import sys
 import tempfile
+import time
 from itertools import product
 from pathlib import Path
 
@@ -109,7 +110,7 @@ def _joints(folder: Path, rate: int, count: int, seconds: float, allowed: float)
     path.write_text(listed(tables))
     with emulator(path) as process:
         arm = CanArm(load_joints(path), record=folder / f"r{rate}.csv")
-        used, fault = _follow(arm, rate, seconds, (os.getpid(), process.pid))
+        used, fault = _follow(arm, rate, seconds, process.pid)
     steps = len(arm.joints[0].timing.lateness)
     print(f"{count} joints, {rate} Hz: {steps} steps, fault {fault}")
     for name, values in arm.joints[0].timing.summary().items():
@@ -119,9 +120,13 @@ def _joints(folder: Path, rate: int, count: int, seconds: float, allowed: float)
 
 
 def _follow(
-    arm: CanArm, rate: int, seconds: float, processes: tuple[int, int]
+    arm: CanArm, rate: int, seconds: float, process: int
 ) -> tuple[NDArray[np.float64], str]:
-    """Run joints under PD control; return the time of processes per step [s], and the fault."""
+    """Run joints under PD control, emulated by a process.
+
+    Returns:
+        Processor time of loop and emulator per step [s], and the fault.
+    """
     steps = round(rate * seconds)
     references = 5.0 * np.sin(6.0 * np.arange(steps)[:, None] / rate + np.arange(len(arm.joints)))
     done, begun = 0, np.full(2, np.nan)
@@ -136,7 +141,7 @@ def _follow(
             measured = arm.reset()
             for done, wanted in enumerate(references):
                 if done == WARM:
-                    begun = np.array([cpu_time(process) for process in processes])
+                    begun = _used(process)
                 commands = [
                     float(law.act(seen, wanted[j : j + 1])[0])
                     for j, (law, seen) in enumerate(zip(laws, measured, strict=True))
@@ -145,8 +150,12 @@ def _follow(
             fault = "-"
     except HardwareFault as error:
         fault = f"{error.fault.kind} ({error.fault.text})"
-    used = np.array([cpu_time(process) for process in processes]) - begun
-    return used / max(done - WARM, 1), fault
+    return (_used(process) - begun) / max(done - WARM, 1), fault
+
+
+def _used(process: int) -> NDArray[np.float64]:
+    """Return the processor time that this process and another have used [s]."""
+    return np.array([time.process_time(), cpu_time(process)])
 
 
 if __name__ == "__main__":

@@ -160,14 +160,14 @@ class Emulator:
         self.now = max(self.now, t)
 
     def _deliver(self, t: float) -> None:
-        if not self._in.has(t):
-            return
-        for due in self._in.take(t):
+        arrived = self._in.take(t)
+        for due in arrived:
             self.now = max(self.now, due.t)
             for node in self.nodes:
                 if node.alive:
                     self._answer(node, node.firmware.receive(due.message, self.now))
-        self._obey()
+        if arrived:
+            self._obey()
 
     def _obey(self) -> None:
         torque = self.drive.torque

@@ -82,13 +82,9 @@ class Wire:
         """Return when the next frame arrives [s]; infinity without one."""
         return self._on_way[0].t if self._on_way else np.inf
 
-    def has(self, t: float) -> bool:
-        """Return whether a frame has arrived by a time [s]."""
-        return bool(self._on_way) and self._on_way[0].t <= t
-
     def take(self, t: float) -> list[Due]:
         """Return the frames that have arrived by a time [s]."""
         found = []
-        while self.has(t):
+        while self._on_way and self._on_way[0].t <= t:
             found.append(heapq.heappop(self._on_way))
         return found
