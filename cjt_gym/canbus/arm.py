@@ -192,8 +192,8 @@ class CanArm:
             if all(joint.state is State.ARMED for joint in self.joints):
                 self._start(wanted)
             late = self.joints[0].guard.late(self.link.now() - self._due)
-            for joint, tau_ref in zip(self.joints, wanted.tolist(), strict=True):
-                joint.follow(tau_ref)
+            for joint, followed in zip(self.joints, wanted.tolist(), strict=True):
+                joint.follow(followed)
             return self._exchange(
                 [
                     joint.allowed(torque, late)

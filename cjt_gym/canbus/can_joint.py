@@ -10,7 +10,7 @@ from typing import NoReturn, final
 
 from cjt_gym.canbus.config import HardwareConfig
 from cjt_gym.canbus.dialogue import Dialogue
-from cjt_gym.canbus.link import Link
+from cjt_gym.canbus.link import Line
 from cjt_gym.canbus.measuring import Sense
 from cjt_gym.canbus.nodes import Nodes
 from cjt_gym.canbus.run_record import JointRecord, RunRecord
@@ -40,7 +40,7 @@ class CanJoint:
     def __init__(
         self,
         config: HardwareConfig,
-        link: Link,
+        link: Line,
         lock: threading.RLock,
         record: RunRecord | None = None,
     ) -> None:

@@ -6,7 +6,7 @@ import contextlib
 from collections.abc import Iterable, Sequence
 from typing import final
 
-from cjt_gym.canbus.link import Arrival, Link
+from cjt_gym.canbus.link import Arrival, Line
 from cjt_gym.canbus.nodes import Node, Nodes
 from cjt_gym.canbus.protocols.contract import Mode, Step
 from cjt_gym.errors import HardwareError, ProtocolError
@@ -32,7 +32,7 @@ LOOKS = 4
 class Dialogue:
     """Exchanges of several frames with the nodes of a joint."""
 
-    def __init__(self, link: Link, nodes: Nodes) -> None:
+    def __init__(self, link: Line, nodes: Nodes) -> None:
         self.link = link
         self._nodes = nodes
 

@@ -42,8 +42,8 @@ class Arrival(NamedTuple):
     message: can.Message
 
 
-class Link(Protocol):
-    """A bus with its clock."""
+class Line(Protocol):
+    """A bus with its clock, as a joint sees it."""
 
     @property
     def stamps(self) -> str:
@@ -69,14 +69,18 @@ class Link(Protocol):
             HardwareError: The bus is lost.
         """
 
+    def close(self) -> None:
+        """Release the bus."""
+
+
+class Link(Line, Protocol):
+    """A bus with its clock and a look at the loop."""
+
     def watch(self, supervise: Supervisor, every: float) -> None:
         """Call `supervise(now)` at the time that it returned, or once in `every` seconds.
 
         Whatever the loop does.
         """
-
-    def close(self) -> None:
-        """Release the bus."""
 
 
 @final
