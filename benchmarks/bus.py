@@ -19,6 +19,7 @@ import tempfile
 import time
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +50,8 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=10.0, help="length of a run")
     text = "time by which joints may be late before that is a fault [s]"
     parser.add_argument("--allowed", type=float, default=0.02, help=text)
+    text = "real-time priority of loop and emulator: other programs then wait for these joints"
+    parser.add_argument("--priority", type=int, help=text)
     options = parser.parse_args()
     logging.getLogger("can").setLevel(logging.ERROR)  # which warns of frames that come in pieces
     load = os.getloadavg()[0]
@@ -59,7 +62,7 @@ def main() -> None:
             if options.what == "runs":
                 _default_runs(Path(folder), rate, options.times, options.seconds)
             else:
-                _joints(Path(folder), rate, options.joints, options.seconds, options.allowed)
+                _joints(Path(folder), rate, options)
 
 
 def _default_runs(folder: Path, rate: int, times: int, seconds: float) -> None:
@@ -97,11 +100,13 @@ def _default_run(
     return controller, kind, float("nan"), float("nan")
 
 
-def _joints(folder: Path, rate: int, count: int, seconds: float, allowed: float) -> None:
+def _joints(folder: Path, rate: int, options: argparse.Namespace) -> None:
     """Print what a loop of several joints reaches, and what it takes of a processor."""
-    path = folder / f"arm-{rate}.toml"
+    path, count, allowed = folder / f"arm-{rate}.toml", options.joints, options.allowed
     late = {"value": allowed, "unit": "s"}
-    control = {"overrun": late, "watchdog": {"value": 2.0 * allowed, "unit": "s"}}
+    control: dict[str, Any] = {"overrun": late, "watchdog": {"value": 2.0 * allowed, "unit": "s"}}
+    if options.priority is not None:
+        control["priority"] = options.priority
     tables = joints(
         *["moteus"] * count,
         bus={"interface": "socketcand", "channel": "can0", "port": free_port(), "fd": True},
@@ -110,7 +115,7 @@ def _joints(folder: Path, rate: int, count: int, seconds: float, allowed: float)
     path.write_text(listed(tables))
     with emulator(path) as process:
         arm = CanArm(load_joints(path), record=folder / f"r{rate}.csv")
-        used, fault = _follow(arm, rate, seconds, process.pid)
+        used, fault = _follow(arm, rate, options.seconds, process.pid)
     steps = len(arm.joints[0].timing.lateness)
     print(f"{count} joints, {rate} Hz: {steps} steps, fault {fault}")
     for name, values in arm.joints[0].timing.summary().items():
