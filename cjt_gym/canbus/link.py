@@ -20,7 +20,7 @@ from cjt_gym.canbus.settings import BusSettings
 from cjt_gym.canbus.stamps import RECEPTION, StampClock, clock_of
 from cjt_gym.errors import ConfigurationError, HardwareError
 
-SPIN = 1e-4
+SPIN = 3e-5
 """Time before a deadline from which it is awaited without sleeping [s]."""
 SWITCH = 2e-4
 """Time after which the interpreter lets another thread run while the loop runs [s]."""

@@ -66,9 +66,8 @@ class Sense:
         self._relaxed = q_g - values.get("q_l", 0.0)
         self._before.clear()
 
-    def complete(self, values: Mapping[str, float], t: float) -> dict[str, float]:
-        """Return all channels of a measurement."""
-        full = dict(values)
+    def complete(self, full: dict[str, float], t: float) -> dict[str, float]:
+        """Complete and return the channels of a measurement."""
         q_m = full["q_m"]
         if "dq_m" not in full:
             full["dq_m"] = self._rate("q_m", q_m, t)
