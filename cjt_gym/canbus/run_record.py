@@ -51,7 +51,6 @@ class RunRecord:
         self._joints, self._dt, self._watcher = joints, dt, watcher
         self._parts: list[JointRecord] = []
         self._journal: Journal | None = None
-        self._rows = 0
         self._ended: dict[str, Mapping[str, Any]] = {}
 
     def begin(self, part: JointRecord) -> None:
@@ -84,8 +83,7 @@ class RunRecord:
         enough = any if is_last else all
         while enough(part.rows for part in self._parts):
             values = [value for part in self._parts for value in part.take()]
-            self._journal.write([self._rows * self._dt, *values])
-            self._rows += 1
+            self._journal.write([self._journal.rows * self._dt, *values])
 
     def end(self, name: str, timing: Timing, known: Mapping[str, Any]) -> None:
         """Mark a joint as ended; the last one completes the record."""
