@@ -81,7 +81,8 @@ class Controller(ABC):
         self._check_size("measurement", measurement.tau.shape)
         command = self._command(measurement, wanted, self._fresh)
         self._fresh[:] = False
-        return self.command_gain * np.clip(command, -self.torque_limit, self.torque_limit)
+        limit = self.torque_limit  # np.clip takes several times as long
+        return self.command_gain * np.minimum(np.maximum(command, -limit), limit)
 
     @abstractmethod
     def _command(self, measurement: Measurement, reference: Floats, fresh: Mask) -> Floats:

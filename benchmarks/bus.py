@@ -16,8 +16,10 @@ import os
 import subprocess
 import sys
 import tempfile
+import time
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +50,8 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=10.0, help="length of a run")
     text = "time by which joints may be late before that is a fault [s]"
     parser.add_argument("--allowed", type=float, default=0.02, help=text)
+    text = "real-time priority of loop and emulator: other programs then wait for these joints"
+    parser.add_argument("--priority", type=int, help=text)
     options = parser.parse_args()
     logging.getLogger("can").setLevel(logging.ERROR)  # which warns of frames that come in pieces
     load = os.getloadavg()[0]
@@ -58,7 +62,7 @@ def main() -> None:
             if options.what == "runs":
                 _default_runs(Path(folder), rate, options.times, options.seconds)
             else:
-                _joints(Path(folder), rate, options.joints, options.seconds, options.allowed)
+                _joints(Path(folder), rate, options)
 
 
 def _default_runs(folder: Path, rate: int, times: int, seconds: float) -> None:
@@ -96,11 +100,13 @@ def _default_run(
     return controller, kind, float("nan"), float("nan")
 
 
-def _joints(folder: Path, rate: int, count: int, seconds: float, allowed: float) -> None:
+def _joints(folder: Path, rate: int, options: argparse.Namespace) -> None:
     """Print what a loop of several joints reaches, and what it takes of a processor."""
-    path = folder / f"arm-{rate}.toml"
+    path, count, allowed = folder / f"arm-{rate}.toml", options.joints, options.allowed
     late = {"value": allowed, "unit": "s"}
-    control = {"overrun": late, "watchdog": {"value": 2.0 * allowed, "unit": "s"}}
+    control: dict[str, Any] = {"overrun": late, "watchdog": {"value": 2.0 * allowed, "unit": "s"}}
+    if options.priority is not None:
+        control["priority"] = options.priority
     tables = joints(
         *["moteus"] * count,
         bus={"interface": "socketcand", "channel": "can0", "port": free_port(), "fd": True},
@@ -109,7 +115,7 @@ def _joints(folder: Path, rate: int, count: int, seconds: float, allowed: float)
     path.write_text(listed(tables))
     with emulator(path) as process:
         arm = CanArm(load_joints(path), record=folder / f"r{rate}.csv")
-        used, fault = _follow(arm, rate, seconds, (os.getpid(), process.pid))
+        used, fault = _follow(arm, rate, options.seconds, process.pid)
     steps = len(arm.joints[0].timing.lateness)
     print(f"{count} joints, {rate} Hz: {steps} steps, fault {fault}")
     for name, values in arm.joints[0].timing.summary().items():
@@ -119,9 +125,13 @@ def _joints(folder: Path, rate: int, count: int, seconds: float, allowed: float)
 
 
 def _follow(
-    arm: CanArm, rate: int, seconds: float, processes: tuple[int, int]
+    arm: CanArm, rate: int, seconds: float, process: int
 ) -> tuple[NDArray[np.float64], str]:
-    """Run joints under PD control; return the time of processes per step [s], and the fault."""
+    """Run joints under PD control, emulated by a process.
+
+    Returns:
+        Processor time of loop and emulator per step [s], and the fault.
+    """
     steps = round(rate * seconds)
     references = 5.0 * np.sin(6.0 * np.arange(steps)[:, None] / rate + np.arange(len(arm.joints)))
     done, begun = 0, np.full(2, np.nan)
@@ -129,14 +139,14 @@ def _follow(
         with arm:
             arm.connect()
             laws = [
-                law_for("pd_feedforward", joint.config.joint, arm.dt, joint.measured_delay())
-                for joint in arm.joints
+                law_for("pd_feedforward", config.joint, arm.dt, delays)
+                for config, delays in zip(arm.configs, arm.measured_delays(), strict=True)
             ]
             arm.arm()
             measured = arm.reset()
             for done, wanted in enumerate(references):
                 if done == WARM:
-                    begun = np.array([cpu_time(process) for process in processes])
+                    begun = _used(process)
                 commands = [
                     float(law.act(seen, wanted[j : j + 1])[0])
                     for j, (law, seen) in enumerate(zip(laws, measured, strict=True))
@@ -145,8 +155,12 @@ def _follow(
             fault = "-"
     except HardwareFault as error:
         fault = f"{error.fault.kind} ({error.fault.text})"
-    used = np.array([cpu_time(process) for process in processes]) - begun
-    return used / max(done - WARM, 1), fault
+    return (_used(process) - begun) / max(done - WARM, 1), fault
+
+
+def _used(process: int) -> NDArray[np.float64]:
+    """Return the processor time that this process and another have used [s]."""
+    return np.array([time.process_time(), cpu_time(process)])
 
 
 if __name__ == "__main__":

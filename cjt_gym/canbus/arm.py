@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import gc
+import math
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -16,16 +17,20 @@ import numpy as np
 
 from cjt_gym.canbus.can_joint import CanJoint
 from cjt_gym.canbus.config import HardwareConfig
-from cjt_gym.canbus.dialogue import AFTERWARDS
+from cjt_gym.canbus.dialogue import AFTERWARDS, LOOKS
 from cjt_gym.canbus.journal import Watcher
 from cjt_gym.canbus.link import BusLink, Link, open_link, quiet_machine
 from cjt_gym.canbus.lock import NodeLock, bus_identity
 from cjt_gym.canbus.run_record import RunRecord
 from cjt_gym.canbus.safety import Fault, HardwareFault, State
 from cjt_gym.canbus.shared_bus import SharedLink
+from cjt_gym.canbus.timing import Timing
 from cjt_gym.errors import HardwareError
 from cjt_gym.joint.arrays import Floats
 from cjt_gym.plant.measurement import Measurement
+
+REHEARSAL = 100
+"""Control steps for which the delay of the loop is measured before a run."""
 
 
 @final
@@ -71,6 +76,8 @@ class CanArm:
         self.fault: tuple[str, Fault] | None = None
         self._given, self._lock = link, threading.RLock()
         self._held: list[NodeLock] = []
+        self._begin = self._due = math.inf
+        self._k = 0
         self._quiet = contextlib.ExitStack()
         self._shared = SharedLink(len(configs), self.dt, link)
         shared = None if record is None else RunRecord(record, len(configs), self.dt, watcher)
@@ -102,11 +109,43 @@ class CanArm:
                 for config in self.configs:
                     self._held.append(NodeLock(bus_identity(bus), config.drive.settings.node))
                 self._shared.open(open_link(bus))
+            self.link.watch(self._supervise, self.dt / LOOKS)
             for joint in self.joints:
                 joint.connect()
         except BaseException:
             self._release()
             raise
+
+    def measured_delays(self) -> list[dict[str, float]]:
+        """Return the delays of bus and loop for each joint, measured without moving them [s].
+
+        All are polled together for `REHEARSAL` control periods, as in a run. The keys are the
+        simulator's effects; see `Timing.delay`.
+
+        Raises:
+            HardwareError: A joint is neither idle nor armed.
+        """
+        for joint in self.joints:
+            if joint.state not in (State.IDLE, State.ARMED):
+                raise HardwareError(
+                    "Delays are measured before a run, while the joints are idle or armed; one is "
+                    f"{joint.state.value}."
+                )
+        timings = [Timing() for _ in self.joints]
+        due = self.link.now()
+        for _ in range(REHEARSAL):
+            self._shared.gather()
+            for joint in self.joints:
+                joint.link.send(joint.nodes.poll())
+            self._shared.flush()
+            sent = self.link.now()
+            lateness = max(sent - due, 0.0)
+            due += self.dt
+            self._shared.wait_until(due)
+            for joint, timing in zip(self.joints, timings, strict=True):
+                timing.lateness.append(lateness)
+                joint.rehearse(timing, sent)
+        return [timing.delay(self.dt) for timing in timings]
 
     def arm(self) -> None:
         """Arm the joints one after another, without moving them.
@@ -152,8 +191,15 @@ class CanArm:
         with self._all_off_on_fault():
             if all(joint.state is State.ARMED for joint in self.joints):
                 self._start(wanted)
-            self._send(lambda joint, k: joint.send(torques[k], float(wanted[k])))
-            return self._hear()
+            late = self.joints[0].guard.late(self.link.now() - self._due)
+            for joint, followed in zip(self.joints, wanted.tolist(), strict=True):
+                joint.follow(followed)
+            return self._exchange(
+                [
+                    joint.allowed(torque, late)
+                    for joint, torque in zip(self.joints, torques, strict=True)
+                ]
+            )
 
     def stop(self) -> None:
         """End a run: fade all torques out and switch the drives off. The joints stay armed."""
@@ -161,8 +207,7 @@ class CanArm:
             return
         with self._all_off_on_fault():
             for torques in zip(*(joint.guard.fading() for joint in self.joints), strict=True):
-                self._send(lambda joint, k, torques=torques: joint.fade(torques[k]))  # type: ignore[misc]
-                self._hear()
+                self._exchange(torques)
             for joint in self.joints:
                 joint.end()
         self._quiet.close()
@@ -202,13 +247,16 @@ class CanArm:
         """Switch the drives on one by one, and keep feeding those that are on."""
         if isinstance(self.link, BusLink):
             self._quiet.enter_context(quiet_machine(self.configs[0].priority))
+        self._due = math.inf
         try:
             for joint, tau_ref in zip(self.joints, wanted.tolist(), strict=True):
                 joint.start(tau_ref)
                 self._shared.keep_alive(partial(joint.nodes.command, 0.0))
-            begin = self.link.now()
-            for joint in self.joints:
-                joint.begin(begin)
+            with self._lock:
+                for joint in self.joints:
+                    joint.begin()
+                self._k, self._begin = 0, self.link.now()
+                self._due = self._begin
         except BaseException as error:
             self._quiet.close()
             if not isinstance(error, HardwareFault):
@@ -218,23 +266,41 @@ class CanArm:
         finally:
             self._shared.let_go()
 
-    def _send(self, each: Callable[[CanJoint, int], None]) -> None:
+    def _exchange(self, torques: Sequence[float]) -> list[Measurement]:
+        """Send motor torques [N m], wait for the deadline, and return the measurements then."""
         with self._lock:  # nobody else may send between them
+            self.joints[0].raise_if_tripped()  # as all are where one is
             self._shared.gather()
             try:
-                for k, joint in enumerate(self.joints):
-                    each(joint, k)
+                for joint, torque in zip(self.joints, torques, strict=True):
+                    joint.send(torque)
             finally:
                 try:
                     self._shared.flush()
                 except HardwareError as error:
                     self.joints[0].fail("bus_off", str(error))
+            sent = self.link.now()
+            lateness = max(sent - self._due, 0.0)
             for joint in self.joints:
-                joint.went_out()
+                joint.went_out(sent, lateness)
+            self._k += 1
+            t = self._k * self.dt
+            self._due = self._begin + t
+        self._shared.wait_until(self._due)
+        with self._lock:
+            self.joints[0].raise_if_tripped()
+            now = self.link.now()
+            return [joint.hear(now, t) for joint in self.joints]
 
-    def _hear(self) -> list[Measurement]:
-        self._shared.wait_until(self.joints[0].due)
-        return [joint.hear() for joint in self.joints]
+    def _supervise(self, now: float) -> float | None:
+        """Remove the torque if the loop does not return; return when to look again [s]."""
+        joint = self.joints[0]
+        if joint.state is not State.RUNNING or math.isinf(self._due):
+            return None
+        late = joint.guard.late(now - self._due)
+        if late is not None:
+            joint.trip(late)
+        return self._due + self.configs[0].overrun
 
     @contextlib.contextmanager
     def _all_off_on_fault(self) -> Iterator[None]:

@@ -6,16 +6,13 @@ import contextlib
 from collections.abc import Iterable, Sequence
 from typing import final
 
-from cjt_gym.canbus.link import Arrival, Link
+from cjt_gym.canbus.link import Arrival, Line
 from cjt_gym.canbus.nodes import Node, Nodes
 from cjt_gym.canbus.protocols.contract import Mode, Step
-from cjt_gym.canbus.timing import Timing
 from cjt_gym.errors import HardwareError, ProtocolError
 
 PATIENCE = 0.5
 """Time for which a first report of every channel is awaited [s]."""
-REHEARSAL = 100
-"""Control steps for which the delay of the loop is measured before a run."""
 GRACE = 0.005
 """Time by which bus and computers may make a drive's stop seem later than it was [s]."""
 PROOFS = 3
@@ -35,7 +32,7 @@ LOOKS = 4
 class Dialogue:
     """Exchanges of several frames with the nodes of a joint."""
 
-    def __init__(self, link: Link, nodes: Nodes) -> None:
+    def __init__(self, link: Line, nodes: Nodes) -> None:
         self.link = link
         self._nodes = nodes
 
@@ -74,34 +71,17 @@ class Dialogue:
         link, nodes = self.link, self._nodes
         nodes.hear(link.receive())  # what arrived before now
         end = link.now() + PATIENCE
-        missing = [""]
+        missing = list(nodes.latest.values())
         while missing and link.now() < end:
             link.send(nodes.poll())
             link.wait_until(link.now() + nodes.dt)
             nodes.hear(link.receive())
-            ages = nodes.ages(link.now())
-            missing = [name for name, (age, oldest) in ages.items() if age > oldest]
+            missing = nodes.missing(link.now())
         if missing:
             raise HardwareError(
-                f"No report of {', '.join(missing)} within {PATIENCE:g} s. Check that the nodes "
-                "are powered and set to report it."
+                f"No report of {', '.join(each.label for each in missing)} within {PATIENCE:g} s. "
+                "Check that the nodes are powered and set to report it."
             )
-
-    def rehearse(self) -> Timing:
-        """Poll the nodes for `REHEARSAL` control periods as in a run, and return the timing."""
-        timing, link, nodes = Timing(), self.link, self._nodes
-        due = link.now()
-        for _ in range(REHEARSAL):
-            link.send(nodes.poll())
-            sent = link.now()
-            timing.lateness.append(max(sent - due, 0.0))
-            due += nodes.dt
-            link.wait_until(due)
-            arrivals = link.receive()
-            timing.answered(sent, arrivals)
-            nodes.hear(arrivals)
-            timing.ages.append(link.now() - nodes.latest["q_m"].t)
-        return timing
 
     def prove_watchdog(self, watchdog: float) -> None:
         """Test that the drive stops by itself when commands cease.

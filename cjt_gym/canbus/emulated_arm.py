@@ -90,7 +90,8 @@ class EmulatedArm:
         messages = [due.message for due in self._in.take(t)]
         if messages:
             for emulator in self.emulators:
-                emulator.send(messages)
+                if heeded := [message for message in messages if emulator.heeds(message)]:
+                    emulator.send(heeded)
             self._collect()
 
     def _collect(self) -> None:

@@ -114,7 +114,7 @@ class Emulator:
         self._ticks = 0
         p = self.joint.parameters
         self._per_ampere = p.k_t * p.n
-        self._fixed = {"temperature": p.get("Tmp_ANom", AMBIENT), "v_bus": p.get("v_0", 48.0)}
+        self._ambient, self._supply = p.get("Tmp_ANom", AMBIENT), p.get("v_0", 48.0)
         self._command, self._load = np.zeros(1), np.zeros(1)
         for node in self.nodes:
             self._answer(node, node.firmware.boot(0.0))
@@ -124,6 +124,10 @@ class Emulator:
     def drive(self) -> Firmware:
         """The firmware of the drive."""
         return self.nodes[0].firmware
+
+    def heeds(self, message: can.Message) -> bool:
+        """Return whether a frame may be for one of the nodes."""
+        return any(node.firmware.heeds(message) for node in self.nodes)
 
     def send(self, messages: Sequence[can.Message]) -> None:
         """Put frames of a master on the bus now."""
@@ -191,10 +195,7 @@ class Emulator:
         """Return what the nodes measure, by the names of the protocols' channels."""
         arrays = self.plant.batch.arrays
         seen = dict(zip(CHANNELS, arrays.measured[0].tolist(), strict=True))
-        warmth = self._fixed["temperature"] + float(arrays.memory[0, WINDING])
-        return {
-            **seen,
-            "tau_m": self._per_ampere * seen["i"],
-            "temperature": warmth,
-            "v_bus": self._fixed["v_bus"],
-        }
+        seen["tau_m"] = self._per_ampere * seen["i"]
+        seen["temperature"] = self._ambient + float(arrays.memory[0, WINDING])
+        seen["v_bus"] = self._supply
+        return seen

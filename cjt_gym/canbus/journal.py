@@ -43,7 +43,6 @@ class Journal:
 
     Attributes:
         path: The CSV file.
-        rows: Rows written so far.
     """
 
     def __init__(
@@ -69,7 +68,7 @@ class Journal:
         """
         self.wanted = Path(path)
         self.path = self.wanted.with_suffix(SUFFIX)
-        self.rows = 0
+        self._rows = 0
         self._watcher = watcher
         self._columns, self._dt, self._facts = tuple(columns), dt, dict(facts)
         self._format = ",".join(["%.10g"] * len(columns)) + "\n"
@@ -81,6 +80,7 @@ class Journal:
             flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_EXCL
             self._file = os.open(self.path, flags, 0o644)
             self._append(",".join(columns) + "\n")
+            self._size = os.fstat(self._file).st_size
             self._reserve = _reserved(self.path.parent)
             self._describe({})
         except OSError as error:
@@ -94,20 +94,31 @@ class Journal:
     def write(self, row: Sequence[float]) -> None:
         """Append a sample, with its values in the order of the columns."""
         self._append(self._format % tuple(row))
-        self.rows += 1
+        self._count()
         if self._watcher is not None:
             self._watcher.see(row)
 
+    @property
+    def rows(self) -> int:
+        """Rows written so far."""
+        if self._file >= 0:
+            self._count()
+        return self._rows
+
+    def _count(self) -> None:
+        """Count the latest row, also where an interrupt came as it was written."""
+        size = os.fstat(self._file).st_size
+        self._rows, self._size = self._rows + (size > self._size), size
+
     def _append(self, line: str) -> None:
-        data = line.encode()
+        data, size = line.encode(), os.fstat(self._file).st_size
         try:
             if os.write(self._file, data) < len(data):
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         except OSError:
             with contextlib.suppress(OSError):
-                os.ftruncate(self._file, self._size)
+                os.ftruncate(self._file, size)
             raise
-        self._size += len(data)
 
     def _give_up(self) -> None:
         """Remove the files of a record that could not be started."""
@@ -131,7 +142,7 @@ class Journal:
         """
         if self._file < 0:
             return self.path if self.rows else None
-        file, self._file = self._file, -1
+        rows, file, self._file = self.rows, self._file, -1
         if self._watcher is not None:
             self._watcher.end(known)
         os.close(self._reserve)
@@ -139,7 +150,7 @@ class Journal:
             os.fsync(file)
         finally:
             os.close(file)
-        if not self.rows:
+        if not rows:
             self.path.unlink()
             self._beside.unlink()
             return None

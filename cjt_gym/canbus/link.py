@@ -20,7 +20,7 @@ from cjt_gym.canbus.settings import BusSettings
 from cjt_gym.canbus.stamps import RECEPTION, StampClock, clock_of
 from cjt_gym.errors import ConfigurationError, HardwareError
 
-SPIN = 1e-4
+SPIN = 3e-5
 """Time before a deadline from which it is awaited without sleeping [s]."""
 SWITCH = 2e-4
 """Time after which the interpreter lets another thread run while the loop runs [s]."""
@@ -31,6 +31,10 @@ PTYS = "/dev/pts/"
 """Where pseudo-terminals are, behind which no adapter has to boot."""
 
 
+Supervisor = Callable[[float], float | None]
+"""Looks at a loop at a time [s]; returns when it is to look again, if it knows."""
+
+
 class Arrival(NamedTuple):
     """A frame and its arrival time on the clock of its link [s]."""
 
@@ -38,8 +42,8 @@ class Arrival(NamedTuple):
     message: can.Message
 
 
-class Link(Protocol):
-    """A bus with its clock."""
+class Line(Protocol):
+    """A bus with its clock, as a joint sees it."""
 
     @property
     def stamps(self) -> str:
@@ -65,11 +69,18 @@ class Link(Protocol):
             HardwareError: The bus is lost.
         """
 
-    def watch(self, supervise: Callable[[float], None], every: float) -> None:
-        """Call `supervise(now)` at least once in `every` seconds, whatever the loop does."""
-
     def close(self) -> None:
         """Release the bus."""
+
+
+class Link(Line, Protocol):
+    """A bus with its clock and a look at the loop."""
+
+    def watch(self, supervise: Supervisor, every: float) -> None:
+        """Call `supervise(now)` at the time that it returned, or once in `every` seconds.
+
+        Whatever the loop does.
+        """
 
 
 @final
@@ -86,7 +97,7 @@ class BusLink:
         self._clock = clock or StampClock(RECEPTION)
         self._inbox: deque[Arrival] = deque(maxlen=KEPT)
         self._failure: Exception | None = None
-        self._supervise: Callable[[float], None] | None = None
+        self._supervise: Supervisor = lambda now: None
         self._every = 0.05
         self._stopped = threading.Event()
         self._thread = threading.Thread(target=self._run, name="can-receive", daemon=True)
@@ -124,8 +135,8 @@ class BusLink:
         inbox = self._inbox
         return [inbox.popleft() for _ in range(len(inbox))]
 
-    def watch(self, supervise: Callable[[float], None], every: float) -> None:
-        """Call `supervise(now)` at least once in `every` seconds from the receiving thread."""
+    def watch(self, supervise: Supervisor, every: float) -> None:
+        """Call `supervise(now)` when it is due, from the receiving thread."""
         self._every, self._supervise = every, supervise
 
     def close(self) -> None:
@@ -137,9 +148,10 @@ class BusLink:
             self._bus.shutdown()
 
     def _run(self) -> None:
+        look = now = time.perf_counter()
         while not self._stopped.is_set():
             try:
-                message = self._bus.recv(self._every)
+                message = self._bus.recv(max(look - now, 0.0))
             except Exception as error:  # whatever a driver raises, the bus is lost
                 self._failure = error
                 message = None
@@ -147,8 +159,8 @@ class BusLink:
             now = time.perf_counter()
             if message is not None:
                 self._inbox.append(Arrival(self._clock.arrived(message.timestamp, now), message))
-            if self._supervise is not None:
-                self._supervise(now)
+            if now >= look:
+                look = self._supervise(now) or now + self._every
 
 
 def open_link(settings: BusSettings) -> BusLink:

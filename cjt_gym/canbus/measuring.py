@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from operator import itemgetter
 from typing import final
 
 import numpy as np
@@ -12,6 +13,8 @@ from cjt_gym.canbus.config import HardwareConfig
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint.arrays import CHANNELS
 from cjt_gym.plant import Measurement
+
+CHANNEL_VALUES = itemgetter(*CHANNELS)
 
 
 @final
@@ -63,23 +66,24 @@ class Sense:
         self._relaxed = q_g - values.get("q_l", 0.0)
         self._before.clear()
 
-    def complete(self, values: Mapping[str, float], t: float) -> dict[str, float]:
-        """Return all channels of a measurement."""
-        full = dict(values)
+    def complete(self, full: dict[str, float], t: float) -> dict[str, float]:
+        """Complete and return the channels of a measurement."""
         q_m = full["q_m"]
-        full.setdefault("dq_m", self._rate("q_m", q_m, t))
+        if "dq_m" not in full:
+            full["dq_m"] = self._rate("q_m", q_m, t)
         if "i" not in full:
             full["i"] = full.get("tau_m", math.nan) / self._per_ampere
-        full.setdefault("tau_m", full["i"] * self._per_ampere)
+        if "tau_m" not in full:
+            full["tau_m"] = full["i"] * self._per_ampere
         full.setdefault("q_g", q_m if self._merged else math.nan)
         full.setdefault("dq_g", full["dq_m"] if self._merged else math.nan)
         if self._is_rigid:
             full.setdefault("q_l", q_m)
             full.setdefault("dq_l", full["dq_m"])
-        if "q_l" in full:
-            full.setdefault("dq_l", self._rate("q_l", full["q_l"], t))
-        else:
+        if "q_l" not in full:
             full["q_l"] = full["dq_l"] = 0.0 if self._is_fixed else math.nan
+        elif "dq_l" not in full:
+            full["dq_l"] = self._rate("q_l", full["q_l"], t)
         if self.torque == "spring":
             full["tau"] = self._k_b * (full["q_g"] - full["q_l"] - self._relaxed)
         full["deflection"] = full["tau"] / self._k_b
@@ -93,5 +97,4 @@ class Sense:
 
     def measurement(self, full: Mapping[str, float], t: float) -> Measurement:
         """Return completed channels as a plant's measurement, each of shape (1,)."""
-        rows = np.array([[t], *([full[name]] for name in CHANNELS)])
-        return Measurement(**dict(zip(("t", *CHANNELS), rows, strict=True)))
+        return Measurement(*np.array((t, *CHANNEL_VALUES(full)))[:, None])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import final
 
@@ -13,7 +13,7 @@ from cjt_gym.canbus.config import HardwareConfig
 from cjt_gym.canbus.link import Arrival
 from cjt_gym.canbus.protocols import protocol_of
 from cjt_gym.canbus.protocols.contract import SLOW, Master, Mode
-from cjt_gym.canbus.safety import Fault
+from cjt_gym.canbus.safety import REMEDY, Fault
 from cjt_gym.canbus.settings import NodeSettings
 from cjt_gym.errors import ProtocolError
 
@@ -153,17 +153,17 @@ class Nodes:
             node.mode = update.mode or node.mode
             if update.error is not None:
                 node.error, node.text = update.error, update.text
-            return self._note(node, arrival, dict(update.channels))
+            return self._note(node, arrival, update.channels) if update.channels else None
         return None
 
-    def _note(self, node: Node, arrival: Arrival, channels: dict[str, float]) -> Fault | None:
+    def _note(self, node: Node, arrival: Arrival, channels: Mapping[str, float]) -> Fault | None:
+        period = math.inf
         for name, value in channels.items():
             latest = self.latest.get(name)
-            if latest is not None and latest.node == node.name:
-                latest.value, latest.t = value, arrival.t
-        if not channels:
-            return None
-        period = min(self.latest[name].period for name in channels if name in self.latest)
+            if latest is not None:
+                period = latest.period if latest.period < period else period
+                if latest.node == node.name:
+                    latest.value, latest.t = value, arrival.t
         if node.is_excess(arrival, period, self.oldest(period)):
             text = f"{node.name} sent more frames {arrival.message.arbitration_id:#x} than it was "
             text += "asked for." if node.is_asked else f"one every {period * 1e3:.3g} ms."
@@ -174,21 +174,32 @@ class Nodes:
         """Return the age above which a report with that period counts as missing [s]."""
         return (1.0 + self.missed) * period + 0.5 * self.dt
 
-    def ages(self, now: float) -> dict[str, tuple[float, float]]:
-        """Return the age of every channel and the age above which it counts as missing [s]."""
-        return {each.label: (now - each.t, each.oldest) for each in self.latest.values()}
+    def missing(self, now: float) -> list[Latest]:
+        """Return the channels whose latest value is too old at a time [s]."""
+        return [each for each in self.latest.values() if now - each.t > each.oldest]
 
     def values(self) -> dict[str, float]:
         """Return the latest value of every channel."""
         return {name: latest.value for name, latest in self.latest.items()}
 
-    def trouble(self, is_on: bool) -> Fault | None:
-        """Return the drive's error, or that it is off while it should be on."""
+    def trouble(self, is_on: bool, now: float) -> Fault | None:
+        """Return the drive's error, that it is off while it should be on, or a late report.
+
+        Args:
+            is_on: Whether the drive should be on.
+            now: The time [s].
+        """
         for node in self.all:
             if node.mode is Mode.FAULT or node.error:
                 return Fault("drive", f"{node.name} reports {node.text or 'a fault'}.")
         if is_on and self.drive.mode in (Mode.DISABLED, Mode.BOOTING):
             return Fault("drive", f"The drive is {self.drive.mode.value}, no longer enabled.")
+        for late in self.missing(now):
+            return Fault(
+                "missing",
+                f"The latest report of {late.label} must be younger than {late.oldest * 1e3:.3g} "
+                f"ms, got {(now - late.t) * 1e3:.3g} ms. {REMEDY} missed.",
+            )
         return None
 
     def poll(self) -> list[can.Message]:

@@ -9,11 +9,12 @@ from __future__ import annotations
 import contextlib
 import math
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib.metadata import version
+from operator import itemgetter
 from pathlib import Path
-from typing import Any, NamedTuple, final
+from typing import Any, final
 
 from cjt_gym.canbus.config import HardwareConfig
 from cjt_gym.canbus.journal import Journal, Watcher, refuse_taken
@@ -30,26 +31,6 @@ COMMANDS = ("i_cmd", "tau_cmd")
 def versions() -> dict[str, str]:
     """Return the versions of the software that makes a record; the first call is slow."""
     return {name: version(name) for name in ("cjt-gym", "numpy", "python-can")}
-
-
-class Sample(NamedTuple):
-    """Measurement and command at a deadline.
-
-    Attributes:
-        measured: Channels of the measurement, by name.
-        torque: Commanded motor torque [N m].
-        tau_ref: Reference torque [N m].
-        age: Age of the motor's angle [s].
-        lateness: Lateness of the command [s].
-        round_trip: Time from the previous command to the first report after it [s]; 0 without one.
-    """
-
-    measured: Mapping[str, float]
-    torque: float
-    tau_ref: float
-    age: float
-    lateness: float
-    round_trip: float
 
 
 @final
@@ -70,7 +51,6 @@ class RunRecord:
         self._joints, self._dt, self._watcher = joints, dt, watcher
         self._parts: list[JointRecord] = []
         self._journal: Journal | None = None
-        self._rows = 0
         self._ended: dict[str, Mapping[str, Any]] = {}
 
     def begin(self, part: JointRecord) -> None:
@@ -98,13 +78,12 @@ class RunRecord:
 
     def fill(self, is_last: bool = False) -> None:
         """Write the rows that all joints have; at the end, also those that only some have."""
-        if self._journal is None:
+        if self._journal is None or not (is_last or self._parts[-1].rows):
             return
         enough = any if is_last else all
         while enough(part.rows for part in self._parts):
             values = [value for part in self._parts for value in part.take()]
-            self._journal.write([self._rows * self._dt, *values])
-            self._rows += 1
+            self._journal.write([self._journal.rows * self._dt, *values])
 
     def end(self, name: str, timing: Timing, known: Mapping[str, Any]) -> None:
         """Mark a joint as ended; the last one completes the record."""
@@ -151,10 +130,12 @@ class JointRecord:
         self.name = config.name
         self.columns: list[str] = []
         self.known: dict[str, Any] = {}
-        self.rows: deque[list[float]] = deque()
+        self.rows: deque[Sequence[float]] = deque()
         self._config, self._sense, self._record = config, sense, record
+        p = config.joint.parameters
+        self._per_ampere = p.k_t * p.n
         self._facts: dict[str, Any] = {}
-        self._last: list[float] = []
+        self._last: Sequence[float] = ()
 
     def know(self, **facts: Any) -> None:
         """Add facts to the provenance of a record that has not started yet."""
@@ -173,7 +154,8 @@ class JointRecord:
         optional = {"tau_ref": math.isfinite(tau_ref), "temperature": shows_temperature}
         columns = ["i_cmd", "tau_cmd", *self._sense.measured, "age", "lateness", "round_trip"]
         self.columns = columns + [name for name, there in optional.items() if there]
-        self._last = [0.0] * len(self.columns)
+        self._last = (0.0,) * len(self.columns)
+        self._picked = itemgetter(*self.columns)
         self.known = self._beginning(stamps)
         self._record.begin(self)
 
@@ -198,24 +180,20 @@ class JointRecord:
             },
         }
 
-    def note(self, sample: Sample) -> None:
-        """Take a row, which is written once all joints have theirs."""
+    def note(self, measured: Mapping[str, float], **others: float) -> None:
+        """Take a row, which is written once all joints have theirs.
+
+        Args:
+            measured: Channels of the measurement, by name.
+            **others: The other columns, but for the current that is commanded.
+        """
         if self._record is None or not self.columns:
             return
-        p = self._config.joint.parameters
-        row = {
-            **sample.measured,
-            "tau_cmd": sample.torque,
-            "i_cmd": sample.torque / (p.k_t * p.n),
-            "tau_ref": sample.tau_ref,
-            "age": sample.age,
-            "lateness": sample.lateness,
-            "round_trip": sample.round_trip,
-        }
-        self.rows.append([row[name] for name in self.columns])
+        row = {**measured, **others, "i_cmd": others["tau_cmd"] / self._per_ampere}
+        self.rows.append(self._picked(row))
         self._record.fill()
 
-    def take(self) -> list[float]:
+    def take(self) -> Sequence[float]:
         """Return the next row; beyond the end, the last one with zero torque."""
         if self.rows:
             self._last = self.rows.popleft()

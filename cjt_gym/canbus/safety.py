@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import enum
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import final
 
@@ -83,6 +83,10 @@ class HardwareFault(HardwareError):
         self.fault = fault
 
 
+Range = tuple[str, float, float, str, str, str]
+"""Channel, lowest and highest value, name in words, what is allowed in words, unit."""
+
+
 @dataclass(frozen=True)
 class SafetyLimits:
     """Limits of commands and measurements, all on the link side.
@@ -109,20 +113,18 @@ class SafetyLimits:
     temperature: float
     current: float
 
-
-@dataclass(frozen=True)
-class Seen:
-    """Measurements of a control step.
-
-    Attributes:
-        values: Channels such as "q_m" [rad], "tau" [N m], "temperature" [degC], by name.
-        ages: Age of each channel's latest report, and the age above which it counts as missing [s].
-        elapsed: Time since the previous control step [s].
-    """
-
-    values: Mapping[str, float]
-    ages: Mapping[str, tuple[float, float]]
-    elapsed: float
+    def ranges(self, reported: Collection[str]) -> list[Range]:
+        """Return the ranges of measured channels; temperature has one where it is reported."""
+        found: list[Range] = []
+        for name, limit, words, unit in RANGES:
+            top = float(getattr(self, limit))
+            found.append((name, -top, top, words, f"within +-{top:.4g}", unit))
+        span = f"from {self.q_low:.4g} to {self.q_high:.4g}"
+        found.append(("q_m", self.q_low, self.q_high, "motor angle", span, "rad"))
+        if "temperature" in reported:
+            top, text = self.temperature, f"<= {self.temperature:.4g}"
+            found.append(("temperature", -math.inf, top, "temperature", text, "degC"))
+        return found
 
 
 RANGES = (
@@ -157,13 +159,20 @@ class Guard:
         soft: Time over which torque fades in at the start and out at the end [s].
         overrun: Time by which a command may be late [s].
         missed: Number of control steps without reports that are tolerated.
+        reported: Channels that nodes report, whose values must be numbers.
         state: State of the joint.
         fault: The fault that ended the run, or None.
         commanded: Latest allowed motor torque [N m].
     """
 
     def __init__(
-        self, limits: SafetyLimits, dt: float, soft: float, overrun: float, missed: int
+        self,
+        limits: SafetyLimits,
+        dt: float,
+        soft: float,
+        overrun: float,
+        missed: int,
+        reported: Collection[str] = (),
     ) -> None:
         self.limits, self.dt, self.soft, self.overrun = limits, dt, soft, overrun
         self.missed = missed
@@ -171,8 +180,10 @@ class Guard:
         self.fault: Fault | None = None
         self.commanded = 0.0
         self._steps = 0
-        self._angle: float | None = None
+        self._angle = math.nan
         self._deaf = 0
+        self._ranges = limits.ranges(reported)
+        self._reported = tuple(reported)
 
     def move(self, state: State) -> None:
         """Change the state.
@@ -190,7 +201,7 @@ class Guard:
         if state is State.RUNNING:
             self._steps, self.commanded, self._deaf = 0, 0.0, 0
         if state is State.ARMED:
-            self._angle = None
+            self._angle = math.nan
 
     def trip(self, fault: Fault) -> None:
         """Note the fault that ends a run."""
@@ -228,42 +239,52 @@ class Guard:
             self.commanded = begin * (1.0 - (k + 1) / steps)
             yield self.commanded
 
-    def check(self, seen: Seen) -> Fault | None:
-        """Return the fault in a measurement, or None."""
-        return self._late(seen) or self._corrupt(seen) or self._beyond(seen) or self._ignored(seen)
+    def check(self, values: Mapping[str, float], elapsed: float) -> Fault | None:
+        """Return the fault in a measurement, or None.
 
-    def _late(self, seen: Seen) -> Fault | None:
-        for name, (age, oldest) in seen.ages.items():
-            if age > oldest:
-                return Fault(
-                    "missing",
-                    f"The latest report of {name} must be younger than {oldest * 1e3:.3g} ms, got "
-                    f"{age * 1e3:.3g} ms. {REMEDY} missed.",
-                )
+        Args:
+            values: Channels such as "q_m" [rad], "tau" [N m], "temperature" [degC], by name; those
+                that no node reports may be NaN.
+            elapsed: Time since the previous control step [s].
+        """
+        return (
+            self._not_finite(values)
+            or self._jumped(values["q_m"], elapsed)
+            or self._beyond(values)
+            or self._ignored(values["tau_m"])
+        )
+
+    def _not_finite(self, values: Mapping[str, float]) -> Fault | None:
+        for name in self._reported:
+            if not math.isfinite(values[name]):
+                text = f"{name} must be a number that its node can report, got {values[name]}."
+                return Fault("corrupt", text)
         return None
 
-    def _corrupt(self, seen: Seen) -> Fault | None:
-        for name, value in seen.values.items():
-            if not math.isfinite(value):
-                text = f"{name} must be a number that its node can report, got {value}."
-                return Fault("corrupt", text)
-        angle, before = seen.values.get("q_m"), self._angle
-        self._angle = angle
-        if angle is None or before is None or not math.isfinite(self.limits.dq_m):
-            return None
-        step = JUMP * self.limits.dq_m * (seen.elapsed + self.dt)
-        if abs(angle - before) > step:
+    def _jumped(self, angle: float, elapsed: float) -> Fault | None:
+        moved, self._angle = angle - self._angle, angle
+        step = JUMP * self.limits.dq_m * (elapsed + self.dt)
+        if abs(moved) > step:
             return Fault(
                 "corrupt",
                 f"q_m cannot move by more than {step:.3g} rad within a control step, got "
-                f"{angle - before:.3g} rad.",
+                f"{moved:.3g} rad.",
             )
         return None
 
-    def _ignored(self, seen: Seen) -> Fault | None:
+    def _beyond(self, values: Mapping[str, float]) -> Fault | None:
+        for name, low, high, words, allowed, unit in self._ranges:
+            value = values[name]
+            if value > high or value < low:
+                return Fault(
+                    "out_of_range",
+                    f"The {words} must be {allowed} {unit}, got {value:.4g} {unit}.",
+                )
+        return None
+
+    def _ignored(self, torque: float) -> Fault | None:
         """Return the fault of a drive that is silently off, as it makes no torque."""
-        made = abs(seen.values.get("tau_m", math.inf))
-        wanted = abs(self.commanded)
+        made, wanted = abs(torque), abs(self.commanded)
         is_deaf = wanted > WANTED * self.limits.tau and made < MADE * wanted
         self._deaf = self._deaf + 1 if is_deaf else 0
         if self._deaf < DEAF + self.missed:
@@ -273,25 +294,6 @@ class Guard:
             f"The drive must make the {self.commanded:.3g} N m that are commanded, it makes "
             f"{made:.3g} N m.",
         )
-
-    def _beyond(self, seen: Seen) -> Fault | None:
-        values, limits = seen.values, self.limits
-        for name, limit, words, unit in RANGES:
-            top = float(getattr(limits, limit))
-            if abs(values.get(name, 0.0)) > top:
-                return _out_of_range(words, f"within +-{top:.4g}", values[name], unit)
-        angle = values.get("q_m", limits.q_low)
-        if not limits.q_low <= angle <= limits.q_high:
-            span = f"from {limits.q_low:.4g} to {limits.q_high:.4g}"
-            return _out_of_range("motor angle", span, angle, "rad")
-        warmth = values.get("temperature", -math.inf)
-        if warmth > limits.temperature:
-            return _out_of_range("temperature", f"<= {limits.temperature:.4g}", warmth, "degC")
-        return None
-
-
-def _out_of_range(what: str, allowed: str, value: float, unit: str) -> Fault:
-    return Fault("out_of_range", f"The {what} must be {allowed} {unit}, got {value:.4g} {unit}.")
 
 
 def check_action(action: float) -> Fault | None:

@@ -24,7 +24,6 @@ class SharedLink:
         self.taps = tuple(Tap(self) for _ in range(joints))
         self._dt = dt
         self._owners: dict[tuple[int, bool, bytes], tuple[Tap, ...]] = {}
-        self._watching: list[Callable[[float], None]] = []
         self._kept: list[Callable[[], Frames]] = []
         self._fed = -float("inf")
         self._waiting: list[can.Message] | None = None
@@ -45,7 +44,6 @@ class SharedLink:
         if self._link is not None:
             self._link.close()
         self._link = None
-        self._watching.clear()
 
     def keep_alive(self, frames: Callable[[], Frames]) -> None:
         """Send these frames once per control period during waits, until `let_go`."""
@@ -98,15 +96,6 @@ class SharedLink:
             self._owners[key] = known
         return known
 
-    def watch(self, supervise: Callable[[float], None], every: float) -> None:
-        """Call another `supervise(now)` at least once in `every` seconds."""
-        self._watching.append(supervise)
-        self.link.watch(self._supervise, every)
-
-    def _supervise(self, now: float) -> None:
-        for supervise in self._watching:
-            supervise(now)
-
 
 @final
 class Tap:
@@ -119,7 +108,7 @@ class Tap:
 
     def __init__(self, shared: SharedLink) -> None:
         self._shared = shared
-        self.wait_until, self.send, self.watch = shared.wait_until, shared.send, shared.watch
+        self.wait_until, self.send = shared.wait_until, shared.send
         self.inbox: deque[Arrival] = deque(maxlen=KEPT)
         self.claims: Callable[[can.Message], bool] = lambda message: True
 
@@ -135,7 +124,9 @@ class Tap:
     def receive(self) -> list[Arrival]:
         """Return all frames since the last call of this joint."""
         self._shared.deliver()
-        return [self.inbox.popleft() for _ in range(len(self.inbox))]
+        found = list(self.inbox)
+        self.inbox.clear()
+        return found
 
     def close(self) -> None:
         """Do nothing: the others still use the bus."""

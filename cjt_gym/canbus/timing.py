@@ -31,10 +31,11 @@ class Timing:
 
     def answered(self, sent: float, arrivals: Sequence[Arrival]) -> float:
         """Note and return the time from a command to the next frame [s]; 0 without one."""
-        took = next((t - sent for t, _ in arrivals if t >= sent), None)
-        if took is not None:
-            self.answers.append(took)
-        return took or 0.0
+        for t, _ in arrivals:
+            if t >= sent:
+                self.answers.append(t - sent)
+                return t - sent
+        return 0.0
 
     def summary(self) -> dict[str, Any]:
         """Return percentiles of each in microseconds; empty without samples."""

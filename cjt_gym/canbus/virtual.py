@@ -9,7 +9,7 @@ import can
 
 from cjt_gym.canbus.emulated_arm import EmulatedArm
 from cjt_gym.canbus.emulator import Emulator
-from cjt_gym.canbus.link import Arrival
+from cjt_gym.canbus.link import Arrival, Supervisor
 from cjt_gym.canbus.stamps import RECEPTION
 from cjt_gym.errors import HardwareError
 
@@ -31,7 +31,7 @@ class VirtualLink:
         self.emulator = emulator
         self.is_off = False
         self.sent: Callable[[float, can.Message], None] | None = None
-        self._supervise: Callable[[float], None] | None = None
+        self._supervise: Supervisor | None = None
         self._every = 1e-3
         self._inbox: list[Arrival] = []
 
@@ -64,7 +64,7 @@ class VirtualLink:
         found, self._inbox = self._inbox, []
         return found
 
-    def watch(self, supervise: Callable[[float], None], every: float) -> None:
+    def watch(self, supervise: Supervisor, every: float) -> None:
         """Call `supervise(now)` at least once in `every` seconds of the emulator's time."""
         self._supervise, self._every = supervise, every
 

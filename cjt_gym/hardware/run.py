@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -29,7 +29,8 @@ def carry_out(
     with CanArm(configs, link, run.path, watcher) as arm:
         policies = [_policy(arm, k, job) for k, job in enumerate(run.jobs)]  # before the bus
         arm.connect()
-        laws = [policies[k] or _law(arm, k, job) for k, job in enumerate(run.jobs)]
+        delays = arm.measured_delays() if None in policies else []
+        laws = [law or _law(arm, k, run.jobs[k], delays[k]) for k, law in enumerate(policies)]
         arm.arm()
         sys.stderr.write(f"{run.title}: {len(run.jobs[0].reference) * arm.dt:g} s\n")
         errors = _follow(arm, run.jobs, laws)
@@ -59,15 +60,14 @@ def _policy(arm: CanArm, k: int, job: Job) -> Law | None:
     return None if job.policy is None else PolicyLaw(job.policy, arm, k, job.reference)
 
 
-def _law(arm: CanArm, k: int, job: Job) -> Law | None:
+def _law(arm: CanArm, k: int, job: Job, delays: Mapping[str, float]) -> Law | None:
     """Return the controller of a joint, or None; add its gains to the record's provenance.
 
-    Gains are designed for the delay measured now.
+    Gains are designed for the measured delays [s].
     """
     joint = arm.joints[k]
     if job.controller == NONE:
         return None
-    delays = joint.measured_delay()
     law = law_for(job.controller, joint.config.joint, arm.dt, delays)
     joint.record.know(designed_for_s=delays, **gains_in_record(law))
     return law

@@ -150,8 +150,8 @@ def end(protocol: str, ending: str, folder: Path) -> Ended:
 
 
 def _heeding() -> None:
-    """Heed Ctrl-C and Ctrl-\\, which what runs in the background of a shell ignores."""
-    for number in (signal.SIGINT, signal.SIGQUIT):
+    """Heed the signals that what runs in the background of a shell or under nohup ignores."""
+    for number in (signal.SIGINT, signal.SIGQUIT, signal.SIGHUP):
         signal.signal(number, signal.SIG_DFL)
 
 

@@ -277,7 +277,7 @@ def _warm_up(given: HardwareConfig, controller: str, reference: NDArray[np.float
     """Return a controller for the delay as it is; let everything be compiled; nothing moves."""
     with CanPlant(given) as plant:
         plant.connect()
-        law = law_for(controller, given.joint, given.dt, plant.joint.measured_delay())
+        law = law_for(controller, given.joint, given.dt, plant.whole.measured_delays()[0])
         plant.arm()
         law.act(plant.reset(), reference[:1])
     return law

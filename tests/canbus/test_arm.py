@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from cjt_gym.canbus import protocols
-from cjt_gym.canbus.arm import CanArm
+from cjt_gym.canbus.arm import REHEARSAL, CanArm
 from cjt_gym.canbus.config import parse_joints
 from cjt_gym.canbus.emulated_arm import EmulatedArm
 from cjt_gym.canbus.link import Arrival
@@ -94,6 +94,26 @@ def test_fault_of_one_takes_the_torque_of_all_away(culprit: int, tmp_path: Path)
     }
     assert [record[f"joint_{k}/tau_cmd"][-1] for k in range(4)] == [0.0] * 4
     assert np.all(np.isfinite(record["joint_3/q_m"]))
+
+
+def test_delays_of_all_joints_are_measured_together() -> None:
+    tables = joints(*["mit"] * 3, bus={"bitrate": 1_000_000}, control={"rate_hz": 1000})
+    tables["emulator"]["latency"] = {"value": 3e-4, "unit": "s"}
+    configs = parse_joints(tables, "arm.toml", Path())
+    arm = CanArm(configs, VirtualLink(EmulatedArm(configs)))
+    with arm:
+        arm.connect()
+        begin = arm.link.now()
+        before = [sum(delays.values()) for delays in arm.measured_delays()]
+        assert arm.link.now() - begin == pytest.approx(REHEARSAL * arm.dt)
+        arm.arm()
+        arm.reset()
+        for _ in range(50):
+            arm.step(np.zeros(3))
+        during = [sum(joint.timing.delay(arm.dt).values()) for joint in arm.joints]
+        assert before == pytest.approx(during, abs=2e-4)
+        with pytest.raises(HardwareError, match="one is running"):
+            arm.measured_delays()
 
 
 class Behind:

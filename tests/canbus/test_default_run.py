@@ -70,7 +70,7 @@ def test_delay_is_measured_as_it_is_in_a_run(drive: dict[str, Any]) -> None:
     given = config(drive=drive, emulator=late)
     plant = CanPlant(given, VirtualLink(Emulator(given)))
     plant.connect()
-    before = sum(plant.joint.measured_delay().values())
+    before = sum(plant.whole.measured_delays()[0].values())
     plant.arm()
     plant.reset()
     for _ in range(100):

@@ -247,6 +247,33 @@ def test_ctrl_c_while_enabling_leaves_the_drive_disabled(within: bool) -> None:
     plant.close()
 
 
+def test_a_row_is_not_repeated_where_ctrl_c_comes_as_it_is_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, write = tmp_path / "run.csv", os.write
+    plant, _ = virtual_plant(config(), path)
+
+    def interrupted(file: int, data: bytes) -> int:
+        monkeypatch.undo()
+        write(file, data)
+        raise KeyboardInterrupt
+
+    def run() -> None:
+        with plant:
+            plant.reset()
+            for k in range(20):
+                if k == 10:
+                    monkeypatch.setattr(os, "write", interrupted)
+                plant.step(np.ones(1))
+
+    with pytest.raises(KeyboardInterrupt):
+        run()
+    record = read_record(path)
+    assert len(record) == 12
+    np.testing.assert_allclose(record["t"], np.arange(12) * plant.dt)
+    assert record.provenance["fault"]["kind"] == "interrupt"
+
+
 def test_ctrl_c_while_it_fades_switches_off_at_once() -> None:
     plant, emulator = virtual_plant(config())
     commands: list[float] = []

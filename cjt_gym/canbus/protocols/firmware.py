@@ -39,6 +39,10 @@ class Firmware(ABC):
     def boot(self, now: float) -> Sequence[Message]:
         """Power up, and return the frames sent at that time."""
 
+    def heeds(self, frame: Message) -> bool:
+        """Return whether a frame may be for this drive; others need not be handed to it."""
+        return True
+
     @abstractmethod
     def receive(self, frame: Message, now: float) -> Sequence[Message]:
         """Take a frame from the bus, and return the answers."""

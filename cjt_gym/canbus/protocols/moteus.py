@@ -32,7 +32,10 @@ from cjt_gym.canbus.protocols.moteus_registers import (
     FLOAT,
     INT8,
     INT16,
+    SIZES,
     WRITE,
+    Replies,
+    packed,
     pad,
     read,
     said,
@@ -63,13 +66,17 @@ class MoteusMaster(Master):
         source: int = settings.options["source"]
         self._to_drive = ANSWER | source << 8 | settings.node
         self._from_drive = settings.node << 8 | source
-        self._gains = (
+        self._to_torque = (
             subframe(WRITE, INT8, 0x000, [POSITION])
             + subframe(WRITE, FLOAT, 0x020, [nan, 0.0])
             + subframe(WRITE, INT8, 0x023, [0.0, 0.0])
             + subframe(WRITE, FLOAT, 0x027, [settings.watchdog])
             + subframe(WRITE, INT8, 0x02B, [0.0])
+            + subframe(WRITE, FLOAT, 0x022, 1)
         )
+        size = len(self._to_torque) + SIZES[FLOAT]
+        self._from_torque = pad(bytes(size) + STATE)[size:]
+        self._replies = Replies(read(STATE))
         scaling = settings.scaling
         self._convert: Mapping[int, tuple[str, Callable[[float], float]]] = {
             0x001: ("q_m", lambda turns: scaling.angle(turns * tau)),
@@ -86,7 +93,7 @@ class MoteusMaster(Master):
 
     def clear(self) -> Sequence[Step]:
         """Return the step that stops the drive, which clears faults."""
-        return [Step("Stop", [self._frame(STOP + STATE)], self._shows(STOPPED))]
+        return [Step("Stop", self.disable(), self._shows(STOPPED))]
 
     def enable(self) -> Sequence[Step]:
         """Return the step to position mode without gains."""
@@ -98,7 +105,7 @@ class MoteusMaster(Master):
         torque = self.settings.scaling.drive_torque(tau_m)
         if isnan(torque):
             raise ProtocolError(f"Feedforward torque must be a finite number, got {torque}.")
-        return [self._frame(self._gains + subframe(WRITE, FLOAT, 0x022, [torque]) + STATE)]
+        return [self._frame(self._to_torque + packed(0x022, FLOAT, torque) + self._from_torque)]
 
     def commanded(self, frame: Message) -> float | None:
         """Return the feedforward torque written by a frame."""
@@ -114,11 +121,11 @@ class MoteusMaster(Master):
 
     def poll(self) -> Sequence[Message]:
         """Return the frame that queries the state."""
-        return [self._frame(STATE)]
+        return [self._frame(pad(STATE))]
 
     def disable(self) -> Sequence[Message]:
         """Return the stop frame, which switches the power stage off at once."""
-        return [self._frame(STOP + STATE)]
+        return [self._frame(pad(STOP + STATE))]
 
     def decode(self, frame: Message) -> Update | None:
         """Decode an answer."""
@@ -137,6 +144,8 @@ class MoteusMaster(Master):
             return {}
         if frame.arbitration_id != self._from_drive:
             return {}
+        if values := self._replies.values(frame.data):
+            return values
         found = read(frame.data)
         if wrong := [each for each in found if each.kind == "error"]:
             raise ProtocolError(
@@ -159,7 +168,7 @@ class MoteusMaster(Master):
 
     def _frame(self, data: bytes) -> Message:
         identifier = self._to_drive
-        return frame_of(identifier, pad(data), extended=is_extended(identifier), fd=True)
+        return frame_of(identifier, data, extended=is_extended(identifier), fd=True)
 
 
 def _code(values: Mapping[int, float]) -> int:

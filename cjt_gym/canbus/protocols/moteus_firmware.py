@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cache
+from functools import cache, lru_cache
 from math import isnan, nan, tau
 from typing import Final
 
@@ -23,10 +23,12 @@ from cjt_gym.canbus.protocols.moteus_registers import (
     FLOAT,
     INT8,
     LARGEST,
+    MOST,
     READ_ERROR,
     REGISTERS,
     REPLY,
     STEPS,
+    Replies,
     Subframe,
     field_of,
     pad,
@@ -69,11 +71,15 @@ class MoteusFirmware(Firmware):
         self._told = {}
         return []
 
+    def heeds(self, frame: Message) -> bool:
+        """Return whether a frame may be for this drive."""
+        if frame.is_error_frame or frame.is_remote_frame or frame.arbitration_id > 0xFFFF:
+            return False
+        return frame.arbitration_id & 0xFF in (self.settings.node, BROADCAST)
+
     def receive(self, frame: Message, now: float) -> Sequence[Message]:
         """Take a frame for this drive, and answer if it asks for that."""
-        if frame.is_error_frame or frame.is_remote_frame or frame.arbitration_id > 0xFFFF:
-            return []
-        if frame.arbitration_id & 0xFF not in (self.settings.node, BROADCAST):
+        if not self.heeds(frame):
             return []
         try:
             found = read(frame.data)
@@ -84,8 +90,9 @@ class MoteusFirmware(Firmware):
         if not asked or not frame.arbitration_id & ANSWER:
             return []
         identifier = self.settings.node << 8 | frame.arbitration_id >> 8 & 0x7F
-        data = b"".join(map(self._answer, asked))
-        if len(data) > 64:
+        replies = _replies(tuple(asked))
+        data = replies.data(self._shown) if replies else b"".join(map(self._answer, asked))
+        if len(data) > MOST:
             return []
         return [frame_of(identifier, pad(data), extended=is_extended(identifier), fd=True)]
 
@@ -107,10 +114,13 @@ class MoteusFirmware(Firmware):
         told = self._told
         if not told:
             return
-        position = told.get(0x020, 0.0)
-        error = (self._held if isnan(position) else position) - self._seen(0x001)
-        torque = KP * told.get(0x023, 1.0) * error + told.get(0x022, 0.0)
-        torque += KD * told.get(0x024, 1.0) * (told.get(0x021, 0.0) - self._seen(0x002))
+        torque = told.get(0x022, 0.0)
+        if stiffness := KP * told.get(0x023, 1.0):
+            position = told.get(0x020, 0.0)
+            aim = self._held if isnan(position) else position
+            torque += stiffness * (aim - self._seen(0x001))
+        if damping := KD * told.get(0x024, 1.0):
+            torque += damping * (told.get(0x021, 0.0) - self._seen(0x002))
         most = told.get(0x025, nan)
         torque = torque if isnan(most) else min(max(torque, -most), most)
         self._ask(self.settings.scaling.torque(torque))
@@ -160,6 +170,16 @@ class MoteusFirmware(Firmware):
         if self.mode is Mode.FAULT:
             return FAULTED
         return POSITION if self.mode is Mode.ENABLED else STOPPED
+
+
+@lru_cache(maxsize=64)
+def _replies(asked: Sequence[Subframe]) -> Replies | None:
+    """Return the layout of a reply that needs no further thought."""
+    known = all(each.numbers and REGISTERS.keys() >= {*each.numbers} for each in asked)
+    try:
+        return Replies(asked) if known else None
+    except ProtocolError:  # too long
+        return None
 
 
 @cache

@@ -11,10 +11,10 @@ References:
 from __future__ import annotations
 
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from math import isnan, nan
+from math import ceil, isnan, nan
 from typing import Final, Literal, NamedTuple
 
 from can.util import dlc2len, len2dlc
@@ -142,9 +142,19 @@ def subframe(base: int, kind: int, first: int, values: Sequence[float] | int) ->
     data = (
         b""
         if isinstance(values, int)
-        else b"".join(_packed(first + at, kind, value) for at, value in enumerate(values))
+        else b"".join(packed(first + at, kind, value) for at, value in enumerate(values))
     )
     return head + _varuint(first) + data
+
+
+def packed(number: int, kind: int, value: float) -> bytes:
+    """Return the bytes of a register."""
+    size = SIZES[kind]
+    if kind == FLOAT and not abs(value) > LARGEST:
+        return struct.pack("<f", value)
+    if isnan(value):
+        return (1 << 8 * size - 1).to_bytes(size, "little")
+    return field_of(number, kind).to_bits(value).to_bytes(size, "little")
 
 
 def read(data: bytes | bytearray) -> list[Subframe]:
@@ -179,6 +189,51 @@ def read(data: bytes | bytearray) -> list[Subframe]:
     return found
 
 
+class Replies:
+    """Replies to one query, in which every register has its place."""
+
+    def __init__(self, asked: Iterable[Subframe]) -> None:
+        """Lay a reply out."""
+        self._heads: list[tuple[int, bytes]] = []
+        self._places: list[tuple[int, int, float, int, float]] = []
+        self._blank: list[bytes | float] = []
+        code = "<"
+        for each in asked:
+            head = subframe(REPLY, each.type, each.numbers[0], len(each.numbers))
+            code += f"{len(head)}s{len(each.numbers)}{CODES[each.type]}"
+            self._heads.append((len(self._blank), head))
+            self._blank += [head, *each.numbers]
+            lowest = nan if each.type == FLOAT else -(1 << 8 * SIZES[each.type] - 1)
+            for at, number in enumerate(each.numbers, self._heads[-1][0] + 1):
+                step = 1.0 if each.type == FLOAT else _step(number, each.type)
+                self._places.append((at, number, step, each.type, lowest))
+        self._layout = struct.Struct(code)
+        self._tail = pad(bytes(self._layout.size))[self._layout.size :]
+
+    def values(self, data: bytes | bytearray) -> dict[int, float]:
+        """Return the values of a reply by register number; none if it is laid out otherwise."""
+        if data[self._layout.size :] != self._tail or len(data) < self._layout.size:
+            return {}
+        raw = self._layout.unpack_from(data)
+        for at, head in self._heads:
+            if raw[at] != head:
+                return {}
+        return {
+            number: nan if raw[at] == lowest else raw[at] * step
+            for at, number, step, _, lowest in self._places
+        }
+
+    def data(self, shown: Callable[[int, int], float]) -> bytes:
+        """Return a reply, padded; `shown` gives a register's value in a type, NaN for none."""
+        raw = list(self._blank)
+        for at, number, step, kind, lowest in self._places:
+            value = shown(number, kind)
+            if kind != FLOAT:
+                value = lowest if isnan(value) else ceil(value / step - 0.5)
+            raw[at] = value
+        return self._layout.pack(*raw) + self._tail
+
+
 def said(frame: Sequence[Subframe], kind: str) -> dict[int, float]:
     """Return the values that a frame writes or returns, by register number."""
     return {
@@ -200,15 +255,6 @@ def pad(data: bytes) -> bytes:
 def field_of(number: int, kind: int) -> Field:
     """Return the field of a register in one type."""
     return REGISTERS[number].field(kind)
-
-
-def _packed(number: int, kind: int, value: float) -> bytes:
-    size = SIZES[kind]
-    if kind == FLOAT and not abs(value) > LARGEST:
-        return struct.pack("<f", value)
-    if isnan(value):
-        return (1 << 8 * size - 1).to_bytes(size, "little")
-    return field_of(number, kind).to_bits(value).to_bytes(size, "little")
 
 
 def _unpacked(
