@@ -24,6 +24,7 @@ SEPARATED_BY: dict[frozenset[str], str] = {
         ("damping", "viscous_asym", "fast motion for the same time in both directions"),
         ("torque_bias", "torque_offset", "a rest at zero current with the spring relaxed"),
         ("torque_constant", "inertia", "a constant current held at rest, then a fast chirp"),
+        ("torque_constant", "thermal_derating", "the same motion with the motor cold and warm"),
         ("torque_constant", "torque_gain", "a known weight, or a second torque reference"),
         ("stiffness", "torque_gain", "a known weight, or a second torque reference"),
         ("command_delay", "current_lag", "steps of different sizes in the command"),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -58,6 +58,7 @@ def name_effects(
         doubtful = may_be_nothing(effect, numbers) or at_an_end(effect, numbers)
         doubtful = doubtful or undecided(problem.stages.setting, effect.name)
         doubtful = doubtful or may_be_the_records(effect.name, numbers, dt)
+        doubtful = doubtful or _warm(found, index, numbers)
         if doubtful or _harmful(found, need, unseen):
             state = "tentative"
         lead = evidence(problem, fit) - best_rival(problem, fit, index, found.seen)
@@ -80,7 +81,7 @@ def name_effects(
                 state,
                 chance,
                 float(np.clip(need.evidence / whole, 0.0, 1.0)),
-                _confusable(found, index),
+                _confusable(found, index, numbers),
                 lead,
                 None if trial is None else trial.worth,
             )
@@ -102,11 +103,25 @@ def _harmful(found: Explanation, need: Need, unseen: Sequence[Setting]) -> bool:
     return harms(unseen, less, more)
 
 
-def _confusable(found: Explanation, index: int) -> tuple[str, ...]:
+def _warm(found: Explanation, index: int, numbers: Mapping[str, Interval]) -> bool:
+    """Return whether a small torque constant may be that of a motor that was warm from the start.
+
+    Derating counts from the temperature at which a record begins, which no channel shows.
+    """
+    effects = found.fit.model.effects
+    derates = any(effect.name == "thermal_derating" for effect in effects)
+    nominal = found.problem.stages.setting.nominal["k_t"]
+    small = "k_t" in numbers and numbers["k_t"].value < nominal
+    return derates and effects[index].name == "torque_constant" and small
+
+
+def _confusable(found: Explanation, index: int, numbers: Mapping[str, Interval]) -> tuple[str, ...]:
     """Return effects that could replace an effect in this explanation or with these channels."""
     names = rivals(found.problem, found.base, found.fit, index, found.seen)
     name = found.fit.model.effects[index].name
-    return tuple(dict.fromkeys((*names, *same_here(found.problem.stages.setting, name))))
+    warmth = ("thermal_derating",) if _warm(found, index, numbers) else ()
+    same = same_here(found.problem.stages.setting, name)
+    return tuple(dict.fromkeys((*warmth, *names, *same)))
 
 
 def _whole(found: Explanation) -> float:

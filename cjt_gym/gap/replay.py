@@ -9,7 +9,7 @@ record's sensors.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,10 +30,15 @@ from cjt_gym.joint.batch import longest_substep
 from cjt_gym.joint.configure import resolve_effects
 
 Floats = NDArray[np.float64]
+Run = Callable[[Floats, int], dict[str, Floats]]
 SUBSTEP, COARSEST = 1e-4, 2.5e-4
 """Substep, to which delays are rounded, and that of long records [s]."""
 MANY = 200_000
 """Number of substeps above which a record is long."""
+BEGIN = 0.05
+"""Time over which the state at the beginning is found [s]."""
+NUDGE = 1e-2
+"""Step of the derivatives by that state, in units of noise and of the usual speed."""
 SMOOTH = 11
 """Samples over which a prescribed angle of the load is smoothed."""
 
@@ -132,19 +137,55 @@ def replay(setting: Setting, model: Written) -> dict[str, Floats]:
     longest = min(longest, 0.5 * longest_substep(joint))
     count = max(math.ceil(series.dt / longest - 1e-9), 1)
     p, h = joint.parameters, series.dt / count
+
+    def run(start: Floats, samples: int) -> dict[str, Floats]:
+        torque = current[:samples] * p.k_t * p.n
+        got = joint.simulate(torque, load[:samples], series.dt, start, dt_physics=h)
+        found = {"q_m": got["true_q_m"] - zero, "q_l": got["true_q_l"] - zero - fields["q_0"]}
+        found["dq_m"] = got["true_dq_m"]
+        if driven and "i" in got:
+            found["i"] = got["i"] + fields["i_0"]
+        if setting.has_spring:
+            bias = joint.effects.get("torque_bias", {}).get("bias", 0.0)
+            found["tau"] = got["tau"] + fields["tau_0"] - bias
+        return found
+
     try:
-        run = joint.simulate(current * p.k_t * p.n, load, series.dt, start, dt_physics=h)
+        return run(_in_motion(setting, start, run), len(series))
     except SimulationError:
         names = ("q_m", "q_l", "dq_m", "i", *(("tau",) if setting.has_spring else ()))
         return {name: np.full(len(series), np.nan) for name in names}
-    found = {"q_m": run["true_q_m"] - zero, "q_l": run["true_q_l"] - zero - fields["q_0"]}
-    found["dq_m"] = run["true_dq_m"]
-    if driven and "i" in run:
-        found["i"] = run["i"] + fields["i_0"]
+
+
+def _in_motion(setting: Setting, start: Floats, run: Run) -> Floats:
+    """Return the start from which the first samples of a record are followed best.
+
+    A record that was cut begins in motion, with speeds and deflections that its first few samples
+    show badly; over `BEGIN` the joint's own motion shows them better.
+
+    Args:
+        setting: The record.
+        start: State at the first sample as these samples show it, shape (6,).
+        run: Replay from a state over a number of samples.
+    """
+    series, chain = setting.series, setting.structure.selection
+    samples = min(max(round(BEGIN / series.dt), 8), len(series))
+    shown = ["q_m"]
     if setting.has_spring:
-        bias = joint.effects.get("torque_bias", {}).get("bias", 0.0)
-        found["tau"] = run["tau"] + fields["tau_0"] - bias
-    return found
+        shown += ["tau"] if setting.structure.output_fixed else ["q_l", "tau"]
+    seen = {name: setting.std(name) for name in shown if name in series}
+
+    def missed(state: Floats) -> Floats:
+        got = run(state, samples)
+        return np.concatenate([(got[n] - series[n][:samples]) / std for n, std in seen.items()])
+
+    sizes = np.repeat([setting.std("q_m"), float(np.std(series.speed("q_m")))], chain.shape[1])
+    moves = np.kron(np.eye(2), chain) * np.maximum(sizes, 1e-12)
+    error = missed(start)
+    slopes = np.stack([missed(start + NUDGE * move) - error for move in moves.T], axis=1) / NUDGE
+    wanted = np.linalg.lstsq(np.vstack([slopes, np.eye(len(sizes))]), np.append(-error, 0 * sizes))
+    better = start + moves @ wanted[0]
+    return better if np.sum(missed(better) ** 2) < np.sum(error**2) else start
 
 
 def _start_and_load(setting: Setting, fields: Fields, zero: float) -> tuple[Floats, Floats]:

@@ -99,10 +99,12 @@ class Series:
         return np.asarray(np.maximum(steps, np.append(steps[1:], 0.0)))
 
     def first_speed(self, name: str) -> float:
-        """Return the slope of a channel over its first samples, ten at most [unit/s]."""
-        y = self.columns[name][: min(max(round(START / self.dt), 4), 10)]
-        k = np.arange(len(y)) - 0.5 * (len(y) - 1)
-        return float(k @ y / (k @ k) / self.dt)
+        """Return the slope of a channel at its first sample [unit/s].
+
+        It is that of a parabola through the first samples: a cut log may begin in motion.
+        """
+        y = self.columns[name][: min(max(round(START / self.dt), 4), 20)]
+        return float(np.polyfit(self.dt * np.arange(len(y)), y, 2)[1])
 
 
 def unbroken(record: Record) -> Record:

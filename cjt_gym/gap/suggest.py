@@ -90,7 +90,7 @@ def _nearest(problem: Problem, seen: Sequence[Fit], stage: str) -> Mapping[str, 
     for fit in sorted(blamed, key=lambda f: -evidence(problem, f)):
         last = fit.model.effects[-1]
         if stage in last.touches and len(found) < 2:
-            found.setdefault(last.name, fit)
+            found.setdefault(last.outside or last.name, fit)
     return found
 
 

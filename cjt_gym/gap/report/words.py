@@ -192,7 +192,8 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
         better = f" Refining its values within them takes the replay error from {change}."
         return text + (better if gap.removed >= NOTABLE else "")
     size = f" of {percent(gap.before)}" if gap.before else ""
-    lies = f"The gap{size} lies {where(diagnosis)}"
+    stages = where(diagnosis)
+    lies = f"The gap{size} lies {stages}" if stages else f"There is a gap{size}"
     if diagnosis.verdict == "unexplained" or not diagnosis.effects:
         return f"{lies}; no effect of the table explains it."
     names = joined([in_words(effect) for effect in diagnosis.effects])
