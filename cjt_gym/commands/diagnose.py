@@ -17,6 +17,7 @@ from cjt_gym.errors import ConfigurationError, RecordError, UnknownNameError
 from cjt_gym.gap import Diagnosis, diagnose
 from cjt_gym.gap.orient import orient
 from cjt_gym.gap.report import WIDTH, summary, write_report
+from cjt_gym.gap.series import same_file
 from cjt_gym.joint import (
     STRUCTURES,
     JointFile,
@@ -214,8 +215,13 @@ def _read(
 def _oriented(
     records: Sequence[Record], joint: JointFile, structure: str
 ) -> tuple[list[Record], list[Repair]]:
-    """Return records whose channels agree in their signs, and what was turned."""
-    pairs = [orient(record, joint, get_structure(structure)) for record in records]
+    """Return records whose channels agree in their signs, and what was turned.
+
+    The longest piece of a log shows the signs of all.
+    """
+    shape = get_structure(structure)
+    longest = [max(same_file(record, records), key=len) for record in records]
+    pairs = [orient(r, joint, shape, by) for r, by in zip(records, longest, strict=True)]
     for record, repairs in pairs:
         odd = [repair.text for repair in repairs if repair.kind == "unit"]
         if odd:
@@ -224,7 +230,8 @@ def _oriented(
                 f"states, or {joint.name} is another joint. Give the unit, the gear side or the "
                 "joint: [columns] of --mapping, [units] beside the record, --joint."
             )
-    return [record for record, _ in pairs], [repair for _, found in pairs for repair in found]
+    found = dict.fromkeys(repair for _, some in pairs for repair in some)
+    return [record for record, _ in pairs], list(found)
 
 
 def _nominal(options: argparse.Namespace) -> str | Path:

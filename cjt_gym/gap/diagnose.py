@@ -40,7 +40,7 @@ from cjt_gym.gap.naming import doubted, name_effects
 from cjt_gym.gap.refine import settled
 from cjt_gym.gap.replay import Written, steps, written
 from cjt_gym.gap.select import BEYOND, Progress, silent
-from cjt_gym.gap.series import unbroken
+from cjt_gym.gap.series import ENOUGH, Stretch, stretches
 from cjt_gym.gap.setting import Setting, as_noisy, make_setting
 from cjt_gym.gap.suggest import ELSEWHERE, cautious, suggest
 from cjt_gym.gap.unknown import Leftover, untouched, verdict
@@ -100,17 +100,21 @@ def diagnose(
     file, shape = _joint(first, joint, structure)
     exam = examine(given, file, shape)
     given, held = in_step(given, held, file, shape)
-    whole, tested = [unbroken(record) for record in given], [unbroken(record) for record in held]
-    cuts = [int((1.0 - TAIL) * len(record)) for record in whole]
-    fitted = whole if held else [r.slice(0, cut) for r, cut in zip(whole, cuts, strict=True)]
-    tested = tested or [r.slice(cut, None) for r, cut in zip(whole, cuts, strict=True)]
+    whole, tested = stretches(given), stretches(held)
+    cuts = [int((1.0 - TAIL) * len(one)) for one in whole]
+    fitted = whole if held else [one.slice(0, cut) for one, cut in zip(whole, cuts, strict=True)]
+    tested = tested or [one.slice(cut, None) for one, cut in zip(whole, cuts, strict=True)]
     with threadpool_limits(1, "blas"):  # for small matrices threads cost more than they gain
         try:
-            found, ask = _by_stages(fitted, tested, whole, held, file, shape, started, progress)
+            turnable = bool(held) and len(given) == len(held) == 1
+            found, ask = _by_stages(fitted, _long(tested), turnable, file, shape, started, progress)
         except (np.linalg.LinAlgError, FloatingPointError, ValueError) as error:
             if isinstance(error, CjtGymError) and not _by_voltage(first):
                 raise
-            found, ask = nothing_said(file, shape, fitted, _long(tested), str(error)), None
+            found, ask = (
+                nothing_said(file, shape, _records(fitted), _records(_long(tested)), str(error)),
+                None,
+            )
         open_ = found.suggestion
         found = judged(replace(found, examination=exam), given, held, file, shape, progress)
         if ask is not None and found.suggestion is open_:
@@ -129,44 +133,54 @@ def _asked(ask: Ask) -> Suggestion:
 
 
 def _by_stages(
-    fitted: Sequence[Record],
-    tested: Sequence[Record],
-    given: Sequence[Record],
-    held: Sequence[Record],
+    fitted: Sequence[Stretch],
+    tested: Sequence[Stretch],
+    turnable: bool,
     file: JointFile,
     shape: Structure,
     started: float,
     progress: Progress,
 ) -> tuple[Diagnosis, Ask]:
-    """Return the findings of the stages' one-step predictors, and what suggests the next record."""
-    explanation, replayed = _explained(fitted, _long(tested), file, shape, progress)
-    if _seen_elsewhere(explanation) and len(given) == len(_long(held)) == 1:
+    """Return the findings of the stages' one-step predictors, and what suggests the next record.
+
+    Where they are two records of equal rank, what is tested may turn out to be what is explained.
+    """
+    explanation, replayed = _explained(fitted, tested, file, shape, progress)
+    if turnable and tested and _seen_elsewhere(explanation):
         progress("explaining the other record, which alone shows a gap")
-        turned, others = _explained(held, _long(fitted), file, shape, progress)
+        turned, others = _explained(tested, _long(fitted), file, shape, progress)
         if turned.fit.model.effects:
             explanation, replayed = turned, others
-            fitted, tested = held, fitted
+            fitted, tested = tested, _long(fitted)
     progress("replaying what was kept from the fit")
     known = explanation.problem.stages.setting
     replayed = [as_noisy(one, known) for one in replayed]
-    source = source_of(file, shape, fitted, _long(tested))
-    title = _title(fitted[0])
+    source = source_of(file, shape, _records(fitted), _records(tested))
+    title = _title(fitted[0].record)
     return _report(explanation, replayed or [known], bool(replayed), started, source, title)
 
 
 def _explained(
-    fitted: Sequence[Record],
-    tested: Sequence[Record],
+    fitted: Sequence[Stretch],
+    tested: Sequence[Stretch],
     file: JointFile,
     shape: Structure,
     progress: Progress,
 ) -> tuple[Explanation, list[Setting]]:
     """Return the explanation of records, and the records on which it is tested."""
-    setting = make_setting(fitted[0], file, shape)
+
+    def setting_of(one: Stretch, zero: Mapping[str, float] | None) -> Setting:
+        return make_setting(one.record, file, shape, zero, one.log)
+
+    setting = setting_of(fitted[0], None)
     zero = setting.series.zero
-    more = [make_setting(r, file, shape, zero) for r in fitted[1:]]
-    replayed = [make_setting(r, file, shape, zero) for r in tested]
+    more = [setting_of(one, zero) for one in fitted[1:]]
+    replayed = [setting_of(one, zero) for one in tested]
     return explain(setting, replayed, more, progress), replayed
+
+
+def _records(found: Sequence[Stretch]) -> list[Record]:
+    return [one.record for one in found]
 
 
 def _by_voltage(record: Record) -> bool:
@@ -200,8 +214,8 @@ def _as_list(records: Record | Sequence[Record]) -> list[Record]:
     return found
 
 
-def _long(records: Sequence[Record]) -> list[Record]:
-    return [record for record in records if len(record) >= 500]
+def _long(found: Sequence[Stretch]) -> list[Stretch]:
+    return [one for one in found if len(one) >= ENOUGH]
 
 
 def _joint(

@@ -49,6 +49,9 @@ PARTIAL = 0.35
 """Partial correlation above which a term of an equation of motion is certain."""
 CLEAR = 0.25
 """Difference over sum of two signs' unexplained shares above which one is certain."""
+SOUND = 0.1
+"""Unexplained share with the present sign up to which it is not doubted: a controller can make a
+late torque follow the opposite sign as well."""
 EXPLAINED = 0.6
 """Share of the motor's torque that its equation must explain."""
 SMOOTH = 0.04
@@ -82,7 +85,7 @@ class Tie:
 
 
 def orient(
-    record: Record, joint: JointFile, structure: Structure
+    record: Record, joint: JointFile, structure: Structure, shown_by: Record | None = None
 ) -> tuple[Record, tuple[Repair, ...]]:
     """Return a record with consistent signs, and remarks on what was changed.
 
@@ -90,12 +93,14 @@ def orient(
         record: The record; NaN where a sample is missing.
         joint: The nominal joint.
         structure: How its bodies are joined.
+        shown_by: Record of the same channels by which the signs are judged; by default the record
+            itself.
 
     Returns:
         The record, which is the same object if no sign was reversed, and a line for each channel
         that was reversed or seems to have another unit.
     """
-    channels = _filled(record)
+    channels = _filled(shown_by or record)
     ties = [*_following(channels, structure, record.dt), *_spring(channels, structure)]
     motor = _Motor.of(channels, record.dt)
     if motor is not None:
@@ -241,6 +246,8 @@ def _clear(left: Mapping[tuple[float, ...], float], k: int) -> float:
     right = min(share for signs, share in left.items() if signs[k] > 0)
     wrong = min(share for signs, share in left.items() if signs[k] < 0)
     better = (wrong - right) / max(wrong + right, 1e-300)
+    if better < 0.0 and right < SOUND:
+        return 0.0
     return better if abs(better) > CLEAR else 0.0
 
 

@@ -9,7 +9,7 @@ record's sensors.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,6 +23,7 @@ from cjt_gym.gap.fit import Fit, Model, Problem
 from cjt_gym.gap.horizons.model import quiet
 from cjt_gym.gap.hypothesis import Hypothesis
 from cjt_gym.gap.joint_file import Refined, identified_joint
+from cjt_gym.gap.series import Series
 from cjt_gym.gap.setting import Setting
 from cjt_gym.gap.signals import interval_mean
 from cjt_gym.joint import Joint, JointFile
@@ -58,9 +59,21 @@ class Written:
     def joint(self, setting: Setting) -> Joint:
         """Return the joint without noise, with a drive where the record has its command."""
         effects = resolve_effects(None, self.file, setting.structure, "current")
+        if "thermal_derating" in effects:
+            given = effects["thermal_derating"].items()
+            heat = {symbol: x for symbol, x in given if not isinstance(x, tuple)}
+            rise = heat["rise"] + _warmth(heat, setting.series)
+            effects["thermal_derating"] = {**heat, "rise": rise}
         file = replace(self.file, found={})
         joint = Joint(file, setting.structure.name, "current", effects)
         return quiet(joint, driven="i_cmd" in setting.series)
+
+
+def _warmth(heat: Mapping[str, float], series: Series) -> float:
+    """Return by how much the current before the first sample has warmed the winding [K]."""
+    ages = series.dt * np.arange(len(series.past), 0, -1)
+    share = -np.expm1(-series.dt / heat["T_thw"]) * np.exp(-ages / heat["T_thw"])
+    return heat["r"] * heat["r_th1"] * float(share @ series.past**2)
 
 
 def written(problem: Problem, model: Model, z: Floats) -> Written:

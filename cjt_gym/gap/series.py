@@ -6,7 +6,7 @@ interpolation and marked as not measured, so that no residual is taken from it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -23,6 +23,8 @@ Floats = NDArray[np.float64]
 USED = ("i_cmd", "i", "q_m", "q_g", "q_l", "tau", "tau_l")
 SHORTEST = 200
 """Minimum number of samples for a diagnosis."""
+ENOUGH, MOST = 500, 8
+"""Number of samples of a stretch that is worth having, and of such stretches of one log."""
 SLOW = 4e-3
 """Sample time above which a log is slower than the control of any drive [s]."""
 START = 0.01
@@ -48,6 +50,9 @@ class Series:
         valid: For each channel whether the sample was measured, shape (N,).
         zero: Offset subtracted from each angle, so that it starts at zero [rad].
         derived: Channels that were not measured but follow from others and the nominal joint.
+        past: Current from the beginning of the log up to the first sample [A], shape (M,); its
+            rms where no current was recorded.
+        rest: Number of samples from the last one to the end of the log.
     """
 
     dt: float
@@ -55,6 +60,8 @@ class Series:
     valid: Mapping[str, NDArray[np.bool_]]
     zero: Mapping[str, float]
     derived: frozenset[str] = frozenset()
+    past: Floats = field(default_factory=lambda: np.zeros(0))
+    rest: int = 0
     _speeds: dict[str, Floats] = field(default_factory=dict)
 
     def __contains__(self, name: str) -> bool:
@@ -75,6 +82,16 @@ class Series:
     def t(self) -> Floats:
         """Time from the first sample [s], shape (N,)."""
         return np.asarray(np.arange(len(self)) * self.dt, dtype=np.float64)
+
+    @property
+    def log_time(self) -> Floats:
+        """Time from the beginning of the log [s], shape (N,)."""
+        return self.t + len(self.past) * self.dt
+
+    @property
+    def log_length(self) -> float:
+        """Duration of the log [s]."""
+        return (len(self.past) + len(self) + self.rest) * self.dt
 
     def measured(self, *names: str) -> NDArray[np.bool_]:
         """Return whether all the named channels were measured at each sample, shape (N,)."""
@@ -107,24 +124,64 @@ class Series:
         return float(np.polyfit(self.dt * np.arange(len(y)), y, 2)[1])
 
 
-def unbroken(record: Record) -> Record:
-    """Return the longest stretch of a record in which no channel is lost for several samples.
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """Rows of a log in which no channel is lost for several samples.
 
-    A predictor that has to guess what happened in a gap takes long to recover. A record too
-    short to be diagnosed is left unchanged.
+    Attributes:
+        record: The rows.
+        log: The records that its log was read as, of which it is a part.
     """
-    t = record.t
-    edges = {0, len(record)}
-    for name in USED:
-        if name in record:
-            there = np.flatnonzero(np.isfinite(record[name]))
-            if len(there) > SHORTEST // 2:
-                edges |= {int(there[0]), int(there[-1]) + 1}
-                steps = np.diff(t[there])
-                for k in np.flatnonzero(steps > HOLE * np.median(steps)):
-                    edges |= {int(there[k]) + 1, int(there[k + 1])}
-    start, stop = max(pairwise(sorted(edges)), key=lambda edge: edge[1] - edge[0])
-    return record.slice(start, stop) if stop - start >= SHORTEST else record
+
+    record: Record
+    log: tuple[Record, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.record)
+
+    def slice(self, start: int | None = None, stop: int | None = None) -> Stretch:
+        """Return the rows from `start` up to but not including `stop`."""
+        return Stretch(self.record.slice(start, stop), self.log)
+
+
+def stretches(records: Sequence[Record]) -> list[Stretch]:
+    """Return the stretches of records that are long enough, those of a log longest first.
+
+    A predictor that has to guess what happened in a gap takes long to recover. Where no stretch
+    of a record is long enough it is taken as a whole.
+    """
+    found, seen = [], set[int]()
+    for record in records:
+        log = same_file(record, records)
+        if id(log[0]) in seen:
+            continue
+        seen.add(id(log[0]))
+        parts = [part for one in log for part in _unbroken(one)]
+        enough = [part for part in parts if len(part) >= ENOUGH] or [max(parts, key=len)]
+        enough.sort(key=len, reverse=True)
+        found += [Stretch(part, log) for part in enough[:MOST]]
+    return found
+
+
+def same_file(record: Record, records: Sequence[Record]) -> tuple[Record, ...]:
+    """Return the records that were read from the same file as one of them, itself included."""
+    origin = record.origin
+    return tuple(r for r in records if r is record or (origin is not None and r.origin == origin))
+
+
+def _unbroken(record: Record) -> list[Record]:
+    """Return the stretches without a gap in which every channel of the record was measured."""
+    t, edges = record.t, {0, len(record)}
+    known = [np.isfinite(record[name]) for name in USED if name in record]
+    known = [there for there in known if there.sum() > SHORTEST // 2]
+    for there in map(np.flatnonzero, known):
+        edges |= {int(there[0]), int(there[-1]) + 1}
+        steps = np.diff(t[there])
+        for k in np.flatnonzero(steps > HOLE * np.median(steps)):
+            edges |= {int(there[k]) + 1, int(there[k + 1])}
+    ends = [(a, b) for a, b in pairwise(sorted(edges)) if b - a >= SHORTEST]
+    parts = [record.slice(a, b) for a, b in ends if all(there[a:b].any() for there in known)]
+    return parts or [record]
 
 
 def to_series(
@@ -132,6 +189,7 @@ def to_series(
     joint: JointFile,
     structure: Structure,
     zero_at: Mapping[str, float] | None = None,
+    log: Sequence[Record] = (),
 ) -> Series:
     """Return the channels of a record on an even grid.
 
@@ -140,6 +198,7 @@ def to_series(
         joint: The joint, for the current that belongs to a torque.
         structure: How its bodies are joined, for an angle that belongs to another.
         zero_at: Offset to subtract from each angle [rad]; by default its first value.
+        log: Records of the same log, of which this one is a part.
 
     Raises:
         RecordError: The record is too short, has no motor angle, or nothing drives it.
@@ -161,7 +220,33 @@ def to_series(
         if name.startswith("q_"):
             zero[name] = (zero_at or {}).get(name, float(out[name][0]))
             out[name] = out[name] - zero[name]
-    return Series(dt, out, valid, zero, derived)
+    ends = [float(one.t[-1]) for one in log]
+    rest = max(round((max(ends, default=t[-1]) - float(t[-1])) / dt), 0)
+    return Series(dt, out, valid, zero, derived, current_before(float(t[0]), log, joint, dt), rest)
+
+
+def current_before(end: float, log: Sequence[Record], joint: JointFile, dt: float) -> Floats:
+    """Return the current of a log before an instant [A], evenly sampled, shape (M,).
+
+    Where rows are missing it is the rms of those before, which would heat as much.
+    """
+    times, currents = [np.zeros(0)], [np.zeros(0)]
+    for record in log:
+        columns = {name: record[name] for name in ("i_cmd", "i") if name in record}
+        _add_commands(columns, record, joint)
+        nothing = np.full(len(record), np.nan)
+        current = columns.get("i", columns.get("i_cmd", nothing))
+        known = np.isfinite(current) & (record.t < end - 0.5 * dt)
+        times.append(record.t[known])
+        currents.append(current[known])
+    t, current = np.concatenate(times), np.concatenate(currents)
+    if len(t) == 0:
+        return current
+    order = np.argsort(t)
+    t, current = t[order], current[order]
+    grid = end - dt * np.arange(round((end - t[0]) / dt), 0, -1)
+    usual = float(np.sqrt(np.mean(current**2)))
+    return np.where(_near(grid, t, 2.0 * dt), np.interp(grid, t, current), usual)
 
 
 def _stamped(columns: dict[str, Floats], t: Floats, dt: float) -> Floats:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -113,9 +113,10 @@ def make_setting(
     joint: JointFile,
     structure: Structure,
     zero_at: Mapping[str, float] | None = None,
+    log: Sequence[Record] = (),
 ) -> Setting:
-    """Return the setting of a record; `zero_at` makes its angles count from another one's zeros."""
-    series = to_series(record, joint, structure, zero_at)
+    """Return the setting of a record; see `to_series` for the arguments."""
+    series = to_series(record, joint, structure, zero_at, log)
     sampling = joint.sampling.get("jitter")
     jitter = sampling.number if sampling is not None else 0.0
     noise = {

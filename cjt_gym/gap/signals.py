@@ -155,7 +155,8 @@ def motor_torque(fields: Fields, series: Series) -> Floats:
     torque = fields["n"] * fields["k_t"] * i
     if fields["derate"] != 0.0:
         a = np.exp(-series.dt / fields["heat"])
-        warm = lfilter([0.0, 1.0 - a], [1.0, -a], i * i)
+        heat = np.concatenate([series.past, i]) ** 2
+        warm = lfilter([0.0, 1.0 - a], [1.0, -a], heat)[len(series.past) :]
         torque = torque * np.maximum(1.0 - fields["derate"] * warm, LEAST_TORQUE)
     return np.asarray(torque + fields["offset"])
 

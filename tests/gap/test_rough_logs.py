@@ -15,9 +15,11 @@ from cjt_gym.gap.horizons.model import quiet
 from cjt_gym.gap.horizons.windows import relative
 from cjt_gym.gap.missing import twins, undecided
 from cjt_gym.gap.noise import channel_noise
-from cjt_gym.gap.series import to_series, unbroken
+from cjt_gym.gap.series import stretches, to_series
 from cjt_gym.gap.setting import make_setting
+from cjt_gym.gap.signals import motor_torque
 from cjt_gym.joint import JointFile, get_structure, load_joint
+from cjt_gym.joint.configure import resolve_effects
 from cjt_gym.joint.joint import Joint
 from cjt_gym.joint.quantity import Quantity
 from cjt_gym.records import Record
@@ -55,20 +57,66 @@ def holed(whole: Record, lost: np.ndarray) -> Record:
     return Record(columns, whole.units, structure=whole.structure, allow_nan=True)
 
 
-def test_the_stages_take_the_longest_stretch_without_a_gap() -> None:
+def test_the_stages_take_every_long_stretch_without_a_gap() -> None:
     whole = record(gap=(3.0, 3.2))
-    part = unbroken(whole)
-    assert part.t[0] >= 3.2
-    assert np.diff(part.t).max() < 2.5e-3
+    parts = [part.record for part in stretches([whole])]
+    assert [len(part) for part in parts] == sorted((len(part) for part in parts), reverse=True)
+    assert sorted(round(float(part.t[0]), 1) for part in parts) == [0.0, 3.2]
+    assert all(np.diff(part.t).max() < 2.5e-3 for part in parts)
     lost = holed(whole, whole.t < 6.0)
-    assert unbroken(lost).t[0] >= 6.0
+    (left,) = stretches([lost])
+    assert left.record.t[0] >= 6.0
     even = record()
-    assert len(unbroken(even)) == len(even)
+    assert [len(part) for part in stretches([even])] == [len(even)]
 
 
 def test_single_lost_samples_break_no_record() -> None:
     whole = record()
-    assert len(unbroken(holed(whole, np.arange(len(whole)) % 50 == 7))) == len(whole)
+    holes = holed(whole, np.arange(len(whole)) % 50 == 7)
+    assert [len(part) for part in stretches([holes])] == [len(whole)]
+
+
+def test_a_motor_stays_warm_over_a_gap() -> None:
+    """Derating counts from the beginning of a log, and a cut stretch knows the current before."""
+    time, loss, k_t = 3.0, 0.02, TRUE["k_t"] * TRUE["n"]
+    heat = {
+        "derating": 0.004,
+        "r": 1.0,
+        "r_th1": loss / 0.004,
+        "T_thw": time,
+        "T_thm": 1e5,
+        "r_th2": 1.0,
+    }
+    file, shape = nominal(), get_structure("output_fixed_rigid_gearbox")
+    effects = resolve_effects({"thermal_derating": {**heat, "a_CU": 0.0}}, file, shape, "current")
+    joint = Joint(file, shape.name, "current", effects)
+    t, rng = DT * np.arange(9000), np.random.default_rng(1)
+    amps = 3.0 + 2.0 * np.sin(2.0 * np.pi * 1.3 * t) + np.sin(2.0 * np.pi * 7.0 * t)
+    made = quiet(joint).simulate(amps * k_t, dt=DT)
+    columns = {"t": t, "i": amps + rng.normal(0.0, 0.015, 9000)}
+    columns["q_m"] = made["true_q_m"] + rng.normal(0.0, 2e-6, 9000)
+    columns["tau"] = made["true_tau"] + rng.normal(0.0, 0.04, 9000)
+    units = {"t": "s", "i": "A", "q_m": "rad", "tau": "N m"}
+    kept = (t < 2.5) | (t > 2.9)
+    record = Record(
+        {name: x[kept] for name, x in columns.items()}, units, structure=joint.structure
+    )
+    later = stretches([record])[0]
+    setting = make_setting(later.record, nominal(), joint.structure_row, log=later.log)
+    assert len(setting.series.past) == pytest.approx(2900, abs=2)
+    warm = {**setting.nominal, "derate": loss, "heat": time}
+    cold = setting.nominal | {"derate": 0.0}
+    share = motor_torque(warm, setting.series) / motor_torque(cold, setting.series)
+    fade, level = np.exp(-DT / time), 0.0
+    expected = np.empty(9000)
+    for k, a in enumerate(amps):
+        expected[k], level = 1.0 - loss * level, fade * level + (1.0 - fade) * a * a
+    assert share == pytest.approx(expected[t > 2.9], rel=0.01)
+
+    found = diagnose(record, nominal())
+    assert [effect.name for effect in found.effects] == ["thermal_derating"]
+    assert found.effects[0].parameters["time_constant"].value == pytest.approx(time, rel=0.1)
+    assert found.gap.after < 0.1 * found.gap.before
 
 
 @pytest.mark.parametrize("told", [True, False])

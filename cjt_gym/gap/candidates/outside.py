@@ -111,8 +111,8 @@ def outside_rows(setting: Setting) -> Outside:
 
 # ---- signals
 def slow(series: Series, v: Values) -> Floats:
-    """Return what grows slowly over the record from zero: a v["x"], v["y"], v["z"] of its ways."""
-    x = np.arange(len(series)) / len(series)
+    """Return what grows slowly over a log from zero: a v["x"], v["y"], v["z"] of its ways."""
+    x = series.log_time / series.log_length
     total = v["x"] * x
     for share, symbol in zip(SLOW, ("y", "z"), strict=True):
         total = total + v[symbol] * (1.0 - np.exp(-x / share))
@@ -121,7 +121,7 @@ def slow(series: Series, v: Values) -> Floats:
 
 def wave_in_time(series: Series, v: Values) -> Floats:
     """Return a cos(f t) + b sin(f t)."""
-    x = v["f"] * series.t
+    x = v["f"] * series.log_time
     return np.asarray(v["a"] * np.cos(x) + v["b"] * np.sin(x))
 
 
@@ -240,7 +240,7 @@ def _rubbing(found: Outside) -> None:
     guess = 0.05 * torque
 
     def warming(series: Series, v: Values) -> Floats:
-        return np.asarray(v["level"] + v["cold"] * np.exp(-series.t / v["time"]))
+        return np.asarray(v["level"] + v["cold"] * np.exp(-series.log_time / v["time"]))
 
     time = Number("time", "s", 4.0, 0.7, True, low=0.3, high=300.0)
     cold = Number("cold", "N m", 0.0, torque)

@@ -12,9 +12,10 @@ from collections.abc import Mapping, Sequence
 from scipy.stats import t as student
 
 from cjt_gym.gap.diagnosis import Interval, NamedEffect
-from cjt_gym.gap.horizons.inverse import BLOCKS, Spent, inverse
+from cjt_gym.gap.horizons.inverse import inverse
 from cjt_gym.gap.horizons.judge import Judgement
 from cjt_gym.gap.horizons.model import Term, motor_inertia
+from cjt_gym.gap.horizons.spent import BLOCKS, Spent
 from cjt_gym.joint import EFFECTS, Joint
 from cjt_gym.joint.effect_entries import unit_on
 
@@ -30,6 +31,7 @@ EITHER: Mapping[str, tuple[str, ...]] = {
     "coulomb_asym": ("coulomb", "torque_offset"),
     "torque_offset": ("coulomb_asym",),
     "viscous_asym": ("coulomb_asym", "torque_offset"),
+    "cogging": ("gear_ripple",),
 }
 """Explanations that are (nearly) equivalent while a joint moves: none of them is confirmed."""
 DRY = frozenset(
@@ -41,6 +43,7 @@ SAME: Mapping[str, frozenset[str]] = {
     "coulomb": DRY,
     "torque_offset": frozenset({"coulomb_asym", "viscous_asym", "gravity"}),
     "gravity": frozenset({"torque_offset"}),
+    "cogging": frozenset(),
 }
 """For each effect that the torque shows, effects that already account for it or its remainder."""
 AGREES = 0.5
@@ -53,8 +56,7 @@ def agrees(one: Spent | None, values: Sequence[float]) -> bool:
     """Return whether a fit and a regression agree on the size of an effect."""
     if one is None or len(one.values) != len(values):
         return False
-    off = math.dist(one.values, values)
-    return off < AGREES * math.hypot(*one.values)
+    return math.dist(one.values[-2:], values[-2:]) < AGREES * one.size  # of cogging no frequency
 
 
 def covered(name: str, seen: Mapping[str, Spent]) -> bool:
@@ -91,17 +93,16 @@ def told_by_torque(
 
 def _numbers(one: Spent, joint: Joint) -> dict[str, Interval]:
     """Return an effect's parameters with their 95 % intervals."""
-    half = float(student.ppf(0.975, BLOCKS - 1)) * max(one.deviations)
-    if one.name != "gravity":
-        return {
-            SYMBOLS[one.name]: _interval(one.name, SYMBOLS[one.name], one.values[0], half, joint)
-        }
-    a, b = one.values  # the load needs a cos q + b sin q
-    size = max(math.hypot(a, b), 1e-12)
-    return {
-        "torque": _interval("gravity", "torque", size, half, joint),
-        "angle": _interval("gravity", "angle", -math.atan2(a, b), half / size, joint),
-    }
+    times = float(student.ppf(0.975, BLOCKS - 1))
+    if one.name == "gravity":
+        a, b = one.values  # the load needs a cos q + b sin q
+        size, half = max(math.hypot(a, b), 1e-12), times * max(one.deviations)
+        numbers = {"torque": (size, half), "angle": (-math.atan2(a, b), half / size)}
+    else:
+        symbols = ("f", "a", "b") if one.name == "cogging" else (SYMBOLS[one.name],)
+        pairs = zip(one.values, one.deviations, strict=True)
+        numbers = {s: (x, times * d) for s, (x, d) in zip(symbols, pairs, strict=True)}
+    return {s: _interval(one.name, s, x, half, joint) for s, (x, half) in numbers.items()}
 
 
 def _interval(effect: str, symbol: str, value: float, half: float, joint: Joint) -> Interval:

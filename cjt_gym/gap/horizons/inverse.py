@@ -18,24 +18,27 @@ from scipy.signal import savgol_filter
 
 from cjt_gym.gap.horizons.log import LEAST_SMOOTH, Log
 from cjt_gym.gap.horizons.model import body_group
+from cjt_gym.gap.horizons.over_angle import over_angle
 from cjt_gym.gap.horizons.rows import SWING
 from cjt_gym.gap.horizons.sheet import VAGUE, tolerance_of
+from cjt_gym.gap.horizons.spent import (
+    BLOCKS,
+    CLEAR,
+    SHORTEST,
+    SPENT,
+    STUCK,
+    Spent,
+    deviations,
+    gain,
+    predicted,
+)
 from cjt_gym.joint import Joint
 
 Floats = NDArray[np.float64]
 OVER = 0.1
 """Time over which torque and motion are smoothed [s]."""
-STUCK = 0.05
-"""Share of the usual speed below which dry friction cannot be evaluated."""
 FEWEST = 50
 """Fewest samples of motion."""
-BLOCKS = 12
-"""Number of stretches of a record, each predicted from the others."""
-SHORTEST = 10
-"""Fewest samples of such a stretch."""
-SPENT, CLEAR = 0.15, 3.0
-"""Least share of the error that an effect must remove from a regression, and least reduction in
-standard deviations over the stretches, to be detected."""
 OUTSIDE = 3.0
 """Number of tolerances, and of deviations, by which damping must exceed the datasheet's."""
 PLACES = {"damping": (1,), "coulomb": (2,), "torque_offset": (3,), "gravity": (4, 5)}
@@ -75,28 +78,6 @@ def inverse(joint: Joint, logs: Sequence[Log]) -> list[Inverse]:
     return found
 
 
-@dataclass(frozen=True)
-class Spent:
-    """An effect on which a torque is spent.
-
-    Attributes:
-        name: The effect.
-        values: Its coefficients.
-        deviations: Their standard deviations, from regressions without one stretch each.
-        share: Share of the squared error on predicted stretches that it removes.
-    """
-
-    name: str
-    values: tuple[float, ...]
-    deviations: tuple[float, ...]
-    share: float
-
-    @property
-    def size(self) -> float:
-        """Size of its coefficients."""
-        return float(np.hypot.reduce(self.values))
-
-
 def spent(joint: Joint, logs: Sequence[Log], names: Sequence[str]) -> list[Spent]:
     """Return the effects on which torque is clearly spent, cross-validated over stretches.
 
@@ -111,7 +92,7 @@ def spent(joint: Joint, logs: Sequence[Log], names: Sequence[str]) -> list[Spent
     asked, names = names, list(names)
     while names:
         full, fits = _predicted(columns, torque, names)
-        weights = {name: _gain(full, _predicted(columns, torque, _less(names, name))[0])
+        weights = {name: gain(full, _predicted(columns, torque, _less(names, name))[0])
                    for name in names}  # fmt: skip
         weak = [n for n, (share, clear) in weights.items() if share < SPENT or clear < CLEAR]
         if not weak:
@@ -134,7 +115,9 @@ def seen_in_torque(
     wide = joint.parameters.axis == "rotary" and np.ptp(logs[0].states[:, 0]) > SWING
     names = [n for n in PLACES if n not in excluded and n not in joint.effects]
     found = spent(joint, logs, [n for n in names if wide or n != "gravity"])
-    return {one.name: one for one in found if one.name != "damping" or _new(joint, one)}
+    seen = {one.name: one for one in found if one.name != "damping" or _new(joint, one)}
+    wave = None if {"cogging"} & {*excluded, *joint.effects} else over_angle(joint, logs)
+    return seen if wave is None else seen | {wave.name: wave}
 
 
 def _new(joint: Joint, damping: Spent) -> bool:
@@ -154,28 +137,12 @@ def _less(names: Sequence[str], name: str) -> list[str]:
 def _spent(name: str, names: Sequence[str], fits: Floats, share: float) -> Spent:
     used = [0, *(k for n in names for k in PLACES[n])]
     own = fits[:, [used.index(k) for k in PLACES[name]]]
-    spread = np.std(own, axis=0) * np.sqrt(len(fits) - 1)
-    return Spent(name, tuple(own.mean(axis=0).tolist()), tuple(spread.tolist()), share)
+    return Spent(name, tuple(own.mean(axis=0).tolist()), tuple(deviations(own).tolist()), share)
 
 
 def _predicted(columns: Floats, torque: Floats, names: Sequence[str]) -> tuple[Floats, Floats]:
     """Return the mean square error of each stretch and the fits without it, one per row."""
-    used = [0, *(k for n in names for k in PLACES[n])]
-    block = np.arange(len(torque)) * BLOCKS // len(torque)
-    errors, fits = [], []
-    for k in range(BLOCKS):
-        other = block != k
-        fit = np.linalg.lstsq(columns[other][:, used], torque[other], rcond=None)[0]
-        errors.append(np.mean((torque[~other] - columns[~other][:, used] @ fit) ** 2))
-        fits.append(fit)
-    return np.array(errors), np.array(fits)
-
-
-def _gain(full: Floats, less: Floats) -> tuple[float, float]:
-    """Return the share of the error that is removed, and the reduction in standard deviations."""
-    gains = less - full
-    deviation = max(float(np.std(gains, ddof=1)) * np.sqrt(len(gains)), 1e-300)
-    return float(1.0 - full.sum() / max(less.sum(), 1e-300)), float(gains.sum()) / deviation
+    return predicted(columns[:, [0, *(k for n in names for k in PLACES[n])]], torque)
 
 
 def _moving(joint: Joint, logs: Sequence[Log]) -> tuple[Floats, Floats]:

@@ -20,7 +20,7 @@ from cjt_gym.gap.horizons.own_rows import own_terms
 from cjt_gym.gap.horizons.predictable import Predictable
 from cjt_gym.gap.horizons.predictable import left as left_by
 from cjt_gym.gap.horizons.rivals import REFINED
-from cjt_gym.gap.horizons.rows import candidates, likelier, scales_of
+from cjt_gym.gap.horizons.rows import candidates, cogging, likelier, scales_of
 from cjt_gym.gap.horizons.search import search
 from cjt_gym.gap.horizons.sheet import GUESSED
 from cjt_gym.gap.horizons.side_by_side import side_by_side
@@ -63,8 +63,6 @@ BALANCED = 3
 """Maximum number of times that the weights of horizons where a joint is worse are doubled."""
 HEAVIER = (10.0, 1e3, 1e5)
 """Factors on the inertia for additional starts where nothing else predicts the motion."""
-REMEMBERED = {"thermal_derating"}
-"""Effects that show over a whole record rather than in its pieces."""
 LOUD = 0.6
 """Relative error, except at the shortest horizon, above which nothing counts as explained."""
 
@@ -171,18 +169,19 @@ def judge(
         open_ = any(_left(errors[key], one) for key, one in known.items())
         worst = max((e for key, e in errors.items() if key[1] != min(HORIZONS)), default=0.0)
         near, loud = worst < NEAR, worst > LOUD
-        remembered = bool(REMEMBERED & set(suspects)) and worst < 1.0
-        doubtful = open_ and loud and not remembered
+        doubtful = open_ and loud
         if _cut(case) and not (own or doubtful or _fails(case, errors)):
             return _settled(case, joints, _sound(case, joints))
-        settled = explained and not own and (remembered or (near and not open_))
+        settled = explained and not own and near and not open_
         if settled and _no_worse(case, joints, "stages"):
             return _settled(case, joints, "stages")
     problem = Problem(case.fit)
     base = Model(case.joint, base_terms(case.joint, scales))
     refined = {name for name in excluded if name in REFINED}
+    seen = seen_in_torque(case.joint, case.logs, {"cogging"} & set(excluded))
     may = [t for t in candidates(case.joint, scales, case.logs) if t.name not in refined]
-    terms = likelier([*may, *own, *freed(base.terms)], seen_in_torque(case.joint, case.logs))
+    may += [cogging(seen["cogging"])] if "cogging" in seen else []
+    terms = likelier([*may, *own, *freed(base.terms)], seen)
     found = search(
         problem, base, terms, suspects, progress,
         lambda one: _tested(problem, test, one)[0], lambda fit: _held(test, fit).cost,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -13,6 +13,7 @@ from scipy.ndimage import binary_dilation
 from scipy.signal import savgol_filter
 
 from cjt_gym.errors import RecordError
+from cjt_gym.gap.series import current_before, same_file
 from cjt_gym.joint import JointFile, Structure
 from cjt_gym.records import Record
 
@@ -55,6 +56,7 @@ class Log:
         acceleration: Smoothed acceleration of the motor [rad/s^2], shape (N,).
         whole: Where all channels were measured and no gap is near, shape (N,).
         temperature: Lowest and highest temperature reported by the drive [degC]; None if absent.
+        past: Current from the beginning of the file up to the first sample [A], shape (M,).
     """
 
     name: str
@@ -70,6 +72,7 @@ class Log:
     acceleration: Floats
     whole: Flags
     temperature: tuple[float, float] | None = None
+    past: Floats = field(default_factory=lambda: np.zeros(0))
 
     def __len__(self) -> int:
         return len(self.t)
@@ -91,19 +94,28 @@ def to_logs(records: Sequence[Record], file: JointFile, structure: Structure) ->
     Raises:
         RecordError: As for `to_log`.
     """
-    logs = [to_log(record, file, structure) for record in records]
+    pairs = [(record, same_file(record, records)) for record in records]
+    logs = [to_log(record, file, structure, whole) for record, whole in pairs]
     if len({log.drive for log in logs}) == 1:
         return logs
-    return [to_log(record, file, structure, measured=True) for record in records]
+    return [to_log(record, file, structure, whole, measured=True) for record, whole in pairs]
 
 
-def to_log(record: Record, file: JointFile, structure: Structure, *, measured: bool = False) -> Log:
+def to_log(
+    record: Record,
+    file: JointFile,
+    structure: Structure,
+    whole: Sequence[Record] = (),
+    *,
+    measured: bool = False,
+) -> Log:
     """Return a record on an even grid.
 
     Args:
         record: The record.
         file: The joint.
         structure: Structure of the joint.
+        whole: Records of the same file, of which this one is a part.
         measured: Whether a measured current drives the joint even if it follows its command.
 
     Raises:
@@ -140,6 +152,7 @@ def to_log(record: Record, file: JointFile, structure: Structure, *, measured: b
     return Log(
         record.owner, dt, grid, drive, command, wanted, load, shown, states,
         _known(shown, held, structure), acceleration, ~holes, warm,
+        current_before(grid[0], whole, file, dt),
     )  # fmt: skip
 
 

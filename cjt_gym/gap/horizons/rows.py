@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from cjt_gym.gap.horizons.forward import SUBSTEP
 from cjt_gym.gap.horizons.log import Log
 from cjt_gym.gap.horizons.model import Draft, Free, Put, Scales, Term, motor_inertia
+from cjt_gym.gap.horizons.spent import Spent
 from cjt_gym.gap.number import Number
 from cjt_gym.joint import EFFECTS, Joint
 
@@ -31,6 +32,8 @@ LONGEST_DELAY = 0.06
 HEAVIEST = 10.0
 """Largest gravity torque considered, as a multiple of the rarely exceeded torque: that of a
 pendulum that is swung up exceeds its motor's."""
+NEAR = 5.0
+"""Range of the frequency of cogging about that of a regression, in its resolution."""
 SWING = 0.4
 """Travel above which gravity can be distinguished from a constant torque [rad]."""
 COASTING = 0.1
@@ -229,6 +232,29 @@ def _derating(joint: Joint, scales: Scales, logs: Sequence[Log]) -> Term:
         "thermal_derating", (loss, time), put, starts=((0.2 / current**2, 0.3 * length),),
         nominal=(0.0, 0.3 * length), factor=RARE,
     )  # fmt: skip
+
+
+def cogging(one: Spent) -> Term:
+    """Return the term of a torque that repeats with the angle, where a regression shows it.
+
+    Away from its frequency nothing improves, so that it stays within the regression's.
+    """
+    f, size = one.values[0], one.size
+    near = NEAR * one.deviations[0]
+    numbers = (
+        Free("f", "1/rev", f, one.deviations[0], low=f - near, high=f + near),
+        *(
+            Free(symbol, "N m", 0.0, 0.1 * size, low=-5.0 * size, high=5.0 * size)
+            for symbol in "ab"
+        ),
+    )
+
+    def put(draft: Draft, values: Sequence[float]) -> None:
+        row = draft.row("cogging")
+        row["f"], row["a"], row["b"] = ((x,) for x in values)
+        row["scale"] = 1.0
+
+    return Term("cogging", numbers, put, "motor", starts=(one.values,), nominal=(f, 0.0, 0.0))
 
 
 def _load_coulomb(scales: Scales) -> Term:

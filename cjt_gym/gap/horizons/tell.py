@@ -26,12 +26,13 @@ from cjt_gym.gap.horizons.by_torque import (
 )
 from cjt_gym.gap.horizons.fit import MOTION, Fit, Problem
 from cjt_gym.gap.horizons.grow import is_needed
-from cjt_gym.gap.horizons.inverse import Spent, seen_in_torque
+from cjt_gym.gap.horizons.inverse import seen_in_torque
 from cjt_gym.gap.horizons.judge import LOUD, NEAR, Judgement
 from cjt_gym.gap.horizons.model import Term
 from cjt_gym.gap.horizons.pictured import pictured
 from cjt_gym.gap.horizons.scatter import Scatter
 from cjt_gym.gap.horizons.sheet import stated_tolerance
+from cjt_gym.gap.horizons.spent import Spent
 from cjt_gym.gap.horizons.spread import Spread, spread_of
 from cjt_gym.gap.horizons.verdict import (
     gap_of,

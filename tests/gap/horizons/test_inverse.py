@@ -15,7 +15,9 @@ from cjt_gym.gap.horizons.case import make_case
 from cjt_gym.gap.horizons.inverse import inverse, seen_in_torque, spent
 from cjt_gym.gap.horizons.judge import Judgement
 from cjt_gym.joint import JointFile, get_structure, load_joint_file
+from cjt_gym.joint.joint import Joint
 from cjt_gym.records import Record
+from tests.gap.horizons.rotor import datasheet
 
 ARM = """
 name = "arm"
@@ -40,8 +42,11 @@ def arm(tmp_path: Path) -> JointFile:
     return load_joint_file(path)
 
 
-def held_record(seed: int, disturbance: float = 1.0) -> Record:
-    """Return slow motion that is followed exactly, whatever disturbs the torque [N m rms]."""
+def held_record(seed: int, disturbance: float = 1.0, cogging: float = 0.0) -> Record:
+    """Return slow motion that is followed exactly, whatever disturbs the torque [N m rms].
+
+    Cogging of 60 periods per revolution acts on the motor as a sine over the angle [N m].
+    """
     rng = np.random.default_rng(seed)
     t = DT * np.arange(4000)
     w = 2.0 * np.pi * np.array([0.06, 0.13, 0.21, 0.37])
@@ -51,6 +56,7 @@ def held_record(seed: int, disturbance: float = 1.0) -> Record:
     ddq = -np.sin(angle) @ (size * w**2)
     shaken = lfilter([0.6], [1.0, -0.8], rng.standard_normal(len(t))) * disturbance
     torque = INERTIA * ddq + DAMPING * dq + DRY * np.sign(dq) + WEIGHT * np.sin(q) + shaken
+    torque -= cogging * np.sin(60.0 * q)
     columns = {"t": t, "q_m": np.round(q / 1e-4) * 1e-4, "i": torque / 10.0}
     return Record(columns, {"t": "s", "q_m": "rad", "i": "A"}, structure="rigid")
 
@@ -122,3 +128,41 @@ def test_friction_and_weight_are_named_where_the_torque_hardly_tells_the_motion(
     assert dry.value == pytest.approx(DRY, rel=0.2)
     assert weight.low < WEIGHT < weight.high
     assert "regression of the torque" in found.unexplained.text
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_cogging_is_read_off_the_torque_over_the_angle(arm: JointFile, seed: int) -> None:
+    case = make_case([held_record(seed, cogging=1.5)], [], arm, get_structure("rigid"))
+    found = seen_in_torque(case.joint, case.logs)["cogging"]
+    f, a, b = found.values
+    assert f == pytest.approx(60.0, abs=0.2)
+    assert b == pytest.approx(1.5, rel=0.1)
+    assert abs(a) < 0.4
+    assert "cogging" not in seen_in_torque(case.joint, case.logs, ["cogging"])
+    plain = make_case([held_record(seed)], [], arm, get_structure("rigid"))
+    assert "cogging" not in seen_in_torque(plain.joint, plain.logs)
+
+
+def test_cogging_that_a_controller_hides_is_named(arm: JointFile) -> None:
+    found = diagnose(held_record(0, cogging=1.5), arm)
+    effects = {effect.name: effect for effect in found.effects}
+    assert effects["cogging"].parameters["f"].value == pytest.approx(60.0, abs=0.2)
+    assert effects["cogging"].status == "tentative", "it may be a ripple of the gear"
+    assert "gear_ripple" in effects["cogging"].confusable_with
+    assert "coulomb" in effects
+
+
+def test_a_search_takes_cogging_that_the_torque_shows() -> None:
+    """Where the motor moves freely, its own kernel predicts it better with the wave."""
+    waves = {"f": (7.0,), "a": (0.0,), "b": (0.1,), "scale": 1.0}
+    cogged = Joint(datasheet(1.0), "rigid", "current", {"cogging": waves})
+    t = 2e-3 * np.arange(5000)
+    torque = 0.35 * np.sin(2.0 * np.pi * 0.7 * t) + 0.25 * np.sin(2.0 * np.pi * 2.3 * t + 1.0)
+    q = cogged.simulate(torque, dt=2e-3)["true_q_m"]
+    record = Record(
+        {"t": t, "q_m": q, "i": torque}, {"t": "s", "q_m": "rad", "i": "A"}, structure="rigid"
+    )
+    found = diagnose(record, datasheet(1.0))
+    (effect,) = (effect for effect in found.effects if effect.name == "cogging")
+    assert effect.parameters["b"].value == pytest.approx(0.1, rel=0.1)
+    assert found.joint.effects["cogging"]

@@ -1,0 +1,70 @@
+"""What a torque is spent on: an effect that a regression shows, cross-validated over stretches."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+STUCK = 0.05
+"""Share of the usual speed below which dry friction cannot be evaluated."""
+BLOCKS = 12
+"""Number of stretches of a record, each predicted from the others."""
+SHORTEST = 10
+"""Fewest samples of such a stretch."""
+SPENT, CLEAR = 0.15, 3.0
+"""Least share of the error that an effect must remove from a regression, and least reduction in
+standard deviations over the stretches, to be detected."""
+
+
+@dataclass(frozen=True)
+class Spent:
+    """An effect on which a torque is spent.
+
+    Attributes:
+        name: The effect.
+        values: Its coefficients.
+        deviations: Their standard deviations, from regressions without one stretch each.
+        share: Share of the squared error on predicted stretches that it removes.
+    """
+
+    name: str
+    values: tuple[float, ...]
+    deviations: tuple[float, ...]
+    share: float
+
+    @property
+    def size(self) -> float:
+        """Size of its coefficients, of which cogging has two beside its frequency."""
+        return float(np.hypot.reduce(self.values[-2:]))
+
+
+def predicted(columns: Floats, torque: Floats) -> tuple[Floats, Floats]:
+    """Return the mean square error of each stretch, and the fits without it, one per row.
+
+    Args:
+        columns: Regressors, shape (M, K).
+        torque: What they explain, shape (M,).
+    """
+    block = np.arange(len(torque)) * BLOCKS // len(torque)
+    errors, fits = [], []
+    for k in range(BLOCKS):
+        other = block != k
+        fit = np.linalg.lstsq(columns[other], torque[other], rcond=None)[0]
+        errors.append(np.mean((torque[~other] - columns[~other] @ fit) ** 2))
+        fits.append(fit)
+    return np.array(errors), np.array(fits)
+
+
+def deviations(fits: Floats) -> Floats:
+    """Return the standard deviations of coefficients from fits without one stretch each."""
+    return np.asarray(np.std(fits, axis=0) * np.sqrt(len(fits) - 1))
+
+
+def gain(full: Floats, less: Floats) -> tuple[float, float]:
+    """Return the share of the error that is removed, and the reduction in standard deviations."""
+    gains = less - full
+    deviation = max(float(np.std(gains, ddof=1)) * np.sqrt(len(gains)), 1e-300)
+    return float(1.0 - full.sum() / max(less.sum(), 1e-300)), float(gains.sum()) / deviation
