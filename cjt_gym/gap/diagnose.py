@@ -15,6 +15,7 @@ from cjt_gym.gap.check.encoders import in_step
 from cjt_gym.gap.diagnosis import (
     NOTHING_LEFT,
     Diagnosis,
+    GapSize,
     NamedEffect,
     Source,
     StageGap,
@@ -56,6 +57,10 @@ WITHIN = 2.5
 """Number of standard deviations of a datasheet value that count as its tolerance."""
 FAR = 3.0
 """Residual within tolerances, as a multiple of noise, above which there is a gap."""
+UNSEEN = 0.15
+"""Error of a replay, relative to its signal, above which something is wrong with a spring and a
+load that are not judged; tolerances of a few per cent cause about half of it."""
+BOTH_ENDS = "Record torque and angles at both ends of the spring: tau, q_m and q_l."
 KNOWN = 0.7
 """Share of the tolerance within which a fit must determine a datasheet value to refine it."""
 MOVED = 0.1
@@ -281,6 +286,8 @@ def _report(
     if gap.high < -HARM:  # whatever each is worth, together they do harm
         named = tuple(doubted(effect) for effect in named)
     left = found.left if explains else untouched(found.left)
+    hidden = () if left else _out_of_sight(setting, problem.stages.names, gap)
+    left = left or hidden
     stages = _stages(found, fit, all_before, named)
     drawn = gather(problem, fit, within, before)
     missing = not_judged(setting)
@@ -292,6 +299,8 @@ def _report(
     )  # fmt: skip
 
     def ask() -> Suggestion:
+        if hidden:
+            return Suggestion(BOTH_ENDS)
         said = suggest(problem, found.base, found.fit, found.needs, found.seen, named, left)
         return cautious(said, setting, held_out)
 
@@ -350,6 +359,18 @@ def _beyond_tolerance(mean_square: Mapping[str, float]) -> tuple[Leftover, ...]:
     far = [(ms, name) for name, ms in mean_square.items() if ms > FAR**2]
     text = "datasheet values that are further off than their tolerances"
     return tuple(Leftover(name, 1.0, text) for _, name in sorted(far, reverse=True))
+
+
+def _out_of_sight(
+    setting: Setting, judged_stages: Sequence[str], gap: GapSize
+) -> tuple[Leftover, ...]:
+    """Return spring and load as unexplained if they are not judged and the replay is far off."""
+    free = setting.has_spring and not setting.structure.output_fixed
+    seen = {"transmission", "load"} <= set(judged_stages)
+    if not free or seen or gap.after < UNSEEN:
+        return ()
+    share = min(gap.after / max(gap.before, gap.after), 1.0)
+    return (Leftover("transmission", share, "the spring or the load, which nothing tells apart"),)
 
 
 def _nominal_fields(found: Explanation) -> Fields:

@@ -86,7 +86,9 @@ def name_effects(
                 None if trial is None else trial.worth,
             )
         )
-    rows += [_sensor_row(finding, problem.stages.setting) for finding in found.sensors]
+    least = min((row.gap_removed for row in rows), default=1.0)  # noise moves no joint
+    sensors = (_sensor_row(finding, problem.stages.setting) for finding in found.sensors)
+    rows += [replace(row, gap_removed=min(row.gap_removed, least)) for row in sensors]
     return tuple(sorted(rows, key=lambda row: -row.gap_removed))
 
 

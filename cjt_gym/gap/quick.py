@@ -16,6 +16,8 @@ from cjt_gym.gap.fit import DEFLATION, FLOOR, LONGEST, STEP, Fit, Floats, Proble
 from cjt_gym.gap.hypothesis import Hypothesis
 
 RELINEARISED = 3
+STRAINED = 3.0
+"""Deviation of a datasheet value, in tolerances, that an effect may take over."""
 MOVED = 1.0
 """Step of a coordinate above which the stages it changes are computed, not extrapolated."""
 
@@ -55,9 +57,29 @@ class Look:
         for start in starts:
             e = [u.coordinate(x) for u, x in zip(effect.unknowns, start, strict=True)]
             steps.append(self._improve(effect, np.concatenate([self.fit.z, e])))
+        relieved = self._relieved(effect)
+        if relieved is not None:
+            steps.append(self._improve(effect, relieved))
         if not steps:
             return None
         return self._as_fit(effect, min(steps, key=lambda pair: pair[0])[1])
+
+    def _relieved(self, effect: Hypothesis) -> Floats | None:
+        """Return the same point with a strained datasheet value taken over by its effect, if any.
+
+        A step along derivatives would not get there: the value is far off on a logarithmic scale.
+        """
+        fields = [nuisance.field for nuisance in self.problem.shared]
+        if effect.releases not in fields or len(effect.unknowns) != 1:
+            return None
+        k, unknown = fields.index(effect.releases), effect.unknowns[0]
+        if abs(self.fit.z[k]) < STRAINED:
+            return None
+        z = self.fit.z.copy()
+        nominal = self.problem.stages.setting.nominal[effect.releases]
+        excess = self.problem.shared[k].unknown.value(float(z[k])) - nominal
+        z[k] = 0.0
+        return np.append(z, unknown.coordinate(unknown.start + excess))
 
     def refine(self, rough: Fit) -> Fit:
         """Return the fit of `first` after a few more steps."""

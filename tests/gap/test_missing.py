@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from cjt_gym.errors import RecordError
 from cjt_gym.gap import Diagnosis, diagnose
+from cjt_gym.gap.horizons.model import quiet
+from cjt_gym.joint.joint import Joint
+from cjt_gym.joint.quantity import Quantity
 from cjt_gym.records import Record
 from tests.gap.simulator import TRUE, nominal, simulate
 
@@ -91,3 +96,24 @@ def test_friction_that_is_smooth_near_rest_shows_its_width() -> None:
     assert named(found) == ["coulomb"]
     assert level(found) == pytest.approx(3.0, rel=0.02)
     assert found.effects[0].parameters["dq_0"].value == pytest.approx(0.05, rel=0.05)
+
+
+@pytest.mark.parametrize(("heavier", "verdict"), [(1.6, "unexplained"), (1.0, "no_gap")])
+def test_a_replay_far_off_is_a_gap_though_nothing_shows_the_load(
+    heavier: float, verdict: str
+) -> None:
+    """Without q_l neither spring nor load is judged: that is no proof that nothing is wrong."""
+    load = {"I_g": Quantity(0.0, "kg m^2"), "I_l": Quantity(0.5, "kg m^2")}
+    load["d_l"] = Quantity(0.5, "N m s/rad")
+    sheet = replace(nominal(), parameters=nominal().parameters.replace(**load))
+    true = sheet.parameters.replace(I_l=Quantity(0.5 * heavier, "kg m^2"))
+    joint = quiet(Joint(replace(sheet, parameters=true), "rigid_gearbox", "current", {}))
+    t, rng = 1e-3 * np.arange(6000), np.random.default_rng(0)
+    amps = 2.0 * np.sin(2.0 * np.pi * 1.3 * t) + 1.5 * np.sin(2.0 * np.pi * 9.0 * t)
+    made = joint.simulate(amps * TRUE["k_t"] * TRUE["n"], dt=1e-3)
+    columns = {"i_cmd": amps, "q_m": made["true_q_m"] + rng.normal(0.0, 2e-6, 6000)}
+    columns["tau"] = made["true_tau"] + rng.normal(0.0, 0.04, 6000)
+    units = {"i_cmd": "A", "q_m": "rad", "tau": "N m"}
+    found = diagnose(Record(columns, units, dt=1e-3, structure="rigid_gearbox"), sheet)
+    assert found.verdict == verdict
+    assert ("q_l" in found.suggestion.text) == (verdict == "unexplained")

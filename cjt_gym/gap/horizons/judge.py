@@ -194,7 +194,7 @@ def judge(
     if max(relative(case.test, case.test.errors(joints[best])).values()) > 1.0:
         free = replace(problem)
         free.force = 0.0
-        fit, plain = (_freed(free, fits) for fits in ((searched.fit, found.fit), (found.base,)))
+        fit, plain = (_freed(free, test, f) for f in ((searched.fit, found.fit), (found.base,)))
         joints["found"], joints["base"] = fit.model.at(fit.z), plain.model.at(plain.z)
         found = replace(found, fit=fit, base=plain)
         best = _best(case, test, joints)
@@ -307,8 +307,8 @@ def _polished(case: Case, problem: Problem, found: Found, joints: dict[str, Join
     return replace(found, fit=fit)
 
 
-def _freed(problem: Problem, fits: Sequence[Fit]) -> Fit:
-    """Return the best fit that starts from given fits or from heavier joints.
+def _freed(problem: Problem, test: Problem, fits: Sequence[Fit]) -> Fit:
+    """Return the fit from given fits or heavier joints that held-out data prefer.
 
     Where the torque does not predict the motion, as when something else imposes it, a joint that
     the torque hardly moves has the least error. A guessed inertia does not prevent this.
@@ -324,7 +324,7 @@ def _freed(problem: Problem, fits: Sequence[Fit]) -> Fit:
         z[0] = (bound if guess else number).coordinate(factor * values[0])
         starts.append((model, z))
     tried = side_by_side(lambda start: problem.fit(*start), starts)
-    best = min(tried, key=lambda fit: fit.cost)
+    best = min(tried, key=lambda fit: _held(test, fit).cost)
     return replace(best, model=_with_inertia(best.model, bound)) if best.model is model else best
 
 

@@ -51,6 +51,8 @@ SURE, FIRM = 1.4, 2.0
 """Multiples of the required clarity and price above which an effect may be confirmed."""
 OUTSIDE = 3.0
 """Number of tolerances by which a datasheet value must be off to be diagnosed."""
+BLIND = 0.99
+"""Relative error from which a joint predicts no better than motion at constant speed."""
 MIMICS = frozenset({"gravity", "thermal_derating", "viscous_asym", "load_friction"})
 """Effects that position, time or a wrong input may mimic: confirmed only if they remove more than
 `MUCH` of the error."""
@@ -112,8 +114,9 @@ def retold(
     regressed, loud = judged.answer == "least squares", main_row(judged).found > LOUD
     if judged.answer == "datasheet" and not loud:
         seen = {}
-    if loud:  # nothing predicts the motion: the torque is the only evidence
-        effects = tuple(e for e in effects if not covered(e.name, seen))
+    if loud:  # little predicts the motion: the torque is the better evidence, or the only one
+        blind = main_row(judged).found > BLIND
+        effects = tuple(e for e in effects if not (blind or covered(e.name, seen)))
     if not (regressed or loud):
         seen = _beside(judged, seen)
     by_torque = told_by_torque(judged, seen, effects, alone=regressed or loud)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 from cjt_gym.gap.diagnosis import Diagnosis, GapSize, Interval, NamedEffect, Regime
+from cjt_gym.gap.horizons.model import MEASURES
 
 VERDICTS: Mapping[str, str] = {
     "no_gap": "No gap",
@@ -200,7 +201,8 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
     verb = "explain" if len(diagnosis.effects) > 1 else "explains"
     if max(effect.confidence for effect in diagnosis.effects) < DOUBTED:
         verb = "might explain"
-    share = f"{percent(gap.removed)} of it" if gap.removed >= NOTABLE else ""
+    moving = any(effect.name not in MEASURES for effect in diagnosis.effects)
+    share = f"{percent(gap.removed)} of it" if moving and gap.removed >= NOTABLE else ""
     left = diagnosis.unexplained
     if left.stage is not None:
         # Two measures, the error of the replay and the residual of a stage, are told apart.
@@ -209,6 +211,10 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
         )
         rest = f"of the residual of the {left.stage} stage {percent(left.share)} stays unexplained"
         return f"{lies}; {names} {verb} part of it{fall if share else ''}; {rest}."
+    if not moving:
+        change = f"{percent(gap.before)} to {percent(gap.after)}"
+        better = f"; values refined within their tolerances take the replay error from {change}"
+        return f"{lies}: {names}{better if gap.removed >= NOTABLE else ''}."
     text = f"{lies}; {names} {verb} {share or 'it, although the replay hardly changes'}."
     if gap.after > max(OPEN, AGAIN * gap.floor):
         text += (
