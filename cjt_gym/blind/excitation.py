@@ -31,7 +31,7 @@ def excitation(
         samples: Number of samples.
         dt: Time between them [s].
         rng: Random numbers.
-        gentle: Whether to take out what is slow, so that a free joint does not run away.
+        gentle: Whether to remove slow components, so that a free joint does not run away.
     """
     idle = round(REST / dt)
     top = min(60.0, 0.2 / dt)

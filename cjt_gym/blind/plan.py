@@ -1,4 +1,4 @@
-"""What is settled of a blind case before its joint is drawn."""
+"""Choices made for a blind case before its joint is drawn."""
 
 from __future__ import annotations
 
@@ -25,22 +25,22 @@ STRUCTURE_SHARES: Final = {
     "rigid": 0.1,
 }
 COUNTS: Final = {(0, 0): 0.14, (1, 0): 0.46, (2, 0): 0.22, (0, 1): 0.12, (1, 1): 0.06}
-"""How often a case has how many effects of the table and outside it."""
+"""Probability of each number of effects of the table and outside it."""
 ONE_OF: Final = frozenset({"coulomb", "coulomb_asym", "stribeck", "presliding", "load_coulomb"})
-"""Dry friction comes in one of these kinds per joint."""
+"""Kinds of dry friction, of which a joint has at most one."""
 SAME: Final = (
     ({"coulomb", "coulomb_asym"}, {"torque_offset", "torque_bias"}),
     ({"torque_offset"}, {"torque_bias"}),
     ({"damping"}, {"viscous_asym"}),
     ({"noise"}, {"quantization"}),
 )
-"""Pairs that amount to one other effect, or to one of the two: Coulomb friction with a constant
-torque is asymmetric Coulomb friction, whatever is recorded."""
+"""Pairs equivalent to a single effect: Coulomb friction with a constant torque is asymmetric
+Coulomb friction in any record."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What is settled of a case before its joint is drawn.
+    """Choices made for a case before its joint is drawn.
 
     Attributes:
         structure: Structure of the joint.
@@ -71,7 +71,7 @@ def draw_plan(
     of_joint: np.random.Generator,
     of_records: np.random.Generator,
 ) -> Plan:
-    """Return a plan; None leaves a choice to chance. See `draw_case` for the arguments."""
+    """Return a plan; None draws a choice at random. See `draw_case` for the arguments."""
     _check(structure, excitation, strength, duration)
     named = None if effects is None else tuple(effects)
     form = _structure(structure, named, of_joint)
@@ -160,7 +160,7 @@ def _draw_names(structure: Structure, rng: np.random.Generator) -> tuple[str, ..
 
 
 def can_go_together(names: Iterable[str]) -> bool:
-    """Return whether some effects are more than another way to have fewer of them."""
+    """Return whether effects differ from any smaller set of effects."""
     drawn = set(names)
     pairs = any(drawn & one and drawn & other for one, other in SAME)
     return len(ONE_OF & drawn) <= 1 and not pairs

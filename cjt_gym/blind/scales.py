@@ -1,4 +1,4 @@
-"""How large the signals of a joint are, so that effects can be made a material share of them."""
+"""Magnitudes of a joint's signals, to which the sizes of effects are relative."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Scales:
         joint_torque: Root mean square of the joint torque [N m].
         speed: Root mean square of the velocities of motor, gear and load [rad/s].
         travel: Distance between the extreme angles of the motor [rad].
-        path: Way that the motor goes per second [rad/s].
+        path: Mean absolute velocity of the motor [rad/s].
         twist: Root mean square of the joint torque over the softest spring's stiffness [rad].
         bend: 98th percentile of the twist of the bar [rad].
     """
