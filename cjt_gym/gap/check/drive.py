@@ -118,14 +118,10 @@ def _follows(view: View) -> float:
 
 def _rate(view: View) -> Floats:
     """Return how fast the command changes while the motor moves [N m/s]."""
-    balance = view.motor
-    assert balance is not None
-    rate = np.zeros(len(balance))
-    for k, piece in enumerate(view.stretches):
-        own = balance["stretch"] == k
-        at = balance["time"][own]
-        half = 0.5 * balance.width * view.dt
-        u = _gain(view) * piece[view.command or ""]
-        ahead, behind = (np.interp(at + d, piece["t"], u) for d in (half, -half))
-        rate[own] = (ahead - behind) / (2.0 * half)
-    return rate
+    assert view.motor is not None
+    half = 0.5 * view.motor.width * view.dt
+    ahead, behind = (
+        view.at_motion(lambda piece: _gain(view) * piece[view.command or ""], earlier)
+        for earlier in (-half, half)
+    )
+    return np.asarray((ahead - behind) / (2.0 * half))

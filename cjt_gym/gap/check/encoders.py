@@ -11,8 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from cjt_gym.errors import CjtGymError
-from cjt_gym.gap.check.balance import Balance, factors, left_over
-from cjt_gym.gap.check.pieces import smooth
+from cjt_gym.gap.check.balance import Balance, Floats, factors, left_over
+from cjt_gym.gap.check.pieces import Columns, smooth
 from cjt_gym.gap.check.view import View
 from cjt_gym.joint import JointFile, Structure
 from cjt_gym.records import Record
@@ -88,12 +88,11 @@ def _moved(record: Record, late: float) -> Record:
     return record.with_columns(x).slice(int(first), int(last))
 
 
-def _at(view: View, balance: Balance, name: str) -> np.ndarray:
+def _at(view: View, balance: Balance, name: str) -> Floats:
     """Return a channel where the joint moves, smoothed like its motion, minus its mean."""
-    found = np.zeros(len(balance))
-    for k, piece in enumerate(view.stretches):
-        own = balance["stretch"] == k
-        if own.any():
-            x = smooth(piece[name], balance.width)
-            found[own] = np.interp(balance["time"][own], piece["t"], x - x.mean())
-    return found
+
+    def smoothed(piece: Columns) -> Floats:
+        x = smooth(piece[name], balance.width)
+        return np.asarray(x - x.mean())
+
+    return view.at_motion(smoothed)

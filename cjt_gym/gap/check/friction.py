@@ -8,7 +8,15 @@ import numpy as np
 
 from cjt_gym.gap.check.balance import Balance, Floats, factors
 from cjt_gym.gap.check.resonances import resonance
-from cjt_gym.gap.check.verdicts import TORQUE, Seen, Unseen, Verdict, no_balance, only_from, percent
+from cjt_gym.gap.check.verdicts import (
+    TORQUE,
+    Seen,
+    Unseen,
+    Verdict,
+    from_balance,
+    only_from,
+    percent,
+)
 from cjt_gym.gap.check.view import View
 
 BOTH_WAYS = 0.02
@@ -80,19 +88,15 @@ def seen(
     return Unseen(f"{only_from(torque, view.torque_unit)}, {driven}", instead)
 
 
-def inertia(view: View) -> Verdict:
+@from_balance
+def inertia(view: View, balance: Balance) -> Verdict:
     """Judge inertia, which requires inertial torque above the noise and fast enough sampling."""
-    if (none := no_balance(view)) is not None:
-        return none
     if (fast := too_fast(view)) is not None:
         return fast
-    balance = view.motor
-    assert balance is not None
     size = balance.least(balance["a"], ("v", "s", "one"))
     found = abs(float(factors(balance.y, [balance[n] for n in ("a", "v", "s", "one")])[0]))
     nominal = sum(view.value(name) for name in bodies(view))
-    unit = "kg" if view.angle_unit == "m" else "kg m^2"
-    unit = unit if view.joint else f"{view.torque_unit} s^2/{view.angle_unit}"
+    unit = view.inertia_unit if view.joint else f"{view.torque_unit} s^2/{view.angle_unit}"
     if size <= INERTIA * max(nominal, found):
         return Seen(size, unit)
     why = f"{only_from(size, unit)}, more than there is"
@@ -120,26 +124,25 @@ def too_fast(view: View) -> Unseen | None:
     return Unseen(why, f"Record at {max(1e3, 5.0 * swing):.2g} Hz or more.")
 
 
-def damping(view: View) -> Verdict:
+@from_balance
+def damping(view: View, balance: Balance) -> Verdict:
     """Judge damping, which differs from Coulomb friction over a range of speeds."""
-    if (none := no_balance(view) or too_fast(view)) is not None:
-        return none
-    assert view.motor is not None
+    if (fast := too_fast(view)) is not None:
+        return fast
     unit = f"{view.torque_unit} s/{view.angle_unit}"
-    return _by_speed(view, view.motor["v"], ("a", "s"), unit)
+    return _by_speed(view, balance, balance["v"], ("a", "s"), unit)
 
 
-def coulomb(view: View) -> Verdict:
+@from_balance
+def coulomb(view: View, balance: Balance) -> Verdict:
     """Judge Coulomb friction, which requires a range of speeds or both directions."""
-    if (none := no_balance(view)) is not None:
-        return none
-    assert view.motor is not None
-    return _by_speed(view, view.motor["s"], ("a", "v"), view.torque_unit)
+    return _by_speed(view, balance, balance["s"], ("a", "v"), view.torque_unit)
 
 
-def _by_speed(view: View, term: Floats, against: Sequence[str], unit: str) -> Verdict:
-    assert view.motor is not None
-    found = seen(view, view.motor, term, against, unit, SPREAD)
+def _by_speed(
+    view: View, balance: Balance, term: Floats, against: Sequence[str], unit: str
+) -> Verdict:
+    found = seen(view, balance, term, against, unit, SPREAD)
     if isinstance(found, Seen):
         return found
     low, high = view.speeds
@@ -147,45 +150,38 @@ def _by_speed(view: View, term: Floats, against: Sequence[str], unit: str) -> Ve
     return Unseen(f"{speeds}, so that {found.why}", found.instead)
 
 
-def coulomb_asym(view: View) -> Verdict:
+@from_balance
+def coulomb_asym(view: View, balance: Balance) -> Verdict:
     """Judge direction-dependent friction, which requires motion in both directions."""
-    if (none := no_balance(view)) is not None:
-        return none
     if not two_ways(view):
         return Unseen(f"{one_way(view)}: what differs with the direction does not show", TURN)
-    assert view.motor is not None
-    term = np.abs(view.motor["s"])
-    return seen(view, view.motor, term, ("a", "v", "s"), view.torque_unit, TURN)
+    term = np.abs(balance["s"])
+    return seen(view, balance, term, ("a", "v", "s"), view.torque_unit, TURN)
 
 
-def viscous_asym(view: View) -> Verdict:
+@from_balance
+def viscous_asym(view: View, balance: Balance) -> Verdict:
     """Judge direction-dependent damping, which requires both directions and a range of speeds."""
-    if (none := no_balance(view) or too_fast(view)) is not None:
-        return none
+    if (fast := too_fast(view)) is not None:
+        return fast
     if not two_ways(view):
         return Unseen(f"{one_way(view)}: what differs with the direction does not show", TURN)
-    assert view.motor is not None
-    term, unit = np.abs(view.motor["v"]), f"{view.torque_unit} s/{view.angle_unit}"
-    return seen(view, view.motor, term, ("a", "v", "s", "one"), unit, SPREAD)
+    term, unit = np.abs(balance["v"]), f"{view.torque_unit} s/{view.angle_unit}"
+    return seen(view, balance, term, ("a", "v", "s", "one"), unit, SPREAD)
 
 
-def torque_offset(view: View) -> Verdict:
+@from_balance
+def torque_offset(view: View, balance: Balance) -> Verdict:
     """Judge a constant torque, which differs from Coulomb friction if both directions occur."""
-    if (none := no_balance(view)) is not None:
-        return none
     if not two_ways(view):
         why = f"{one_way(view)}: a constant torque is one with Coulomb friction"
         return Unseen(why, TURN)
-    assert view.motor is not None
-    return seen(view, view.motor, view.motor["one"], ("a", "v", "s"), view.torque_unit, TURN)
+    return seen(view, balance, balance["one"], ("a", "v", "s"), view.torque_unit, TURN)
 
 
-def stribeck(view: View) -> Verdict:
+@from_balance
+def stribeck(view: View, balance: Balance) -> Verdict:
     """Judge friction that falls with speed, which requires both slow and fast phases."""
-    if (none := no_balance(view)) is not None:
-        return none
-    balance = view.motor
-    assert balance is not None
     v = np.abs(balance["v"])
     fastest = float(np.quantile(v, 0.95))
     scales = np.geomspace(max(float(v.min()), 1e-3 * fastest), 0.5 * fastest, 12)
@@ -202,10 +198,9 @@ def stribeck(view: View) -> Verdict:
     return Unseen(why, "Record many slow reversals: ramps through zero speed in both directions.")
 
 
-def presliding(view: View) -> Verdict:
+@from_balance
+def presliding(view: View, balance: Balance) -> Verdict:
     """Judge elastic presliding, which requires reversals and a fine enough angle."""
-    if (none := no_balance(view)) is not None:
-        return none
     instead = "Record small oscillations below the breakaway torque, many of them."
     if view.reversals < FEWEST_REVERSALS:
         turns = "turns round or sets out from rest"
@@ -224,12 +219,9 @@ def presliding(view: View) -> Verdict:
     return Seen(count, view.angle_unit)
 
 
-def load_friction(view: View) -> Verdict:
+@from_balance
+def load_friction(view: View, balance: Balance) -> Verdict:
     """Judge load-dependent friction, which requires a load varying independently of direction."""
-    if (none := no_balance(view)) is not None:
-        return none
-    balance = view.motor
-    assert balance is not None
     instead = "Record the same motion under two different loads, with the joint torque tau."
     names = ("a", "v", "s", "one")
     if "tau" in balance and view.channels["tau"].moves:

@@ -156,13 +156,15 @@ def _shift(view: View) -> float | None:
     terms = [balance[name] for name in ("a", "v", "s", "one", "q")]
     if not view.records[0].prismatic:
         terms += [np.sin(balance["q"]), np.cos(balance["q"])]
-    width = balance.width
     torques = {
-        k: smooth(view.motor_torque(piece), width)
-        for k, piece in enumerate(view.stretches)
-        if len(piece["t"]) > 2 * width
+        float(piece["t"][0]): smooth(view.motor_torque(piece), balance.width)
+        for piece in view.stretches
+        if len(piece["t"]) > 2 * balance.width
     }
-    tried = [_earlier(view, torques, shift) for shift in SHIFTS]
+    tried = [
+        view.at_motion(lambda piece: torques[float(piece["t"][0])], shift * view.dt)
+        for shift in SHIFTS
+    ]
     left = np.array([left_over(y, terms) / max(float(np.std(y)), 1e-300) for y in tried])
     best, none = int(np.argmin(left)), int(np.flatnonzero(SHIFTS == 0.0)[0])
     now = left[none]
@@ -171,15 +173,3 @@ def _shift(view: View) -> float | None:
     if factors(tried[best], terms)[0] < HEAVY * factors(tried[none], terms)[0]:
         return None  # the lag is due to inertia
     return float(SHIFTS[best]) if left[best] ** 2 < CLEARLY * now**2 else 0.0
-
-
-def _earlier(view: View, torques: dict[int, Floats], shift: float) -> Floats:
-    """Return the torque `shift` samples before the joint's motion, where it moves."""
-    balance = view.motor
-    assert balance is not None
-    y = np.zeros(len(balance))
-    for k, torque in torques.items():
-        own = balance["stretch"] == k
-        at = balance["time"][own] - shift * view.dt
-        y[own] = np.interp(at, view.stretches[k]["t"], torque)
-    return y

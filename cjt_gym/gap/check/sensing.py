@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from cjt_gym.gap.check.balance import Floats
 from cjt_gym.gap.check.friction import TURN, one_way, seen, two_ways
+from cjt_gym.gap.check.pieces import Columns
 from cjt_gym.gap.check.transmission import BESIDE, no_spring, spring
 from cjt_gym.gap.check.verdicts import Seen, Unseen, Verdict, only_from
 from cjt_gym.gap.check.view import View
@@ -50,22 +52,15 @@ def torque_delay(view: View) -> Verdict:
     balance = spring(view)
     size = balance.least(balance["rise"], ("delta", "one"))
     if view.motor is not None and "i" in view:
-        size = min(size, view.motor.least(_rise(view), ("a", "v", "s", "one")))
+        size = min(size, view.motor.least(view.at_motion(_rise), ("a", "v", "s", "one")))
     if size <= LATEST:
         return Seen(max(size, LEAST_DELAY * view.dt), "s")
     why = f"the torque changes so slowly that {only_from(1e3 * size, 'ms')}"
     return Unseen(why, "Record quick steps of the current.")
 
 
-def _rise(view: View):  # type: ignore[no-untyped-def]
-    balance = view.motor
-    assert balance is not None
-    rise = np.zeros(len(balance))
-    for k, piece in enumerate(view.stretches):
-        own = balance["stretch"] == k
-        slope = np.gradient(piece["tau"], view.dt)
-        rise[own] = np.interp(balance["time"][own], piece["t"], slope)
-    return rise
+def _rise(piece: Columns) -> Floats:
+    return np.asarray(np.gradient(piece["tau"], float(piece["t"][1] - piece["t"][0])))
 
 
 def noise(view: View) -> Verdict:

@@ -77,18 +77,18 @@ def stiffness(view: View) -> Verdict:
     if view.wound and view.load is not None:
         size = view.load.least(view.load.y, ("v", "s", "one"))
         if size <= RELATIVE:
-            return Seen(size * view.value("k_b"), "N/m" if view.angle_unit == "m" else "N m/rad")
+            return Seen(size * view.value("k_b"), view.stiffness_unit)
     if (motor := tied(view)) is not None:
         size = motor.least(motor["q"] - motor["q"].mean(), ("a", "v", "s", "one"))
         if size <= RELATIVE * view.value("k_b"):
-            return Seen(size, "N/m" if view.angle_unit == "m" else "N m/rad")
+            return Seen(size, view.stiffness_unit)
     if (none := no_spring(view)) is not None:
         return none
     balance = spring(view)
     found = abs(slope(balance["delta"], balance.y))
     size = balance.least(balance["delta"], ("rate", "one"))
     if size <= RELATIVE * max(found, view.value("k_b")):
-        return Seen(size, "N/m" if view.angle_unit == "m" else "N m/rad")
+        return Seen(size, view.stiffness_unit)
     why = f"the deflection spans {np.ptp(balance['delta']):.2g} {view.angle_unit}, hardly its noise"
     return Unseen(why, "Load the spring further.")
 

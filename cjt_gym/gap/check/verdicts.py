@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import wraps
 
 import numpy as np
 
+from cjt_gym.gap.check.balance import Balance
 from cjt_gym.gap.check.view import View
 
 TORQUE = 0.3
@@ -57,6 +60,19 @@ def no_balance(view: View) -> Unseen | None:
     if view.motor_angle is None:
         return Unseen("no motion of the motor is recorded", "Record the motor's angle q_m.")
     return NO_MOTION if view.motor is None else None
+
+
+def from_balance(judge: Callable[[View, Balance], Verdict]) -> Callable[[View], Verdict]:
+    """Return a judgement from the torque balance of the motor, which fails if there is none."""
+
+    @wraps(judge)
+    def verdict(view: View) -> Verdict:
+        if (none := no_balance(view)) is not None:
+            return none
+        assert view.motor is not None
+        return judge(view, view.motor)
+
+    return verdict
 
 
 def only_from(size: float, unit: str) -> str:

@@ -82,6 +82,16 @@ class View:
         """Unit of the angles."""
         return "m" if self.records[0].prismatic else "rad"
 
+    @property
+    def inertia_unit(self) -> str:
+        """Unit of the inertias."""
+        return "kg" if self.records[0].prismatic else "kg m^2"
+
+    @property
+    def stiffness_unit(self) -> str:
+        """Unit of the stiffnesses."""
+        return "N/m" if self.records[0].prismatic else "N m/rad"
+
     # ---- available channels
     @property
     def dt(self) -> float:
@@ -220,6 +230,22 @@ class View:
     def _load_torque(self, piece: Columns) -> Floats:
         spring = self.value("k_b") * (piece["q_m"] - piece["q_l"]) if self.wound else piece["tau"]
         return np.asarray(spring + piece.get("tau_l", 0.0))
+
+    def at_motion(self, values: Callable[[Columns], Floats], earlier: float = 0.0) -> Floats:
+        """Return a quantity at the samples of the motor's balance, shape (N,).
+
+        Args:
+            values: Returns the quantity over a stretch.
+            earlier: Time by which it is taken before the motion [s].
+        """
+        assert self.motor is not None
+        out = np.zeros(len(self.motor))
+        for k, piece in enumerate(self.stretches):
+            own = self.motor["stretch"] == k
+            if own.any():
+                at = self.motor["time"][own] - earlier
+                out[own] = np.interp(at, piece["t"], values(piece))
+        return out
 
     # ---- motion
     @cached_property
