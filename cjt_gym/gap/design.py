@@ -279,16 +279,10 @@ def _cross(true: str, rival: str, start: Fit, there: Problem, own: Fit) -> Cross
         there.counts[n] / DEFLATION * np.log(max(ms, FLOOR**2) / max(own.mean_square[n], FLOOR**2))
         for n, ms in other.mean_square.items()
     )
-    margin = float(data) + max(strain(there, other.z) - strain(there, start.z), 0.0)
+    margin = float(data) + max(there.strain(other.z) - there.strain(start.z), 0.0)
     worse = {n: ms / max(own.mean_square[n], 1.0) for n, ms in other.mean_square.items()}
     stage = max(worse, key=lambda n: worse[n])
     return Cross(true, rival, margin, stage, other.mean_square[stage] ** 0.5)
-
-
-def strain(problem: Problem, z: Floats) -> float:
-    """Return the prior cost of datasheet values and offsets at given coordinates."""
-    flat = np.array([not n.unknown.prior for n in problem.shared], dtype=bool)
-    return 0.5 * float(np.sum(z[: len(flat)][~flat] ** 2))
 
 
 def _evaluated(problem: Problem, model: Model, z: Floats) -> Fit:

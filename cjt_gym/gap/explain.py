@@ -13,12 +13,14 @@ from cjt_gym.gap.heldout import HeldOut, on_held_out, worth
 from cjt_gym.gap.hypotheses import hypotheses, shown
 from cjt_gym.gap.hypothesis import Hypothesis
 from cjt_gym.gap.lateness import DELAY, as_effect
+from cjt_gym.gap.merit import STRAIN
 from cjt_gym.gap.process import allow_for_colour
 from cjt_gym.gap.prune import (
     COARSE_STRAIN,
     Need,
     alternatives,
     likelier_twins,
+    other_frequencies,
     prune,
     simplify,
     split_asymmetry,
@@ -27,10 +29,8 @@ from cjt_gym.gap.prune import (
 from cjt_gym.gap.select import (
     BEYOND,
     COARSE_BEYOND,
-    STRAIN,
     Progress,
     Selection,
-    other_frequencies,
     silent,
 )
 from cjt_gym.gap.sensing import SensorFinding, noisy_current, sensor_findings, with_findings

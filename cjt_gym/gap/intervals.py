@@ -45,8 +45,7 @@ def covariance(problem: Problem, fit: Fit) -> Covariance:
     by the scatter of its gradient between blocks, which also accounts for coloured residuals.
     """
     jacobian = problem.jacobian(fit.model, fit.z, fit.residuals)
-    flat = np.array([not u.prior for u in problem.unknowns(fit.model)], dtype=bool)
-    prior = np.diag(np.where(flat, 1e-9, 1.0))
+    prior = np.diag(np.where(problem.has_prior(fit.model), 1.0, 1e-9))
     curvature, scatter = prior.copy(), prior.copy()
     for name, j in jacobian.items():
         weight = 1.0 / max(fit.mean_square[name], 1.0)

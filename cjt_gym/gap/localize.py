@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.gap.diagnosis import Regime, StageGap
+from cjt_gym.gap.diagnosis import StageGap
+from cjt_gym.gap.evidence import Regime
 from cjt_gym.gap.setting import Setting
 
 Floats = NDArray[np.float64]

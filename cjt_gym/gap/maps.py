@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
-from cjt_gym.gap.diagnosis import FrictionMap, RippleSpectrum, SpringLoop
+from cjt_gym.gap.evidence import FrictionMap, RippleSpectrum, SpringLoop
 from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.periodic import ripple_amplitudes
 from cjt_gym.gap.replay import Written

@@ -10,8 +10,8 @@ from cjt_gym.gap.confusable import NOTHING, SEPARATED_BY, advice, difference, ri
 from cjt_gym.gap.design import TELLS, Cross, Prospect, prospects
 from cjt_gym.gap.diagnosis import NamedEffect, Suggestion
 from cjt_gym.gap.fit import Fit, Problem
+from cjt_gym.gap.merit import evidence
 from cjt_gym.gap.prune import Need
-from cjt_gym.gap.select import evidence
 from cjt_gym.gap.setting import Setting
 from cjt_gym.gap.unknown import Leftover
 from cjt_gym.records import Record, default_units

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 from cjt_gym.gap.fit import Fit
 from cjt_gym.gap.heldout import HeldOut, Trial
+from cjt_gym.gap.merit import STRAIN
 from cjt_gym.gap.prune import Need
-from cjt_gym.gap.select import STRAIN
 
 LEFT = 1.3
 """Normalised residual above which a stage is not explained."""

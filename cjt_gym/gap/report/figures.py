@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.gap.diagnosis import Diagnosis, FrictionMap, RippleSpectrum, Source, SpringLoop
+from cjt_gym.gap.diagnosis import Diagnosis
+from cjt_gym.gap.evidence import FrictionMap, RippleSpectrum, Source, SpringLoop
 from cjt_gym.gap.report.chart import OUTER, Chart, Curve
 from cjt_gym.gap.report.words import CHANNELS, number, percent
 
