@@ -12,7 +12,7 @@ from cjt_gym.blind.files import datasheet_text
 from cjt_gym.blind.joints import Datasheet, draw_joint
 from cjt_gym.blind.plant import CHANNELS, STRUCTURES, Floats, World
 from cjt_gym.blind.run import draw_chances, instants, run
-from cjt_gym.errors import unknown_name
+from cjt_gym.errors import check_name
 from cjt_gym.records import Record, default_units
 
 
@@ -75,10 +75,8 @@ def make_bench(seed: int, structure: str, **changed: float) -> Bench:
         >>> len(bench.record(np.zeros(300)))
         300
     """
-    if structure not in STRUCTURES:
-        raise unknown_name("structure", structure, STRUCTURES)
+    check_name("structure", structure, STRUCTURES)
     world, sheet = draw_joint(STRUCTURES[structure], np.random.default_rng(seed))
     for name in changed:
-        if name not in world.plant._fields:
-            raise unknown_name("field of Plant", name, world.plant._fields)
+        check_name("field of Plant", name, world.plant._fields)
     return Bench(replace(world, plant=world.plant._replace(**changed)), sheet)

@@ -13,7 +13,7 @@ from cjt_gym.blind.hidden import Effect
 from cjt_gym.blind.known import KNOWN
 from cjt_gym.blind.outside import OUTSIDE
 from cjt_gym.blind.plant import STRUCTURES, Structure
-from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.errors import ConfigurationError, check_name, unknown_name
 
 SMALL: Final = 0.1
 """Strength of effects that are hard to see."""
@@ -100,8 +100,7 @@ def _check(structure: str | None, kind: str | None, strength: float, duration: f
 
 def _row(name: str) -> Effect:
     both = KNOWN | OUTSIDE
-    if name not in both:
-        raise unknown_name("effect", name, both)
+    check_name("effect", name, both)
     return both[name]
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cjt_gym.canbus.safety import SafetyLimits
-from cjt_gym.errors import unknown_name
+from cjt_gym.errors import check_name
 from cjt_gym.joint import Joint
 from cjt_gym.joint.arrays import Floats
 
@@ -134,8 +134,7 @@ def experiment_torque(name: str, joint: Joint, limits: SafetyLimits, dt: float) 
     Raises:
         UnknownNameError: There is no such experiment.
     """
-    if name not in EXPERIMENTS:
-        raise unknown_name("experiment", name, EXPERIMENTS)
+    check_name("experiment", name, EXPERIMENTS)
     row = EXPERIMENTS[name]
     t = np.arange(round(row.seconds / dt), dtype=np.float64) * dt
     ends = np.clip(np.minimum(t, row.seconds - t) / 0.1, 0.0, 1.0)

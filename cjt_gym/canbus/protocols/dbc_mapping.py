@@ -35,7 +35,7 @@ from cantools.database import Database
 from cjt_gym.canbus.protocols.contract import CHANNELS, Mode
 from cjt_gym.canbus.tables import Section
 from cjt_gym.disk import read_toml
-from cjt_gym.errors import CjtGymError, ConfigurationError, unknown_name
+from cjt_gym.errors import CjtGymError, ConfigurationError, check_name, unknown_name
 from cjt_gym.records.mapping import ColumnSource, load_mapping
 
 SUFFIX: Final = ".map.toml"
@@ -133,11 +133,9 @@ class _Reader:
             raise ConfigurationError(f'{place} must be "/Message:Signal", got {source!r}.')
         message, _, signal = source[1:].partition(":")
         messages = {each.name: each for each in self.database.messages}
-        if message not in messages:
-            raise unknown_name(f"message in {place}", message, messages)
+        check_name(f"message in {place}", message, messages)
         signals = [each.name for each in messages[message].signals]
-        if signal not in signals:
-            raise unknown_name(f"signal in {place}", signal, signals)
+        check_name(f"signal in {place}", signal, signals)
         return message, signal
 
     def table(self, given: Mapping[str, Any], name: str) -> Mapping[str, Any]:
@@ -198,8 +196,7 @@ def _modes(path: Path, state: Mapping[str, Any]) -> Mapping[Mode, tuple[int, ...
     for name, values in state.items():
         if name == "source":
             continue
-        if name not in MODES:
-            raise unknown_name(f"mode in state of {path}", name, MODES)
+        check_name(f"mode in state of {path}", name, MODES)
         if not isinstance(values, list) or not all(isinstance(value, int) for value in values):
             raise ConfigurationError(
                 f"{name} in state of {path} must be a list of whole numbers, got {values!r}."
