@@ -94,7 +94,7 @@ def angles(view: View) -> list[str]:
     for ratio, text in ((view.ratio, "the ratio n"), (1.0 / view.ratio, "one over the ratio n")):
         if ratio != 1.0 and abs(factor / ratio - 1.0) < RATIO:
             return [f"q_l is {factor:.3g} times q_m, {text} of the gear: map q_m to the link side."]
-    return [f"q_l is {factor:.3g} times q_m, and both should count on the link side."]
+    return [f"q_l is {factor:.3g} times q_m, and both should be on the link side."]
 
 
 def spring(view: View) -> list[str]:

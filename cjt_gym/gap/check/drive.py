@@ -57,7 +57,7 @@ def current_saturation(view: View) -> Verdict:
     known = view.channels[view.command]
     most, limit = max(abs(known.low), abs(known.high)), view.value("i_p")
     if view.command == "i_cmd" and known.unit == "A" and 0.0 < most < NEAR_LIMIT * limit:
-        why = f"the command reaches {most:.2g} A of the {limit:.3g} A that the drive may give"
+        why = f"the command reaches {most:.2g} A of the {limit:.3g} A that the drive allows"
         return Unseen(why, "Record steps up to the largest current.")
     return Seen(most, known.unit)
 
@@ -70,7 +70,7 @@ def command_quantization(view: View) -> Verdict:
     known = view.channels[view.command]
     values = len(np.unique(np.round(view.stretches[0][view.command], 12)))
     if values < FEWEST_VALUES:
-        return Unseen(f"the command takes {values} values only", CHANGES.replace("steps", "ramps"))
+        return Unseen(f"the command takes only {values} values", CHANGES.replace("steps", "ramps"))
     if "i" in view and view.command == "i_cmd" and known.unit == view.channels["i"].unit:
         size = RELIABLE * view.channels["i"].noise / np.sqrt(np.sqrt(values))
     elif view.motor is not None:

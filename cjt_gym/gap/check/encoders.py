@@ -58,11 +58,11 @@ def angles_apart(view: View) -> list[str]:
     if late == 0.0:
         return []
     rows = late / view.dt
-    way = "follows" if late > 0.0 else "goes ahead of"
+    way = "follows" if late > 0.0 else "leads"
     return [
-        f"q_l {way} q_m by {abs(rows):.2g} samples ({1e3 * abs(late):.2g} ms), by more than the "
-        "spring could wind: they are read at different instants. A diagnosis moves q_l by that; a "
-        f"mapping does with samples_late = {rows:.2g}."
+        f"q_l {way} q_m by {abs(rows):.2g} samples ({1e3 * abs(late):.2g} ms), which the "
+        "spring's deflection cannot explain: they are read at different instants. A diagnosis "
+        f"corrects this; a mapping does with samples_late = {rows:.2g}."
     ]
 
 

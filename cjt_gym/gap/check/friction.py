@@ -80,7 +80,7 @@ def seen(
     torque = size * most
     own = balance.apart(term, against)
     if own < APART:
-        why = f"all but {percent(own)} of what it does could be inertia or other friction"
+        why = f"inertia or other friction could explain all but {percent(own)} of it"
         return Unseen(why, instead)
     if np.isfinite(torque) and torque <= share * balance.level:
         return Seen(size, unit)
@@ -99,7 +99,7 @@ def inertia(view: View, balance: Balance) -> Verdict:
     unit = view.inertia_unit if view.joint else f"{view.torque_unit} s^2/{view.angle_unit}"
     if size <= INERTIA * max(nominal, found):
         return Seen(size, unit)
-    why = f"{only_from(size, unit)}, more than there is"
+    why = f"{only_from(size, unit)}, more than the joint has"
     return Unseen(why, "Record quick motion: steps of the current, or a chirp.")
 
 
@@ -118,8 +118,8 @@ def too_fast(view: View) -> Unseen | None:
     if not view.structure.output_fixed or swing <= nyquist:
         return None
     why = (
-        f"the held joint swings at {swing:.3g} Hz, above the log's Nyquist frequency of "
-        f"{nyquist:.3g} Hz, and only near there does it count"
+        f"the held joint resonates at {swing:.3g} Hz, above the log's Nyquist frequency of "
+        f"{nyquist:.3g} Hz, and inertia matters only near that frequency"
     )
     return Unseen(why, f"Record at {max(1e3, 5.0 * swing):.2g} Hz or more.")
 
@@ -154,7 +154,9 @@ def _by_speed(
 def coulomb_asym(view: View, balance: Balance) -> Verdict:
     """Judge direction-dependent friction, which requires motion in both directions."""
     if not two_ways(view):
-        return Unseen(f"{one_way(view)}: what differs with the direction does not show", TURN)
+        return Unseen(
+            f"{one_way(view)}: effects that depend on the direction are not visible", TURN
+        )
     term = np.abs(balance["s"])
     return seen(view, balance, term, ("a", "v", "s"), view.torque_unit, TURN)
 
@@ -165,7 +167,9 @@ def viscous_asym(view: View, balance: Balance) -> Verdict:
     if (fast := too_fast(view)) is not None:
         return fast
     if not two_ways(view):
-        return Unseen(f"{one_way(view)}: what differs with the direction does not show", TURN)
+        return Unseen(
+            f"{one_way(view)}: effects that depend on the direction are not visible", TURN
+        )
     term, unit = np.abs(balance["v"]), f"{view.torque_unit} s/{view.angle_unit}"
     return seen(view, balance, term, ("a", "v", "s", "one"), unit, SPREAD)
 
@@ -174,7 +178,7 @@ def viscous_asym(view: View, balance: Balance) -> Verdict:
 def torque_offset(view: View, balance: Balance) -> Verdict:
     """Judge a constant torque, which differs from Coulomb friction if both directions occur."""
     if not two_ways(view):
-        why = f"{one_way(view)}: a constant torque is one with Coulomb friction"
+        why = f"{one_way(view)}: a constant torque cannot be told from Coulomb friction"
         return Unseen(why, TURN)
     return seen(view, balance, balance["one"], ("a", "v", "s"), view.torque_unit, TURN)
 
@@ -191,7 +195,7 @@ def stribeck(view: View, balance: Balance) -> Verdict:
     slow = float(np.mean(v < 0.1 * fastest))
     if isinstance(found, Seen) and slow >= SLOW:
         return found
-    shown = "of the motion that its noise lets show is slower than a tenth of the highest speed"
+    shown = "of the motion above the noise is slower than a tenth of the highest speed"
     why = f"{percent(slow)} {shown}"
     if isinstance(found, Unseen):
         why = f"{why}, so that {found.why}"
@@ -203,7 +207,7 @@ def presliding(view: View, balance: Balance) -> Verdict:
     """Judge elastic presliding, which requires reversals and a fine enough angle."""
     instead = "Record small oscillations below the breakaway torque, many of them."
     if view.reversals < FEWEST_REVERSALS:
-        turns = "turns round or sets out from rest"
+        turns = "reverses or starts from rest"
         times = {0: f"never {turns}", 1: f"{turns} only once"}
         said = times.get(view.reversals, f"{turns} only {view.reversals} times")
         return Unseen(f"the motion {said}", instead)
@@ -214,7 +218,9 @@ def presliding(view: View, balance: Balance) -> Verdict:
     swing = sum(view.travel) / view.reversals
     if count > SWING * swing:
         unit = view.angle_unit
-        why = f"a usual swing of {swing:.2g} {unit} is hardly more than {count:.2g} {unit} of noise"
+        why = (
+            f"a typical swing of {swing:.2g} {unit} is hardly more than {count:.2g} {unit} of noise"
+        )
         return Unseen(why, "Record larger swings, or a finer angle.")
     return Seen(count, view.angle_unit)
 
@@ -230,7 +236,7 @@ def load_friction(view: View, balance: Balance) -> Verdict:
         return Unseen("the transmitted torque tau is not recorded", instead)
     weight = _weight(balance)
     if weight is None:
-        return Unseen("neither tau nor a weight on the joint shows a load that changes", instead)
+        return Unseen("neither tau nor a weight on the joint shows a varying load", instead)
     return seen(view, balance, balance["s"] * np.abs(weight), names, "-", instead)
 
 

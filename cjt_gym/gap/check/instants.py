@@ -52,18 +52,18 @@ def current_and_command(view: View) -> tuple[list[str], list[str]]:
     if lag < 0.0:
         rows = max(round(-lag), 1)
         return [
-            f"i goes {-lag:.2g} samples ahead of i_cmd: their rows belong to different instants. "
+            f"i leads i_cmd by {-lag:.2g} samples: their rows belong to different instants. "
             f"Map i_cmd with samples_late = {rows}, or i with samples_late = {-rows}."
         ], []
     if (rows := _rows(max(view.records, key=len))) > 1:
         return [
-            f"i follows i_cmd by {rows} rows whether these take long or not: their rows belong to "
+            f"i follows i_cmd by {rows} rows whatever their duration: their rows belong to "
             f"different instants. Map i_cmd with samples_late = {1 - rows}."
         ], []
     said = f"i follows i_cmd by {lag:.2g} samples ({1e3 * lag * view.dt:.2g} ms)"
     if lag <= USUAL:
         return [], [
-            f"{said}, as in a log that writes each command beside what was measured before it."
+            f"{said}, as in a log that writes each command beside the measurements before it."
         ]
     if lag * view.dt > LONGEST:
         return [
@@ -87,7 +87,7 @@ def motion_and_torque(view: View) -> tuple[list[str], list[str]]:
     if shift < 0.0:
         rows = round(-shift)
         return [
-            f"{motion} moves {time} ahead of the torque of {torque}: their rows belong to "
+            f"{motion} leads the torque of {torque} by {time}: their rows belong to "
             f"different instants. Map {torque} with samples_late = {rows}."
         ], []
     said = f"{motion} follows the torque of {torque} by {time}"

@@ -24,7 +24,7 @@ def no_load(view: View) -> Unseen | None:
     if view.load is not None:
         return None
     if "tau" not in view and not view.wound:
-        why = "no joint torque tau is recorded: the load is one with the motor"
+        why = "no joint torque tau is recorded: the load cannot be told from the motor"
         return Unseen(why, FREE)
     if view.load_angle is None and view.has_spring:
         return Unseen("the load's angle q_l is not recorded", FREE)
@@ -43,7 +43,7 @@ def load_inertia(view: View) -> Verdict:
     if size <= INERTIA * max(found, view.value("I_l")):
         return Seen(size, unit)
     return Unseen(
-        f"{only_from(size, unit)}, more than there is", "Record quick motion of the load."
+        f"{only_from(size, unit)}, more than the joint has", "Record quick motion of the load."
     )
 
 

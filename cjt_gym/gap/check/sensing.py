@@ -41,7 +41,9 @@ def torque_bias(view: View) -> Verdict:
     if balance is None:
         return Unseen("no motion is recorded beside the joint torque", BESIDE)
     if not two_ways(view):
-        return Unseen(f"{one_way(view)}: the sensor's zero is one with Coulomb friction", TURN)
+        return Unseen(
+            f"{one_way(view)}: the sensor's zero cannot be told from Coulomb friction", TURN
+        )
     return seen(view, balance, balance["one"], ("a", "v", "s"), view.torque_unit, TURN)
 
 

@@ -30,7 +30,7 @@ FEWEST = 100
 @from_balance
 def torque_constant(view: View, balance: Balance) -> Verdict:
     """Judge the torque constant, which requires a known torque to fix the overall scale."""
-    instead = "Record a static phase with the joint torque tau, or hang on a known weight."
+    instead = "Record a static phase with the joint torque tau, or attach a known weight."
     if "tau" not in view and "tau_l" not in view:
         why = "no torque is measured: inertia and friction, off by the same factor, look alike"
         return Unseen(why, instead)
@@ -76,7 +76,7 @@ def cogging(view: View, balance: Balance) -> Verdict:
 def gear_ripple(view: View, balance: Balance) -> Verdict:
     """Judge load-dependent ripple, which also requires the transmitted torque."""
     if "tau" not in view:
-        why = "the transmitted torque tau is not recorded, so that it is one with cogging"
+        why = "the transmitted torque tau is not recorded, so that it cannot be told from cogging"
         return Unseen(why, "Record tau, and pass the same angles at different torques.")
     return _ripple(view, balance, balance["tau"], "-")
 
@@ -111,7 +111,7 @@ def _no_ripple(view: View, balance: Balance, travel: float, instead: str) -> Uns
     slowest = float(np.quantile(np.abs(balance["v"]), 0.1))
     turns = travel * view.ratio / (2.0 * np.pi)
     if turns * PER_TURN[-1] < PERIODS:
-        return Unseen(f"the rotor turns by {turns:.2g} of a turn only", instead)
+        return Unseen(f"the rotor moves by only {turns:.2g} of a turn", instead)
     unit = view.angle_unit
     why = (
         f"even its slowest tenth moves at {slowest:.2g} {unit}/s, a period of the ripple passes "

@@ -125,7 +125,7 @@ def spring_hysteresis(view: View) -> Verdict:
     if size <= RELATIVE * balance.level:
         return Seen(size, view.torque_unit)
     why = only_from(size, view.torque_unit)
-    return Unseen(why, "Wind and unwind the spring many times, slowly.")
+    return Unseen(why, "Load and unload the spring many times, slowly.")
 
 
 def backlash(view: View) -> Verdict:
@@ -169,11 +169,13 @@ def gear_stiffness(view: View) -> Verdict:
     if swing <= 0.0:
         return Unseen("the joint file gives no stiffness of the gearbox", "Give k_g, I_m and I_g.")
     if swing >= nyquist:
-        why = f"motor and gear swing at {swing:.3g} Hz, above Nyquist at {nyquist:.3g} Hz"
+        why = f"motor and gear resonate at {swing:.3g} Hz, above Nyquist at {nyquist:.3g} Hz"
         return Unseen(why, quick)
     reach = excited_to(view)
     if reach < NEAR * swing:
-        why = f"the excitation ends at {reach:.2g} Hz, and motor and gear swing at {swing:.3g} Hz"
+        why = (
+            f"the excitation ends at {reach:.2g} Hz, and motor and gear resonate at {swing:.3g} Hz"
+        )
         return Unseen(why, quick)
     return Seen((NEAR * swing / max(reach, 1e-9)) ** 2 * 0.1, "-")
 

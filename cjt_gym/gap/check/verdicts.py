@@ -17,12 +17,7 @@ TORQUE = 0.3
 
 @dataclass(frozen=True)
 class Seen:
-    """An effect that the record would show.
-
-    Attributes:
-        size: Smallest visible size.
-        unit: Its unit.
-    """
+    """An effect that the record would show, with its smallest visible size."""
 
     size: float
     unit: str
@@ -30,12 +25,7 @@ class Seen:
 
 @dataclass(frozen=True)
 class Unseen:
-    """An effect that the record cannot identify.
-
-    Attributes:
-        why: The reason, with the decisive figure.
-        instead: What to record instead.
-    """
+    """An effect that the record cannot identify, why, and what to record instead."""
 
     why: str
     instead: str
@@ -79,13 +69,13 @@ def only_from(size: float, unit: str) -> str:
     """Return a clause on the smallest size of an effect that would show.
 
     Example:
-        >>> only_from(0.123, "N m"), only_from(0.5, "-"), only_from(float("inf"), "s")
-        ('it would show only from 0.12 N m', 'it would show only from 50 %', 'no size of it shows')
+        >>> only_from(0.123, "N m"), only_from(0.5, "-")
+        ('it would be visible only from 0.12 N m', 'it would be visible only from 50 %')
     """
     if not np.isfinite(size):
-        return "no size of it shows"
+        return "it would not be visible at any size"
     number = f"{100.0 * size:.2g} %" if unit == "-" else f"{size:.2g} {unit}"
-    return f"it would show only from {number}"
+    return f"it would be visible only from {number}"
 
 
 def percent(share: float) -> str:
