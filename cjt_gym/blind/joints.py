@@ -24,6 +24,9 @@ TOLERANCES: Final = {
 }
 """Relative tolerance (one sigma) of datasheet values."""
 LOOP_BANDWIDTH: Final = (400.0, 1500.0)
+"""Range of the bandwidth of the current loop [Hz]."""
+DT: Final = 1e-3
+"""Time between samples [s]."""
 
 
 @dataclass(frozen=True)
@@ -113,9 +116,7 @@ def draw_sensors(
     return (current, motor, gear, load, torque), noise
 
 
-def draw_joint(
-    structure: Structure, rng: np.random.Generator, dt: float = 1e-3
-) -> tuple[World, Datasheet]:
+def draw_joint(structure: Structure, rng: np.random.Generator) -> tuple[World, Datasheet]:
     """Return a random joint without any effect, and its datasheet.
 
     Every value of the datasheet deviates normally within its tolerance.
@@ -135,7 +136,7 @@ def draw_joint(
         zero_tau=offsets[1],
     )
     drive = Drive(bandwidth=bandwidth, i_max=i_p)
-    world = World(structure, plant, drive, sensing, resolution, noise, 0.02, jitter, sampling=dt)
+    world = World(structure, plant, drive, sensing, resolution, noise, 0.02, jitter, sampling=DT)
     values = {
         symbol: getattr(plant, symbol) * (1.0 + sigma * rng.standard_normal())
         for symbol, sigma in TOLERANCES.items()
@@ -143,7 +144,7 @@ def draw_joint(
     seen = rng.random() < 0.15 and structure.gear_is_soft
     channels = tuple(name for name in CHANNELS if name != "q_g" or seen)
     stated = {"n": plant.n, **values}
-    sheet = Datasheet(stated, TOLERANCES, i_p, bandwidth, resolution, noise, channels, dt, jitter)
+    sheet = Datasheet(stated, TOLERANCES, i_p, bandwidth, resolution, noise, channels, DT, jitter)
     return world, sheet
 
 

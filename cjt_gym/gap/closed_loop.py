@@ -38,9 +38,7 @@ class Law(Protocol):
         ...
 
 
-def replay_closed_loop(
-    record: Record, joint: Joint, controller: Law, seed: int = 0
-) -> Mapping[str, Floats]:
+def replay_closed_loop(record: Record, joint: Joint, controller: Law) -> Mapping[str, Floats]:
     """Simulate a joint under a controller that tracks a record's reference.
 
     Args:
@@ -48,7 +46,6 @@ def replay_closed_loop(
             the load torque `tau_l` of a free load.
         joint: The joint.
         controller: The controller that drives it.
-        seed: Seed of the sensor noise, if the joint has any.
 
     Returns:
         Channels of `CHANNELS` as they would be recorded, each of shape (N,).
@@ -65,7 +62,7 @@ def replay_closed_loop(
     start = np.zeros((1, 6))
     start[0, :3] = record["q_m"][0] if "q_m" in record else 0.0
     controller.reset()
-    measured = plant.reset(seed=seed, start=start, load=load[:1])
+    measured = plant.reset(seed=0, start=start, load=load[:1])
     rows = {name: np.zeros(len(record)) for name in CHANNELS}
     for k in range(len(record)):
         command = controller.act(measured, reference[k : k + 1])

@@ -61,14 +61,10 @@ class Bounds:
 
 @dataclass(frozen=True)
 class Cross:
-    """How badly one explanation fits data simulated with another.
+    """How badly a rival fits data simulated with the true explanation.
 
-    Attributes:
-        true: Name of the explanation that generated the data.
-        rival: Name of the explanation fitted to them.
-        margin: Evidence that the rival lacks.
-        stage: Stage with the misfit.
-        residual: Rms of the normalised residual in that stage.
+    The rival lacks `margin` of evidence and leaves a normalised residual of rms `residual` in
+    `stage`, where it fits worst.
     """
 
     true: str

@@ -35,11 +35,7 @@ LONGEST = 100.0
 
 @dataclass(frozen=True)
 class Model:
-    """A set of effects.
-
-    Attributes:
-        effects: The hypotheses that are assumed to hold.
-    """
+    """A set of effects that are assumed to act."""
 
     effects: tuple[Hypothesis, ...] = ()
 

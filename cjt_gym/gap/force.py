@@ -38,10 +38,6 @@ def torques(setting: Setting, fields: Fields) -> tuple[Floats, Floats]:
 
     The ends of the record are left out, where the filter knows the motion on one side only: a
     record that begins or ends in motion would appear to need a jerk there.
-
-    Args:
-        setting: The record of a joint without a spring.
-        fields: The model.
     """
     series, dt = setting.series, setting.series.dt
     cutoff = fair_cutoff(setting)

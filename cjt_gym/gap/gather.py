@@ -56,15 +56,7 @@ def nothing_said(
     held_out: Sequence[Record],
     why: str,
 ) -> Diagnosis:
-    """Return the diagnosis of stages that could not be judged.
-
-    Args:
-        file: The nominal joint.
-        shape: How its bodies are joined.
-        fitted: Records that were to be explained.
-        held_out: Records withheld from it.
-        why: Why the stages could not be judged.
-    """
+    """Return the diagnosis of stages that could not be judged, for a reason."""
     names = ("drive", "motor", "transmission", "sensing", "load")
     text = f"The stages could not be judged one by one on this record ({why})."
     advice = "Record at a higher rate, with the channels that `cjt-gym check` misses."

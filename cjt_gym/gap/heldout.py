@@ -72,13 +72,7 @@ def worth(held: Sequence[HeldOut], index: int) -> Trial | None:
 
 
 def on_held_out(setting: Setting, problem: Problem, fit: Fit) -> HeldOut:
-    """Evaluate an explanation on another record.
-
-    Args:
-        setting: The other record, its angles counted from the zeros of the first.
-        problem: The first record.
-        fit: The explanation.
-    """
+    """Evaluate an explanation on another record, its angles counted from the zeros of the first."""
     setting = as_noisy(setting, problem.stages.setting)
     known = covariance(problem, fit)
     stages = Stages(setting)

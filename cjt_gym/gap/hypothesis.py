@@ -101,10 +101,6 @@ def most_damping(setting: Setting, body: str) -> float:
     """Return the largest damping that a body on a spring may plausibly have [N m s/rad].
 
     It is `OVERDAMPED` times critical damping; a body without a spring has no such limit.
-
-    Args:
-        setting: The record and its joint.
-        body: Its letter.
     """
     if not setting.has_spring:
         return float(np.inf)

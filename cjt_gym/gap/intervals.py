@@ -25,11 +25,7 @@ nominal coverage of the intervals of blind cases (`benchmarks/calibrate.py`).
 
 @dataclass(frozen=True)
 class Covariance:
-    """Covariance of a fit's coordinates.
-
-    Attributes:
-        matrix: Shape (p, p).
-    """
+    """Covariance of a fit's coordinates, shape (p, p)."""
 
     matrix: Floats
 

@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import chirp, lfilter
 
 Floats = NDArray[np.float64]
 REST: Final = 0.5
@@ -53,11 +54,7 @@ class Input:
 
 def _without_slow_part(x: Floats, dt: float) -> Floats:
     keep = float(np.exp(-2.0 * np.pi * FLOATING_CORNER * dt))
-    slow, out = 0.0, np.zeros_like(x)
-    for k, value in enumerate(x):
-        slow = keep * slow + (1.0 - keep) * value
-        out[k] = value - slow
-    return out
+    return np.asarray(x - lfilter([1.0 - keep], [1.0, -keep], x))
 
 
 def _zigzag(t: Floats, period: float, sizes: tuple[float, ...]) -> Floats:
@@ -117,9 +114,7 @@ def _multisine(t: Floats) -> Floats:
 
 
 def _chirp(t: Floats) -> Floats:
-    growth = np.log(_top(t) / LOW)
-    phase = 2.0 * np.pi * LOW * t[-1] / growth * np.expm1(growth * t / t[-1])
-    return np.asarray(np.sin(phase))
+    return np.asarray(chirp(t, LOW, t[-1], _top(t), "logarithmic", phi=-90.0))
 
 
 def _swings(t: Floats) -> Floats:

@@ -212,11 +212,9 @@ class _Motor:
         return dict(zip(self.terms, factors.tolist(), strict=False)), float(share)
 
     def left(self, of_motion: float, of_torque: float) -> float:
-        """Return the unexplained share of the drive, with all factors >= 0 as physics requires.
+        """Return the unexplained share of the drive for given signs of angle and joint torque.
 
-        Args:
-            of_motion: Sign given to the angle.
-            of_torque: Sign given to the joint torque.
+        All factors are >= 0, as physics requires.
         """
         sign = {"tau": of_torque}
         columns = [sign.get(name, of_motion) * x for name, x in self.terms.items()]

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_discrete_lyapunov
 
 from cjt_gym.gap.chain import Chain
 from cjt_gym.gap.fields import Fields, friction_law, has_friction
@@ -98,13 +99,7 @@ def innovation_std(chain: Chain, k: Floats, torque: tuple[float, ...], noise: fl
     keep = np.eye(n) - k @ c
     effect = chain.torque * np.array(torque)
     drive = effect @ effect.T + chain.a @ k @ k.T @ chain.a.T * noise**2
-    p = drive.copy()
-    step = chain.a @ keep
-    for _ in range(40):  # doubling: the sum over 2^40 samples
-        p = p + step @ p @ step.T
-        step = step @ step
-        if np.abs(step).max() < 1e-12:
-            break
+    p = solve_discrete_lyapunov(chain.a @ keep, drive)
     return np.array([float(np.sqrt(p[0, 0] + noise**2))])
 
 

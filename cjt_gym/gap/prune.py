@@ -39,20 +39,12 @@ EVEN: Mapping[str, str] = {"coulomb_asym": "coulomb", "viscous_asym": "damping"}
 
 @dataclass(frozen=True)
 class Need:
-    """What a model loses without one of its effects.
-
-    Attributes:
-        evidence: Loss of evidence.
-        log_share: Largest log increase of a stage's residual.
-        stage: That stage.
-        strain: Increase of the priors' cost.
-        without: The fit without it.
-    """
+    """What a model loses without one of its effects."""
 
     evidence: float
-    log_share: float
-    stage: str
-    strain: float
+    log_share: float  # largest log increase of a stage's residual
+    stage: str  # that stage
+    strain: float  # increase of the priors' cost
     without: Fit
 
     def material(self, strain: float) -> bool:
@@ -76,10 +68,7 @@ def need(problem: Problem, fit: Fit, index: int) -> Need:
 def prune(problem: Problem, fit: Fit, strain: float = STRAIN) -> tuple[Fit, list[Need]]:
     """Return the model without the effects it does not need, and the need of the others.
 
-    Args:
-        problem: The record.
-        fit: The model.
-        strain: Smallest relief of the datasheet's priors that makes an effect material.
+    An effect is also material if it relieves the datasheet's priors by at least `strain`.
     """
     while fit.model.effects:
         needs = [need(problem, fit, k) for k in range(len(fit.model.effects))]

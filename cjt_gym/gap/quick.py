@@ -34,12 +34,7 @@ class Square:
 
 @dataclass(eq=False)
 class Look:
-    """The point from which candidates are judged.
-
-    Attributes:
-        problem: The record.
-        fit: The model so far, with the derivatives of its residuals.
-    """
+    """The point from which candidates are judged: a fit with the derivatives of its residuals."""
 
     problem: Problem
     fit: Fit

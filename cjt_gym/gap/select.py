@@ -62,25 +62,14 @@ def silent(step: str) -> None:
 
 @dataclass(eq=False)
 class Selection:
-    """The search over the effects of one record.
-
-    Attributes:
-        problem: The record.
-        candidates: All effects of the table that it can reveal.
-        outside: Causes outside the table that it can reveal.
-        base: The fit without any effect.
-        seen: All fits made in full.
-        until: Processor time after which no further effect is sought [s].
-        beyond: Normalised residual of a stage above which causes outside the table are considered.
-        progress: Called with a description of the effects being sought.
-    """
+    """The search over the effects of one record, for those that it can reveal."""
 
     problem: Problem
     candidates: tuple[Hypothesis, ...]
-    base: Fit
+    base: Fit  # without any effect
     outside: tuple[Hypothesis, ...] = ()
-    seen: list[Fit] = field(default_factory=list)
-    until: float = np.inf
+    seen: list[Fit] = field(default_factory=list)  # all fits made in full
+    until: float = np.inf  # processor time after which no further effect is sought [s]
     beyond: float = BEYOND
     progress: Progress = silent
     untried: list[Fit] = field(default_factory=list)

@@ -38,14 +38,8 @@ def suggest(
 ) -> Suggestion:
     """Return the experiment that best settles what a diagnosis leaves open.
 
-    Args:
-        problem: The record.
-        base: The fit without effects.
-        fit: The chosen fit.
-        needs: What each of its effects is needed for.
-        seen: All other fits.
-        named: The named effects.
-        left: Stages that are not explained.
+    The arguments are those of an `Explanation`, with the effects that it names and the stages that
+    it leaves.
     """
     question = _open_question(problem, base, fit, needs, seen, named)
     preface = ""

@@ -163,22 +163,15 @@ def _path(curve: Curve, across: _Scale, along: _Scale) -> str:
     return f"<path class='{kind} {curve.style}' d='{d}'/>"
 
 
-def decimated(x: Floats, y: Floats, dots: bool = False, most: int = MOST) -> tuple[Floats, Floats]:
-    """Return at most a given number of points of a curve; of a line those that keep its peaks.
-
-    Args:
-        x: Shape (N,).
-        y: Shape (N,).
-        dots: Whether the points are drawn as a cloud, of which an even part is enough.
-        most: Most points.
-    """
+def decimated(x: Floats, y: Floats, dots: bool = False) -> tuple[Floats, Floats]:
+    """Return at most `MOST` points of a curve: a subset of a cloud, the extremes of a line."""
     if dots:
-        step = max(len(x) * 3 // most, 1)
+        step = max(len(x) * 3 // MOST, 1)
         return x[::step], y[::step]
-    if len(x) <= most:
+    if len(x) <= MOST:
         return x, y
-    edges = np.linspace(0, len(x), most // 2 + 1).astype(np.int64)
-    kept = np.empty((most // 2, 2), dtype=np.int64)
+    edges = np.linspace(0, len(x), MOST // 2 + 1).astype(np.int64)
+    kept = np.empty((MOST // 2, 2), dtype=np.int64)
     for k, (start, end) in enumerate(pairwise(edges)):
         piece = y[start:end]
         kept[k] = start + int(np.argmin(piece)), start + int(np.argmax(piece))
@@ -186,9 +179,9 @@ def decimated(x: Floats, y: Floats, dots: bool = False, most: int = MOST) -> tup
     return x[index], y[index]
 
 
-def ticks(low: float, high: float, about: int = 6) -> list[float]:
-    """Return about a given number of round values between two ends."""
-    step = _round_up((high - low) / about)
+def ticks(low: float, high: float) -> list[float]:
+    """Return about six round values between two ends."""
+    step = _round_up((high - low) / 6)
     first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
     return [k * step for k in range(first, last + 1)]
 
