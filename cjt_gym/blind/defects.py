@@ -37,24 +37,18 @@ Columns = dict[str, Floats]
 
 @dataclass(frozen=True)
 class Defects:
-    """The defects of a case.
+    """The defects of a case."""
 
-    Attributes:
-        kinds: Names of its defects, of DEFECTS.
-        noise: Stated noise over the true one, by channel.
-        jitter: Standard deviation of the sampling instants [s]; None for the joint's own.
-        stamped: Whether the record's time holds the true instants; otherwise it is evenly spaced.
-        empty: Whether gaps are filled with NaN; otherwise their rows are missing.
-        missing: Channels that were not recorded.
-        guesses: Guessed inertia over the stated one, by symbol.
-    """
-
-    kinds: tuple[str, ...] = ()
+    kinds: tuple[str, ...] = ()  # names of its defects, of DEFECTS
+    # stated noise over the true one, by channel
     noise: Mapping[str, float] = field(default_factory=dict)
+    # standard deviation of the sampling instants [s]; None for the joint's own
     jitter: float | None = None
+    # whether the record's time holds the true instants; otherwise it is evenly spaced
     stamped: bool = False
-    empty: bool = False
-    missing: tuple[str, ...] = ()
+    empty: bool = False  # whether gaps are filled with NaN; otherwise their rows are missing
+    missing: tuple[str, ...] = ()  # channels that were not recorded
+    # guessed inertia over the stated one, by symbol
     guesses: Mapping[str, float] = field(default_factory=dict)
 
     def applied(self, world: World) -> World:

@@ -23,19 +23,12 @@ Places = tuple[str, ...]
 
 @dataclass(frozen=True)
 class Draw:
-    """Random magnitudes of one effect.
-
-    Attributes:
-        rng: Random numbers.
-        scales: Sizes of the joint's signals.
-        strength: Factor on every magnitude.
-        place: Body or channel on which the effect acts; empty if there is no choice.
-    """
+    """Random magnitudes of one effect."""
 
     rng: np.random.Generator
-    scales: Scales
-    strength: float = 1.0
-    place: str = ""
+    scales: Scales  # sizes of the joint's signals
+    strength: float = 1.0  # factor on every magnitude
+    place: str = ""  # body or channel on which the effect acts; empty if there is no choice
 
     def size(self, low: float, high: float) -> float:
         """Return a log-uniform magnitude, times the strength."""

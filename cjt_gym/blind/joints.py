@@ -31,31 +31,18 @@ DT: Final = 1e-3
 
 @dataclass(frozen=True)
 class Datasheet:
-    """Datasheet of a joint.
+    """Datasheet of a joint."""
 
-    Attributes:
-        values: Symbol and value of every parameter [SI].
-        tolerances: Relative tolerances (one sigma), by symbol.
-        i_p: Peak current [A].
-        bandwidth: Of the current loop [Hz].
-        resolution: Step of each of CHANNELS; 0 is none.
-        noise: Standard deviation of each of CHANNELS.
-        channels: Measured channels.
-        dt: Time between samples [s].
-        jitter: Standard deviation of the sampling instants [s].
-        guesses: Parameters marked as guesses instead of having a tolerance.
-    """
-
-    values: dict[str, float]
-    tolerances: dict[str, float]
-    i_p: float
-    bandwidth: float
-    resolution: tuple[float, ...]
-    noise: tuple[float, ...]
-    channels: tuple[str, ...]
-    dt: float
-    jitter: float
-    guesses: tuple[str, ...] = ()
+    values: dict[str, float]  # symbol and value of every parameter [SI]
+    tolerances: dict[str, float]  # relative tolerances (one sigma), by symbol
+    i_p: float  # peak current [A]
+    bandwidth: float  # of the current loop [Hz]
+    resolution: tuple[float, ...]  # step of each of CHANNELS; 0 is none
+    noise: tuple[float, ...]  # standard deviation of each of CHANNELS
+    channels: tuple[str, ...]  # measured channels
+    dt: float  # time between samples [s]
+    jitter: float  # standard deviation of the sampling instants [s]
+    guesses: tuple[str, ...] = ()  # parameters marked as guesses instead of having a tolerance
 
 
 def _log(rng: np.random.Generator, low: float, high: float) -> float:

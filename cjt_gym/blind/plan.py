@@ -40,25 +40,16 @@ Coulomb friction in any record."""
 
 @dataclass(frozen=True)
 class Plan:
-    """Choices made for a case before its joint is drawn.
-
-    Attributes:
-        structure: Structure of the joint.
-        effects: Effects of the table and outside it, with the place where each acts.
-        strength: Factor on their magnitudes.
-        excitations: Kinds of excitation of the two records.
-        closed: Whether the loop is closed in the two records.
-        duration: Of each record [s].
-        defects: Kinds of defects of the records, of DEFECTS.
-    """
+    """Choices made for a case before its joint is drawn."""
 
     structure: Structure
+    # effects of the table and outside it, with the place where each acts
     effects: tuple[tuple[Effect, str], ...]
-    strength: float
-    excitations: tuple[str, str]
-    closed: tuple[bool, bool]
-    duration: float
-    defects: tuple[str, ...] = ()
+    strength: float  # factor on their magnitudes
+    excitations: tuple[str, str]  # kinds of excitation of the two records
+    closed: tuple[bool, bool]  # whether the loop is closed in the two records
+    duration: float  # of each record [s]
+    defects: tuple[str, ...] = ()  # kinds of defects of the records, of DEFECTS
 
 
 def draw_plan(

@@ -199,29 +199,18 @@ PERFECT: Final = Sensing()
 
 @dataclass(frozen=True)
 class World:
-    """The true joint, which the simulator runs.
+    """The true joint, which the simulator runs."""
 
-    Attributes:
-        structure: How the bodies are joined.
-        plant: Mechanics.
-        drive: From command to current.
-        sensing: Systematic errors of the sensors.
-        resolution: Step of each of CHANNELS [its unit], shape (5,); 0 is none.
-        noise: Standard deviation of each of CHANNELS [its unit], shape (5,).
-        process: Standard deviation of the torque that disturbs the motor [N m].
-        jitter: Standard deviation of the sampling instants [s].
-        lost: Rate at which counts of the motor encoder are lost [1/s].
-        sampling: Time between samples [s].
-    """
-
-    structure: Structure
-    plant: Plant
-    drive: Drive
-    sensing: Sensing = PERFECT
+    structure: Structure  # how the bodies are joined
+    plant: Plant  # mechanics
+    drive: Drive  # from command to current
+    sensing: Sensing = PERFECT  # systematic errors of the sensors
+    # step of each of CHANNELS [its unit], shape (5,); 0 is none
     resolution: tuple[float, ...] = (0.0,) * 5
+    # standard deviation of each of CHANNELS [its unit], shape (5,)
     noise: tuple[float, ...] = (0.0,) * 5
-    process: float = 0.0
-    jitter: float = 0.0
-    lost: float = 0.0
-    sampling: float = 1e-3
+    process: float = 0.0  # standard deviation of the torque that disturbs the motor [N m]
+    jitter: float = 0.0  # standard deviation of the sampling instants [s]
+    lost: float = 0.0  # rate at which counts of the motor encoder are lost [1/s]
+    sampling: float = 1e-3  # time between samples [s]
     start: dict[str, float] = field(default_factory=dict)

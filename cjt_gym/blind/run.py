@@ -57,21 +57,13 @@ class Frame(NamedTuple):
 
 @dataclass(frozen=True)
 class Run:
-    """Results of a run.
+    """Results of a run."""
 
-    Attributes:
-        command: Command at every sample [A], shape (n,).
-        measured: Measurements of CHANNELS, shape (n, 5).
-        clean: The same without noise, rounding and calibration errors, shape (n, 5).
-        states: States, shape (n, SIZE).
-        times: Instants at which the samples were taken [s], shape (n,).
-    """
-
-    command: Floats
-    measured: Floats
-    clean: Floats
-    states: Floats
-    times: Floats
+    command: Floats  # command at every sample [A], shape (n,)
+    measured: Floats  # measurements of CHANNELS, shape (n, 5)
+    clean: Floats  # the same without noise, rounding and calibration errors, shape (n, 5)
+    states: Floats  # states, shape (n, SIZE)
+    times: Floats  # instants at which the samples were taken [s], shape (n,)
 
 
 def frame_of(world: World) -> Frame:

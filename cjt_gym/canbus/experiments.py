@@ -21,21 +21,13 @@ LOW, HIGH, TONES = 0.5, 60.0, 40
 
 @dataclass(frozen=True)
 class Experiment:
-    """One row of the table.
-
-    Attributes:
-        name: Its name.
-        summary: Its motion and its purpose.
-        seconds: Its duration [s].
-        share: Its amplitude as a share of the largest torque.
-        shape: Torque as a function of time [s], within [-1, 1].
-    """
+    """One row of the table."""
 
     name: str
-    summary: str
-    seconds: float
-    share: float
-    shape: Callable[[Floats], Floats]
+    summary: str  # its motion and its purpose
+    seconds: float  # its duration [s]
+    share: float  # its amplitude as a share of the largest torque
+    shape: Callable[[Floats], Floats]  # torque as a function of time [s], within [-1, 1]
 
 
 def _triangle(t: Floats, period: float | Floats) -> Floats:

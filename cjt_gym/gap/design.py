@@ -44,19 +44,12 @@ BACK_OFF, TRIALS = 0.75, 12
 
 @dataclass(frozen=True)
 class Bounds:
-    """Limits of an experiment.
+    """Limits of an experiment."""
 
-    Attributes:
-        current: Largest current [A].
-        speed: Largest speed of the motor [rad/s].
-        torque: Largest joint torque [N m].
-        travel: Largest distance of the motor from its starting point [rad].
-    """
-
-    current: float
-    speed: float
-    torque: float
-    travel: float
+    current: float  # largest current [A]
+    speed: float  # largest speed of the motor [rad/s]
+    torque: float  # largest joint torque [N m]
+    travel: float  # largest distance of the motor from its starting point [rad]
 
 
 @dataclass(frozen=True)
@@ -76,21 +69,13 @@ class Cross:
 
 @dataclass(frozen=True, eq=False)
 class Prospect:
-    """Expected outcome of an input.
+    """Expected outcome of an input."""
 
-    Attributes:
-        input: Row of the menu.
-        current: The input [A], shape (N,).
-        dt: Time between samples [s].
-        crosses: One per ordered pair of explanations.
-        margin: The smallest of their margins that any input can make large.
-    """
-
-    input: Input
-    current: Floats
-    dt: float
-    crosses: tuple[Cross, ...]
-    margin: float
+    input: Input  # row of the menu
+    current: Floats  # the input [A], shape (N,)
+    dt: float  # time between samples [s]
+    crosses: tuple[Cross, ...]  # one per ordered pair of explanations
+    margin: float  # the smallest of their margins that any input can make large
 
     @property
     def tells(self) -> bool:

@@ -32,14 +32,10 @@ SENSORS = ("i", "tau", "q_m", "q_l")
 
 @dataclass(frozen=True, eq=False)
 class Disturbance:
-    """A signal added to the model.
+    """A signal added to the model."""
 
-    Attributes:
-        channel: Channel to which it is added.
-        signal: Maps a record and the disturbance's numbers to the signal, shape (N,).
-    """
-
-    channel: str
+    channel: str  # channel to which it is added
+    # maps a record and the disturbance's numbers to the signal, shape (N,)
     signal: Callable[[Series, Values], Floats]
 
 

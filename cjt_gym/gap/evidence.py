@@ -58,78 +58,47 @@ class FrictionMap:
     """Unexplained torque of a body over its velocity.
 
     Torques have the sign of friction: positive if they resist positive motion.
-
-    Attributes:
-        stage: motor or load.
-        speed: Velocity of the body [rad/s], shape (N,).
-        before: Torque that the nominal joint does not explain [N m], shape (N,).
-        after: Torque that the explained joint does not [N m], shape (N,).
-        law_speed: Velocities of the law [rad/s], shape (M,).
-        law: Friction that the effects add [N m], shape (M,).
     """
 
-    stage: str
-    speed: Floats
-    before: Floats
-    after: Floats
-    law_speed: Floats
-    law: Floats
+    stage: str  # motor or load
+    speed: Floats  # velocity of the body [rad/s], shape (N,)
+    before: Floats  # torque that the nominal joint does not explain [N m], shape (N,)
+    after: Floats  # torque that the explained joint does not [N m], shape (N,)
+    law_speed: Floats  # velocities of the law [rad/s], shape (M,)
+    law: Floats  # friction that the effects add [N m], shape (M,)
 
 
 @dataclass(frozen=True, eq=False)
 class RippleSpectrum:
-    """Torque on the motor that repeats with its angle.
+    """Torque on the motor that repeats with its angle."""
 
-    Attributes:
-        cycles: Spatial frequency, cycles per revolution (per 2 pi m of a prismatic axis),
-            shape (F,).
-        before: Amplitude left by the nominal joint [N m], shape (F,).
-        after: Amplitude left by the explained one [N m], shape (F,).
-    """
-
+    # spatial frequency, cycles per revolution (per 2 pi m of a prismatic axis), shape (F,)
     cycles: Floats
-    before: Floats
-    after: Floats
+    before: Floats  # amplitude left by the nominal joint [N m], shape (F,)
+    after: Floats  # amplitude left by the explained one [N m], shape (F,)
 
 
 @dataclass(frozen=True, eq=False)
 class SpringLoop:
-    """Transmitted torque over the deflection of the spring.
+    """Transmitted torque over the deflection of the spring."""
 
-    Attributes:
-        deflection: [rad], shape (N,).
-        measured: Measured torque [N m], shape (N,).
-        before: Torque of the nominal spring [N m], shape (N,).
-        after: Torque of the explained one [N m], shape (N,).
-        stiffness: Nominal stiffness [N m/rad].
-    """
-
-    deflection: Floats
-    measured: Floats
-    before: Floats
-    after: Floats
-    stiffness: float
+    deflection: Floats  # [rad], shape (N,)
+    measured: Floats  # measured torque [N m], shape (N,)
+    before: Floats  # torque of the nominal spring [N m], shape (N,)
+    after: Floats  # torque of the explained one [N m], shape (N,)
+    stiffness: float  # nominal stiffness [N m/rad]
 
 
 @dataclass(frozen=True)
 class Source:
-    """Inputs of the diagnosis.
+    """Inputs of the diagnosis."""
 
-    Attributes:
-        joint: Name of the nominal joint.
-        structure: How its bodies are joined.
-        fitted: Description of the records used for the fit.
-        held_out: Description of the records or parts withheld from it.
-        angle: Unit of its angles, "rad" or "m".
-        torque: Unit of its torques, "N m" or "N".
-    """
-
-    joint: str = ""
-    structure: str = ""
-    fitted: tuple[str, ...] = ()
-    held_out: tuple[str, ...] = ()
-    angle: str = "rad"
-    torque: str = "N m"
+    joint: str = ""  # name of the nominal joint
+    structure: str = ""  # how its bodies are joined
+    fitted: tuple[str, ...] = ()  # description of the records used for the fit
+    held_out: tuple[str, ...] = ()  # description of the records or parts withheld from it
+    angle: str = "rad"  # unit of its angles, "rad" or "m"
+    torque: str = "N m"  # unit of its torques, "N m" or "N"
 
 
 @dataclass(frozen=True, eq=False)

@@ -56,38 +56,24 @@ class Model:
 
 @dataclass(eq=False)
 class Fit:
-    """A fitted model.
+    """A fitted model."""
 
-    Attributes:
-        model: What was fitted.
-        z: Coordinates of nuisances, then effects, shape (p,).
-        cost: Its cost.
-        mean_square: Mean square of each stage's normalised residual.
-        residuals: Normalised residuals by stage.
-        jacobian: Derivatives of each stage's residual, shape (N, p), if they were computed.
-    """
-
-    model: Model
-    z: Floats
-    cost: float
-    mean_square: dict[str, float]
-    residuals: dict[str, Floats]
+    model: Model  # what was fitted
+    z: Floats  # coordinates of nuisances, then effects, shape (p,)
+    cost: float  # its cost
+    mean_square: dict[str, float]  # mean square of each stage's normalised residual
+    residuals: dict[str, Floats]  # normalised residuals by stage
+    # derivatives of each stage's residual, shape (N, p), if they were computed
     jacobian: dict[str, Floats] = field(default_factory=dict)
 
 
 @dataclass(eq=False)
 class Problem:
-    """Everything needed to fit any model to one record.
+    """Everything needed to fit any model to one record."""
 
-    Attributes:
-        stages: The record's stages, tuned.
-        shared: Nuisances.
-        counts: Number of samples that count, by stage.
-    """
-
-    stages: Stages
-    shared: tuple[Nuisance, ...] = ()
-    counts: dict[str, int] = field(default_factory=dict)
+    stages: Stages  # the record's stages, tuned
+    shared: tuple[Nuisance, ...] = ()  # nuisances
+    counts: dict[str, int] = field(default_factory=dict)  # number of samples that count, by stage
 
     @classmethod
     def of(cls, stages: Stages) -> Problem:

@@ -35,31 +35,23 @@ SEEN = 0.02
 
 @dataclass(frozen=True)
 class Trial:
-    """Performance of an effect on a record that it was not fitted to.
+    """Performance of an effect on a record that it was not fitted to."""
 
-    Attributes:
-        change: Mean square by which it changes the normalised residuals of its stages.
-        worth: Their reduction as a share of this change: 1 for a true effect, 0 for one that does
-            not help, negative for one that does harm.
-    """
-
-    change: float
+    change: float  # mean square by which it changes the normalised residuals of its stages
+    # their reduction as a share of this change: 1 for a true effect, 0 for one that does not help,
+    # negative for one that does harm
     worth: float
 
 
 @dataclass(frozen=True)
 class HeldOut:
-    """The explanation on one unseen record.
+    """The explanation on one unseen record."""
 
-    Attributes:
-        before: Mean square of each stage's residual without effects, all values fitted anew.
-        after: The same with the effects, all numbers as certain as the first record leaves them.
-        trials: Worth of each effect of the model.
-    """
-
+    # mean square of each stage's residual without effects, all values fitted anew
     before: Mapping[str, float]
+    # the same with the effects, all numbers as certain as the first record leaves them
     after: Mapping[str, float]
-    trials: tuple[Trial, ...]
+    trials: tuple[Trial, ...]  # worth of each effect of the model
 
 
 def worth(held: Sequence[HeldOut], index: int) -> Trial | None:

@@ -26,19 +26,13 @@ PAD = 4
 
 @dataclass(frozen=True, eq=False)
 class Axis:
-    """One variable over which a gap is spread.
+    """One variable over which a gap is spread."""
 
-    Attributes:
-        name: Column, "t", "frequency" or "cycles_per_rev".
-        unit: Its unit.
-        edges: Bins, shape (B + 1,).
-        total: Function that returns a residual's sum of squares in each bin, and that expected of
-            noise; each of shape (B,).
-    """
-
-    name: str
+    name: str  # column, "t", "frequency" or "cycles_per_rev"
     unit: str
-    edges: Floats
+    edges: Floats  # bins, shape (B + 1,)
+    # function that returns a residual's sum of squares in each bin, and that expected of noise;
+    # each of shape (B,)
     total: Callable[[Floats], tuple[Floats, Floats]]
 
 

@@ -21,21 +21,14 @@ LOW, HIGH = 0.5, 60.0
 
 @dataclass(frozen=True)
 class Input:
-    """One row of the menu.
-
-    Attributes:
-        name: Its name.
-        text: Description that fits into a sentence.
-        shape: Returns its values within [-1, 1] at given times [s], shape (N,); it ends at the
-            last of them.
-        size: Share of the largest current, or of the friction level if `stuck`.
-        stuck: Whether its size is relative to the dry friction level, about which it swings.
-    """
+    """One row of the menu."""
 
     name: str
-    text: str
+    text: str  # description that fits into a sentence
+    # returns its values within [-1, 1] at given times [s], shape (N,); it ends at the last of them
     shape: Callable[[Floats], Floats]
-    size: float = 1.0
+    size: float = 1.0  # share of the largest current, or of the friction level if `stuck`
+    # whether its size is relative to the dry friction level, about which it swings
     stuck: bool = False
 
     def current(self, samples: int, dt: float, floating: bool) -> Floats:

@@ -65,20 +65,13 @@ FACTOR_MISFIT = 0.15
 
 @dataclass(frozen=True)
 class Tie:
-    """Relation of two channels by a law.
+    """Relation of two channels by a law."""
 
-    Attributes:
-        first: A channel.
-        second: Another.
-        strength: Their agreement once the law is applied, -1 to 1; negative if one of them has
-            the wrong sign.
-        law: Description of the law.
-    """
-
-    first: str
+    first: str  # A channel
     second: str
+    # their agreement once the law is applied, -1 to 1; negative if one of them has the wrong sign
     strength: float
-    law: str
+    law: str  # description of the law
 
 
 def orient(

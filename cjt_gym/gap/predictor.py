@@ -36,17 +36,11 @@ class Gain:
 
 @dataclass(eq=False)
 class Prediction:
-    """Prediction of a stage.
+    """Prediction of a stage."""
 
-    Attributes:
-        residual: Normalised residual, shape (N,); zero where it does not count.
-        states: Predicted states, shape (N, n); n = 0 for a stage without states.
-        friction: Torque of friction on each body [N m], shape (N, bodies).
-    """
-
-    residual: Floats
-    states: Floats
-    friction: Floats
+    residual: Floats  # normalised residual, shape (N,); zero where it does not count
+    states: Floats  # predicted states, shape (N, n); n = 0 for a stage without states
+    friction: Floats  # torque of friction on each body [N m], shape (N, bodies)
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,19 +27,12 @@ HOUSING = 1e3
 
 @dataclass(frozen=True)
 class Number:
-    """A number with its 95 % interval and a remark.
-
-    Attributes:
-        value: The number.
-        low: Low end.
-        high: High end.
-        note: Remark for the reader of a joint file.
-    """
+    """A number with its 95 % interval and a remark."""
 
     value: float
     low: float
     high: float
-    note: str = ""
+    note: str = ""  # remark for the reader of a joint file
 
     def within(self, least: float, strict: bool, most: float) -> tuple[float, float, float]:
         """Return value, low and high, held within the domain of a parameter."""
@@ -57,19 +50,12 @@ Rows = dict[str, Numbers]
 
 @dataclass(frozen=True)
 class Found:
-    """An effect that was found, and the model that it is part of.
+    """An effect that was found, and the model that it is part of."""
 
-    Attributes:
-        setting: The record and its nominal joint.
-        fields: The model.
-        effect: The effect.
-        asymmetric: Whether the joint's Coulomb friction has a level for each direction.
-    """
-
-    setting: Setting
+    setting: Setting  # the record and its nominal joint
     fields: Fields
-    effect: NamedEffect
-    asymmetric: bool = False
+    effect: NamedEffect  # the effect
+    asymmetric: bool = False  # whether the joint's Coulomb friction has a level for each direction
 
     @property
     def letter(self) -> str:

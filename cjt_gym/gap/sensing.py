@@ -42,23 +42,14 @@ GAUSSIAN = 0.925
 
 @dataclass(frozen=True)
 class SensorFinding:
-    """A channel that is worse than specified.
+    """A channel that is worse than specified."""
 
-    Attributes:
-        name: "quantization" or "noise".
-        channel: Its name.
-        value: Resolution or standard deviation found, in the channel's unit.
-        low: Low end of its interval.
-        high: High end of its interval.
-        factor: How much worse than specified.
-    """
-
-    name: str
+    name: str  # "quantization" or "noise"
     channel: str
-    value: float
-    low: float
-    high: float
-    factor: float
+    value: float  # resolution or standard deviation found, in the channel's unit
+    low: float  # low end of its interval
+    high: float  # high end of its interval
+    factor: float  # how much worse than specified
 
 
 def sensor_findings(setting: Setting, residuals: Mapping[str, Floats]) -> tuple[SensorFinding, ...]:

@@ -48,28 +48,21 @@ Signal = tuple[str, str]
 
 @dataclass(frozen=True)
 class DbcMapping:
-    """A mapping and its DBC file.
+    """A mapping and its DBC file."""
 
-    Attributes:
-        database: Messages of the DBC file.
-        channels: Signal of each reported channel, with its conversion.
-        command: Signal of the commanded torque or current, with its conversion.
-        is_current: Whether the command is a current.
-        phases: Signals that are set for "enabled", "disabled" and "clear".
-        state: Signal of the mode.
-        modes: Values of the mode's signal.
-        error: Signal of the error.
-        cycles: Cycle times of messages by name [s], where known.
-    """
-
-    database: Database
+    database: Database  # messages of the DBC file
+    # signal of each reported channel, with its conversion
     channels: Mapping[str, tuple[Signal, ColumnSource]]
+    # signal of the commanded torque or current, with its conversion
     command: tuple[Signal, ColumnSource] | None
-    is_current: bool
+    is_current: bool  # whether the command is a current
+    # signals that are set for "enabled", "disabled" and "clear"
     phases: Mapping[str, Mapping[Signal, float]]
-    state: Signal | None = None
+    state: Signal | None = None  # signal of the mode
+    # values of the mode's signal
     modes: Mapping[Mode, tuple[int, ...]] = field(default_factory=dict)
-    error: Signal | None = None
+    error: Signal | None = None  # signal of the error
+    # cycle times of messages by name [s], where known
     cycles: Mapping[str, float] = field(default_factory=dict)
 
 

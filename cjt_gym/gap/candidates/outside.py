@@ -41,18 +41,12 @@ SMOOTH = 15
 
 @dataclass(eq=False)
 class Outside:
-    """The candidates outside the effect table, while they are collected.
-
-    Attributes:
-        setting: The record.
-        size: Its typical magnitudes.
-        rows: The candidates.
-        disturbances: What they add to the joint, by name.
-    """
+    """The candidates outside the effect table, while they are collected."""
 
     setting: Setting
-    size: Scales
-    rows: list[Hypothesis] = field(default_factory=list)
+    size: Scales  # its typical magnitudes
+    rows: list[Hypothesis] = field(default_factory=list)  # the candidates
+    # what they add to the joint, by name
     disturbances: dict[str, Disturbance] = field(default_factory=dict)
 
     def add(

@@ -20,26 +20,17 @@ CLEAN = 3.0
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """One body of a joint, or several that move as one.
+    """One body of a joint, or several that move as one."""
 
-    Attributes:
-        pieces: The stretches of the log.
-        dt: Sample time [s].
-        angle: The channel of its motion.
-        angle_noise: Standard deviation of a sample of its angle.
-        stiffness: Stiffness of the spring to a held output, if the torque represents the angle.
-        torque: Returns the torque that moves it, from the channels of a stretch.
-        torque_noise: Standard deviation of a sample of that torque.
-        driving: Returns the motor's torque, from the channels of a stretch.
-    """
-
-    pieces: Sequence[Columns]
-    dt: float
-    angle: str
-    angle_noise: float
-    stiffness: float
+    pieces: Sequence[Columns]  # the stretches of the log
+    dt: float  # sample time [s]
+    angle: str  # the channel of its motion
+    angle_noise: float  # standard deviation of a sample of its angle
+    stiffness: float  # stiffness of the spring to a held output, if the torque represents the angle
+    # returns the torque that moves it, from the channels of a stretch
     torque: Callable[[Columns], Floats]
-    torque_noise: float
+    torque_noise: float  # standard deviation of a sample of that torque
+    # returns the motor's torque, from the channels of a stretch
     driving: Callable[[Columns], Floats]
 
     def motions(self, width: int) -> list[Columns]:

@@ -25,19 +25,12 @@ REST = 0.1
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """Records of one joint, ready to be examined.
-
-    Attributes:
-        records: The records.
-        joint: The nominal joint; None if unknown.
-        structure: Structure of the joint.
-        channels: Properties of each channel, from the longest record.
-    """
+    """Records of one joint, ready to be examined."""
 
     records: tuple[Record, ...]
-    joint: JointFile | None
+    joint: JointFile | None  # the nominal joint; None if unknown
     structure: Structure
-    channels: Mapping[str, Channel]
+    channels: Mapping[str, Channel]  # properties of each channel, from the longest record
 
     @classmethod
     def of(

@@ -29,48 +29,29 @@ OUTER = 0.003
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """One line, or cloud of dots, of a chart.
+    """One line, or cloud of dots, of a chart."""
 
-    Attributes:
-        label: Its entry in the legend; empty for none.
-        style: Class of its colours: measured, before, after or law.
-        x: Shape (N,).
-        y: Shape (N,).
-        dots: Whether points are drawn instead of a line.
-    """
-
-    label: str
-    style: str
-    x: Floats
-    y: Floats
-    dots: bool = False
+    label: str  # its entry in the legend; empty for none
+    style: str  # class of its colours: measured, before, after or law
+    x: Floats  # shape (N,)
+    y: Floats  # shape (N,)
+    dots: bool = False  # whether points are drawn instead of a line
 
 
 @dataclass(frozen=True, eq=False)
 class Chart:
-    """A chart.
+    """A chart."""
 
-    Attributes:
-        title: What it shows.
-        aid: How it is read, one line.
-        x_label: Quantity and unit.
-        y_label: Quantity and unit.
-        curves: What is drawn.
-        log_x: Whether x is logarithmic.
-        zoom: Name of the group of charts that are zoomed together; empty for none.
-        marks: Values of x that are marked with a text.
-        from_zero: Whether y begins at zero.
-    """
-
-    title: str
-    aid: str
-    x_label: str
-    y_label: str
-    curves: Sequence[Curve]
-    log_x: bool = False
-    zoom: str = ""
+    title: str  # what it shows
+    aid: str  # how it is read, one line
+    x_label: str  # quantity and unit
+    y_label: str  # quantity and unit
+    curves: Sequence[Curve]  # what is drawn
+    log_x: bool = False  # whether x is logarithmic
+    zoom: str = ""  # name of the group of charts that are zoomed together; empty for none
+    # values of x that are marked with a text
     marks: Sequence[tuple[float, str]] = field(default=())
-    from_zero: bool = False
+    from_zero: bool = False  # whether y begins at zero
 
 
 @dataclass(frozen=True)
