@@ -76,7 +76,7 @@ Block = Heading | Paragraph | Facts | Table | Figure | Code | PageBreak
 class Sheet:
     """A sheet, ready to be written."""
 
-    title: str  # title
+    title: str
     subtitle: str  # one line below it
     blocks: Sequence[Block] = field(default_factory=tuple)  # what follows
     footer: str = ""  # small print at the foot of each page

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import expm, solve_discrete_are
 
-Floats = NDArray[np.float64]
+from cjt_gym.joint.arrays import Floats
+
 MOTOR, GEAR, LOAD = range(3)
 
 

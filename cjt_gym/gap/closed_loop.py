@@ -8,34 +8,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.gap.diagnosis import GapSize
 from cjt_gym.gap.gap_size import size_of
 from cjt_gym.gap.replay import SUBSTEP
 from cjt_gym.joint import Joint
-from cjt_gym.plant import Measurement, SimulatedPlant
+from cjt_gym.joint.arrays import Floats
+from cjt_gym.plant import Law, SimulatedPlant
 from cjt_gym.records import Record
 
-Floats = NDArray[np.float64]
 CHANNELS = ("tau", "tau_cmd", "q_m", "dq_m")
 """Channels of a replay."""
 NEEDED = ("tau_ref", "tau")
-
-
-class Law(Protocol):
-    """Interface of a controller in the closed loop."""
-
-    def reset(self) -> None:
-        """Reset the internal state."""
-
-    def act(self, measurement: Measurement, reference: Floats) -> Floats:
-        """Return the commanded motor torque [N m], shape (1,)."""
-        ...
 
 
 def replay_closed_loop(record: Record, joint: Joint, controller: Law) -> Mapping[str, Floats]:

@@ -16,7 +16,6 @@ from dataclasses import dataclass, replace
 from itertools import permutations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.gap.fit import DEFLATION, FLOOR, Fit, Model, Problem
 from cjt_gym.gap.menu import MENU, Input
@@ -26,8 +25,8 @@ from cjt_gym.gap.series import Series
 from cjt_gym.gap.setting import Setting
 from cjt_gym.gap.stages import Stages
 from cjt_gym.gap.unknown import LEFT
+from cjt_gym.joint.arrays import Floats
 
-Floats = NDArray[np.float64]
 SAMPLES, SHORTEST, LONGEST = 4000, 4.0, 20.0
 """Number of samples of an input, and its shortest and longest duration [s]."""
 MOVES = 10

@@ -19,13 +19,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
-import numpy as np
-from numpy.typing import NDArray
-
 from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.series import Series
+from cjt_gym.joint.arrays import Floats
 
-Floats = NDArray[np.float64]
 Values = Mapping[str, float]
 SENSORS = ("i", "tau", "q_m", "q_l")
 

@@ -20,8 +20,8 @@ from cjt_gym.gap.nuisances import Nuisance, nuisances, nuisances_of_others
 from cjt_gym.gap.number import Number
 from cjt_gym.gap.process import settle_noise
 from cjt_gym.gap.stages import Stages
+from cjt_gym.joint.arrays import Floats
 
-Floats = NDArray[np.float64]
 DEFLATION = 10.0
 FLOOR = 1.05
 """Rms of a normalised residual below which lowering it further is no improvement."""

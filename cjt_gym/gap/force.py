@@ -13,15 +13,14 @@ References:
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
 from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.setting import Setting
 from cjt_gym.gap.signals import motor_torque, periodic_torque, smooth_mean, weight
 from cjt_gym.gap.stages import Stages
+from cjt_gym.joint.arrays import Floats
 
-Floats = NDArray[np.float64]
 CUTOFF, SHARE = 100.0, 0.2
 """Highest cut-off of the filter [Hz], and its largest share of the sampling frequency."""
 LOWEST = 2.0

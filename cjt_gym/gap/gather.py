@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import PurePath
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.gap.diagnosis import Diagnosis, GapSize, StageGap, Suggestion, Unexplained
 from cjt_gym.gap.evidence import Evidence, Source
@@ -14,9 +13,8 @@ from cjt_gym.gap.fit import Fit, Problem
 from cjt_gym.gap.maps import friction_maps, ripple, spring_loop
 from cjt_gym.gap.replay import Written, written
 from cjt_gym.joint import JointFile, Structure
+from cjt_gym.joint.arrays import Floats
 from cjt_gym.records import Record
-
-Floats = NDArray[np.float64]
 
 
 def gather(problem: Problem, fit: Fit, within: Written, before: Mapping[str, Floats]) -> Evidence:

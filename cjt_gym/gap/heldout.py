@@ -11,7 +11,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.fit import Fit, Model, Problem
@@ -22,7 +21,6 @@ from cjt_gym.gap.number import Number
 from cjt_gym.gap.setting import Setting, as_noisy
 from cjt_gym.gap.stages import Stages
 
-Floats = NDArray[np.float64]
 PER_RECORD = ("i_0", "w_i", "delay", "tau_0", "skew", "q_0")
 """Fields that may differ from record to record."""
 MOVES = 4

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from cjt_gym.gap.diagnosis import Interval
-from cjt_gym.gap.fit import Fit, Floats, Problem
+from cjt_gym.gap.fit import Fit, Problem
 from cjt_gym.gap.hypothesis import Hypothesis
 from cjt_gym.gap.number import Number
+from cjt_gym.joint.arrays import Floats
 
 BLOCKS = 40
 NORMAL = 1.96

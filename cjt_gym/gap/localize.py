@@ -6,13 +6,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.gap.diagnosis import StageGap
 from cjt_gym.gap.evidence import Regime
 from cjt_gym.gap.setting import Setting
+from cjt_gym.joint.arrays import Floats
 
-Floats = NDArray[np.float64]
 BINS = 8
 STILL = 0.02
 """Speeds below this share of the largest form one bin, where friction dominates."""

@@ -17,8 +17,8 @@ from cjt_gym.gap.signals import joint_torque, motor_torque, periodic_torque
 from cjt_gym.gap.spring import spring_torque
 from cjt_gym.gap.stages import Stages
 from cjt_gym.joint import Joint
+from cjt_gym.joint.arrays import Floats
 
-Floats = NDArray[np.float64]
 WINDOW = 0.021
 """Time over which velocities and accelerations are smoothed [s]."""
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import chirp, lfilter
 
-Floats = NDArray[np.float64]
+from cjt_gym.joint.arrays import Floats
+
 REST: Final = 0.5
 """Rest at the beginning of every input [s]."""
 FLOATING_CORNER: Final = 0.3

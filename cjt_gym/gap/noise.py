@@ -16,8 +16,8 @@ from scipy.special import comb
 
 from cjt_gym.gap.series import Series
 from cjt_gym.joint import JointFile
+from cjt_gym.joint.arrays import Floats
 
-Floats = NDArray[np.float64]
 ORDER, OTHER_ORDER = 8, 5
 SAME = 0.06
 """Relative difference up to which two estimates of the noise agree."""

@@ -22,14 +22,13 @@ from itertools import product
 from math import pi
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import nnls
 from scipy.signal import correlate, correlation_lags, savgol_filter
 
 from cjt_gym.joint import JointFile, Structure
+from cjt_gym.joint.arrays import Floats
 from cjt_gym.records import Record, Repair
 
-Floats = NDArray[np.float64]
 FOLLOWERS = (
     ("i_cmd", "i"),
     ("tau_cmd", "i"),
@@ -141,7 +140,7 @@ def _alike(x: Floats, y: Floats, dt: float) -> float:
 
 def _spring(channels: dict[str, Floats], structure: Structure) -> Iterator[Tie]:
     """Yield the relations by the spring: its torque grows with q_m and falls with q_l."""
-    if "tau" not in channels or structure.groups[1] == structure.groups[2]:
+    if "tau" not in channels or not structure.has_spring:
         return
     names = [name for name in ("q_m", "q_l") if name in channels]
     if not structure.output_fixed and len(names) < 2:
@@ -275,7 +274,7 @@ def _scales(
     factors = dict(UNIT_FACTORS)
     if p.n > 2.0:
         factors |= {p.n: "the gear ratio", 1.0 / p.n: "one over the gear ratio"}
-    if {"q_m", "tau"} <= channels.keys() and structure.groups[1] != structure.groups[2]:
+    if {"q_m", "tau"} <= channels.keys() and structure.has_spring:
         wound = channels["q_m"] - channels.get("q_l", np.zeros(1))
         k_b = p.get("k_b", 0.0)
         slope = np.polyfit(wound, channels["tau"], 1)[0] if np.ptp(wound) > 0.0 else 0.0
@@ -290,7 +289,7 @@ def _scales(
                 (motor.driving, "tau", "current per torque", abs(per_term["tau"]) * torque)
             )
         if alike.get("acceleration"):
-            apart = "tau" in motor.terms and structure.groups[1] != structure.groups[2]
+            apart = "tau" in motor.terms and structure.has_spring
             bodies = ("I_m", "I_g") if apart else ("I_m", "I_g", "I_l")
             mass = sum(p.get(name, 0.0) for name in bodies)
             measured = abs(per_term["acceleration"]) * torque

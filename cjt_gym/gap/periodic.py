@@ -18,8 +18,8 @@ from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.predictor import torque_response
 from cjt_gym.gap.signals import MEAN, commanded_current, joint_torque, taken_over, within
 from cjt_gym.gap.stages import Stages
+from cjt_gym.joint.arrays import Floats
 
-Floats = NDArray[np.float64]
 HIGHEST = 20_000.0
 CELLS = 1 << 20
 TRIED, PEAKS = 12, 3

@@ -13,8 +13,8 @@ from cjt_gym.gap.chain import Chain
 from cjt_gym.gap.fields import Fields, friction_law, has_friction
 from cjt_gym.gap.kernel import LAW_SIZE, predict
 from cjt_gym.gap.setting import Setting
+from cjt_gym.joint.arrays import Floats
 
-Floats = NDArray[np.float64]
 RESPONSE = 200
 """Samples after which a predictor has forgotten a torque."""
 

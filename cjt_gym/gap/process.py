@@ -14,16 +14,15 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.gap.setting import as_noisy
 from cjt_gym.gap.signals import motor_torque
+from cjt_gym.joint.arrays import Floats
 
 if TYPE_CHECKING:
     from cjt_gym.gap.fields import Fields
     from cjt_gym.gap.stages import Stages
 
-Floats = NDArray[np.float64]
 WINDOW = 32
 """Samples of a stretch."""
 QUIET = 0.25

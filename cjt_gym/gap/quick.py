@@ -11,8 +11,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from cjt_gym.gap.fit import DEFLATION, FLOOR, LONGEST, Fit, Floats, Model, Problem, difference
+from cjt_gym.gap.fit import DEFLATION, FLOOR, LONGEST, Fit, Model, Problem, difference
 from cjt_gym.gap.hypothesis import Hypothesis
+from cjt_gym.joint.arrays import Floats
 
 RELINEARISED = 3
 MOVED = 1.0

@@ -13,7 +13,6 @@ from cjt_gym.gap.fit import (
     FLOOR,
     MOVES,
     Fit,
-    Floats,
     Model,
     Problem,
     retuned,
@@ -23,6 +22,7 @@ from cjt_gym.gap.hypothesis import Hypothesis
 from cjt_gym.gap.merit import LOG_SHARE, MARGIN, RELEASE, STRAIN, evidence, price
 from cjt_gym.gap.periodic import command_steps, line_starts, periodic_starts
 from cjt_gym.gap.quick import Look
+from cjt_gym.joint.arrays import Floats
 
 BEAM = 2
 TRIAL_MOVES = 6

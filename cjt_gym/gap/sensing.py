@@ -10,12 +10,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.gap.noise import ChannelNoise
 from cjt_gym.gap.setting import Setting
+from cjt_gym.joint.arrays import Floats
 
-Floats = NDArray[np.float64]
 COARSER = 1.8
 """Ratio of found to stated resolution above which a channel is called coarse."""
 NOISIER = 1.3

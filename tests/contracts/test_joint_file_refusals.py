@@ -14,7 +14,7 @@ from cjt_gym.joint.parameter_table import (
     PARAMETERS,
 )
 from cjt_gym.joint.parameters import JointParameters
-from tests.contracts.joint_files import HEAD, entries, write
+from tests.contracts.written_joints import HEAD, entries, write
 
 KB = 'k_b = { value = 6000.0, unit = "N m/rad" }'
 REFUSED = {

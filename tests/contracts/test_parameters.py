@@ -29,7 +29,7 @@ from cjt_gym.joint.parameter_table import (
 from cjt_gym.joint.parameters import JointParameters
 from cjt_gym.joint.quantity import Quantity, Setting
 from cjt_gym.joint.toml_format import parse_document
-from tests.contracts.joint_files import entries, write
+from tests.contracts.written_joints import entries, write
 
 GOLDEN = json.loads((Path(__file__).parents[1] / "golden" / "params.json").read_text("utf-8"))
 ORACLE_SETS = {

@@ -10,7 +10,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter, savgol_filter
 
 from cjt_gym.gap.disturbance import Disturbance, field_of
@@ -19,8 +18,8 @@ from cjt_gym.gap.hypothesis import Apply, Hypothesis, Scales, Values, scales
 from cjt_gym.gap.number import Number
 from cjt_gym.gap.series import Series
 from cjt_gym.gap.setting import Setting
+from cjt_gym.joint.arrays import Floats
 
-Floats = NDArray[np.float64]
 Signal = Callable[[Series, Values], Floats]
 TOUCHED = {
     "i": ("drive", "motor"),

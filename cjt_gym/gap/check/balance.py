@@ -15,7 +15,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from cjt_gym.joint.arrays import Floats
+
 Bools = NDArray[np.bool_]
 RELIABLE = 10.0
 """Size of an identifiable term, in standard deviations: 5 would do for white noise, but the

@@ -11,10 +11,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from cjt_gym.errors import CjtGymError
-from cjt_gym.gap.check.balance import Balance, Floats, factors, left_over
+from cjt_gym.gap.check.balance import Balance, factors, left_over
 from cjt_gym.gap.check.pieces import Columns, smooth
 from cjt_gym.gap.check.view import View
 from cjt_gym.joint import JointFile, Structure
+from cjt_gym.joint.arrays import Floats
 from cjt_gym.records import Record
 
 LEAST = 0.3
@@ -29,7 +30,7 @@ LATE = "q_l"
 def late_angle(view: View) -> float:
     """Return how much later than q_m the angle q_l is read [s]; 0 if the spring may explain it."""
     balance = view.motor
-    if balance is None or not view.has_spring or not {"q_m", LATE} <= set(view.channels):
+    if balance is None or not view.structure.has_spring or not {"q_m", LATE} <= set(view.channels):
         return 0.0
     if view.structure.output_fixed or view.value("k_b") <= 0.0:
         return 0.0
@@ -48,7 +49,7 @@ def late_angle(view: View) -> float:
 
 def _stiffness(view: View) -> float:
     """Return the stiffness between the two angles, including the gearbox [N m/rad]."""
-    springs = [view.value("k_b"), view.value("k_g") if view.has_gear else 0.0]
+    springs = [view.value("k_b"), view.value("k_g") if view.structure.has_gear else 0.0]
     return 1.0 / sum(1.0 / k for k in springs if k > 0.0)
 
 

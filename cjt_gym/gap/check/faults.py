@@ -161,7 +161,10 @@ def _swing(view: View) -> Sequence[str]:
     found = []
     for swing, what in (
         (resonance(view), "The joint resonates on its spring"),
-        (gear_resonance(view) if view.has_gear else 0.0, "Motor and gear resonate on the gearbox"),
+        (
+            gear_resonance(view) if view.structure.has_gear else 0.0,
+            "Motor and gear resonate on the gearbox",
+        ),
     ):
         if swing > nyquist:
             found.append(

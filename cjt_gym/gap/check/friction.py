@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cjt_gym.gap.check.balance import Balance, Floats, factors
+from cjt_gym.gap.check.balance import Balance, factors
 from cjt_gym.gap.check.resonances import resonance
 from cjt_gym.gap.check.verdicts import (
     TORQUE,
@@ -18,6 +18,7 @@ from cjt_gym.gap.check.verdicts import (
     percent,
 )
 from cjt_gym.gap.check.view import View
+from cjt_gym.joint.arrays import Floats
 
 BOTH_WAYS = 0.02
 """Least share of the moving samples in the rarer direction."""
@@ -105,7 +106,7 @@ def inertia(view: View, balance: Balance) -> Verdict:
 
 def bodies(view: View) -> tuple[str, ...]:
     """Return the inertias that the motor's balance contains."""
-    return ("I_m", "I_g") if view.cut and not view.has_gear else _all(view)
+    return ("I_m", "I_g") if view.cut and not view.structure.has_gear else _all(view)
 
 
 def _all(view: View) -> tuple[str, ...]:

@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from cjt_gym.gap.check.balance import Floats, factors, left_over
+from cjt_gym.gap.check.balance import factors, left_over
 from cjt_gym.gap.check.clock import even
 from cjt_gym.gap.check.pieces import smooth
 from cjt_gym.gap.check.view import View
+from cjt_gym.joint.arrays import Floats
 from cjt_gym.records import Record
 
 LATE = 0.7

@@ -26,7 +26,7 @@ def no_load(view: View) -> Unseen | None:
     if "tau" not in view and not view.wound:
         why = "no joint torque tau is recorded: the load cannot be told from the motor"
         return Unseen(why, FREE)
-    if view.load_angle is None and view.has_spring:
+    if view.load_angle is None and view.structure.has_spring:
         return Unseen("the load's angle q_l is not recorded", FREE)
     return Unseen("the load does not move by more than its noise", FREE)
 
@@ -63,7 +63,7 @@ def gravity(view: View) -> Verdict:
         return HELD
     if view.angle_unit == "m":
         return Unseen("on a straight axis a weight is a constant force", OFFSET)
-    balance = view.load if view.has_spring and view.load is not None else view.motor
+    balance = view.load if view.structure.has_spring and view.load is not None else view.motor
     if balance is None:
         return no_balance(view) or Unseen("the load does not move", FREE)
     angle, slow = balance["q"], balance.slow(1.0, view.dt)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from cjt_gym.gap.check.balance import Floats
 from cjt_gym.gap.check.friction import TURN, one_way, seen, two_ways
 from cjt_gym.gap.check.pieces import Columns
 from cjt_gym.gap.check.transmission import BESIDE, no_spring, spring
 from cjt_gym.gap.check.verdicts import Seen, Unseen, Verdict, only_from
 from cjt_gym.gap.check.view import View
+from cjt_gym.joint.arrays import Floats
 
 GAIN = 0.3
 """Upper limit on the smallest identifiable gain error."""

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from cjt_gym.gap.check.balance import Floats, left_over
+from cjt_gym.gap.check.balance import left_over
 from cjt_gym.gap.check.pieces import smooth
 from cjt_gym.gap.check.view import View
+from cjt_gym.joint.arrays import Floats
 
 HELPS = 0.8
 """Largest residual of the motion's balance with the torque as a load, relative to that without."""
@@ -20,7 +21,7 @@ SURE = 3.0
 
 def without_spring(view: View) -> list[str]:
     """Return a remark on a torque for which the structure has no spring."""
-    if view.has_spring or "tau" not in view or "tau_l" in view.channels:
+    if view.structure.has_spring or "tau" not in view or "tau_l" in view.channels:
         return []
     said = f"tau is not used: the structure {view.structure.name} has no spring to transmit it."
     sign = _load_sign(view)
@@ -55,7 +56,7 @@ def _load_sign(view: View) -> tuple[int, float, float] | None:
 
 def at_rest(view: View) -> list[str]:
     """Return a remark on the torque sensor's reading at rest without motor torque."""
-    if not view.has_spring or "tau" not in view or view.drive is None:
+    if not view.structure.has_spring or "tau" not in view or view.drive is None:
         return []
     rests = _rests(view)
     if not rests:

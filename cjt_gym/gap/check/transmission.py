@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from cjt_gym.gap.check.balance import RELIABLE, Balance, Floats, slope
+from cjt_gym.gap.check.balance import RELIABLE, Balance, slope
 from cjt_gym.gap.check.resonances import gear_resonance
 from cjt_gym.gap.check.verdicts import Seen, Unseen, Verdict, only_from
 from cjt_gym.gap.check.view import View
+from cjt_gym.joint.arrays import Floats
 
 RELATIVE = 0.3
 """Upper limit on the smallest identifiable relative size."""
@@ -26,7 +27,7 @@ ABOVE = 5.0
 
 def no_spring(view: View) -> Unseen | None:
     """Return why the spring cannot be evaluated, or None if it can."""
-    if not view.has_spring:
+    if not view.structure.has_spring:
         why = f"the structure {view.structure.name} has no spring"
         return Unseen(why, RIGID)
     if "tau" not in view.channels:
@@ -41,7 +42,7 @@ def no_spring(view: View) -> Unseen | None:
 
 def tied(view: View) -> Balance | None:
     """Return the balance of a motor with a spring to a held output and no measured torque."""
-    held = view.has_spring and view.structure.output_fixed and "tau" not in view.channels
+    held = view.structure.has_spring and view.structure.output_fixed and "tau" not in view.channels
     return view.motor if held and view.drive is not None else None
 
 
@@ -157,7 +158,7 @@ def _crossings(view: View) -> int:
 
 def gear_stiffness(view: View) -> Verdict:
     """Judge the gearbox's stiffness, which shows near its resonance or between its two angles."""
-    if not view.has_gear:
+    if not view.structure.has_gear:
         why = f"the gearbox of the structure {view.structure.name} is rigid"
         return Unseen(why, RIGID)
     if "q_g" in view and "q_m" in view and "tau" in view:

@@ -8,11 +8,12 @@ from functools import cached_property
 
 import numpy as np
 
-from cjt_gym.gap.check.balance import FEWEST, Balance, Floats
+from cjt_gym.gap.check.balance import FEWEST, Balance
 from cjt_gym.gap.check.body import Body
 from cjt_gym.gap.check.channels import Channel, channels_of
 from cjt_gym.gap.check.pieces import Columns, changes, gain, stretches
 from cjt_gym.joint import STRUCTURES, JointFile, Structure
+from cjt_gym.joint.arrays import Floats
 from cjt_gym.records import Record
 
 WIDTHS = (5, 7, 9, 13, 17, 25, 37, 53, 75, 101)
@@ -108,19 +109,9 @@ class View:
         return next((name for name in ("i_cmd", "tau_cmd") if name in self.channels), None)
 
     @property
-    def has_spring(self) -> bool:
-        """Whether a torsion bar connects motor side and load."""
-        return self.structure.groups[1] != self.structure.groups[2]
-
-    @property
-    def has_gear(self) -> bool:
-        """Whether the gearbox is compliant."""
-        return self.structure.groups[0] != self.structure.groups[1]
-
-    @property
     def cut(self) -> bool:
         """Whether the measured torque separates the motor side from the load."""
-        return self.has_spring and "tau" in self
+        return self.structure.has_spring and "tau" in self
 
     @cached_property
     def motor_angle(self) -> str | None:
@@ -173,7 +164,7 @@ class View:
     @cached_property
     def load(self) -> Balance | None:
         """The torque balance of a free load whose torque is known, or None."""
-        angle = self.load_angle if self.has_spring else self.motor_angle
+        angle = self.load_angle if self.structure.has_spring else self.motor_angle
         known = "tau" in self or self.wound
         if self.structure.output_fixed or not known or angle is None:
             return None
@@ -184,7 +175,7 @@ class View:
     @property
     def wound(self) -> bool:
         """Whether the spring's torque is not measured but follows from its two angles."""
-        ends = self.has_spring and {"q_m", "q_l"} <= self.channels.keys()
+        ends = self.structure.has_spring and {"q_m", "q_l"} <= self.channels.keys()
         return ends and "tau" not in self and self.value("k_b") > 0.0
 
     def _noise(self, name: str | None) -> float:

@@ -13,11 +13,10 @@ from html import escape
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.gap.report.words import MINUS, number
+from cjt_gym.joint.arrays import Floats
 
-Floats = NDArray[np.float64]
 SIZE = 10_000
 """Units of the drawing along each side."""
 MOST = 4000
