@@ -78,7 +78,7 @@ def vibration(world: World, draw: Draw) -> Outcome:
 
 @row("current_slew", "drive", slew="A/s")
 def current_slew(world: World, draw: Draw) -> Outcome:
-    """Return a current that cannot change quickly."""
+    """Return a current with a limited slew rate."""
     share = draw.size(1.0, 4.0)
     slew = draw.scales.peak * 200.0 / share if share > 0.0 else math.inf
     return on_drive(world, slew=slew), {"slew": slew}

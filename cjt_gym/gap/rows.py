@@ -232,9 +232,9 @@ def _load_friction(x: Found) -> Rows:
 # ---- transmission, sensing, load
 def _backlash(x: Found) -> Rows:
     inside = x.fields["play_g"] == 0.0 and x.setting.has_gear
-    note = "the record puts it at the torsion bar, the model into the gear" if inside else ""
+    note = "the record places it at the torsion bar, the model in the gear" if inside else ""
     if x.fields["pull_g"] > 0.0:
-        note = "the record's damper holds teeth that part, the model's does not"
+        note = "in the record the damper resists parting teeth, in the model it does not"
     play = x.fields["play"] or x.fields["play_g"]
     return {"backlash": {"gap": x.moved("b", play, note=note), "offset": _exact(0.0)}}
 
@@ -242,7 +242,7 @@ def _backlash(x: Found) -> Rows:
 def _hardening(x: Found) -> Rows:
     stiffness = x.fields["k_b"]
     cubic = stiffness * x.named("c")
-    note = f"it softens, k_3 = {cubic:.3g}, which the model has not" if cubic < 0.0 else ""
+    note = f"it softens, k_3 = {cubic:.3g}, which the model cannot represent" if cubic < 0.0 else ""
     return {"hardening": {"k_3": x.moved("c", cubic, stiffness, note)}}
 
 
