@@ -11,7 +11,7 @@ from cjt_gym.errors import ConfigurationError, check_name
 from cjt_gym.joint import STRUCTURES, Joint
 
 EVERY = tuple(STRUCTURES)
-SPRUNG = tuple(name for name, row in STRUCTURES.items() if row.groups[1] != row.groups[2])
+SPRUNG = tuple(name for name, row in STRUCTURES.items() if row.has_spring)
 FIXED = tuple(name for name, row in STRUCTURES.items() if row.output_fixed)
 """Structures with a torsion bar, and those whose output is fixed."""
 

@@ -49,23 +49,16 @@ class Block:
     With w the signals, u the command that was applied and v the sum of all blocks, which u is
     unless a limit acts. So g holds the state where the limit holds the command (back-calculation).
 
-    Attributes:
-        a: Shape (order, order).
-        b: Shape (order, 9).
-        c: Shape (order,).
-        d: Shape (9,); nothing of it may hang on the present command.
-        g: Shape (order,).
-
     References:
         Astrom, Rundqwist (1989), Integrator windup and how to avoid it, American Control
         Conference.
     """
 
-    a: Floats
-    b: Floats
-    c: Floats
-    d: Floats
-    g: Floats
+    a: Floats  # shape (order, order)
+    b: Floats  # shape (order, 9)
+    c: Floats  # shape (order,)
+    d: Floats  # shape (9,); nothing of it may hang on the present command
+    g: Floats  # shape (order,)
 
 
 def static(**weights: float) -> Block:

@@ -13,17 +13,27 @@ from __future__ import annotations
 
 import sys
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
+
 from cjt_gym.gap import diagnose
-from cjt_gym.gap.rungs import rungs
-from cjt_gym.joint import to_toml
+from cjt_gym.gap.fit import Model, Problem
+from cjt_gym.gap.gap_size import followed, main_channel, relative
+from cjt_gym.gap.hypotheses import hypotheses
+from cjt_gym.gap.replay import written
+from cjt_gym.gap.setting import as_noisy, make_setting
+from cjt_gym.gap.stages import Stages
+from cjt_gym.joint import get_structure, load_joint_file, to_toml
 from cjt_gym.records import read_record
 from cjt_gym.training.demo.emps import PUBLISHED, replay
 
 EVEN = ("damping", "coulomb", "torque_offset")
 LADDER = ((), *(EVEN[:k] for k in (1, 2, 3)), ("viscous_asym", "coulomb_asym"))
 RECORDS = ("emps", "emps_pulses")
+MOVES = 30
+"""Steps of the fit of each model."""
 
 
 def main() -> None:
@@ -36,13 +46,35 @@ def main() -> None:
         show_closed_loop(path)
 
 
+def ladder() -> Iterator[tuple[tuple[str, ...], list[float]]]:
+    """Yield the effects of each model, and its relative error of the force on both records.
+
+    Every model is fitted anew to the first record; datasheet values stay nominal.
+    """
+    fitted, unseen = map(read_record, RECORDS)
+    file, rigid = load_joint_file(fitted.joint_file or ""), get_structure("rigid")
+    problem = Problem.of(Stages(make_setting(fitted, file, rigid)))
+    problem.shared = tuple(n for n in problem.shared if not n.unknown.prior)
+    known = problem.stages.setting
+    tested = [known, as_noisy(make_setting(unseen, file, rigid), known)]
+    candidates = hypotheses(known, problem.stages.names)
+    for names in LADDER:
+        effects = tuple(next(row for row in candidates if row.name == name) for name in names)
+        starts = [zip(e.unknowns, e.starts[0], strict=True) for e in effects]
+        z = [unknown.coordinate(x) for start in starts for unknown, x in start]
+        start = np.concatenate([np.zeros(len(problem.shared)), z])
+        fit = problem.fit(Model(effects), start, MOVES)
+        model = written(problem, fit.model, fit.z)
+        forces = [followed(setting, [model])[main_channel(setting)] for setting in tested]
+        yield names, [float(relative([force])[0]) for force in forces]
+
+
 def show_ladder() -> None:
     """Print the open-loop error of the force of each model."""
-    fitted, unseen = map(read_record, RECORDS)
     print_row("force from the measured motion", *RECORDS)
-    for rung in rungs(fitted, LADDER, fitted.joint_file or "", "rigid", [unseen]):
-        name = ", ".join(rung.effects) or "nominal joint, without friction"
-        print_row(name, *(f"{100.0 * error:.2f} %" for error in rung.errors))
+    for effects, errors in ladder():
+        name = ", ".join(effects) or "nominal joint, without friction"
+        print_row(name, *(f"{100.0 * error:.2f} %" for error in errors))
 
 
 def show_closed_loop(diagnosed: Path) -> None:

@@ -22,23 +22,15 @@ HZ = Gain("bandwidth_hz", "Hz", 0.01, 1000.0, log=True)
 
 @dataclass(frozen=True)
 class ObserverEntry:
-    """One row of the table.
+    """One row of the table."""
 
-    Attributes:
-        name: Its name.
-        summary: What it is, in one line.
-        tunable: Its numbers with their ranges; those without a usual value have to be given.
-        make: Makes it for a sampled joint, numbers and measured signals.
-        outputs: Measured signals where none are given.
-        chosen: How many measured signals may be chosen: none, one, or any number (-1).
-    """
-
-    name: str
-    summary: str
+    name: str  # its name
+    summary: str  # what it is, in one line
+    # its numbers with their ranges; those without a usual value have to be given
     tunable: tuple[Gain, ...]
-    make: Make
-    outputs: tuple[str, ...] = ("tau",)
-    chosen: int = 0
+    make: Make  # makes it for a sampled joint, numbers and measured signals
+    outputs: tuple[str, ...] = ("tau",)  # measured signals where none are given
+    chosen: int = 0  # how many measured signals may be chosen: none, one, or any number (-1)
 
 
 def _luenberger(

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from cjt_gym.analysis.system import Complex, Floats
-from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.errors import ConfigurationError, check_name
 from cjt_gym.joint import Joint
 from cjt_gym.plant import Law, SimulatedPlant
 
@@ -107,8 +107,7 @@ def identify(
         ConfigurationError: A number is out of range.
         SimulationError: The loop is unstable.
     """
-    if place not in PLACES:
-        raise unknown_name("place of the excitation", place, PLACES)
+    check_name("place of the excitation", place, PLACES)
     if not (0.0 < low < high <= 0.5 / dt) or phases < 2 or periods < 2 or amplitude <= 0.0:
         raise ConfigurationError(
             f"identify needs 0 < low < high <= {0.5 / dt:g} Hz, amplitude > 0 N m, at least 2 "

@@ -15,7 +15,7 @@ import numpy as np
 
 from cjt_gym.analysis.figures import step_figures
 from cjt_gym.analysis.system import Complex, Floats
-from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.errors import ConfigurationError, check_name
 from cjt_gym.joint import Joint, linear
 from cjt_gym.joint.linear import (
     OUTPUTS,
@@ -97,10 +97,8 @@ def matrices(joint: Joint, input: str = "tau_m", output: str = "tau") -> Matrice
         ConfigurationError: A voltage is asked for with the drive "current", or the torque of a
             joint without torsion bar.
     """
-    if input not in INPUTS:
-        raise unknown_name("input", input, INPUTS)
-    if output not in OUTPUTS:
-        raise unknown_name("output", output, OUTPUTS)
+    check_name("input", input, INPUTS)
+    check_name("output", output, OUTPUTS)
     if output == "tau" and joint.structure == "rigid":
         raise ConfigurationError(
             "The structure rigid has no torsion bar, so no output tau. Ask for dq_m, or take "

@@ -13,7 +13,7 @@ Example:
 from cjt_gym.blind.bench import Bench, make_bench
 from cjt_gym.blind.case import Case, Log, draw_case
 from cjt_gym.blind.defects import DEFECTS
-from cjt_gym.blind.files import write_case, write_labels
+from cjt_gym.blind.files import write_case
 from cjt_gym.blind.known import KNOWN
 from cjt_gym.blind.outside import OUTSIDE
 from cjt_gym.blind.plan import SMALL
@@ -29,5 +29,4 @@ __all__ = [
     "draw_case",
     "make_bench",
     "write_case",
-    "write_labels",
 ]

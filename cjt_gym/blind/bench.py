@@ -1,4 +1,4 @@
-"""A joint on the test bench: whoever does not know it may record it again and again."""
+"""A joint on a test bench, which can be recorded any number of times."""
 
 from __future__ import annotations
 
@@ -12,28 +12,23 @@ from cjt_gym.blind.files import datasheet_text
 from cjt_gym.blind.joints import Datasheet, draw_joint
 from cjt_gym.blind.plant import CHANNELS, STRUCTURES, Floats, World
 from cjt_gym.blind.run import draw_chances, instants, run
-from cjt_gym.errors import unknown_name
+from cjt_gym.errors import check_name
 from cjt_gym.records import Record, default_units
 
 
 @dataclass(frozen=True)
 class Bench:
-    """A joint that can be recorded, and its datasheet.
-
-    Attributes:
-        world: The joint as it is.
-        sheet: What is stated of it.
-    """
+    """A joint that can be recorded, and its datasheet."""
 
     world: World
     sheet: Datasheet
 
     def datasheet(self, name: str = "bench") -> str:
-        """Return the text of the joint file: what a diagnosis may know."""
+        """Return the text of the joint file that a diagnosis is given."""
         return datasheet_text(self.sheet, name)
 
     def record(self, current: Floats, seed: int = 0) -> Record:
-        """Return the record of a run from rest, for a current at every sample [A], shape (n,)."""
+        """Return the record of a run from rest under given currents [A], shape (n,)."""
         return self._run(current, Gains(limit=self.sheet.i_p), seed, {"mode": "open loop"})
 
     def track(self, reference: Floats, kp: float, seed: int = 0) -> Record:
@@ -64,7 +59,7 @@ class Bench:
 
 
 def make_bench(seed: int, structure: str, **changed: float) -> Bench:
-    """Return a random joint, some of whose mechanics differ from what its datasheet assumes.
+    """Return a random joint, with some of its mechanics changed from its datasheet.
 
     Args:
         seed: Seed of the joint.
@@ -80,10 +75,8 @@ def make_bench(seed: int, structure: str, **changed: float) -> Bench:
         >>> len(bench.record(np.zeros(300)))
         300
     """
-    if structure not in STRUCTURES:
-        raise unknown_name("structure", structure, STRUCTURES)
+    check_name("structure", structure, STRUCTURES)
     world, sheet = draw_joint(STRUCTURES[structure], np.random.default_rng(seed))
     for name in changed:
-        if name not in world.plant._fields:
-            raise unknown_name("field of Plant", name, world.plant._fields)
+        check_name("field of Plant", name, world.plant._fields)
     return Bench(replace(world, plant=world.plant._replace(**changed)), sheet)

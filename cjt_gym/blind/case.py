@@ -1,4 +1,4 @@
-"""Blind cases: a random joint with hidden effects, two records of it, and the key to them."""
+"""Blind cases: a random joint with hidden effects, two records, and their label."""
 
 from __future__ import annotations
 
@@ -47,15 +47,15 @@ class Log:
 
 @dataclass(frozen=True)
 class Case:
-    """A joint whose effects are hidden.
+    """A joint with hidden effects.
 
     Attributes:
-        sheet: Stated facts on the joint and its records.
+        sheet: Datasheet of the joint and its records.
         structure: Name of its structure.
         diagnose: Record to diagnose.
         validate: Record to check a diagnosis on.
-        label: What is hidden, how large its trace in the first record is, the true values of the
-            joint, and how far the stated and the true model are from the second record.
+        label: The hidden effects, how visible each is in the first record, the true values of the
+            joint, and the errors of the stated and the true model on the second record.
         world: The true joint, for further experiments.
     """
 
@@ -79,7 +79,7 @@ def draw_case(
     joint: int | None = None,
     defects: Iterable[str] = (),
 ) -> Case:
-    """Return a random case; the same one for the same arguments.
+    """Return a random case, reproducible from its arguments.
 
     Args:
         seed: Seed of all random numbers.
@@ -99,8 +99,8 @@ def draw_case(
         ConfigurationError: The structure cannot have an effect, or a number is out of range.
     """
     streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(6)]
-    wishes = (effects, structure, excitation, closed_loop, strength, duration)
-    plan = draw_plan(*wishes, streams[0], streams[1])
+    given = (effects, structure, excitation, closed_loop, strength, duration)
+    plan = draw_plan(*given, streams[0], streams[1])
     plan = replace(plan, defects=check_defects(defects))
     of_joint = streams[2] if joint is None else np.random.default_rng(joint)
     return _case(plan, of_joint, *streams[3:])
@@ -177,7 +177,7 @@ def _scales(
 def _hide(
     world: World, plan: Plan, scales: Scales, seeds: list[int], leave_out: int | None = None
 ) -> tuple[World, dict[str, dict[str, float]]]:
-    """Return the joint with its effects, but for one that is left out, and their parameters."""
+    """Return the joint with its effects, optionally without one of them, and their parameters."""
     parameters = {}
     for k, (effect, place) in enumerate(plan.effects):
         if k != leave_out:
@@ -194,7 +194,7 @@ def _record(
     rng: np.random.Generator,
     fine_step: float = 1e-5,
 ) -> Run:
-    """Return a run under a signal of `_signal`."""
+    """Return a run driven by a signal of `_signal`."""
     if closed:
         gains = first_gains(world.structure, sheet, rng)
         return under_control(world, signal, gains, rng, fine_step)
@@ -203,7 +203,7 @@ def _record(
 
 
 def _log(plan: Plan, sheet: Datasheet, flaws: Defects, result: Run, turn: int, order: int) -> Log:
-    """Return the record of a run, without the rows that are lost at random."""
+    """Return the record of a run, without the rows that are randomly lost."""
     t = result.times if flaws.stamped else instants(sheet.dt, len(result.command))
     columns = {"t": t, "i_cmd": result.command}
     columns |= {name: result.measured[:, CHANNELS.index(name)] for name in sheet.channels}

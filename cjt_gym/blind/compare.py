@@ -1,4 +1,4 @@
-"""The numbers of a diagnosis beside the true ones, where both mean the same.
+"""Comparison of a diagnosis's numbers with the true ones.
 
 Labels carry the symbols of the effect table and of joint files, and a number of a diagnosis with
 the same symbol is compared as it is. Numbers that it gives in another form have a row in `FORMS`.
@@ -23,14 +23,14 @@ def _level(values: Values, body: str) -> float:
 
 
 def _excess(label: Label, symbol: str) -> float:
-    """Return what a parameter is beyond its datasheet, where the motor is blamed for it, else 0."""
+    """Return the excess of a parameter over its datasheet if it appears as the motor's, else 0."""
     if label["structure"] in ("full_dynamics", "output_fixed"):
         return 0.0
     return float(label["true"][symbol] - label["stated"][symbol])
 
 
 def _added(key: str) -> Callable[[Values, str, Label], float]:
-    """Return the function of the damping that is added to the nominal one, in one direction."""
+    """Return a function for the damping added to the nominal one in one direction."""
 
     def added(values: Values, body: str, label: Label) -> float:
         of_gear = _excess(label, "d_g") if body == "m" else 0.0
@@ -40,7 +40,7 @@ def _added(key: str) -> Callable[[Values, str, Label], float]:
 
 
 def _drag(values: Values, _body: str, label: Label) -> float:
-    """Return the damping of the motor, with that of the gear where they move together."""
+    """Return the damping of the motor, including the gear's if they move together."""
     joined = label["structure"] not in ("full_dynamics", "output_fixed")
     return values["d_m"] + (float(label["true"]["d_g"]) if joined else 0.0)
 
@@ -66,7 +66,7 @@ def compare(label: Label, effect: Mapping[str, Any]) -> list[dict[str, Any]]:
 
     Returns:
         Rows with `effect`, `parameter`, `true`, `value`, `low`, `high` and whether the interval
-        covers the true value, `covered`. None where the name or the place is wrong.
+        covers the true value, `covered`. Empty if the name or the place is wrong.
     """
     name = effect["name"]
     values = label["parameters"].get(name)
@@ -98,7 +98,7 @@ def _amplitude(values: Values) -> float:
 
 
 def _size(a: Mapping[str, float], b: Mapping[str, float]) -> dict[str, float]:
-    """Return the amplitude of a cos + b sin, its interval as if a and b erred independently."""
+    """Return the amplitude of a cos + b sin and its interval, for independent errors."""
     size = math.hypot(a["value"], b["value"])
     halves = [0.5 * (x["high"] - x["low"]) * x["value"] for x in (a, b)]
     half = math.hypot(*halves) / size if size > 0.0 else 0.0

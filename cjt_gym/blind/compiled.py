@@ -1,7 +1,7 @@
 """The decorator of the compiled functions of this package, and their cache on disk.
 
 Numba renews the cache of a function when its own file changes, not when a function that it calls
-does: so whatever is older than the newest source file is thrown away on import.
+does. So all cached functions older than the newest source file are deleted on import.
 """
 
 from __future__ import annotations

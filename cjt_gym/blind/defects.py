@@ -1,4 +1,4 @@
-"""Defects of real logs and datasheets: what a diagnosis has to bear beside the hidden effects."""
+"""Defects of real logs and datasheets, which a diagnosis must tolerate."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from cjt_gym.blind.plant import CHANNELS, Floats, Structure, World
 from cjt_gym.errors import unknown_name
 
 DEFECTS: Final = ("noise", "jitter", "gaps", "missing", "guess", "command_only")
-"""Kinds: noise that is stated wrong, sampling instants that vary, lost stretches, a channel that
-was not recorded, inertias that are guessed, nothing recorded but command and motor angle."""
+"""Wrongly stated noise, sampling jitter, gaps, a channel that was not recorded, guessed inertias,
+and records with only the command and the motor angle."""
 NOISE: Final = (0.5, 3.0)
 """Stated noise over the true one."""
 NOISIER: Final = 1.2
-"""True noise over the stated one from which a channel is rightly called noisy."""
+"""Ratio of true to stated noise above which it is correct to call a channel noisy."""
 JITTER: Final = (0.02, 0.14)
 """Standard deviation of the sampling instants, as a share of the time between samples."""
 GAPS: Final = (1, 5)
-"""Lost stretches of a record: at least one, fewer than the second."""
+"""Number of gaps in a record: lower bound, and upper bound (exclusive)."""
 LOST: Final = (0.02, 0.2)
-"""Length of a lost stretch [s]."""
+"""Length of a gap [s]."""
 MISSING: Final = ("i", "tau", "q_l")
-"""Channels of which one was not recorded."""
+"""Channels one of which may be missing."""
 KEPT: Final = ("q_m",)
-"""What is recorded beside the command, where that is all."""
+"""Channels recorded beside the command by `command_only`."""
 GUESS: Final = (1.0 / 3.0, 3.0)
 """Guessed inertia over the true one."""
 
@@ -37,32 +37,26 @@ Columns = dict[str, Floats]
 
 @dataclass(frozen=True)
 class Defects:
-    """The defects of a case; one without any leaves all as it is.
+    """The defects of a case."""
 
-    Attributes:
-        kinds: Which of DEFECTS there are.
-        noise: Stated noise over the true one, by channel.
-        jitter: Standard deviation of the sampling instants [s]; None for that of the joint.
-        stamped: Whether the record's time tells the instants; else it is as if they were even.
-        empty: Whether lost stretches stand in the record without values; else their rows are gone.
-        missing: Channels that were not recorded.
-        guesses: Guessed inertia over the stated one, by symbol.
-    """
-
-    kinds: tuple[str, ...] = ()
+    kinds: tuple[str, ...] = ()  # names of its defects, of DEFECTS
+    # stated noise over the true one, by channel
     noise: Mapping[str, float] = field(default_factory=dict)
+    # standard deviation of the sampling instants [s]; None for the joint's own
     jitter: float | None = None
+    # whether the record's time holds the true instants; otherwise it is evenly spaced
     stamped: bool = False
-    empty: bool = False
-    missing: tuple[str, ...] = ()
+    empty: bool = False  # whether gaps are filled with NaN; otherwise their rows are missing
+    missing: tuple[str, ...] = ()  # channels that were not recorded
+    # guessed inertia over the stated one, by symbol
     guesses: Mapping[str, float] = field(default_factory=dict)
 
     def applied(self, world: World) -> World:
-        """Return the joint as it is recorded."""
+        """Return the joint as recorded."""
         return world if self.jitter is None else replace(world, jitter=self.jitter)
 
     def stated(self, sheet: Datasheet) -> Datasheet:
-        """Return the datasheet that goes with the records."""
+        """Return the datasheet supplied with the records."""
         return replace(
             sheet,
             noise=tuple(
@@ -75,7 +69,7 @@ class Defects:
         )
 
     def lost(self, columns: Columns, dt: float, rng: np.random.Generator) -> Columns:
-        """Return a record without its lost stretches."""
+        """Return a record with its gaps."""
         if "gaps" not in self.kinds:
             return columns
         samples = len(columns["t"])
@@ -93,7 +87,7 @@ class Defects:
         }
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what they are as plain values, by kind."""
+        """Return the defects as plain values, by kind."""
         told = {
             "noise": {"stated_over_true": dict(self.noise)},
             "jitter": {"std": self.jitter, "stamped": self.stamped},
@@ -106,7 +100,7 @@ class Defects:
 
 
 def check_defects(kinds: Iterable[str]) -> tuple[str, ...]:
-    """Return names of defects in their usual order."""
+    """Return the names of defects in the order of DEFECTS."""
     asked = set(kinds)
     for name in sorted(asked - set(DEFECTS)):
         raise unknown_name("defect", name, DEFECTS)
@@ -116,7 +110,7 @@ def check_defects(kinds: Iterable[str]) -> tuple[str, ...]:
 def draw_defects(
     kinds: tuple[str, ...], structure: Structure, sheet: Datasheet, rng: np.random.Generator
 ) -> Defects:
-    """Return random defects of some kinds for a joint with a datasheet."""
+    """Return random defects of given kinds."""
     noise, guesses = _factors(sheet.channels, NOISE, rng), _guesses(structure, rng)
     jitter, stamped = sheet.dt * rng.uniform(*JITTER), bool(rng.random() < 0.5)
     empty, absent = bool(rng.random() < 0.5), str(rng.choice(MISSING))
@@ -142,7 +136,7 @@ def _factors(
 
 
 def _guesses(structure: Structure, rng: np.random.Generator) -> dict[str, float]:
-    """Return factors on the inertia of motor and gear, on that of a free load, or on both."""
+    """Return factors on the inertias of motor and gear, of a free load, or of both."""
     factors = _factors(("drive", "load"), GUESS, rng)
     which = "drive" if structure.is_locked else str(rng.choice(["drive", "load", "both"]))
     drive = {} if which == "load" else dict.fromkeys(("I_m", "I_g"), factors["drive"])
@@ -153,10 +147,10 @@ def _guesses(structure: Structure, rng: np.random.Generator) -> dict[str, float]
 def not_counted(
     structure: Structure, sheet: Datasheet, world: World, hidden: Collection[str]
 ) -> list[str]:
-    """Return names that are neither wrong nor missing, for they say what is known anyhow.
+    """Return the names that count neither as wrong nor as missing.
 
-    A guessed inertia is expected to be another; a channel with more noise than is stated is noisy,
-    even where no such effect is hidden: "noise:q_m".
+    A guessed inertia is expected to differ, and a channel noisier than stated may be called noisy
+    ("noise:q_m") even if no such effect is hidden.
     """
     names = {"load_inertia" if symbol == "I_l" else "inertia" for symbol in sheet.guesses}
     if structure.name == "rigid" and names:

@@ -11,7 +11,7 @@ from cjt_gym.blind.state import CURRENT, SLEWED
 
 @jit
 def reference_current(d: Drive, command: float) -> float:
-    """Return what the current loop is asked for: rounded, without the dead zone, limited [A]."""
+    """Return the reference of the current loop: rounded, after dead zone and limit [A]."""
     value = command
     if d.resolution > 0.0:
         value = d.resolution * math.floor(value / d.resolution + 0.5)

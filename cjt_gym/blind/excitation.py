@@ -6,11 +6,14 @@ from collections.abc import Callable
 from typing import Final
 
 import numpy as np
+from scipy.signal import lfilter
 
 from cjt_gym.blind.plant import Floats
 
 REST: Final = 0.5
 """Rest at the beginning of a record [s]."""
+GENTLE_CORNER: Final = 0.2
+"""Corner of the high pass that keeps a free load from running away [Hz]."""
 COMPOSITE: Final = (("triangles", 0.35), ("steps", 0.15), ("multisine", 0.3), ("chirp", 0.2))
 """Parts of the composite excitation and the share of time of each."""
 
@@ -31,7 +34,7 @@ def excitation(
         samples: Number of samples.
         dt: Time between them [s].
         rng: Random numbers.
-        gentle: Whether to take out what is slow, so that a free joint does not run away.
+        gentle: Whether to remove slow components, so that a free joint does not run away.
     """
     idle = round(REST / dt)
     top = min(60.0, 0.2 / dt)
@@ -40,14 +43,10 @@ def excitation(
     return without_slow_part(signal, dt) if gentle else signal
 
 
-def without_slow_part(signal: Floats, dt: float, corner: float = 0.2) -> Floats:
-    """Return the signal behind a first-order high pass with a corner in Hz, shape (n,)."""
-    keep = np.exp(-2.0 * np.pi * corner * dt)
-    out, slow = np.zeros_like(signal), 0.0
-    for k, value in enumerate(signal):
-        slow = keep * slow + (1.0 - keep) * value
-        out[k] = value - slow
-    return out
+def without_slow_part(signal: Floats, dt: float) -> Floats:
+    """Return the signal after a first-order high pass, shape (n,)."""
+    keep = np.exp(-2.0 * np.pi * GENTLE_CORNER * dt)
+    return np.asarray(signal - lfilter([1.0 - keep], [1.0, -keep], signal))
 
 
 def composite(samples: int, dt: float, top: float, rng: np.random.Generator) -> Floats:

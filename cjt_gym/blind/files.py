@@ -1,8 +1,7 @@
-"""Files of a case: what a diagnosis may see, and apart from it the key."""
+"""Files of a case that a diagnosis is given."""
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -25,33 +24,19 @@ OUTPUTS = {
 def write_case(case: Case, folder: str | Path) -> Path:
     """Write nominal.toml, diagnose.npz, validate.npz and their .toml; return the folder.
 
-    Nothing in them tells what is hidden; the joint is named after the folder.
+    They do not reveal what is hidden; the joint is named after the folder.
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "nominal.toml").write_text(nominal_text(case, folder.name), encoding="utf-8")
+    (folder / "nominal.toml").write_text(datasheet_text(case.sheet, folder.name), encoding="utf-8")
     for name, log in (("diagnose", case.diagnose), ("validate", case.validate)):
         np.savez_compressed(folder / f"{name}.npz", **log.columns)  # type: ignore[arg-type]
         (folder / f"{name}.toml").write_text(log_text(case, log), encoding="utf-8")
     return folder
 
 
-def write_labels(labels: dict[str, Case], path: str | Path) -> Path:
-    """Write the key to some cases, by the names of their folders, as JSON; return its path."""
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    table = {name: case.label for name, case in labels.items()}
-    path.write_text(json.dumps(table, indent=1) + "\n", encoding="utf-8")
-    return path
-
-
-def nominal_text(case: Case, name: str) -> str:
-    """Return the joint file with what is stated of the joint of a case."""
-    return datasheet_text(case.sheet, name)
-
-
 def datasheet_text(sheet: Datasheet, name: str) -> str:
-    """Return the joint file with what a datasheet states."""
+    """Return the joint file of a datasheet."""
     lines = [
         f'name = "{name}"',
         'source = "datasheet of the joint; tolerance is one sigma, relative"',
@@ -77,7 +62,7 @@ def datasheet_text(sheet: Datasheet, name: str) -> str:
 
 
 def _known(sheet: Datasheet, symbol: str) -> str:
-    """Return how well a value is known, as it stands in its entry."""
+    """Return the guess or tolerance of a value, as written in its entry."""
     if symbol in sheet.guesses:
         return ", guess = true"
     tolerance = sheet.tolerances.get(symbol)
@@ -90,7 +75,7 @@ def _entry(key: str, value: float, unit: str, known: str = "") -> str:
 
 
 def log_text(case: Case, log: Log) -> str:
-    """Return the file beside a record."""
+    """Return the metadata file of a record."""
     units = default_units(tuple(log.columns))
     locked = case.structure.startswith("output_fixed")
     lines = [

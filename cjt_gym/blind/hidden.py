@@ -1,7 +1,7 @@
-"""What may separate a joint from its datasheet: how each effect is drawn and what it changes.
+"""Effects that may separate a joint from its datasheet: how they are drawn and what they change.
 
-An effect is one row of a table and one function. The function takes the joint, how large its
-signals are, and where the effect acts; it returns the changed joint and the effect's parameters.
+An effect is one row of a table and one function. The function takes the joint, the scales of its
+signals, and where the effect acts; it returns the changed joint and the effect's parameters.
 `Draw.size` scales all magnitudes by one strength: 1 is material, 0.1 small, 0 changes nothing.
 """
 
@@ -23,26 +23,19 @@ Places = tuple[str, ...]
 
 @dataclass(frozen=True)
 class Draw:
-    """Random magnitudes of one effect.
-
-    Attributes:
-        rng: Random numbers.
-        scales: Sizes of the joint's signals.
-        strength: Factor on every magnitude.
-        place: Body or channel on which the effect acts; empty where that is no choice.
-    """
+    """Random magnitudes of one effect."""
 
     rng: np.random.Generator
-    scales: Scales
-    strength: float = 1.0
-    place: str = ""
+    scales: Scales  # sizes of the joint's signals
+    strength: float = 1.0  # factor on every magnitude
+    place: str = ""  # body or channel on which the effect acts; empty if there is no choice
 
     def size(self, low: float, high: float) -> float:
         """Return a log-uniform magnitude, times the strength."""
         return self.plain(low, high) * self.strength
 
     def plain(self, low: float, high: float) -> float:
-        """Return a log-uniform number that the strength leaves alone."""
+        """Return a log-uniform number, independent of the strength."""
         return float(np.exp(self.rng.uniform(np.log(low), np.log(high))))
 
     def sign(self) -> float:
@@ -78,8 +71,8 @@ class Effect:
         name: Its name.
         stage: Stage in which it appears.
         apply: Changes a joint.
-        places: Bodies or channels it may act on in a structure; ("",) where there is no choice and
-            () where the structure cannot have it.
+        places: Bodies or channels it may act on in a structure; ("",) if there is no choice, ()
+            if the structure cannot have it.
         units: Unit of each of its parameters.
     """
 
@@ -121,20 +114,20 @@ def with_load(structure: Structure) -> Places:
 
 
 def drive_side(structure: Structure) -> Places:
-    """Return motor and, where it moves for itself, gear."""
+    """Return the motor and, if it moves separately, the gear."""
     return ("motor", "gear") if structure.gear_is_soft else ("motor",)
 
 
 def bodies(structure: Structure) -> Places:
-    """Return the bodies that move for themselves."""
+    """Return the bodies that move separately."""
     own = structure.bar_is_soft and not structure.is_locked
     return (*drive_side(structure), "load") if own else drive_side(structure)
 
 
 def periods(draw: Draw, world: World) -> float:
-    """Return a frequency over q_m with at least three periods on its travel [1/rev].
+    """Return a frequency over q_m with at least three periods within the travel [1/rev].
 
-    Half of them are harmonics of the rotor's turn.
+    Half of these frequencies are harmonics of the rotor's revolution.
     """
     n = world.plant.n
     least = max(2.0, 6.0 * np.pi / max(draw.scales.travel, 1e-6) / n)
@@ -148,7 +141,7 @@ def row(
     places: Callable[[Structure], Places] = anywhere,
     **units: str,
 ) -> Callable[[Callable[[World, Draw], Outcome]], Effect]:
-    """Return a decorator that makes a row of a function."""
+    """Return a decorator that turns a function into a row."""
 
     def made(apply: Callable[[World, Draw], Outcome]) -> Effect:
         return Effect(name, stage, apply, places, units)
@@ -157,5 +150,5 @@ def row(
 
 
 def table(namespace: dict[str, Any]) -> dict[str, Effect]:
-    """Return the rows that a module defines, by name."""
+    """Return the rows defined in a module, by name."""
     return {entry.name: entry for entry in namespace.values() if isinstance(entry, Effect)}

@@ -1,4 +1,4 @@
-"""Random joints: what they really are, and what their datasheet says."""
+"""Random joints and their datasheets."""
 
 from __future__ import annotations
 
@@ -22,37 +22,27 @@ TOLERANCES: Final = {
     "d_l": 0.2,
     "k_t": 0.015,
 }
-"""One sigma of what a datasheet states, relative."""
+"""Relative tolerance (one sigma) of datasheet values."""
 LOOP_BANDWIDTH: Final = (400.0, 1500.0)
+"""Range of the bandwidth of the current loop [Hz]."""
+DT: Final = 1e-3
+"""Time between samples [s]."""
 
 
 @dataclass(frozen=True)
 class Datasheet:
-    """What is stated of a joint.
+    """Datasheet of a joint."""
 
-    Attributes:
-        values: Symbol and value of every parameter [SI].
-        tolerances: One sigma of those that have one, relative.
-        i_p: Peak current [A].
-        bandwidth: Of the current loop [Hz].
-        resolution: Step of each of CHANNELS; 0 is none.
-        noise: Standard deviation of each of CHANNELS.
-        channels: Those that are measured.
-        dt: Time between samples [s].
-        jitter: Standard deviation of the sampling instants [s].
-        guesses: Parameters that are marked as guesses, instead of their tolerance.
-    """
-
-    values: dict[str, float]
-    tolerances: dict[str, float]
-    i_p: float
-    bandwidth: float
-    resolution: tuple[float, ...]
-    noise: tuple[float, ...]
-    channels: tuple[str, ...]
-    dt: float
-    jitter: float
-    guesses: tuple[str, ...] = ()
+    values: dict[str, float]  # symbol and value of every parameter [SI]
+    tolerances: dict[str, float]  # relative tolerances (one sigma), by symbol
+    i_p: float  # peak current [A]
+    bandwidth: float  # of the current loop [Hz]
+    resolution: tuple[float, ...]  # step of each of CHANNELS; 0 is none
+    noise: tuple[float, ...]  # standard deviation of each of CHANNELS
+    channels: tuple[str, ...]  # measured channels
+    dt: float  # time between samples [s]
+    jitter: float  # standard deviation of the sampling instants [s]
+    guesses: tuple[str, ...] = ()  # parameters marked as guesses instead of having a tolerance
 
 
 def _log(rng: np.random.Generator, low: float, high: float) -> float:
@@ -62,7 +52,7 @@ def _log(rng: np.random.Generator, low: float, high: float) -> float:
 def draw_plant(structure: Structure, rng: np.random.Generator) -> Plant:
     """Return the mechanics of a random joint, without any effect.
 
-    Ranges span the identified joints of the Compliant Joint Toolbox and go well beyond.
+    Ranges extend well beyond the identified joints of the Compliant Joint Toolbox.
     """
     n = float(rng.integers(30, 161))
     inertia = _log(rng, 0.03 if structure.is_locked else 0.1, 2.2)
@@ -88,7 +78,7 @@ def draw_plant(structure: Structure, rng: np.random.Generator) -> Plant:
 def _drive_torque(
     inertia: float, k_b: float, structure: Structure, rng: np.random.Generator
 ) -> float:
-    """Return the torque at 30 A that suits a joint [N m]."""
+    """Return a suitable torque at 30 A [N m]."""
     wanted = inertia * 400.0 if not structure.is_locked else min(inertia * 600.0, 0.04 * k_b)
     return float(np.clip(wanted, 25.0, 600.0)) * rng.uniform(0.7, 1.4)
 
@@ -113,12 +103,10 @@ def draw_sensors(
     return (current, motor, gear, load, torque), noise
 
 
-def draw_joint(
-    structure: Structure, rng: np.random.Generator, dt: float = 1e-3
-) -> tuple[World, Datasheet]:
+def draw_joint(structure: Structure, rng: np.random.Generator) -> tuple[World, Datasheet]:
     """Return a random joint without any effect, and its datasheet.
 
-    Every value of the datasheet is off by a normal deviate of its tolerance.
+    Every value of the datasheet deviates normally within its tolerance.
     """
     plant = draw_plant(structure, rng)
     resolution, noise = draw_sensors(plant, rng)
@@ -135,7 +123,7 @@ def draw_joint(
         zero_tau=offsets[1],
     )
     drive = Drive(bandwidth=bandwidth, i_max=i_p)
-    world = World(structure, plant, drive, sensing, resolution, noise, 0.02, jitter, sampling=dt)
+    world = World(structure, plant, drive, sensing, resolution, noise, 0.02, jitter, sampling=DT)
     values = {
         symbol: getattr(plant, symbol) * (1.0 + sigma * rng.standard_normal())
         for symbol, sigma in TOLERANCES.items()
@@ -143,12 +131,12 @@ def draw_joint(
     seen = rng.random() < 0.15 and structure.gear_is_soft
     channels = tuple(name for name in CHANNELS if name != "q_g" or seen)
     stated = {"n": plant.n, **values}
-    sheet = Datasheet(stated, TOLERANCES, i_p, bandwidth, resolution, noise, channels, dt, jitter)
+    sheet = Datasheet(stated, TOLERANCES, i_p, bandwidth, resolution, noise, channels, DT, jitter)
     return world, sheet
 
 
 def as_stated(world: World, sheet: Datasheet) -> World:
-    """Return the joint that the datasheet describes: no effect, no calibration error."""
+    """Return the joint that the datasheet describes: without effects or calibration errors."""
     plant = Plant(**{name: sheet.values[name] for name in Plant._fields[:12]})
     drive = Drive(bandwidth=sheet.bandwidth, i_max=sheet.i_p)
     return World(world.structure, plant, drive, sampling=world.sampling, start=world.start)

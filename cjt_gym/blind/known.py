@@ -1,6 +1,6 @@
-"""The thirty effects of the effect table, as this simulator has them.
+"""The thirty effects of the effect table, as this simulator implements them.
 
-Parameters carry the symbols and units of the effect table where it has them. A changed parameter
+Parameters have the symbols and units of the effect table where it defines them. A changed parameter
 of the joint is given by its true value. Friction rows name their body by the suffix m, g or l.
 """
 
@@ -54,7 +54,7 @@ def current_saturation(world: World, draw: Draw) -> Outcome:
 
 @row("command_quantization", "drive", resolution="A")
 def command_quantization(world: World, draw: Draw) -> Outcome:
-    """Return a command that is rounded."""
+    """Return a quantized command."""
     step = draw.size(0.1, 0.5) * draw.scales.current
     return on_drive(world, resolution=step), {"resolution": step}
 
@@ -64,7 +64,7 @@ def command_quantization(world: World, draw: Draw) -> Outcome:
 
 @row("torque_constant", "motor", k_t="N m/A")
 def torque_constant(world: World, draw: Draw) -> Outcome:
-    """Return another torque per ampere."""
+    """Return a different torque constant."""
     k_t = world.plant.k_t * draw.ratio(0.1, 0.35)
     return on_plant(world, k_t=k_t), {"k_t": k_t}
 
@@ -86,7 +86,7 @@ def torque_offset(world: World, draw: Draw) -> Outcome:
 
 @row("inertia", "motor", I_m="kg m^2")
 def inertia(world: World, draw: Draw) -> Outcome:
-    """Return another inertia of the rotor; of rotor and gear where they move together."""
+    """Return a different inertia of the rotor, or of rotor and gear if they move together."""
     joined = world.plant.I_g if "gear" not in drive_side(world.structure) else 0.0
     value = (world.plant.I_m + joined) * draw.ratio(0.15, 0.4) - joined
     value = max(value, 0.2 * world.plant.I_m)
@@ -102,7 +102,7 @@ def damping(world: World, draw: Draw) -> Outcome:
 
 
 def _viscous(draw: Draw) -> float:
-    """Return a damping that takes a share of the torque at the usual speed [N m s/rad]."""
+    """Return a damping that consumes a share of the torque at the usual speed [N m s/rad]."""
     return draw.size(0.05, 0.25) * draw.torque / max(draw.scales.speed[draw.body], 1e-6)
 
 
@@ -125,7 +125,7 @@ def coulomb(world: World, draw: Draw) -> Outcome:
     **{f"d_c{b}{way}": "N m" for b in "mgl" for way in ("", "_n")},
 )
 def coulomb_asym(world: World, draw: Draw) -> Outcome:
-    """Return Coulomb friction with unequal levels."""
+    """Return Coulomb friction that differs between the two directions."""
     level, b = _dry(draw), draw.suffix
     skew = draw.sign() * draw.rng.uniform(0.2, 0.5)
     up, down = level * (1.0 + skew), level * (1.0 - skew)
@@ -170,7 +170,7 @@ def stribeck(world: World, draw: Draw) -> Outcome:
     **{f"sigma_{b}": "N m/rad" for b in "mgl"},
 )
 def presliding(world: World, draw: Draw) -> Outcome:
-    """Return Dahl friction: level d_c, stiffness sigma of the bristles at rest."""
+    """Return Dahl friction of level d_c and bristle stiffness sigma at rest."""
     level, b = _dry(draw), draw.suffix
     z_s = draw.plain(0.02, 0.2) * min(draw.scales.travel, 0.05)
     return on_plant(world, **{f"bristle_{b}": level}, z_s=z_s), {
@@ -196,7 +196,7 @@ def cogging(world: World, draw: Draw) -> Outcome:
 
 @row("gear_ripple", "motor", f="1/rev", a="-", b="-")
 def gear_ripple(world: World, draw: Draw) -> Outcome:
-    """Return a torque periodic over the measured angle, times the transmitted torque."""
+    """Return a torque periodic in the measured angle and proportional to the transmitted torque."""
     size, f = draw.size(0.05, 0.2), periods(draw, world)
     own, seen = _phases(world, draw, size, f)
     return on_plant(world, mesh_a=own[0], mesh_b=own[1], mesh_f=f), {"f": f, **seen}
@@ -217,14 +217,14 @@ def _phases(
 
 @row("backlash", "transmission", with_spring, gap="rad")
 def backlash(world: World, draw: Draw) -> Outcome:
-    """Return a play of total width in the gear; behind it the softest spring pushes."""
+    """Return a total play of the gear, in series with the softest spring."""
     play = draw.size(0.1, 0.8) * draw.scales.twist
     return on_plant(world, play=play), {"gap": play}
 
 
 @row("stiffness", "transmission", with_spring, k_b="N m/rad")
 def stiffness(world: World, draw: Draw) -> Outcome:
-    """Return another stiffness of the torsion bar."""
+    """Return a different stiffness of the torsion bar."""
     k_b = world.plant.k_b * draw.ratio(0.1, 0.4)
     return on_plant(world, k_b=k_b), {"k_b": k_b}
 
@@ -235,7 +235,7 @@ def _with_soft_gear(structure: Structure) -> Places:
 
 @row("gear_stiffness", "transmission", _with_soft_gear, k_g="N m/rad")
 def gear_stiffness(world: World, draw: Draw) -> Outcome:
-    """Return another stiffness of the gearbox."""
+    """Return a different stiffness of the gearbox."""
     k_g = world.plant.k_g * draw.ratio(0.3, 0.7)
     return on_plant(world, k_g=k_g), {"k_g": k_g}
 
@@ -251,7 +251,7 @@ def hardening(world: World, draw: Draw) -> Outcome:
 def spring_hysteresis(world: World, draw: Draw) -> Outcome:
     """Return a bar with hysteresis: slip elements, or none for Bouc-Wen.
 
-    `tau_h` is what it adds at most, `width` the twist over which it builds up.
+    `tau_h` is its largest torque, `width` the twist over which it builds up.
     """
     torque = draw.size(0.04, 0.15) * draw.scales.joint_torque
     width = draw.plain(0.15, 0.6) * draw.scales.joint_torque / world.plant.k_b
@@ -266,7 +266,7 @@ def spring_hysteresis(world: World, draw: Draw) -> Outcome:
 
 @row("torque_gain", "sensing", gain="-")
 def torque_gain(world: World, draw: Draw) -> Outcome:
-    """Return another scale of the torque sensor."""
+    """Return a different scale of the torque sensor."""
     gain = draw.ratio(0.06, 0.25)
     return on_sensing(world, gain=gain), {"gain": gain}
 
@@ -312,7 +312,7 @@ def noise(world: World, draw: Draw) -> Outcome:
 
 @row("load_inertia", "load", with_load, I_l="kg m^2")
 def load_inertia(world: World, draw: Draw) -> Outcome:
-    """Return another inertia of the load."""
+    """Return a different inertia of the load."""
     value = world.plant.I_l * draw.ratio(0.12, 0.5)
     return on_plant(world, I_l=value), {"I_l": value}
 
@@ -326,9 +326,9 @@ def load_coulomb(world: World, draw: Draw) -> Outcome:
 
 @row("gravity", "load", with_load, torque="N m", angle="rad")
 def gravity(world: World, draw: Draw) -> Outcome:
-    """Return a load that weighs -torque sin(q_l - angle) over the measured angle.
+    """Return a load with the gravity torque -torque sin(q_l - angle) over the measured angle.
 
-    Three joints in ten start where it hangs straight down.
+    Three joints in ten start with the load hanging straight down.
     """
     size = draw.size(0.2, 0.8) * draw.scales.joint_torque
     q_0 = 0.0 if draw.rng.random() < 0.3 else float(draw.rng.uniform(-0.7, 0.7))

@@ -1,7 +1,7 @@
 """Laws of force of one joint, as scalar functions of its state.
 
 Both integrators, the fine-step one and the one that detects events, call these. Torques are on the
-link side [N m]; friction levels are what a dry contact can hold. `warm` is the
+link side [N m]; friction levels are the largest torque that a dry contact can hold. `warm` is the
 progress of warming up.
 """
 
@@ -27,7 +27,7 @@ from cjt_gym.blind.state import (
 )
 
 COLDEST_TORQUE = 0.2
-"""Share of the torque constant that is left however hot the winding is."""
+"""Share of the torque constant that remains however hot the winding is."""
 
 
 @jit

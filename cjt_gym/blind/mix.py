@@ -1,8 +1,8 @@
-"""What a blind test is made of: which effects its cases have.
+"""Composition of a blind test: the effects of its cases.
 
 Cases come in blocks of forty with fixed shares, in random order; single effects and effects outside
-the table go through all rows before one comes again. So case 17 is the same however many there are.
-In a test with rough logs every case has a defect whose turn it is, and others by chance.
+the table cycle through all rows. So case 17 is the same however many cases there are. With rough
+logs every case has one defect in turn, and others at random.
 """
 
 from __future__ import annotations
@@ -25,24 +25,16 @@ BLOCKS: Final = {
     "clean": {"single": 22, "pair": 8, "none": 5, "outside": 3, "outside_and_known": 2},
     "rough": {"single": 16, "pair": 6, "none": 8, "outside": 3, "outside_and_known": 7},
 }
-"""Kinds of cases, and how many of forty there are, by the kind of logs."""
+"""Kinds of cases and their number among forty, by kind of logs."""
 SIZE: Final = 40
 """Cases of a block."""
 FURTHER: Final = 0.25
-"""Chance of each defect beside the one whose turn it is."""
+"""Probability of each further defect."""
 
 
 @dataclass(frozen=True)
 class Recipe:
-    """What one case is made of.
-
-    Attributes:
-        kind: One of those in BLOCKS.
-        seed: Seed of the case.
-        effects: Names of its effects.
-        structure: Name of its structure.
-        defects: Defects of its records, of DEFECTS.
-    """
+    """Composition of one case: a kind of BLOCKS, and the arguments of `draw_case`."""
 
     kind: str
     seed: int
@@ -52,7 +44,7 @@ class Recipe:
 
 
 def recipe(seed: int, index: int, structure: str | None = None, logs: str = "clean") -> Recipe:
-    """Return what a case of a test is made of."""
+    """Return the composition of a case of a test."""
     rng = np.random.default_rng((seed, index))
     kind = _order(seed, index // SIZE, logs)[index % SIZE]
     shapes = list(STRUCTURE_SHARES) if structure is None else [structure]
@@ -100,7 +92,7 @@ def _turn(
     table: dict[str, Effect],
     shapes: Sequence[str],
 ) -> str:
-    """Return the row of a table whose turn it is at a case of one of these kinds."""
+    """Return the row of a table that is next in turn at a case of one of these kinds."""
     names = sorted(name for name in table if any(_fits(name, shape) for shape in shapes))
     block, place = divmod(index, SIZE)
     before = block * sum(BLOCKS[logs][kind] for kind in kinds)

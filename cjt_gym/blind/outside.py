@@ -1,4 +1,4 @@
-"""Effects that the effect table does not have, for which a diagnosis should say "unexplained"."""
+"""Effects outside the effect table, for which a diagnosis should say "unexplained"."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def _encoders(structure: Structure) -> Places:
 
 
 def _over_travel(draw: Draw) -> float:
-    """Return a frequency over q_m with one to four periods on its travel [1/rev]."""
+    """Return a frequency over q_m with one to four periods within the travel [1/rev]."""
     return draw.rng.uniform(1.0, 4.0) * 2.0 * math.pi / max(draw.scales.travel, 1e-6)
 
 
@@ -43,7 +43,7 @@ def quadratic_friction(world: World, draw: Draw) -> Outcome:
 
 @row("encoder_eccentricity", "sensing", _encoders, size="rad", f="1/rev")
 def encoder_eccentricity(world: World, draw: Draw) -> Outcome:
-    """Return an encoder that is wrong by a sine once or twice per turn."""
+    """Return an encoder with a sinusoidal error once or twice per revolution."""
     spring = draw.scales.twist if world.structure.bar_is_soft else 0.0
     size = draw.size(0.1, 0.5) * max(spring, 100.0 * world.resolution[1])
     phase = draw.rng.uniform(0.0, 2.0 * math.pi)
@@ -58,14 +58,14 @@ def encoder_eccentricity(world: World, draw: Draw) -> Outcome:
 
 @row("current_dead_zone", "drive", dead="A")
 def current_dead_zone(world: World, draw: Draw) -> Outcome:
-    """Return a drive that does not answer small commands."""
+    """Return a drive that does not respond to small commands."""
     dead = draw.size(0.06, 0.3) * draw.scales.current
     return on_drive(world, dead=dead), {"dead": dead}
 
 
 @row("vibration", "motor", _ends, torque="N m", f="Hz")
 def vibration(world: World, draw: Draw) -> Outcome:
-    """Return a periodic torque from outside."""
+    """Return an external periodic torque."""
     size, f = draw.size(0.08, 0.3) * draw.torque, draw.plain(3.0, 45.0)
     changed = on_plant(
         world,
@@ -78,7 +78,7 @@ def vibration(world: World, draw: Draw) -> Outcome:
 
 @row("current_slew", "drive", slew="A/s")
 def current_slew(world: World, draw: Draw) -> Outcome:
-    """Return a current that cannot change quickly."""
+    """Return a current with a limited slew rate."""
     share = draw.size(1.0, 4.0)
     slew = draw.scales.peak * 200.0 / share if share > 0.0 else math.inf
     return on_drive(world, slew=slew), {"slew": slew}
@@ -86,7 +86,7 @@ def current_slew(world: World, draw: Draw) -> Outcome:
 
 @row("creep", "transmission", with_spring, share="-", time="s")
 def creep(world: World, draw: Draw) -> Outcome:
-    """Return a bar that gives way by a share of its twist over time."""
+    """Return a bar that creeps by a share of its twist over time."""
     share, time = draw.size(0.1, 0.4), draw.plain(0.05, 1.5)
     return on_plant(world, creep=share, creep_time=time), {"share": share, "time": time}
 
@@ -102,7 +102,7 @@ def warm_up(world: World, draw: Draw) -> Outcome:
 
 @row("position_friction", "motor", level="N m", f="1/rev")
 def position_friction(world: World, draw: Draw) -> Outcome:
-    """Return dry friction of the motor that comes and goes with its angle."""
+    """Return dry friction of the motor that varies with its angle."""
     level, f = draw.size(0.12, 0.4) * draw.scales.motor_torque, _over_travel(draw)
     phase = draw.rng.uniform(0.0, 2.0 * math.pi)
     return on_plant(world, spot=level, spot_f=f, spot_phase=phase), {"level": level, "f": f}
@@ -110,7 +110,7 @@ def position_friction(world: World, draw: Draw) -> Outcome:
 
 @row("flexible_mount", "transmission", I_f="kg m^2", f="Hz", d_f="N m s/rad")
 def flexible_mount(world: World, draw: Draw) -> Outcome:
-    """Return a mass on a spring, on the gear of a locked joint and on the load of a free one."""
+    """Return a mass on a spring, on the gear of a locked joint or the load of a free one."""
     p = world.plant
     inertia = draw.size(0.1, 0.4) * (p.I_m + p.I_g if world.structure.is_locked else p.I_l)
     f = draw.plain(6.0, 40.0)
@@ -127,7 +127,7 @@ def flexible_mount(world: World, draw: Draw) -> Outcome:
 
 @row("asymmetric_stiffness", "transmission", with_spring, skew="-")
 def asymmetric_stiffness(world: World, draw: Draw) -> Outcome:
-    """Return a bar that is stiffer one way than the other, k_b (1 +- skew)."""
+    """Return a bar that is stiffer in one direction, k_b (1 +- skew)."""
     skew = draw.sign() * draw.size(0.06, 0.25)
     return on_plant(world, skew=skew), {"skew": skew}
 
@@ -150,7 +150,7 @@ def mains_hum(world: World, draw: Draw) -> Outcome:
 
 @row("missing_counts", "sensing", counts="rad", rate="1/s")
 def missing_counts(world: World, draw: Draw) -> Outcome:
-    """Return a motor encoder that loses counts now and then, and with them its zero."""
+    """Return a motor encoder that occasionally loses counts, which shifts its zero."""
     least = world.resolution[1]
     scale = draw.scales.twist if world.structure.bar_is_soft else 100.0 * least
     counts = least * round(max(draw.size(0.02, 0.1) * scale / least, draw.strength))
@@ -168,7 +168,7 @@ def torque_drift(world: World, draw: Draw) -> Outcome:
 
 @row("loose_coupling", "transmission", with_spring, play="rad", f="1/rev")
 def loose_coupling(world: World, draw: Draw) -> Outcome:
-    """Return a play that comes and goes with the motor's angle."""
+    """Return a play that varies with the motor's angle."""
     play, f = draw.size(0.2, 1.0) * draw.scales.twist, _over_travel(draw)
     phase = draw.rng.uniform(0.0, 2.0 * math.pi)
     return on_plant(world, loose=play, loose_f=f, loose_phase=phase), {"play": play, "f": f}

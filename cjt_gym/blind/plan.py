@@ -1,4 +1,4 @@
-"""What is settled of a blind case before its joint is drawn."""
+"""Choices made for a blind case before its joint is drawn."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from cjt_gym.blind.hidden import Effect
 from cjt_gym.blind.known import KNOWN
 from cjt_gym.blind.outside import OUTSIDE
 from cjt_gym.blind.plant import STRUCTURES, Structure
-from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.errors import ConfigurationError, check_name, unknown_name
 
 SMALL: Final = 0.1
 """Strength of effects that are hard to see."""
@@ -25,40 +25,31 @@ STRUCTURE_SHARES: Final = {
     "rigid": 0.1,
 }
 COUNTS: Final = {(0, 0): 0.14, (1, 0): 0.46, (2, 0): 0.22, (0, 1): 0.12, (1, 1): 0.06}
-"""How often a case has how many effects of the table and outside it."""
+"""Probability of each number of effects of the table and outside it."""
 ONE_OF: Final = frozenset({"coulomb", "coulomb_asym", "stribeck", "presliding", "load_coulomb"})
-"""Dry friction comes in one of these kinds per joint."""
+"""Kinds of dry friction, of which a joint has at most one."""
 SAME: Final = (
     ({"coulomb", "coulomb_asym"}, {"torque_offset", "torque_bias"}),
     ({"torque_offset"}, {"torque_bias"}),
     ({"damping"}, {"viscous_asym"}),
     ({"noise"}, {"quantization"}),
 )
-"""Pairs that amount to one other effect, or to one of the two: Coulomb friction with a constant
-torque is asymmetric Coulomb friction, whatever is recorded."""
+"""Pairs equivalent to a single effect: Coulomb friction with a constant torque is asymmetric
+Coulomb friction in any record."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What is settled of a case before its joint is drawn.
-
-    Attributes:
-        structure: Structure of the joint.
-        effects: Effects of the table and outside it, with the place where each acts.
-        strength: Factor on their magnitudes.
-        excitations: Kinds of excitation of the two records.
-        closed: Whether the loop is closed in the two records.
-        duration: Of each record [s].
-        defects: Kinds of defects of the records, of DEFECTS.
-    """
+    """Choices made for a case before its joint is drawn."""
 
     structure: Structure
+    # effects of the table and outside it, with the place where each acts
     effects: tuple[tuple[Effect, str], ...]
-    strength: float
-    excitations: tuple[str, str]
-    closed: tuple[bool, bool]
-    duration: float
-    defects: tuple[str, ...] = ()
+    strength: float  # factor on their magnitudes
+    excitations: tuple[str, str]  # kinds of excitation of the two records
+    closed: tuple[bool, bool]  # whether the loop is closed in the two records
+    duration: float  # of each record [s]
+    defects: tuple[str, ...] = ()  # kinds of defects of the records, of DEFECTS
 
 
 def draw_plan(
@@ -71,7 +62,7 @@ def draw_plan(
     of_joint: np.random.Generator,
     of_records: np.random.Generator,
 ) -> Plan:
-    """Return a plan; None leaves a choice to chance. See `draw_case` for the arguments."""
+    """Return a plan; None draws a choice at random. See `draw_case` for the arguments."""
     _check(structure, excitation, strength, duration)
     named = None if effects is None else tuple(effects)
     form = _structure(structure, named, of_joint)
@@ -100,8 +91,7 @@ def _check(structure: str | None, kind: str | None, strength: float, duration: f
 
 def _row(name: str) -> Effect:
     both = KNOWN | OUTSIDE
-    if name not in both:
-        raise unknown_name("effect", name, both)
+    check_name("effect", name, both)
     return both[name]
 
 
@@ -160,7 +150,7 @@ def _draw_names(structure: Structure, rng: np.random.Generator) -> tuple[str, ..
 
 
 def can_go_together(names: Iterable[str]) -> bool:
-    """Return whether some effects are more than another way to have fewer of them."""
+    """Return whether effects differ from any smaller set of effects."""
     drawn = set(names)
     pairs = any(drawn & one and drawn & other for one, other in SAME)
     return len(ONE_OF & drawn) <= 1 and not pairs

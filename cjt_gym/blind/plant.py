@@ -1,6 +1,6 @@
-"""What a joint of the blind tests is made of: bodies, drive, sensors, and how they join.
+"""Parts of a joint of the blind tests: bodies, drive, sensors, and how they are joined.
 
-Everything is on the link side of the gear and in SI units. A field at its default does nothing.
+All values are in SI units on the link side of the gear. A field at its default has no effect.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ CHANNELS: Final = ("i", "q_m", "q_g", "q_l", "tau")
 
 
 class Plant(NamedTuple):
-    """Mechanics of a joint, with everything that may disturb them.
+    """Mechanics of a joint, including all disturbances.
 
     Bodies carry the suffixes m (motor), g (gear), l (load) and f (a mass on a flexible mount).
     """
@@ -45,7 +45,7 @@ class Plant(NamedTuple):
     extra_l: float = 0.0
     drag_m: float = 0.0
     drag_l: float = 0.0
-    # Dry friction: levels for the two directions, and what the breakaway lies above them [N m].
+    # Dry friction: levels for the two directions, and the breakaway above them [N m].
     up_m: float = 0.0
     down_m: float = 0.0
     up_g: float = 0.0
@@ -80,7 +80,7 @@ class Plant(NamedTuple):
     # Warming of the winding: time constant [s], loss of torque per squared current [1/A^2].
     heat_time: float = 1.0
     heat_loss: float = 0.0
-    # Play [rad]: total width, and a part of it that comes and goes with q_m.
+    # Play [rad]: total width, and a part of it that varies with q_m.
     play: float = 0.0
     loose: float = 0.0
     loose_f: float = 0.0
@@ -118,7 +118,7 @@ class Drive(NamedTuple):
 
 
 class Sensing(NamedTuple):
-    """What the sensors do beyond rounding and white noise."""
+    """Systematic errors of the sensors, beyond rounding and white noise."""
 
     gain: float = 1.0
     bias: float = 0.0
@@ -154,7 +154,7 @@ class Structure:
 
     Attributes:
         name: Name of the structure.
-        leads: For motor, gear, load and mount the body whose motion it shares; -1 where it is held.
+        leads: For motor, gear, load and mount the body whose motion it shares; -1 if it is held.
     """
 
     name: str
@@ -199,29 +199,18 @@ PERFECT: Final = Sensing()
 
 @dataclass(frozen=True)
 class World:
-    """A joint as it is: what the simulator runs.
+    """The true joint, which the simulator runs."""
 
-    Attributes:
-        structure: How the bodies hang together.
-        plant: Mechanics.
-        drive: From command to current.
-        sensing: Systematic errors of the sensors.
-        resolution: Step of each of CHANNELS [its unit], shape (5,); 0 is none.
-        noise: Standard deviation of each of CHANNELS [its unit], shape (5,).
-        process: Standard deviation of the torque that disturbs the motor [N m].
-        jitter: Standard deviation of the sampling instants [s].
-        lost: How often counts of the motor encoder go missing [1/s].
-        sampling: Time between samples [s].
-    """
-
-    structure: Structure
-    plant: Plant
-    drive: Drive
-    sensing: Sensing = PERFECT
+    structure: Structure  # how the bodies are joined
+    plant: Plant  # mechanics
+    drive: Drive  # from command to current
+    sensing: Sensing = PERFECT  # systematic errors of the sensors
+    # step of each of CHANNELS [its unit], shape (5,); 0 is none
     resolution: tuple[float, ...] = (0.0,) * 5
+    # standard deviation of each of CHANNELS [its unit], shape (5,)
     noise: tuple[float, ...] = (0.0,) * 5
-    process: float = 0.0
-    jitter: float = 0.0
-    lost: float = 0.0
-    sampling: float = 1e-3
+    process: float = 0.0  # standard deviation of the torque that disturbs the motor [N m]
+    jitter: float = 0.0  # standard deviation of the sampling instants [s]
+    lost: float = 0.0  # rate at which counts of the motor encoder are lost [1/s]
+    sampling: float = 1e-3  # time between samples [s]
     start: dict[str, float] = field(default_factory=dict)

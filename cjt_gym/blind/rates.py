@@ -1,4 +1,4 @@
-"""Shares with their intervals, and how well confidences keep their word."""
+"""Rates with their intervals, and the calibration of confidences."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ DRAWS: Final = 2000
 
 
 def rate(hits: Iterable[bool]) -> dict[str, Any]:
-    """Return counts and share of what is true, with a 95 % interval (Wilson, 1927, JASA 22).
+    """Return the counts and the share of true values, with a 95 % interval (Wilson, 1927, JASA 22).
 
-    Without a case the share is None and the interval is all of [0, 1].
+    Without cases the share is None and the interval is all of [0, 1].
 
     Example:
         >>> rate([True, True, False])["hits"]
@@ -47,7 +47,7 @@ def mean(values: Sequence[float]) -> dict[str, Any]:
 
 
 def reliability(confidences: Sequence[float], right: Sequence[bool]) -> dict[str, Any]:
-    """Return how often names were right, by how sure they were.
+    """Return how often names were right, by confidence.
 
     Args:
         confidences: Of each name, in [0, 1].

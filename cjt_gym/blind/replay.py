@@ -1,4 +1,4 @@
-"""How far models of a joint are from what it did: the true shrink of the gap.
+"""Replay errors of models of a joint: the true reduction of the gap.
 
 The commands of a record drive a model in an open loop, and its clean channels are compared with
 the clean channels of the record, which are free of noise, rounding and calibration errors.
@@ -34,7 +34,7 @@ def replay_errors(model: World, truth: Run) -> Errors:
 
 
 def remembered(model: World, states: Floats) -> Floats:
-    """Return states without what the model has no memory for, shape (n, SIZE)."""
+    """Return states without the memories that the model lacks, shape (n, SIZE)."""
     if model.plant.creep > 0.0:
         return states
     kept = states.copy()
@@ -43,7 +43,7 @@ def remembered(model: World, states: Floats) -> Floats:
 
 
 def noise_floor(record: Run) -> Errors:
-    """Return what noise and rounding leave of the torque's replay error, relative to its spread."""
+    """Return the torque's replay error due to noise and rounding, relative to its spread."""
     clean, measured = record.clean[:, 4], record.measured[:, 4]
     return {"tau": _relative(measured - np.mean(measured - clean), clean)}
 

@@ -1,4 +1,4 @@
-"""How well a diagnosis bears what is wrong with real logs, by kind of defect."""
+"""Score of a diagnosis by kind of defect of the logs."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ from cjt_gym.blind.defects import DEFECTS
 from cjt_gym.blind.rates import rate
 
 MIXED: Final = "known_and_unknown"
-"""Counts among the defects: an effect outside the table beside known ones."""
+"""Counted among the defects: an effect outside the table together with known ones."""
 Row = Mapping[str, Any]
 
 
 def defects_of(label: Mapping[str, Any], truth: Sequence[str], outside: Sequence[str]) -> list[str]:
-    """Return the kinds of defects of a case, by its key and its effects of the table and others."""
+    """Return the kinds of defects of a case, from its label and its effects."""
     return list(label.get("defects", {})) + ([MIXED] if truth and outside else [])
 
 
 def by_defect(rows: Sequence[Row]) -> dict[str, Any]:
     """Return the score of the cases with each kind of defect, and of all; empty without defects.
 
-    A case counts for every defect it has. First and all names count where a known effect is to be
-    seen, false alarms where there is none at all, wrong confirmed names everywhere. A case that
-    could not be diagnosed counts against all of them.
+    A case counts for every defect it has. First and all names count if a known effect is
+    visible, false alarms if there is no effect at all, wrong confirmed names always. A failed
+    diagnosis counts against all of them.
     """
     kinds = {kind: [r for r in rows if kind in r["defects"]] for kind in (*DEFECTS, MIXED)}
     if not any(kinds[kind] for kind in DEFECTS):

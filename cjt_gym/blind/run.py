@@ -1,4 +1,4 @@
-"""One run of a joint: sample, decide, move on to the next sample."""
+"""One run of a joint: take a sample, decide on a command, advance to the next sample."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from cjt_gym.blind.stepper import mobility, sensed_torque, step
 FINE_STEP = 1e-5
 """Longest step of the integrator [s]."""
 PAST = 8192
-"""Fine steps of torque that are remembered for a late torque sensor; a power of two."""
+"""Number of fine steps whose torque is stored for a late torque sensor; a power of two."""
 
 
 class Chances(NamedTuple):
@@ -28,7 +28,7 @@ class Chances(NamedTuple):
         channels: Noise of the measurements [their units], shape (n, 5).
         process: Torque on the motor, held from sample to sample [N m], shape (n,).
         times: Instants at which samples are taken [s], shape (n,).
-        lost: Encoder counts that go missing at each sample, shape (n,).
+        lost: Encoder counts lost at each sample, shape (n,).
     """
 
     channels: Floats
@@ -57,21 +57,13 @@ class Frame(NamedTuple):
 
 @dataclass(frozen=True)
 class Run:
-    """Results of a run.
+    """Results of a run."""
 
-    Attributes:
-        command: Command at every sample [A], shape (n,).
-        measured: Measurements of CHANNELS, shape (n, 5).
-        clean: The same without noise, rounding and calibration errors, shape (n, 5).
-        states: States, shape (n, SIZE).
-        times: Instants at which the samples were taken [s], shape (n,).
-    """
-
-    command: Floats
-    measured: Floats
-    clean: Floats
-    states: Floats
-    times: Floats
+    command: Floats  # command at every sample [A], shape (n,)
+    measured: Floats  # measurements of CHANNELS, shape (n, 5)
+    clean: Floats  # the same without noise, rounding and calibration errors, shape (n, 5)
+    states: Floats  # states, shape (n, SIZE)
+    times: Floats  # instants at which the samples were taken [s], shape (n,)
 
 
 def frame_of(world: World) -> Frame:
@@ -270,7 +262,7 @@ def move(
 
 @jit
 def late_torque(past: Floats, head: int, now: float, delay: float, latest: float) -> float:
-    """Return the torque some time ago, between the fine steps [N m].
+    """Return a past torque, interpolated between the fine steps [N m].
 
     Args:
         past: Times [s] and torques [N m] of the latest fine steps, a ring of shape (2, PAST).

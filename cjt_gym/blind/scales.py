@@ -1,4 +1,4 @@
-"""How large the signals of a joint are, so that effects can be made a material share of them."""
+"""Magnitudes of a joint's signals, to which the sizes of effects are relative."""
 
 from __future__ import annotations
 
@@ -13,29 +13,18 @@ from cjt_gym.blind.state import CURRENT, Q, V
 
 @dataclass(frozen=True)
 class Scales:
-    """Sizes of the signals of a joint without effects.
+    """Sizes of the signals of a joint without effects."""
 
-    Attributes:
-        current: Root mean square of the current [A].
-        peak: Largest command [A].
-        motor_torque: Root mean square of the motor torque [N m].
-        joint_torque: Root mean square of the joint torque [N m].
-        speed: Root mean square of the velocities of motor, gear and load [rad/s].
-        travel: Distance between the extreme angles of the motor [rad].
-        path: Way that the motor goes per second [rad/s].
-        twist: Root mean square of the joint torque over the softest spring's stiffness [rad].
-        bend: 98th percentile of the twist of the bar [rad].
-    """
-
-    current: float
-    peak: float
-    motor_torque: float
-    joint_torque: float
+    current: float  # root mean square of the current [A]
+    peak: float  # largest command [A]
+    motor_torque: float  # root mean square of the motor torque [N m]
+    joint_torque: float  # root mean square of the joint torque [N m]
+    # root mean square of the velocities of motor, gear and load [rad/s]
     speed: tuple[float, float, float]
-    travel: float
-    path: float
-    twist: float
-    bend: float
+    travel: float  # distance between the extreme angles of the motor [rad]
+    path: float  # mean absolute velocity of the motor [rad/s]
+    twist: float  # root mean square of the joint torque over the softest spring's stiffness [rad]
+    bend: float  # 98th percentile of the twist of the bar [rad]
 
 
 def scales_of(world: World, run: Run) -> Scales:

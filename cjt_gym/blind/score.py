@@ -1,4 +1,4 @@
-"""How good a diagnosis is: the content of diagnosis.json against the key of its case."""
+"""Score of a diagnosis: the content of diagnosis.json against the label of its case."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from cjt_gym.blind.robustness import by_defect, defects_of
 from cjt_gym.blind.signature import VISIBLE
 
 NONE, OUTSIDE, FAILED = "(none)", "(outside the table)", "(failed)"
-"""Entries of the confusion matrix that are no effects."""
+"""Entries of the confusion matrix that are not effects."""
 LEFT: Final = ("unexplained", "partly_explained")
 MATERIAL: Final = 2.0
 """Ratio of gap to noise floor above which its reduction is compared."""
@@ -24,11 +24,11 @@ Row = dict[str, Any]
 
 
 def accepted(label: Label) -> dict[str, str]:
-    """Return the names that count as right, each with the true effect that it stands for.
+    """Return the names that count as right, each with the true effect that it represents.
 
     With a locked output whose angle is arbitrary, a constant torque on the motor and an offset of
-    the torque sensor are one and the same in every record. Without a spring motor and load are one
-    mass, whose inertia and dry friction belong to either.
+    the torque sensor are equivalent in every record. Without a spring motor and load are one mass,
+    whose inertia and dry friction can be attributed to either.
     """
     names = {name: name for name in label["effects"]}
     for twins in _twins(str(label.get("structure", ""))):
@@ -48,13 +48,13 @@ def _twins(structure: str) -> tuple[tuple[str, str], ...]:
 
 
 def is_beside(effect: Mapping[str, Any], not_counted: Collection[str]) -> bool:
-    """Return whether an effect of a diagnosis is not counted, by its name or with its channel."""
+    """Return whether an effect of a diagnosis is not counted, by name or by name and channel."""
     name = effect["name"]
     return name in not_counted or f"{name}:{effect.get('channel')}" in not_counted
 
 
 def agrees(true: str, first: str) -> bool:
-    """Return whether an entry of the confusion matrix is as it should be."""
+    """Return whether an entry of the confusion matrix is correct."""
     return true == first or (true, first) == (OUTSIDE, NONE)
 
 
@@ -63,33 +63,34 @@ def score_case(name: str, label: Label, result: Mapping[str, Any]) -> Row:
 
     Args:
         name: Name of the case.
-        label: Its key, as `draw_case` gives it. `effects` is enough; what else is missing is not
-            scored. Effects in its `not_counted` are neither wrong nor missing.
-        result: Content of its diagnosis.json, or {"error": text} where there is none.
+        label: Its label, as `draw_case` gives it. Only `effects` is required; what depends on
+            other entries is not scored without them. Effects in its `not_counted` are neither
+            wrong nor missing.
+        result: Content of its diagnosis.json, or {"error": text} if the diagnosis failed.
     """
     right, beside = accepted(label), set(label.get("not_counted", []))
     truth = [effect for effect in label["effects"] if effect not in beside]
-    strangers = list(label.get("outside_the_table", []))
+    others = list(label.get("outside_the_table", []))
     named = result.get("effects", [])
     effects = [effect for effect in named if not is_beside(effect, beside)]
     found = [effect["name"] for effect in effects]
     hits = {right[other] for other in found if other in right}
     wrong = {other for other in found if other not in right}
     seen = label.get("signature", {})
-    hidden = [effect for effect in (*truth, *strangers) if seen.get(effect, math.inf) < VISIBLE]
+    hidden = [effect for effect in (*truth, *others) if seen.get(effect, math.inf) < VISIBLE]
     exact = hits == set(truth) and not wrong
     confirmed = {e["name"] for e in effects if e["status"] == "confirmed"}
     return {
         "case": name,
-        "kind": _kind(truth, strangers),
+        "kind": _kind(truth, others),
         "structure": label.get("structure"),
         "excitation": (label.get("excitation") or [None])[0],
         "closed_loop": (label.get("closed_loop") or [None])[0],
         "truth": truth,
-        "outside": strangers,
+        "outside": others,
         "invisible": hidden,
         "signature": dict(seen),
-        "defects": defects_of(label, truth, strangers),
+        "defects": defects_of(label, truth, others),
         "not_counted": [effect["name"] for effect in named if is_beside(effect, beside)],
         "named": found,
         "status": [effect["status"] for effect in effects],
@@ -99,19 +100,19 @@ def score_case(name: str, label: Label, result: Mapping[str, Any]) -> Row:
         "f1": _f1(len(truth), len(hits), len(wrong)),
         "wrong": sorted(wrong),
         "wrong_confirmed": sorted(confirmed - set(right)),
-        "true_and_first": _true_and_first(truth, strangers, found, right, result),
+        "true_and_first": _true_and_first(truth, others, found, right, result),
         "recognised": result.get("verdict") in LEFT,
         "confidences": [[effect["confidence"], effect["name"] in right] for effect in effects],
         "numbers": _numbers(label, named),
-        "shrink": _shrink(label, result) if exact and not strangers else None,
+        "shrink": _shrink(label, result) if exact and not others else None,
         "seconds": result.get("seconds"),
         "cpu_seconds": result.get("cpu_seconds"),
         "error": result.get("error"),
     }
 
 
-def _kind(truth: Sequence[str], strangers: Sequence[str]) -> str:
-    if strangers:
+def _kind(truth: Sequence[str], others: Sequence[str]) -> str:
+    if others:
         return "outside_and_known" if truth else "outside"
     return ("none", "single", "pair")[min(len(truth), 2)]
 
@@ -123,7 +124,7 @@ def _f1(true: int, hits: int, wrong: int) -> float:
 
 def _true_and_first(
     truth: list[str],
-    strangers: list[str],
+    others: list[str],
     found: list[str],
     right: Mapping[str, str],
     result: Mapping[str, Any],
@@ -132,7 +133,7 @@ def _true_and_first(
     first = found[0] if found else FAILED if "error" in result else NONE
     if first in right:
         return [right[first], right[first]]
-    return [truth[0] if truth else OUTSIDE if strangers else NONE, first]
+    return [truth[0] if truth else OUTSIDE if others else NONE, first]
 
 
 def _numbers(label: Label, effects: Iterable[Mapping[str, Any]]) -> list[Row]:
@@ -142,11 +143,11 @@ def _numbers(label: Label, effects: Iterable[Mapping[str, Any]]) -> list[Row]:
 
 
 def _shrink(label: Label, result: Mapping[str, Any]) -> Row | None:
-    """Return the share of the replay error that is gone, predicted and true.
+    """Return the predicted and the true reduction of the replay error.
 
-    The true one is that of the true model over the stated one, in the same kind of replay, with
-    the noise that no model removes. It is what the diagnosis speaks of only where it found the true
-    effects, and says something only where the gap is above the noise.
+    The true one is that of the true model over the stated one in the same kind of replay,
+    including the noise that no model removes. It is comparable only if the diagnosis found the true
+    effects, and meaningful only if the gap exceeds the noise.
     """
     gap, truth = result.get("gap"), label.get("gap", {})
     if not gap or "free_run" not in truth or not label["effects"]:
@@ -169,8 +170,8 @@ def _shrink(label: Label, result: Mapping[str, Any]) -> Row | None:
 def summarise(rows: Sequence[Row]) -> dict[str, Any]:
     """Return the score of a whole test as plain values.
 
-    Effects that nobody could see in their record count apart: a case with one is in `invisible`
-    and nowhere else but in the figures of wrong names, intervals and time.
+    Cases with an effect too small to be visible are counted separately, in `invisible`; otherwise
+    they enter only the figures on wrong names, intervals and time.
     """
     seen = [row for row in rows if not row["invisible"]]
     known = [row for row in seen if row["kind"] in ("single", "pair")]
@@ -243,9 +244,9 @@ def _shrinks(rows: Sequence[Row]) -> dict[str, Any]:
 
 
 def _invisible(rows: Sequence[Row]) -> dict[str, Any]:
-    """Return what became of cases with an effect that nobody could see.
+    """Return the score of cases with an effect too small to be visible.
 
-    Right is to name no more than the true effects; silent, to name none.
+    "Right" names only true effects; "silent" names none.
     """
     cases = [row for row in rows if row["invisible"]]
     return {

@@ -11,7 +11,7 @@ from cjt_gym.blind.state import CURRENT, Q
 
 @jit
 def clean_channels(s: Sensing, x: Floats, tau: float, t: float, out: Floats) -> None:
-    """Write what perfect electronics would read, with every systematic effect; shape (5,)."""
+    """Write the readings of noise-free electronics, with all systematic effects; shape (5,)."""
     hum = math.sin(2.0 * math.pi * s.hum_f * t + s.hum_phase)
     out[0] = x[CURRENT] + s.hum * hum
     out[1] = x[Q] + s.ecc_m * math.sin(s.ecc_m_f * x[Q] + s.ecc_phase)

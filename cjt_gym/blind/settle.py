@@ -1,4 +1,4 @@
-"""Where a locked joint comes to rest before anyone switches it on."""
+"""Rest position of a locked joint before its drive is switched on."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ STEP: Final = 1e-4
 
 
 def settled(world: World) -> World:
-    """Return a locked joint that starts where it would rest with its drive off.
+    """Return a locked joint that starts where it rests with its drive off.
 
-    A torque offset or cogging would else swing the joint as a record begins, which no real joint
-    does, and give itself away by that. A joint that is free, or that starts in motion, stays as it
-    is: it is let go as the record begins.
+    Otherwise a torque offset or cogging would make the joint swing as the record begins, which no
+    real joint does and which would reveal the effect. A free joint, or one that starts in motion,
+    is unchanged: it is released as the record begins.
     """
     if not world.structure.is_locked or world.start:
         return world

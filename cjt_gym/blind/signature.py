@@ -1,9 +1,9 @@
-"""How large the trace is that an effect leaves in a record: what nobody can see, nobody must find.
+"""Visibility of an effect in a record: a diagnosis need not find what cannot be seen.
 
 The joint is predicted over short windows that begin at its true state, once as it is and once
-without the effect. The differences at the ends of the windows, over the scatter that noise and
-process torque leave there, count as far as neither the datasheet's tolerances nor calibration
-errors could make them.
+without the effect. The differences at the ends of the windows, relative to the scatter due to
+noise and process torque, count only where neither the datasheet's tolerances nor calibration errors
+could cause them.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from cjt_gym.blind.run import Run, no_chances, run
 from cjt_gym.blind.state import Q
 
 VISIBLE: Final = 5.0
-"""Standard deviations from which an effect counts as visible."""
+"""Standard deviations above which an effect counts as visible."""
 COARSER: Final = 1.5
-"""Ratio of scatters from which a channel is worse than its datasheet says."""
+"""Ratio of scatters above which a channel is worse than its datasheet."""
 WINDOW: Final = 0.02
 """Length of a window [s]."""
 GUESSED: Final = 1.0
-"""One sigma of a value that is a guess, relative."""
+"""Relative standard deviation of a guessed value."""
 STEP: Final = 1e-4
 """Step of the integrator [s]; all predictions share its error."""
 CALIBRATION: Final = {"i": 0.004, "tau": 0.03}
@@ -37,15 +37,15 @@ CALIBRATION: Final = {"i": 0.004, "tau": 0.03}
 ARBITRARY: Final = 0.1
 """One sigma of the arbitrary zero of the bar's twist [rad]."""
 SMALL_TORQUE: Final = 1e-3
-"""Torque of the twist from which its influence is taken [N m]."""
+"""Torque of the twist used to linearise its influence [N m]."""
 
 
 def signatures(
     true: World, without: Mapping[str, World], sheet: Datasheet, record: Run
 ) -> dict[str, float]:
-    """Return the size of the trace of each effect in a record, in standard deviations.
+    """Return the visibility of each effect in a record, in standard deviations.
 
-    `without` has the joint without one of its effects, by the name of that effect.
+    `without` holds, by the name of an effect, the joint without it.
     """
     used = [CHANNELS.index(name) for name in sheet.channels]
     here = _at_ends(true, record)[:, used]
@@ -90,7 +90,7 @@ def _at_ends(model: World, record: Run, states: Floats | None = None) -> Floats:
 
 
 def _tolerated(true: World, sheet: Datasheet, record: Run, here: Floats, used: list[int]) -> Floats:
-    """Return what one sigma of each tolerance and zero changes, shape (k, windows, channels)."""
+    """Return the change due to one sigma of each tolerance and zero, (k, windows, channels)."""
     changes = []
     for symbol in active(true.structure):
         value = getattr(true.plant, symbol) * (1.0 + sheet.tolerances[symbol])
@@ -111,9 +111,9 @@ def _tolerated(true: World, sheet: Datasheet, record: Run, here: Floats, used: l
 
 
 def _wound(true: World, record: Run) -> Floats:
-    """Return what is predicted where the bar is relaxed at another twist, shape (windows, 5).
+    """Return the prediction if the bar is relaxed at another twist, shape (windows, 5).
 
-    The encoders of motor and gear start from there, so they show only what follows from it.
+    The encoders of motor and gear start there, so that they show only its consequences.
     """
     small = SMALL_TORQUE / true.plant.k_b
     states = record.states.copy()
@@ -124,7 +124,7 @@ def _wound(true: World, record: Run) -> Floats:
 
 
 def active(structure: Structure) -> tuple[str, ...]:
-    """Return the parameters with a tolerance that move a joint of a structure."""
+    """Return the parameters with a tolerance that affect a structure."""
     gear = ("k_g", "d_mg") if structure.gear_is_soft else ()
     bar = ("k_b", "d_gl") if structure.bar_is_soft else ()
     load = () if structure.is_locked else ("I_l", "d_l")
@@ -132,9 +132,9 @@ def active(structure: Structure) -> tuple[str, ...]:
 
 
 def _scattered(true: World, other: World, sheet: Datasheet, samples: int) -> float:
-    """Return the signature of what a prediction cannot show: more scatter, lost counts.
+    """Return the visibility of what a prediction cannot show: added scatter and lost counts.
 
-    Noise that is stated is no effect, even where there is less of it.
+    Stated noise is not an effect, even if the true noise is lower.
     """
     total = 0.0
     for j in (CHANNELS.index(name) for name in sheet.channels):

@@ -1,4 +1,4 @@
-"""Layout of the state of one joint: positions, velocities and everything that remembers."""
+"""Layout of the state of one joint: positions, velocities and memories."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ SIZE: Final = 25
 
 
 def initial_state(world: World) -> Floats:
-    """Return the state at the first sample, shape (SIZE,): at rest unless the world says else.
+    """Return the state at the first sample, shape (SIZE,): at rest by default.
 
     `world.start` may hold "q" [rad], "v" [rad/s] of all bodies, "twist" [rad], a lead of motor and
     gear over the load, and "wind" [rad], a lead of the motor over the gear.

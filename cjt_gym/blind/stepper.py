@@ -33,11 +33,11 @@ from cjt_gym.blind.plant import GEAR, LOAD, MOTOR, MOUNT, Drive, Floats, Ints, P
 from cjt_gym.blind.state import BAR, CREEP, CURRENT, HEAT, TAU, WARM, Q, V
 
 SWEEPS = 4
-"""Passes over the bodies with friction; dampers couple them weakly within one fine step."""
+"""Passes over the bodies with friction, which dampers couple only weakly within a fine step."""
 OPEN, CLOSED = 0, 1
 """Index of a mobility: with the contact of the play open or closed."""
 FORCE, UP, DOWN, TAKEN = 0, 1, 2, 3
-"""Rows of the scratch of a step: torques, largest friction impulses, and those that are taken."""
+"""Rows of the scratch array: torques, largest friction impulses, and the impulses taken."""
 
 
 @jit
@@ -49,7 +49,7 @@ def mobility(mass: Floats, damping: Floats, s: Floats, h: float) -> Floats:
 
 @jit
 def in_contact(half: float, twist: float, torque: float) -> bool:
-    """Return whether a spring with play pushes; `torque` includes its damping, as if it did."""
+    """Return whether a spring with play is in contact; `torque` includes damping as if it were."""
     if half <= 0.0:
         return True
     if twist > half:
@@ -59,7 +59,7 @@ def in_contact(half: float, twist: float, torque: float) -> bool:
 
 @jit
 def follow_bar(p: Plant, x: Floats, half: float) -> float:
-    """Move the memories of the bar to its present twist, in place; return that twist [rad]."""
+    """Update the memories of the bar to its present twist, in place; return that twist [rad]."""
     twist = beyond(x[Q + GEAR] - x[Q + LOAD], half)
     twist_memories(p, x, twist - x[BAR])
     x[BAR] = twist
@@ -68,7 +68,7 @@ def follow_bar(p: Plant, x: Floats, half: float) -> float:
 
 @jit
 def gear_torque(p: Plant, x: Floats, half: float) -> tuple[float, bool]:
-    """Return the torque of a soft gearbox with its damping, and whether its teeth touch."""
+    """Return the torque of a compliant gearbox with its damping, and whether its teeth touch."""
     twist = x[Q + MOTOR] - x[Q + GEAR]
     torque = p.k_g * beyond(twist, half) + p.d_mg * (x[V + MOTOR] - x[V + GEAR])
     touches = in_contact(half, twist, torque)
@@ -77,7 +77,7 @@ def gear_torque(p: Plant, x: Floats, half: float) -> tuple[float, bool]:
 
 @jit
 def sensed_torque(p: Plant, leads: Ints, x: Floats) -> tuple[float, bool]:
-    """Return the torque that the bar transmits and whether it touches; memories follow in place."""
+    """Update the memories of the bar; return its torque and whether it is in contact."""
     if leads[LOAD] == leads[GEAR]:
         return x[TAU], True
     half = half_play(p, x[Q]) if leads[GEAR] == leads[MOTOR] else 0.0
@@ -89,9 +89,9 @@ def sensed_torque(p: Plant, leads: Ints, x: Floats) -> tuple[float, bool]:
 
 @jit
 def rub(p: Plant, leads: Ints, x: Floats, w: Floats, torque: float, h: float, work: Floats) -> None:
-    """Let dry friction act on the velocities, in place: v+ = v_free - W r, r in h F(v+).
+    """Apply dry friction to the velocities, in place: v+ = v_free - W r, r in h F(v+).
 
-    Bodies that move together add their levels, on the one that leads. Row TAKEN of `work`, shape
+    The levels of bodies that move together are added on the leading one. Row TAKEN of `work`, shape
     (4, 4), receives the impulse of each body [N m s].
     """
     for body in range(3):
@@ -123,7 +123,7 @@ def rub(p: Plant, leads: Ints, x: Floats, w: Floats, torque: float, h: float, wo
 
 @jit
 def advance_memories(p: Plant, x: Floats, h: float) -> None:
-    """Advance what has a time of its own: heat of the winding, warming up, creep; in place."""
+    """Advance the slow states in place: heat of the winding, warming up, creep."""
     if p.heat_loss > 0.0:
         x[HEAT] += (x[CURRENT] ** 2 - x[HEAT]) * (1.0 - math.exp(-h / p.heat_time))
     if p.cold > 0.0:

@@ -19,7 +19,7 @@ def percent(rate: Mapping[str, Any]) -> str:
 
 
 def average(value: Mapping[str, Any], scale: float = 1.0, unit: str = "") -> str:
-    """Return a mean with its 95 % interval and how many it is taken over."""
+    """Return a mean with its 95 % interval and the number of values."""
     if not value["total"]:
         return "no case"
     low, high = scale * value["low"], scale * value["high"]
@@ -27,7 +27,7 @@ def average(value: Mapping[str, Any], scale: float = 1.0, unit: str = "") -> str
 
 
 def lines(s: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return what was scored and the score, line by line."""
+    """Return the label and the score of each line."""
     first, wrong, seen = s["first_right"], s["wrong_confirmed"], s["invisible"]
     out = [
         ("first name right", percent(first["known"])),
@@ -68,7 +68,7 @@ COUNTED = {
     "no_wrong_confirmed": "no wrong confirmed name",
     "no_false_alarm": "no false alarm",
 }
-"""What is counted for each kind of defect, with its heading."""
+"""Figures for each kind of defect, with their headings."""
 
 
 def defect_rows(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
@@ -106,7 +106,7 @@ def table(summary: Mapping[str, Any]) -> str:
     text += ["", "true effect           first name, where they differ"]
     text += [f"{true:21s} {first}{f' ({n})' if n > 1 else ''}" for true, first, n in wrong]
     if not wrong:
-        text[-1] = "nowhere a wrong first name"
+        text[-1] = "no wrong first name"
     return "\n".join(text)
 
 

@@ -1,4 +1,4 @@
-"""Closed loops for random joints: references and gains that a joint bears."""
+"""Closed loops for random joints: gains under which a joint is stable."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from cjt_gym.blind.plant import Floats, Structure, World
 from cjt_gym.blind.run import FINE_STEP, Chances, Run, draw_chances, run
 
 TRIED, TRIAL_STEP = 2.0, 4e-5
-"""Length of a trial of gains, and its fine step [s]."""
+"""Duration and fine step of a trial of gains [s]."""
 TRIALS = 6
-"""How often the gains are halved before the loop is left to its feedforward."""
+"""Number of times the gains are halved before only the feedforward remains."""
 CLIPPED = 0.02
 """Share of samples at the current limit above which a loop counts as unstable."""
 OVERSHOOT = 3.0
-"""Ratio of torque to reference, root mean square, above which it does."""
+"""The same for the ratio of torque to reference, both rms."""
 
 
 def first_gains(structure: Structure, sheet: Datasheet, rng: np.random.Generator) -> Gains:
-    """Return gains that suit the joint of a datasheet: PI or PD, with feedforward.
+    """Return suitable gains for the joint of a datasheet: PI or PD, with feedforward.
 
-    A free load takes a share of the torque only, so that the feedforward moves the motor as well.
+    Only part of the torque reaches a free load, so the feedforward also accelerates the motor.
     """
     p = sheet.values
     motor = p["I_m"] + p["I_g"]
@@ -43,15 +43,15 @@ def first_gains(structure: Structure, sheet: Datasheet, rng: np.random.Generator
     return Gains(**common, kp=kp, kd=2.0 * rng.uniform(0.15, 0.5) / rate)
 
 
-def is_bearable(result: Run, reference: Floats, limit: float) -> bool:
-    """Return whether a closed loop neither lived at its limits nor swung up."""
+def is_stable(result: Run, reference: Floats, limit: float) -> bool:
+    """Return whether a closed loop neither saturated nor diverged."""
     clipped = np.mean(np.abs(result.command) >= limit)
     size = np.sqrt(np.mean(result.measured[:, 4] ** 2) / np.mean(reference**2))
     return bool(clipped < CLIPPED and size < OVERSHOOT)
 
 
 def halved(gains: Gains) -> Gains:
-    """Return half of the feedback."""
+    """Return gains with half the feedback."""
     return gains._replace(kp=0.5 * gains.kp, ki=0.5 * gains.ki, kd=0.5 * gains.kd)
 
 
@@ -62,14 +62,14 @@ def under_control(
     rng: np.random.Generator,
     fine_step: float = FINE_STEP,
 ) -> Run:
-    """Return a run under gains that are halved until the joint does not swing up under them.
+    """Return a closed-loop run, whose gains are halved until it is stable.
 
-    Two seconds of motion are tried first, then the whole.
+    Two seconds of motion are tried first, then the whole run.
 
     Args:
-        world: The joint as it is.
+        world: The true joint.
         reference: Reference of the joint torque [N m], shape (n,).
-        gains: Gains to begin with.
+        gains: Initial gains.
         rng: Random numbers.
         fine_step: Longest step of the integrator in the whole run [s].
     """
@@ -83,9 +83,9 @@ def under_control(
     )
     for _ in range(TRIALS):
         trial = run(world, reference[part], gains, start, fine_step=TRIAL_STEP)
-        if is_bearable(trial, reference[part], gains.limit):
+        if is_stable(trial, reference[part], gains.limit):
             result = run(world, reference, gains, chances, fine_step=fine_step)
-            if is_bearable(result, reference, gains.limit):
+            if is_stable(result, reference, gains.limit):
                 return result
         gains = halved(gains)
     gains = gains._replace(kp=0.0, ki=0.0, kd=0.0)

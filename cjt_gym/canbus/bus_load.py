@@ -31,25 +31,15 @@ SECONDS: Final = 0.4
 
 @dataclass(frozen=True)
 class JointLoad:
-    """Load of one joint on the bus.
+    """Load of one joint on the bus."""
 
-    Attributes:
-        name: Name of the joint, or "drive" if it is the only one.
-        protocol: Protocol of its drive.
-        node: Address of its drive.
-        frames: Frames at the configured rate [1/s].
-        bits: Bits at the configured rate, stuff bits included [bit/s].
-        share: Share of the bus's time at the configured rate.
-        fixed: Share of the bus's time at any rate.
-    """
-
-    name: str
-    protocol: str
-    node: int
-    frames: float
-    bits: float
-    share: float
-    fixed: float
+    name: str  # name of the joint, or "drive" if it is the only one
+    protocol: str  # protocol of its drive
+    node: int  # address of its drive
+    frames: float  # frames at the configured rate [1/s]
+    bits: float  # bits at the configured rate, stuff bits included [bit/s]
+    share: float  # share of the bus's time at the configured rate
+    fixed: float  # share of the bus's time at any rate
 
 
 @dataclass(frozen=True)

@@ -64,41 +64,23 @@ Table = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class HardwareConfig:
-    """A joint on a bus.
+    """A joint on a bus."""
 
-    Attributes:
-        bus: Where the bus is.
-        nodes: The drive, then the sensors.
-        joint: The nominal joint, without effects.
-        joint_name: Its name, or the path of its file.
-        effects: What the emulated joint has.
-        dt: Control step [s].
-        priority: Real-time priority of the loop, or None.
-        missed: Reports of a node that may be missing in a row.
-        overrun: Time by which a command may be late before the loop has overrun [s].
-        soft: Time over which torque is given and taken at start and end of a run [s].
-        torque: Where joint torque comes from: "sensor", "spring", "auto" for what there is.
-        limits: What keeps the joint safe.
-        emulator: How an emulated bus behaves.
-        origin: The file.
-        name: The joint's name where the file lists several.
-    """
-
-    bus: BusSettings
-    nodes: tuple[NodeSettings, ...]
-    joint: Joint
-    joint_name: str
-    effects: EffectSpec
-    dt: float
-    priority: int | None
-    missed: int
-    overrun: float
-    soft: float
-    torque: str
-    limits: SafetyLimits
-    emulator: EmulatorSettings
-    origin: str
-    name: str = ""
+    bus: BusSettings  # where the bus is
+    nodes: tuple[NodeSettings, ...]  # the drive, then the sensors
+    joint: Joint  # the nominal joint, without effects
+    joint_name: str  # its name, or the path of its file
+    effects: EffectSpec  # what the emulated joint has
+    dt: float  # control step [s]
+    priority: int | None  # real-time priority of the loop, or None
+    missed: int  # reports of a node that may be missing in a row
+    overrun: float  # time by which a command may be late before the loop has overrun [s]
+    soft: float  # time over which torque is given and taken at start and end of a run [s]
+    torque: str  # where joint torque comes from: "sensor", "spring", "auto" for what there is
+    limits: SafetyLimits  # what keeps the joint safe
+    emulator: EmulatorSettings  # how an emulated bus behaves
+    origin: str  # the file
+    name: str = ""  # the joint's name where the file lists several
 
     @property
     def drive(self) -> NodeSettings:

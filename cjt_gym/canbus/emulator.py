@@ -60,17 +60,11 @@ def medium_of(config: HardwareConfig) -> Medium | None:
 
 @dataclass
 class Node:
-    """An emulated node.
+    """An emulated node."""
 
-    Attributes:
-        name: Its name in the configuration.
-        firmware: Its firmware.
-        alive: Whether it receives and sends frames.
-    """
-
-    name: str
-    firmware: Firmware
-    alive: bool = True
+    name: str  # its name in the configuration
+    firmware: Firmware  # its firmware
+    alive: bool = True  # whether it receives and sends frames
 
 
 @final

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cjt_gym.canbus.safety import SafetyLimits
-from cjt_gym.errors import unknown_name
+from cjt_gym.errors import check_name
 from cjt_gym.joint import Joint
 from cjt_gym.joint.arrays import Floats
 
@@ -21,21 +21,13 @@ LOW, HIGH, TONES = 0.5, 60.0, 40
 
 @dataclass(frozen=True)
 class Experiment:
-    """One row of the table.
-
-    Attributes:
-        name: Its name.
-        summary: Its motion and its purpose.
-        seconds: Its duration [s].
-        share: Its amplitude as a share of the largest torque.
-        shape: Torque as a function of time [s], within [-1, 1].
-    """
+    """One row of the table."""
 
     name: str
-    summary: str
-    seconds: float
-    share: float
-    shape: Callable[[Floats], Floats]
+    summary: str  # its motion and its purpose
+    seconds: float  # its duration [s]
+    share: float  # its amplitude as a share of the largest torque
+    shape: Callable[[Floats], Floats]  # torque as a function of time [s], within [-1, 1]
 
 
 def _triangle(t: Floats, period: float | Floats) -> Floats:
@@ -134,8 +126,7 @@ def experiment_torque(name: str, joint: Joint, limits: SafetyLimits, dt: float) 
     Raises:
         UnknownNameError: There is no such experiment.
     """
-    if name not in EXPERIMENTS:
-        raise unknown_name("experiment", name, EXPERIMENTS)
+    check_name("experiment", name, EXPERIMENTS)
     row = EXPERIMENTS[name]
     t = np.arange(round(row.seconds / dt), dtype=np.float64) * dt
     ends = np.clip(np.minimum(t, row.seconds - t) / 0.1, 0.0, 1.0)

@@ -35,8 +35,8 @@ class Sense:
         p, row = config.joint.parameters, config.joint.structure_row
         has = {**dict.fromkeys(reported, True), "i": bool({"i", "tau_m"} & reported)}
         self.measured = tuple(name for name in CHANNELS if has.get(name))
-        self._merged = row.groups[0] == row.groups[1]
-        self._is_rigid = self._merged and row.groups[1] == row.groups[2]
+        self._merged = not row.has_gear
+        self._is_rigid = self._merged and not row.has_spring
         self._is_fixed = row.output_fixed
         self._k_b = p.get("k_b", math.nan)
         self._per_ampere = p.k_t * p.n

@@ -31,23 +31,14 @@ class _Account:
 
 @dataclass
 class Latest:
-    """The latest value of a channel.
+    """The latest value of a channel."""
 
-    Attributes:
-        period: Time between two reports [s].
-        oldest: Age above which it counts as missing [s].
-        node: Name of the node that reports it.
-        label: Its name in the fault when it is missing.
-        value: In the channel's unit.
-        t: Arrival time of its frame [s].
-    """
-
-    period: float
-    oldest: float
-    node: str
-    label: str
-    value: float = math.nan
-    t: float = -math.inf
+    period: float  # time between two reports [s]
+    oldest: float  # age above which it counts as missing [s]
+    node: str  # name of the node that reports it
+    label: str  # its name in the fault when it is missing
+    value: float = math.nan  # in the channel's unit
+    t: float = -math.inf  # arrival time of its frame [s]
 
 
 @final

@@ -89,29 +89,17 @@ Range = tuple[str, float, float, str, str, str]
 
 @dataclass(frozen=True)
 class SafetyLimits:
-    """Limits of commands and measurements, all on the link side.
+    """Limits of commands and measurements, all on the link side."""
 
-    Attributes:
-        tau: Largest commanded motor torque [N m].
-        tau_rate: Largest rate of the commanded torque [N m/s].
-        dq_m: Largest motor speed [rad/s].
-        q_low: Lowest motor angle [rad].
-        q_high: Highest motor angle [rad].
-        tau_joint: Largest joint torque [N m].
-        deflection: Largest spring deflection [rad].
-        temperature: Highest reported temperature [degC].
-        current: Largest measured motor current [A].
-    """
-
-    tau: float
-    tau_rate: float
-    dq_m: float
-    q_low: float
-    q_high: float
-    tau_joint: float
-    deflection: float
-    temperature: float
-    current: float
+    tau: float  # largest commanded motor torque [N m]
+    tau_rate: float  # largest rate of the commanded torque [N m/s]
+    dq_m: float  # largest motor speed [rad/s]
+    q_low: float  # lowest motor angle [rad]
+    q_high: float  # highest motor angle [rad]
+    tau_joint: float  # largest joint torque [N m]
+    deflection: float  # largest spring deflection [rad]
+    temperature: float  # highest reported temperature [degC]
+    current: float  # largest measured motor current [A]
 
     def ranges(self, reported: Collection[str]) -> list[Range]:
         """Return the ranges of measured channels; temperature has one where it is reported."""

@@ -32,29 +32,18 @@ RAMP = 0.01
 
 @dataclass(frozen=True)
 class BusSettings:
-    """The bus.
+    """The bus."""
 
-    Attributes:
-        interface: Name of a python-can interface.
-        channel: Its channel.
-        host: Host of a socketcand server.
-        port: Its TCP port.
-        bitrate: Bit rate [bit/s]; None leaves it to the interface.
-        fd: Whether frames may be CAN FD.
-        stamps: Clock of the arrival times; one of `STAMPS`.
-        options: Further arguments of python-can's interface.
-        owner: Name of the table in messages.
-    """
-
-    interface: str
-    channel: str
-    host: str = "127.0.0.1"
-    port: int = 29536
-    bitrate: int | None = None
-    fd: bool = False
-    stamps: str = STAMPS[0]
+    interface: str  # name of a python-can interface
+    channel: str  # its channel
+    host: str = "127.0.0.1"  # host of a socketcand server
+    port: int = 29536  # its TCP port
+    bitrate: int | None = None  # bit rate [bit/s]; None leaves it to the interface
+    fd: bool = False  # whether frames may be CAN FD
+    stamps: str = STAMPS[0]  # clock of the arrival times; one of `STAMPS`
+    # further arguments of python-can's interface
     options: Mapping[str, Any] = field(default_factory=dict)
-    owner: str = "[bus]"
+    owner: str = "[bus]"  # name of the table in messages
 
     @property
     def identity(self) -> str:
@@ -74,25 +63,15 @@ class NodeSettings:
 
 @dataclass(frozen=True)
 class EmulatorSettings:
-    """How an emulated bus and clock behave.
+    """How an emulated bus and clock behave."""
 
-    Attributes:
-        latency: Transit time of a frame [s].
-        jitter: Mean of an additional, exponentially distributed time [s].
-        loss: Share of frames that are lost.
-        load: Share of the bus that other nodes take; frames wait for them.
-        speed: Speed of simulated time relative to the clock.
-        seed: Seed of sensor noise, latency and loss.
-        watchdog: Watchdog time stored in the drive [s]; 0 is the factory setting.
-    """
-
-    latency: float = 0.0
-    jitter: float = 0.0
-    loss: float = 0.0
-    load: float = 0.0
-    speed: float = 1.0
-    seed: int = 0
-    watchdog: float = 0.0
+    latency: float = 0.0  # transit time of a frame [s]
+    jitter: float = 0.0  # mean of an additional, exponentially distributed time [s]
+    loss: float = 0.0  # share of frames that are lost
+    load: float = 0.0  # share of the bus that other nodes take; frames wait for them
+    speed: float = 1.0  # speed of simulated time relative to the clock
+    seed: int = 0  # seed of sensor noise, latency and loss
+    watchdog: float = 0.0  # watchdog time stored in the drive [s]; 0 is the factory setting
 
 
 def read_bus(table: object, owner: str) -> BusSettings:

@@ -17,16 +17,12 @@ PERCENTILES = (50.0, 90.0, 99.0, 99.9, 99.99, 100.0)
 
 @dataclass
 class Timing:
-    """Times of all control steps of a run [s].
+    """Times of all control steps of a run [s]."""
 
-    Attributes:
-        lateness: Lateness of the command.
-        ages: Age of the motor's angle when it is used.
-        answers: Time from a command to the first report after it.
-    """
-
-    lateness: array[float] = field(default_factory=lambda: array("d"))
+    lateness: array[float] = field(default_factory=lambda: array("d"))  # lateness of the command
+    # age of the motor's angle when it is used
     ages: array[float] = field(default_factory=lambda: array("d"))
+    # time from a command to the first report after it
     answers: array[float] = field(default_factory=lambda: array("d"))
 
     def answered(self, sent: float, arrivals: Sequence[Arrival]) -> float:

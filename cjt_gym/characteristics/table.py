@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from cjt_gym.characteristics import bandwidth, motor, thermal
-from cjt_gym.errors import ParameterError, unknown_name
+from cjt_gym.errors import ParameterError, check_name
 from cjt_gym.joint import JointParameters
 from cjt_gym.joint.parameter_table import axis_units
 
@@ -195,6 +195,5 @@ def characteristic(p: JointParameters, name: str) -> float:
         UnknownNameError: The name is unknown.
         ParameterError: The joint lacks a parameter that it needs.
     """
-    if name not in CHARACTERISTICS:
-        raise unknown_name("characteristic", name, CHARACTERISTICS)
+    check_name("characteristic", name, CHARACTERISTICS)
     return CHARACTERISTICS[name].function(p)

@@ -16,15 +16,10 @@ class Heading:
 
 @dataclass(frozen=True)
 class Paragraph:
-    """A paragraph.
+    """A paragraph."""
 
-    Attributes:
-        text: Text, see `cjt_gym.datasheet.notation`.
-        small: Whether it is a note in small print.
-    """
-
-    text: str
-    small: bool = False
+    text: str  # text, see `cjt_gym.datasheet.notation`
+    small: bool = False  # whether it is a note in small print
 
 
 @dataclass(frozen=True)
@@ -55,17 +50,11 @@ class Table:
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure.
+    """A figure."""
 
-    Attributes:
-        svg: The drawing, as SVG text.
-        caption: What it shows.
-        whole: Whether it takes the whole width, or stands beside the next.
-    """
-
-    svg: str
-    caption: str
-    whole: bool = False
+    svg: str  # the drawing, as SVG text
+    caption: str  # what it shows
+    whole: bool = False  # whether it takes the whole width, or stands beside the next
 
 
 @dataclass(frozen=True)
@@ -85,19 +74,12 @@ Block = Heading | Paragraph | Facts | Table | Figure | Code | PageBreak
 
 @dataclass(frozen=True)
 class Sheet:
-    """A sheet, ready to be written.
-
-    Attributes:
-        title: Title.
-        subtitle: One line below it.
-        blocks: What follows.
-        footer: Small print at the foot of each page.
-    """
+    """A sheet, ready to be written."""
 
     title: str
-    subtitle: str
-    blocks: Sequence[Block] = field(default_factory=tuple)
-    footer: str = ""
+    subtitle: str  # one line below it
+    blocks: Sequence[Block] = field(default_factory=tuple)  # what follows
+    footer: str = ""  # small print at the foot of each page
 
     def rows(self) -> Iterator[tuple[bool, list[tuple[int, Block]]]]:
         """Yield blocks with their numbers; True with figures that stand beside each other."""

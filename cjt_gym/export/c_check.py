@@ -48,20 +48,14 @@ class ExportError(CjtGymError, RuntimeError):
 
 @dataclass(frozen=True)
 class Checked:
-    """How an exported file compares with what it was written from.
+    """How an exported file compares with what it was written from."""
 
-    Attributes:
-        steps: Control steps that were compared; 0 where nothing could be.
-        error: Of laws the largest difference, relative to the largest value of each output, or to
-            the largest sum of magnitudes that it is made of [-]; of policies that of the action.
-        note: Why nothing was compared, else empty.
-        microseconds: Time of a step of a policy that nothing interrupts [us], for C with the call
-            from Python.
-    """
-
-    steps: int
+    steps: int  # control steps that were compared; 0 where nothing could be
+    # of laws the largest difference, relative to the largest value of each output, or to the
+    # largest sum of magnitudes that it is made of [-]; of policies that of the action
     error: float
-    note: str = ""
+    note: str = ""  # why nothing was compared, else empty
+    # time of a step of a policy that nothing interrupts [us], for C with the call from Python
     microseconds: float = math.nan
 
 

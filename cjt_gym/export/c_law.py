@@ -13,24 +13,17 @@ from cjt_gym.export.c_additions import NOTHING, Addition, addition_of
 
 @dataclass(frozen=True)
 class CLaw:
-    """A linear law within a limit, with what may be added to it.
+    """A linear law within a limit, with what may be added to it."""
 
-    Attributes:
-        linear: The law.
-        limit: Largest motor torque [N m].
-        follows: Whether its memory begins as if the reference had long stood where it is, else as
-            if it had been the torque that is there.
-        addition: What is added to its command.
-        stiffness: Of a spring that is rendered at the load by way of the reference [N m/rad].
-        damping: Of a damper beside that [N m s/rad].
-    """
-
-    linear: LinearLaw
-    limit: float
+    linear: LinearLaw  # the law
+    limit: float  # largest motor torque [N m]
+    # whether its memory begins as if the reference had long stood where it is, else as if it had
+    # been the torque that is there
     follows: bool = False
-    addition: Addition = NOTHING
+    addition: Addition = NOTHING  # what is added to its command
+    # of a spring that is rendered at the load by way of the reference [N m/rad]
     stiffness: float = 0.0
-    damping: float = 0.0
+    damping: float = 0.0  # of a damper beside that [N m s/rad]
 
 
 def law_of(controller: Controller, name: str) -> CLaw:

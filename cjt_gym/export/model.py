@@ -41,15 +41,10 @@ class Export:
 
 @dataclass(frozen=True)
 class Bodies:
-    """The moving bodies of a joint after its structure has merged some of them.
+    """The moving bodies of a joint after its structure has merged some of them."""
 
-    Attributes:
-        names: Name of each coordinate, after the first body that moves with it.
-        groups: Coordinate of motor, gear and load; -1 for a load that is held.
-    """
-
-    names: tuple[str, ...]
-    groups: tuple[int, int, int]
+    names: tuple[str, ...]  # name of each coordinate, after the first body that moves with it
+    groups: tuple[int, int, int]  # coordinate of motor, gear and load; -1 for a load that is held
 
     def total(self, values: Mapping[str, float], stem: str, suffix: str = "") -> list[float]:
         """Return a parameter such as "I_" summed over the bodies of each coordinate."""

@@ -6,31 +6,24 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import expm, solve_discrete_are
 
-Floats = NDArray[np.float64]
+from cjt_gym.joint.arrays import Floats
+
 MOTOR, GEAR, LOAD = range(3)
 
 
 @dataclass(frozen=True)
 class Chain:
-    """A piece of the joint, discretised for torques held and positions ramped over a sample.
+    """A piece of the joint, discretised for torques held and positions ramped over a sample."""
 
-    Attributes:
-        a: Transition matrix, shape (n, n); the state is the coordinates, then their velocities.
-        torque: Effect of a constant torque on motor, gear and load, shape (n, 3).
-        ramp: Effect of a torque that rises from -1/2 to 1/2 over the sample, shape (n, 3).
-        start: Effect of the prescribed position at the start of the sample, shape (n,).
-        slope: Effect of its mean velocity over the sample, shape (n,).
-        groups: Coordinate of motor, gear and load; -1 if the body is not part of it.
-    """
-
+    # transition matrix, shape (n, n); the state is the coordinates, then their velocities
     a: Floats
-    torque: Floats
-    ramp: Floats
-    start: Floats
-    slope: Floats
+    torque: Floats  # effect of a constant torque on motor, gear and load, shape (n, 3)
+    ramp: Floats  # effect of a torque that rises from -1/2 to 1/2 over the sample, shape (n, 3)
+    start: Floats  # effect of the prescribed position at the start of the sample, shape (n,)
+    slope: Floats  # effect of its mean velocity over the sample, shape (n,)
+    # coordinate of motor, gear and load; -1 if the body is not part of it
     groups: tuple[int, int, int]
 
     @property
@@ -45,19 +38,12 @@ class Chain:
 
 @dataclass(frozen=True)
 class Link:
-    """A spring with a damper between two bodies, one of which may be prescribed.
+    """A spring with a damper between two bodies, one of which may be prescribed."""
 
-    Attributes:
-        one: Body, or None where its position is prescribed.
-        other: The other body, or None.
-        stiffness: [N m/rad].
-        damping: [N m s/rad].
-    """
-
-    one: int | None
-    other: int | None
-    stiffness: float
-    damping: float
+    one: int | None  # body, or None where its position is prescribed
+    other: int | None  # the other body, or None
+    stiffness: float  # [N m/rad]
+    damping: float  # [N m s/rad]
 
 
 def build_chain(

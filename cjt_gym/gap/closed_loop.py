@@ -8,39 +8,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.gap.diagnosis import GapSize
 from cjt_gym.gap.gap_size import size_of
 from cjt_gym.gap.replay import SUBSTEP
 from cjt_gym.joint import Joint
-from cjt_gym.plant import Measurement, SimulatedPlant
+from cjt_gym.joint.arrays import Floats
+from cjt_gym.plant import Law, SimulatedPlant
 from cjt_gym.records import Record
 
-Floats = NDArray[np.float64]
 CHANNELS = ("tau", "tau_cmd", "q_m", "dq_m")
 """Channels of a replay."""
 NEEDED = ("tau_ref", "tau")
 
 
-class Law(Protocol):
-    """Interface of a controller in the closed loop."""
-
-    def reset(self) -> None:
-        """Reset the internal state."""
-
-    def act(self, measurement: Measurement, reference: Floats) -> Floats:
-        """Return the commanded motor torque [N m], shape (1,)."""
-        ...
-
-
-def replay_closed_loop(
-    record: Record, joint: Joint, controller: Law, seed: int = 0
-) -> Mapping[str, Floats]:
+def replay_closed_loop(record: Record, joint: Joint, controller: Law) -> Mapping[str, Floats]:
     """Simulate a joint under a controller that tracks a record's reference.
 
     Args:
@@ -48,7 +33,6 @@ def replay_closed_loop(
             the load torque `tau_l` of a free load.
         joint: The joint.
         controller: The controller that drives it.
-        seed: Seed of the sensor noise, if the joint has any.
 
     Returns:
         Channels of `CHANNELS` as they would be recorded, each of shape (N,).
@@ -65,7 +49,7 @@ def replay_closed_loop(
     start = np.zeros((1, 6))
     start[0, :3] = record["q_m"][0] if "q_m" in record else 0.0
     controller.reset()
-    measured = plant.reset(seed=seed, start=start, load=load[:1])
+    measured = plant.reset(seed=0, start=start, load=load[:1])
     rows = {name: np.zeros(len(record)) for name in CHANNELS}
     for k in range(len(record)):
         command = controller.act(measured, reference[k : k + 1])

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from cjt_gym.gap.fit import Fit, Problem
+from cjt_gym.gap.merit import evidence
 from cjt_gym.gap.prune import SIMPLER
-from cjt_gym.gap.select import evidence
 
 NEAR = 25.0
 """Difference in evidence within which another explanation counts as nearly as good."""

@@ -16,7 +16,6 @@ from dataclasses import dataclass, replace
 from itertools import permutations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.gap.fit import DEFLATION, FLOOR, Fit, Model, Problem
 from cjt_gym.gap.menu import MENU, Input
@@ -26,8 +25,8 @@ from cjt_gym.gap.series import Series
 from cjt_gym.gap.setting import Setting
 from cjt_gym.gap.stages import Stages
 from cjt_gym.gap.unknown import LEFT
+from cjt_gym.joint.arrays import Floats
 
-Floats = NDArray[np.float64]
 SAMPLES, SHORTEST, LONGEST = 4000, 4.0, 20.0
 """Number of samples of an input, and its shortest and longest duration [s]."""
 MOVES = 10
@@ -44,31 +43,20 @@ BACK_OFF, TRIALS = 0.75, 12
 
 @dataclass(frozen=True)
 class Bounds:
-    """Limits of an experiment.
+    """Limits of an experiment."""
 
-    Attributes:
-        current: Largest current [A].
-        speed: Largest speed of the motor [rad/s].
-        torque: Largest joint torque [N m].
-        travel: Largest distance of the motor from its starting point [rad].
-    """
-
-    current: float
-    speed: float
-    torque: float
-    travel: float
+    current: float  # largest current [A]
+    speed: float  # largest speed of the motor [rad/s]
+    torque: float  # largest joint torque [N m]
+    travel: float  # largest distance of the motor from its starting point [rad]
 
 
 @dataclass(frozen=True)
 class Cross:
-    """How badly one explanation fits data simulated with another.
+    """How badly a rival fits data simulated with the true explanation.
 
-    Attributes:
-        true: Name of the explanation that generated the data.
-        rival: Name of the explanation fitted to them.
-        margin: Evidence that the rival lacks.
-        stage: Stage with the misfit.
-        residual: Rms of the normalised residual in that stage.
+    The rival lacks `margin` of evidence and leaves a normalised residual of rms `residual` in
+    `stage`, where it fits worst.
     """
 
     true: str
@@ -80,21 +68,13 @@ class Cross:
 
 @dataclass(frozen=True, eq=False)
 class Prospect:
-    """Expected outcome of an input.
+    """Expected outcome of an input."""
 
-    Attributes:
-        input: Row of the menu.
-        current: The input [A], shape (N,).
-        dt: Time between samples [s].
-        crosses: One per ordered pair of explanations.
-        margin: The smallest of their margins that any input can make large.
-    """
-
-    input: Input
-    current: Floats
-    dt: float
-    crosses: tuple[Cross, ...]
-    margin: float
+    input: Input  # row of the menu
+    current: Floats  # the input [A], shape (N,)
+    dt: float  # time between samples [s]
+    crosses: tuple[Cross, ...]  # one per ordered pair of explanations
+    margin: float  # the smallest of their margins that any input can make large
 
     @property
     def tells(self) -> bool:
@@ -279,16 +259,10 @@ def _cross(true: str, rival: str, start: Fit, there: Problem, own: Fit) -> Cross
         there.counts[n] / DEFLATION * np.log(max(ms, FLOOR**2) / max(own.mean_square[n], FLOOR**2))
         for n, ms in other.mean_square.items()
     )
-    margin = float(data) + max(strain(there, other.z) - strain(there, start.z), 0.0)
+    margin = float(data) + max(there.strain(other.z) - there.strain(start.z), 0.0)
     worse = {n: ms / max(own.mean_square[n], 1.0) for n, ms in other.mean_square.items()}
     stage = max(worse, key=lambda n: worse[n])
     return Cross(true, rival, margin, stage, other.mean_square[stage] ** 0.5)
-
-
-def strain(problem: Problem, z: Floats) -> float:
-    """Return the prior cost of datasheet values and offsets at given coordinates."""
-    flat = np.array([not n.unknown.prior for n in problem.shared], dtype=bool)
-    return 0.5 * float(np.sum(z[: len(flat)][~flat] ** 2))
 
 
 def _evaluated(problem: Problem, model: Model, z: Floats) -> Fit:

@@ -17,16 +17,16 @@ from cjt_gym.gap.diagnosis import (
     Diagnosis,
     GapSize,
     NamedEffect,
-    Source,
     StageGap,
     Suggestion,
     Unexplained,
 )
-from cjt_gym.gap.evidence import gather, nothing_said, source_of
+from cjt_gym.gap.evidence import Source
 from cjt_gym.gap.explain import Explanation, explain
 from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.fit import Fit, Model
 from cjt_gym.gap.gap_size import HARM, measure_gap
+from cjt_gym.gap.gather import gather, nothing_said, source_of
 from cjt_gym.gap.horizons.answer import judged
 from cjt_gym.gap.horizons.model import MEASURES
 from cjt_gym.gap.intervals import (

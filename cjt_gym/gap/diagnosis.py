@@ -8,13 +8,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.gap.check.examination import Examination
+from cjt_gym.gap.evidence import Evidence, Regime
 from cjt_gym.joint import JointFile
 from cjt_gym.records import Record, write_record
 
-Floats = NDArray[np.float64]
 SCHEMA = 1
 NOTHING_LEFT = "In every stage the rest is what noise and tolerances explain."
 
@@ -81,27 +80,6 @@ class StageGap:
     before: float
     after: float
     significant: bool
-
-
-@dataclass(frozen=True)
-class Regime:
-    """Where in its operating range a stage's gap lies.
-
-    Attributes:
-        stage: The stage.
-        variable: Column, "t", "frequency" or "cycles_per_rev".
-        low: Low end of the range.
-        high: High end of the range.
-        unit: Unit of both.
-        share: Share of the stage's excess residual; the shares over one variable sum to 1.
-    """
-
-    stage: str
-    variable: str
-    low: float
-    high: float
-    unit: str
-    share: float
 
 
 @dataclass(frozen=True)
@@ -196,145 +174,6 @@ class GapSize:
     high: float
     held_out: bool
     by_channel: Mapping[str, Mapping[str, float]]
-
-
-@dataclass(frozen=True)
-class Step:
-    """The replay error on held-out data of one model of the ladder from nominal to explained.
-
-    Attributes:
-        name: "nominal", "tolerances" or the effect that this model adds to the previous one.
-        body: motor, gear or load, or None.
-        channel: Channel of the effect, or None.
-        error: Error relative to the rms of the signal.
-        low: Low end of its 95 % interval, by a bootstrap over blocks.
-        high: High end.
-    """
-
-    name: str
-    body: str | None
-    channel: str | None
-    error: float
-    low: float
-    high: float
-
-
-@dataclass(frozen=True, eq=False)
-class FrictionMap:
-    """Unexplained torque of a body over its velocity.
-
-    Torques have the sign of friction: positive if they resist positive motion.
-
-    Attributes:
-        stage: motor or load.
-        speed: Velocity of the body [rad/s], shape (N,).
-        before: Torque that the nominal joint does not explain [N m], shape (N,).
-        after: Torque that the explained joint does not [N m], shape (N,).
-        law_speed: Velocities of the law [rad/s], shape (M,).
-        law: Friction that the effects add [N m], shape (M,).
-    """
-
-    stage: str
-    speed: Floats
-    before: Floats
-    after: Floats
-    law_speed: Floats
-    law: Floats
-
-
-@dataclass(frozen=True, eq=False)
-class RippleSpectrum:
-    """Torque on the motor that repeats with its angle.
-
-    Attributes:
-        cycles: Spatial frequency, cycles per revolution (per 2 pi m of a prismatic axis),
-            shape (F,).
-        before: Amplitude left by the nominal joint [N m], shape (F,).
-        after: Amplitude left by the explained one [N m], shape (F,).
-    """
-
-    cycles: Floats
-    before: Floats
-    after: Floats
-
-
-@dataclass(frozen=True, eq=False)
-class SpringLoop:
-    """Transmitted torque over the deflection of the spring.
-
-    Attributes:
-        deflection: [rad], shape (N,).
-        measured: Measured torque [N m], shape (N,).
-        before: Torque of the nominal spring [N m], shape (N,).
-        after: Torque of the explained one [N m], shape (N,).
-        stiffness: Nominal stiffness [N m/rad].
-    """
-
-    deflection: Floats
-    measured: Floats
-    before: Floats
-    after: Floats
-    stiffness: float
-
-
-@dataclass(frozen=True)
-class Source:
-    """Inputs of the diagnosis.
-
-    Attributes:
-        joint: Name of the nominal joint.
-        structure: How its bodies are joined.
-        fitted: Description of the records used for the fit.
-        held_out: Description of the records or parts withheld from it.
-        angle: Unit of its angles, "rad" or "m".
-        torque: Unit of its torques, "N m" or "N".
-    """
-
-    joint: str = ""
-    structure: str = ""
-    fitted: tuple[str, ...] = ()
-    held_out: tuple[str, ...] = ()
-    angle: str = "rad"
-    torque: str = "N m"
-
-
-@dataclass(frozen=True, eq=False)
-class Evidence:
-    """Data for a report's charts: maps of the fitted record, replays of the held-out one.
-
-    Attributes:
-        t: Time of the samples [s], shape (N,).
-        before: Normalised residuals of the nominal joint by stage, each of shape (N,).
-        after: The same with the named effects.
-        replays: Measured, nominal and explained signals by channel.
-        steps: Names of the effects and the residuals' rms after each, in the order of discovery.
-        replay_dt: Sample time of the replays [s].
-        restarted: Interval after which each replay restarts from the measured state [s]; 0 for
-            one replay of the whole record.
-        ladder: Replay errors from the nominal joint to the explained one.
-        regimes: For each stage with a gap its regimes before, and the remainder of each as a
-            share of the same total; the stage with the largest gap first.
-        friction: Friction maps.
-        ripple: Torque that repeats with the motor's angle, if there is any motion.
-        spring: Torque over deflection, if there is a spring between measurements.
-        source: Inputs of the diagnosis.
-    """
-
-    t: Floats
-    before: Mapping[str, Floats]
-    after: Mapping[str, Floats]
-    replays: Mapping[str, Mapping[str, Floats]] = field(default_factory=dict)
-    steps: tuple[tuple[str, Mapping[str, float]], ...] = ()
-    replay_dt: float = 1e-3
-    restarted: float = 0.0
-    ladder: tuple[Step, ...] = ()
-    regimes: Mapping[str, tuple[tuple[Regime, ...], tuple[Regime, ...]]] = field(
-        default_factory=dict
-    )
-    friction: tuple[FrictionMap, ...] = ()
-    ripple: RippleSpectrum | None = None
-    spring: SpringLoop | None = None
-    source: Source = Source()
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,27 +19,20 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
-import numpy as np
-from numpy.typing import NDArray
-
 from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.series import Series
+from cjt_gym.joint.arrays import Floats
 
-Floats = NDArray[np.float64]
 Values = Mapping[str, float]
 SENSORS = ("i", "tau", "q_m", "q_l")
 
 
 @dataclass(frozen=True, eq=False)
 class Disturbance:
-    """A signal added to the model.
+    """A signal added to the model."""
 
-    Attributes:
-        channel: Channel to which it is added.
-        signal: Maps a record and the disturbance's numbers to the signal, shape (N,).
-    """
-
-    channel: str
+    channel: str  # channel to which it is added
+    # maps a record and the disturbance's numbers to the signal, shape (N,)
     signal: Callable[[Series, Values], Floats]
 
 

@@ -1,98 +1,137 @@
-"""Data for a report's charts, computed once an explanation is found."""
+"""Data behind a report's charts: regimes, maps, replays, and what a diagnosis was made from."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from pathlib import PurePath
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
-import numpy as np
-from numpy.typing import NDArray
-
-from cjt_gym.gap.diagnosis import (
-    Diagnosis,
-    Evidence,
-    GapSize,
-    Source,
-    StageGap,
-    Suggestion,
-    Unexplained,
-)
-from cjt_gym.gap.fit import Fit, Problem
-from cjt_gym.gap.maps import friction_maps, ripple, spring_loop
-from cjt_gym.gap.replay import Written, written
-from cjt_gym.joint import JointFile, Structure
-from cjt_gym.records import Record
-
-Floats = NDArray[np.float64]
+from cjt_gym.joint.arrays import Floats
 
 
-def gather(problem: Problem, fit: Fit, within: Written, before: Mapping[str, Floats]) -> Evidence:
-    """Return the data of the stages for a report's charts.
+@dataclass(frozen=True)
+class Regime:
+    """Where in its operating range a stage's gap lies.
 
-    Args:
-        problem: The record.
-        fit: Its explanation.
-        within: The nominal joint with its values limited to their tolerances.
-        before: Residuals of the latter by stage, each of shape (N,).
+    Attributes:
+        stage: The stage.
+        variable: Column, "t", "frequency" or "cycles_per_rev".
+        low: Low end of the range.
+        high: High end of the range.
+        unit: Unit of both.
+        share: Share of the stage's excess residual; the shares over one variable sum to 1.
     """
-    stages = problem.stages
-    after = written(problem, fit.model, fit.z)
-    left = stages.first(fit.residuals)
-    return Evidence(
-        t=stages.setting.series.t,
-        before=before,
-        after=left,
-        friction=friction_maps(stages, within, after),
-        ripple=ripple(stages, (within.fields, before["motor"]), (after.fields, left["motor"])),
-        spring=spring_loop(stages, within.fields, after.fields),
-    )
+
+    stage: str
+    variable: str
+    low: float
+    high: float
+    unit: str
+    share: float
 
 
-def source_of(
-    file: JointFile, shape: Structure, fitted: Sequence[Record], held_out: Sequence[Record]
-) -> Source:
-    """Return the inputs of a diagnosis."""
-    units = ("m", "N") if file.parameters.axis == "prismatic" else ("rad", "N m")
-    return Source(file.name, shape.name, _described(fitted), _described(held_out), *units)
+@dataclass(frozen=True)
+class Step:
+    """The replay error on held-out data of one model of the ladder from nominal to explained.
 
-
-def nothing_said(
-    file: JointFile,
-    shape: Structure,
-    fitted: Sequence[Record],
-    held_out: Sequence[Record],
-    why: str,
-) -> Diagnosis:
-    """Return the diagnosis of stages that could not be judged.
-
-    Args:
-        file: The nominal joint.
-        shape: How its bodies are joined.
-        fitted: Records that were to be explained.
-        held_out: Records withheld from it.
-        why: Why the stages could not be judged.
+    Attributes:
+        name: "nominal", "tolerances" or the effect that this model adds to the previous one.
+        body: motor, gear or load, or None.
+        channel: Channel of the effect, or None.
+        error: Error relative to the rms of the signal.
+        low: Low end of its 95 % interval, by a bootstrap over blocks.
+        high: High end.
     """
-    names = ("drive", "motor", "transmission", "sensing", "load")
-    text = f"The stages could not be judged one by one on this record ({why})."
-    advice = "Record at a higher rate, with the channels that `cjt-gym check` misses."
-    nothing: Floats = np.zeros(0)
-    return Diagnosis(
-        verdict="unexplained",
-        stages={name: StageGap(0.0, 0.0, significant=False) for name in names},
-        regimes=(),
-        effects=(),
-        gap=GapSize(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, held_out=False, by_channel={}),
-        unexplained=Unexplained(1.0, None, text),
-        suggestion=Suggestion(advice),
-        seconds=0.0,
-        evidence=Evidence(nothing, {}, {}, source=source_of(file, shape, fitted, held_out)),
-        joint=file,
-    )
+
+    name: str
+    body: str | None
+    channel: str | None
+    error: float
+    low: float
+    high: float
 
 
-def _described(records: Sequence[Record]) -> tuple[str, ...]:
-    """Return a description of records: name, number of samples, duration."""
-    return tuple(
-        f"{'/'.join(PurePath(r.owner).parts[-2:])}: {len(r)} samples, {r.t[-1] - r.t[0]:.3g} s"
-        for r in records
+@dataclass(frozen=True, eq=False)
+class FrictionMap:
+    """Unexplained torque of a body over its velocity.
+
+    Torques have the sign of friction: positive if they resist positive motion.
+    """
+
+    stage: str  # motor or load
+    speed: Floats  # velocity of the body [rad/s], shape (N,)
+    before: Floats  # torque that the nominal joint does not explain [N m], shape (N,)
+    after: Floats  # torque that the explained joint does not [N m], shape (N,)
+    law_speed: Floats  # velocities of the law [rad/s], shape (M,)
+    law: Floats  # friction that the effects add [N m], shape (M,)
+
+
+@dataclass(frozen=True, eq=False)
+class RippleSpectrum:
+    """Torque on the motor that repeats with its angle."""
+
+    # spatial frequency, cycles per revolution (per 2 pi m of a prismatic axis), shape (F,)
+    cycles: Floats
+    before: Floats  # amplitude left by the nominal joint [N m], shape (F,)
+    after: Floats  # amplitude left by the explained one [N m], shape (F,)
+
+
+@dataclass(frozen=True, eq=False)
+class SpringLoop:
+    """Transmitted torque over the deflection of the spring."""
+
+    deflection: Floats  # [rad], shape (N,)
+    measured: Floats  # measured torque [N m], shape (N,)
+    before: Floats  # torque of the nominal spring [N m], shape (N,)
+    after: Floats  # torque of the explained one [N m], shape (N,)
+    stiffness: float  # nominal stiffness [N m/rad]
+
+
+@dataclass(frozen=True)
+class Source:
+    """Inputs of the diagnosis."""
+
+    joint: str = ""  # name of the nominal joint
+    structure: str = ""  # how its bodies are joined
+    fitted: tuple[str, ...] = ()  # description of the records used for the fit
+    held_out: tuple[str, ...] = ()  # description of the records or parts withheld from it
+    angle: str = "rad"  # unit of its angles, "rad" or "m"
+    torque: str = "N m"  # unit of its torques, "N m" or "N"
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """Data for a report's charts: maps of the fitted record, replays of the held-out one.
+
+    Attributes:
+        t: Time of the samples [s], shape (N,).
+        before: Normalised residuals of the nominal joint by stage, each of shape (N,).
+        after: The same with the named effects.
+        replays: Measured, nominal and explained signals by channel.
+        steps: Names of the effects and the residuals' rms after each, in the order of discovery.
+        replay_dt: Sample time of the replays [s].
+        restarted: Interval after which each replay restarts from the measured state [s]; 0 for
+            one replay of the whole record.
+        ladder: Replay errors from the nominal joint to the explained one.
+        regimes: For each stage with a gap its regimes before, and the remainder of each as a
+            share of the same total; the stage with the largest gap first.
+        friction: Friction maps.
+        ripple: Torque that repeats with the motor's angle, if there is any motion.
+        spring: Torque over deflection, if there is a spring between measurements.
+        source: Inputs of the diagnosis.
+    """
+
+    t: Floats
+    before: Mapping[str, Floats]
+    after: Mapping[str, Floats]
+    replays: Mapping[str, Mapping[str, Floats]] = field(default_factory=dict)
+    steps: tuple[tuple[str, Mapping[str, float]], ...] = ()
+    replay_dt: float = 1e-3
+    restarted: float = 0.0
+    ladder: tuple[Step, ...] = ()
+    regimes: Mapping[str, tuple[tuple[Regime, ...], tuple[Regime, ...]]] = field(
+        default_factory=dict
     )
+    friction: tuple[FrictionMap, ...] = ()
+    ripple: RippleSpectrum | None = None
+    spring: SpringLoop | None = None
+    source: Source = Source()

@@ -13,12 +13,14 @@ from cjt_gym.gap.heldout import HeldOut, on_held_out, worth
 from cjt_gym.gap.hypotheses import hypotheses, shown
 from cjt_gym.gap.hypothesis import Hypothesis
 from cjt_gym.gap.lateness import DELAY, as_effect
+from cjt_gym.gap.merit import STRAIN
 from cjt_gym.gap.process import allow_for_colour
 from cjt_gym.gap.prune import (
     COARSE_STRAIN,
     Need,
     alternatives,
     likelier_twins,
+    other_frequencies,
     prune,
     simplify,
     split_asymmetry,
@@ -27,10 +29,8 @@ from cjt_gym.gap.prune import (
 from cjt_gym.gap.select import (
     BEYOND,
     COARSE_BEYOND,
-    STRAIN,
     Progress,
     Selection,
-    other_frequencies,
     silent,
 )
 from cjt_gym.gap.sensing import SensorFinding, noisy_current, sensor_findings, with_findings
@@ -48,27 +48,16 @@ BETTER = 0.7
 
 @dataclass(frozen=True, eq=False)
 class Explanation:
-    """The fitted explanation of one record.
-
-    Attributes:
-        problem: The record.
-        base: The fit without effects.
-        fit: The fit with the needed effects.
-        needs: What each of them is needed for.
-        held: Its performance on held-out records.
-        seen: All other fits.
-        left: Stages that are not explained.
-        sensors: Channels that are worse than specified.
-    """
+    """The fitted explanation of one record."""
 
     problem: Problem
-    base: Fit
-    fit: Fit
-    needs: tuple[Need, ...]
-    held: tuple[HeldOut, ...]
-    seen: tuple[Fit, ...]
-    left: tuple[Leftover, ...]
-    sensors: tuple[SensorFinding, ...]
+    base: Fit  # without effects
+    fit: Fit  # with the needed effects
+    needs: tuple[Need, ...]  # of each effect
+    held: tuple[HeldOut, ...]  # performance on held-out records
+    seen: tuple[Fit, ...]  # all other fits
+    left: tuple[Leftover, ...]  # stages that are not explained
+    sensors: tuple[SensorFinding, ...]  # channels that are worse than specified
 
 
 def explain(
@@ -77,14 +66,7 @@ def explain(
     more: Sequence[Setting] = (),
     progress: Progress = silent,
 ) -> Explanation:
-    """Return the explanation of a record, or of several together.
-
-    Args:
-        setting: The record.
-        others: Held-out records on which the explanation must hold.
-        more: Further records to be explained together with it.
-        progress: Called with a description of the current step.
-    """
+    """Return the explanation of a record, together with `more`, that holds on the `others`."""
     progress("fitting the nominal joint within its tolerances")
     problem, base = _without_effects(setting, more)
     sensors = sensor_findings(setting, base.residuals)

@@ -20,8 +20,8 @@ from cjt_gym.gap.nuisances import Nuisance, nuisances, nuisances_of_others
 from cjt_gym.gap.number import Number
 from cjt_gym.gap.process import settle_noise
 from cjt_gym.gap.stages import Stages
+from cjt_gym.joint.arrays import Floats
 
-Floats = NDArray[np.float64]
 DEFLATION = 10.0
 FLOOR = 1.05
 """Rms of a normalised residual below which lowering it further is no improvement."""
@@ -35,11 +35,7 @@ LONGEST = 100.0
 
 @dataclass(frozen=True)
 class Model:
-    """A set of effects.
-
-    Attributes:
-        effects: The hypotheses that are assumed to hold.
-    """
+    """A set of effects that are assumed to act."""
 
     effects: tuple[Hypothesis, ...] = ()
 
@@ -60,38 +56,24 @@ class Model:
 
 @dataclass(eq=False)
 class Fit:
-    """A fitted model.
+    """A fitted model."""
 
-    Attributes:
-        model: What was fitted.
-        z: Coordinates of nuisances, then effects, shape (p,).
-        cost: Its cost.
-        mean_square: Mean square of each stage's normalised residual.
-        residuals: Normalised residuals by stage.
-        jacobian: Derivatives of each stage's residual, shape (N, p), if they were computed.
-    """
-
-    model: Model
-    z: Floats
-    cost: float
-    mean_square: dict[str, float]
-    residuals: dict[str, Floats]
+    model: Model  # what was fitted
+    z: Floats  # coordinates of nuisances, then effects, shape (p,)
+    cost: float  # its cost
+    mean_square: dict[str, float]  # mean square of each stage's normalised residual
+    residuals: dict[str, Floats]  # normalised residuals by stage
+    # derivatives of each stage's residual, shape (N, p), if they were computed
     jacobian: dict[str, Floats] = field(default_factory=dict)
 
 
 @dataclass(eq=False)
 class Problem:
-    """Everything needed to fit any model to one record.
+    """Everything needed to fit any model to one record."""
 
-    Attributes:
-        stages: The record's stages, tuned.
-        shared: Nuisances.
-        counts: Number of samples that count, by stage.
-    """
-
-    stages: Stages
-    shared: tuple[Nuisance, ...] = ()
-    counts: dict[str, int] = field(default_factory=dict)
+    stages: Stages  # the record's stages, tuned
+    shared: tuple[Nuisance, ...] = ()  # nuisances
+    counts: dict[str, int] = field(default_factory=dict)  # number of samples that count, by stage
 
     @classmethod
     def of(cls, stages: Stages) -> Problem:
@@ -133,15 +115,40 @@ class Problem:
         """Return the mean square of each stage's residual."""
         return {n: float(r @ r) / max(self.counts[n], 1) for n, r in residuals.items()}
 
-    def cost(self, mean_square: dict[str, float], z: Floats, flat: NDArray[np.bool_]) -> float:
-        """Return the cost of a fit; below the floor it falls only linearly."""
-        total = 0.5 * float(np.sum(z[~flat] ** 2))
+    def has_prior(self, model: Model) -> NDArray[np.bool_]:
+        """Return which coordinates of a model have a prior, shape (p,)."""
+        return np.array([u.prior for u in self.unknowns(model)], dtype=bool)
+
+    def strain(self, z: Floats) -> float:
+        """Return the cost of the priors of datasheet values and offsets."""
+        return 0.5 * float(np.sum(z[: len(self.shared)][self.has_prior(Model())] ** 2))
+
+    def cost(
+        self, model: Model, mean_square: dict[str, float], z: Floats, below: bool = True
+    ) -> float:
+        """Return the cost of a fit.
+
+        Args:
+            model: The model.
+            mean_square: Mean square of each stage's residual.
+            z: Coordinates, shape (p,).
+            below: Whether residuals below the floor still lower the cost, then only linearly.
+        """
+        total = 0.5 * float(np.sum(z[self.has_prior(model)] ** 2))
         for name, ms in mean_square.items():
             if not np.isfinite(ms):
                 return np.inf
             ratio = ms / FLOOR**2
-            total += self.counts[name] / DEFLATION * (np.log(ratio) if ratio > 1 else ratio - 1)
-        return total
+            excess = np.log(ratio) if ratio > 1 else ratio - 1 if below else 0.0
+            total += self.counts[name] / DEFLATION * excess
+        return float(total)
+
+    def bounded(self, model: Model, z: Floats) -> Floats:
+        """Return coordinates with those beyond a bound moved to it, shape (p,)."""
+        for j, unknown in enumerate(self.unknowns(model)):
+            if unknown.at_bound(z[j]):
+                z[j] = unknown.coordinate(unknown.value(z[j]))
+        return z
 
     # ---- fitting
     def fit(
@@ -161,19 +168,15 @@ class Problem:
             known: Derivatives for the first numbers, from a similar fit, shape (N, some) by stage.
             tolerance: Gain in cost below which the fit ends.
         """
-        unknowns = self.unknowns(model)
-        flat = np.array([not u.prior for u in unknowns], dtype=bool)
         z = z.copy()
         residuals = self.residuals(model, z)
         ms = self.mean_square(residuals)
-        cost = self.cost(ms, z, flat)
+        cost = self.cost(model, ms, z)
         jacobian = self.jacobian(model, z, residuals, known)
         fresh, damping = known is None, 1e-3
         for _ in range(moves if z.size else 0):
-            hessian, gradient = self._normal(jacobian, residuals, ms, z, flat)
-            gain, damping, step = self._search(
-                model, z, cost, hessian, gradient, damping, unknowns, flat
-            )
+            hessian, gradient = self._normal(model, jacobian, residuals, ms, z)
+            gain, damping, step = self._search(model, z, cost, hessian, gradient, damping)
             if step is not None:
                 z, residuals, ms, cost = step
             small = step is None or gain < tolerance
@@ -182,34 +185,26 @@ class Problem:
             fresh = small  # nuisances' derivatives are renewed only once the old ones fail
             jacobian = self.jacobian(model, z, residuals, None if small else jacobian)
         fitted = Fit(model, z, cost, ms, residuals, jacobian)
-        return self._relaxed(fitted, flat) if moves else fitted
+        return self._relaxed(fitted) if moves else fitted
 
-    def _relaxed(self, fit: Fit, flat: NDArray[np.bool_]) -> Fit:
+    def _relaxed(self, fit: Fit) -> Fit:
         """Return a fit without datasheet strain that merely lowers residuals below the floor.
 
         A lower residual is no improvement there: a body held by friction scatters less than a
         free one, and a heavier body less still.
         """
-        for j in range(len(self.shared)):
-            if flat[j] or abs(fit.z[j]) <= STRAINED:
+        model = fit.model
+        for j, nuisance in enumerate(self.shared):
+            if not nuisance.unknown.prior or abs(fit.z[j]) <= STRAINED:
                 continue
             z = fit.z.copy()
             z[j] = np.clip(z[j], -RELAXED, RELAXED)
-            residuals = fit.residuals | self.residuals(fit.model, z, self.shared[j].stages)
+            residuals = fit.residuals | self.residuals(model, z, nuisance.stages)
             ms = self.mean_square(residuals)
-            if self._above(ms, z, flat) < self._above(fit.mean_square, fit.z, flat):
-                cost = self.cost(ms, z, flat)
+            if self.cost(model, ms, z, False) < self.cost(model, fit.mean_square, fit.z, False):
+                cost = self.cost(model, ms, z)
                 fit = replace(fit, z=z, cost=cost, mean_square=ms, residuals=residuals)
         return fit
-
-    def _above(self, mean_square: dict[str, float], z: Floats, flat: NDArray[np.bool_]) -> float:
-        """Return the cost of a fit without reward for residuals below the floor."""
-        total = 0.5 * float(np.sum(z[~flat] ** 2))
-        for name, ms in mean_square.items():
-            if not np.isfinite(ms):
-                return np.inf
-            total += self.counts[name] / DEFLATION * float(np.log(max(ms / FLOOR**2, 1.0)))
-        return total
 
     def _search(
         self,
@@ -219,20 +214,16 @@ class Problem:
         hessian: Floats,
         gradient: Floats,
         damping: float,
-        unknowns: list[Number],
-        flat: NDArray[np.bool_],
     ) -> tuple[float, float, tuple[Floats, dict[str, Floats], dict[str, float], float] | None]:
         diagonal = np.diag(hessian).copy()
         for _ in range(6):
             matrix = hessian + np.diag(damping * diagonal + 1e-12)
             move = -np.linalg.solve(matrix, gradient)
-            new = z + move * min(1.0, LONGEST / max(float(np.abs(move).max()), 1e-12))
-            for j, unknown in enumerate(unknowns):
-                if unknown.at_bound(new[j]):
-                    new[j] = unknown.coordinate(unknown.value(new[j]))
+            move = move * min(1.0, LONGEST / max(float(np.abs(move).max()), 1e-12))
+            new = self.bounded(model, z + move)
             residuals = self.residuals(model, new)
             ms = self.mean_square(residuals)
-            better = self.cost(ms, new, flat)
+            better = self.cost(model, ms, new)
             if better < cost:
                 return cost - better, max(damping / 10.0, 1e-9), (new, residuals, ms, better)
             damping = max(damping * 10.0, 1e-3)
@@ -257,7 +248,7 @@ class Problem:
                 out[name][:, :first] = columns[:, :first]
         unknowns, touches = self.unknowns(model), self.touches(model)
         for j in range(first, size):
-            step = _step(unknowns[j], z[j])
+            step = difference(unknowns[j], z[j])
             moved = z.copy()
             moved[j] += step
             for name, r in self.residuals(model, moved, touches[j]).items():
@@ -266,13 +257,13 @@ class Problem:
 
     def _normal(
         self,
+        model: Model,
         jacobian: dict[str, Floats],
         residuals: dict[str, Floats],
         ms: dict[str, float],
         z: Floats,
-        flat: NDArray[np.bool_],
     ) -> tuple[Floats, Floats]:
-        prior = np.where(flat, 0.0, 1.0)
+        prior = self.has_prior(model).astype(np.float64)
         hessian, gradient = np.diag(prior + 1e-9), prior * z
         for name, r in residuals.items():
             weight = 2.0 / DEFLATION / max(ms[name], FLOOR**2)
@@ -282,7 +273,7 @@ class Problem:
         return hessian, gradient
 
 
-def _step(unknown: Number, z: float) -> float:
+def difference(unknown: Number, z: float) -> float:
     """Return the step of a finite difference, away from a bound."""
     return -STEP if unknown.at_bound(z + STEP) else STEP
 

@@ -13,15 +13,14 @@ References:
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
 from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.setting import Setting
 from cjt_gym.gap.signals import motor_torque, periodic_torque, smooth_mean, weight
 from cjt_gym.gap.stages import Stages
+from cjt_gym.joint.arrays import Floats
 
-Floats = NDArray[np.float64]
 CUTOFF, SHARE = 100.0, 0.2
 """Highest cut-off of the filter [Hz], and its largest share of the sampling frequency."""
 LOWEST = 2.0
@@ -38,10 +37,6 @@ def torques(setting: Setting, fields: Fields) -> tuple[Floats, Floats]:
 
     The ends of the record are left out, where the filter knows the motion on one side only: a
     record that begins or ends in motion would appear to need a jerk there.
-
-    Args:
-        setting: The record of a joint without a spring.
-        fields: The model.
     """
     series, dt = setting.series, setting.series.dt
     cutoff = fair_cutoff(setting)

@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.gap.diagnosis import GapSize, NamedEffect, Step
+from cjt_gym.gap.diagnosis import GapSize, NamedEffect
+from cjt_gym.gap.evidence import Step
 from cjt_gym.gap.force import fair_cutoff, torque_noise, torques
 from cjt_gym.gap.replay import Written, replay
 from cjt_gym.gap.setting import Setting

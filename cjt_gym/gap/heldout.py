@@ -11,7 +11,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.fit import Fit, Model, Problem
@@ -22,7 +21,6 @@ from cjt_gym.gap.number import Number
 from cjt_gym.gap.setting import Setting, as_noisy
 from cjt_gym.gap.stages import Stages
 
-Floats = NDArray[np.float64]
 PER_RECORD = ("i_0", "w_i", "delay", "tau_0", "skew", "q_0")
 """Fields that may differ from record to record."""
 MOVES = 4
@@ -35,31 +33,23 @@ SEEN = 0.02
 
 @dataclass(frozen=True)
 class Trial:
-    """Performance of an effect on a record that it was not fitted to.
+    """Performance of an effect on a record that it was not fitted to."""
 
-    Attributes:
-        change: Mean square by which it changes the normalised residuals of its stages.
-        worth: Their reduction as a share of this change: 1 for a true effect, 0 for one that does
-            not help, negative for one that does harm.
-    """
-
-    change: float
+    change: float  # mean square by which it changes the normalised residuals of its stages
+    # their reduction as a share of this change: 1 for a true effect, 0 for one that does not help,
+    # negative for one that does harm
     worth: float
 
 
 @dataclass(frozen=True)
 class HeldOut:
-    """The explanation on one unseen record.
+    """The explanation on one unseen record."""
 
-    Attributes:
-        before: Mean square of each stage's residual without effects, all values fitted anew.
-        after: The same with the effects, all numbers as certain as the first record leaves them.
-        trials: Worth of each effect of the model.
-    """
-
+    # mean square of each stage's residual without effects, all values fitted anew
     before: Mapping[str, float]
+    # the same with the effects, all numbers as certain as the first record leaves them
     after: Mapping[str, float]
-    trials: tuple[Trial, ...]
+    trials: tuple[Trial, ...]  # worth of each effect of the model
 
 
 def worth(held: Sequence[HeldOut], index: int) -> Trial | None:
@@ -72,13 +62,7 @@ def worth(held: Sequence[HeldOut], index: int) -> Trial | None:
 
 
 def on_held_out(setting: Setting, problem: Problem, fit: Fit) -> HeldOut:
-    """Evaluate an explanation on another record.
-
-    Args:
-        setting: The other record, its angles counted from the zeros of the first.
-        problem: The first record.
-        fit: The explanation.
-    """
+    """Evaluate an explanation on another record, its angles counted from the zeros of the first."""
     setting = as_noisy(setting, problem.stages.setting)
     known = covariance(problem, fit)
     stages = Stages(setting)

@@ -18,37 +18,23 @@ BODIES = {"m": "motor", "g": "gear", "l": "load"}
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """One effect that may explain a gap.
+    """One effect that may explain a gap."""
 
-    Attributes:
-        name: Name in the effect table.
-        stage: Stage in which it appears according to the table.
-        unknowns: Its numbers.
-        apply: Changes the fields of a model by its values.
-        touches: Stages that it changes.
-        body: motor, gear or load, if there is a choice.
-        channel: Channel, if there is a choice.
-        starts: Starting points of a fit, each with one value per unknown.
-        family: Effects that are compared with each other when one of them leads.
-        releases: Datasheet field that it sets free, if that is all it does.
-        search: Kind of periodic torque whose frequency is searched in the residual, if any.
-        variant: Which of several laws of the same effect.
-        outside: Description of a cause that is not in the effect table.
-    """
-
-    name: str
-    stage: str
+    name: str  # name in the effect table
+    stage: str  # stage in which it appears according to the table
     unknowns: tuple[Number, ...]
-    apply: Apply
-    touches: tuple[str, ...]
-    body: str | None = None
-    channel: str | None = None
+    apply: Apply  # changes the fields of a model by its values
+    touches: tuple[str, ...]  # stages that it changes
+    body: str | None = None  # motor, gear or load, if there is a choice
+    channel: str | None = None  # channel, if there is a choice
+    # starting points of a fit, each with one value per unknown
     starts: tuple[tuple[float, ...], ...] = ()
-    family: str = ""
-    releases: str | None = None
+    family: str = ""  # effects that are compared with each other when one of them leads
+    releases: str | None = None  # datasheet field that it sets free, if that is all it does
+    # kind of periodic torque whose frequency is searched in the residual, if any
     search: str | None = None
-    variant: str = ""
-    outside: str = ""
+    variant: str = ""  # which of several laws of the same effect
+    outside: str = ""  # description of a cause that is not in the effect table
 
     @property
     def strained(self) -> bool:
@@ -67,19 +53,12 @@ OVERDAMPED = 50.0
 
 @dataclass(frozen=True)
 class Scales:
-    """Typical magnitudes in a record, from which starting points are derived.
+    """Typical magnitudes in a record, from which starting points are derived."""
 
-    Attributes:
-        torque: Of the motor [N m].
-        speed: Of the motor [rad/s].
-        deflection: Of the spring [rad].
-        current: [A].
-    """
-
-    torque: float
-    speed: float
-    deflection: float
-    current: float
+    torque: float  # of the motor [N m]
+    speed: float  # of the motor [rad/s]
+    deflection: float  # of the spring [rad]
+    current: float  # [A]
     duration: float = field(default=10.0)
 
 
@@ -101,10 +80,6 @@ def most_damping(setting: Setting, body: str) -> float:
     """Return the largest damping that a body on a spring may plausibly have [N m s/rad].
 
     It is `OVERDAMPED` times critical damping; a body without a spring has no such limit.
-
-    Args:
-        setting: The record and its joint.
-        body: Its letter.
     """
     if not setting.has_spring:
         return float(np.inf)

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from cjt_gym.gap.diagnosis import Interval
-from cjt_gym.gap.fit import Fit, Floats, Problem
+from cjt_gym.gap.fit import Fit, Problem
 from cjt_gym.gap.hypothesis import Hypothesis
 from cjt_gym.gap.number import Number
+from cjt_gym.joint.arrays import Floats
 
 BLOCKS = 40
 NORMAL = 1.96
@@ -25,11 +26,7 @@ nominal coverage of the intervals of blind cases (`benchmarks/calibrate.py`).
 
 @dataclass(frozen=True)
 class Covariance:
-    """Covariance of a fit's coordinates.
-
-    Attributes:
-        matrix: Shape (p, p).
-    """
+    """Covariance of a fit's coordinates, shape (p, p)."""
 
     matrix: Floats
 
@@ -45,8 +42,7 @@ def covariance(problem: Problem, fit: Fit) -> Covariance:
     by the scatter of its gradient between blocks, which also accounts for coloured residuals.
     """
     jacobian = problem.jacobian(fit.model, fit.z, fit.residuals)
-    flat = np.array([not u.prior for u in problem.unknowns(fit.model)], dtype=bool)
-    prior = np.diag(np.where(flat, 1e-9, 1.0))
+    prior = np.diag(np.where(problem.has_prior(fit.model), 1.0, 1e-9))
     curvature, scatter = prior.copy(), prior.copy()
     for name, j in jacobian.items():
         weight = 1.0 / max(fit.mean_square[name], 1.0)

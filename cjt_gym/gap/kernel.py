@@ -13,9 +13,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from cjt_gym.joint.arrays import Floats
 from cjt_gym.joint.compiled import compiled, lean
-
-Floats = NDArray[np.float64]
 
 LEVEL_P, LEVEL_N, EXTRA_P, EXTRA_N, SPEED, VISCOUS_P, VISCOUS_N, ELASTIC, LOADED, SMOOTH = range(10)
 """Columns of a friction law: Coulomb levels for both directions [N m], breakaway levels above them

@@ -28,14 +28,7 @@ OPEN = (
 
 @dataclass(frozen=True, eq=False)
 class Late:
-    """A record whose dead time is an effect, with no free instant.
-
-    Attributes:
-        problem: The record.
-        base: The fit without effects, and so without dead time.
-        fit: The fit with the effects, among them the dead time.
-        seen: All other fits, with the dead time.
-    """
+    """A record whose dead time is an effect, with no free instant; only `base` is without it."""
 
     problem: Problem
     base: Fit
@@ -50,15 +43,7 @@ def as_effect(
     seen: Sequence[Fit],
     candidates: Sequence[Hypothesis],
 ) -> Late | None:
-    """Return a record with its dead time as an effect, None if the dead time is usual.
-
-    Args:
-        problem: The record, with its instant free.
-        base: The fit without effects.
-        fit: The explanation.
-        seen: All other fits.
-        candidates: All effects of the table that the record can reveal.
-    """
+    """Return a record with its dead time as an effect, None if the dead time is usual."""
     series = problem.stages.setting.series
     at = next((k for k, n in enumerate(problem.shared) if n.field == "delay"), None)
     delay = next((h for h in candidates if h.name == DELAY), None)

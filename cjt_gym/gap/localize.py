@@ -6,12 +6,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cjt_gym.gap.diagnosis import Regime, StageGap
+from cjt_gym.gap.diagnosis import StageGap
+from cjt_gym.gap.evidence import Regime
 from cjt_gym.gap.setting import Setting
+from cjt_gym.joint.arrays import Floats
 
-Floats = NDArray[np.float64]
 BINS = 8
 STILL = 0.02
 """Speeds below this share of the largest form one bin, where friction dominates."""
@@ -25,19 +25,13 @@ PAD = 4
 
 @dataclass(frozen=True, eq=False)
 class Axis:
-    """One variable over which a gap is spread.
+    """One variable over which a gap is spread."""
 
-    Attributes:
-        name: Column, "t", "frequency" or "cycles_per_rev".
-        unit: Its unit.
-        edges: Bins, shape (B + 1,).
-        total: Function that returns a residual's sum of squares in each bin, and that expected of
-            noise; each of shape (B,).
-    """
-
-    name: str
+    name: str  # column, "t", "frequency" or "cycles_per_rev"
     unit: str
-    edges: Floats
+    edges: Floats  # bins, shape (B + 1,)
+    # function that returns a residual's sum of squares in each bin, and that expected of noise;
+    # each of shape (B,)
     total: Callable[[Floats], tuple[Floats, Floats]]
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
-from cjt_gym.gap.diagnosis import FrictionMap, RippleSpectrum, SpringLoop
+from cjt_gym.gap.evidence import FrictionMap, RippleSpectrum, SpringLoop
 from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.periodic import ripple_amplitudes
 from cjt_gym.gap.replay import Written
@@ -17,8 +17,8 @@ from cjt_gym.gap.signals import joint_torque, motor_torque, periodic_torque
 from cjt_gym.gap.spring import spring_torque
 from cjt_gym.gap.stages import Stages
 from cjt_gym.joint import Joint
+from cjt_gym.joint.arrays import Floats
 
-Floats = NDArray[np.float64]
 WINDOW = 0.021
 """Time over which velocities and accelerations are smoothed [s]."""
 

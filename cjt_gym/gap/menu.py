@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.signal import chirp, lfilter
 
-Floats = NDArray[np.float64]
+from cjt_gym.joint.arrays import Floats
+
 REST: Final = 0.5
 """Rest at the beginning of every input [s]."""
 FLOATING_CORNER: Final = 0.3
@@ -20,21 +21,14 @@ LOW, HIGH = 0.5, 60.0
 
 @dataclass(frozen=True)
 class Input:
-    """One row of the menu.
-
-    Attributes:
-        name: Its name.
-        text: Description that fits into a sentence.
-        shape: Returns its values within [-1, 1] at given times [s], shape (N,); it ends at the
-            last of them.
-        size: Share of the largest current, or of the friction level if `stuck`.
-        stuck: Whether its size is relative to the dry friction level, about which it swings.
-    """
+    """One row of the menu."""
 
     name: str
-    text: str
+    text: str  # description that fits into a sentence
+    # returns its values within [-1, 1] at given times [s], shape (N,); it ends at the last of them
     shape: Callable[[Floats], Floats]
-    size: float = 1.0
+    size: float = 1.0  # share of the largest current, or of the friction level if `stuck`
+    # whether its size is relative to the dry friction level, about which it swings
     stuck: bool = False
 
     def current(self, samples: int, dt: float, floating: bool) -> Floats:
@@ -53,11 +47,7 @@ class Input:
 
 def _without_slow_part(x: Floats, dt: float) -> Floats:
     keep = float(np.exp(-2.0 * np.pi * FLOATING_CORNER * dt))
-    slow, out = 0.0, np.zeros_like(x)
-    for k, value in enumerate(x):
-        slow = keep * slow + (1.0 - keep) * value
-        out[k] = value - slow
-    return out
+    return np.asarray(x - lfilter([1.0 - keep], [1.0, -keep], x))
 
 
 def _zigzag(t: Floats, period: float, sizes: tuple[float, ...]) -> Floats:
@@ -117,9 +107,7 @@ def _multisine(t: Floats) -> Floats:
 
 
 def _chirp(t: Floats) -> Floats:
-    growth = np.log(_top(t) / LOW)
-    phase = 2.0 * np.pi * LOW * t[-1] / growth * np.expm1(growth * t / t[-1])
-    return np.asarray(np.sin(phase))
+    return np.asarray(chirp(t, LOW, t[-1], _top(t), "logarithmic", phi=-90.0))
 
 
 def _swings(t: Floats) -> Floats:

@@ -36,8 +36,8 @@ def not_judged(setting: Setting) -> tuple[str, ...]:
         )
     if setting.too_slow:
         said.append(
-            "The joint swings on its spring too fast for this log: inertia and damping are judged "
-            "only roughly. Record at 1 kHz."
+            "The joint resonates on its spring too fast for this log: inertia and damping are "
+            "judged only roughly. Record at 1 kHz."
         )
     return tuple(said)
 

@@ -15,10 +15,10 @@ from cjt_gym.gap.gap_size import harms
 from cjt_gym.gap.heldout import worth
 from cjt_gym.gap.intervals import Covariance, at_an_end, effect_intervals, may_be_nothing
 from cjt_gym.gap.lateness import may_be_the_records
+from cjt_gym.gap.merit import MARGIN, evidence
 from cjt_gym.gap.missing import same_here, undecided
 from cjt_gym.gap.prune import Need
 from cjt_gym.gap.replay import written
-from cjt_gym.gap.select import MARGIN, evidence
 from cjt_gym.gap.sensing import SensorFinding
 from cjt_gym.gap.setting import Setting
 from cjt_gym.gap.unknown import status

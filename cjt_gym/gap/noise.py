@@ -16,8 +16,8 @@ from scipy.special import comb
 
 from cjt_gym.gap.series import Series
 from cjt_gym.joint import JointFile
+from cjt_gym.joint.arrays import Floats
 
-Floats = NDArray[np.float64]
 ORDER, OTHER_ORDER = 8, 5
 SAME = 0.06
 """Relative difference up to which two estimates of the noise agree."""
@@ -37,27 +37,16 @@ Otherwise rounding errors would decide in a simulated record without noise."""
 
 @dataclass(frozen=True)
 class ChannelNoise:
-    """Scatter of one channel.
+    """Scatter of one channel."""
 
-    Attributes:
-        specified: Deviation that the joint file allows, with its resolution; 0 if unknown.
-        stated: Whether the joint file states a noise besides the resolution.
-        observed: Deviation that the data show at high frequency.
-        white: Whether differences of another order agree.
-        lattice: Step of the values found in the data; 0 if they lie on no lattice.
-        resolution: Step that the joint file states; 0 if unknown.
-        std: Deviation that counts.
-        jitter: Deviation of the sampling times that this channel shows [s].
-    """
-
-    specified: float
-    stated: bool
-    observed: float
-    white: bool
-    lattice: float
-    resolution: float
-    std: float
-    jitter: float
+    specified: float  # deviation that the joint file allows, with its resolution; 0 if unknown
+    stated: bool  # whether the joint file states a noise besides the resolution
+    observed: float  # deviation that the data show at high frequency
+    white: bool  # whether differences of another order agree
+    lattice: float  # step of the values found in the data; 0 if they lie on no lattice
+    resolution: float  # step that the joint file states; 0 if unknown
+    std: float  # deviation that counts
+    jitter: float  # deviation of the sampling times that this channel shows [s]
 
 
 def channel_noise(series: Series, joint: JointFile, name: str, slope: float) -> ChannelNoise:

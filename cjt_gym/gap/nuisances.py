@@ -32,13 +32,7 @@ HELD = 0.3
 
 @dataclass(frozen=True)
 class Nuisance:
-    """A number that is free in every fit.
-
-    Attributes:
-        field: Field that it sets.
-        unknown: The number.
-        stages: Stages that depend on it.
-    """
+    """A number that is free in every fit: the field that it sets, and the stages it affects."""
 
     field: str
     unknown: Number

@@ -12,31 +12,20 @@ STEP = 0.02
 
 @dataclass(frozen=True)
 class Number:
-    """One free number, represented by a coordinate z that is 0 at the start value.
+    """One free number, represented by a coordinate z that is 0 at the start value."""
 
-    Attributes:
-        symbol: Its name in reports.
-        unit: Its unit.
-        start: Value at z = 0 [unit].
-        scale: Change per unit of z: relative if `log`, else in the unit.
-        log: Whether the value is start * exp(scale z) rather than start + scale z.
-        low: Smallest value [unit].
-        high: Largest value [unit].
-        prior: Whether z has a Gaussian prior of mean 0 and deviation 1.
-        shape: Whether it only shapes an effect, whose size is given by other numbers; those are
-            at their start if the effect is absent.
-        step: Step of a finite difference, in units of z. A delay acts in whole substeps.
-    """
-
-    symbol: str
+    symbol: str  # its name in reports
     unit: str
-    start: float
-    scale: float
-    log: bool = False
-    low: float = -np.inf
-    high: float = np.inf
-    prior: bool = True
+    start: float  # value at z = 0 [unit]
+    scale: float  # change per unit of z: relative if `log`, else in the unit
+    log: bool = False  # whether the value is start * exp(scale z) rather than start + scale z
+    low: float = -np.inf  # smallest value [unit]
+    high: float = np.inf  # largest value [unit]
+    prior: bool = True  # whether z has a Gaussian prior of mean 0 and deviation 1
+    # whether it only shapes an effect, whose size is given by other numbers; those are at their
+    # start if the effect is absent
     shape: bool = False
+    # step of a finite difference, in units of z. A delay acts in whole substeps.
     step: float = STEP
 
     def value(self, z: float) -> float:

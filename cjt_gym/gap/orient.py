@@ -22,14 +22,13 @@ from itertools import product
 from math import pi
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import nnls
 from scipy.signal import correlate, correlation_lags, savgol_filter
 
 from cjt_gym.joint import JointFile, Structure
+from cjt_gym.joint.arrays import Floats
 from cjt_gym.records import Record, Repair
 
-Floats = NDArray[np.float64]
 FOLLOWERS = (
     ("i_cmd", "i"),
     ("tau_cmd", "i"),
@@ -68,20 +67,13 @@ FACTOR_MISFIT = 0.15
 
 @dataclass(frozen=True)
 class Tie:
-    """Relation of two channels by a law.
+    """Relation of two channels by a law."""
 
-    Attributes:
-        first: A channel.
-        second: Another.
-        strength: Their agreement once the law is applied, -1 to 1; negative if one of them has
-            the wrong sign.
-        law: Description of the law.
-    """
-
-    first: str
+    first: str  # A channel
     second: str
+    # their agreement once the law is applied, -1 to 1; negative if one of them has the wrong sign
     strength: float
-    law: str
+    law: str  # description of the law
 
 
 def orient(
@@ -153,7 +145,7 @@ def _alike(x: Floats, y: Floats, dt: float) -> float:
 
 def _spring(channels: dict[str, Floats], structure: Structure) -> Iterator[Tie]:
     """Yield the relations by the spring: its torque grows with q_m and falls with q_l."""
-    if "tau" not in channels or structure.groups[1] == structure.groups[2]:
+    if "tau" not in channels or not structure.has_spring:
         return
     names = [name for name in ("q_m", "q_l") if name in channels]
     if not structure.output_fixed and len(names) < 2:
@@ -217,11 +209,9 @@ class _Motor:
         return dict(zip(self.terms, factors.tolist(), strict=False)), float(share)
 
     def left(self, of_motion: float, of_torque: float) -> float:
-        """Return the unexplained share of the drive, with all factors >= 0 as physics requires.
+        """Return the unexplained share of the drive for given signs of angle and joint torque.
 
-        Args:
-            of_motion: Sign given to the angle.
-            of_torque: Sign given to the joint torque.
+        All factors are >= 0, as physics requires.
         """
         sign = {"tau": of_torque}
         columns = [sign.get(name, of_motion) * x for name, x in self.terms.items()]
@@ -291,7 +281,7 @@ def _scales(
     factors = dict(UNIT_FACTORS)
     if p.n > 2.0:
         factors |= {p.n: "the gear ratio", 1.0 / p.n: "one over the gear ratio"}
-    if {"q_m", "tau"} <= channels.keys() and structure.groups[1] != structure.groups[2]:
+    if {"q_m", "tau"} <= channels.keys() and structure.has_spring:
         wound = channels["q_m"] - channels.get("q_l", np.zeros(1))
         k_b = p.get("k_b", 0.0)
         slope = np.polyfit(wound, channels["tau"], 1)[0] if np.ptp(wound) > 0.0 else 0.0
@@ -306,7 +296,7 @@ def _scales(
                 (motor.driving, "tau", "current per torque", abs(per_term["tau"]) * torque)
             )
         if alike.get("acceleration"):
-            apart = "tau" in motor.terms and structure.groups[1] != structure.groups[2]
+            apart = "tau" in motor.terms and structure.has_spring
             bodies = ("I_m", "I_g") if apart else ("I_m", "I_g", "I_l")
             mass = sum(p.get(name, 0.0) for name in bodies)
             measured = abs(per_term["acceleration"]) * torque

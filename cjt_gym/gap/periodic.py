@@ -18,8 +18,8 @@ from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.predictor import torque_response
 from cjt_gym.gap.signals import MEAN, commanded_current, joint_torque, taken_over, within
 from cjt_gym.gap.stages import Stages
+from cjt_gym.joint.arrays import Floats
 
-Floats = NDArray[np.float64]
 HIGHEST = 20_000.0
 CELLS = 1 << 20
 TRIED, PEAKS = 12, 3
@@ -77,10 +77,7 @@ def periodic_starts(
 def ripple_amplitudes(stages: Stages, fields: Fields, residual: Floats) -> tuple[Floats, Floats]:
     """Return cycles per revolution and the amplitude of torque that repeats with them [N m].
 
-    Args:
-        stages: The record.
-        fields: The model that left the residual.
-        residual: Normalised innovations of the motor, shape (N,).
+    The residual holds the normalised innovations of the motor that the model left, shape (N,).
     """
     s = stages.setting
     q, v = s.series["q_m"], s.series.speed("q_m")
@@ -163,10 +160,6 @@ def command_steps(stages: Stages, fields: Fields) -> tuple[tuple[float], ...]:
     """Return candidates for the resolution [A] to which the drive rounds its command.
 
     The error of rounding repeats with the command: a transform over the command shows its period.
-
-    Args:
-        stages: The record.
-        fields: The model so far, with its delay and lag.
     """
     s = stages.setting
     if "drive" not in stages.names:

@@ -7,13 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_discrete_lyapunov
 
 from cjt_gym.gap.chain import Chain
 from cjt_gym.gap.fields import Fields, friction_law, has_friction
 from cjt_gym.gap.kernel import LAW_SIZE, predict
 from cjt_gym.gap.setting import Setting
+from cjt_gym.joint.arrays import Floats
 
-Floats = NDArray[np.float64]
 RESPONSE = 200
 """Samples after which a predictor has forgotten a torque."""
 
@@ -35,17 +36,11 @@ class Gain:
 
 @dataclass(eq=False)
 class Prediction:
-    """Prediction of a stage.
+    """Prediction of a stage."""
 
-    Attributes:
-        residual: Normalised residual, shape (N,); zero where it does not count.
-        states: Predicted states, shape (N, n); n = 0 for a stage without states.
-        friction: Torque of friction on each body [N m], shape (N, bodies).
-    """
-
-    residual: Floats
-    states: Floats
-    friction: Floats
+    residual: Floats  # normalised residual, shape (N,); zero where it does not count
+    states: Floats  # predicted states, shape (N, n); n = 0 for a stage without states
+    friction: Floats  # torque of friction on each body [N m], shape (N, bodies)
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,13 +93,7 @@ def innovation_std(chain: Chain, k: Floats, torque: tuple[float, ...], noise: fl
     keep = np.eye(n) - k @ c
     effect = chain.torque * np.array(torque)
     drive = effect @ effect.T + chain.a @ k @ k.T @ chain.a.T * noise**2
-    p = drive.copy()
-    step = chain.a @ keep
-    for _ in range(40):  # doubling: the sum over 2^40 samples
-        p = p + step @ p @ step.T
-        step = step @ step
-        if np.abs(step).max() < 1e-12:
-            break
+    p = solve_discrete_lyapunov(chain.a @ keep, drive)
     return np.array([float(np.sqrt(p[0, 0] + noise**2))])
 
 

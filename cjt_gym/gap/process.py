@@ -14,16 +14,15 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.gap.setting import as_noisy
 from cjt_gym.gap.signals import motor_torque
+from cjt_gym.joint.arrays import Floats
 
 if TYPE_CHECKING:
     from cjt_gym.gap.fields import Fields
     from cjt_gym.gap.stages import Stages
 
-Floats = NDArray[np.float64]
 WINDOW = 32
 """Samples of a stretch."""
 QUIET = 0.25
@@ -50,9 +49,7 @@ SHAKES = (0.0, *(0.5**k for k in range(2, 11)))
 def settle_noise(stages: Stages, fields: Fields) -> None:
     """Set the torque noise and, where it is not specified, the jitter of the clock.
 
-    Args:
-        stages: The record, of which several share the noise of the first.
-        fields: The nominal joint.
+    Several records share the noise of the first.
     """
     others, stages.others = stages.others, ()
     s = stages.setting
@@ -100,9 +97,7 @@ def _set(stages: Stages, torque: float, shake: float) -> None:
 def allow_for_colour(stages: Stages, mean_square: float) -> None:
     """Widen the scatter of the motor's residual by the share no model of a real drive explains.
 
-    Args:
-        stages: The record, with the process torque of its white noise.
-        mean_square: Of the motor's residual without any effect.
+    The mean square is that of the motor's residual without any effect.
     """
     allowance = max(COLOUR, SMALL * mean_square**0.5)
     for each in (stages, *stages.others):

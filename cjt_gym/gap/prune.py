@@ -1,4 +1,4 @@
-"""Pruning of a selected model: leave one out, and the simplest of equivalent laws."""
+"""Revision of a selected model: leave one out, and the simplest or likeliest of equivalent laws."""
 
 from __future__ import annotations
 
@@ -9,9 +9,12 @@ import numpy as np
 
 from cjt_gym.gap.fit import FLOOR, Fit, Model, Problem, retuned, without
 from cjt_gym.gap.hypothesis import Hypothesis
+from cjt_gym.gap.merit import LOG_SHARE, MARGIN, STRAIN, evidence
 from cjt_gym.gap.missing import twins
-from cjt_gym.gap.select import LOG_SHARE, MARGIN, STRAIN, evidence
+from cjt_gym.gap.periodic import periodic_starts
 
+FREQUENCY_MOVES = 6
+"""Steps of a fit from another frequency."""
 COARSE_STRAIN = 24.0
 """`STRAIN` if a channel is coarse, as rounding errors are not white noise."""
 SAME = 0.03
@@ -36,20 +39,12 @@ EVEN: Mapping[str, str] = {"coulomb_asym": "coulomb", "viscous_asym": "damping"}
 
 @dataclass(frozen=True)
 class Need:
-    """What a model loses without one of its effects.
-
-    Attributes:
-        evidence: Loss of evidence.
-        log_share: Largest log increase of a stage's residual.
-        stage: That stage.
-        strain: Increase of the priors' cost.
-        without: The fit without it.
-    """
+    """What a model loses without one of its effects."""
 
     evidence: float
-    log_share: float
-    stage: str
-    strain: float
+    log_share: float  # largest log increase of a stage's residual
+    stage: str  # that stage
+    strain: float  # increase of the priors' cost
     without: Fit
 
     def material(self, strain: float) -> bool:
@@ -65,23 +60,15 @@ def need(problem: Problem, fit: Fit, index: int) -> Need:
         for n, ms in fit.mean_square.items()
     }
     stage = max(shares, key=lambda n: shares[n])
-    strain = _strain(problem, less) - _strain(problem, fit)
+    strain = problem.strain(less.z) - problem.strain(fit.z)
     loss = evidence(problem, fit) - evidence(problem, less)
     return Need(loss, shares[stage], stage, strain, less)
-
-
-def _strain(problem: Problem, fit: Fit) -> float:
-    flat = np.array([not n.unknown.prior for n in problem.shared], dtype=bool)
-    return 0.5 * float(np.sum(fit.z[: len(problem.shared)][~flat] ** 2))
 
 
 def prune(problem: Problem, fit: Fit, strain: float = STRAIN) -> tuple[Fit, list[Need]]:
     """Return the model without the effects it does not need, and the need of the others.
 
-    Args:
-        problem: The record.
-        fit: The model.
-        strain: Smallest relief of the datasheet's priors that makes an effect material.
+    An effect is also material if it relieves the datasheet's priors by at least `strain`.
     """
     while fit.model.effects:
         needs = [need(problem, fit, k) for k in range(len(fit.model.effects))]
@@ -179,6 +166,29 @@ def uneven(problem: Problem, fit: Fit, candidates: tuple[Hypothesis, ...]) -> li
             at = [e.key for e in bare.model.effects].index(effect.key)
             found.append(_swapped(problem, bare, at, other[0]))
     return found
+
+
+def other_frequencies(problem: Problem, fit: Fit) -> Fit:
+    """Return a fit with its periodic torques at the best of the prominent frequencies.
+
+    A rough fit can mistake a neighbour for the true frequency if the noise is poorly known.
+    """
+    stages = problem.stages
+    for index, effect in enumerate(fit.model.effects):
+        if effect.search not in ("cog", "rip"):
+            continue
+        less = without(problem, fit, index)
+        at = len(problem.shared) + sum(len(e.unknowns) for e in fit.model.effects[:index])
+        size = float(np.hypot(*fit.z[at + 1 : at + 3]))
+        residual = stages.first(less.residuals)["motor"]
+        fields = problem.fields(less.model, less.z)
+        for f, a, b in periodic_starts(stages, fields, residual, effect.search):
+            z = fit.z.copy()
+            z[at] = effect.unknowns[0].coordinate(f)
+            z[at + 1 : at + 3] = size * np.array([a, b]) / max(float(np.hypot(a, b)), 1e-300)
+            trial = problem.fit(fit.model, z, FREQUENCY_MOVES)
+            fit = max(fit, trial, key=lambda one: evidence(problem, one))
+    return fit
 
 
 def _swapped(problem: Problem, fit: Fit, index: int, *effects: Hypothesis, start: int = 0) -> Fit:

@@ -7,13 +7,13 @@ starting point and number; the rest is algebra on sums of squares.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cjt_gym.gap.fit import DEFLATION, FLOOR, LONGEST, STEP, Fit, Floats, Problem
+from cjt_gym.gap.fit import DEFLATION, FLOOR, LONGEST, Fit, Model, Problem, difference
 from cjt_gym.gap.hypothesis import Hypothesis
+from cjt_gym.joint.arrays import Floats
 
 RELINEARISED = 3
 STRAINED = 3.0
@@ -37,12 +37,7 @@ class Square:
 
 @dataclass(eq=False)
 class Look:
-    """The point from which candidates are judged.
-
-    Attributes:
-        problem: The record.
-        fit: The model so far, with the derivatives of its residuals.
-    """
+    """The point from which candidates are judged: a fit with the derivatives of its residuals."""
 
     problem: Problem
     fit: Fit
@@ -92,66 +87,48 @@ class Look:
                 break
         return self._as_fit(effect, best[1])
 
+    def _with(self, effect: Hypothesis) -> Model:
+        return Model((*self.fit.model.effects, effect))
+
     def _as_fit(self, effect: Hypothesis, z: Floats) -> Fit:
-        model = replace(self.fit.model, effects=(*self.fit.model.effects, effect))
+        model = self._with(effect)
         residuals = self.problem.residuals(model, z)
         ms = self.problem.mean_square(residuals)
-        flat = np.array([not u.prior for u in self.problem.unknowns(model)], dtype=bool)
-        return Fit(model, z, self.problem.cost(ms, z, flat), ms, residuals)
+        return Fit(model, z, self.problem.cost(model, ms, z), ms, residuals)
 
     def _improve(self, effect: Hypothesis, z: Floats) -> tuple[float, Floats]:
         """Return the cost and the coordinates after one step from z, with the cost checked."""
-        squares = self._squares(effect, z)
-        model = replace(self.fit.model, effects=(*self.fit.model.effects, effect))
-        unknowns = self.problem.unknowns(model)
-        flat = np.array([not u.prior for u in unknowns], dtype=bool)
-        here = self._cost({n: s.ss for n, s in squares.items()}, z, flat)
-        move = self._solve(squares, z, flat)
+        squares, model = self._squares(effect, z), self._with(effect)
+        here = self._cost(model, {n: s.ss for n, s in squares.items()}, z)
+        move = self._solve(model, squares, z)
         for shrink in (1.0, 0.3, 0.1):
-            new = z + shrink * move
-            for j, unknown in enumerate(unknowns):
-                if unknown.at_bound(new[j]):
-                    new[j] = unknown.coordinate(unknown.value(new[j]))
-            cost = self._checked(effect, squares, z, new, flat)
+            new = self.problem.bounded(model, z + shrink * move)
+            cost = self._checked(model, squares, z, new)
             if cost < here:
                 return cost, new
         return here, z
 
-    def _checked(
-        self,
-        effect: Hypothesis,
-        squares: dict[str, Square],
-        z: Floats,
-        new: Floats,
-        flat: NDArray[np.bool_],
-    ) -> float:
-        model = replace(self.fit.model, effects=(*self.fit.model.effects, effect))
+    def _checked(self, model: Model, squares: dict[str, Square], z: Floats, new: Floats) -> float:
         sums = {n: s.at(new - z) for n, s in squares.items()}
         far = np.abs(new - z) > MOVED
         moved = {n for j, names in enumerate(self.problem.touches(model)) if far[j] for n in names}
-        moved |= set(effect.touches)
+        moved |= set(model.effects[-1].touches)
         true = self.problem.residuals(model, new, [n for n in squares if n in moved])
         sums |= {n: float(r @ r) for n, r in true.items()}
-        return self._cost(sums, new, flat)
+        return self._cost(model, sums, new)
 
-    def _cost(
-        self,
-        sums: dict[str, float],
-        z: Floats,
-        flat: NDArray[np.bool_],
-    ) -> float:
+    def _cost(self, model: Model, sums: dict[str, float], z: Floats) -> float:
         ms = {n: ss / max(self.problem.counts[n], 1) for n, ss in sums.items()}
-        return self.problem.cost(ms, z, flat)
+        return self.problem.cost(model, ms, z)
 
     def _squares(self, effect: Hypothesis, z: Floats) -> dict[str, Square]:
         """Return the sums of squares around z."""
-        model = replace(self.fit.model, effects=(*self.fit.model.effects, effect))
-        old, extra = len(self.fit.z), len(effect.unknowns)
+        model, old, extra = self._with(effect), len(self.fit.z), len(effect.unknowns)
         shift = z[:old] - self.fit.z
         residuals = self.problem.residuals(model, z, effect.touches)
         columns = {n: np.zeros((len(r), extra)) for n, r in residuals.items()}
         for j, unknown in enumerate(effect.unknowns):
-            step = -STEP if unknown.at_bound(z[old + j] + STEP) else STEP
+            step = difference(unknown, z[old + j])
             moved = z.copy()
             moved[old + j] += step
             for n, r in self.problem.residuals(model, moved, effect.touches).items():
@@ -175,16 +152,11 @@ class Look:
                 out[n] = Square(base.at(shift), g, h)
         return out
 
-    def _solve(
-        self,
-        squares: dict[str, Square],
-        z: Floats,
-        flat: NDArray[np.bool_],
-    ) -> Floats:
+    def _solve(self, model: Model, squares: dict[str, Square], z: Floats) -> Floats:
         """Return the step that lowers the cost most for linear residuals."""
-        prior = np.where(flat, 0.0, 1.0)
+        prior = self.problem.has_prior(model).astype(np.float64)
         move: Floats = np.zeros(len(z))
-        cost = self._cost({n: s.ss for n, s in squares.items()}, z, flat)
+        cost = self._cost(model, {n: s.ss for n, s in squares.items()}, z)
         for _ in range(8):
             hessian, gradient = np.diag(prior + 1e-9), prior * z
             for n, s in squares.items():
@@ -195,7 +167,8 @@ class Look:
             damped = hessian + np.diag(1e-6 * np.diag(hessian))
             new = np.asarray(-np.linalg.solve(damped, gradient), dtype=np.float64)
             new *= min(1.0, LONGEST / max(float(np.abs(new).max()), 1e-12))
-            better = self._cost({n: max(s.at(new), 0.0) for n, s in squares.items()}, z + new, flat)
+            sums = {n: max(s.at(new), 0.0) for n, s in squares.items()}
+            better = self._cost(model, sums, z + new)
             if better > cost - 0.01:
                 break
             move, cost = new, better

@@ -9,14 +9,13 @@ demands.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.gap.fit import STEP, Fit, Problem
 from cjt_gym.gap.gap_size import off
 from cjt_gym.gap.intervals import Covariance
 from cjt_gym.gap.replay import written
+from cjt_gym.joint.arrays import Floats
 
-Floats = NDArray[np.float64]
 DEFLATION = 100.0
 """Samples that count as one, since errors of a replay are correlated over a long time."""
 FURTHEST = 2.5

@@ -27,19 +27,12 @@ HOUSING = 1e3
 
 @dataclass(frozen=True)
 class Number:
-    """A number with its 95 % interval and a remark.
-
-    Attributes:
-        value: The number.
-        low: Low end.
-        high: High end.
-        note: Remark for the reader of a joint file.
-    """
+    """A number with its 95 % interval and a remark."""
 
     value: float
     low: float
     high: float
-    note: str = ""
+    note: str = ""  # remark for the reader of a joint file
 
     def within(self, least: float, strict: bool, most: float) -> tuple[float, float, float]:
         """Return value, low and high, held within the domain of a parameter."""
@@ -57,19 +50,12 @@ Rows = dict[str, Numbers]
 
 @dataclass(frozen=True)
 class Found:
-    """An effect that was found, and the model that it is part of.
+    """An effect that was found, and the model that it is part of."""
 
-    Attributes:
-        setting: The record and its nominal joint.
-        fields: The model.
-        effect: The effect.
-        asymmetric: Whether the joint's Coulomb friction has a level for each direction.
-    """
-
-    setting: Setting
+    setting: Setting  # the record and its nominal joint
     fields: Fields
-    effect: NamedEffect
-    asymmetric: bool = False
+    effect: NamedEffect  # the effect
+    asymmetric: bool = False  # whether the joint's Coulomb friction has a level for each direction
 
     @property
     def letter(self) -> str:
@@ -246,9 +232,9 @@ def _load_friction(x: Found) -> Rows:
 # ---- transmission, sensing, load
 def _backlash(x: Found) -> Rows:
     inside = x.fields["play_g"] == 0.0 and x.setting.has_gear
-    note = "the record puts it at the torsion bar, the model into the gear" if inside else ""
+    note = "the record places it at the torsion bar, the model in the gear" if inside else ""
     if x.fields["pull_g"] > 0.0:
-        note = "the record's damper holds teeth that part, the model's does not"
+        note = "in the record the damper resists parting teeth, in the model it does not"
     play = x.fields["play"] or x.fields["play_g"]
     return {"backlash": {"gap": x.moved("b", play, note=note), "offset": _exact(0.0)}}
 
@@ -256,7 +242,7 @@ def _backlash(x: Found) -> Rows:
 def _hardening(x: Found) -> Rows:
     stiffness = x.fields["k_b"]
     cubic = stiffness * x.named("c")
-    note = f"it softens, k_3 = {cubic:.3g}, which the model has not" if cubic < 0.0 else ""
+    note = f"it softens, k_3 = {cubic:.3g}, which the model cannot represent" if cubic < 0.0 else ""
     return {"hardening": {"k_3": x.moved("c", cubic, stiffness, note)}}
 
 

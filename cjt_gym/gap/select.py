@@ -1,4 +1,4 @@
-"""Which effects: forward selection with a beam, then leave one out."""
+"""Which effects: forward selection with a beam."""
 
 from __future__ import annotations
 
@@ -13,19 +13,17 @@ from cjt_gym.gap.fit import (
     FLOOR,
     MOVES,
     Fit,
-    Floats,
     Model,
     Problem,
     retuned,
     without,
 )
 from cjt_gym.gap.hypothesis import Hypothesis
+from cjt_gym.gap.merit import LOG_SHARE, MARGIN, RELEASE, STRAIN, evidence, price
 from cjt_gym.gap.periodic import command_steps, line_starts, periodic_starts
 from cjt_gym.gap.quick import Look
+from cjt_gym.joint.arrays import Floats
 
-PRICE = 14.0
-PRICE_PER_NUMBER = 3.0
-RELEASE = 6.0
 BEAM = 2
 TRIAL_MOVES = 6
 """Steps of a full fit of a candidate; the winner is fitted to convergence."""
@@ -34,14 +32,8 @@ FAMILY_SHARE = 0.4
 CLOSE = 0.8
 """Share of the best gain in evidence above which a second branch is followed."""
 MOST = 3
-MARGIN = 3.0
-"""Evidence that one more effect must add beyond its cost."""
 LEAST = 0.1
 """Share of the remainder that one more effect must explain."""
-LOG_SHARE = 0.08
-"""Smallest log reduction of a stage's residual that an effect must achieve."""
-STRAIN = 8.0
-"""Alternatively, smallest relief of the datasheet's priors: four standard deviations."""
 LINES = {"i": "drive", "push_m": "motor", "push_l": "load"}
 """Stage in whose residual a wave in time on a channel appears."""
 SHORT_LIST = 4
@@ -68,44 +60,16 @@ def silent(step: str) -> None:
     """Report no progress."""
 
 
-def price(model: Model) -> float:
-    """Return the cost of a model's effects; one that only frees a datasheet value costs less."""
-    return sum(
-        (RELEASE if e.strained else PRICE) + PRICE_PER_NUMBER * (len(e.unknowns) - 1)
-        for e in model.effects
-    )
-
-
-def evidence(problem: Problem, fit: Fit) -> float:
-    """Return the deflated log evidence of a fit, minus the cost of its effects."""
-    flat = np.array([not u.prior for u in problem.unknowns(fit.model)], dtype=bool)
-    total = -0.5 * float(np.sum(fit.z[~flat] ** 2)) - price(fit.model)
-    for name, ms in fit.mean_square.items():
-        total -= problem.counts[name] / DEFLATION * np.log(max(ms / FLOOR**2, 1.0))
-    return total
-
-
 @dataclass(eq=False)
 class Selection:
-    """The search over the effects of one record.
-
-    Attributes:
-        problem: The record.
-        candidates: All effects of the table that it can reveal.
-        outside: Causes outside the table that it can reveal.
-        base: The fit without any effect.
-        seen: All fits made in full.
-        until: Processor time after which no further effect is sought [s].
-        beyond: Normalised residual of a stage above which causes outside the table are considered.
-        progress: Called with a description of the effects being sought.
-    """
+    """The search over the effects of one record, for those that it can reveal."""
 
     problem: Problem
     candidates: tuple[Hypothesis, ...]
-    base: Fit
+    base: Fit  # without any effect
     outside: tuple[Hypothesis, ...] = ()
-    seen: list[Fit] = field(default_factory=list)
-    until: float = np.inf
+    seen: list[Fit] = field(default_factory=list)  # all fits made in full
+    until: float = np.inf  # processor time after which no further effect is sought [s]
     beyond: float = BEYOND
     progress: Progress = silent
     untried: list[Fit] = field(default_factory=list)
@@ -189,10 +153,9 @@ class Selection:
 
     def _strain(self, fit: Fit, stages: Sequence[str]) -> Floats:
         """Return the squared deviations of the values on which given stages depend."""
-        far = fit.z[: len(self.problem.shared)]
-        flat = np.array([not n.unknown.prior for n in self.problem.shared], dtype=bool)
-        own = np.array([bool(set(n.stages) & set(stages)) for n in self.problem.shared])
-        return np.asarray(np.square(far[own & ~flat]))
+        shared = self.problem.shared
+        own = [n.unknown.prior and bool(set(n.stages) & set(stages)) for n in shared]
+        return np.asarray(np.square(fit.z[: len(shared)][np.array(own, dtype=bool)]))
 
     def _material(self, fit: Fit, stages: Sequence[str]) -> bool:
         """Return whether enough is left in given stages for a material effect."""
@@ -364,29 +327,6 @@ class Selection:
         if effect.search is not None:
             return periodic_starts(stages, fields, residuals["motor"], effect.search)
         return effect.starts
-
-
-def other_frequencies(problem: Problem, fit: Fit) -> Fit:
-    """Return a fit with its periodic torques at the best of the prominent frequencies.
-
-    A rough fit can mistake a neighbour for the true frequency if the noise is poorly known.
-    """
-    stages = problem.stages
-    for index, effect in enumerate(fit.model.effects):
-        if effect.search not in ("cog", "rip"):
-            continue
-        less = without(problem, fit, index)
-        at = len(problem.shared) + sum(len(e.unknowns) for e in fit.model.effects[:index])
-        size = float(np.hypot(*fit.z[at + 1 : at + 3]))
-        residual = stages.first(less.residuals)["motor"]
-        fields = problem.fields(less.model, less.z)
-        for f, a, b in periodic_starts(stages, fields, residual, effect.search):
-            z = fit.z.copy()
-            z[at] = effect.unknowns[0].coordinate(f)
-            z[at + 1 : at + 3] = size * np.array([a, b]) / max(float(np.hypot(a, b)), 1e-300)
-            trial = problem.fit(fit.model, z, TRIAL_MOVES)
-            fit = max(fit, trial, key=lambda one: evidence(problem, one))
-    return fit
 
 
 def compatible(model: Model, effect: Hypothesis) -> bool:

@@ -10,12 +10,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.gap.noise import ChannelNoise
 from cjt_gym.gap.setting import Setting
+from cjt_gym.joint.arrays import Floats
 
-Floats = NDArray[np.float64]
 COARSER = 1.8
 """Ratio of found to stated resolution above which a channel is called coarse."""
 NOISIER = 1.3
@@ -42,23 +41,14 @@ GAUSSIAN = 0.925
 
 @dataclass(frozen=True)
 class SensorFinding:
-    """A channel that is worse than specified.
+    """A channel that is worse than specified."""
 
-    Attributes:
-        name: "quantization" or "noise".
-        channel: Its name.
-        value: Resolution or standard deviation found, in the channel's unit.
-        low: Low end of its interval.
-        high: High end of its interval.
-        factor: How much worse than specified.
-    """
-
-    name: str
+    name: str  # "quantization" or "noise"
     channel: str
-    value: float
-    low: float
-    high: float
-    factor: float
+    value: float  # resolution or standard deviation found, in the channel's unit
+    low: float  # low end of its interval
+    high: float  # high end of its interval
+    factor: float  # how much worse than specified
 
 
 def sensor_findings(setting: Setting, residuals: Mapping[str, Floats]) -> tuple[SensorFinding, ...]:

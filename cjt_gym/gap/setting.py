@@ -14,7 +14,6 @@ from cjt_gym.gap.series import Series, compliance, to_series
 from cjt_gym.joint import JointFile, Structure
 from cjt_gym.records import Record
 
-Floats = NDArray[np.float64]
 PROCESS_TORQUE = 0.2
 """Torque noise on the motor, as a share of that equivalent to the noise of its signals."""
 CLEAR = 0.5
@@ -65,12 +64,12 @@ class Setting:
     @property
     def has_spring(self) -> bool:
         """Whether a torsion bar separates motor side and load."""
-        return self.structure.groups[1] != self.structure.groups[2]
+        return self.structure.has_spring
 
     @property
     def has_gear(self) -> bool:
         """Whether the gearbox is compliant."""
-        return self.structure.groups[0] != self.structure.groups[1]
+        return self.structure.has_gear
 
     @property
     def cut_at_spring(self) -> bool:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from cjt_gym.gap.fields import Fields
 from cjt_gym.gap.series import Series
+from cjt_gym.joint.arrays import Floats
 from cjt_gym.joint.compiled import compiled
 
-Floats = NDArray[np.float64]
 LEAST_TORQUE = 0.2
 """Share of the torque per ampere that hot windings keep at least."""
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(5)

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
 from cjt_gym.gap.fields import Fields
+from cjt_gym.joint.arrays import Floats
 from cjt_gym.joint.compiled import compiled
 
-Floats = NDArray[np.float64]
 MOST_PIECES = 50.0
 PATH = 17
 """Samples over which the path of a hysteresis is smoothed."""

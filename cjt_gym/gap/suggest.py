@@ -10,8 +10,8 @@ from cjt_gym.gap.confusable import NOTHING, SEPARATED_BY, advice, difference, ri
 from cjt_gym.gap.design import TELLS, Cross, Prospect, prospects
 from cjt_gym.gap.diagnosis import NamedEffect, Suggestion
 from cjt_gym.gap.fit import Fit, Problem
+from cjt_gym.gap.merit import evidence
 from cjt_gym.gap.prune import Need
-from cjt_gym.gap.select import evidence
 from cjt_gym.gap.setting import Setting
 from cjt_gym.gap.unknown import Leftover
 from cjt_gym.records import Record, default_units
@@ -38,14 +38,8 @@ def suggest(
 ) -> Suggestion:
     """Return the experiment that best settles what a diagnosis leaves open.
 
-    Args:
-        problem: The record.
-        base: The fit without effects.
-        fit: The chosen fit.
-        needs: What each of its effects is needed for.
-        seen: All other fits.
-        named: The named effects.
-        left: Stages that are not explained.
+    The arguments are those of an `Explanation`, with the effects that it names and the stages that
+    it leaves.
     """
     question = _open_question(problem, base, fit, needs, seen, named)
     preface = ""

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 from cjt_gym.gap.fit import Fit
 from cjt_gym.gap.heldout import HeldOut, Trial
+from cjt_gym.gap.merit import STRAIN
 from cjt_gym.gap.prune import Need
-from cjt_gym.gap.select import STRAIN
 
 LEFT = 1.3
 """Normalised residual above which a stage is not explained."""
@@ -31,17 +31,11 @@ CLOSE = 0.2
 
 @dataclass(frozen=True)
 class Leftover:
-    """A stage that is not explained.
-
-    Attributes:
-        stage: Its name.
-        share: Share of its squared excess residual that is left.
-        text: What it looks like, if known.
-    """
+    """A stage that is not explained."""
 
     stage: str
-    share: float
-    text: str = ""
+    share: float  # share of its squared excess residual that is left
+    text: str = ""  # what it looks like, if known
 
 
 def leftovers(

@@ -11,7 +11,7 @@ import numpy as np
 
 from cjt_gym.baselines import Controller
 from cjt_gym.canbus.config import HardwareConfig
-from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.errors import ConfigurationError, check_name
 from cjt_gym.hardware.delayed_law import law_for
 from cjt_gym.joint.arrays import Floats
 from cjt_gym.records import Record, part_of, read_record
@@ -41,8 +41,7 @@ REAL, NOMINAL = "real", "nominal"
 def tasks_of(names: Sequence[str]) -> tuple[str, ...]:
     """Return the runs that are named, or all."""
     for name in names:
-        if name not in RUNS:
-            raise unknown_name("task", name, RUNS)
+        check_name("task", name, RUNS)
     return tuple(names) or RUNS
 
 

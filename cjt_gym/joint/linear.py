@@ -34,8 +34,8 @@ def body_matrices(p: JointParameters, structure: Structure) -> tuple[Matrix, Mat
 
     Source: Malzahn, Roozing, Tsagarakis, The Compliant Joint Toolbox for MATLAB, Table 1.
     """
-    gear = structure.groups[0] != structure.groups[1]
-    bar = structure.groups[1] != structure.groups[2]
+    gear = structure.has_gear
+    bar = structure.has_spring
     k_g, d_mg = (p.k_g, p.get("d_mg", 0.0)) if gear else (0.0, 0.0)
     k_b, d_gl = (p.k_b, p.get("d_gl", 0.0)) if bar else (0.0, 0.0)
     d_m, d_g, d_l = (p.get(name, 0.0) for name in ("d_m", "d_g", "d_l"))

@@ -43,6 +43,16 @@ class Structure:
         return self.groups[2] < 0
 
     @property
+    def has_gear(self) -> bool:
+        """Whether the gearbox is compliant."""
+        return self.groups[0] != self.groups[1]
+
+    @property
+    def has_spring(self) -> bool:
+        """Whether a torsion bar connects motor side and load."""
+        return self.groups[1] != self.groups[2]
+
+    @property
     def order(self) -> int:
         """Number of mechanical states: z, dz and, where it is an input, q_l."""
         return 2 * self.size + int(self.output_fixed)
@@ -59,8 +69,7 @@ class Structure:
     @property
     def needed_parameters(self) -> tuple[str, ...]:
         """The stiffnesses that this structure needs."""
-        gear, bar = self.groups[0] != self.groups[1], self.groups[1] != self.groups[2]
-        return ("k_g",) * gear + ("k_b",) * bar
+        return ("k_g",) * self.has_gear + ("k_b",) * self.has_spring
 
 
 STRUCTURES: dict[str, Structure] = {

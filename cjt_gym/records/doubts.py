@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from math import pi
 
 import numpy as np
+from scipy.signal import correlate
 
 from cjt_gym.records.checks import FloatArray
 from cjt_gym.records.repair_notes import Repair, share
@@ -142,11 +143,9 @@ def _filled(x: FloatArray) -> FloatArray | None:
 def _lag(x: FloatArray, y: FloatArray) -> tuple[float, float]:
     """Return by how many samples y follows x, and how alike they then are, -1 to 1."""
     x, y = x - x.mean(), y - y.mean()
-    size = 1 << (2 * len(x) - 1).bit_length()
-    product = np.fft.rfft(y, size) * np.conj(np.fft.rfft(x, size))
-    cross = np.fft.irfft(product, size)
     lags = np.arange(-MOST_LATE, MOST_LATE + 1)
-    near = cross[lags] / np.sqrt(max(float((x @ x) * (y @ y)), 1e-300))
+    cross = correlate(y, x, method="fft")[len(x) - 1 + lags]
+    near = cross / np.sqrt(max(float((x @ x) * (y @ y)), 1e-300))
     k = int(np.argmax(np.abs(near)))
     if 0 < k < len(near) - 1:
         a, b, c = np.abs(near[k - 1 : k + 2])

@@ -48,44 +48,26 @@ SIDES: Final = ("link", "motor")
 
 @dataclass(frozen=True)
 class ColumnSource:
-    """Where a column of the record comes from: ``gain * (value - offset)`` of a log's column.
+    """Where a column of the record comes from: ``gain * (value - offset)`` of a log's column."""
 
-    Attributes:
-        source: Name of the column in the log.
-        log_unit: Its unit there.
-        unit: SI unit of the result.
-        gain: Factor from the log's values.
-        offset: What the log shows where the value is zero, in the log's unit.
-        turn: One revolution of an encoder in the record's unit; 0 where it is no angle.
-        time: Name of the log's column with its time; None for that of the record.
-        time_unit: Unit of that time; None for that of the record's.
-        samples_late: Rows by which the log writes it late.
-    """
-
-    source: str
-    log_unit: str
-    unit: str
-    gain: float
-    offset: float
-    turn: float
-    time: str | None
-    time_unit: str | None
-    samples_late: float = 0.0
+    source: str  # name of the column in the log
+    log_unit: str  # its unit there
+    unit: str  # SI unit of the result
+    gain: float  # factor from the log's values
+    offset: float  # what the log shows where the value is zero, in the log's unit
+    turn: float  # one revolution of an encoder in the record's unit; 0 where it is no angle
+    time: str | None  # name of the log's column with its time; None for that of the record
+    time_unit: str | None  # unit of that time; None for that of the record's
+    samples_late: float = 0.0  # rows by which the log writes it late
 
 
 @dataclass(frozen=True)
 class ColumnMapping:
-    """Which columns of a log make the columns of a record.
+    """Which columns of a log make the columns of a record."""
 
-    Attributes:
-        owner: What error messages call it.
-        columns: For each column of the record where it comes from.
-        facts: Arguments of the record other than its columns and units.
-    """
-
-    owner: str
-    columns: Mapping[str, ColumnSource]
-    facts: Mapping[str, Any]
+    owner: str  # what error messages call it
+    columns: Mapping[str, ColumnSource]  # for each column of the record where it comes from
+    facts: Mapping[str, Any]  # arguments of the record other than its columns and units
 
     @property
     def units(self) -> dict[str, str]:

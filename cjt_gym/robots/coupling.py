@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.errors import ConfigurationError, check_name
 from cjt_gym.joint import Joint
 from cjt_gym.plant import Measurement
 from cjt_gym.plant.randomization import Randomization
@@ -141,8 +141,7 @@ def _hinge(api: Any, model: Any, name: str) -> tuple[int, int]:
     """Return where the velocity and the angle of a joint with one degree of freedom stand."""
     joints = [model.joint(k) for k in range(model.njnt)]
     named = {joint.name: joint for joint in joints}
-    if name not in named:
-        raise unknown_name("joint of the MuJoCo model", name, named)
+    check_name("joint of the MuJoCo model", name, named)
     kinds = (int(api.mjtJoint.mjJNT_HINGE), int(api.mjtJoint.mjJNT_SLIDE))
     if int(named[name].type[0]) not in kinds:
         raise ConfigurationError(

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from importlib.resources import files
 from typing import Any
 
-from cjt_gym.errors import ConfigurationError, unknown_name
+from cjt_gym.errors import ConfigurationError, check_name
 
 
 @dataclass(frozen=True)
@@ -43,8 +43,7 @@ def get_robot(name: str) -> Robot:
     Raises:
         UnknownNameError: There is none.
     """
-    if name not in ROBOTS:
-        raise unknown_name("robot", name, ROBOTS)
+    check_name("robot", name, ROBOTS)
     return ROBOTS[name]
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cjt_gym.errors import ConfigurationError, UnknownNameError, unknown_name
+from cjt_gym.errors import ConfigurationError, UnknownNameError, check_name, unknown_name
 from cjt_gym.joint.border import checked_array
 from cjt_gym.records import Record, read_record
 from cjt_gym.signals import evaluate as ev
@@ -57,8 +57,7 @@ class Signal:
     key: int = 0
 
     def __post_init__(self) -> None:
-        if self.kind not in KINDS:
-            raise unknown_name("signal", self.kind, KINDS)
+        check_name("signal", self.kind, KINDS)
         numbers = {"amplitude": self.amplitude, "low": self.low, "high": self.high}
         for name, value in {**numbers, "period": self.period}.items():
             low = -np.inf if name == "amplitude" else 0.0

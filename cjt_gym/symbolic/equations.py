@@ -7,7 +7,7 @@ from typing import Any, cast
 
 import sympy as sp
 
-from cjt_gym.errors import unknown_name
+from cjt_gym.errors import check_name
 from cjt_gym.joint import JointParameters, get_structure
 from cjt_gym.joint.linear import OUTPUTS, body_matrices, state_names
 from cjt_gym.joint.parameters import PARAMETERS
@@ -23,8 +23,7 @@ def symbol(name: str) -> sp.Symbol:
     Raises:
         UnknownNameError: There is no such parameter.
     """
-    if name not in PARAMETERS:
-        raise unknown_name("parameter", name, PARAMETERS)
+    check_name("parameter", name, PARAMETERS)
     return sp.Symbol(name, positive=True)
 
 
@@ -132,10 +131,8 @@ def transfer_function(structure: str, output: str = "tau", input: str = "tau_m")
     Raises:
         UnknownNameError: There is no such structure, output or input.
     """
-    if output not in OUTPUTS:
-        raise unknown_name("output", output, OUTPUTS)
-    if input not in INPUTS:
-        raise unknown_name("input", input, INPUTS)
+    check_name("output", output, OUTPUTS)
+    check_name("input", input, INPUTS)
     if input == "load":
         return _ratio(structure, output, by_motor=False)
     torque = _ratio(structure, output, by_motor=True)

@@ -7,7 +7,7 @@ from types import MappingProxyType
 
 import sympy as sp
 
-from cjt_gym.errors import unknown_name
+from cjt_gym.errors import check_name
 
 CODE: Mapping[str, Callable[[sp.Expr], str]] = MappingProxyType(
     {
@@ -43,6 +43,5 @@ def to_code(expression: sp.Expr, language: str = "python") -> str:
     Raises:
         UnknownNameError: The language is not known.
     """
-    if language not in CODE:
-        raise unknown_name("language", language, CODE)
+    check_name("language", language, CODE)
     return str(CODE[language](expression))

@@ -8,7 +8,6 @@ from typing import Any, Final, final
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.blind.live import Live, Sample
 from cjt_gym.blind.plant import World
 from cjt_gym.envs.arguments import complete
 from cjt_gym.envs.core import Episodes
@@ -19,6 +18,7 @@ from cjt_gym.training.deploy.fast_policy import fast_policy
 from cjt_gym.training.evaluation.rollout import Agent, Traces
 from cjt_gym.training.learning.policy import PolicyAgent
 from experiments.loop.joints import CUTOFF
+from experiments.loop.live import Live, Sample
 
 Floats = NDArray[np.float64]
 FINE_STEP: Final = 2e-5

@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from cjt_gym.blind import KNOWN, Case, draw_case
-from cjt_gym.blind.files import nominal_text
+from cjt_gym.blind.files import datasheet_text
 from cjt_gym.blind.plan import can_go_together
 from cjt_gym.blind.plant import CHANNELS, STRUCTURES
 from cjt_gym.disk import write_text
@@ -57,7 +57,7 @@ class HiddenJoint:
     def stated(self, folder: Path) -> JointFile:
         """Write the joint file of its datasheet into a folder, and return what it says."""
         path = folder / f"sheet_{self.group}.toml"
-        write_text(path, nominal_text(self.case, path.stem))
+        write_text(path, datasheet_text(self.case.sheet, path.stem))
         return load_joint_file(path)
 
     def true(self, stated: JointFile) -> JointFile:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cjt_gym.blind import SMALL, Case, draw_case, write_case, write_labels
+from cjt_gym.blind import SMALL, Case, draw_case, write_case
 from cjt_gym.blind.excitation import DRAWN, excitation
 from cjt_gym.blind.plant import STRUCTURES
 from cjt_gym.errors import ConfigurationError, UnknownNameError
@@ -72,9 +72,8 @@ def test_files_tell_nothing(tmp_path: Path) -> None:
         assert (one / name).read_bytes() == (other / name).read_bytes()
 
 
-def test_labels_lie_apart(tmp_path: Path) -> None:
-    path = write_labels({"case_000": short()}, tmp_path / "labels.json")
-    label = json.loads(path.read_text())["case_000"]
+def test_a_label_is_plain_data() -> None:
+    label = json.loads(json.dumps(short().label))
     assert label["effects"] == ["coulomb"]
     assert label["places"] == {"coulomb": "motor"}
     assert label["units"]["coulomb"] == {"d_cm": "N m"}

@@ -7,10 +7,10 @@ import pytest
 
 from cjt_gym.blind import draw_case
 from cjt_gym.blind.control import Gains
-from cjt_gym.blind.live import Live
 from cjt_gym.blind.plant import CHANNELS
 from cjt_gym.blind.run import draw_chances, run
 from cjt_gym.errors import ConfigurationError
+from experiments.loop.live import Live
 
 SAMPLES = 120
 

@@ -14,13 +14,10 @@ import numpy as np
 import pytest
 
 from cjt_gym.gap import Diagnosis, diagnose
-from cjt_gym.gap.rungs import rungs
-from cjt_gym.joint import load_joint_file, to_toml
+from cjt_gym.joint import to_toml
 from cjt_gym.records import Record, read_record
 from cjt_gym.training.demo.emps import PUBLISHED, replay
-
-EVEN = ("damping", "coulomb", "torque_offset")
-LADDER = ((), *(EVEN[:k] for k in (1, 2, 3)), ("viscous_asym", "coulomb_asym"))
+from examples.emps import ladder
 
 
 def names(found: Diagnosis) -> set[str]:
@@ -75,15 +72,13 @@ def test_the_explained_drive_beats_the_published_errors_in_closed_loop(
 
 
 def test_every_effect_brings_the_force_closer() -> None:
-    first, second = read_record("emps"), read_record("emps_pulses")
-    joint = load_joint_file(first.joint_file or "")
-    found = rungs(first, LADDER, joint, "rigid", [second])
+    found = [errors for _, errors in ladder()]
     for k, limits in enumerate(((0.72, 0.60), (0.20, 0.15), (0.08, 0.06), (0.045, 0.04))):
-        assert limits[1] < found[k].errors[0] < limits[0]
+        assert limits[1] < found[k][0] < limits[0]
     for better, worse in zip(found[1:], found[:-1], strict=True):
-        assert better.errors[0] < worse.errors[0]
-        assert better.errors[1] < worse.errors[1]
-    assert found[-1].errors[1] < 0.0585
+        assert better[0] < worse[0]
+        assert better[1] < worse[1]
+    assert found[-1][1] < 0.0585
 
 
 @pytest.mark.slow

@@ -30,24 +30,16 @@ SCHEMA: Final = 2
 @final
 @dataclass(frozen=True)
 class Exported(Trained):
-    """A policy that needs no torch. It is an agent wherever a run folder is one.
+    """A policy that needs no torch. It is an agent wherever a run folder is one."""
 
-    Attributes:
-        name: Its name in tables.
-        config: How it was trained.
-        layout: What its observation is made of.
-        network: Its numbers.
-        base: The controller that it adds to; None where there is none, or none that can be written
-            as numbers.
-        limit: Largest motor torque that is commanded [N m].
-    """
-
-    name: str
-    config: TrainConfig
-    layout: Layout
-    network: Network
+    name: str  # its name in tables
+    config: TrainConfig  # how it was trained
+    layout: Layout  # what its observation is made of
+    network: Network  # its numbers
+    # the controller that it adds to; None where there is none, or none that can be written as
+    # numbers
     base: BaseLaw | None = None
-    limit: float = math.inf
+    limit: float = math.inf  # largest motor torque that is commanded [N m]
 
     def __post_init__(self) -> None:
         layout, network = self.layout, self.network

@@ -19,7 +19,7 @@ from cjt_gym.joint.configure import resolve_effects
 from cjt_gym.records import Record
 
 if TYPE_CHECKING:  # environments and controllers load only where a closed loop is asked for
-    from cjt_gym.gap.closed_loop import Law
+    from cjt_gym.plant import Law
     from cjt_gym.training.evaluation.performance import Performance, PerformanceGap
     from cjt_gym.training.evaluation.rollout import Agent
 

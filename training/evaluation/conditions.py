@@ -36,28 +36,19 @@ SWEEP_LOW, SWEEP_HIGH, SWEEP = 0.5, 200.0, 8.0
 
 @dataclass(frozen=True)
 class Conditions:
-    """What every controller of a comparison faces.
+    """What every controller of a comparison faces."""
 
-    Attributes:
-        joint: Name of the joint, or path of its file.
-        structure: Its structure.
-        drive: Its drive.
-        effects: What makes it non-ideal, as for `load_joint`.
-        randomization: What every episode draws, as for the environments.
-        torque_amplitude: Amplitude of the references [N m]; None is a tenth of the peak torque, or
-            three times the Coulomb friction where that is more.
-        dt_control: Control step [s].
-        dt_physics: Substep of the simulation [s].
-    """
-
-    joint: str
-    structure: str = USUAL_STRUCTURE
-    drive: str = "current"
-    effects: Any = None
+    joint: str  # name of the joint, or path of its file
+    structure: str = USUAL_STRUCTURE  # its structure
+    drive: str = "current"  # its drive
+    effects: Any = None  # what makes it non-ideal, as for `load_joint`
+    # what every episode draws, as for the environments
     randomization: Mapping[str, Any] = field(default_factory=dict)
+    # amplitude of the references [N m]; None is a tenth of the peak torque, or three times the
+    # Coulomb friction where that is more
     torque_amplitude: float | None = None
-    dt_control: float = 1e-3
-    dt_physics: float = 1e-4
+    dt_control: float = 1e-3  # control step [s]
+    dt_physics: float = 1e-4  # substep of the simulation [s]
 
     @property
     def arguments(self) -> dict[str, Any]:

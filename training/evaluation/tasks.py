@@ -103,7 +103,7 @@ class Task:
     def applies(self, structure: str, kind: str = "classical") -> bool:
         """Return whether the task exists for a structure and a kind of agent."""
         row = get_structure(structure)
-        has = {"any": True, "spring": "k_b" in row.needed_parameters}
+        has = {"any": True, "spring": row.has_spring}
         has["free_load"] = has["spring"] and not row.output_fixed
         return has[self.needs] and (kind == "classical" or not self.classical_only)
 

@@ -53,29 +53,17 @@ Actions are in N m; a learning rate falls to a tenth; networks are texts of thei
 
 @dataclass(frozen=True)
 class Plan:
-    """How large a search is.
+    """How large a search is."""
 
-    Attributes:
-        recipe: Configuration to begin from.
-        out: Folder of the search; an interrupted search is resumed.
-        structure: Structure that replaces that of the recipe.
-        base: Controller or gain file that replaces that of the recipe.
-        against: Controller whose noise is the limit.
-        trials: How many in all, those of an earlier call too.
-        steps: Of each training.
-        episodes: Of each task.
-        seed: Of the sampler.
-    """
-
-    recipe: str
-    out: Path = Path("search")
-    structure: str | None = None
-    base: str | None = None
-    against: str = "lqg"
-    trials: int = 10
-    steps: int = 500_000
-    episodes: int = 8
-    seed: int = 0
+    recipe: str  # configuration to begin from
+    out: Path = Path("search")  # folder of the search; an interrupted search is resumed
+    structure: str | None = None  # structure that replaces that of the recipe
+    base: str | None = None  # controller or gain file that replaces that of the recipe
+    against: str = "lqg"  # controller whose noise is the limit
+    trials: int = 10  # how many in all, those of an earlier call too
+    steps: int = 500_000  # of each training
+    episodes: int = 8  # of each task
+    seed: int = 0  # of the sampler
 
 
 def own_value(config: TrainConfig, place: str) -> Any:

@@ -38,28 +38,18 @@ BROKEN = 10.0
 
 @dataclass(frozen=True)
 class Search(Asked):
-    """What is to be tuned, and how long.
+    """What is to be tuned, and how long."""
 
-    Attributes:
-        controller: What `get_entry` takes.
-        joint: Name of the joint, or path of its file.
-        structure: Its structure.
-        budget: Candidates that are tried.
-        seed: Of the search and of its draws.
-        episodes: Episodes that a candidate runs, all side by side; four times as many unseen
-            ones compare the best with the designed gains.
-        limits: What the loop must keep.
-        dt: Sample time [s].
-    """
-
-    controller: str
-    joint: str
-    structure: str = "output_fixed_rigid_gearbox"
-    budget: int = 200
-    seed: int = 0
+    controller: str  # what `get_entry` takes
+    joint: str  # name of the joint, or path of its file
+    structure: str = "output_fixed_rigid_gearbox"  # its structure
+    budget: int = 200  # candidates that are tried
+    seed: int = 0  # of the search and of its draws
+    # episodes that a candidate runs, all side by side; four times as many unseen ones compare the
+    # best with the designed gains
     episodes: int = 32
-    limits: Limits = field(default_factory=Limits)
-    dt: float = 1e-3
+    limits: Limits = field(default_factory=Limits)  # what the loop must keep
+    dt: float = 1e-3  # sample time [s]
 
     def conditions(self) -> Conditions:
         """Return the conditions of the search."""

@@ -11,7 +11,7 @@ from cjt_gym.canbus.protocols.mit_firmware import MIT
 from cjt_gym.canbus.protocols.moteus_firmware import MOTEUS
 from cjt_gym.canbus.protocols.odrive_firmware import ODRIVE
 from cjt_gym.canbus.protocols.row import DriveProtocol, settings_of
-from cjt_gym.errors import unknown_name
+from cjt_gym.errors import check_name
 
 __all__ = ["PROTOCOLS", "protocol_of", "settings_of"]
 
@@ -27,6 +27,5 @@ def protocol_of(name: str) -> DriveProtocol:
     Raises:
         UnknownNameError: There is no such protocol.
     """
-    if name not in PROTOCOLS:
-        raise unknown_name("protocol", name, PROTOCOLS)
+    check_name("protocol", name, PROTOCOLS)
     return PROTOCOLS[name]

@@ -36,27 +36,16 @@ class CanObject:
 
 @dataclass(frozen=True)
 class Pdo:
-    """A process data object.
+    """A process data object."""
 
-    Attributes:
-        name: Its name in the standard, from the drive's point of view.
-        to_drive: Whether the drive receives it.
-        cob_id: Identifier without the node's number.
-        parameters: Index of its communication parameters.
-        mapping: Index of its mapping.
-        objects: Objects that it carries.
-        kind: Transmission type: 1 with every SYNC, 255 event-driven.
-        event_ms: Event timer of type 255 [ms].
-    """
-
-    name: str
-    to_drive: bool
-    cob_id: int
-    parameters: int
-    mapping: int
-    objects: Sequence[tuple[int, int]]
-    kind: int
-    event_ms: int = 0
+    name: str  # its name in the standard, from the drive's point of view
+    to_drive: bool  # whether the drive receives it
+    cob_id: int  # identifier without the node's number
+    parameters: int  # index of its communication parameters
+    mapping: int  # index of its mapping
+    objects: Sequence[tuple[int, int]]  # objects that it carries
+    kind: int  # transmission type: 1 with every SYNC, 255 event-driven
+    event_ms: int = 0  # event timer of type 255 [ms]
 
     @property
     def layout(self) -> Layout:

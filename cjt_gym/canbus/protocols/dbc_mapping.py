@@ -35,7 +35,7 @@ from cantools.database import Database
 from cjt_gym.canbus.protocols.contract import CHANNELS, Mode
 from cjt_gym.canbus.tables import Section
 from cjt_gym.disk import read_toml
-from cjt_gym.errors import CjtGymError, ConfigurationError, unknown_name
+from cjt_gym.errors import CjtGymError, ConfigurationError, check_name, unknown_name
 from cjt_gym.records.mapping import ColumnSource, load_mapping
 
 SUFFIX: Final = ".map.toml"
@@ -48,28 +48,21 @@ Signal = tuple[str, str]
 
 @dataclass(frozen=True)
 class DbcMapping:
-    """A mapping and its DBC file.
+    """A mapping and its DBC file."""
 
-    Attributes:
-        database: Messages of the DBC file.
-        channels: Signal of each reported channel, with its conversion.
-        command: Signal of the commanded torque or current, with its conversion.
-        is_current: Whether the command is a current.
-        phases: Signals that are set for "enabled", "disabled" and "clear".
-        state: Signal of the mode.
-        modes: Values of the mode's signal.
-        error: Signal of the error.
-        cycles: Cycle times of messages by name [s], where known.
-    """
-
-    database: Database
+    database: Database  # messages of the DBC file
+    # signal of each reported channel, with its conversion
     channels: Mapping[str, tuple[Signal, ColumnSource]]
+    # signal of the commanded torque or current, with its conversion
     command: tuple[Signal, ColumnSource] | None
-    is_current: bool
+    is_current: bool  # whether the command is a current
+    # signals that are set for "enabled", "disabled" and "clear"
     phases: Mapping[str, Mapping[Signal, float]]
-    state: Signal | None = None
+    state: Signal | None = None  # signal of the mode
+    # values of the mode's signal
     modes: Mapping[Mode, tuple[int, ...]] = field(default_factory=dict)
-    error: Signal | None = None
+    error: Signal | None = None  # signal of the error
+    # cycle times of messages by name [s], where known
     cycles: Mapping[str, float] = field(default_factory=dict)
 
 
@@ -133,11 +126,9 @@ class _Reader:
             raise ConfigurationError(f'{place} must be "/Message:Signal", got {source!r}.')
         message, _, signal = source[1:].partition(":")
         messages = {each.name: each for each in self.database.messages}
-        if message not in messages:
-            raise unknown_name(f"message in {place}", message, messages)
+        check_name(f"message in {place}", message, messages)
         signals = [each.name for each in messages[message].signals]
-        if signal not in signals:
-            raise unknown_name(f"signal in {place}", signal, signals)
+        check_name(f"signal in {place}", signal, signals)
         return message, signal
 
     def table(self, given: Mapping[str, Any], name: str) -> Mapping[str, Any]:
@@ -198,8 +189,7 @@ def _modes(path: Path, state: Mapping[str, Any]) -> Mapping[Mode, tuple[int, ...
     for name, values in state.items():
         if name == "source":
             continue
-        if name not in MODES:
-            raise unknown_name(f"mode in state of {path}", name, MODES)
+        check_name(f"mode in state of {path}", name, MODES)
         if not isinstance(values, list) or not all(isinstance(value, int) for value in values):
             raise ConfigurationError(
                 f"{name} in state of {path} must be a list of whole numbers, got {values!r}."

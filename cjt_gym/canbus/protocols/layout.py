@@ -21,27 +21,17 @@ FLOATS: Final = {16: "<e", 32: "<f", 64: "<d"}
 
 @dataclass(frozen=True)
 class Field:
-    """A value in the data of a frame: ``value = raw * scale + offset``.
+    """A value in the data of a frame: ``value = raw * scale + offset``."""
 
-    Attributes:
-        name: Its name in the manufacturer's document.
-        bits: Its number of bits.
-        kind: Its type: "uint", "int" (two's complement) or "float" (IEEE 754).
-        scale: Value of one step of the raw number.
-        offset: Value of the raw number zero.
-        unit: Its unit; empty for a plain number.
-        text: Short description.
-        names: Names of raw numbers, or of their bits.
-    """
-
-    name: str
-    bits: int
+    name: str  # its name in the manufacturer's document
+    bits: int  # its number of bits
+    # its type: "uint", "int" (two's complement) or "float" (IEEE 754)
     kind: Literal["uint", "int", "float"] = "uint"
-    scale: float = 1.0
-    offset: float = 0.0
-    unit: str = ""
-    text: str = ""
-    names: Mapping[int, str] = field(default_factory=dict)
+    scale: float = 1.0  # value of one step of the raw number
+    offset: float = 0.0  # value of the raw number zero
+    unit: str = ""  # its unit; empty for a plain number
+    text: str = ""  # short description
+    names: Mapping[int, str] = field(default_factory=dict)  # names of raw numbers, or of their bits
 
     @property
     def plain(self) -> bool:
@@ -114,18 +104,14 @@ def nothing(bits: int) -> Field:
 class Layout:
     """The data of a frame.
 
-    Attributes:
-        fields: Its fields, in the order given in the module's docstring.
-        order: Byte order.
-
     Example:
         >>> layout = Layout((Field("speed", 12, scale=0.5), nothing(4)), "big")
         >>> layout.encode({"speed": 10.0}).hex(), layout.decode(bytes.fromhex("0140"))
         ('0140', {'speed': 10.0})
     """
 
-    fields: tuple[Field, ...]
-    order: Literal["little", "big"] = "little"
+    fields: tuple[Field, ...]  # its fields, in the order given in the module's docstring
+    order: Literal["little", "big"] = "little"  # byte order
 
     @cached_property
     def size(self) -> int:

@@ -10,7 +10,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter, savgol_filter
 
 from cjt_gym.gap.disturbance import Disturbance, field_of
@@ -19,8 +18,8 @@ from cjt_gym.gap.hypothesis import Apply, Hypothesis, Scales, Values, scales
 from cjt_gym.gap.number import Number
 from cjt_gym.gap.series import Series
 from cjt_gym.gap.setting import Setting
+from cjt_gym.joint.arrays import Floats
 
-Floats = NDArray[np.float64]
 Signal = Callable[[Series, Values], Floats]
 TOUCHED = {
     "i": ("drive", "motor"),
@@ -41,18 +40,12 @@ SMOOTH = 15
 
 @dataclass(eq=False)
 class Outside:
-    """The candidates outside the effect table, while they are collected.
-
-    Attributes:
-        setting: The record.
-        size: Its typical magnitudes.
-        rows: The candidates.
-        disturbances: What they add to the joint, by name.
-    """
+    """The candidates outside the effect table, while they are collected."""
 
     setting: Setting
-    size: Scales
-    rows: list[Hypothesis] = field(default_factory=list)
+    size: Scales  # its typical magnitudes
+    rows: list[Hypothesis] = field(default_factory=list)  # the candidates
+    # what they add to the joint, by name
     disturbances: dict[str, Disturbance] = field(default_factory=dict)
 
     def add(
@@ -152,7 +145,7 @@ def _drive(found: Outside) -> None:
     fast = float(np.abs(np.diff(series["i_cmd"])).max()) / series.dt or 1.0
     dead = Number("width", "A", 0.02 * peak, 1.0, True, low=1e-4 * peak, high=0.8 * peak)
     slew = Number("slew", "A/s", 0.3 * fast, 1.5, True, low=1e-4 * fast, high=2.0 * fast)
-    text = "a drive that does not answer small commands"
+    text = "a drive that does not respond to small commands"
 
     def gate(f: Fields, v: Values) -> None:
         f["dead"] = v["width"]
@@ -166,7 +159,7 @@ def _drive(found: Outside) -> None:
     for apply in (gate, shrink):
         starts = tuple((s * peak,) for s in (0.01, 0.05))
         found.rows.append(_of_drive("dead_zone", text, dead, apply, starts))
-    text = "a current that cannot change quickly"
+    text = "a current with a limited slew rate"
     starts = tuple((s * fast,) for s in (0.02, 0.1, 0.5))
     found.rows.append(_of_drive("slew_limit", text, slew, limit, starts))
     hum = "a current sensor that picks up the mains or another oscillation"
@@ -227,7 +220,7 @@ def _on_body(found: Outside, body: str, torque: float, speed: float) -> None:
         Number("a", "kg m^2", 0.0, inertia),
         Number("b", "kg m^2", 0.0, inertia),
     )
-    text = f"a mass that rides on the {of} through a spring"
+    text = f"a mass attached to the {of} by a spring"
     starts = tuple((2.0 * np.pi * f, 0.0, 0.0) for f in (6.0, 10.0, 16.0, 25.0, 40.0))
     found.add(
         f"rider_{body}", text, channel, ride, lambda s, v: absorbed(s, v, angle), starts=starts
@@ -271,7 +264,7 @@ def _encoder(found: Outside, angle: str, size: Scales) -> None:
     own = {1.0, 2.0, n, 2.0 * n} if angle == "q_m" else {1.0, 2.0}
     f = Number("f", "1/rev", 1.0, 1.0, low=0.2, high=4.0 * n, prior=False)
     unknowns = (f, Number("a", "rad", 0.0, scale), Number("b", "rad", 0.0, scale))
-    text = f"an encoder of {angle} that is wrong periodically over a turn"
+    text = f"an encoder of {angle} with a periodic error over a revolution"
     starts = tuple((x, 0.0, 0.0) for x in sorted(own))
     found.add(f"eccentric_{angle}", text, angle, unknowns, wave_in_angle(angle), starts=starts)
 
@@ -284,7 +277,7 @@ def _torque_sensor(found: Outside) -> None:
         text = "a torque sensor that also reads the current"
         found.add("crosstalk", text, "tau", (gain,), lambda s, v: v["gain"] * s["i"])
     bend = Number("skew", "-", 0.0, 0.2)
-    text = "a torque sensor that reads one direction larger than the other"
+    text = "a torque sensor whose scale differs between the directions"
     found.add("lopsided", text, "tau", (bend,), lambda s, v: v["skew"] * np.abs(s["tau"]))
 
 
@@ -299,7 +292,7 @@ def _bar(found: Outside) -> None:
         return -v["share"] * memory(series["tau"], series.dt, v["time"])
 
     starts = tuple((0.0, t) for t in (0.05, 0.3, 1.5))
-    text = "a spring that gives way slowly (creep)"
+    text = "a spring that creeps"
     found.add("creep", text, "bar", (share, time), yielded, starts=starts)
     turn = 2.0 * np.pi / max(float(np.ptp(found.setting.series["q_m"])), 1e-9)
     x = found.size.deflection

@@ -15,7 +15,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from cjt_gym.joint.arrays import Floats
+
 Bools = NDArray[np.bool_]
 RELIABLE = 10.0
 """Size of an identifiable term, in standard deviations: 5 would do for white noise, but the
@@ -30,22 +31,15 @@ FEWEST = 50
 
 @dataclass(frozen=True, eq=False)
 class Balance:
-    """Torque balance of one body while it moves.
+    """Torque balance of one body while it moves."""
 
-    Attributes:
-        y: Torque required by its motion [N m], shape (N,).
-        columns: Terms by name, each of shape (N,): ``a``, ``v``, ``s`` (direction), ``one``, ``q``,
-            and other quantities known at these samples.
-        scatter: Standard deviation of a smoothed sample of y about its terms [N m].
-        width: Number of samples of the smoothing window.
-        level: 95 % quantile of the motor or load torque that drives the body [N m].
-    """
-
-    y: Floats
+    y: Floats  # torque required by its motion [N m], shape (N,)
+    # terms by name, each of shape (N,): ``a``, ``v``, ``s`` (direction), ``one``, ``q``, and other
+    # quantities known at these samples
     columns: Mapping[str, Floats]
-    scatter: float
-    width: int
-    level: float
+    scatter: float  # standard deviation of a smoothed sample of y about its terms [N m]
+    width: int  # number of samples of the smoothing window
+    level: float  # 95 % quantile of the motor or load torque that drives the body [N m]
     _left: dict[tuple[str, ...], Floats] = field(default_factory=dict)
 
     def __len__(self) -> int:

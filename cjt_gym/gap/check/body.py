@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cjt_gym.gap.check.balance import FEWEST, Balance, Floats, factors, left_over
+from cjt_gym.gap.check.balance import FEWEST, Balance, factors, left_over
 from cjt_gym.gap.check.pieces import Columns, gain, motion, smooth
+from cjt_gym.joint.arrays import Floats
 
 MOVING = 3.0
 """Speed above which a body moves, in standard deviations of its noise."""
@@ -20,26 +21,17 @@ CLEAN = 3.0
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """One body of a joint, or several that move as one.
+    """One body of a joint, or several that move as one."""
 
-    Attributes:
-        pieces: The stretches of the log.
-        dt: Sample time [s].
-        angle: The channel of its motion.
-        angle_noise: Standard deviation of a sample of its angle.
-        stiffness: Stiffness of the spring to a held output, if the torque represents the angle.
-        torque: Returns the torque that moves it, from the channels of a stretch.
-        torque_noise: Standard deviation of a sample of that torque.
-        driving: Returns the motor's torque, from the channels of a stretch.
-    """
-
-    pieces: Sequence[Columns]
-    dt: float
-    angle: str
-    angle_noise: float
-    stiffness: float
+    pieces: Sequence[Columns]  # the stretches of the log
+    dt: float  # sample time [s]
+    angle: str  # the channel of its motion
+    angle_noise: float  # standard deviation of a sample of its angle
+    stiffness: float  # stiffness of the spring to a held output, if the torque represents the angle
+    # returns the torque that moves it, from the channels of a stretch
     torque: Callable[[Columns], Floats]
-    torque_noise: float
+    torque_noise: float  # standard deviation of a sample of that torque
+    # returns the motor's torque, from the channels of a stretch
     driving: Callable[[Columns], Floats]
 
     def motions(self, width: int) -> list[Columns]:

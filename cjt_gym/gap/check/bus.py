@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cjt_gym.joint.arrays import Floats
 from cjt_gym.records import Record
 
-Floats = NDArray[np.float64]
 LOOP = ("age", "lateness", "round_trip")
 """Columns that describe the control loop and are not channels of the joint."""
 STAMPS: Mapping[str, str] = {

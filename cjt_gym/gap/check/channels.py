@@ -8,8 +8,9 @@ import numpy as np
 
 from cjt_gym.gap.check.balance import left_over
 from cjt_gym.gap.check.clock import even
-from cjt_gym.gap.noise import OTHER_ORDER, Floats, high_frequency_std, lattice_step
+from cjt_gym.gap.noise import OTHER_ORDER, high_frequency_std, lattice_step
 from cjt_gym.joint import JointFile
+from cjt_gym.joint.arrays import Floats
 from cjt_gym.records import TRUE_PREFIX, Record
 
 ALIKE = 0.06
@@ -22,29 +23,20 @@ LATEST = 20
 
 @dataclass(frozen=True)
 class Channel:
-    """One channel of a record.
-
-    Attributes:
-        name: Its name.
-        unit: Its unit.
-        low: Smallest value.
-        high: Largest value.
-        resolution: Step of its values, the larger of that stated in the joint file and that
-            observed; 0 if there is neither.
-        specified: Standard deviation of a sample allowed by the joint file, or a whole step if it
-            states only a resolution; 0 if it states neither.
-        observed: Standard deviation observed in the samples; 0 if it cannot be determined.
-        missing: Share of the samples that are missing.
-    """
+    """One channel of a record."""
 
     name: str
     unit: str
-    low: float
-    high: float
+    low: float  # smallest value
+    high: float  # largest value
+    # step of its values, the larger of that stated in the joint file and that observed; 0 if there
+    # is neither
     resolution: float
+    # standard deviation of a sample allowed by the joint file, or a whole step if it states only a
+    # resolution; 0 if it states neither
     specified: float
-    observed: float
-    missing: float
+    observed: float  # standard deviation observed in the samples; 0 if it cannot be determined
+    missing: float  # share of the samples that are missing
 
     @property
     def span(self) -> float:

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cjt_gym.joint.arrays import Floats
 from cjt_gym.records import Record
 from cjt_gym.records.repair_notes import counted
 
-Floats = NDArray[np.float64]
 GAP = 5.0
 """Pause between samples above which it is a gap, in usual intervals."""
 MIXED = 1.5

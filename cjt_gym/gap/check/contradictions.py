@@ -94,7 +94,7 @@ def angles(view: View) -> list[str]:
     for ratio, text in ((view.ratio, "the ratio n"), (1.0 / view.ratio, "one over the ratio n")):
         if ratio != 1.0 and abs(factor / ratio - 1.0) < RATIO:
             return [f"q_l is {factor:.3g} times q_m, {text} of the gear: map q_m to the link side."]
-    return [f"q_l is {factor:.3g} times q_m, and both should count on the link side."]
+    return [f"q_l is {factor:.3g} times q_m, and both should be on the link side."]
 
 
 def spring(view: View) -> list[str]:
@@ -102,7 +102,9 @@ def spring(view: View) -> list[str]:
     k_b = view.value("k_b")
     if not view.deflection_known or k_b <= 0.0:
         return []
-    stiffness = 1.0 / (1.0 / k_b + (1.0 / view.value("k_g", np.inf) if view.has_gear else 0.0))
+    stiffness = 1.0 / (
+        1.0 / k_b + (1.0 / view.value("k_g", np.inf) if view.structure.has_gear else 0.0)
+    )
     x = np.concatenate([deflection(view, piece) for piece in view.stretches])
     y = np.concatenate([piece["tau"] for piece in view.stretches])
     factor = _factor(x, y)

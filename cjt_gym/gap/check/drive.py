@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from cjt_gym.gap.check.balance import RELIABLE, Floats
+from cjt_gym.gap.check.balance import RELIABLE
 from cjt_gym.gap.check.verdicts import Seen, Unseen, Verdict, only_from
 from cjt_gym.gap.check.view import View
+from cjt_gym.joint.arrays import Floats
 
 LEAST_DELAY = 0.25
 """Share of a sample below which no delay is identifiable."""
@@ -57,7 +58,7 @@ def current_saturation(view: View) -> Verdict:
     known = view.channels[view.command]
     most, limit = max(abs(known.low), abs(known.high)), view.value("i_p")
     if view.command == "i_cmd" and known.unit == "A" and 0.0 < most < NEAR_LIMIT * limit:
-        why = f"the command reaches {most:.2g} A of the {limit:.3g} A that the drive may give"
+        why = f"the command reaches {most:.2g} A of the {limit:.3g} A that the drive allows"
         return Unseen(why, "Record steps up to the largest current.")
     return Seen(most, known.unit)
 
@@ -70,7 +71,7 @@ def command_quantization(view: View) -> Verdict:
     known = view.channels[view.command]
     values = len(np.unique(np.round(view.stretches[0][view.command], 12)))
     if values < FEWEST_VALUES:
-        return Unseen(f"the command takes {values} values only", CHANGES.replace("steps", "ramps"))
+        return Unseen(f"the command takes only {values} values", CHANGES.replace("steps", "ramps"))
     if "i" in view and view.command == "i_cmd" and known.unit == view.channels["i"].unit:
         size = RELIABLE * view.channels["i"].noise / np.sqrt(np.sqrt(values))
     elif view.motor is not None:
@@ -118,14 +119,10 @@ def _follows(view: View) -> float:
 
 def _rate(view: View) -> Floats:
     """Return how fast the command changes while the motor moves [N m/s]."""
-    balance = view.motor
-    assert balance is not None
-    rate = np.zeros(len(balance))
-    for k, piece in enumerate(view.stretches):
-        own = balance["stretch"] == k
-        at = balance["time"][own]
-        half = 0.5 * balance.width * view.dt
-        u = _gain(view) * piece[view.command or ""]
-        ahead, behind = (np.interp(at + d, piece["t"], u) for d in (half, -half))
-        rate[own] = (ahead - behind) / (2.0 * half)
-    return rate
+    assert view.motor is not None
+    half = 0.5 * view.motor.width * view.dt
+    ahead, behind = (
+        view.at_motion(lambda piece: _gain(view) * piece[view.command or ""], earlier)
+        for earlier in (-half, half)
+    )
+    return np.asarray((ahead - behind) / (2.0 * half))

@@ -12,9 +12,10 @@ import numpy as np
 
 from cjt_gym.errors import CjtGymError
 from cjt_gym.gap.check.balance import Balance, factors, left_over
-from cjt_gym.gap.check.pieces import smooth
+from cjt_gym.gap.check.pieces import Columns, smooth
 from cjt_gym.gap.check.view import View
 from cjt_gym.joint import JointFile, Structure
+from cjt_gym.joint.arrays import Floats
 from cjt_gym.records import Record
 
 LEAST = 0.3
@@ -29,7 +30,7 @@ LATE = "q_l"
 def late_angle(view: View) -> float:
     """Return how much later than q_m the angle q_l is read [s]; 0 if the spring may explain it."""
     balance = view.motor
-    if balance is None or not view.has_spring or not {"q_m", LATE} <= set(view.channels):
+    if balance is None or not view.structure.has_spring or not {"q_m", LATE} <= set(view.channels):
         return 0.0
     if view.structure.output_fixed or view.value("k_b") <= 0.0:
         return 0.0
@@ -48,7 +49,7 @@ def late_angle(view: View) -> float:
 
 def _stiffness(view: View) -> float:
     """Return the stiffness between the two angles, including the gearbox [N m/rad]."""
-    springs = [view.value("k_b"), view.value("k_g") if view.has_gear else 0.0]
+    springs = [view.value("k_b"), view.value("k_g") if view.structure.has_gear else 0.0]
     return 1.0 / sum(1.0 / k for k in springs if k > 0.0)
 
 
@@ -58,11 +59,11 @@ def angles_apart(view: View) -> list[str]:
     if late == 0.0:
         return []
     rows = late / view.dt
-    way = "follows" if late > 0.0 else "goes ahead of"
+    way = "follows" if late > 0.0 else "leads"
     return [
-        f"q_l {way} q_m by {abs(rows):.2g} samples ({1e3 * abs(late):.2g} ms), by more than the "
-        "spring could wind: they are read at different instants. A diagnosis moves q_l by that; a "
-        f"mapping does with samples_late = {rows:.2g}."
+        f"q_l {way} q_m by {abs(rows):.2g} samples ({1e3 * abs(late):.2g} ms), which the "
+        "spring's deflection cannot explain: they are read at different instants. A diagnosis "
+        f"corrects this; a mapping does with samples_late = {rows:.2g}."
     ]
 
 
@@ -88,12 +89,11 @@ def _moved(record: Record, late: float) -> Record:
     return record.with_columns(x).slice(int(first), int(last))
 
 
-def _at(view: View, balance: Balance, name: str) -> np.ndarray:
+def _at(view: View, balance: Balance, name: str) -> Floats:
     """Return a channel where the joint moves, smoothed like its motion, minus its mean."""
-    found = np.zeros(len(balance))
-    for k, piece in enumerate(view.stretches):
-        own = balance["stretch"] == k
-        if own.any():
-            x = smooth(piece[name], balance.width)
-            found[own] = np.interp(balance["time"][own], piece["t"], x - x.mean())
-    return found
+
+    def smoothed(piece: Columns) -> Floats:
+        x = smooth(piece[name], balance.width)
+        return np.asarray(x - x.mean())
+
+    return view.at_motion(smoothed)

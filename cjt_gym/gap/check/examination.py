@@ -10,13 +10,7 @@ from cjt_gym.gap.check.channels import Channel
 
 @dataclass(frozen=True)
 class CannotTell:
-    """An effect that a record cannot identify.
-
-    Attributes:
-        name: Name of the effect.
-        why: The reason, with the decisive figure.
-        instead: What to record instead.
-    """
+    """An effect that a record cannot identify, why, and what to record instead."""
 
     name: str
     why: str

@@ -89,7 +89,7 @@ def _few_counts(view: View) -> list[str]:
             continue
         steps = channel.span / channel.resolution
         if steps < FEW_COUNTS:
-            found.append(f"{name} moves over {steps:.0f} steps of its resolution only.")
+            found.append(f"{name} moves over only {steps:.0f} steps of its resolution.")
     return found
 
 
@@ -101,7 +101,7 @@ def _whole_numbers(view: View) -> list[str]:
         known = [record[name] for record in view.records if name in record]
         x = np.concatenate(known)
         if np.all(np.equal(x, np.round(x)) | np.isnan(x)):
-            found.append(f"{name} has whole numbers only: these look like counts of an encoder.")
+            found.append(f"{name} has only whole numbers, which look like encoder counts.")
     return found
 
 
@@ -112,8 +112,8 @@ def _noise(view: View) -> list[str]:
             swing = float(np.std(np.concatenate([piece["i"] for piece in view.stretches])))
             if channel.observed > LOUD * swing:
                 found.append(
-                    f"i has noise of {channel.observed:.2g} {channel.unit}, against a deviation of "
-                    f"{swing:.2g} {channel.unit} in all, and the joint file specifies none."
+                    f"i has noise of {channel.observed:.2g} {channel.unit}, against a total "
+                    f"deviation of {swing:.2g} {channel.unit}, and the joint file specifies none."
                 )
         elif channel.specified and channel.observed > NOISY * channel.specified:
             found.append(
@@ -141,8 +141,8 @@ def _tail(view: View) -> list[str]:
     if before <= 0.0 or after / before > AT_REST * TAIL / (1.0 - TAIL):
         return []
     return [
-        f"The last fifth of the record, from {begin:.3g} s on, is at rest: what is found in the "
-        "rest cannot be tested on it."
+        f"The last fifth of the record, from {begin:.3g} s on, is at rest: findings from "
+        "the other part cannot be tested on it."
     ]
 
 
@@ -160,8 +160,11 @@ def _swing(view: View) -> Sequence[str]:
     nyquist = 0.5 / view.dt
     found = []
     for swing, what in (
-        (resonance(view), "The joint swings on its spring"),
-        (gear_resonance(view) if view.has_gear else 0.0, "Motor and gear swing on the gearbox"),
+        (resonance(view), "The joint resonates on its spring"),
+        (
+            gear_resonance(view) if view.structure.has_gear else 0.0,
+            "Motor and gear resonate on the gearbox",
+        ),
     ):
         if swing > nyquist:
             found.append(

@@ -6,10 +6,19 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cjt_gym.gap.check.balance import Balance, Floats, factors
+from cjt_gym.gap.check.balance import Balance, factors
 from cjt_gym.gap.check.resonances import resonance
-from cjt_gym.gap.check.verdicts import TORQUE, Seen, Unseen, Verdict, no_balance, only_from, percent
+from cjt_gym.gap.check.verdicts import (
+    TORQUE,
+    Seen,
+    Unseen,
+    Verdict,
+    from_balance,
+    only_from,
+    percent,
+)
 from cjt_gym.gap.check.view import View
+from cjt_gym.joint.arrays import Floats
 
 BOTH_WAYS = 0.02
 """Least share of the moving samples in the rarer direction."""
@@ -72,7 +81,7 @@ def seen(
     torque = size * most
     own = balance.apart(term, against)
     if own < APART:
-        why = f"all but {percent(own)} of what it does could be inertia or other friction"
+        why = f"inertia or other friction could explain all but {percent(own)} of it"
         return Unseen(why, instead)
     if np.isfinite(torque) and torque <= share * balance.level:
         return Seen(size, unit)
@@ -80,28 +89,24 @@ def seen(
     return Unseen(f"{only_from(torque, view.torque_unit)}, {driven}", instead)
 
 
-def inertia(view: View) -> Verdict:
+@from_balance
+def inertia(view: View, balance: Balance) -> Verdict:
     """Judge inertia, which requires inertial torque above the noise and fast enough sampling."""
-    if (none := no_balance(view)) is not None:
-        return none
     if (fast := too_fast(view)) is not None:
         return fast
-    balance = view.motor
-    assert balance is not None
     size = balance.least(balance["a"], ("v", "s", "one"))
     found = abs(float(factors(balance.y, [balance[n] for n in ("a", "v", "s", "one")])[0]))
     nominal = sum(view.value(name) for name in bodies(view))
-    unit = "kg" if view.angle_unit == "m" else "kg m^2"
-    unit = unit if view.joint else f"{view.torque_unit} s^2/{view.angle_unit}"
+    unit = view.inertia_unit if view.joint else f"{view.torque_unit} s^2/{view.angle_unit}"
     if size <= INERTIA * max(nominal, found):
         return Seen(size, unit)
-    why = f"{only_from(size, unit)}, more than there is"
+    why = f"{only_from(size, unit)}, more than the joint has"
     return Unseen(why, "Record quick motion: steps of the current, or a chirp.")
 
 
 def bodies(view: View) -> tuple[str, ...]:
     """Return the inertias that the motor's balance contains."""
-    return ("I_m", "I_g") if view.cut and not view.has_gear else _all(view)
+    return ("I_m", "I_g") if view.cut and not view.structure.has_gear else _all(view)
 
 
 def _all(view: View) -> tuple[str, ...]:
@@ -114,32 +119,31 @@ def too_fast(view: View) -> Unseen | None:
     if not view.structure.output_fixed or swing <= nyquist:
         return None
     why = (
-        f"the held joint swings at {swing:.3g} Hz, above the log's Nyquist frequency of "
-        f"{nyquist:.3g} Hz, and only near there does it count"
+        f"the held joint resonates at {swing:.3g} Hz, above the log's Nyquist frequency of "
+        f"{nyquist:.3g} Hz, and inertia matters only near that frequency"
     )
     return Unseen(why, f"Record at {max(1e3, 5.0 * swing):.2g} Hz or more.")
 
 
-def damping(view: View) -> Verdict:
+@from_balance
+def damping(view: View, balance: Balance) -> Verdict:
     """Judge damping, which differs from Coulomb friction over a range of speeds."""
-    if (none := no_balance(view) or too_fast(view)) is not None:
-        return none
-    assert view.motor is not None
+    if (fast := too_fast(view)) is not None:
+        return fast
     unit = f"{view.torque_unit} s/{view.angle_unit}"
-    return _by_speed(view, view.motor["v"], ("a", "s"), unit)
+    return _by_speed(view, balance, balance["v"], ("a", "s"), unit)
 
 
-def coulomb(view: View) -> Verdict:
+@from_balance
+def coulomb(view: View, balance: Balance) -> Verdict:
     """Judge Coulomb friction, which requires a range of speeds or both directions."""
-    if (none := no_balance(view)) is not None:
-        return none
-    assert view.motor is not None
-    return _by_speed(view, view.motor["s"], ("a", "v"), view.torque_unit)
+    return _by_speed(view, balance, balance["s"], ("a", "v"), view.torque_unit)
 
 
-def _by_speed(view: View, term: Floats, against: Sequence[str], unit: str) -> Verdict:
-    assert view.motor is not None
-    found = seen(view, view.motor, term, against, unit, SPREAD)
+def _by_speed(
+    view: View, balance: Balance, term: Floats, against: Sequence[str], unit: str
+) -> Verdict:
+    found = seen(view, balance, term, against, unit, SPREAD)
     if isinstance(found, Seen):
         return found
     low, high = view.speeds
@@ -147,45 +151,42 @@ def _by_speed(view: View, term: Floats, against: Sequence[str], unit: str) -> Ve
     return Unseen(f"{speeds}, so that {found.why}", found.instead)
 
 
-def coulomb_asym(view: View) -> Verdict:
+@from_balance
+def coulomb_asym(view: View, balance: Balance) -> Verdict:
     """Judge direction-dependent friction, which requires motion in both directions."""
-    if (none := no_balance(view)) is not None:
-        return none
     if not two_ways(view):
-        return Unseen(f"{one_way(view)}: what differs with the direction does not show", TURN)
-    assert view.motor is not None
-    term = np.abs(view.motor["s"])
-    return seen(view, view.motor, term, ("a", "v", "s"), view.torque_unit, TURN)
+        return Unseen(
+            f"{one_way(view)}: effects that depend on the direction are not visible", TURN
+        )
+    term = np.abs(balance["s"])
+    return seen(view, balance, term, ("a", "v", "s"), view.torque_unit, TURN)
 
 
-def viscous_asym(view: View) -> Verdict:
+@from_balance
+def viscous_asym(view: View, balance: Balance) -> Verdict:
     """Judge direction-dependent damping, which requires both directions and a range of speeds."""
-    if (none := no_balance(view) or too_fast(view)) is not None:
-        return none
+    if (fast := too_fast(view)) is not None:
+        return fast
     if not two_ways(view):
-        return Unseen(f"{one_way(view)}: what differs with the direction does not show", TURN)
-    assert view.motor is not None
-    term, unit = np.abs(view.motor["v"]), f"{view.torque_unit} s/{view.angle_unit}"
-    return seen(view, view.motor, term, ("a", "v", "s", "one"), unit, SPREAD)
+        return Unseen(
+            f"{one_way(view)}: effects that depend on the direction are not visible", TURN
+        )
+    term, unit = np.abs(balance["v"]), f"{view.torque_unit} s/{view.angle_unit}"
+    return seen(view, balance, term, ("a", "v", "s", "one"), unit, SPREAD)
 
 
-def torque_offset(view: View) -> Verdict:
+@from_balance
+def torque_offset(view: View, balance: Balance) -> Verdict:
     """Judge a constant torque, which differs from Coulomb friction if both directions occur."""
-    if (none := no_balance(view)) is not None:
-        return none
     if not two_ways(view):
-        why = f"{one_way(view)}: a constant torque is one with Coulomb friction"
+        why = f"{one_way(view)}: a constant torque cannot be told from Coulomb friction"
         return Unseen(why, TURN)
-    assert view.motor is not None
-    return seen(view, view.motor, view.motor["one"], ("a", "v", "s"), view.torque_unit, TURN)
+    return seen(view, balance, balance["one"], ("a", "v", "s"), view.torque_unit, TURN)
 
 
-def stribeck(view: View) -> Verdict:
+@from_balance
+def stribeck(view: View, balance: Balance) -> Verdict:
     """Judge friction that falls with speed, which requires both slow and fast phases."""
-    if (none := no_balance(view)) is not None:
-        return none
-    balance = view.motor
-    assert balance is not None
     v = np.abs(balance["v"])
     fastest = float(np.quantile(v, 0.95))
     scales = np.geomspace(max(float(v.min()), 1e-3 * fastest), 0.5 * fastest, 12)
@@ -195,20 +196,19 @@ def stribeck(view: View) -> Verdict:
     slow = float(np.mean(v < 0.1 * fastest))
     if isinstance(found, Seen) and slow >= SLOW:
         return found
-    shown = "of the motion that its noise lets show is slower than a tenth of the highest speed"
+    shown = "of the motion above the noise is slower than a tenth of the highest speed"
     why = f"{percent(slow)} {shown}"
     if isinstance(found, Unseen):
         why = f"{why}, so that {found.why}"
     return Unseen(why, "Record many slow reversals: ramps through zero speed in both directions.")
 
 
-def presliding(view: View) -> Verdict:
+@from_balance
+def presliding(view: View, balance: Balance) -> Verdict:
     """Judge elastic presliding, which requires reversals and a fine enough angle."""
-    if (none := no_balance(view)) is not None:
-        return none
     instead = "Record small oscillations below the breakaway torque, many of them."
     if view.reversals < FEWEST_REVERSALS:
-        turns = "turns round or sets out from rest"
+        turns = "reverses or starts from rest"
         times = {0: f"never {turns}", 1: f"{turns} only once"}
         said = times.get(view.reversals, f"{turns} only {view.reversals} times")
         return Unseen(f"the motion {said}", instead)
@@ -219,17 +219,16 @@ def presliding(view: View) -> Verdict:
     swing = sum(view.travel) / view.reversals
     if count > SWING * swing:
         unit = view.angle_unit
-        why = f"a usual swing of {swing:.2g} {unit} is hardly more than {count:.2g} {unit} of noise"
+        why = (
+            f"a typical swing of {swing:.2g} {unit} is hardly more than {count:.2g} {unit} of noise"
+        )
         return Unseen(why, "Record larger swings, or a finer angle.")
     return Seen(count, view.angle_unit)
 
 
-def load_friction(view: View) -> Verdict:
+@from_balance
+def load_friction(view: View, balance: Balance) -> Verdict:
     """Judge load-dependent friction, which requires a load varying independently of direction."""
-    if (none := no_balance(view)) is not None:
-        return none
-    balance = view.motor
-    assert balance is not None
     instead = "Record the same motion under two different loads, with the joint torque tau."
     names = ("a", "v", "s", "one")
     if "tau" in balance and view.channels["tau"].moves:
@@ -238,7 +237,7 @@ def load_friction(view: View) -> Verdict:
         return Unseen("the transmitted torque tau is not recorded", instead)
     weight = _weight(balance)
     if weight is None:
-        return Unseen("neither tau nor a weight on the joint shows a load that changes", instead)
+        return Unseen("neither tau nor a weight on the joint shows a varying load", instead)
     return seen(view, balance, balance["s"] * np.abs(weight), names, "-", instead)
 
 

@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from cjt_gym.gap.check.balance import Floats, factors, left_over
+from cjt_gym.gap.check.balance import factors, left_over
 from cjt_gym.gap.check.clock import even
 from cjt_gym.gap.check.pieces import smooth
 from cjt_gym.gap.check.view import View
+from cjt_gym.joint.arrays import Floats
 from cjt_gym.records import Record
 
 LATE = 0.7
@@ -52,18 +53,18 @@ def current_and_command(view: View) -> tuple[list[str], list[str]]:
     if lag < 0.0:
         rows = max(round(-lag), 1)
         return [
-            f"i goes {-lag:.2g} samples ahead of i_cmd: their rows belong to different instants. "
+            f"i leads i_cmd by {-lag:.2g} samples: their rows belong to different instants. "
             f"Map i_cmd with samples_late = {rows}, or i with samples_late = {-rows}."
         ], []
     if (rows := _rows(max(view.records, key=len))) > 1:
         return [
-            f"i follows i_cmd by {rows} rows whether these take long or not: their rows belong to "
+            f"i follows i_cmd by {rows} rows whatever their duration: their rows belong to "
             f"different instants. Map i_cmd with samples_late = {1 - rows}."
         ], []
     said = f"i follows i_cmd by {lag:.2g} samples ({1e3 * lag * view.dt:.2g} ms)"
     if lag <= USUAL:
         return [], [
-            f"{said}, as in a log that writes each command beside what was measured before it."
+            f"{said}, as in a log that writes each command beside the measurements before it."
         ]
     if lag * view.dt > LONGEST:
         return [
@@ -87,7 +88,7 @@ def motion_and_torque(view: View) -> tuple[list[str], list[str]]:
     if shift < 0.0:
         rows = round(-shift)
         return [
-            f"{motion} moves {time} ahead of the torque of {torque}: their rows belong to "
+            f"{motion} leads the torque of {torque} by {time}: their rows belong to "
             f"different instants. Map {torque} with samples_late = {rows}."
         ], []
     said = f"{motion} follows the torque of {torque} by {time}"
@@ -156,13 +157,15 @@ def _shift(view: View) -> float | None:
     terms = [balance[name] for name in ("a", "v", "s", "one", "q")]
     if not view.records[0].prismatic:
         terms += [np.sin(balance["q"]), np.cos(balance["q"])]
-    width = balance.width
     torques = {
-        k: smooth(view.motor_torque(piece), width)
-        for k, piece in enumerate(view.stretches)
-        if len(piece["t"]) > 2 * width
+        float(piece["t"][0]): smooth(view.motor_torque(piece), balance.width)
+        for piece in view.stretches
+        if len(piece["t"]) > 2 * balance.width
     }
-    tried = [_earlier(view, torques, shift) for shift in SHIFTS]
+    tried = [
+        view.at_motion(lambda piece: torques[float(piece["t"][0])], shift * view.dt)
+        for shift in SHIFTS
+    ]
     left = np.array([left_over(y, terms) / max(float(np.std(y)), 1e-300) for y in tried])
     best, none = int(np.argmin(left)), int(np.flatnonzero(SHIFTS == 0.0)[0])
     now = left[none]
@@ -171,15 +174,3 @@ def _shift(view: View) -> float | None:
     if factors(tried[best], terms)[0] < HEAVY * factors(tried[none], terms)[0]:
         return None  # the lag is due to inertia
     return float(SHIFTS[best]) if left[best] ** 2 < CLEARLY * now**2 else 0.0
-
-
-def _earlier(view: View, torques: dict[int, Floats], shift: float) -> Floats:
-    """Return the torque `shift` samples before the joint's motion, where it moves."""
-    balance = view.motor
-    assert balance is not None
-    y = np.zeros(len(balance))
-    for k, torque in torques.items():
-        own = balance["stretch"] == k
-        at = balance["time"][own] - shift * view.dt
-        y[own] = np.interp(at, view.stretches[k]["t"], torque)
-    return y

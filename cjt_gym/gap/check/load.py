@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
-from cjt_gym.gap.check.balance import Balance, Floats, factors
+from cjt_gym.gap.check.balance import factors
 from cjt_gym.gap.check.friction import INERTIA, seen
-from cjt_gym.gap.check.verdicts import TORQUE, Seen, Unseen, Verdict, no_balance, only_from
+from cjt_gym.gap.check.verdicts import Seen, Unseen, Verdict, no_balance, only_from
 from cjt_gym.gap.check.view import View
 
 WEIGHT = 1.0
@@ -26,9 +24,9 @@ def no_load(view: View) -> Unseen | None:
     if view.load is not None:
         return None
     if "tau" not in view and not view.wound:
-        why = "no joint torque tau is recorded: the load is one with the motor"
+        why = "no joint torque tau is recorded: the load cannot be told from the motor"
         return Unseen(why, FREE)
-    if view.load_angle is None and view.has_spring:
+    if view.load_angle is None and view.structure.has_spring:
         return Unseen("the load's angle q_l is not recorded", FREE)
     return Unseen("the load does not move by more than its noise", FREE)
 
@@ -41,11 +39,11 @@ def load_inertia(view: View) -> Verdict:
     assert balance is not None
     size = balance.least(balance["a"], ("v", "s", "one"))
     found = abs(float(factors(balance.y, [balance[n] for n in ("a", "v", "s", "one")])[0]))
-    unit = "kg" if view.angle_unit == "m" else "kg m^2"
+    unit = view.inertia_unit
     if size <= INERTIA * max(found, view.value("I_l")):
         return Seen(size, unit)
     return Unseen(
-        f"{only_from(size, unit)}, more than there is", "Record quick motion of the load."
+        f"{only_from(size, unit)}, more than the joint has", "Record quick motion of the load."
     )
 
 
@@ -55,8 +53,8 @@ def load_coulomb(view: View) -> Verdict:
         return none
     balance = view.load
     assert balance is not None
-    names, instead = ("a", "v"), "Record slow and fast motion of the load, in both directions."
-    return _by_torque(view, balance, balance["s"], names, instead)
+    instead = "Record slow and fast motion of the load, in both directions."
+    return seen(view, balance, balance["s"], ("a", "v"), view.torque_unit, instead)
 
 
 def gravity(view: View) -> Verdict:
@@ -65,29 +63,16 @@ def gravity(view: View) -> Verdict:
         return HELD
     if view.angle_unit == "m":
         return Unseen("on a straight axis a weight is a constant force", OFFSET)
-    balance = view.load if view.has_spring and view.load is not None else view.motor
+    balance = view.load if view.structure.has_spring and view.load is not None else view.motor
     if balance is None:
         return no_balance(view) or Unseen("the load does not move", FREE)
     angle, slow = balance["q"], balance.slow(1.0, view.dt)
     names, instead = ("a", "v", "s", "one"), "Record motion over half a turn of the load, slowly."
-    found = [
-        _by_torque(view, balance, wave(angle - angle.mean()) * slow, names, instead, WEIGHT)
-        for wave in (np.sin, np.cos)
-    ]
+    waves = [wave(angle - angle.mean()) * slow for wave in (np.sin, np.cos)]
+    found = [seen(view, balance, x, names, view.torque_unit, instead, WEIGHT) for x in waves]
     best = next((verdict for verdict in found if isinstance(verdict, Seen)), None)
     if best is not None:
         return best
     way = f"the load moves over {np.ptp(angle):.2g} rad"
     assert isinstance(found[0], Unseen)
     return Unseen(f"{way}, so that {found[0].why}", instead)
-
-
-def _by_torque(
-    view: View,
-    balance: Balance,
-    term: Floats,
-    names: Sequence[str],
-    instead: str,
-    share: float = TORQUE,
-) -> Verdict:
-    return seen(view, balance, term, names, view.torque_unit, instead, share)

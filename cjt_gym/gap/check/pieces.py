@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from scipy.signal import savgol_coeffs, savgol_filter
 
 from cjt_gym.gap.check.clock import gap_length
+from cjt_gym.joint.arrays import Floats
 from cjt_gym.records import Record
 
-Floats = NDArray[np.float64]
 Columns = dict[str, Floats]
 ORDER = 3
 """Order of the smoothing polynomials."""

@@ -9,7 +9,7 @@ from cjt_gym.gap.check.view import View
 
 def resonance(view: View) -> float:
     """Return the resonance frequency of the joint on its torsion bar [Hz]; 0 if unknown."""
-    if not view.has_spring:
+    if not view.structure.has_spring:
         return 0.0
     motor = view.value("I_m") + view.value("I_g")
     load = float("inf") if view.structure.output_fixed else view.value("I_l")

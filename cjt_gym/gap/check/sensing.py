@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from cjt_gym.gap.check.friction import TURN, one_way, seen, two_ways
+from cjt_gym.gap.check.pieces import Columns
 from cjt_gym.gap.check.transmission import BESIDE, no_spring, spring
 from cjt_gym.gap.check.verdicts import Seen, Unseen, Verdict, only_from
 from cjt_gym.gap.check.view import View
+from cjt_gym.joint.arrays import Floats
 
 GAIN = 0.3
 """Upper limit on the smallest identifiable gain error."""
@@ -39,7 +41,9 @@ def torque_bias(view: View) -> Verdict:
     if balance is None:
         return Unseen("no motion is recorded beside the joint torque", BESIDE)
     if not two_ways(view):
-        return Unseen(f"{one_way(view)}: the sensor's zero is one with Coulomb friction", TURN)
+        return Unseen(
+            f"{one_way(view)}: the sensor's zero cannot be told from Coulomb friction", TURN
+        )
     return seen(view, balance, balance["one"], ("a", "v", "s"), view.torque_unit, TURN)
 
 
@@ -50,22 +54,15 @@ def torque_delay(view: View) -> Verdict:
     balance = spring(view)
     size = balance.least(balance["rise"], ("delta", "one"))
     if view.motor is not None and "i" in view:
-        size = min(size, view.motor.least(_rise(view), ("a", "v", "s", "one")))
+        size = min(size, view.motor.least(view.at_motion(_rise), ("a", "v", "s", "one")))
     if size <= LATEST:
         return Seen(max(size, LEAST_DELAY * view.dt), "s")
     why = f"the torque changes so slowly that {only_from(1e3 * size, 'ms')}"
     return Unseen(why, "Record quick steps of the current.")
 
 
-def _rise(view: View):  # type: ignore[no-untyped-def]
-    balance = view.motor
-    assert balance is not None
-    rise = np.zeros(len(balance))
-    for k, piece in enumerate(view.stretches):
-        own = balance["stretch"] == k
-        slope = np.gradient(piece["tau"], view.dt)
-        rise[own] = np.interp(balance["time"][own], piece["t"], slope)
-    return rise
+def _rise(piece: Columns) -> Floats:
+    return np.asarray(np.gradient(piece["tau"], float(piece["t"][1] - piece["t"][0])))
 
 
 def noise(view: View) -> Verdict:

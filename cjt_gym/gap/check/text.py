@@ -18,13 +18,13 @@ def text(found: Examination, width: int) -> str:
     sizes = [(name, _size(*size)) for name, size in found.smallest.items()]
     parts = [channels.text(width), _list("Faults of the log", found.faults, width, "none found")]
     if found.notes:
-        parts.append(_list("Worth knowing", found.notes, width, ""))
+        parts.append(_list("Remarks", found.notes, width, ""))
     if sizes:
-        parts.append(Table("Can be told", "", [("effect", "from"), *sizes]).text(width))
+        parts.append(Table("Identifiable", "", [("effect", "from"), *sizes]).text(width))
     else:
-        parts.append("Can be told\nnothing")
+        parts.append("Identifiable\nnothing")
     reasons = [f"{row.name}: {row.why}" for row in found.cannot_tell]
-    parts.append(_list("Cannot be told", reasons, width, "nothing"))
+    parts.append(_list("Not identifiable", reasons, width, "nothing"))
     parts.append(_list("What to record instead", found.advice, width, "nothing else is needed"))
     return "\n\n".join(parts)
 

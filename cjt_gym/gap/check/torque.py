@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 from scipy.signal import lfilter
 
-from cjt_gym.gap.check.balance import Balance, Floats
+from cjt_gym.gap.check.balance import Balance
 from cjt_gym.gap.check.friction import seen
-from cjt_gym.gap.check.verdicts import Seen, Unseen, Verdict, no_balance, only_from
+from cjt_gym.gap.check.pieces import Columns
+from cjt_gym.gap.check.verdicts import Seen, Unseen, Verdict, from_balance, only_from
 from cjt_gym.gap.check.view import View
+from cjt_gym.joint.arrays import Floats
 
 CONSTANT = 0.3
 """Upper limit on the smallest identifiable relative difference of the torque constant."""
@@ -26,15 +28,11 @@ FEWEST = 100
 """Fewest samples at low speed."""
 
 
-def torque_constant(view: View) -> Verdict:
+@from_balance
+def torque_constant(view: View, balance: Balance) -> Verdict:
     """Judge the torque constant, which requires a known torque to fix the overall scale."""
-    if (none := no_balance(view)) is not None:
-        return none
-    balance = view.motor
-    assert balance is not None
-    instead = "Record a static phase with the joint torque tau, or hang on a known weight."
-    known = "tau" in view or "tau_l" in view
-    if not known:
+    instead = "Record a static phase with the joint torque tau, or attach a known weight."
+    if "tau" not in view and "tau_l" not in view:
         why = "no torque is measured: inertia and friction, off by the same factor, look alike"
         return Unseen(why, instead)
     size = balance.least(balance["u"], ("a", "v", "s", "one"))
@@ -43,16 +41,13 @@ def torque_constant(view: View) -> Verdict:
     return Unseen(only_from(size, "-"), instead)
 
 
-def thermal_derating(view: View) -> Verdict:
+@from_balance
+def thermal_derating(view: View, balance: Balance) -> Verdict:
     """Judge thermal derating, which requires torque over a long time."""
-    if (none := no_balance(view)) is not None:
-        return none
     instead = "Record constant torque near the rated one at rest, for a minute or longer."
     if view.seconds < SHORTEST_HEAT:
         return Unseen(f"the record lasts {view.seconds:.2g} s", instead)
-    balance = view.motor
-    assert balance is not None
-    heats = [_heat(view, balance, constant) for constant in WARMING]
+    heats = [_heat(view, constant) for constant in WARMING]
     names = ("u", "a", "v", "s", "one")
     size = min(balance.least(balance["u"] * heat, names) for heat in heats)
     if size <= DROP:
@@ -60,44 +55,34 @@ def thermal_derating(view: View) -> Verdict:
     return Unseen(f"as a drop over {view.seconds:.3g} s {only_from(size, '-')}", instead)
 
 
-def _heat(view: View, balance: Balance, constant: float) -> Floats:
+def _heat(view: View, constant: float) -> Floats:
     """Return the relative winding heat while the motor moves, at most 1, shape (N,)."""
-    assert view.drive is not None
     keep = float(np.exp(-view.dt / constant))
-    parts = []
-    for piece in view.stretches:
-        heat = lfilter([1.0 - keep], [1.0, -keep], piece[view.drive] ** 2)
-        parts.append((piece["t"], heat))
-    at = balance["time"]
-    rows = balance["stretch"].astype(int)
-    out = np.zeros(len(balance))
-    for k, (t, heat) in enumerate(parts):
-        own = rows == k
-        out[own] = np.interp(at[own], t, heat)
+
+    def heat(piece: Columns) -> Floats:
+        return np.asarray(lfilter([1.0 - keep], [1.0, -keep], piece[view.drive or ""] ** 2))
+
+    out = view.at_motion(heat)
     warmest = float(out.max())
     return out / warmest if warmest > 1e-200 else np.zeros_like(out)
 
 
-def cogging(view: View) -> Verdict:
+@from_balance
+def cogging(view: View, balance: Balance) -> Verdict:
     """Judge a torque periodic in the rotor's angle, which requires slow motion over periods."""
-    return _ripple(view, lambda balance: np.ones(len(balance)), view.torque_unit)
+    return _ripple(view, balance, balance["one"], view.torque_unit)
 
 
-def gear_ripple(view: View) -> Verdict:
+@from_balance
+def gear_ripple(view: View, balance: Balance) -> Verdict:
     """Judge load-dependent ripple, which also requires the transmitted torque."""
-    if (none := no_balance(view)) is not None:
-        return none
     if "tau" not in view:
-        why = "the transmitted torque tau is not recorded, so that it is one with cogging"
+        why = "the transmitted torque tau is not recorded, so that it cannot be told from cogging"
         return Unseen(why, "Record tau, and pass the same angles at different torques.")
-    return _ripple(view, lambda balance: balance["tau"], "-")
+    return _ripple(view, balance, balance["tau"], "-")
 
 
-def _ripple(view: View, carrier, unit: str) -> Verdict:  # type: ignore[no-untyped-def]
-    if (none := no_balance(view)) is not None:
-        return none
-    balance = view.motor
-    assert balance is not None
+def _ripple(view: View, balance: Balance, carrier: Floats, unit: str) -> Verdict:
     travel = float(np.ptp(balance["q"]))
     instead = "Record slow passes over several turns of the rotor, at 1 kHz."
     best: Verdict | None = None
@@ -109,7 +94,7 @@ def _ripple(view: View, carrier, unit: str) -> Verdict:  # type: ignore[no-untyp
         slow = balance.slow(f, view.dt)
         if slow.sum() < FEWEST or not _fine(view, f):
             continue
-        term = np.where(slow, np.cos(f * balance["q"]) * carrier(balance), 0.0)
+        term = np.where(slow, np.cos(f * balance["q"]) * carrier, 0.0)
         found = seen(view, balance, term, ("a", "v", "s", "one"), unit, instead)
         if isinstance(found, Seen) and (not isinstance(best, Seen) or found.size < best.size):
             best = found
@@ -127,7 +112,7 @@ def _no_ripple(view: View, balance: Balance, travel: float, instead: str) -> Uns
     slowest = float(np.quantile(np.abs(balance["v"]), 0.1))
     turns = travel * view.ratio / (2.0 * np.pi)
     if turns * PER_TURN[-1] < PERIODS:
-        return Unseen(f"the rotor turns by {turns:.2g} of a turn only", instead)
+        return Unseen(f"the rotor moves by only {turns:.2g} of a turn", instead)
     unit = view.angle_unit
     why = (
         f"even its slowest tenth moves at {slowest:.2g} {unit}/s, a period of the ripple passes "

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from cjt_gym.gap.check.balance import Floats, left_over
+from cjt_gym.gap.check.balance import left_over
 from cjt_gym.gap.check.pieces import smooth
 from cjt_gym.gap.check.view import View
+from cjt_gym.joint.arrays import Floats
 
 HELPS = 0.8
 """Largest residual of the motion's balance with the torque as a load, relative to that without."""
@@ -20,17 +21,14 @@ SURE = 3.0
 
 def without_spring(view: View) -> list[str]:
     """Return a remark on a torque for which the structure has no spring."""
-    if view.has_spring or "tau" not in view or "tau_l" in view.channels:
+    if view.structure.has_spring or "tau" not in view or "tau_l" in view.channels:
         return []
-    said = (
-        f"tau is not used: the structure {view.structure.name} has no spring that would pass it on."
-    )
+    said = f"tau is not used: the structure {view.structure.name} has no spring to transmit it."
     sign = _load_sign(view)
     spring = "or give a structure with a spring, such as rigid_gearbox, and its stiffness k_b."
     if sign is None:
         return [
-            f"{said} Map it as tau_l, with sign = -1, if it is the torque that the load takes; "
-            f"{spring}"
+            f"{said} Map it as tau_l, with sign = -1, if it is the torque on the load; {spring}"
         ]
     way, before, after = sign
     return [
@@ -58,13 +56,13 @@ def _load_sign(view: View) -> tuple[int, float, float] | None:
 
 def at_rest(view: View) -> list[str]:
     """Return a remark on the torque sensor's reading at rest without motor torque."""
-    if not view.has_spring or "tau" not in view or view.drive is None:
+    if not view.structure.has_spring or "tau" not in view or view.drive is None:
         return []
     rests = _rests(view)
     if not rests:
         return [
-            "The joint is never at rest without motor torque, so that the zero of tau shows in "
-            "motion alone. Begin with half a second of rest with the spring relaxed."
+            "The joint is never at rest without motor torque, so that the zero of tau can only be "
+            "judged in motion. Begin with half a second of rest with the spring relaxed."
         ]
     means, unit = np.array([x.mean() for x in rests]), view.channels["tau"].unit
     middle, half = 0.5 * float(means.max() + means.min()), 0.5 * float(np.ptp(means))
@@ -73,12 +71,12 @@ def at_rest(view: View) -> list[str]:
     count = f"{len(rests)} time{'s' if len(rests) > 1 else ''}"
     said = f"At rest without motor torque ({count}) tau reads {middle:.3g} {unit}"
     if half > noise:
-        said += f", give or take {half:.2g} {unit}"
+        said += f" ± {half:.2g} {unit}"
     if abs(middle) <= least:
-        return [f"{said}: its zero is right to {least:.2g} {unit}."]
+        return [f"{said}: its zero is correct within {least:.2g} {unit}."]
     return [
         f"{said}: its zero is off if the spring is relaxed then. Friction or weight can keep it "
-        "wound; rests after motion in both directions tell."
+        "loaded; rests after motion in both directions would show that."
     ]
 
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from cjt_gym.gap.check.balance import RELIABLE, Balance, Floats, slope
+from cjt_gym.gap.check.balance import RELIABLE, Balance, slope
 from cjt_gym.gap.check.resonances import gear_resonance
 from cjt_gym.gap.check.verdicts import Seen, Unseen, Verdict, only_from
 from cjt_gym.gap.check.view import View
+from cjt_gym.joint.arrays import Floats
 
 RELATIVE = 0.3
 """Upper limit on the smallest identifiable relative size."""
@@ -26,7 +27,7 @@ ABOVE = 5.0
 
 def no_spring(view: View) -> Unseen | None:
     """Return why the spring cannot be evaluated, or None if it can."""
-    if not view.has_spring:
+    if not view.structure.has_spring:
         why = f"the structure {view.structure.name} has no spring"
         return Unseen(why, RIGID)
     if "tau" not in view.channels:
@@ -41,7 +42,7 @@ def no_spring(view: View) -> Unseen | None:
 
 def tied(view: View) -> Balance | None:
     """Return the balance of a motor with a spring to a held output and no measured torque."""
-    held = view.has_spring and view.structure.output_fixed and "tau" not in view.channels
+    held = view.structure.has_spring and view.structure.output_fixed and "tau" not in view.channels
     return view.motor if held and view.drive is not None else None
 
 
@@ -77,18 +78,18 @@ def stiffness(view: View) -> Verdict:
     if view.wound and view.load is not None:
         size = view.load.least(view.load.y, ("v", "s", "one"))
         if size <= RELATIVE:
-            return Seen(size * view.value("k_b"), "N/m" if view.angle_unit == "m" else "N m/rad")
+            return Seen(size * view.value("k_b"), view.stiffness_unit)
     if (motor := tied(view)) is not None:
         size = motor.least(motor["q"] - motor["q"].mean(), ("a", "v", "s", "one"))
         if size <= RELATIVE * view.value("k_b"):
-            return Seen(size, "N/m" if view.angle_unit == "m" else "N m/rad")
+            return Seen(size, view.stiffness_unit)
     if (none := no_spring(view)) is not None:
         return none
     balance = spring(view)
     found = abs(slope(balance["delta"], balance.y))
     size = balance.least(balance["delta"], ("rate", "one"))
     if size <= RELATIVE * max(found, view.value("k_b")):
-        return Seen(size, "N/m" if view.angle_unit == "m" else "N m/rad")
+        return Seen(size, view.stiffness_unit)
     why = f"the deflection spans {np.ptp(balance['delta']):.2g} {view.angle_unit}, hardly its noise"
     return Unseen(why, "Load the spring further.")
 
@@ -125,7 +126,7 @@ def spring_hysteresis(view: View) -> Verdict:
     if size <= RELATIVE * balance.level:
         return Seen(size, view.torque_unit)
     why = only_from(size, view.torque_unit)
-    return Unseen(why, "Wind and unwind the spring many times, slowly.")
+    return Unseen(why, "Load and unload the spring many times, slowly.")
 
 
 def backlash(view: View) -> Verdict:
@@ -157,7 +158,7 @@ def _crossings(view: View) -> int:
 
 def gear_stiffness(view: View) -> Verdict:
     """Judge the gearbox's stiffness, which shows near its resonance or between its two angles."""
-    if not view.has_gear:
+    if not view.structure.has_gear:
         why = f"the gearbox of the structure {view.structure.name} is rigid"
         return Unseen(why, RIGID)
     if "q_g" in view and "q_m" in view and "tau" in view:
@@ -169,11 +170,13 @@ def gear_stiffness(view: View) -> Verdict:
     if swing <= 0.0:
         return Unseen("the joint file gives no stiffness of the gearbox", "Give k_g, I_m and I_g.")
     if swing >= nyquist:
-        why = f"motor and gear swing at {swing:.3g} Hz, above Nyquist at {nyquist:.3g} Hz"
+        why = f"motor and gear resonate at {swing:.3g} Hz, above Nyquist at {nyquist:.3g} Hz"
         return Unseen(why, quick)
     reach = excited_to(view)
     if reach < NEAR * swing:
-        why = f"the excitation ends at {reach:.2g} Hz, and motor and gear swing at {swing:.3g} Hz"
+        why = (
+            f"the excitation ends at {reach:.2g} Hz, and motor and gear resonate at {swing:.3g} Hz"
+        )
         return Unseen(why, quick)
     return Seen((NEAR * swing / max(reach, 1e-9)) ** 2 * 0.1, "-")
 

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import wraps
 
 import numpy as np
 
+from cjt_gym.gap.check.balance import Balance
 from cjt_gym.gap.check.view import View
 
 TORQUE = 0.3
@@ -14,12 +17,7 @@ TORQUE = 0.3
 
 @dataclass(frozen=True)
 class Seen:
-    """An effect that the record would show.
-
-    Attributes:
-        size: Smallest visible size.
-        unit: Its unit.
-    """
+    """An effect that the record would show, with its smallest visible size."""
 
     size: float
     unit: str
@@ -27,12 +25,7 @@ class Seen:
 
 @dataclass(frozen=True)
 class Unseen:
-    """An effect that the record cannot identify.
-
-    Attributes:
-        why: The reason, with the decisive figure.
-        instead: What to record instead.
-    """
+    """An effect that the record cannot identify, why, and what to record instead."""
 
     why: str
     instead: str
@@ -59,17 +52,30 @@ def no_balance(view: View) -> Unseen | None:
     return NO_MOTION if view.motor is None else None
 
 
+def from_balance(judge: Callable[[View, Balance], Verdict]) -> Callable[[View], Verdict]:
+    """Return a judgement from the torque balance of the motor, which fails if there is none."""
+
+    @wraps(judge)
+    def verdict(view: View) -> Verdict:
+        if (none := no_balance(view)) is not None:
+            return none
+        assert view.motor is not None
+        return judge(view, view.motor)
+
+    return verdict
+
+
 def only_from(size: float, unit: str) -> str:
     """Return a clause on the smallest size of an effect that would show.
 
     Example:
-        >>> only_from(0.123, "N m"), only_from(0.5, "-"), only_from(float("inf"), "s")
-        ('it would show only from 0.12 N m', 'it would show only from 50 %', 'no size of it shows')
+        >>> only_from(0.123, "N m"), only_from(0.5, "-")
+        ('it would be visible only from 0.12 N m', 'it would be visible only from 50 %')
     """
     if not np.isfinite(size):
-        return "no size of it shows"
+        return "it would not be visible at any size"
     number = f"{100.0 * size:.2g} %" if unit == "-" else f"{size:.2g} {unit}"
-    return f"it would show only from {number}"
+    return f"it would be visible only from {number}"
 
 
 def percent(share: float) -> str:

@@ -8,11 +8,12 @@ from functools import cached_property
 
 import numpy as np
 
-from cjt_gym.gap.check.balance import FEWEST, Balance, Floats
+from cjt_gym.gap.check.balance import FEWEST, Balance
 from cjt_gym.gap.check.body import Body
 from cjt_gym.gap.check.channels import Channel, channels_of
 from cjt_gym.gap.check.pieces import Columns, changes, gain, stretches
 from cjt_gym.joint import STRUCTURES, JointFile, Structure
+from cjt_gym.joint.arrays import Floats
 from cjt_gym.records import Record
 
 WIDTHS = (5, 7, 9, 13, 17, 25, 37, 53, 75, 101)
@@ -25,19 +26,12 @@ REST = 0.1
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """Records of one joint, ready to be examined.
-
-    Attributes:
-        records: The records.
-        joint: The nominal joint; None if unknown.
-        structure: Structure of the joint.
-        channels: Properties of each channel, from the longest record.
-    """
+    """Records of one joint, ready to be examined."""
 
     records: tuple[Record, ...]
-    joint: JointFile | None
+    joint: JointFile | None  # the nominal joint; None if unknown
     structure: Structure
-    channels: Mapping[str, Channel]
+    channels: Mapping[str, Channel]  # properties of each channel, from the longest record
 
     @classmethod
     def of(
@@ -82,6 +76,16 @@ class View:
         """Unit of the angles."""
         return "m" if self.records[0].prismatic else "rad"
 
+    @property
+    def inertia_unit(self) -> str:
+        """Unit of the inertias."""
+        return "kg" if self.records[0].prismatic else "kg m^2"
+
+    @property
+    def stiffness_unit(self) -> str:
+        """Unit of the stiffnesses."""
+        return "N/m" if self.records[0].prismatic else "N m/rad"
+
     # ---- available channels
     @property
     def dt(self) -> float:
@@ -105,19 +109,9 @@ class View:
         return next((name for name in ("i_cmd", "tau_cmd") if name in self.channels), None)
 
     @property
-    def has_spring(self) -> bool:
-        """Whether a torsion bar connects motor side and load."""
-        return self.structure.groups[1] != self.structure.groups[2]
-
-    @property
-    def has_gear(self) -> bool:
-        """Whether the gearbox is compliant."""
-        return self.structure.groups[0] != self.structure.groups[1]
-
-    @property
     def cut(self) -> bool:
         """Whether the measured torque separates the motor side from the load."""
-        return self.has_spring and "tau" in self
+        return self.structure.has_spring and "tau" in self
 
     @cached_property
     def motor_angle(self) -> str | None:
@@ -170,7 +164,7 @@ class View:
     @cached_property
     def load(self) -> Balance | None:
         """The torque balance of a free load whose torque is known, or None."""
-        angle = self.load_angle if self.has_spring else self.motor_angle
+        angle = self.load_angle if self.structure.has_spring else self.motor_angle
         known = "tau" in self or self.wound
         if self.structure.output_fixed or not known or angle is None:
             return None
@@ -181,7 +175,7 @@ class View:
     @property
     def wound(self) -> bool:
         """Whether the spring's torque is not measured but follows from its two angles."""
-        ends = self.has_spring and {"q_m", "q_l"} <= self.channels.keys()
+        ends = self.structure.has_spring and {"q_m", "q_l"} <= self.channels.keys()
         return ends and "tau" not in self and self.value("k_b") > 0.0
 
     def _noise(self, name: str | None) -> float:
@@ -220,6 +214,22 @@ class View:
     def _load_torque(self, piece: Columns) -> Floats:
         spring = self.value("k_b") * (piece["q_m"] - piece["q_l"]) if self.wound else piece["tau"]
         return np.asarray(spring + piece.get("tau_l", 0.0))
+
+    def at_motion(self, values: Callable[[Columns], Floats], earlier: float = 0.0) -> Floats:
+        """Return a quantity at the samples of the motor's balance, shape (N,).
+
+        Args:
+            values: Returns the quantity over a stretch.
+            earlier: Time by which it is taken before the motion [s].
+        """
+        assert self.motor is not None
+        out = np.zeros(len(self.motor))
+        for k, piece in enumerate(self.stretches):
+            own = self.motor["stretch"] == k
+            if own.any():
+                at = self.motor["time"][own] - earlier
+                out[own] = np.interp(at, piece["t"], values(piece))
+        return out
 
     # ---- motion
     @cached_property

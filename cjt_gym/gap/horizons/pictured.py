@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.gap.diagnosis import Evidence
+from cjt_gym.gap.evidence import Evidence
 from cjt_gym.gap.horizons.forward import CHANNELS, followed, predict
 from cjt_gym.gap.horizons.judge import Judgement
 from cjt_gym.gap.horizons.log import Log

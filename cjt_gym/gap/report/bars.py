@@ -6,7 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from html import escape
 
-from cjt_gym.gap.diagnosis import GapSize, Regime, StageGap, Step
+from cjt_gym.gap.diagnosis import GapSize, StageGap
+from cjt_gym.gap.evidence import Regime, Step
 from cjt_gym.gap.report.words import (
     MINUS,
     SPACE,

@@ -13,11 +13,10 @@ from html import escape
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cjt_gym.gap.report.words import MINUS, number
+from cjt_gym.joint.arrays import Floats
 
-Floats = NDArray[np.float64]
 SIZE = 10_000
 """Units of the drawing along each side."""
 MOST = 4000
@@ -29,48 +28,29 @@ OUTER = 0.003
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """One line, or cloud of dots, of a chart.
+    """One line, or cloud of dots, of a chart."""
 
-    Attributes:
-        label: Its entry in the legend; empty for none.
-        style: Class of its colours: measured, before, after or law.
-        x: Shape (N,).
-        y: Shape (N,).
-        dots: Whether points are drawn instead of a line.
-    """
-
-    label: str
-    style: str
-    x: Floats
-    y: Floats
-    dots: bool = False
+    label: str  # its entry in the legend; empty for none
+    style: str  # class of its colours: measured, before, after or law
+    x: Floats  # shape (N,)
+    y: Floats  # shape (N,)
+    dots: bool = False  # whether points are drawn instead of a line
 
 
 @dataclass(frozen=True, eq=False)
 class Chart:
-    """A chart.
+    """A chart."""
 
-    Attributes:
-        title: What it shows.
-        aid: How it is read, one line.
-        x_label: Quantity and unit.
-        y_label: Quantity and unit.
-        curves: What is drawn.
-        log_x: Whether x is logarithmic.
-        zoom: Name of the group of charts that are zoomed together; empty for none.
-        marks: Values of x that are marked with a text.
-        from_zero: Whether y begins at zero.
-    """
-
-    title: str
-    aid: str
-    x_label: str
-    y_label: str
-    curves: Sequence[Curve]
-    log_x: bool = False
-    zoom: str = ""
+    title: str  # what it shows
+    aid: str  # how it is read, one line
+    x_label: str  # quantity and unit
+    y_label: str  # quantity and unit
+    curves: Sequence[Curve]  # what is drawn
+    log_x: bool = False  # whether x is logarithmic
+    zoom: str = ""  # name of the group of charts that are zoomed together; empty for none
+    # values of x that are marked with a text
     marks: Sequence[tuple[float, str]] = field(default=())
-    from_zero: bool = False
+    from_zero: bool = False  # whether y begins at zero
 
 
 @dataclass(frozen=True)
@@ -163,22 +143,15 @@ def _path(curve: Curve, across: _Scale, along: _Scale) -> str:
     return f"<path class='{kind} {curve.style}' d='{d}'/>"
 
 
-def decimated(x: Floats, y: Floats, dots: bool = False, most: int = MOST) -> tuple[Floats, Floats]:
-    """Return at most a given number of points of a curve; of a line those that keep its peaks.
-
-    Args:
-        x: Shape (N,).
-        y: Shape (N,).
-        dots: Whether the points are drawn as a cloud, of which an even part is enough.
-        most: Most points.
-    """
+def decimated(x: Floats, y: Floats, dots: bool = False) -> tuple[Floats, Floats]:
+    """Return at most `MOST` points of a curve: a subset of a cloud, the extremes of a line."""
     if dots:
-        step = max(len(x) * 3 // most, 1)
+        step = max(len(x) * 3 // MOST, 1)
         return x[::step], y[::step]
-    if len(x) <= most:
+    if len(x) <= MOST:
         return x, y
-    edges = np.linspace(0, len(x), most // 2 + 1).astype(np.int64)
-    kept = np.empty((most // 2, 2), dtype=np.int64)
+    edges = np.linspace(0, len(x), MOST // 2 + 1).astype(np.int64)
+    kept = np.empty((MOST // 2, 2), dtype=np.int64)
     for k, (start, end) in enumerate(pairwise(edges)):
         piece = y[start:end]
         kept[k] = start + int(np.argmin(piece)), start + int(np.argmax(piece))
@@ -186,9 +159,9 @@ def decimated(x: Floats, y: Floats, dots: bool = False, most: int = MOST) -> tup
     return x[index], y[index]
 
 
-def ticks(low: float, high: float, about: int = 6) -> list[float]:
-    """Return about a given number of round values between two ends."""
-    step = _round_up((high - low) / about)
+def ticks(low: float, high: float) -> list[float]:
+    """Return about six round values between two ends."""
+    step = _round_up((high - low) / 6)
     first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
     return [k * step for k in range(first, last + 1)]
 

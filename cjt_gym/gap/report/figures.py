@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cjt_gym.gap.diagnosis import Diagnosis, FrictionMap, RippleSpectrum, Source, SpringLoop
+from cjt_gym.gap.diagnosis import Diagnosis
+from cjt_gym.gap.evidence import FrictionMap, RippleSpectrum, Source, SpringLoop
 from cjt_gym.gap.report.chart import OUTER, Chart, Curve
 from cjt_gym.gap.report.words import CHANNELS, number, percent
+from cjt_gym.joint.arrays import Floats
 
-Floats = NDArray[np.float64]
 BEFORE, AFTER = "datasheet", "with the effects"
 STANDS_OUT = 6.0
 """Height of a line over the median of its spectrum from which it is shown unasked."""

@@ -21,11 +21,7 @@ MOST_EFFECTS = 5
 
 
 def summary(diagnosis: Diagnosis) -> str:
-    """Return a diagnosis as plain text of at most 45 lines.
-
-    Args:
-        diagnosis: The diagnosis to summarise.
-    """
+    """Return a diagnosis as plain text of at most 45 lines."""
     gap, explained = diagnosis.gap, bool(diagnosis.effects)
     refined = explained or gap.after != gap.before
     title = VERDICTS[diagnosis.verdict].upper()

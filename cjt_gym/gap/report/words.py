@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from cjt_gym.gap.diagnosis import Diagnosis, GapSize, Interval, NamedEffect, Regime
+from cjt_gym.gap.diagnosis import Diagnosis, GapSize, Interval, NamedEffect
+from cjt_gym.gap.evidence import Regime
 from cjt_gym.gap.horizons.model import MEASURES
 
 VERDICTS: Mapping[str, str] = {

@@ -63,8 +63,8 @@ def test_one_speed_does_not_tell_damping_from_coulomb_friction() -> None:
 
 def test_fast_motion_alone_shows_neither_breakaway_nor_presliding() -> None:
     why = reasons(examine(record(columns(ONE)), joint(), None))
-    assert "0.0 % of the motion that its noise lets show is slower than a tenth" in why["stribeck"]
-    assert "The motion never turns round or sets out from rest." in why["presliding"]
+    assert "0.0 % of the motion above the noise is slower than a tenth" in why["stribeck"]
+    assert "The motion never reverses or starts from rest." in why["presliding"]
 
 
 def test_without_a_command_the_drive_is_not_seen() -> None:

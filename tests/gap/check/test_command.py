@@ -25,7 +25,7 @@ def test_it_prints_channels_faults_and_what_can_be_told_in_this_order(
 ) -> None:
     assert main(["check", str(one_way)]) == 0
     said = capsys.readouterr().out
-    heads = ["Channels", "Faults of the log", "Can be told", "Cannot be told"]
+    heads = ["Channels", "Faults of the log", "Identifiable", "Not identifiable"]
     places = [said.index(head) for head in [*heads, "What to record instead"]]
     assert places == sorted(places)
     assert "Motion in one direction only" in said

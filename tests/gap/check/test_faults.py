@@ -130,8 +130,8 @@ def stale(table: Table) -> Table:
         (against_its_command, "i: sign turned (i follows i_cmd"),
         (double_current, "i is 2 times i_cmd."),
         (other_torque, "tau_cmd is 3 times k_t n i_cmd."),
-        (in_counts, "q_m has whole numbers only"),
-        (few_counts, "steps of its resolution only"),
+        (in_counts, "q_m has only whole numbers"),
+        (few_counts, "steps of its resolution."),
         (against, "sign turned"),
         (mixed, "The sampling is mixed: 4 and 10 ms"),
         (jittered, "The sampling jitters: intervals of 7 to 13 ms."),
@@ -139,7 +139,7 @@ def stale(table: Table) -> Table:
         (clipped, "it looks cut off there"),
         (still_command, "i_cmd never changes: 1 throughout."),
         (noisy, "times what the joint file specifies"),
-        (early, "i goes 3 samples ahead of i_cmd"),
+        (early, "i leads i_cmd by 3 samples"),
         (at_rest_at_last, "The last fifth of the record, from 6.4 s on, is at rest"),
         (stale, "repeated samples"),
     ],
@@ -152,7 +152,7 @@ def test_a_fault_is_found(spoil: Callable[[Table], Table], said: str) -> None:
 
 @pytest.mark.parametrize(
     ("samples", "said"),
-    [(1, "as in a log that writes each command beside what"), (3, "a dead time of the drive, or")],
+    [(1, "as in a log that writes each command beside"), (3, "a dead time of the drive, or")],
 )
 def test_a_current_that_follows_its_command_is_no_fault(samples: int, said: str) -> None:
     table = columns()
@@ -177,14 +177,14 @@ def test_a_current_two_rows_late_is_found_by_an_uneven_clock() -> None:
         late = table | {"i_cmd": np.roll(table["i_cmd"], -rows)}
         found = [fault for fault in faults(late) if "instants" in fault]
         assert bool(found) == faulty, found
-    assert "by 2 rows whether these take long or not" in found[0]
+    assert "by 2 rows whatever their duration" in found[0]
     assert "Map i_cmd with samples_late = -1" in found[0]
 
 
 @pytest.mark.parametrize(
     ("rows", "said"),
     [
-        (-4, "q_m moves 4.5 samples (4.5 ms) ahead of the torque of i: "),
+        (-4, "q_m leads the torque of i by 4.5 samples (4.5 ms): "),
         (4, "q_m follows the torque of i by 3.5 samples (3.5 ms), although both are measured"),
     ],
 )

@@ -15,7 +15,10 @@ HELD = get_structure("output_fixed_rigid_gearbox")
 
 @pytest.mark.parametrize(
     ("offset", "said"),
-    [(0.0, "its zero is right to 0.0"), (0.7, "its zero is off if the spring is relaxed then")],
+    [
+        (0.0, "its zero is correct within 0.0"),
+        (0.7, "its zero is off if the spring is relaxed then"),
+    ],
 )
 def test_rest_shows_the_zero_of_the_torque_sensor(offset: float, said: str) -> None:
     rec = simulate(friction=(1.5, 1.5), sensed=lambda tau: tau + offset)

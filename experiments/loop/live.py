@@ -1,4 +1,4 @@
-"""A joint that somebody else controls: sample by sample, command by command."""
+"""A run of the second simulator that a program controls sample by sample."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from cjt_gym.errors import ConfigurationError
 
 @dataclass(frozen=True)
 class Sample:
-    """What is known at a sampling instant.
+    """A sampling instant.
 
     Attributes:
-        measured: By the name of the channel, what a program sees [its unit].
-        tau: The torque of the joint as it is, which nobody sees [N m].
+        measured: Measurement by channel [its unit].
+        tau: True torque of the joint, which is not measured [N m].
     """
 
     measured: dict[str, float]
@@ -30,7 +30,7 @@ class Sample:
 class Live:
     """A run from rest in which a program decides at every sample.
 
-    It does what `run` does with the same random numbers and the same commands.
+    The same random numbers and commands give the same run as `cjt_gym.blind.run.run`.
 
     Example:
         >>> from cjt_gym.blind.bench import make_bench
