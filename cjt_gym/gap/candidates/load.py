@@ -12,21 +12,15 @@ from cjt_gym.gap.setting import Setting
 
 
 def load_rows(setting: Setting, size: Scales) -> list[Hypothesis]:
-    """Return the candidates of the load."""
+    """Return the candidates of the load; without a spring the search over horizons seeks weights."""
     touches = ("load",) if setting.cut_at_spring else ("motor",)
     if not setting.cut_at_spring:
-        if not setting.has_spring:
-            turns = setting.joint.parameters.axis == "revolute"
-            return [_gravity(size.torque, touches)] if turns else []
-        return [released(setting, "I_l", "load_inertia", "load", "I_l")]
+        inertia = released(setting, "I_l", "load_inertia", "load", "I_l")
+        return [inertia] if setting.has_spring else []
     rows = [released(setting, "I_l", "load_inertia", "load", "I_l")]
     rows += friction_of(setting, size, "l", "load", touches)
     torque = max(float(np.std(setting.series["tau"])), 1e-9)
-    return [*rows, _gravity(torque, touches)]
-
-
-def _gravity(torque: float, touches: tuple[str, ...]) -> Hypothesis:
-    return Hypothesis(
+    gravity = Hypothesis(
         "gravity",
         "load",
         (Number("a", "N m", 0.0, torque), Number("b", "N m", 0.0, torque)),
@@ -35,3 +29,4 @@ def _gravity(torque: float, touches: tuple[str, ...]) -> Hypothesis:
         starts=((0.0, 0.0),),
         family="load",
     )
+    return [*rows, gravity]

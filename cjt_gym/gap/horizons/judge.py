@@ -308,7 +308,7 @@ def _polished(case: Case, problem: Problem, found: Found, joints: dict[str, Join
 
 
 def _freed(problem: Problem, test: Problem, fits: Sequence[Fit]) -> Fit:
-    """Return the fit from given fits or heavier joints that held-out data prefer.
+    """Return the best fit from given fits or heavier joints, as far as held-out data allow.
 
     Where the torque does not predict the motion, as when something else imposes it, a joint that
     the torque hardly moves has the least error. A guessed inertia does not prevent this.
@@ -324,7 +324,12 @@ def _freed(problem: Problem, test: Problem, fits: Sequence[Fit]) -> Fit:
         z[0] = (bound if guess else number).coordinate(factor * values[0])
         starts.append((model, z))
     tried = side_by_side(lambda start: problem.fit(*start), starts)
-    best = min(tried, key=lambda fit: _held(test, fit).cost)
+    held = [_held(test, fit) for fit in tried]
+    astray = [any(e > 1.0 for k, e in relative(test.windows, one.errors).items()
+                  if k[1] != min(HORIZONS)) for one in held]  # fmt: skip
+    costs = [one.cost if lost else fit.cost
+             for fit, one, lost in zip(tried, held, astray, strict=True)]  # fmt: skip
+    best = tried[min(range(len(tried)), key=lambda k: (astray[k], costs[k]))]
     return replace(best, model=_with_inertia(best.model, bound)) if best.model is model else best
 
 
