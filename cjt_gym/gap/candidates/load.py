@@ -12,7 +12,7 @@ from cjt_gym.gap.setting import Setting
 
 
 def load_rows(setting: Setting, size: Scales) -> list[Hypothesis]:
-    """Return the candidates of the load; without a spring the search over horizons seeks weights."""
+    """Return the candidates of the load; a search over horizons seeks weights without a spring."""
     touches = ("load",) if setting.cut_at_spring else ("motor",)
     if not setting.cut_at_spring:
         inertia = released(setting, "I_l", "load_inertia", "load", "I_l")
