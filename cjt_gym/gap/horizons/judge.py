@@ -63,6 +63,8 @@ BALANCED = 3
 """Maximum number of times that the weights of horizons where a joint is worse are doubled."""
 HEAVIER = (10.0, 1e3, 1e5)
 """Factors on the inertia for additional starts where nothing else predicts the motion."""
+AT_ALL = 1.02
+"""Relative error from which a joint predicts worse than motion at constant speed."""
 LOUD = 0.6
 """Relative error, except at the shortest horizon, above which nothing counts as explained."""
 
@@ -324,13 +326,21 @@ def _freed(problem: Problem, test: Problem, fits: Sequence[Fit]) -> Fit:
         z[0] = (bound if guess else number).coordinate(factor * values[0])
         starts.append((model, z))
     tried = side_by_side(lambda start: problem.fit(*start), starts)
+    model, z = starts[-1]
+    errors = problem.errors(model, z)
+    tried.append(Fit(model, z, problem.cost(model, z, errors), errors))  # moved by nothing
     held = [_held(test, fit) for fit in tried]
-    astray = [any(e > 1.0 for k, e in relative(test.windows, one.errors).items()
-                  if k[1] != min(HORIZONS)) for one in held]  # fmt: skip
+    astray = [_astray(test, one) for one in held]
     costs = [one.cost if lost else fit.cost
              for fit, one, lost in zip(tried, held, astray, strict=True)]  # fmt: skip
     best = tried[min(range(len(tried)), key=lambda k: (astray[k], costs[k]))]
     return replace(best, model=_with_inertia(best.model, bound)) if best.model is model else best
+
+
+def _astray(test: Problem, fit: Fit) -> bool:
+    """Return whether a fit predicts held-out motion worse than motion at constant speed."""
+    errors = relative(test.windows, fit.errors)
+    return any(e > AT_ALL for key, e in errors.items() if key[1] != min(HORIZONS))
 
 
 def _with_inertia(model: Model, number: Number) -> Model:

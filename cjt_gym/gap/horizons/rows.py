@@ -20,9 +20,6 @@ Floats = NDArray[np.float64]
 LIKELY, RARE, UNLIKELY = 0.5, 2.0, 4.0
 """Price factors of a term: for dry friction, which every joint has; for effects that are rare or
 mimicked by other errors; for a delay or lag after a measured current."""
-LOSS = 0.002
-"""Loss of torque constant per kelvin that a diagnosis writes; only its product with the heat per
-square ampere is identifiable [1/K]."""
 CREEP = 0.002
 """Velocity over which the toolbox smooths dry friction, which then creeps [rad/s]."""
 SLOWEST = 0.02
@@ -86,7 +83,6 @@ def candidates(joint: Joint, scales: Scales, logs: Sequence[Log]) -> tuple[Term,
         *_friction(joint, scales, "m"),
         _offset(scales),
         *_drive(logs),
-        _derating(joint, scales, logs),
     ]
     free = shape.groups[2] >= 0
     if free and shape.groups[2] != shape.groups[0]:
@@ -211,27 +207,6 @@ def _late(dt: float, longest: float) -> Number:
     """Return a delay whose finite-difference step is a whole substep of the kernel."""
     substep = dt / math.ceil(dt / SUBSTEP - 1e-9)
     return Free("delay", "s", 0.0, 0.5 * dt, low=0.0, high=longest, step=substep / (0.5 * dt))
-
-
-def _derating(joint: Joint, scales: Scales, logs: Sequence[Log]) -> Term:
-    """Return the derating of warm windings: only its product with heat per A^2 is identifiable."""
-    p = joint.parameters
-    current = scales.torque / (p.k_t * p.n)
-    length = max(log.t[-1] - log.t[0] for log in logs)
-    loss = Free("loss", "1/A^2", 0.0, 0.05 / current**2, low=0.0, high=2.0 / current**2)
-    time = Free("T_thw", "s", 0.3 * length, 0.7, True, 0.02 * length, 3.0 * length)
-
-    def put(draft: Draft, values: Sequence[float]) -> None:
-        heat = max(values[0] / LOSS, 1e-9)
-        winding = {"derating": LOSS, "a_CU": 0.0, "r": 1.0, "r_th1": heat, "T_thw": values[1]}
-        housing = {"r_th2": 1e-3, "T_thm": 1e3 * values[1], "rise": 0.0}
-        row = draft.row("thermal_derating")
-        row |= {**winding, **housing}
-
-    return Term(
-        "thermal_derating", (loss, time), put, starts=((0.2 / current**2, 0.3 * length),),
-        nominal=(0.0, 0.3 * length), factor=RARE,
-    )  # fmt: skip
 
 
 def cogging(one: Spent) -> Term:

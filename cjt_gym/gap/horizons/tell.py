@@ -53,8 +53,8 @@ OUTSIDE = 3.0
 """Number of tolerances by which a datasheet value must be off to be diagnosed."""
 BLIND = 0.99
 """Relative error from which a joint predicts no better than motion at constant speed."""
-MIMICS = frozenset({"gravity", "thermal_derating", "viscous_asym", "load_friction"})
-"""Effects that position, time or a wrong input may mimic: confirmed only if they remove more than
+MIMICS = frozenset({"gravity", "viscous_asym", "load_friction"})
+"""Effects that position or a wrong input may mimic: confirmed only if they remove more than
 `MUCH` of the error."""
 SCALED = frozenset({"torque_gain"})
 """Effects that are dropped if their number ends at a bound, which no sensor reaches."""
