@@ -15,7 +15,6 @@ from cjt_gym.gap.check.encoders import in_step
 from cjt_gym.gap.diagnosis import (
     NOTHING_LEFT,
     Diagnosis,
-    GapSize,
     NamedEffect,
     StageGap,
     Suggestion,
@@ -44,7 +43,7 @@ from cjt_gym.gap.select import BEYOND, Progress, silent
 from cjt_gym.gap.series import ENOUGH, Stretch, stretches
 from cjt_gym.gap.setting import Setting, as_noisy, make_setting
 from cjt_gym.gap.suggest import ELSEWHERE, cautious, suggest
-from cjt_gym.gap.unknown import Leftover, untouched, verdict
+from cjt_gym.gap.unknown import Leftover, out_of_sight, untouched, verdict
 from cjt_gym.joint import Joint, JointFile, get_structure, load_joint_file
 from cjt_gym.joint.build import file_of
 from cjt_gym.joint.configure import resolve_effects
@@ -57,9 +56,6 @@ WITHIN = 2.5
 """Number of standard deviations of a datasheet value that count as its tolerance."""
 FAR = 3.0
 """Residual within tolerances, as a multiple of noise, above which there is a gap."""
-UNSEEN = 0.15
-"""Error of a replay, relative to its signal, above which something is wrong with a spring and a
-load that are not judged; tolerances of a few per cent cause about half of it."""
 BOTH_ENDS = "Record torque and angles at both ends of the spring: tau, q_m and q_l."
 KNOWN = 0.7
 """Share of the tolerance within which a fit must determine a datasheet value to refine it."""
@@ -286,7 +282,7 @@ def _report(
     if gap.high < -HARM:  # whatever each is worth, together they do harm
         named = tuple(doubted(effect) for effect in named)
     left = found.left if explains else untouched(found.left)
-    hidden = () if left else _out_of_sight(setting, problem.stages.names, gap)
+    hidden = () if left else out_of_sight(setting, problem.stages.names, gap)
     left = left or hidden
     stages = _stages(found, fit, all_before, named)
     drawn = gather(problem, fit, within, before)
@@ -359,18 +355,6 @@ def _beyond_tolerance(mean_square: Mapping[str, float]) -> tuple[Leftover, ...]:
     far = [(ms, name) for name, ms in mean_square.items() if ms > FAR**2]
     text = "datasheet values that are further off than their tolerances"
     return tuple(Leftover(name, 1.0, text) for _, name in sorted(far, reverse=True))
-
-
-def _out_of_sight(
-    setting: Setting, judged_stages: Sequence[str], gap: GapSize
-) -> tuple[Leftover, ...]:
-    """Return spring and load as unexplained if they are not judged and the replay is far off."""
-    free = setting.has_spring and not setting.structure.output_fixed
-    seen = {"transmission", "load"} <= set(judged_stages)
-    if not free or seen or gap.after < UNSEEN:
-        return ()
-    share = min(gap.after / max(gap.before, gap.after), 1.0)
-    return (Leftover("transmission", share, "the spring or the load, which nothing tells apart"),)
 
 
 def _nominal_fields(found: Explanation) -> Fields:

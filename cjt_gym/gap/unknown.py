@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from cjt_gym.gap.diagnosis import GapSize
 from cjt_gym.gap.fit import Fit
 from cjt_gym.gap.heldout import HeldOut, Trial
 from cjt_gym.gap.merit import STRAIN
 from cjt_gym.gap.prune import Need
+from cjt_gym.gap.setting import Setting
 
 LEFT = 1.3
 """Normalised residual above which a stage is not explained."""
@@ -27,6 +29,9 @@ DOUBTFUL = 0.6
 """Worth of an effect on held-out data below which it is at most tentative."""
 CLOSE = 0.2
 """Largest distance of its worth from 1 if there is a remainder."""
+UNSEEN = 0.15
+"""Error of a replay, relative to its signal, above which something is wrong with a spring and a
+load that are not judged; tolerances of a few per cent cause about half of it."""
 
 
 @dataclass(frozen=True)
@@ -74,6 +79,18 @@ def leftovers(
 def _share(before: Mapping[str, float], stage: str, ms: float) -> float:
     excess = max(before[stage] - 1.0, ms - 1.0, 1e-12)
     return max(ms - 1.0, 0.0) / excess
+
+
+def out_of_sight(
+    setting: Setting, judged_stages: Sequence[str], gap: GapSize
+) -> tuple[Leftover, ...]:
+    """Return spring and load as unexplained if they are not judged and the replay is far off."""
+    free = setting.has_spring and not setting.structure.output_fixed
+    seen = {"transmission", "load"} <= set(judged_stages)
+    if not free or seen or gap.after < UNSEEN:
+        return ()
+    share = min(gap.after / max(gap.before, gap.after), 1.0)
+    return (Leftover("transmission", share, "the spring or the load, which nothing tells apart"),)
 
 
 def untouched(left: Sequence[Leftover]) -> tuple[Leftover, ...]:

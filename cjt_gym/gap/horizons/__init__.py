@@ -13,6 +13,8 @@
 `grow`         adding a term to a model or removing one, and its `worth`
 `starts`       starting points of the search
 `search`       rows that a record supports, and their `rivals`
+`inverse`      what the torque is `spent` on, cogging `over_angle` among it
+`imposed`      motion that the torque does not determine
 `judge`        the table of horizons, and which joint is the answer
 =============  ====================================================================
 """

@@ -176,6 +176,12 @@ class Problem:
             data += self.force * (logs[key] + 2.0 * self.deafness(model, z))
         return self.strength * data + 0.5 * float(np.sum(z[_known(model)] ** 2))
 
+    def scored(self, fit: Fit) -> Fit:
+        """Return a fit to other windows with its errors and cost in these, without priors."""
+        errors = self.errors(fit.model, fit.z)
+        cost = self.cost(Model(fit.model.joint), np.zeros(0), errors)
+        return Fit(fit.model, fit.z, cost, errors)
+
     def fit(self, model: Model, z: Floats | None = None, steps: int = 24) -> Fit:
         """Return the best fit of a model from given coordinates, by Levenberg-Marquardt.
 

@@ -14,6 +14,7 @@ from cjt_gym.gap.horizons.case import Case
 from cjt_gym.gap.horizons.fit import Fit, Problem
 from cjt_gym.gap.horizons.found import Found
 from cjt_gym.gap.horizons.grow import beyond, is_needed
+from cjt_gym.gap.horizons.imposed import freed_from
 from cjt_gym.gap.horizons.inverse import seen_in_torque
 from cjt_gym.gap.horizons.model import Model
 from cjt_gym.gap.horizons.own_rows import own_terms
@@ -22,8 +23,6 @@ from cjt_gym.gap.horizons.predictable import left as left_by
 from cjt_gym.gap.horizons.rivals import REFINED
 from cjt_gym.gap.horizons.rows import candidates, cogging, likelier, scales_of
 from cjt_gym.gap.horizons.search import search
-from cjt_gym.gap.horizons.sheet import GUESSED
-from cjt_gym.gap.horizons.side_by_side import side_by_side
 from cjt_gym.gap.horizons.windows import (
     HORIZONS,
     TRIVIAL,
@@ -32,7 +31,6 @@ from cjt_gym.gap.horizons.windows import (
     worse,
 )
 from cjt_gym.gap.horizons.worth import Worth, worth
-from cjt_gym.gap.number import Number
 from cjt_gym.joint import Joint
 from cjt_gym.joint.effects import PACKAGED
 
@@ -61,10 +59,6 @@ KEPT = 0.1
 """Relative deviation that the final fit allows the inertia."""
 BALANCED = 3
 """Maximum number of times that the weights of horizons where a joint is worse are doubled."""
-HEAVIER = (10.0, 1e3, 1e5)
-"""Factors on the inertia for additional starts where nothing else predicts the motion."""
-AT_ALL = 1.02
-"""Relative error from which a joint predicts worse than motion at constant speed."""
 LOUD = 0.6
 """Relative error, except at the shortest horizon, above which nothing counts as explained."""
 
@@ -186,7 +180,7 @@ def judge(
     terms = likelier([*may, *own, *freed(base.terms)], seen)
     found = search(
         problem, base, terms, suspects, progress,
-        lambda one: _tested(problem, test, one)[0], lambda fit: _held(test, fit).cost,
+        lambda one: _tested(problem, test, one)[0], lambda fit: test.scored(fit).cost,
     )  # fmt: skip
     tests = _tested(problem, test, found)[1]
     searched, found = found, _polished(case, problem, found, joints)
@@ -196,7 +190,7 @@ def judge(
     if max(relative(case.test, case.test.errors(joints[best])).values()) > 1.0:
         free = replace(problem)
         free.force = 0.0
-        fit, plain = (_freed(free, test, f) for f in ((searched.fit, found.fit), (found.base,)))
+        fit, plain = (freed_from(free, test, f) for f in ((searched.fit, found.fit), (found.base,)))
         joints["found"], joints["base"] = fit.model.at(fit.z), plain.model.at(plain.z)
         found = replace(found, fit=fit, base=plain)
         best = _best(case, test, joints)
@@ -232,9 +226,9 @@ def _left(error: float, one: Predictable) -> bool:
 def _tested(problem: Problem, test: Problem, found: Found) -> tuple[Found, tuple[Worth, ...]]:
     """Return a search without terms refuted by held-out data, and the worth of the others."""
     while True:
-        new, more = beyond(found.base, found.fit), _held(test, found.fit)
+        new, more = beyond(found.base, found.fit), test.scored(found.fit)
         tests = [
-            worth(test, _held(test, less), more, term)
+            worth(test, test.scored(less), more, term)
             for less, term in zip(found.less, found.fit.model.terms, strict=True)
         ]
         refuted = [
@@ -246,7 +240,7 @@ def _tested(problem: Problem, test: Problem, found: Found) -> tuple[Found, tuple
         if not refuted:
             return found, tuple(tests)
         worst = min(refuted, key=lambda k: tests[k].fall)
-        found = found.dropped(problem, worst, lambda fit: _held(test, fit).cost)
+        found = found.dropped(problem, worst, lambda fit: test.scored(fit).cost)
 
 
 def _deafer(problem: Problem, less: Fit, more: Fit) -> bool:
@@ -255,13 +249,6 @@ def _deafer(problem: Problem, less: Fit, more: Fit) -> bool:
         return False
     one, other = (problem.deafness(fit.model, fit.z) for fit in (less, more))
     return one - other > DEAFER
-
-
-def _held(test: Problem, fit: Fit) -> Fit:
-    """Return a fit with its errors and cost on held-out data."""
-    errors = test.errors(fit.model, fit.z)
-    cost = test.cost(Model(fit.model.joint), np.zeros(0), errors)
-    return Fit(fit.model, fit.z, cost, errors)
 
 
 def _no_worse(case: Case, joints: dict[str, Joint], name: str) -> bool:
@@ -307,46 +294,6 @@ def _polished(case: Case, problem: Problem, found: Found, joints: dict[str, Join
         problem.weights /= problem.weights.sum()
         fit = problem.fit(model, fit.z)
     return replace(found, fit=fit)
-
-
-def _freed(problem: Problem, test: Problem, fits: Sequence[Fit]) -> Fit:
-    """Return the best fit from given fits or heavier joints, as far as held-out data allow.
-
-    Where the torque does not predict the motion, as when something else imposes it, a joint that
-    the torque hardly moves has the least error. A guessed inertia does not prevent this.
-    """
-    first, values = fits[0].model.terms[0], fits[0].model.values(fits[0].z)[0]
-    number = first.numbers[0]
-    bound = replace(number, high=HEAVIER[-1] * number.high)
-    guess = number.scale >= GUESSED
-    model = _with_inertia(fits[0].model, replace(bound, prior=False) if guess else number)
-    starts = [(fit.model, fit.z) for fit in fits]
-    for factor in HEAVIER:
-        z = fits[0].z.copy()
-        z[0] = (bound if guess else number).coordinate(factor * values[0])
-        starts.append((model, z))
-    tried = side_by_side(lambda start: problem.fit(*start), starts)
-    model, z = starts[-1]
-    errors = problem.errors(model, z)
-    tried.append(Fit(model, z, problem.cost(model, z, errors), errors))  # moved by nothing
-    held = [_held(test, fit) for fit in tried]
-    astray = [_astray(test, one) for one in held]
-    costs = [one.cost if lost else fit.cost
-             for fit, one, lost in zip(tried, held, astray, strict=True)]  # fmt: skip
-    best = tried[min(range(len(tried)), key=lambda k: (astray[k], costs[k]))]
-    return replace(best, model=_with_inertia(best.model, bound)) if best.model is model else best
-
-
-def _astray(test: Problem, fit: Fit) -> bool:
-    """Return whether a fit predicts held-out motion worse than motion at constant speed."""
-    errors = relative(test.windows, fit.errors)
-    return any(e > AT_ALL for key, e in errors.items() if key[1] != min(HORIZONS))
-
-
-def _with_inertia(model: Model, number: Number) -> Model:
-    """Return a model whose first term, the inertia, has another number."""
-    first = replace(model.terms[0], numbers=(number,))
-    return replace(model, terms=(first, *model.terms[1:]))
 
 
 def _with_inertia_kept(model: Model, z: Floats) -> tuple[Model, Floats]:

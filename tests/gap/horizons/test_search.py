@@ -133,6 +133,6 @@ def test_a_joint_that_hardly_responds_refutes_no_friction(
     def held(_: Problem, fit: Fit) -> Fit:
         return replace(fit, cost=-50.0 if fit is less[-1] else 0.0)
 
-    monkeypatch.setattr(judge_of, "_held", held)
+    monkeypatch.setattr(Problem, "scored", held)
     ended, _ = judge_of._tested(problem, problem, found)
     assert ("coulomb" in names(ended.fit)) is kept
