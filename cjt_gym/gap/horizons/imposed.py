@@ -35,14 +35,12 @@ def freed_from(problem: Problem, test: Problem, fits: Sequence[Fit]) -> Fit:
         z[0] = (bound if guess else number).coordinate(factor * values[0])
         starts.append((model, z))
     tried = side_by_side(lambda start: problem.fit(*start), starts)
-    model, z = starts[-1]
-    errors = problem.errors(model, z)
-    tried.append(Fit(model, z, problem.cost(model, z, errors), errors))  # moved by nothing
-    held = [test.scored(fit) for fit in tried]
-    astray = [_astray(test, one) for one in held]
-    costs = [one.cost if lost else fit.cost
-             for fit, one, lost in zip(tried, held, astray, strict=True)]  # fmt: skip
-    best = tried[min(range(len(tried)), key=lambda k: (astray[k], costs[k]))]
+    best = min(tried, key=lambda fit: fit.cost)
+    if _astray(test, test.scored(best)):
+        model, z = starts[-1]
+        errors = problem.errors(model, z)
+        unmoved = Fit(model, z, problem.cost(model, z, errors), errors)
+        best = min([*tried, unmoved], key=lambda fit: test.scored(fit).cost)
     return replace(best, model=_with_inertia(best.model, bound)) if best.model is model else best
 
 
