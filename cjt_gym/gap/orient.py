@@ -44,6 +44,8 @@ DRIVING = ("i", "tau_m", "i_cmd", "tau_cmd")
 """Channels that represent the motor's torque, best first."""
 CERTAIN = 0.7
 """Correlation above which two channels follow each other."""
+AMBIGUOUS = 0.8
+"""Ratio of the best correlation to the best with the opposite sign above which it is taken."""
 PARTIAL = 0.35
 """Partial correlation above which a term of an equation of motion is certain."""
 CLEAR = 0.25
@@ -134,12 +136,16 @@ def _following(channels: dict[str, Floats], structure: Structure, dt: float) -> 
 
 
 def _alike(x: Floats, y: Floats, dt: float) -> float:
-    """Return the correlation of two channels at the lag that maximises it; 0 if poor."""
+    """Return the correlation of two channels at the lag that maximises it; 0 if poor.
+
+    A periodic signal also follows its opposite, half a period later: that is no reversed sign.
+    """
     x, y = x - x.mean(), y - y.mean()
     lags = correlation_lags(len(y), len(x))
     near = np.abs(lags) <= MOST_LATE / dt
     cross = correlate(y, x, method="fft")[near] / max(float(np.sqrt((x @ x) * (y @ y))), 1e-300)
-    best = float(cross[np.argmax(np.abs(cross))])
+    along, against = float(cross.max()), float(-cross.min())
+    best = -against if AMBIGUOUS * against > along else along
     return best if abs(best) > CERTAIN else 0.0
 
 

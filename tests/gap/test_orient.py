@@ -110,3 +110,27 @@ def test_units_that_a_law_gives_away(
     oriented, repairs = orient(spoilt, joint, structure)
     assert oriented is spoilt, "noticed, not changed"
     assert [(repair.kind, repair.channel) for repair in repairs] == [("unit", channel)]
+
+
+def test_a_late_wave_is_not_taken_for_its_opposite(locked: Blind) -> None:
+    _, joint, structure = locked
+    t = 1e-3 * np.arange(600)
+    wave = np.sin(2.0 * np.pi * 12.0 * t) * np.linspace(0.5, 1.0, 600)
+    late = np.interp(t - 0.06, t, wave)
+    units = {"i_cmd": "A", "i": "A", "q_m": "rad"}
+    record = Record({"i_cmd": wave, "i": late, "q_m": 0.0 * t}, units, dt=1e-3)
+    assert orient(record, joint, structure) == (record, ())
+    broad = np.cumsum(np.random.default_rng(0).standard_normal(600))
+    columns = {"i_cmd": broad, "i": -np.roll(broad, 5), "q_m": 0.0 * t}
+    repairs = orient(Record(columns, units, dt=1e-3), joint, structure)[1]
+    assert len(repairs) == 1, "one of them is turned"
+
+
+def test_the_longest_piece_of_a_log_shows_the_signs_of_all(free: Blind) -> None:
+    record, joint, structure = free
+    wrong = turned(record, "i_cmd")
+    rest = wrong.slice(0, 150)
+    assert orient(rest, joint, structure)[0] is rest, "at rest nothing shows a sign"
+    oriented, repairs = orient(rest, joint, structure, wrong)
+    assert {repair.channel for repair in repairs} == {"i_cmd"}
+    assert np.array_equal(oriented["i_cmd"], record["i_cmd"][:150])
