@@ -17,7 +17,7 @@ from cjt_gym.errors import ConfigurationError, RecordError, UnknownNameError
 from cjt_gym.gap import Diagnosis, diagnose
 from cjt_gym.gap.orient import orient
 from cjt_gym.gap.report import WIDTH, summary, write_report
-from cjt_gym.gap.series import same_file
+from cjt_gym.gap.series import ENOUGH, same_file
 from cjt_gym.joint import (
     STRUCTURES,
     JointFile,
@@ -35,8 +35,6 @@ SECONDS, WINDOW = 60.0, 10.0
 """Length of a log beyond which only its most informative windows are used, and theirs [s]."""
 MOST_REPAIRS = 6
 """Number of repairs that the terminal shows; the report lists all."""
-ENOUGH = 500
-"""Samples below which a piece of a log is left out where there are longer ones."""
 FILES = ("diagnosis.json", "report.html", "joint.toml")
 CLEAR = "\r\x1b[2K"
 NO_LOOP = InTheLoop(None, (), ())

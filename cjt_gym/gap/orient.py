@@ -71,7 +71,7 @@ FACTOR_MISFIT = 0.15
 class Tie:
     """Relation of two channels by a law."""
 
-    first: str  # A channel
+    first: str  # a channel
     second: str
     # their agreement once the law is applied, -1 to 1; negative if one of them has the wrong sign
     strength: float

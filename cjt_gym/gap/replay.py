@@ -40,6 +40,7 @@ BEGIN = 0.05
 """Time over which the state at the beginning is found [s]."""
 NUDGE = 1e-2
 """Step of the derivatives by that state, in units of noise and of the usual speed."""
+TINY = 1e-12
 SMOOTH = 11
 """Samples over which a prescribed angle of the load is smoothed."""
 
@@ -186,16 +187,18 @@ def _in_motion(setting: Setting, start: Floats, run: Run) -> Floats:
     shown = ["q_m"]
     if setting.has_spring:
         shown += ["tau"] if setting.structure.output_fixed else ["q_l", "tau"]
-    seen = {name: setting.std(name) for name in shown if name in series}
+    seen = {name: max(setting.std(name), TINY) for name in shown if name in series}
 
     def missed(state: Floats) -> Floats:
         got = run(state, samples)
         return np.concatenate([(got[n] - series[n][:samples]) / std for n, std in seen.items()])
 
     sizes = np.repeat([setting.std("q_m"), float(np.std(series.speed("q_m")))], chain.shape[1])
-    moves = np.kron(np.eye(2), chain) * np.maximum(sizes, 1e-12)
+    moves = np.kron(np.eye(2), chain) * np.maximum(sizes, TINY)
     error = missed(start)
     slopes = np.stack([missed(start + NUDGE * move) - error for move in moves.T], axis=1) / NUDGE
+    if not np.isfinite(slopes).all():
+        return start
     wanted = np.linalg.lstsq(np.vstack([slopes, np.eye(len(sizes))]), np.append(-error, 0 * sizes))
     better = start + moves @ wanted[0]
     return better if np.sum(missed(better) ** 2) < np.sum(error**2) else start

@@ -48,7 +48,7 @@ def over_angle(joint: Joint, logs: Sequence[Log]) -> Spent | None:
         logs: The records.
     """
     parts = [_moving(joint, log) for log in logs if "q_m" in log.measured and not log.voltage]
-    if joint.structure_row.groups[1] != joint.structure_row.groups[2] or not parts:
+    if joint.structure_row.has_spring or not parts:
         return None
     q, moved, columns, torque = (np.concatenate(some) for some in zip(*parts, strict=True))
     if len(q) < BLOCKS * SHORTEST:
