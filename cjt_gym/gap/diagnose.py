@@ -47,6 +47,7 @@ from cjt_gym.gap.unknown import Leftover, out_of_sight, untouched, verdict
 from cjt_gym.joint import Joint, JointFile, get_structure, load_joint_file
 from cjt_gym.joint.build import file_of
 from cjt_gym.joint.configure import resolve_effects
+from cjt_gym.joint.linear import check_inertias
 from cjt_gym.joint.structures import Structure
 from cjt_gym.records import Record
 
@@ -238,7 +239,9 @@ def _joint(
         raise ConfigurationError(
             f"{record.owner} names no structure. Give one, such as structure='output_fixed'."
         )
-    return file, get_structure(name)
+    shape = get_structure(name)
+    check_inertias(file.parameters, shape)
+    return file, shape
 
 
 def _title(record: Record) -> str:

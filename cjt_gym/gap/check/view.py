@@ -40,7 +40,7 @@ class View:
         """Return the view of one or several records."""
         longest = max(records, key=len)
         channels = channels_of(longest, joint)
-        return cls(tuple(records), joint, structure or _likely(longest, channels), channels)
+        return cls(tuple(records), joint, structure or _likely(longest, channels, joint), channels)
 
     def __contains__(self, name: object) -> bool:
         """Return whether a channel exists and moves."""
@@ -293,10 +293,11 @@ class View:
         return max(own, 0.0) / least if least > 0.0 else 0.0
 
 
-def _likely(record: Record, channels: Mapping[str, Channel]) -> Structure:
-    """Return the structure named in a record, or else the one suggested by its channels."""
-    if record.structure in STRUCTURES:
-        return STRUCTURES[record.structure]
+def _likely(record: Record, channels: Mapping[str, Channel], joint: JointFile | None) -> Structure:
+    """Return the structure named in a record or joint, or the one suggested by the channels."""
+    for name in (record.structure, None if joint is None else joint.structure):
+        if name in STRUCTURES:
+            return STRUCTURES[name]
     if "tau" not in channels:
         return STRUCTURES["rigid"]
     free = "q_l" in channels and channels["q_l"].moves
