@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from cjt_gym.errors import CjtGymError, ConfigurationError
+from cjt_gym.errors import CjtGymError, ConfigurationError, RecordError
 from cjt_gym.gap.check import examine
 from cjt_gym.gap.check.encoders import in_step
 from cjt_gym.gap.diagnosis import (
@@ -101,6 +101,12 @@ def diagnose(
     first = given[0]
     file, shape = _joint(first, joint, structure)
     exam = examine(given, file, shape)
+    if exam.at_rest and set(exam.can_tell) <= set(MEASURES):
+        raise RecordError(
+            f"{first.owner}: nothing moves by more than its noise, so that the record cannot tell "
+            "what moves the joint. Record motion: drive the joint far enough that it turns by a "
+            "thousand counts. cjt-gym check says what else to record."
+        )
     given, held = in_step(given, held, file, shape)
     whole, tested = stretches(given), stretches(held)
     cuts = [int((1.0 - TAIL) * len(one)) for one in whole]

@@ -20,6 +20,9 @@ WIDTHS = (5, 7, 9, 13, 17, 25, 37, 53, 75, 101)
 """Candidate smoothing windows, in samples."""
 LONGEST = 0.3
 """Longest smoothing window [s]."""
+MOTION = ("q_m", "q_g", "q_l", "dq_m", "dq_g", "dq_l", "tau")
+STILL = 10.0
+"""Range of a channel at rest, in standard deviations of its noise: white noise spans 8 to 10."""
 REST = 0.1
 """Time without motion after which a body is at rest [s]."""
 
@@ -256,6 +259,12 @@ class View:
             return 0.0, 0.0
         low, high = np.quantile(np.abs(self.motor["v"]), [0.1, 0.9])
         return float(low), float(high)
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether no angle, velocity or torque leaves its noise in the longest record."""
+        moved = [c for n, c in self.channels.items() if n in MOTION]
+        return bool(moved) and all(c.span < STILL * c.noise for c in moved)
 
     @cached_property
     def reversals(self) -> int:
