@@ -58,6 +58,20 @@ def test_it_writes_three_files_and_says_what_it_found(
     assert "run" in again.source  # type: ignore[union-attr]
 
 
+def test_an_excitation_of_an_earlier_diagnosis_is_removed(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It was made for another joint, and would be run on this one."""
+    for name in ("next.npz", "next.toml", "mine.txt"):
+        (tmp_path / name).write_text("")
+    words = ["emps", "--out", str(tmp_path), "--seconds", "10", "--json"]
+    found = json.loads(diagnosed(words, capsys)[1])
+    assert found["suggestion"]["record"] is None
+    assert not (tmp_path / "next.npz").exists()
+    assert not (tmp_path / "next.toml").exists()
+    assert (tmp_path / "mine.txt").exists()
+
+
 def test_without_json_it_prints_a_summary_and_the_files(
     folder: Path,
     tmp_path: Path,
