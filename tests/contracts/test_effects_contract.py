@@ -80,6 +80,14 @@ def differs(one: Record, other: Record) -> bool:
     return any(not np.array_equal(one[name], other[name]) for name in MEASURED)
 
 
+NO_NONLINEAR_TORQUE = {
+    **dict.fromkeys(("torque_constant", "thermal_derating", "commutation_ripple"), "of a current"),
+    **dict.fromkeys(("inertia", "load_inertia", "damping"), "linear"),
+    **dict.fromkeys(("load_motion", "human_torque"), "over time"),
+}
+"""Effects of motor and load that add no nonlinear torque of position and speed, and of what."""
+
+
 # ------------------------------------------------------------------------------- the rows
 
 
@@ -295,3 +303,17 @@ def test_a_level_that_is_given_moves_the_other_direction_along() -> None:
     assert given.effects["coulomb_asym"]["d_cm_n"] == 1.0
     both = load_joint(NAME, effects={"coulomb_asym": {"d_cm": 1.0, "d_cm_n": 2.0}})
     assert both.effects["coulomb_asym"]["d_cm_n"] == 2.0
+
+
+@pytest.mark.parametrize(
+    "effect", [e for e in EFFECTS.values() if e.stage in ("motor", "load")], ids=lambda e: e.name
+)
+def test_a_torque_of_position_or_speed_is_in_nonlinear_torque(effect: Effect) -> None:
+    """`Joint.nonlinear_torque` calls the terms of the kernel one by one, and must know each."""
+    rng = np.random.default_rng(0)
+    q, dq, tau = rng.uniform(-3.0, 3.0, (2, 200, 3)), 2.0, rng.uniform(-30.0, 30.0, 200)
+    found = [
+        made(effect, effects, parameters=LOADED).nonlinear_torque(q[0], dq * q[1], tau)
+        for effects in ({effect.name: typical(effect)}, {})
+    ]
+    assert np.array_equal(*found) == (effect.name in NO_NONLINEAR_TORQUE)
