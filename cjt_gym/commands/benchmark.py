@@ -62,7 +62,7 @@ def run(options: argparse.Namespace) -> Answer:
 
     from cjt_gym.training.benchmark.results import merge, write_benchmark
 
-    with tqdm(total=len(cells), file=sys.stderr, unit="cell") as bar:
+    with tqdm(total=len(cells), file=sys.stderr, unit="cell", disable=None) as bar:
 
         def count(result: dict[str, Any]) -> None:
             cell = result["cell"]

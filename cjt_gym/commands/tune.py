@@ -138,7 +138,7 @@ class Progress:
         if self.bar is None:  # not before the search has been found possible
             from tqdm import tqdm
 
-            self.bar = tqdm(total=self.total, file=sys.stderr, unit="candidate")
+            self.bar = tqdm(total=self.total, file=sys.stderr, unit="candidate", disable=None)
         self.bar.set_postfix_str("none keeps the limits" if cost >= 10.0 else f"best {cost:.3f}")
         self.bar.update(done - self.bar.n)
         if done >= self.bar.total:

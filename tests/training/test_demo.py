@@ -16,7 +16,10 @@ def test_the_demonstration_writes_a_page_that_stands_alone(
 ) -> None:
     arguments = ["--out", str(tmp_path / "demo"), "--steps", "4096", "--episodes", "2"]
     assert main(arguments) == 0
-    printed = capsys.readouterr().out
+    printed, said = capsys.readouterr()
+    assert "\r" not in said, "a progress bar belongs on a terminal"
+    assert (printed + said).count("5.84800") == 1
+    assert re.search(r"report\.html written after \d+ s\n$", printed)
     for word in ("5.84800", "open_loop", "pd_feedforward", "residual_policy", "report.html"):
         assert word in printed
     page = (tmp_path / "demo" / "report.html").read_text(encoding="utf-8")

@@ -54,7 +54,6 @@ def run_demo(config: TrainConfig, out: Path, episodes: int = EPISODES) -> Outcom
     clock = {"begin": time.monotonic()}
     _say("1. the real EMPS drive, replayed in closed loop")
     replayed = replay()
-    _say(summary(replayed))
     clock["replay"] = time.monotonic()
     _say("2. training a residual policy")
     run = train(config, out / RUN)
@@ -247,7 +246,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     print(align(comparison(outcome.evaluations)))
     print()
     print(_verdict(outcome.evaluations))
-    print(f"\n{page}: {time.monotonic() - begun:.0f} s")
+    print(f"\n{page} written after {time.monotonic() - begun:.0f} s")
     return 0
 
 

@@ -44,11 +44,11 @@ class Companion(BaseCallback):
     """
 
     def __init__(self, run: RunFolder, config: TrainConfig, steps: int, quiet: bool) -> None:
-        """Prepare for so many steps; `quiet` leaves the progress bar out."""
+        """Prepare for so many steps; `quiet` leaves out the progress bar of a terminal."""
         super().__init__()
         self.run_folder, self.config = run, config
         self._bar: Any = tqdm(
-            total=steps, unit="step", unit_scale=True, disable=quiet, desc="training"
+            total=steps, unit="step", unit_scale=True, disable=quiet or None, desc="training"
         )
         self._errors: deque[float] = deque(maxlen=RECENT)
         self._returns: deque[float] = deque(maxlen=RECENT)
