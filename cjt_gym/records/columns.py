@@ -10,9 +10,10 @@ In a record of several joints the name of the joint stands before that of the co
 from __future__ import annotations
 
 from dataclasses import dataclass
+from difflib import get_close_matches
 from typing import Final
 
-from cjt_gym.errors import RecordError, unknown_name
+from cjt_gym.errors import RecordError
 
 TRUE_PREFIX: Final = "true_"
 JOINT_MARK: Final = "/"
@@ -44,6 +45,8 @@ _POSITION = ("rad", "m")
 _VELOCITY = ("rad/s", "m/s")
 _TORQUE = ("N m", "N")
 
+ALIKE: Final = 0.8
+"""Likeness of a name to a column's from which it is misspelt: "angle" is not "age"."""
 COLUMNS: Final[dict[str, Column]] = {
     column.name: column
     for column in (
@@ -91,11 +94,22 @@ def column_of(name: str) -> Column:
     joint, _, plain = name.rpartition(JOINT_MARK)
     row = COLUMNS.get(plain.removeprefix(TRUE_PREFIX))
     if row is None or plain == TRUE_PREFIX + "t" or (joint and plain == "t"):
+        meant = _meant(name)
         raise RecordError(
-            str(unknown_name("column", name, COLUMNS))
-            + f" Noise-free states: the same with the prefix {TRUE_PREFIX}."
+            f"Unknown column '{name}'."
+            + (f" Did you mean '{meant}'?" if meant else "")
+            + f" Known: {', '.join(sorted(COLUMNS))}. Noise-free states: the same with the prefix "
+            f"{TRUE_PREFIX}."
         )
     return row
+
+
+def _meant(name: str) -> str | None:
+    """Return the column that is spelt nearly so, or that is known by that word."""
+    from cjt_gym.records.draft import guess  # which needs the columns itself
+
+    spelt = get_close_matches(name, COLUMNS, n=1, cutoff=ALIKE)
+    return spelt[0] if spelt else guess(name)
 
 
 def default_units(names: tuple[str, ...], prismatic: bool = False) -> dict[str, str]:

@@ -31,7 +31,7 @@ KINDS: Final = {
     "q": "q pos position angle theta phi enc encoder deg rad rev counts",
 }
 """Words by which a quantity is known, those that also occur in others' names last."""
-COMMAND: Final = "cmd command commanded set setpoint target des desired demand goal"
+COMMAND: Final = "cmd command commanded set setpoint soll target des desired demand goal"
 REFERENCE: Final = "ref reference"
 LOAD: Final = "l load link out output joint arm"
 GEAR: Final = "g gear"

@@ -163,6 +163,7 @@ def test_a_log_without_a_mapping_leads_to_a_draft_that_works_once_it_is_edited(
         ("vel_deg_s", '[columns.dq_m]\nsource = "vel_deg_s"\nunit = "deg/s"'),
         ("joint_theta", '[columns.q_l]\nsource = "joint_theta"\nunit = "?"'),
         ("i_cmd_mA", '[columns.i_cmd]\nsource = "i_cmd_mA"\nunit = "mA"'),
+        ("I_soll[mA]", '[columns.i_cmd]\nsource = "I_soll[mA]"\nunit = "mA"'),
         ("torque.ref (Nm)", '[columns.tau_ref]\nsource = "torque.ref (Nm)"\nunit = "N m"'),
         ("/knee:position", '[columns.q_m]\nsource = "/knee:position"\nunit = "?"'),
         ("fault code", '# [columns.?]\n# source = "fault code"'),

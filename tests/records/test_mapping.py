@@ -148,6 +148,9 @@ def test_a_channel_with_a_clock_of_its_own(tmp_path: Path) -> None:
 
 BAD = [
     ({}, r"must have a table per column, such as  \[columns.q_m\]"),
+    ({"columns": {"angle": {}}}, "Unknown column 'angle'. Did you mean 'q_m'"),
+    ({"columns": {"velocity": {}}}, "Unknown column 'velocity'. Did you mean 'dq_m'"),
+    ({"columns": {"fault": {}}}, "Unknown column 'fault'. Known: "),
     ({"columns": {"qm": {}}}, "Unknown column 'qm'. Did you mean 'q_m'"),
     ({"columns": {"q_m": 3}}, "columns.q_m of the mapping must be a name or a table"),
     ({"columns": {"q_m": {"sorce": "x"}}}, "Unknown key 'sorce'. Did you mean 'source'"),

@@ -23,7 +23,10 @@ def text(found: Examination, width: int) -> str:
         parts.append(Table("Identifiable", "", [("effect", "from"), *sizes]).text(width))
     else:
         parts.append("Identifiable\nnothing")
-    reasons = [f"{row.name}: {row.why}" for row in found.cannot_tell]
+    names: dict[str, list[str]] = {}
+    for row in found.cannot_tell:
+        names.setdefault(row.why, []).append(row.name)
+    reasons = [f"{', '.join(effects)}: {why}" for why, effects in names.items()]
     parts.append(_list("Not identifiable", reasons, width, "nothing"))
     parts.append(_list("What to record instead", found.advice, width, "nothing else is needed"))
     return "\n\n".join(parts)

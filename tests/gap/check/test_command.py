@@ -31,7 +31,8 @@ def test_it_prints_channels_faults_and_what_can_be_told_in_this_order(
     places = [said.index(head) for head in [*heads, "What to record instead"]]
     assert places == sorted(places)
     assert "Motion in one direction only" in said
-    assert "coulomb_asym: 100 % of the motion is in the positive direction" in said
+    assert "- coulomb_asym, viscous_asym: 100 % of the motion is in the positive direction" in said
+    assert " ".join(said.split()).count("The structure rigid has no spring.") == 1
     assert max(map(len, said.splitlines())) <= 100
 
 
