@@ -15,6 +15,7 @@ from cjt_gym.baselines.rational import Rational, transfer_function
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import Joint
 from cjt_gym.joint.arrays import Complex
+from cjt_gym.joint.linear import frequency_response
 
 DELAY_EFFECTS = ("command_delay", "measurement_delay", "torque_delay")
 LONGEST_DELAY = 100
@@ -112,9 +113,9 @@ class LoopModel:
     def response(self, f: Floats) -> Complex:
         """Return the response from command to `MEASURED` and, last, tau, shape (points, 8)."""
         z = np.exp(2j * math.pi * f * self.dt)
-        inner = np.linalg.solve(z[:, None, None] * np.eye(len(self.b)) - self.a, self.b[:, None])
         rows = np.concatenate([self.c, self.tau[None]])
-        return np.asarray((inner[..., 0] @ rows.T) * z[:, None] ** -self.delay)
+        answer = frequency_response(self.a, self.b[:, None], rows, np.zeros((8, 1)), z)
+        return np.asarray(answer[..., 0] * z[:, None] ** -self.delay)
 
     def closed(self, law: LinearLaw) -> tuple[Floats, Floats, Floats]:
         """Return the closed loop's system, its input of sensor noise, and the row of the command.
