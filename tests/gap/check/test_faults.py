@@ -27,6 +27,15 @@ def test_a_sound_log_has_none() -> None:
     assert faults(columns()) == ()
 
 
+def test_records_of_different_lengths_are_judged_together() -> None:
+    both = []
+    for seconds in (4.0, 8.0):
+        table = columns(QUICK, seconds)
+        del table["i_cmd"]
+        both.append(record(table))
+    assert examine(both, joint(), None).faults == ()
+
+
 def keep(table: Table, rows: Floats) -> Table:
     return {name: x[rows] for name, x in table.items()}
 
