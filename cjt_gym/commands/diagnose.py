@@ -36,6 +36,8 @@ SECONDS, WINDOW = 60.0, 10.0
 MOST_REPAIRS = 6
 """Number of repairs that the terminal shows; the report lists all."""
 FILES = ("diagnosis.json", "report.html", "joint.toml")
+NEXT = ("next.npz", "next.toml")
+"""The next excitation, which is written only where there is one."""
 CLEAR = "\r\x1b[2K"
 NO_LOOP = InTheLoop(None, (), ())
 
@@ -90,7 +92,9 @@ def run(options: argparse.Namespace) -> Answer:
     folder = options.out or Path("diagnosis") / Path(options.records[0]).stem
     agents = agents_for(options.controller, options.policy, [*held, *fitted])
     nominal = joint if str(joint).endswith(".toml") else None
-    refuse_inputs([folder / name for name in FILES], [nominal, *options.records, *options.validate])
+    refuse_inputs(
+        [folder / name for name in (*FILES, *NEXT)], [nominal, *options.records, *options.validate]
+    )
     _make(folder)
     found = diagnose(fitted, file, structure, held, progress=tell)
     tell("replaying in a closed loop")
@@ -125,9 +129,12 @@ def write_files(
 ) -> Diagnosis:
     """Write diagnosis.json, report.html, joint.toml, and the next excitation if there is one.
 
-    The diagnosis that is returned names its excitation file.
+    That of an earlier diagnosis is removed, as it is for another joint or record. The diagnosis
+    that is returned names its excitation file.
     """
-    next_record = diagnosis.suggestion.written(folder / "next.npz")
+    for old in NEXT:
+        (folder / old).unlink(missing_ok=True)
+    next_record = diagnosis.suggestion.written(folder / NEXT[0])
     diagnosis = replace(diagnosis, suggestion=next_record)
     write_text(folder / "diagnosis.json", _json(diagnosis, loop, repairs))
     write_text(folder / "joint.toml", joint_text(diagnosis, name))

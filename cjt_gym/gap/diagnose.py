@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from cjt_gym.errors import CjtGymError, ConfigurationError
+from cjt_gym.errors import CjtGymError, ConfigurationError, RecordError
 from cjt_gym.gap.check import examine
 from cjt_gym.gap.check.encoders import in_step
 from cjt_gym.gap.diagnosis import (
@@ -47,6 +47,7 @@ from cjt_gym.gap.unknown import Leftover, out_of_sight, untouched, verdict
 from cjt_gym.joint import Joint, JointFile, get_structure, load_joint_file
 from cjt_gym.joint.build import file_of
 from cjt_gym.joint.configure import resolve_effects
+from cjt_gym.joint.linear import check_inertias
 from cjt_gym.joint.structures import Structure
 from cjt_gym.records import Record
 
@@ -100,6 +101,12 @@ def diagnose(
     first = given[0]
     file, shape = _joint(first, joint, structure)
     exam = examine(given, file, shape)
+    if exam.at_rest and set(exam.can_tell) <= set(MEASURES):
+        raise RecordError(
+            f"{first.owner}: nothing moves by more than its noise, so that the record cannot tell "
+            "what moves the joint. Record motion: drive the joint far enough that it turns by a "
+            "thousand counts. cjt-gym check says what else to record."
+        )
     given, held = in_step(given, held, file, shape)
     whole, tested = stretches(given), stretches(held)
     cuts = [int((1.0 - TAIL) * len(one)) for one in whole]
@@ -238,7 +245,9 @@ def _joint(
         raise ConfigurationError(
             f"{record.owner} names no structure. Give one, such as structure='output_fixed'."
         )
-    return file, get_structure(name)
+    shape = get_structure(name)
+    check_inertias(file.parameters, shape)
+    return file, shape
 
 
 def _title(record: Record) -> str:

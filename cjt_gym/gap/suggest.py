@@ -21,6 +21,10 @@ ENOUGH = "No further record is needed."
 WEAK = "What was found stands on little: "
 SHORT = 5.0
 """Duration of a record below which a longer one is suggested [s]."""
+MEANS = frozenset(
+    {"torque_bias", "torque_gain", "spring_hysteresis", "load_friction", "measurement_delay"}
+)
+"""Effects that a weight, a load or another sensor tells from others where no current does."""
 ELSEWHERE = (
     "Look at the regimes in which it lies, and record the joint again with one input at a time: "
     "slow ramps, steps, a chirp."
@@ -147,10 +151,9 @@ def _other_means(named: Sequence[NamedEffect]) -> str:
 
 def _needs_more(names: Sequence[str], ranked: Sequence[Prospect]) -> str:
     best = f" (the best would be {ranked[0].input.text})" if ranked else ""
-    return (
-        f"No current within the limits of the joint tells {difference(*names)}"
-        f" with these sensors{best}. {advice(names[0], names[1])}"
-    )
+    told = f"No current within the limits of the joint tells {difference(*names)}"
+    by_motion = MEANS.isdisjoint(names[:2])
+    return f"{told} with these sensors{best}." + ("" if by_motion else f" {advice(*names[:2])}")
 
 
 def record_of(problem: Problem, prospect: Prospect) -> Record:

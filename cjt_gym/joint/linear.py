@@ -51,16 +51,27 @@ def reduced_matrices(p: JointParameters, structure: Structure) -> tuple[Matrix, 
     """Return S'IS, S'DS and S'KS, each of shape (size, size)."""
     s = structure.selection
     inertia, damping, stiffness = (s.T @ m @ s for m in body_matrices(p, structure))
-    for group, value in enumerate(np.diag(inertia)):
-        if value <= 0.0:
-            bodies = [b for b, g in zip(BODIES, structure.groups, strict=True) if g == group]
-            names = " + ".join(f"I_{b[0]}" for b in bodies)
-            raise ParameterError(
-                f"{names} of {p.origin} must be > 0 {p.unit('I_m')} for structure "
-                f"{structure.name}, got {value:g}. Give the inertia or choose a structure that "
-                "joins these bodies to another."
-            )
+    check_inertias(p, structure)
     return inertia, damping, stiffness
+
+
+def check_inertias(p: JointParameters, structure: Structure) -> None:
+    """Reject a joint with a body that moves freely and has no inertia.
+
+    Raises:
+        ParameterError: The total inertia of a coordinate of the structure is absent or zero.
+    """
+    for group in range(structure.size):
+        names = [f"I_{b[0]}" for b, g in zip(BODIES, structure.groups, strict=True) if g == group]
+        total = sum(p.get(name, 0.0) for name in names)
+        if total > 0.0:
+            continue
+        getattr(p, names[0])  # raises where it is absent, and says where to add it
+        raise ParameterError(
+            f"{' + '.join(names)} of {p.origin} must be > 0 {p.unit('I_m')} for structure "
+            f"{structure.name}, got {total:g}. Give the inertia or choose a structure that "
+            "joins these bodies to another."
+        )
 
 
 def state_matrices(

@@ -26,6 +26,13 @@ FACTORS = {180.0 / pi: "deg/s", 30.0 / pi: "rpm", 1e3: "mrad/s", 0.5 / pi: "rev/
 PAIRS = (("q_m", "dq_m"), ("q_g", "dq_g"), ("q_l", "dq_l"))
 ALIKE = 0.8
 """Correlation of a velocity and the slope of its angle from which they are the same motion."""
+COPIED = 0.9999
+"""Correlation of a velocity and its angle from which they are the same column."""
+SIZES = (8, 32, 128)
+"""Samples over which both are averaged where noise may hide that they are the same motion."""
+PLAIN, UNLIKE = 0.9, 0.3
+"""Correlation of neighbouring means of a slope from which it is motion rather than noise, and that
+up to which a velocity does not follow it."""
 MOST_LATE = 50
 """Samples up to which a channel may be late."""
 LATE = 0.7
@@ -104,7 +111,7 @@ def _against_slope(angle: str, velocity: str, columns: Columns, dt: float) -> Re
     slope = np.gradient(q, t)
     lag, alike = _lag(slope, v)
     if abs(alike) < ALIKE:
-        return None
+        return _unlike_slope(angle, velocity, q, v, slope) if abs(alike) < UNLIKE else None
     ratio = float(np.sign(alike) * np.sqrt(np.var(v) / max(np.var(slope), 1e-300)))
     if alike < 0.0:
         text = f"{velocity}: has the sign against the slope of {angle}. Map it with sign = -1."
@@ -130,6 +137,31 @@ def _against_slope(angle: str, velocity: str, columns: Columns, dt: float) -> Re
         )
         return Repair("lateness", velocity, len(v), False, text)
     return None
+
+
+def _unlike_slope(
+    angle: str, velocity: str, q: FloatArray, v: FloatArray, slope: FloatArray
+) -> Repair | None:
+    """Return that a velocity is its angle over again, or does not follow a slope that is plain."""
+    if abs(float(np.corrcoef(q, v)[0, 1])) > COPIED:
+        what = f"is {angle} over again rather than its slope"
+    else:
+        smooth = [(_means(slope, size), _means(v, size)) for size in SIZES if len(q) > 20 * size]
+        plain = [(a, b) for a, b in smooth if _alike(a[1:], a[:-1]) > PLAIN]
+        if not plain or max(abs(_alike(a, b)) for a, b in plain) > UNLIKE:
+            return None
+        what = f"does not follow the slope of {angle}"
+    text = f"{velocity}: {what}. Map the column that has the velocity, or leave {velocity} out."
+    return Repair("unit", velocity, len(v), False, text)
+
+
+def _means(x: FloatArray, size: int) -> FloatArray:
+    count = len(x) // size
+    return np.asarray(x[: count * size].reshape(count, size).mean(axis=1))
+
+
+def _alike(x: FloatArray, y: FloatArray) -> float:
+    return float(np.corrcoef(x, y)[0, 1]) if np.ptp(x) > 0.0 and np.ptp(y) > 0.0 else 0.0
 
 
 def _filled(x: FloatArray) -> FloatArray | None:

@@ -12,6 +12,8 @@ import pytest
 from cjt_gym.cli import main
 from cjt_gym.joint import load_joint, to_toml
 from cjt_gym.records import Record, write_record
+from tests.gap.check.moved import joint
+from tests.gap.check.moved import record as moved_record
 from tests.gap.simulator import nominal, simulate
 
 FIXED = "output_fixed_rigid_gearbox"
@@ -54,6 +56,20 @@ def test_it_writes_three_files_and_says_what_it_found(
     again = load_joint(out / "joint.toml", FIXED).file.effects["coulomb"]["d_cm"]
     assert again.low < 1.5 < again.high  # type: ignore[union-attr,operator]
     assert "run" in again.source  # type: ignore[union-attr]
+
+
+def test_an_excitation_of_an_earlier_diagnosis_is_removed(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It was made for another joint, and would be run on this one."""
+    for name in ("next.npz", "next.toml", "mine.txt"):
+        (tmp_path / name).write_text("")
+    words = ["emps", "--out", str(tmp_path), "--seconds", "10", "--json"]
+    found = json.loads(diagnosed(words, capsys)[1])
+    assert found["suggestion"]["record"] is None
+    assert not (tmp_path / "next.npz").exists()
+    assert not (tmp_path / "next.toml").exists()
+    assert (tmp_path / "mine.txt").exists()
 
 
 def test_without_json_it_prints_a_summary_and_the_files(
@@ -125,6 +141,23 @@ def test_an_angle_that_was_not_recorded_is_said_to_be_derived(
     assert status == 0
     assert "q_m is absent or empty" in " ".join(said.split())
     assert "q_m is absent or empty" in (tmp_path / "found" / "report.html").read_text("utf-8")
+
+
+@pytest.mark.parametrize("noisy", [True, False])
+def test_a_record_at_rest_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], noisy: bool
+) -> None:
+    """Any joint predicts rest, one that is 200 times too light as well as the true one."""
+    (tmp_path / "nominal.toml").write_text(to_toml(joint()), encoding="utf-8")
+    rng, count = np.random.default_rng(0), 4000
+    q, i = (np.round(rng.normal(0.0, s, count) / 1e-5) * 1e-5 for s in (1e-5, 0.02))
+    table = {"t": 1e-3 * np.arange(count), "i": i, "q_m": q if noisy else np.full(count, 0.3)}
+    write_record(moved_record(table), tmp_path / "rest.npz")
+    status, _, err = diagnosed([str(tmp_path / "rest.npz"), "--out", str(tmp_path / "out")], capsys)
+    assert status == 2
+    assert "nothing moves by more than its noise" in err
+    assert "Record motion" in err
+    assert not (tmp_path / "out" / "joint.toml").exists()
 
 
 def change(folder: Path, name: str, **columns: object) -> None:

@@ -18,7 +18,7 @@ from cjt_gym.gap.menu import MENU, REST
 from cjt_gym.gap.replay import replay, written
 from cjt_gym.gap.setting import make_setting
 from cjt_gym.gap.stages import Stages
-from cjt_gym.gap.suggest import record_of
+from cjt_gym.gap.suggest import _needs_more, record_of
 from cjt_gym.joint import get_structure, load_joint_file
 from cjt_gym.records import read_record
 
@@ -121,6 +121,13 @@ def test_the_excitation_is_a_record_that_others_can_run(problem: Problem, tmp_pa
     assert again.structure == FIXED
     assert again.provenance["excitation"] == best.input.name
     assert Suggestion("nothing to run").written(tmp_path / "none.npz").record is None
+
+
+def test_no_current_is_advised_where_none_tells() -> None:
+    said = _needs_more(("torque_offset", "coulomb_asym"), ())
+    assert said.startswith("No current within the limits of the joint tells torque_offset from")
+    assert "record" not in said
+    assert "record a known weight" in _needs_more(("stiffness", "torque_gain"), ())
 
 
 def test_a_suggestion_asks_for_what_is_open() -> None:

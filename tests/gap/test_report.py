@@ -156,6 +156,15 @@ def test_the_verdict_is_one_sentence(explained: Diagnosis) -> None:
     assert text.endswith(" % of it.")
 
 
+def test_the_verdict_tells_tentative_names_apart(explained: Diagnosis) -> None:
+    (sure,) = explained.effects
+    doubtful = replace(sure, name="stribeck", status="tentative")
+    both = verdict_sentence(replace(explained, effects=(doubtful, sure)))
+    assert re.search(r"; asymmetric Coulomb .*\), and tentatively Stribeck .*\), explain ", both)
+    alone = verdict_sentence(replace(explained, effects=(doubtful,)))
+    assert "; tentatively Stribeck friction" in alone
+
+
 def test_no_gap_and_an_unknown_effect_have_their_sentences(
     clean: Diagnosis, unexplained: Diagnosis
 ) -> None:

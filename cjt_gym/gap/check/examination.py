@@ -29,6 +29,7 @@ class Examination:
         advice: What to record instead, a sentence each.
         channels: Properties of each channel.
         notes: Remarks on the log that are not faults, a sentence each.
+        at_rest: Whether nothing moves by more than its noise.
     """
 
     can_tell: tuple[str, ...]
@@ -38,6 +39,7 @@ class Examination:
     advice: tuple[str, ...]
     channels: Mapping[str, Channel]
     notes: tuple[str, ...] = ()
+    at_rest: bool = False
 
     def to_dict(self) -> dict[str, object]:
         """Return the contents of ``record`` in `diagnosis.json`."""

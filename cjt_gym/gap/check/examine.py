@@ -11,9 +11,10 @@ from cjt_gym.gap.check import drive, friction, load, sensing, torque, transmissi
 from cjt_gym.gap.check.channels import measured
 from cjt_gym.gap.check.examination import CannotTell, Examination
 from cjt_gym.gap.check.faults import faults, notes
-from cjt_gym.gap.check.verdicts import Seen, Unseen, Verdict
+from cjt_gym.gap.check.verdicts import NO_MOTION, Seen, Unseen, Verdict, no_balance
 from cjt_gym.gap.check.view import View
 from cjt_gym.joint import JointFile, Structure
+from cjt_gym.joint.linear import check_inertias
 from cjt_gym.records import Record
 
 SHORTEST = 100
@@ -64,15 +65,18 @@ def examine(
     Args:
         record: The record, or several of one joint, which are judged together.
         joint: The nominal joint; None if unknown.
-        structure: Structure of the joint; None takes the one named in the record, or else the one
-            suggested by its channels.
+        structure: Structure of the joint; None takes the one named in the record or the joint, or
+            else the one suggested by the channels.
 
     Raises:
         RecordError: There is no record, or it has fewer than 100 samples or no channel.
+        ParameterError: A body of the joint that moves freely has no inertia.
     """
     records = (record,) if isinstance(record, Record) else tuple(record)
     _check(records)
     view = View.of(records, joint, structure)
+    if joint is not None:
+        check_inertias(joint.parameters, view.structure)
     with threadpool_limits(1, "blas"):  # threads slow down products of narrow matrices
         verdicts = {name: row(view) for name, row in ROWS.items()}
         wrong, remedies = faults(view)
@@ -91,6 +95,7 @@ def examine(
         advice=tuple(dict.fromkeys([*remedies, *(row.instead for row in unseen if row.instead)])),
         channels=view.channels,
         notes=known,
+        at_rest=view.at_rest or no_balance(view) is NO_MOTION,
     )
 
 

@@ -20,6 +20,9 @@ WIDTHS = (5, 7, 9, 13, 17, 25, 37, 53, 75, 101)
 """Candidate smoothing windows, in samples."""
 LONGEST = 0.3
 """Longest smoothing window [s]."""
+MOTION = ("q_m", "q_g", "q_l", "dq_m", "dq_g", "dq_l", "tau")
+STILL = 10.0
+"""Range of a channel at rest, in standard deviations of its noise: white noise spans 8 to 10."""
 REST = 0.1
 """Time without motion after which a body is at rest [s]."""
 
@@ -40,7 +43,7 @@ class View:
         """Return the view of one or several records."""
         longest = max(records, key=len)
         channels = channels_of(longest, joint)
-        return cls(tuple(records), joint, structure or _likely(longest, channels), channels)
+        return cls(tuple(records), joint, structure or _likely(longest, channels, joint), channels)
 
     def __contains__(self, name: object) -> bool:
         """Return whether a channel exists and moves."""
@@ -257,6 +260,12 @@ class View:
         low, high = np.quantile(np.abs(self.motor["v"]), [0.1, 0.9])
         return float(low), float(high)
 
+    @property
+    def at_rest(self) -> bool:
+        """Whether no angle, velocity or torque leaves its noise in the longest record."""
+        moved = [c for n, c in self.channels.items() if n in MOTION]
+        return bool(moved) and all(c.span < STILL * c.noise for c in moved)
+
     @cached_property
     def reversals(self) -> int:
         """Number of times the motor reverses or starts from rest."""
@@ -293,10 +302,11 @@ class View:
         return max(own, 0.0) / least if least > 0.0 else 0.0
 
 
-def _likely(record: Record, channels: Mapping[str, Channel]) -> Structure:
-    """Return the structure named in a record, or else the one suggested by its channels."""
-    if record.structure in STRUCTURES:
-        return STRUCTURES[record.structure]
+def _likely(record: Record, channels: Mapping[str, Channel], joint: JointFile | None) -> Structure:
+    """Return the structure named in a record or joint, or the one suggested by the channels."""
+    for name in (record.structure, None if joint is None else joint.structure):
+        if name in STRUCTURES:
+            return STRUCTURES[name]
     if "tau" not in channels:
         return STRUCTURES["rigid"]
     free = "q_l" in channels and channels["q_l"].moves

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,6 +15,8 @@ from cjt_gym.joint import EFFECTS
 from cjt_gym.joint.effect_entries import unit_on
 
 Floats = NDArray[np.float64]
+TENFOLD = 10.0
+"""Ratio of the ends of an interval above which the record leaves a value open."""
 STEP = 0.01
 """Step of a coordinate for finite-difference slopes, in units of its scale."""
 DIGITS = 8
@@ -66,6 +69,23 @@ class Scatter:
             found[name] = Interval(float(value), ends[0], ends[1], "")
         return found
 
+    def untold(self, named: Collection[str]) -> frozenset[str]:
+        """Return the numbers that the record leaves open, except those of named effects.
+
+        A fit that needs them ends at a bound, or anywhere within a factor of ten: such a number
+        predicts as well as others, but it was not found.
+        """
+        model, z = self.spread.model, self.spread.fit.z
+        found: set[str] = set()
+        for index, term in enumerate(model.terms):
+            span, known = model.span(index), self.spread.intervals(index)
+            for number, at in zip(term.numbers, range(span.start, span.stop), strict=True):
+                one = known[number.symbol]
+                wide = number.log and one.high > TENFOLD * one.low
+                if wide or number.at_bound(float(z[at])):
+                    found |= {self.names[k] for k in np.flatnonzero(self.slopes[:, at])}
+        return frozenset(name for name in found if name.split(".")[0] not in named)
+
     def of_effect(self, name: str) -> dict[str, Interval]:
         """Return the intervals of an effect's numbers, by their symbols in the effect table."""
         found = {}
@@ -76,12 +96,13 @@ class Scatter:
                 found[symbol] = replace(one, unit=unit)
         return found
 
-    def table(self) -> dict[str, object]:
-        """Return the entries for a joint file."""
+    def table(self, left_out: Collection[str] = ()) -> dict[str, object]:
+        """Return the entries for a joint file, without some of the numbers."""
+        kept = [k for k, name in enumerate(self.names) if name not in left_out]
         return {
-            "names": self.names,
-            "values": tuple(map(_short, self.values)),
-            "matrix": tuple(tuple(map(_short, row)) for row in self.matrix),
+            "names": tuple(self.names[k] for k in kept),
+            "values": tuple(_short(self.values[k]) for k in kept),
+            "matrix": tuple(tuple(map(_short, row)) for row in self.matrix[np.ix_(kept, kept)]),
         }
 
 

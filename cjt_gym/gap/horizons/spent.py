@@ -77,4 +77,4 @@ def steady_gain(full: Floats, less: Floats) -> float:
     """
     gains = np.log(np.maximum(less, 1e-300) / np.maximum(full, 1e-300))
     deviation = max(float(np.std(gains, ddof=1)) * np.sqrt(len(gains)), 1e-300)
-    return float(gains.sum()) / deviation
+    return float(gains.sum() / deviation)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -21,6 +21,8 @@ from cjt_gym.joint.quantity import Setting as Entry
 
 Floats = NDArray[np.float64]
 DIGITS = 8
+OPEN = "which leaves it open: it predicts best, and is not drawn"
+"""What the source of a value says that the record hardly determines."""
 RARE = 1e-3
 """Share of samples ignored at each end of the speed range, mostly glitches of a derivative."""
 
@@ -41,8 +43,10 @@ def joint_of(judged: Judgement, effects: Sequence[NamedEffect], record: str) -> 
     intervals = {
         f"{e.name}.{symbol}": interval for e in effects for symbol, interval in e.parameters.items()
     }
+    untold: frozenset[str] = frozenset()
     if scatter is not None:
-        fitted = scatter.intervals()
+        untold = scatter.untold([e.name for e in effects])
+        fitted = {k: one for k, one in scatter.intervals().items() if k not in untold}
         same = {k: i for k, i in intervals.items() if k in fitted and _same(i, fitted[k])}
         intervals = fitted | same
     table: dict[str, dict[str, Entry]] = {n: dict(v) for n, v in nominal.effects.items()}
@@ -54,13 +58,14 @@ def joint_of(judged: Judgement, effects: Sequence[NamedEffect], record: str) -> 
             k: v for k, v in table.get(name, {}).items() if isinstance(v, str)
         }
         for symbol, value in values.items():
-            entries[symbol] = _entry(judged.case.joint, name, symbol, value, source, intervals)
+            said = f"{source}, {OPEN}" if f"{name}.{symbol}" in untold else source
+            entries[symbol] = _entry(judged.case.joint, name, symbol, value, said, intervals)
         table[name] = entries
     p = nominal.parameters
     parameters = replace(p, name=f"{p.name}_identified", source=f"{p.source}; effects {source}")
     return replace(
         nominal, parameters=parameters, effects=table, structure=answer.structure,
-        drive=answer.drive, found=found_at(judged),
+        drive=answer.drive, found=found_at(judged, untold),
     )  # fmt: skip
 
 
@@ -94,8 +99,13 @@ def _entry(
     return Quantity(number, unit, source, low=_short(ends[0]), high=_short(ends[1]))
 
 
-def found_at(judged: Judgement) -> FrozenMapping[Plain]:
-    """Return the ranges in which the joint was identified, and the covariance of its numbers."""
+def found_at(judged: Judgement, untold: Collection[str] = ()) -> FrozenMapping[Plain]:
+    """Return the ranges in which the joint was identified, and the covariance of its numbers.
+
+    Args:
+        judged: The judgement.
+        untold: Numbers that the record leaves open, which are left out of the covariance.
+    """
     logs = judged.case.logs
     speed = np.concatenate([log.speed[log.whole] for log in logs])
     ends = np.quantile(speed, [RARE, 1.0 - RARE])
@@ -114,7 +124,7 @@ def found_at(judged: Judgement) -> FrozenMapping[Plain]:
         low, high = (_short(x) for x in (min(t[0] for t in heat), max(t[1] for t in heat)))
         found["temperature"] = {"low": low, "high": high, "unit": "degC"}
     if (scatter := _scatter(judged)) is not None:
-        found["covariance"] = scatter.table()
+        found["covariance"] = scatter.table(untold)
     return freeze(found)
 
 

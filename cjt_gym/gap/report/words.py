@@ -182,6 +182,15 @@ def where(diagnosis: Diagnosis) -> str:
     return f"{stages}, {spot}" if spot and len(found) == 1 else stages
 
 
+def _named(effects: Sequence[NamedEffect]) -> str:
+    """Return effects as the subject of a sentence, with the tentative ones apart."""
+    sure = [in_words(effect) for effect in effects if effect.status != "tentative"]
+    doubtful = [in_words(effect) for effect in effects if effect.status == "tentative"]
+    if not sure or not doubtful:
+        return ("" if sure else "tentatively ") + joined(sure or doubtful)
+    return f"{joined(sure)}, and tentatively {joined(doubtful)},"
+
+
 def verdict_sentence(diagnosis: Diagnosis) -> str:
     """Return the verdict in one plain sentence."""
     gap = diagnosis.gap
@@ -198,7 +207,7 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
     lies = f"The gap{size} lies {stages}" if stages else f"There is a gap{size}"
     if diagnosis.verdict == "unexplained" or not diagnosis.effects:
         return f"{lies}; no effect of the table explains it."
-    names = joined([in_words(effect) for effect in diagnosis.effects])
+    names = _named(diagnosis.effects)
     verb = "explain" if len(diagnosis.effects) > 1 else "explains"
     if max(effect.confidence for effect in diagnosis.effects) < DOUBTED:
         verb = "might explain"
@@ -215,7 +224,7 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
     if not moving:
         change = f"{percent(gap.before)} to {percent(gap.after)}"
         better = f"; values refined within their tolerances take the replay error from {change}"
-        return f"{lies}: {names}{better if gap.removed >= NOTABLE else ''}."
+        return f"{lies}: {names.removesuffix(',')}{better if gap.removed >= NOTABLE else ''}."
     text = f"{lies}; {names} {verb} {share or 'it, although the replay hardly changes'}."
     if gap.after > max(OPEN, AGAIN * gap.floor):
         text += (

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
 
 from cjt_gym.cli import main
-from cjt_gym.joint import to_toml
+from cjt_gym.joint import JointFile, to_toml
+from cjt_gym.joint.parameters import JointParameters
 from cjt_gym.records import write_record
 from tests.gap.check.moved import ONE, columns, joint, record
 
@@ -45,10 +47,26 @@ def test_as_json_it_has_the_keys_of_the_contract_and_more(
 
 
 def test_another_structure_is_taken(one_way: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["--structure", "rigid_gearbox", "--json"]
+    words = ["--structure", "output_fixed_rigid_gearbox", "--json"]
     assert main(["check", str(one_way), *words]) == 0
     why = {row["name"]: row["why"] for row in json.loads(capsys.readouterr().out)["cannot_tell"]}
     assert why["stiffness"] == "The joint torque tau is not recorded."
+
+
+@pytest.mark.parametrize("command", ["check", "diagnose"])
+def test_a_joint_without_inertia_is_refused(
+    one_way: Path, command: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Both commands say which value is absent, and where to add it."""
+    values = {k: q.number for k, q in joint().parameters.quantities.items() if k[0] != "I"}
+    for more, said in (
+        ({}, r"I_m of .* is needed and absent; add I_m = "),
+        ({"I_m": 0.0}, r"I_m \+ I_g \+ I_l of .* must be > 0 kg m\^2 for structure rigid"),
+    ):
+        bare = JointFile(JointParameters.from_values("mass", values | more), structure="rigid")
+        one_way.with_name("nominal.toml").write_text(to_toml(bare), encoding="utf-8")
+        assert main([command, str(one_way)]) == 2
+        assert re.search(said, capsys.readouterr().err)
 
 
 def test_bad_input_is_one_line_and_status_two(

@@ -38,6 +38,10 @@ def test_records_of_different_lengths_are_judged_together() -> None:
     assert set(together.can_tell) == set(alone.can_tell)
 
 
+def test_a_noisy_velocity_is_none() -> None:
+    assert not [text for text in faults(noisy_velocity(columns())) if "slope" in text]
+
+
 def keep(table: Table, rows: Floats) -> Table:
     return {name: x[rows] for name, x in table.items()}
 
@@ -72,6 +76,19 @@ def in_rpm(table: Table) -> Table:
 
 def turned_velocity(table: Table) -> Table:
     return table | {"dq_m": -np.gradient(table["q_m"], 1e-3)}
+
+
+def angle_over_again(table: Table) -> Table:
+    return table | {"dq_m": np.rad2deg(table["q_m"])}
+
+
+def other_velocity(table: Table) -> Table:
+    return table | {"dq_m": np.random.default_rng(1).normal(0.0, 1.0, len(table["t"]))}
+
+
+def noisy_velocity(table: Table) -> Table:
+    noise = np.random.default_rng(1).normal(0.0, 3.0, len(table["t"]))
+    return table | {"dq_m": np.gradient(table["q_m"], 1e-3) + noise}
 
 
 def in_counts(table: Table) -> Table:
@@ -141,6 +158,8 @@ def stale(table: Table) -> Table:
         (against_its_command, "i: sign turned (i follows i_cmd"),
         (double_current, "i is 2 times i_cmd."),
         (other_torque, "tau_cmd is 3 times k_t n i_cmd."),
+        (angle_over_again, "dq_m: is q_m over again rather than its slope."),
+        (other_velocity, "dq_m: does not follow the slope of q_m."),
         (in_counts, "q_m has only whole numbers"),
         (few_counts, "steps of its resolution."),
         (against, "sign turned"),

@@ -50,3 +50,23 @@ def test_the_components_of_a_weight_become_its_size_and_angle() -> None:
         {"gravity.torque": 1.0, "gravity.angle": 0.0}, abs=1e-12
     )
     assert found.matrix == pytest.approx(np.diag([4e-4, 1e-4]), rel=1e-3, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("z", "deviation", "open_"),
+    [(0.0, 0.05, ()), (0.0, 20.0, ("inertia.I_m",)), (-1e3, 0.05, ("inertia.I_m",))],
+    ids=["told", "over a factor of ten", "at its bound"],
+)
+def test_a_number_that_the_record_leaves_open_is_said_to_be_so(
+    z: float, deviation: float, open_: tuple[str, ...]
+) -> None:
+    """Drawing joints from such an interval would make some of them a hundred times too light."""
+    terms = base_terms(Joint(datasheet(), "rigid", "current", {}), SCALES)[:2]
+    found = scatter(terms, [z, 0.1], np.diag([deviation**2, 1e-4]))
+    shown = tuple(name for name in open_ if name in found.names)
+    assert tuple(found.untold(())) == shown
+    assert not found.untold({"inertia"})
+    table = found.table(found.untold(()))
+    kept = [name for name in found.names if name not in open_]
+    assert list(table["names"]) == kept  # type: ignore[call-overload]
+    assert np.shape(table["matrix"]) == (len(kept), len(kept))
