@@ -32,8 +32,9 @@ from cjt_gym.baselines.controller import Floats
 from cjt_gym.baselines.entry import FIXED, ZERO_AT_REST, Gain
 from cjt_gym.baselines.linear_law import Block, LinearLaw, assemble, signals, static
 from cjt_gym.baselines.linear_row import grid, linear_row
+from cjt_gym.baselines.mechanics import with_commands
 from cjt_gym.baselines.plant_model import SampledJoint
-from cjt_gym.baselines.state_feedback import check_torque_controllable, with_commands
+from cjt_gym.baselines.state_feedback import check_torque_controllable
 
 Plain = tuple[Floats, Floats, Floats, Floats]
 LEAK = 1e-4

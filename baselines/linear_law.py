@@ -13,6 +13,7 @@ from scipy.linalg import block_diag
 from cjt_gym.baselines.controller import Controller, Floats, Mask, check_sampling
 from cjt_gym.errors import ConfigurationError, check_name
 from cjt_gym.joint.arrays import Complex
+from cjt_gym.joint.linear import frequency_response
 from cjt_gym.plant import Measurement
 from cjt_gym.records import COLUMNS
 
@@ -163,11 +164,7 @@ class LinearLaw:
         """
         a, b = self.unlimited()
         z = np.exp(2j * math.pi * f * self.dt)
-        direct = np.broadcast_to(self.d[:COMMAND].astype(np.complex128), (len(f), COMMAND))
-        if len(self.c) == 0:
-            return np.array(direct)
-        inner = np.linalg.solve(z[:, None, None] * np.eye(len(self.c)) - a, b[None, :, :])
-        return np.asarray(np.einsum("i,fij->fj", self.c, inner) + direct)
+        return frequency_response(a, b, self.c[None], self.d[None, :COMMAND], z)[:, 0]
 
     def at_rest(self) -> Floats:
         """Return the map from signals that stand still to the state, shape (order, 9)."""

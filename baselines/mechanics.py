@@ -69,3 +69,15 @@ def placed(model: Mechanics) -> Mechanics:
     a_d, b_d = zero_order_hold(wide, into[:, None], model.dt)
     c = np.concatenate([model.c, angle], axis=1)
     return Mechanics(a_d, b_d[:, 0], c, (wide, into), model.fixed, model.dt)
+
+
+def with_commands(a: Floats, b: Floats, delay: int) -> tuple[Floats, Floats]:
+    """Return a system with the commands on their way as states, the newest first."""
+    n = len(b)
+    if delay == 0:
+        return a, b
+    wide, into = np.zeros((n + delay, n + delay)), np.zeros(n + delay)
+    wide[:n, :n], wide[:n, -1] = a, b
+    wide[range(n + 1, n + delay), range(n, n + delay - 1)] = 1.0
+    into[n] = 1.0
+    return wide, into

@@ -10,11 +10,12 @@ import numpy as np
 
 from cjt_gym.baselines.controller import Floats
 from cjt_gym.baselines.linear_law import COMMAND, LinearLaw
-from cjt_gym.baselines.mechanics import Mechanics, mechanics, placed
+from cjt_gym.baselines.mechanics import Mechanics, mechanics, placed, with_commands
 from cjt_gym.baselines.rational import Rational, transfer_function
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import Joint
 from cjt_gym.joint.arrays import Complex
+from cjt_gym.joint.linear import frequency_response
 
 DELAY_EFFECTS = ("command_delay", "measurement_delay", "torque_delay")
 LONGEST_DELAY = 100
@@ -112,9 +113,9 @@ class LoopModel:
     def response(self, f: Floats) -> Complex:
         """Return the response from command to `MEASURED` and, last, tau, shape (points, 8)."""
         z = np.exp(2j * math.pi * f * self.dt)
-        inner = np.linalg.solve(z[:, None, None] * np.eye(len(self.b)) - self.a, self.b[:, None])
         rows = np.concatenate([self.c, self.tau[None]])
-        return np.asarray((inner[..., 0] @ rows.T) * z[:, None] ** -self.delay)
+        answer = frequency_response(self.a, self.b[:, None], rows, np.zeros((8, 1)), z)
+        return np.asarray(answer[..., 0] * z[:, None] ** -self.delay)
 
     def closed(self, law: LinearLaw) -> tuple[Floats, Floats, Floats]:
         """Return the closed loop's system, its input of sensor noise, and the row of the command.
@@ -124,23 +125,15 @@ class LoopModel:
         """
         inner, into = law.unlimited()
         into, gain = into[:, 1:], law.d[1:COMMAND]
-        n, m, d = len(self.b), len(law.c), self.delay
-        whole = n + m + d
-        a, noise = np.zeros((whole, whole)), np.zeros((whole, 4))
-        command = np.zeros(whole)
-        command[:n], command[n : n + m] = gain @ self.c, law.c
-        a[:n, :n], a[n : n + m, n : n + m] = self.a, inner
-        a[n : n + m, :n] = into @ self.c
+        n, m = len(self.b), len(law.c)
+        both = np.zeros((n + m, n + m))
+        both[:n, :n], both[n:, n:], both[n:, :n] = self.a, inner, into @ self.c
+        a, head = with_commands(both, np.append(self.b, np.zeros(m)), self.delay)
+        noise, command = np.zeros((len(a), 4)), np.zeros(len(a))
         noise[:n], noise[n : n + m] = self.noise_in, into @ self.noise_out
-        direct = gain @ self.noise_out
-        if d == 0:
-            a[:n] += np.outer(self.b, command)
-            noise[:n] += np.outer(self.b, direct)
-        else:
-            a[n + m], noise[n + m] = command, direct
-            a[:n, -1] = self.b
-            a[range(n + m + 1, whole), range(n + m, whole - 1)] = 1.0
-        return a, noise, command
+        command[:n], command[n : n + m] = gain @ self.c, law.c
+        noise += np.outer(head, gain @ self.noise_out)
+        return a + np.outer(head, command), noise, command
 
 
 def loop_model(joint: Joint, dt: float) -> LoopModel:

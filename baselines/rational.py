@@ -44,9 +44,9 @@ def transfer_function(a: Floats, b: Floats, c: Floats, d: float = 0.0) -> Ration
     scale = max(float(np.max(np.abs(np.linalg.eigvals(a)))), 1e-12)
     balanced, transform = matrix_balance(a)
     slow = balanced / scale
-    into = np.linalg.solve(transform, b) / scale
-    out = c @ transform
-    into, out = into / np.linalg.norm(into), out / np.linalg.norm(out)
+    into, out = np.linalg.solve(transform, b) / scale, c @ transform
+    size_in, size_out = np.linalg.norm(into), np.linalg.norm(out)
+    into, out = into / size_in, out / size_out
     n = len(a)
     order, leading = 0, d
     if d == 0.0:
@@ -58,12 +58,7 @@ def transfer_function(a: Floats, b: Floats, c: Floats, d: float = 0.0) -> Ration
             state, original = slow @ state, a @ original
     pencil = np.zeros((n + 1, n + 1))
     pencil[:n, :n], pencil[:n, n], pencil[n, :n] = slow, into, out
-    pencil[n, n] = (
-        0.0
-        if d == 0.0
-        else d
-        / (np.linalg.norm(np.linalg.solve(transform, b) / scale) * np.linalg.norm(c @ transform))
-    )
+    pencil[n, n] = d / (size_in * size_out)
     mass = np.eye(n + 1)
     mass[n, n] = 0.0
     found = eigvals(pencil, mass)

@@ -129,30 +129,22 @@ def best_gains(
     candidates: Iterable[Mapping[str, float]],
 ) -> dict[str, float]:
     """Return the candidate with the least cost whose loop is robust; see the module."""
-    with threadpool_limits(1):  # small matrices gain nothing from threads
-        return _best(model, law, candidates)
-
-
-def _best(
-    model: SampledJoint,
-    law: Callable[[Mapping[str, float]], LinearLaw],
-    candidates: Iterable[Mapping[str, float]],
-) -> dict[str, float]:
-    bench = make_bench(model)
     scored: list[tuple[float, int, Mapping[str, float], LinearLaw]] = []
     refused: ConfigurationError | None = None
-    for gains in candidates:
-        try:
-            made = law(gains)
-        except ConfigurationError as error:  # as where poles cannot be placed
-            refused = error
-            continue
-        cost = bench.cost(made)
-        if math.isfinite(cost):
-            scored.append((cost, len(scored), gains, made))
-    for _, _, gains, made in sorted(scored, key=lambda entry: entry[:2]):
-        if bench.is_stable(made) and noise_gain(bench.nominal, made) <= NOISE:
-            return dict(gains)
+    with threadpool_limits(1):  # small matrices gain nothing from threads
+        bench = make_bench(model)
+        for gains in candidates:
+            try:
+                made = law(gains)
+            except ConfigurationError as error:  # as where poles cannot be placed
+                refused = error
+                continue
+            cost = bench.cost(made)
+            if math.isfinite(cost):
+                scored.append((cost, len(scored), gains, made))
+        for _, _, gains, made in sorted(scored, key=lambda entry: entry[:2]):
+            if bench.is_stable(made) and noise_gain(bench.nominal, made) <= NOISE:
+                return dict(gains)
     if refused is not None and not scored:
         raise refused
     raise ConfigurationError(

@@ -18,7 +18,8 @@ from scipy.linalg import solve_discrete_are
 from scipy.signal import place_poles
 
 from cjt_gym.baselines.controller import Floats
-from cjt_gym.baselines.linear_law import SIGNALS, Block, signals, static
+from cjt_gym.baselines.linear_law import Block, signals, static, through
+from cjt_gym.baselines.mechanics import with_commands
 from cjt_gym.baselines.pbh import check_stabilisable
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.errors import ConfigurationError
@@ -32,18 +33,6 @@ class Feedback:
     commands: Floats  # gains of the commands on their way, the oldest last, shape (delay,)
     integral: float  # gain of the integral of the torque error, tau - r, times dt
     reference_gain: float  # gain of the reference
-
-
-def with_commands(a: Floats, b: Floats, delay: int) -> tuple[Floats, Floats]:
-    """Return the joint with the commands on their way as states, the newest first."""
-    n = len(b)
-    if delay == 0:
-        return a, b
-    wide, into = np.zeros((n + delay, n + delay)), np.zeros(n + delay)
-    wide[:n, :n], wide[:n, -1] = a, b
-    wide[range(n + 1, n + delay), range(n, n + delay - 1)] = 1.0
-    into[n] = 1.0
-    return wide, into
 
 
 def check_torque_controllable(model: SampledJoint) -> None:
@@ -118,12 +107,6 @@ def measured_states(model: SampledJoint) -> Floats:
 
 def reference_and_commands(feedback: Feedback) -> list[Block]:
     """Return the blocks of reference and of commands on their way."""
-    blocks = [static(reference=feedback.reference_gain)]
     delay = len(feedback.commands)
-    if delay:
-        b = np.zeros((delay, len(SIGNALS)))
-        b[0] = signals(command=1.0)
-        shift = np.eye(delay, k=-1)
-        nothing = np.zeros(len(SIGNALS))
-        blocks.append(Block(shift, b, -feedback.commands, nothing, np.zeros(delay)))
-    return blocks
+    late = np.eye(delay, k=-1), np.eye(1, delay)[0], -feedback.commands, 0.0
+    return [static(reference=feedback.reference_gain), through(late, command=1.0)]

@@ -46,6 +46,11 @@ CONTROLLERS: dict[str, ControllerEntry] = {
 for _name, _found in installed_rows("controllers", CONTROLLERS):
     _row = _found if isinstance(_found, ControllerEntry) else entry_of(_name, _name, _found)
     CONTROLLERS[_name] = _row
+CONTROLLER_HELP = (
+    f"{', '.join(CONTROLLERS)}; parts joined by +, as pid+reference+momentum_dob, of "
+    f"{', '.join(PARTS)}; or PATH.py:NAME, code of your own, which is imported"
+)
+"""How a controller is named on every command line."""
 
 
 def get_entry(name: str) -> ControllerEntry:

@@ -14,12 +14,12 @@ import sys
 import warnings
 from collections.abc import Sequence
 from importlib import import_module
+from itertools import takewhile
 from typing import Any, NoReturn
 
 from cjt_gym.console import Answer
 from cjt_gym.console.alive import WORKING, Alive
-from cjt_gym.console.known_names import check_options, check_words
-from cjt_gym.errors import CjtGymError, unknown_name
+from cjt_gym.errors import CjtGymError, UnknownNameError, did_you_mean, unknown_name
 
 COMMANDS: dict[str, str] = {
     "joints": "list the joints, structures, drives and effects there are",
@@ -82,6 +82,17 @@ class Parser(argparse.ArgumentParser):
         """Print the line and exit with status 2."""
         self.exit(2, f"{self.prog}: {message.rstrip('.')}. See {self.prog} --help.\n")
 
+    def check_options(self, words: Sequence[str]) -> None:
+        """Raise UnknownNameError for an option that it does not have, and suggest the nearest."""
+        known = self._option_string_actions
+        for word in takewhile("--".__ne__, words):
+            name = word.partition("=")[0]
+            if name.startswith("--") and not any(option.startswith(name) for option in known):
+                raise UnknownNameError(
+                    f"Unknown option {name} of {self.prog.partition(' ')[2]}."
+                    f"{did_you_mean(name, known)} See {self.prog} --help."
+                )
+
 
 def make_parser() -> Parser:
     """Return the parser of all subcommands; a subcommand's own options are added when it runs."""
@@ -138,12 +149,11 @@ class _Warnings:
 
 def _run_command(command: str, words: Sequence[str], alive: Alive | None = None) -> int:
     try:
-        check_options(command, words)
-        check_words(command, words)
         module = import_module(f"cjt_gym.commands.{command.replace('-', '_')}")
         parser = Parser(prog=f"cjt-gym {command}", description=COMMANDS[command])
         module.add_arguments(parser)
         parser.add_argument("--json", action="store_true", help="print the result as JSON")
+        parser.check_options(words)
         options = parser.parse_args(words)
         if alive is not None:
             alive.doing = WORKING

@@ -10,7 +10,7 @@ from scipy.linalg import block_diag
 
 from cjt_gym.baselines.controller import Floats
 from cjt_gym.baselines.linear_law import COMMAND, MEASURED, SIGNALS, signals
-from cjt_gym.baselines.mechanics import Mechanics
+from cjt_gym.baselines.mechanics import Mechanics, with_commands
 from cjt_gym.baselines.observers.linear_observer import LinearObserver
 from cjt_gym.baselines.pbh import check_observable
 from cjt_gym.baselines.plant_model import SampledJoint, scatter, setting
@@ -133,14 +133,10 @@ def current_observer(model: DesignModel, gain: Floats) -> LinearObserver:
     n, late = len(model.b), model.delay
     keep = np.eye(n) - gain @ model.c
     into, direct = model.a @ gain @ model.rows, gain @ model.rows
-    a, b = np.zeros((n + late, n + late)), np.zeros((n + late, len(SIGNALS)))
-    a[:n, :n], b[:n] = model.a @ keep, into
-    if late == 0:
-        b[:n, COMMAND] += model.b
-    else:  # the commands on their way, the oldest last
-        b[n, COMMAND] = 1.0
-        a[range(n + 1, n + late), range(n, n + late - 1)] = 1.0
-        a[:n, -1] = model.b
+    a, head = with_commands(model.a @ keep, model.b, late)
+    b = np.zeros((n + late, len(SIGNALS)))
+    b[:n] = into
+    b[:, COMMAND] += head
     c, d = [keep, model.tau[None] @ keep, -model.c], [direct, model.tau[None] @ direct, model.rows]
     wide = np.zeros((n + 1 + len(model.c), n + late))
     wide[:, :n] = np.concatenate(c)

@@ -24,6 +24,7 @@ import math
 import numpy as np
 
 from cjt_gym.baselines.linear_law import COMMAND, SIGNALS, signals
+from cjt_gym.baselines.mechanics import with_commands
 from cjt_gym.baselines.observers.linear_observer import LinearObserver
 from cjt_gym.baselines.plant_model import SampledJoint
 from cjt_gym.errors import ConfigurationError
@@ -50,14 +51,9 @@ def momentum_observer(model: SampledJoint, bandwidth_hz: float) -> LinearObserve
     keep = math.exp(-2.0 * math.pi * bandwidth_hz * dt)
     rate = (1.0 - keep) / dt
     late = model.loop.delay
-    a, b = np.zeros((1 + late, 1 + late)), np.zeros((1 + late, len(SIGNALS)))
-    a[0, 0] = keep
+    a, head = with_commands(np.array([[keep]]), np.array([1.0 - keep]), late)
+    b = np.zeros((1 + late, len(SIGNALS)))
     b[0] = (1.0 - keep) * (rate * momentum - signals(tau=1.0))
-    if late == 0:
-        b[0, COMMAND] = 1.0 - keep
-    else:
-        b[1, COMMAND], a[0, -1] = 1.0, 1.0 - keep
-        a[range(2, 1 + late), range(1, late)] = 1.0
-    c = np.zeros((1, 1 + late))
-    c[0, 0] = 1.0
+    b[:, COMMAND] = head
+    c = np.eye(1, 1 + late)
     return LinearObserver(a, b, c, -rate * momentum[None], ("disturbance",), dt)

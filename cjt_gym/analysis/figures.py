@@ -196,12 +196,7 @@ def step_response(loop: Loop, duration: float = STEP_S) -> Floats:
         duration: [s].
     """
     system = loop.closed()
-    x, out = np.zeros(len(system.a)), np.empty((round(duration / system.dt), 2))
-    b, d = system.b[:, 0], system.d[:2, 0]
-    for k in range(len(out)):
-        out[k] = system.c[:2] @ x + d
-        x = system.a @ x + b
-    return out
+    return system.step(round(duration / system.dt))[:, :2]
 
 
 def step_figures(tau: Floats, dt: float) -> dict[str, float]:

@@ -85,7 +85,6 @@ def identify(
     phases: int = 6,
     periods: int = 2,
     seed: int = 0,
-    dt_physics: float = 1e-4,
 ) -> Identified:
     """Measure the response of a closed loop on the simulator.
 
@@ -100,7 +99,6 @@ def identify(
         phases: Realisations of the random phases, run side by side.
         periods: Periods that are measured, after whole ones of settling for at least 2 s.
         seed: Seed of phases and noise.
-        dt_physics: Substep [s].
 
     Raises:
         UnknownNameError: There is no such place.
@@ -118,7 +116,7 @@ def identify(
     samples = round(1.0 / (low * dt))
     excited, silent = _lines(high / low, rng)
     signal = _multisine(excited, samples, phases, amplitude, rng)
-    put, got = _run(law, joint, dt, dt_physics, signal, place, periods, seed)
+    put, got = _run(law, joint, dt, signal, place, periods, seed)
     inward = np.fft.rfft(put, axis=-1) / samples
     out = np.fft.rfft(got, axis=-1) / samples
     gains = out[..., excited] / inward[..., excited]
@@ -159,7 +157,6 @@ def _run(
     law: Law,
     joint: Joint,
     dt: float,
-    dt_physics: float,
     signal: Floats,
     place: str,
     periods: int,
@@ -167,7 +164,7 @@ def _run(
 ) -> tuple[Floats, Floats]:
     """Return what was put in and what came out, each of shape (phases, periods, samples)."""
     phases, samples = signal.shape
-    plant = SimulatedPlant(joint, phases, dt, dt_physics)
+    plant = SimulatedPlant(joint, phases, dt)
     measured = plant.reset(seed=seed)
     law.reset()
     settling = math.ceil(SETTLING_S / (samples * dt))

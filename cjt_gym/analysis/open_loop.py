@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cjt_gym.analysis.figures import step_figures
-from cjt_gym.analysis.system import Complex, Floats
+from cjt_gym.analysis.system import Complex, Floats, System
 from cjt_gym.errors import ConfigurationError, check_name
 from cjt_gym.joint import Joint, linear
 from cjt_gym.joint.linear import (
@@ -287,11 +287,7 @@ def step(
     if duration is None:
         duration = float(min(10.0, 5.0 / decays.min())) if len(decays) else 1.0
     dt = duration / samples
-    a_d, b_d = zero_order_hold(a, b, dt)
-    x, y = np.zeros(len(a)), np.empty(samples)
-    for k in range(samples):
-        y[k] = c[0] @ x + d[0, 0]
-        x = a_d @ x + b_d[:, 0]
+    y = System(*zero_order_hold(a, b, dt), c, d, dt).step(samples)[:, 0]
     t = np.asarray(dt * np.arange(samples), dtype=np.float64)
     final, peak = float(y[-samples // 20 :].mean()), float(np.abs(y).max())
     endless = Step(t, y, math.nan, math.nan, math.nan, math.nan)

@@ -15,9 +15,9 @@ import numpy as np
 from cjt_gym.analysis.system import Floats, System, realize
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint import Joint
+from cjt_gym.joint.arrays import CHANNELS
 from cjt_gym.plant import Law, Measurement, SimulatedPlant, limits_of
 
-CHANNELS = ("i", "q_m", "q_g", "q_l", "dq_m", "dq_g", "dq_l", "tau")
 TRUE = ("true_tau", "true_q_l", "true_dq_l")
 LINEAR_EFFECTS = (
     *("command_delay", "current_lag", "torque_constant", "inertia", "damping", "stiffness"),

@@ -45,6 +45,14 @@ class System:
         z = np.exp(2j * np.pi * np.asarray(f) * self.dt)
         return frequency_response(self.a, self.b, self.c, self.d, z)
 
+    def step(self, samples: int) -> Floats:
+        """Return the answer to a unit step of the first input, shape (samples, outputs)."""
+        x, out = np.zeros(len(self.a)), np.empty((samples, len(self.c)))
+        for k in range(samples):
+            out[k] = self.c @ x + self.d[:, 0]
+            x = self.a @ x + self.b[:, 0]
+        return out
+
     def impulse(self, samples: int) -> Floats:
         """Return the impulse response, shape (samples, outputs, inputs)."""
         out, x = np.empty((samples, *self.d.shape)), self.b

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any, Final
@@ -18,16 +19,21 @@ from cjt_gym.blind.outside import OUTSIDE
 from cjt_gym.blind.plan import Plan, draw_plan
 from cjt_gym.blind.plant import CHANNELS, Floats, World
 from cjt_gym.blind.replay import noise_floor, replay_errors
-from cjt_gym.blind.run import Run, draw_chances, instants, run
+from cjt_gym.blind.run import Run, draw_chances, instants, no_chances, run
 from cjt_gym.blind.scales import Scales, scales_of
-from cjt_gym.blind.settle import settled
 from cjt_gym.blind.signature import signatures
+from cjt_gym.blind.state import Q
 from cjt_gym.blind.tracking import first_gains, under_control
 
 DURATION: Final = 10.0
 """Usual length of a record [s]."""
 ROUGH_STEP: Final = 4e-5
-"""Step of the integrator if only the magnitudes of signals are needed [s]."""
+"""Step of the integrator if only the magnitudes of signals without effects are needed [s]."""
+
+SETTLING_TIME: Final = 1.0
+"""Time for a locked joint to come to rest before its drive is switched on [s]."""
+SETTLING_STEP: Final = 1e-4
+"""Step of the integrator meanwhile [s]."""
 
 
 @dataclass(frozen=True)
@@ -120,7 +126,8 @@ def _case(
         _signal(plan, world, sheet, turn, rng) for turn, rng in enumerate(of_records.spawn(2))
     ]
     seeds = of_records.spawn(4)
-    scales = _scales(world, sheet, plan, signals[0], seeds[0])
+    plain = _record(world, sheet, plan.closed[0], signals[0], seeds[0], ROUGH_STEP)
+    scales = scales_of(world, plain)
     seeds_of_effects = [int(seed) for seed in of_effects.integers(2**63, size=len(plan.effects))]
     true, parameters = _hide(world, plan, scales, seeds_of_effects)
     true = settled(true)
@@ -167,13 +174,6 @@ def _signal(
     return unit * torque / (p["k_t"] * p["n"])
 
 
-def _scales(
-    world: World, sheet: Datasheet, plan: Plan, signal: Floats, rng: np.random.Generator
-) -> Scales:
-    """Return the magnitudes of the first record's signals without any effect."""
-    return scales_of(world, _record(world, sheet, plan.closed[0], signal, rng, ROUGH_STEP))
-
-
 def _hide(
     world: World, plan: Plan, scales: Scales, seeds: list[int], leave_out: int | None = None
 ) -> tuple[World, dict[str, dict[str, float]]]:
@@ -184,6 +184,26 @@ def _hide(
             draw = Draw(np.random.default_rng(seeds[k]), scales, plan.strength, place)
             world, parameters[effect.name] = effect.apply(world, draw)
     return world, parameters
+
+
+def settled(world: World) -> World:
+    """Return a locked joint that starts where it rests with its drive off.
+
+    Otherwise a torque offset or cogging would make the joint swing as the record begins, which no
+    real joint does and which would reveal the effect. A free joint, or one that starts in motion,
+    is unchanged: it is released as the record begins.
+    """
+    if not world.structure.is_locked or world.start:
+        return world
+    p = world.plant
+    critical = 2.0 * math.sqrt(p.k_b * (p.I_m + p.I_g))
+    damped = replace(world, plant=p._replace(d_m=p.d_m + critical))
+    samples = round(SETTLING_TIME / world.sampling)
+    idle = run(
+        damped, np.zeros(samples), Gains(), no_chances(damped, samples), fine_step=SETTLING_STEP
+    )
+    q_m, q_g = idle.states[-1, Q : Q + 2]
+    return replace(world, start={"twist": float(q_g), "wind": float(q_m - q_g)})
 
 
 def _record(

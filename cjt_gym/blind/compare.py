@@ -81,7 +81,8 @@ def compare(label: Label, effect: Mapping[str, Any]) -> list[dict[str, Any]]:
             rows.append(_row(name, key, true, given))
     both = [effect["parameters"].get(key) for key in PHASES.get(name, ())]
     if both and all(both):
-        rows.append(_row(name, "amplitude", _amplitude(values), _size(*both)))
+        true = values["torque"] if "torque" in values else math.hypot(values["a"], values["b"])
+        rows.append(_row(name, "amplitude", true, _size(*both)))
     return rows
 
 
@@ -91,10 +92,6 @@ def _true(name: str, key: str, values: Values, body: str, label: Label) -> float
     if key in PHASES.get(name, ()) or key not in values:
         return None
     return values[key]
-
-
-def _amplitude(values: Values) -> float:
-    return values["torque"] if "torque" in values else math.hypot(values["a"], values["b"])
 
 
 def _size(a: Mapping[str, float], b: Mapping[str, float]) -> dict[str, float]:

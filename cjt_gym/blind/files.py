@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from cjt_gym.blind.case import Case, Log
 from cjt_gym.blind.joints import Datasheet
 from cjt_gym.blind.plant import CHANNELS
+from cjt_gym.disk import Inline, to_toml
 from cjt_gym.records import default_units
 
 UNITS = {"I": "kg m^2", "k": "N m/rad", "d": "N m s/rad"}
@@ -37,56 +39,50 @@ def write_case(case: Case, folder: str | Path) -> Path:
 
 def datasheet_text(sheet: Datasheet, name: str) -> str:
     """Return the joint file of a datasheet."""
-    lines = [
-        f'name = "{name}"',
-        'source = "datasheet of the joint; tolerance is one sigma, relative"',
-        "",
-        "[parameters]",
-    ]
+    units, sensors = default_units(SENSORS), {}
+    for channel in (channel for channel in SENSORS if channel in sheet.channels):
+        j = CHANNELS.index(channel)
+        step = sheet.resolution[j]
+        sensors[channel] = {
+            "resolution": _entry(step, units[channel]) if step else None,
+            "noise": _entry(sheet.noise[j], units[channel]),
+        }
+    values = {}
     for symbol in ORDER:
-        known = _known(sheet, symbol)
         unit = {"n": "-", "k_t": "N m/A"}.get(symbol) or UNITS[symbol[0]]
-        lines.append(_entry(symbol, sheet.values[symbol], unit, known))
-    lines.append(_entry("i_p", sheet.i_p, "A"))
-    lines += ["", "[effects.current_lag]", _entry("bandwidth", sheet.bandwidth, "Hz"), ""]
-    units = default_units(SENSORS)
-    for channel in SENSORS:
-        if channel in sheet.channels:
-            j = CHANNELS.index(channel)
-            resolution, noise = sheet.resolution[j], sheet.noise[j]
-            lines += [f"[sensors.{channel}]"]
-            lines += [_entry("resolution", resolution, units[channel])] if resolution else []
-            lines += [_entry("noise", noise, units[channel])]
-    lines += ["", "[sampling]", _entry("dt", sheet.dt, "s"), _entry("jitter", sheet.jitter, "s")]
-    return "\n".join(lines) + "\n"
+        values[symbol] = _entry(sheet.values[symbol], unit, **_known(sheet, symbol))
+    return to_toml(
+        {
+            "name": name,
+            "source": "datasheet of the joint; tolerance is one sigma, relative",
+            "parameters": values | {"i_p": _entry(sheet.i_p, "A")},
+            "effects": {"current_lag": {"bandwidth": _entry(sheet.bandwidth, "Hz")}},
+            "sensors": sensors,
+            "sampling": {"dt": _entry(sheet.dt, "s"), "jitter": _entry(sheet.jitter, "s")},
+        }
+    )
 
 
-def _known(sheet: Datasheet, symbol: str) -> str:
-    """Return the guess or tolerance of a value, as written in its entry."""
-    if symbol in sheet.guesses:
-        return ", guess = true"
-    tolerance = sheet.tolerances.get(symbol)
-    return "" if tolerance is None else f", tolerance = {tolerance}"
+def _known(sheet: Datasheet, symbol: str) -> dict[str, Any]:
+    """Return the guess or tolerance of a value, as in its entry."""
+    guessed = symbol in sheet.guesses
+    return {"guess": True} if guessed else {"tolerance": sheet.tolerances.get(symbol)}
 
 
-def _entry(key: str, value: float, unit: str, known: str = "") -> str:
-    number = float(f"{value:.6g}")
-    return f'{key} = {{ value = {number!r}, unit = "{unit}"{known} }}'
+def _entry(value: float, unit: str, **known: Any) -> Inline:
+    return Inline(value=float(f"{value:.6g}"), unit=unit, **known)
 
 
 def log_text(case: Case, log: Log) -> str:
     """Return the metadata file of a record."""
-    units = default_units(tuple(log.columns))
-    locked = case.structure.startswith("output_fixed")
-    lines = [
-        f"dt = {case.sheet.dt}",
-        'joint = "nominal.toml"',
-        f'structure = "{case.structure}"',
-        f'mode = "{log.mode}"',
-        f'excitation = "{log.excitation}"',
-        f'output = "{OUTPUTS[locked]}"',
-        "",
-        "[units]",
-        *(f'{name} = "{unit}"' for name, unit in units.items()),
-    ]
-    return "\n".join(lines) + "\n"
+    return to_toml(
+        {
+            "dt": case.sheet.dt,
+            "joint": "nominal.toml",
+            "structure": case.structure,
+            "mode": log.mode,
+            "excitation": log.excitation,
+            "output": OUTPUTS[case.structure.startswith("output_fixed")],
+            "units": default_units(tuple(log.columns)),
+        }
+    )

@@ -17,7 +17,6 @@ import math
 import numpy as np
 
 from cjt_gym.blind.compiled import jit
-from cjt_gym.blind.drive import advance_current
 from cjt_gym.blind.laws import (
     bar_torque,
     beyond,
@@ -30,7 +29,7 @@ from cjt_gym.blind.laws import (
     warming_rate,
 )
 from cjt_gym.blind.plant import GEAR, LOAD, MOTOR, MOUNT, Drive, Floats, Ints, Plant
-from cjt_gym.blind.state import BAR, CREEP, CURRENT, HEAT, TAU, WARM, Q, V
+from cjt_gym.blind.state import BAR, CREEP, CURRENT, HEAT, SLEWED, TAU, WARM, Q, V
 
 SWEEPS = 4
 """Passes over the bodies with friction, which dampers couple only weakly within a fine step."""
@@ -38,6 +37,27 @@ OPEN, CLOSED = 0, 1
 """Index of a mobility: with the contact of the play open or closed."""
 FORCE, UP, DOWN, TAKEN = 0, 1, 2, 3
 """Rows of the scratch array: torques, largest friction impulses, and the impulses taken."""
+
+
+@jit
+def reference_current(d: Drive, command: float) -> float:
+    """Return the reference of the current loop: rounded, after dead zone and limit [A]."""
+    value = command
+    if d.resolution > 0.0:
+        value = d.resolution * math.floor(value / d.resolution + 0.5)
+    if d.dead > 0.0:
+        value = math.copysign(max(abs(value) - d.dead, 0.0), value)
+    return min(max(value, -d.i_max), d.i_max)
+
+
+@jit
+def advance_current(d: Drive, x: Floats, command: float, h: float) -> None:
+    """Advance the current by h in place: slew limit, then a first-order lag, exact for a step."""
+    target = reference_current(d, command)
+    change = min(max(target - x[SLEWED], -d.slew * h), d.slew * h)
+    x[SLEWED] += change
+    decay = math.exp(-2.0 * math.pi * d.bandwidth * h)
+    x[CURRENT] = x[SLEWED] + (x[CURRENT] - x[SLEWED]) * decay
 
 
 @jit

@@ -99,22 +99,21 @@ def responses(p: JointParameters, f: Floats, load: float, *, rigid_gearbox: bool
     return frequency_response(a, b, c[rows], d[rows], 2j * np.pi * f)
 
 
-def torque_limits(
-    p: JointParameters, f: Floats, load: float = LOCKED, *, rigid_gearbox: bool = True
-) -> TorqueLimits:
+def torque_limits(p: JointParameters, f: Floats, load: float = LOCKED) -> TorqueLimits:
     """Return what current, heat, voltage and velocity allow at each frequency.
+
+    The gearbox counts as rigid.
 
     Args:
         p: Parameters.
         f: Frequencies > 0, shape (frequencies,) [Hz].
         load: Inertia of a free load [kg m^2]; infinite for a locked output.
-        rigid_gearbox: Whether the gearbox counts as rigid.
 
     Raises:
         ConfigurationError: As for `response`.
     """
     f = np.asarray(f, dtype=np.float64)
-    torque, velocity = response(p, f, load, rigid_gearbox=rigid_gearbox)
+    torque, velocity = response(p, f, load)
     gain, k = np.abs(torque), torque_per_ampere(p)
     volts = (p.r + 2j * np.pi * f * p.get("l_a", 0.0)) / k + k * velocity  # per N m of the motor
     return TorqueLimits(

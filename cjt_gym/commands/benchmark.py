@@ -9,8 +9,8 @@ from typing import Any
 
 from cjt_gym import __version__
 from cjt_gym.baselines import CONTROLLERS
+from cjt_gym.baselines.table import CONTROLLER_HELP
 from cjt_gym.console import Answer
-from cjt_gym.console.controllers import CONTROLLER_HELP
 from cjt_gym.console.options import (
     add_conditions,
     check_randomize,
@@ -21,6 +21,7 @@ from cjt_gym.console.options import (
 )
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint.effect_words import parse_effects
+from cjt_gym.records.repair_notes import counted
 from cjt_gym.training.benchmark.cluster import BACKENDS
 from cjt_gym.training.benchmark.grid import Cell, make_cells, run_grid
 from cjt_gym.training.evaluation.rollout import joint_of
@@ -144,7 +145,7 @@ def _facts(options: argparse.Namespace, results: list[dict[str, Any]]) -> list[s
     done = [r for r in results if r["status"] == "done"]
     places = list(dict.fromkeys((r["cell"]["joint"], r["cell"]["structure"]) for r in done))
     joints, structures = (list(dict.fromkeys(names)) for names in zip(*places, strict=True))
-    counts = [counted(joints, "joint"), counted(structures, "structure")]
+    counts = [counted(len(joints), "joint"), counted(len(structures), "structure")]
     agents = len({r["agent"] for r in done})
     return [
         f"{agents} controllers and policies, {', '.join(counts)}, {options.episodes} episodes of "
@@ -153,13 +154,3 @@ def _facts(options: argparse.Namespace, results: list[dict[str, Any]]) -> list[s
         f"cjt-gym {__version__}.",
         *(f"{joint}, {s}. {effects_in_force(results, joint, s)}." for joint, s in places),
     ]
-
-
-def counted(things: list[str], word: str) -> str:
-    """Return how many there are, in words.
-
-    Example:
-        >>> counted(["orange_80_6000"], "joint")
-        '1 joint'
-    """
-    return f"{len(things)} {word}{'' if len(things) == 1 else 's'}"

@@ -10,17 +10,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from cjt_gym.baselines.table import CONTROLLER_HELP
 from cjt_gym.canbus.arm import CanArm
 from cjt_gym.canbus.config import HardwareConfig, load_joints
-from cjt_gym.canbus.dry_run import Frames
 from cjt_gym.canbus.emulated_arm import emulator_of
 from cjt_gym.canbus.emulator import emulated_joint
 from cjt_gym.canbus.experiments import EXPERIMENTS
 from cjt_gym.canbus.journal import Watcher
 from cjt_gym.canbus.protocols.contract import CHANNELS
-from cjt_gym.canbus.virtual import VirtualLink
+from cjt_gym.canbus.virtual import Frames, VirtualLink
 from cjt_gym.console import Answer
-from cjt_gym.console.controllers import CONTROLLER_HELP
 from cjt_gym.console.endings import in_order
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.hardware.jobs import NONE, TRACKING, of_joint, runs_of

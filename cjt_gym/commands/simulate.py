@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from cjt_gym.baselines import CONTROLLERS
+from cjt_gym.baselines.table import CONTROLLER_HELP
 from cjt_gym.console import Answer
-from cjt_gym.console.controllers import CONTROLLER_HELP
 from cjt_gym.console.logs import read_own
 from cjt_gym.console.options import (
     USUAL,

@@ -14,8 +14,8 @@ from typing import Any
 from cjt_gym import __version__
 from cjt_gym.baselines import get_entry
 from cjt_gym.baselines.own import is_own
+from cjt_gym.baselines.table import CONTROLLER_HELP
 from cjt_gym.console import Answer
-from cjt_gym.console.controllers import CONTROLLER_HELP
 from cjt_gym.console.options import (
     add_conditions,
     check_randomize,

@@ -1,4 +1,4 @@
-"""What commands share: options, names known without imports, signs of life, ends, tables."""
+"""What commands share: options, signs of life, ends, tables."""
 
 from __future__ import annotations
 

@@ -317,17 +317,10 @@ def usual_motion(p: JointParameters) -> float:
     return float(f"{0.2 * characteristic(p, 't_p') / p.k_b:.0e}")
 
 
-def impedance(axes: Axes, joints: Joints, motion: float | None = None) -> None:
-    """Draw the impedances that the joints can show while the output moves.
-
-    Args:
-        axes: Where to draw.
-        joints: Parameters of one joint, or of several.
-        motion: Amplitude of the output's motion [rad]; the least `usual_motion` if absent.
-    """
+def impedance(axes: Axes, joints: Joints) -> None:
+    """Draw the impedances that the joints can show while the output moves by `usual_motion`."""
     joints = _several(joints)
-    if motion is None:
-        motion = min(usual_motion(p) for p in joints)
+    motion = min(usual_motion(p) for p in joints)
     centre = [resonance(p) for p in joints]
     f = np.geomspace(0.02 * min(centre), 10.0 * max(centre), 600)
     for p, colour in zip(joints, COLOURS, strict=False):

@@ -302,14 +302,21 @@ def _add_motor_angle(
             columns["q_m"] = columns[f"q_{body}"]
             return frozenset()
     for name in (f"dq_{body}" for body in moving):
-        if name in record and np.isfinite(record[name]).all():
-            columns["q_m"] = cumulative_trapezoid(record[name], record.t, initial=0.0)
+        if name in record and np.isfinite(record[name]).sum() > SHORTEST // 2:
+            columns["q_m"] = _integral(record[name], record.t)
             return frozenset()
     p = joint.parameters
     if structure.output_fixed and "tau" in columns and p.get("k_b", 0.0) > 0.0:
         columns["q_m"] = columns["tau"] * compliance(joint, structure) + columns.get("q_l", 0.0)
         return frozenset({"q_m"})
     return frozenset()
+
+
+def _integral(velocity: Floats, t: Floats) -> Floats:
+    """Return the integral of a velocity over time, NaN where the velocity is missing."""
+    good = np.isfinite(velocity)
+    rate = np.interp(t, t[good], velocity[good])
+    return np.where(good, cumulative_trapezoid(rate, t, initial=0.0), np.nan)
 
 
 def compliance(joint: JointFile, structure: Structure) -> float:

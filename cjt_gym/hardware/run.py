@@ -16,6 +16,7 @@ from cjt_gym.canbus.link import Link
 from cjt_gym.hardware.delayed_law import PolicyLaw, law_for
 from cjt_gym.hardware.jobs import NONE, Job, Run
 from cjt_gym.joint.arrays import Floats
+from cjt_gym.training.evaluation.metrics import rms
 from cjt_gym.training.tuning.gains import gains_in_record
 
 Law = Controller | PolicyLaw
@@ -40,18 +41,14 @@ def carry_out(
     result = {
         "record": None if run.path is None else str(run.path),
         "samples": len(errors),
-        "rmse": _rms(errors[:, tracked]) if any(tracked) else None,
+        "rmse": rms(errors[:, tracked]) if any(tracked) else None,
         "timing_us": timing.summary(),
         "delays_s": timing.delay(arm.dt),
     }
     if len(configs) == 1:
         return result
     each = zip(configs, tracked, errors.T, strict=True)
-    return result | {"joints": {c.name: _rms(error) if is_on else None for c, is_on, error in each}}
-
-
-def _rms(errors: Floats) -> float:
-    return float(np.sqrt(np.mean(np.square(errors))))
+    return result | {"joints": {c.name: rms(error) if is_on else None for c, is_on, error in each}}
 
 
 def _policy(arm: CanArm, k: int, job: Job) -> Law | None:

@@ -61,7 +61,10 @@ def build_joints(table: str | Path | Mapping[str, Any]) -> dict[str, Joint]:
     folder, owner = Path(), "the table"
     if not isinstance(table, Mapping):
         folder, owner = Path(table).parent, str(table)
-        table = _read(Path(table))
+        try:
+            table = read_toml(Path(table), ConfigurationError)
+        except FileNotFoundError:
+            raise MissingFileError(f"The table of joints {owner} does not exist.") from None
     _check_keys(table, KEYS, owner)
     if not table.get("joints"):
         raise ConfigurationError(f"{owner} must have 'joints', got none. Add at least one.")
@@ -81,8 +84,9 @@ def build_joints(table: str | Path | Mapping[str, Any]) -> dict[str, Joint]:
                 f"such as {{ k_b = 3e3 }}, got {file!r} and {parameters!r}."
             )
         label = "-".join(filter(None, [name, structure, drive if len(drives) > 1 else "", kind]))
+        place = folder / Path(file).expanduser() if is_path(file) else file
         try:
-            joint = load_joint(_located(file, folder), structure, drive, effects[kind], parameters)
+            joint = load_joint(place, structure, drive, effects[kind], parameters)
         except CjtGymError as error:
             raise type(error)(f"{label} of {owner}: {error}") from None
         named = replace(joint.parameters, name=label, quantities=_sourced(joint, owner))
@@ -129,13 +133,6 @@ def _sourced(joint: Joint, owner: str) -> dict[str, Quantity]:
     }
 
 
-def _read(path: Path) -> Mapping[str, Any]:
-    try:
-        return read_toml(path, ConfigurationError)
-    except FileNotFoundError:
-        raise MissingFileError(f"The table of joints {path} does not exist.") from None
-
-
 def _check_keys(row: object, known: tuple[str, ...], owner: str) -> None:
     if not isinstance(row, Mapping):
         raise ConfigurationError(f"{owner} must be a table with {', '.join(known)}, got {row!r}.")
@@ -145,8 +142,3 @@ def _check_keys(row: object, known: tuple[str, ...], owner: str) -> None:
                 f"{owner} has the unknown key '{key}'.{did_you_mean(key, known)} Known: "
                 f"{', '.join(known)}."
             )
-
-
-def _located(file: str, folder: Path) -> str | Path:
-    """Return the name of a shipped joint, or the path of a file beside the table."""
-    return folder / Path(file).expanduser() if is_path(file) else file

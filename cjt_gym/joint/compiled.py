@@ -58,6 +58,15 @@ def lean(function: Function) -> Function:
     return inner
 
 
+def apart(function: Function) -> Function:
+    """Compile a lean function that is never inlined, as what an inlined one calls otherwise is.
+
+    For rare and long parts of a step, which would only delay its compilation.
+    """
+    inner: Function = register_jitable(forceinline=False, **INNER)(function)
+    return inner
+
+
 def threaded(function: Function) -> Function:
     """Compile a lean function that threads may run in parallel."""
     return _kept(function, nogil=True, **BORROWED)

@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.joint.arrays import REGULATOR, VOLTS, Floats, Setup
-from cjt_gym.joint.compiled import lean
+from cjt_gym.joint.compiled import apart, lean
 from cjt_gym.joint.configure import resolve_effects
 from cjt_gym.joint.drives import CURRENT, DQ, RL, STATIC, circle, clip
 from cjt_gym.joint.effects import EFFECTS
@@ -86,7 +86,7 @@ def closes(p: Any, setup: Setup) -> bool:
     return setup.drive != CURRENT and not setup.is_voltage and p.loop_bandwidth > 0.0
 
 
-@lean
+@apart
 def regulated_command(
     p: Any, memory: Floats, setup: Setup, at: int, currents: Floats, command: float, dq_m: float
 ) -> tuple[float, float]:
@@ -99,7 +99,7 @@ def regulated_command(
     return volts[0], volts[1]
 
 
-@lean
+@apart
 def terminal_volts(
     p: Any,
     k: float,

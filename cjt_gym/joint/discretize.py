@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.joint.compiled import lean
+from cjt_gym.joint.compiled import apart, lean
 from cjt_gym.joint.springs import BAR, has_play
 
 Matrix = NDArray[np.float64]
@@ -35,7 +35,7 @@ MAX_TERMS = 30
 """Of a series; never met, so that no loop is endless."""
 
 
-@lean
+@apart
 def discretize(
     p: Any, groups: tuple[int, int, int], h: float, a: Matrix, b: Matrix, scratch: Matrix
 ) -> None:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from cjt_gym.errors import check_name
 from cjt_gym.joint.arrays import LAGGED, REFERENCE
-from cjt_gym.joint.compiled import lean
+from cjt_gym.joint.compiled import apart, lean
 
 CURRENT, STATIC, RL, DQ = 0, 1, 2, 3
 
@@ -139,7 +139,7 @@ def advance_dq(
     return circle(z.real, z.imag, p.i_p)
 
 
-@lean
+@apart
 def advance_currents(
     p: Any,
     k: float,

@@ -27,7 +27,7 @@ from cjt_gym.joint.arrays import (
     UP,
     Floats,
 )
-from cjt_gym.joint.compiled import lean
+from cjt_gym.joint.compiled import apart, lean
 
 MOTOR, GEAR, LOAD = 0, 1, 2
 LEAST = 1e-9  # level below which there is no friction [N m]
@@ -125,7 +125,7 @@ def sliding_friction(
     return torque, slope
 
 
-@lean
+@apart
 def bristles(
     p: Any, work: Floats, body: int, z: float, dq: float, side: float, tau: float, h: float
 ) -> tuple[float, float, float]:

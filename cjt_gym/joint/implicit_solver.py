@@ -34,7 +34,7 @@ from cjt_gym.joint.arrays import (
     Setup,
     X,
 )
-from cjt_gym.joint.compiled import lean
+from cjt_gym.joint.compiled import apart, lean
 from cjt_gym.joint.resistance import (
     FREELY,
     PLAINLY,
@@ -270,7 +270,7 @@ def changes_mode(p: Any, memory: Floats, setup: Setup, work: Floats, command: fl
     return changed
 
 
-@lean
+@apart
 def descend(
     p: Any, memory: Floats, setup: Setup, b: Floats, command: float, load: float, work: Floats
 ) -> bool:

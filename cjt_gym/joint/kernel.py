@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from types import FunctionType
 from typing import Any
 
 import numpy as np
@@ -32,7 +33,7 @@ from cjt_gym.joint.arrays import (
     Setup,
     X,
 )
-from cjt_gym.joint.compiled import compiled, lean
+from cjt_gym.joint.compiled import compiled, inlined, lean
 from cjt_gym.joint.current_loop import closes, regulated_command, terminal_volts
 from cjt_gym.joint.disturbance import disturbed_load, is_disturbed
 from cjt_gym.joint.drives import CURRENT, shaped_command
@@ -162,6 +163,10 @@ def control_step(
     batch.samples[i] = k + 1
     measure(batch, setup, i, False, is_late, work)
     return True
+
+
+inlined_step: Any = inlined(FunctionType(control_step.__code__, globals(), "inlined_step"))
+"""`control_step` compiled into its caller: twice as fast in a long loop, longer to compile."""
 
 
 @lean

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from cjt_gym.joint.compiled import lean
+from cjt_gym.joint.compiled import apart, lean
 
 TINY = 1e-9  # [rad]
 
@@ -65,7 +65,7 @@ def mean_contact(p: Any, start: float, rate: float, h: float) -> tuple[float, fl
     return elastic * grip, slope * grip + elastic * p.contact_damping
 
 
-@lean
+@apart
 def load_force(p: Any, start: float, rate: float, h: float) -> tuple[float, float]:
     """Return the mean torque against the load over a substep [N m] and its slope [N m s/rad]."""
     torque, slope = 0.0, 0.0

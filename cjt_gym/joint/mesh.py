@@ -26,7 +26,7 @@ from cjt_gym.joint.arrays import (
     Setup,
     X,
 )
-from cjt_gym.joint.compiled import lean
+from cjt_gym.joint.compiled import apart, lean
 from cjt_gym.joint.friction import LOAD, dry_level, friction
 from cjt_gym.joint.implicit_solver import resist
 from cjt_gym.joint.load_forces import has_load_force, load_force
@@ -51,7 +51,7 @@ def meshes(p: Any, ripple: Floats) -> bool:
     )
 
 
-@lean
+@apart
 def loops(p: Any, ripple: Floats, setup: Setup) -> bool:
     """Whether the transmitted torque is solved for together with what depends on it."""
     feeds_back = False
@@ -79,7 +79,7 @@ def held_friction(p: Any, memory: Floats, setup: Setup, command: float, work: Fl
     return float(hold * own / dry_sum(p, memory, work, setup.groups, 0, side))
 
 
-@lean
+@apart
 def rigid_torque(
     p: Any, memory: Floats, setup: Setup, command: float, load: float, v: float, work: Floats
 ) -> float:
@@ -130,7 +130,7 @@ def middle_angle(setup: Setup, work: Floats) -> float:
     return float(middle + 0.125 * setup.h * (work[X, row] - work[FREE, row]))
 
 
-@lean
+@apart
 def settle_mesh(
     p: Any, memory: Floats, ripple: Floats, b: Floats, setup: Setup, current: float, work: Floats
 ) -> None:
@@ -155,7 +155,7 @@ def settle_mesh(
         work[FREE, i] += b[i, 0] * work[RIPPLE, 0]
 
 
-@lean
+@apart
 def settle_loop(
     p: Any,
     memory: Floats,

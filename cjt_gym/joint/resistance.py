@@ -26,7 +26,7 @@ from cjt_gym.joint.arrays import (
     Setup,
     X,
 )
-from cjt_gym.joint.compiled import lean
+from cjt_gym.joint.compiled import apart, lean
 from cjt_gym.joint.drives import STATIC, static_current
 from cjt_gym.joint.friction import (
     BRISTLES,
@@ -210,7 +210,7 @@ def come_to_rest(p: Any, memory: Floats, setup: Setup, b: Floats, work: Floats) 
                 work[FREE, row] = 0.0
 
 
-@lean
+@apart
 def remember(p: Any, memory: Floats, setup: Setup, work: Floats) -> None:
     """Move bristles and hysteresis on along the motion of the substep."""
     for body in range(3):

@@ -26,7 +26,7 @@ from cjt_gym.joint.arrays import (
     Setup,
     X,
 )
-from cjt_gym.joint.compiled import lean
+from cjt_gym.joint.compiled import apart, lean
 from cjt_gym.joint.random_stream import normal, uniform
 from cjt_gym.joint.springs import BAR, is_nonlinear, spring_torque
 from cjt_gym.joint.substep import store_state
@@ -95,7 +95,7 @@ def plan_lateness(p: Any, setup: Setup, work: Floats) -> bool:
     return True
 
 
-@lean
+@apart
 def take_snapshot(
     p: Any,
     memory: Floats,
@@ -185,7 +185,7 @@ def encoder(p: Any, body: int) -> tuple[float, float, float, float]:
     return p.gain_q_l, p.eccentricity_q_l, 1.0, p.bias_q_l
 
 
-@lean
+@apart
 def distort(p: Any, memory: Floats, new: Floats) -> None:
     """Apply gain, eccentricity, bias and drift to all channels, in place."""
     for body in range(3):
@@ -201,7 +201,7 @@ def distort(p: Any, memory: Floats, new: Floats) -> None:
     new[TAU] = p.gain_tau * new[TAU] + p.bias_tau + memory[DRIFT + 4]
 
 
-@lean
+@apart
 def walk(p: Any, memory: Floats, dt: float, rng: NDArray[np.uint64], i: int) -> None:
     """Let the zeros of joint i drift over a control step."""
     root = math.sqrt(dt)

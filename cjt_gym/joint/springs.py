@@ -17,7 +17,7 @@ import math
 from typing import Any
 
 from cjt_gym.joint.arrays import LOOP, Floats
-from cjt_gym.joint.compiled import lean
+from cjt_gym.joint.compiled import apart, lean
 from cjt_gym.joint.spring_table import mean_torque, table_torque
 
 GEAR_SPRING, BAR = 0, 1
@@ -129,7 +129,7 @@ def hysteresis(p: Any, memory: Floats, dx: float, keep: bool, held: float) -> tu
     return torque, work
 
 
-@lean
+@apart
 def spring_torque(
     p: Any, memory: Floats, groups: tuple[int, int, int], which: int, deflection: float, rate: float
 ) -> float:
@@ -233,7 +233,7 @@ def relax(memory: Floats) -> None:
         memory[LOOP + j] = 0.0
 
 
-@lean
+@apart
 def added_torque(
     p: Any,
     memory: Floats,

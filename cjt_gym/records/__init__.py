@@ -8,10 +8,9 @@ from cjt_gym.records.checks import FloatArray
 from cjt_gym.records.columns import COLUMNS, TRUE_PREFIX, Column, default_units
 from cjt_gym.records.files import joint_of, read_record, record_names, write_record
 from cjt_gym.records.formats import FORMATS
-from cjt_gym.records.joints import joints_of, one_joint, part_of
 from cjt_gym.records.logs import draft_mapping, iter_record, read_log
 from cjt_gym.records.mapping import load_mapping
-from cjt_gym.records.record import JOINT_FILE, Record, concat
+from cjt_gym.records.record import JOINT_FILE, Record, concat, joints_of, one_joint, part_of
 from cjt_gym.records.repair import clean, clean_pieces
 from cjt_gym.records.repair_notes import Repair
 from cjt_gym.records.units import UNITS, units_of

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from cjt_gym.blind.drive import reference_current
 from cjt_gym.blind.laws import (
     bar_torque,
     beyond,
@@ -44,6 +43,7 @@ from cjt_gym.blind.state import (
     V,
     initial_state,
 )
+from cjt_gym.blind.stepper import reference_current
 
 STICK = 0
 REST = 1e-9

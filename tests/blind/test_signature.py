@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from cjt_gym.blind import draw_case
+from cjt_gym.blind.case import settled
 from cjt_gym.blind.plant import STRUCTURES
-from cjt_gym.blind.settle import settled
 from cjt_gym.blind.signature import VISIBLE, active
 from tests.blind.joints import PLANT, world
 

@@ -155,8 +155,6 @@ def test_a_package_brings_its_rows_along(tmp_path: Path) -> None:
         f"import sys; sys.path.insert(0, {str(tmp_path)!r});"
         "from cjt_gym.baselines import CONTROLLERS; from cjt_gym.joint import EFFECTS;"
         "from cjt_gym.training.evaluation.tasks import BENCHMARK_TASKS;"
-        "from cjt_gym.console.known_names import check_words;"
-        "check_words('simulate', ['--controller', 'damped']);"
         "print(CONTROLLERS['damped'].summary, CONTROLLERS['pd'].summary != 'Damped.',"
         "EFFECTS['seal'].summary, BENCHMARK_TASKS['staircase'].summary)"
     )

@@ -191,6 +191,18 @@ def test_uneven_times_are_put_on_an_even_grid() -> None:
     assert not series.valid["q_m"][405:415].any()
 
 
+def test_a_speed_with_missing_samples_stands_for_the_angle() -> None:
+    record = simulate(seconds=1.0)
+    speed = np.gradient(record["q_m"], 1e-3)
+    speed[[300, 301, 700]] = np.nan
+    columns = {"i": record["i"], "dq_m": speed}
+    alone = Record(columns, {"i": "A", "dq_m": "rad/s"}, dt=1e-3, allow_nan=True)
+    series = to_series(alone, nominal(), get_structure(FIXED))
+    assert np.flatnonzero(~series.valid["q_m"]).tolist() == [300, 301, 700]
+    travelled = record["q_m"] - record["q_m"][0]
+    assert series["q_m"] == pytest.approx(travelled, abs=0.02 * np.ptp(travelled))
+
+
 def test_a_record_driven_by_nothing_is_refused() -> None:
     record = simulate(seconds=1.0)
     bare = Record({"q_m": record["q_m"]}, {"q_m": "rad"}, dt=1e-3)

@@ -21,7 +21,7 @@ from cjt_gym.joint import load_joint
 from cjt_gym.joint.arrays import CHANNELS
 from cjt_gym.plant import Measurement
 from cjt_gym.training.gpu import HostEpisodes, make_episodes
-from cjt_gym.training.gpu.law import TorchLaw
+from cjt_gym.training.gpu.device import TorchLaw
 from cjt_gym.training.tuning.gains import choose
 
 HERE = Path(__file__).parent

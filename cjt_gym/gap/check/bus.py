@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from cjt_gym.joint.arrays import Floats
 from cjt_gym.records import Record
 
 LOOP = ("age", "lateness", "round_trip")
@@ -32,7 +31,7 @@ def bus(records: Sequence[Record]) -> list[str]:
 
 
 def _sentences(record: Record) -> list[str]:
-    trips, age, late = (_known(record[name]) for name in ("round_trip", "age", "lateness"))
+    age, late, trips = (record[name][np.isfinite(record[name])] for name in LOOP)
     answered = trips[trips > 0.0]
     if not (answered.size and age.size and late.size):
         return []
@@ -50,7 +49,3 @@ def _sentences(record: Record) -> list[str]:
     if (silent := 1.0 - answered.size / max(trips.size - 1, 1)) > SILENT:
         found.append(f"No answer came within {100.0 * silent:.2g} % of the control steps.")
     return found
-
-
-def _known(x: Floats) -> Floats:
-    return x[np.isfinite(x)]

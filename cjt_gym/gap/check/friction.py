@@ -106,10 +106,6 @@ def inertia(view: View, balance: Balance) -> Verdict:
 
 def bodies(view: View) -> tuple[str, ...]:
     """Return the inertias that the motor's balance contains."""
-    return ("I_m", "I_g") if view.cut and not view.structure.has_gear else _all(view)
-
-
-def _all(view: View) -> tuple[str, ...]:
     return ("I_m", "I_g") if view.structure.output_fixed or view.cut else ("I_m", "I_g", "I_l")
 
 

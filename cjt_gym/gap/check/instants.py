@@ -158,14 +158,11 @@ def _shift(view: View) -> float | None:
     if not view.records[0].prismatic:
         terms += [np.sin(balance["q"]), np.cos(balance["q"])]
     torques = {
-        float(piece["t"][0]): smooth(view.motor_torque(piece), balance.width)
+        id(piece): smooth(view.motor_torque(piece), balance.width)
         for piece in view.stretches
         if len(piece["t"]) > 2 * balance.width
     }
-    tried = [
-        view.at_motion(lambda piece: torques[float(piece["t"][0])], shift * view.dt)
-        for shift in SHIFTS
-    ]
+    tried = [view.at_motion(lambda piece: torques[id(piece)], shift * view.dt) for shift in SHIFTS]
     left = np.array([left_over(y, terms) / max(float(np.std(y)), 1e-300) for y in tried])
     best, none = int(np.argmin(left)), int(np.flatnonzero(SHIFTS == 0.0)[0])
     now = left[none]

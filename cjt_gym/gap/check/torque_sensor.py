@@ -8,6 +8,7 @@ from cjt_gym.gap.check.balance import left_over
 from cjt_gym.gap.check.pieces import smooth
 from cjt_gym.gap.check.view import View
 from cjt_gym.joint.arrays import Floats
+from cjt_gym.records.repair_notes import counted
 
 HELPS = 0.8
 """Largest residual of the motion's balance with the torque as a load, relative to that without."""
@@ -68,7 +69,7 @@ def at_rest(view: View) -> list[str]:
     middle, half = 0.5 * float(means.max() + means.min()), 0.5 * float(np.ptp(means))
     noise = view.channels["tau"].noise
     least = SURE * noise / np.sqrt(min(map(len, rests))) + half
-    count = f"{len(rests)} time{'s' if len(rests) > 1 else ''}"
+    count = counted(len(rests), "time")
     said = f"At rest without motor torque ({count}) tau reads {middle:.3g} {unit}"
     if half > noise:
         said += f" ± {half:.2g} {unit}"

@@ -74,8 +74,12 @@ def only_from(size: float, unit: str) -> str:
     """
     if not np.isfinite(size):
         return "it would not be visible at any size"
-    number = f"{100.0 * size:.2g} %" if unit == "-" else f"{size:.2g} {unit}"
-    return f"it would be visible only from {number}"
+    return f"it would be visible only from {sized(size, unit)}"
+
+
+def sized(size: float, unit: str) -> str:
+    """Return a size with its unit, one without a unit in percent."""
+    return f"{100.0 * size:.2g} %" if unit == "-" else f"{size:.2g} {unit}"
 
 
 def percent(share: float) -> str:

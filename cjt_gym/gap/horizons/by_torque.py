@@ -46,6 +46,9 @@ SAME: Mapping[str, frozenset[str]] = {
     "cogging": frozenset(),
 }
 """For each effect that the torque shows, effects that already account for it or its remainder."""
+FRICTION = frozenset({"damping", "coulomb"})
+"""Laws that only oppose the motion. Where one of them is negative something else moves the joint,
+as the other joints of an arm do, and the other is not friction either."""
 AGREES = 0.5
 """Relative difference up to which a fit and a regression agree."""
 LEAST = 1e-3
@@ -77,9 +80,10 @@ def told_by_torque(
     """
     names = {e.name for e in named}
     found: list[NamedEffect] = []
+    driven = any(one.name in FRICTION and one.values[0] < 0.0 for one in seen.values())
     for one in sorted(seen.values(), key=lambda s: -s.share):
         taken = names | {e.name for e in found}
-        if taken & {one.name, *SAME[one.name]} or _backwards(one):
+        if taken & {one.name, *SAME[one.name]} or (driven and one.name in FRICTION):
             continue
         found.append(
             NamedEffect(
@@ -109,11 +113,6 @@ def _interval(effect: str, symbol: str, value: float, half: float, joint: Joint)
     parameter = EFFECTS[effect].parameter(symbol)
     assert parameter is not None
     return Interval(value, value - half, value + half, unit_on(parameter, joint.parameters))
-
-
-def _backwards(one: Spent) -> bool:
-    """Return whether a friction coefficient is negative."""
-    return one.name in ("damping", "coulomb") and one.values[0] < 0.0
 
 
 def inertia_by_torque(judged: Judgement, term: Term) -> list[float]:

@@ -25,7 +25,7 @@ from cjt_gym.joint.arrays import (
 from cjt_gym.joint.batch import DELAYS, JointBatch, longest_substep
 from cjt_gym.joint.compiled import threaded
 from cjt_gym.joint.heat import cool, temper, warm
-from cjt_gym.joint.kernel import control_step, restart
+from cjt_gym.joint.kernel import control_step, inlined_step, restart
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -86,20 +86,18 @@ def run_windows(
         for d in range(batch.commands.shape[1]):
             batch.commands[0, d, 0] = commands[first]
         good = True
-        for k in range(first, starts[w]):
-            good = good and control_step(batch, setup, 0, commands[k], 0.0, loads[k], work)
-            for j in range(6):
-                batch.state[0, j] = states[k + 1, j]
-        for j in range(lengths[w]):
-            k = starts[w] + j
-            if good:
+        for k in range(first, starts[w] + lengths[w]):
+            j = k - starts[w]
+            if j <= 0:
+                for column in range(6):
+                    batch.state[0, column] = states[k, column]
+            if j >= 0:
                 out[w, j, 0] = batch.measured[0, Q_M] if j > 0 else batch.state[0, 0]
                 out[w, j, 1] = batch.measured[0, Q_L] if j > 0 else batch.state[0, 2]
                 out[w, j, 2] = batch.measured[0, TAU]
-                good = control_step(batch, setup, 0, commands[k], 0.0, loads[k], work)
-            else:
-                for c in range(3):
-                    out[w, j, c] = np.nan
+                if not good:
+                    out[w, j] = np.nan
+            good = good and inlined_step(batch, setup, 0, commands[k], 0.0, loads[k], work)
 
 
 @threaded

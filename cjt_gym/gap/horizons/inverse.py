@@ -31,6 +31,7 @@ from cjt_gym.gap.horizons.spent import (
     deviations,
     gain,
     predicted,
+    steady_gain,
 )
 from cjt_gym.joint import Joint
 
@@ -92,8 +93,8 @@ def spent(joint: Joint, logs: Sequence[Log], names: Sequence[str]) -> list[Spent
     asked, names = names, list(names)
     while names:
         full, fits = _predicted(columns, torque, names)
-        weights = {name: gain(full, _predicted(columns, torque, _less(names, name))[0])
-                   for name in names}  # fmt: skip
+        weights = {n: _gain(n, full, _predicted(columns, torque, _less(names, n))[0])
+                   for n in names}  # fmt: skip
         weak = [n for n, (share, clear) in weights.items() if share < SPENT or clear < CLEAR]
         if not weak:
             break
@@ -106,6 +107,12 @@ def spent(joint: Joint, logs: Sequence[Log], names: Sequence[str]) -> list[Spent
         return alone
     beside = (_spent(one.name, [*names, DRAG], fits, one.share) for one in alone)
     return [new for old, new in zip(alone, beside, strict=True) if new.size > HALF * old.size]
+
+
+def _gain(name: str, full: Floats, less: Floats) -> tuple[float, float]:
+    """Return `gain`; that of a weight may be steady instead, as it depends on the posture."""
+    share, clear = gain(full, less)
+    return share, max(clear, steady_gain(full, less)) if name == "gravity" else clear
 
 
 def seen_in_torque(

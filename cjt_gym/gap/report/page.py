@@ -34,6 +34,10 @@ from cjt_gym.gap.report.words import (
 
 ONE_BODY = {"inertia": ("load_inertia",), "coulomb": ("load_coulomb",)}
 """Effects that are one where motor and load are."""
+KEY = (
+    "<div class=legend><span class=before data-dots>datasheet joint</span>"
+    "<span class=after data-dots>with the named effects</span></div>"
+)
 PACKAGES = ("cjt-gym", "numpy", "scipy", "numba")
 
 
@@ -150,14 +154,7 @@ def _where(diagnosis: Diagnosis) -> str:
     aid = "Shares of the stage's gap over one variable at a time; each panel adds up to 100 %."
     if explained:
         aid += " In front, what is left of it with the named effects."
-    return (_key() if explained else "") + bars + _aid(aid) + "".join(maps)
-
-
-def _key() -> str:
-    return (
-        "<div class=legend><span class=before data-dots>datasheet joint</span>"
-        "<span class=after data-dots>with the named effects</span></div>"
-    )
+    return (KEY if explained else "") + bars + _aid(aid) + "".join(maps)
 
 
 def _which(diagnosis: Diagnosis) -> str:

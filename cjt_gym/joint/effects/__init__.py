@@ -7,10 +7,10 @@ term in the kernel; `fields` name the kernel's parameters.
 
 from __future__ import annotations
 
+from cjt_gym.errors import ConfigurationError, check_name
 from cjt_gym.joint.effects.drive import DRIVE_EFFECTS
 from cjt_gym.joint.effects.load import LOAD_EFFECTS
 from cjt_gym.joint.effects.motor import MOTOR_EFFECTS
-from cjt_gym.joint.effects.own import checked_row
 from cjt_gym.joint.effects.row import (
     CHANNEL_UNITS,
     PLACES,
@@ -52,7 +52,37 @@ def register_effect(row: Effect) -> Effect:
         ConfigurationError: Its name is taken, or it does nothing.
         UnknownNameError: A stage, a place or a parameter of the kernel has another name.
     """
-    EFFECTS[row.name] = checked_row(row, EFFECTS)
+    EFFECTS[row.name] = _checked(row)
+    return row
+
+
+def _checked(row: Effect) -> Effect:
+    """Return a row that may be added to the table."""
+    if not isinstance(row, Effect):
+        raise ConfigurationError(
+            f"A row of the effect table must be a cjt_gym.joint.effects.Effect, got {row!r}."
+        )
+    owner = f"effect {row.name!r}"
+    if not row.name.isidentifier() or row.name in EFFECTS:
+        raise ConfigurationError(
+            f"The name of {owner} must be an identifier that no other effect has. Choose another."
+        )
+    fields = {f for e in EFFECTS.values() for p in e.parameters for f in p.fields}
+    used = [field for p in row.parameters for field in p.fields]
+    symbols = [p.symbol for p in row.parameters]
+    for what, names, known in (
+        (f"stage of {owner}", [row.stage], STAGES),
+        (f"needs of {owner}", [row.needs], PLACES),
+        (f"size of {owner}", list(row.size), symbols),
+        (f"kernel parameter of {owner}", used, sorted(fields)),
+    ):
+        for name in names:
+            check_name(what, name, known)
+    if not used or not row.size:
+        raise ConfigurationError(
+            f"{owner} must have parameters with `fields`, the kernel parameters that they add to, "
+            "and name those that make it do something in `size`."
+        )
     return row
 
 

@@ -27,6 +27,17 @@ def test_a_sound_log_has_none() -> None:
     assert faults(columns()) == ()
 
 
+def test_records_of_different_lengths_are_judged_together() -> None:
+    both = []
+    for seconds in (4.0, 8.0):
+        table = columns(QUICK, seconds)
+        del table["i_cmd"]
+        both.append(record(table))
+    alone, together = (examine(some, joint(), None) for some in (both[1], both))
+    assert together.faults == alone.faults
+    assert set(together.can_tell) == set(alone.can_tell)
+
+
 def test_a_noisy_velocity_is_none() -> None:
     assert not [text for text in faults(noisy_velocity(columns())) if "slope" in text]
 

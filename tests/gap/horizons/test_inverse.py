@@ -14,6 +14,7 @@ from cjt_gym.gap.horizons.by_torque import told_by_torque
 from cjt_gym.gap.horizons.case import make_case
 from cjt_gym.gap.horizons.inverse import inverse, seen_in_torque, spent
 from cjt_gym.gap.horizons.judge import Judgement
+from cjt_gym.gap.horizons.spent import CLEAR, gain, steady_gain
 from cjt_gym.joint import JointFile, get_structure, load_joint_file
 from cjt_gym.joint.joint import Joint
 from cjt_gym.records import Record
@@ -112,6 +113,24 @@ def test_the_torque_adds_what_has_no_name_yet(arm: JointFile) -> None:
     beside = told_by_torque(judged, seen, [replace(alone[0], name="stribeck")], alone=False)
     assert {e.name for e in beside} == set(seen) - {"coulomb"}, "it is a part of the other"
     assert {(e.status, e.gap_removed) for e in beside} == {("tentative", 0.0)}
+
+
+def test_negative_friction_is_none_nor_is_what_stands_beside_it(arm: JointFile) -> None:
+    judged = judgement(arm)
+    seen = seen_in_torque(judged.case.joint, judged.case.logs)
+    for name in ("damping", "coulomb"):
+        against = seen | {name: replace(seen[name], values=(-1.0,))}
+        told = told_by_torque(judged, against, (), alone=True)
+        assert {e.name for e in told} == {"gravity"}
+
+
+def test_a_weight_counts_that_shows_in_few_postures() -> None:
+    less = np.geomspace(2.0, 1e3, 12)
+    noisy = np.array([0.8, 1.1, 0.9, 1.2, 1.0, 0.9, 1.1, 1.0, 0.8, 1.2, 1.0, 1.1])
+    assert gain(noisy, less)[1] < CLEAR < steady_gain(noisy, less)
+    once = np.array([1e2, *noisy[1:]])
+    assert steady_gain(noisy, once) < CLEAR, "a single stretch is no evidence"
+    assert steady_gain(noisy, np.roll(noisy, 1)) < CLEAR
 
 
 def test_friction_and_weight_are_named_where_the_torque_hardly_tells_the_motion(
