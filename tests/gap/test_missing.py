@@ -10,10 +10,14 @@ from numpy.typing import NDArray
 
 from cjt_gym.errors import RecordError
 from cjt_gym.gap import Diagnosis, diagnose
+from cjt_gym.gap.horizons.answer import allowed_by
 from cjt_gym.gap.horizons.model import quiet
 from cjt_gym.joint.joint import Joint
 from cjt_gym.joint.quantity import Quantity
 from cjt_gym.records import Record
+from tests.gap.check.moved import DAMPING, columns
+from tests.gap.check.moved import joint as mass
+from tests.gap.check.moved import record as log
 from tests.gap.simulator import TRUE, nominal, simulate
 
 FIXED = "output_fixed_rigid_gearbox"
@@ -117,3 +121,13 @@ def test_a_replay_far_off_is_a_gap_though_nothing_shows_the_load(
     found = diagnose(Record(columns, units, dt=1e-3, structure="rigid_gearbox"), sheet)
     assert found.verdict == verdict
     assert ("q_l" in found.suggestion.text) == (verdict == "unexplained")
+
+
+def test_dry_friction_is_not_confirmed_where_motion_in_one_direction_hides_an_offset() -> None:
+    table = columns(seconds=4.0)
+    del table["i_cmd"]
+    found = diagnose([log(table)], mass(d_m=DAMPING), structure="rigid")
+    assert [(e.name, e.status) for e in found.effects] == [("coulomb", "confirmed")]
+    hidden = dict.fromkeys(("torque_offset", "coulomb_asym"), "motion in one direction")
+    assert allowed_by(found, {"torque_offset": ""}) == found, "as beside a weight"
+    assert [e.status for e in allowed_by(found, hidden).effects] == ["tentative"]

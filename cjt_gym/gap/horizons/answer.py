@@ -27,6 +27,8 @@ OVER_THE_RECORD = (
     "One sample ahead the named effects explain what was measured; over the whole record the "
     "datasheet predicts better, so that its joint is the one given."
 )
+ONE_WAY = frozenset({"torque_offset", "coulomb_asym"})
+"""Effects that motion in one direction does not tell from Coulomb friction."""
 FURTHER = "The named effects help one sample ahead; further ahead hardly anything is predicted."
 SETTLED = ("explained", "no_gap")
 """Verdicts of the stages that leave nothing unexplained."""
@@ -71,12 +73,12 @@ def judged(
     except (CjtGymError, np.linalg.LinAlgError) as error:
         said = f"Predictions over several horizons were not possible: {error}"
         left = replace(first.unexplained, text=f"{first.unexplained.text} {said}")
-        return _allowed(replace(first, unexplained=left), excluded)
+        return allowed_by(replace(first, unexplained=left), excluded)
     if found.answer == "stages":
         first = replace(first, joint=replace(first.joint, found=found_at(found)))
         told = _doubted(_cleared(first, found), found)
-        return _allowed(replace(told, horizons=horizons_of(found)), excluded)
-    told = retold(first, found, excluded, _title(records[0]))
+        return allowed_by(replace(told, horizons=horizons_of(found)), excluded)
+    told = allowed_by(retold(first, found, excluded, _title(records[0])), excluded)
     if found.answer == "datasheet" and found.cut and _near(found):
         return _suspected(told, first, first.effects, OVER_THE_RECORD)
     if not told.effects and not found.cut and main_row(found).found > LOUD:
@@ -187,10 +189,14 @@ def _without_guesses(first: Diagnosis, file: JointFile) -> Diagnosis:
     return replace(first, verdict=verdict, effects=effects, unexplained=text)
 
 
-def _allowed(first: Diagnosis, excluded: dict[str, str]) -> Diagnosis:
-    """Return a diagnosis that confirms no effect that the record cannot identify."""
+def allowed_by(first: Diagnosis, excluded: dict[str, str]) -> Diagnosis:
+    """Return a diagnosis that confirms no effect that the record cannot identify.
+
+    Dry friction is not confirmed either where motion in one direction hides an offset.
+    """
+    doubtful = {*excluded, "coulomb"} if excluded.keys() >= ONE_WAY else set(excluded)
     effects = tuple(
-        as_tentative(e) if e.name in excluded and e.status == "confirmed" else e
+        as_tentative(e) if e.name in doubtful and e.status == "confirmed" else e
         for e in first.effects
     )
     return replace(first, effects=effects)
