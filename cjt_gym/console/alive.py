@@ -75,12 +75,10 @@ class Alive:
 
     def watch_compiler(self) -> None:
         """Say it when something is compiled."""
-        from cjt_gym.joint.compiling import compiling_in_words, while_compiling
-
-        words = compiling_in_words()
+        from cjt_gym.joint.compiling import COMPILING, while_compiling
 
         def told(compiling: bool) -> None:
-            self.doing = words if compiling else WORKING
+            self.doing = COMPILING if compiling else WORKING
             if compiling and not self._told and not self._over.is_set():
                 self._told = True
                 self._beat()

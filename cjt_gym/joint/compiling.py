@@ -2,30 +2,17 @@
 
 from __future__ import annotations
 
-import os
 import sys
 import threading
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 from numba.core import event
 
 SILENCE = 1.5
 """Time after which a compilation is reported, and between its dots [s]."""
-COMPILING = "compiling, about {seconds} s; compiled code is kept for later runs"
+COMPILING = "compiling, up to a minute; compiled code is kept for later runs"
 Tell = Callable[[bool], None]
-
-
-def compiling_in_words() -> str:
-    """Return what a compilation is reported as; short if compiled functions are kept already."""
-    return COMPILING.format(seconds=5 if _keeps_functions() else 40)
-
-
-def _keeps_functions() -> bool:
-    given = os.environ.get("NUMBA_CACHE_DIR")
-    home = Path(given) if given else Path(__file__).parent / "__pycache__"
-    return any(home.rglob("*.nbi"))
 
 
 def while_compiling(tell: Tell) -> None:
@@ -40,14 +27,14 @@ class Notice:
     """Writes a line to standard error if a compilation takes long, and a dot now and then."""
 
     def __init__(self) -> None:
-        """Prepare the first line, which says how long it takes; later ones are short."""
+        """Prepare the first line; later ones are shorter."""
         self._words = ""
         self._over = threading.Event()
 
     def __call__(self, begins: bool) -> None:
         """Begin or end to wait."""
         if begins:
-            self._words = self._words or compiling_in_words()
+            self._words = self._words or COMPILING
             self._over = threading.Event()
             threading.Thread(target=self._watch, args=(self._over,), daemon=True).start()
         else:
