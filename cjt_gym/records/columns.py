@@ -41,12 +41,12 @@ class Column:
     description: str
 
 
+ALIKE: Final = 0.65
+"""Likeness of a name to a column's from which it is misspelt: "taw" is "tau", "fault" is nothing."""
 _POSITION = ("rad", "m")
 _VELOCITY = ("rad/s", "m/s")
 _TORQUE = ("N m", "N")
 
-ALIKE: Final = 0.8
-"""Likeness of a name to a column's from which it is misspelt: "angle" is not "age"."""
 COLUMNS: Final[dict[str, Column]] = {
     column.name: column
     for column in (
@@ -105,11 +105,10 @@ def column_of(name: str) -> Column:
 
 
 def _meant(name: str) -> str | None:
-    """Return the column that is spelt nearly so, or that is known by that word."""
+    """Return the column that is known by that word, or that is spelt nearly so."""
     from cjt_gym.records.draft import guess  # which needs the columns itself
 
-    spelt = get_close_matches(name, COLUMNS, n=1, cutoff=ALIKE)
-    return spelt[0] if spelt else guess(name)
+    return guess(name) or next(iter(get_close_matches(name, COLUMNS, n=1, cutoff=ALIKE)), None)
 
 
 def default_units(names: tuple[str, ...], prismatic: bool = False) -> dict[str, str]:
