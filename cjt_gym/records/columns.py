@@ -42,7 +42,7 @@ class Column:
 
 
 ALIKE: Final = 0.65
-"""Likeness of a name to a column's from which it is misspelt: "taw" is "tau", "fault" is nothing."""
+"""Likeness from which a name is a misspelt column: "taw" is "tau", "fault" is nothing."""
 _POSITION = ("rad", "m")
 _VELOCITY = ("rad/s", "m/s")
 _TORQUE = ("N m", "N")
