@@ -19,12 +19,12 @@ from pathlib import Path
 import numpy as np
 
 from cjt_gym.gap import diagnose
-from cjt_gym.gap.fit import Model, Problem
-from cjt_gym.gap.gap_size import followed, main_channel, relative
-from cjt_gym.gap.hypotheses import hypotheses
-from cjt_gym.gap.replay import written
-from cjt_gym.gap.setting import as_noisy, make_setting
-from cjt_gym.gap.stages import Stages
+from cjt_gym.gap.candidates.table import hypotheses
+from cjt_gym.gap.judged.gap_size import followed, main_channel, relative
+from cjt_gym.gap.judged.replay import written
+from cjt_gym.gap.recorded.setting import as_noisy, make_setting
+from cjt_gym.gap.stages.cut import Stages
+from cjt_gym.gap.stages.fit import Model, Problem
 from cjt_gym.joint import get_structure, load_joint_file, to_toml
 from cjt_gym.records import read_record
 from cjt_gym.training.demo.emps import PUBLISHED, replay

@@ -15,9 +15,9 @@ from cjt_gym.console.options import asked_effects
 from cjt_gym.disk import refuse_inputs, write_text
 from cjt_gym.errors import ConfigurationError, RecordError, UnknownNameError
 from cjt_gym.gap import Diagnosis, diagnose
-from cjt_gym.gap.orient import orient
+from cjt_gym.gap.recorded.orient import orient
+from cjt_gym.gap.recorded.series import ENOUGH, same_file
 from cjt_gym.gap.report import WIDTH, summary, write_report
-from cjt_gym.gap.series import ENOUGH, same_file
 from cjt_gym.joint import (
     STRUCTURES,
     JointFile,

@@ -21,29 +21,29 @@ from cjt_gym.gap.diagnosis import (
     Unexplained,
 )
 from cjt_gym.gap.evidence import Source
-from cjt_gym.gap.explain import Explanation, explain
-from cjt_gym.gap.fields import Fields
-from cjt_gym.gap.fit import Fit, Model
-from cjt_gym.gap.gap_size import HARM, measure_gap
-from cjt_gym.gap.gather import gather, nothing_said, source_of
 from cjt_gym.gap.horizons.answer import judged
 from cjt_gym.gap.horizons.model import MEASURES
-from cjt_gym.gap.intervals import (
+from cjt_gym.gap.joint_file import identified_joint
+from cjt_gym.gap.judged.gap_size import HARM, measure_gap
+from cjt_gym.gap.judged.intervals import (
     Covariance,
     covariance,
 )
-from cjt_gym.gap.joint_file import identified_joint
-from cjt_gym.gap.lateness import open_instant
-from cjt_gym.gap.localize import where
-from cjt_gym.gap.missing import not_judged
-from cjt_gym.gap.naming import doubted, name_effects
-from cjt_gym.gap.refine import settled
-from cjt_gym.gap.replay import Written, steps, written
-from cjt_gym.gap.select import BEYOND, Progress, silent
-from cjt_gym.gap.series import ENOUGH, Stretch, stretches
-from cjt_gym.gap.setting import Setting, as_noisy, make_setting
-from cjt_gym.gap.suggest import ELSEWHERE, cautious, suggest
-from cjt_gym.gap.unknown import Leftover, out_of_sight, untouched, verdict
+from cjt_gym.gap.judged.naming import doubted, name_effects
+from cjt_gym.gap.judged.refine import settled
+from cjt_gym.gap.judged.replay import Written, steps, written
+from cjt_gym.gap.next_record.suggest import ELSEWHERE, cautious, suggest
+from cjt_gym.gap.recorded.missing import not_judged
+from cjt_gym.gap.recorded.series import ENOUGH, Stretch, stretches
+from cjt_gym.gap.recorded.setting import Setting, as_noisy, make_setting
+from cjt_gym.gap.report.gather import gather, nothing_said, source_of
+from cjt_gym.gap.report.localize import where
+from cjt_gym.gap.stages.explain import Explanation, explain
+from cjt_gym.gap.stages.fields import Fields
+from cjt_gym.gap.stages.fit import Fit, Model
+from cjt_gym.gap.stages.lateness import open_instant
+from cjt_gym.gap.stages.leftover import Leftover, out_of_sight, untouched, verdict
+from cjt_gym.gap.stages.select import BEYOND, Progress, silent
 from cjt_gym.joint import Joint, JointFile, get_structure, load_joint_file
 from cjt_gym.joint.build import file_of
 from cjt_gym.joint.configure import resolve_effects

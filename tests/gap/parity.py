@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.gap.design import pretended
+from cjt_gym.gap.candidates.candidate import Candidate
 from cjt_gym.gap.diagnosis import NamedEffect
-from cjt_gym.gap.fields import Fields
-from cjt_gym.gap.hypothesis import Hypothesis
 from cjt_gym.gap.joint_file import identified_joint
-from cjt_gym.gap.replay import Written, exactly
-from cjt_gym.gap.setting import Setting, make_setting
-from cjt_gym.gap.stages import Stages
+from cjt_gym.gap.judged.replay import Written, exactly
+from cjt_gym.gap.next_record.design import pretended
+from cjt_gym.gap.recorded.setting import Setting, make_setting
+from cjt_gym.gap.stages.cut import Stages
+from cjt_gym.gap.stages.fields import Fields
 from cjt_gym.joint import Joint, JointFile, get_structure, load_joint, to_toml
 from cjt_gym.joint.parameters import JointParameters
 from cjt_gym.joint.quantity import Quantity
@@ -86,9 +86,9 @@ def load(file: JointFile, structure: str, path: Path, *, write: bool = True) -> 
     return load_joint(path, structure)
 
 
-def named(hypothesis: Hypothesis, values: Mapping[str, float]) -> NamedEffect:
+def named(candidate: Candidate, values: Mapping[str, float]) -> NamedEffect:
     """Return the effect as a diagnosis would name it, every number known to ten per cent."""
-    found = exactly(hypothesis, list(values.values()))
+    found = exactly(candidate, list(values.values()))
     spans = {
         s: replace(x, low=x.value - _tenth(x.value), high=x.value + _tenth(x.value))
         for s, x in found.parameters.items()
@@ -101,7 +101,7 @@ def _tenth(x: float) -> float:
 
 
 def residuals(
-    setting: Setting, hypothesis: Hypothesis, values: Mapping[str, float]
+    setting: Setting, candidate: Candidate, values: Mapping[str, float]
 ) -> tuple[float, float]:
     """Return what the predictors leave of the joint that is written for an effect, in noise.
 
@@ -109,11 +109,11 @@ def residuals(
     """
     nominal: Fields = {**setting.nominal, "w_i": 1.0}  # the command is held over its sample
     fields = dict(nominal)
-    hypothesis.apply(fields, values)
-    file = identified_joint(setting, fields, [named(hypothesis, values)], {}, "a record")
+    candidate.apply(fields, values)
+    file = identified_joint(setting, fields, [named(candidate, values)], {}, "a record")
     stages = Stages(pretended(setting, Written(fields, file), setting.series["i_cmd"]))
     stages.tune(fields)
-    touched = [name for name in hypothesis.touches if name in stages.names]
+    touched = [name for name in candidate.touches if name in stages.names]
 
     def left(model: Fields) -> float:
         return max(float(np.std(stages.residual(name, model))) for name in touched)

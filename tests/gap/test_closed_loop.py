@@ -10,7 +10,7 @@ import pytest
 from cjt_gym.baselines import PdFeedForward
 from cjt_gym.blind import Bench, make_bench
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.gap.closed_loop import closed_loop_gap, replay_closed_loop
+from cjt_gym.gap.judged.closed_loop import closed_loop_gap, replay_closed_loop
 from cjt_gym.joint import Joint, load_joint
 from cjt_gym.records import Record
 

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 
 from cjt_gym.blind import make_bench
-from cjt_gym.gap.confusable import NOTHING, advice
-from cjt_gym.gap.design import TELLS, bounds, pretended, prospects
+from cjt_gym.gap.candidates.table import all_candidates
 from cjt_gym.gap.diagnosis import Suggestion
-from cjt_gym.gap.fit import Fit, Model, Problem
-from cjt_gym.gap.hypotheses import hypotheses
-from cjt_gym.gap.menu import MENU, REST
-from cjt_gym.gap.replay import replay, written
-from cjt_gym.gap.setting import make_setting
-from cjt_gym.gap.stages import Stages
-from cjt_gym.gap.suggest import _needs_more, record_of
+from cjt_gym.gap.judged.confusable import NOTHING, advice
+from cjt_gym.gap.judged.replay import replay, written
+from cjt_gym.gap.next_record.design import TELLS, bounds, pretended, prospects
+from cjt_gym.gap.next_record.menu import MENU, REST
+from cjt_gym.gap.next_record.suggest import _needs_more, record_of
+from cjt_gym.gap.recorded.setting import make_setting
+from cjt_gym.gap.stages.cut import Stages
+from cjt_gym.gap.stages.fit import Fit, Model, Problem
 from cjt_gym.joint import get_structure, load_joint_file
 from cjt_gym.records import read_record
 
@@ -42,7 +42,7 @@ def problem(tmp_path_factory: pytest.TempPathFactory) -> Problem:
 def explained(problem: Problem, name: str, *values: float) -> Fit:
     """Return a model with one effect of given values, its datasheet nominal."""
     setting = problem.stages.setting
-    effect = next(h for h in hypotheses(setting, problem.stages.names) if h.name == name)
+    effect = next(h for h in all_candidates(setting, problem.stages.names) if h.name == name)
     found = [u.coordinate(v) for u, v in zip(effect.unknowns, values, strict=True)]
     z = np.concatenate([np.zeros(len(problem.shared)), found])
     model = Model((effect,))

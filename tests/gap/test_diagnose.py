@@ -9,7 +9,7 @@ import pytest
 
 from cjt_gym.errors import CjtGymError, ConfigurationError, RecordError
 from cjt_gym.gap import Diagnosis, diagnose
-from cjt_gym.gap.lateness import OPEN
+from cjt_gym.gap.stages.lateness import OPEN
 from cjt_gym.records import Record, read_record
 from tests.gap.simulator import TRUE, nominal, simulate
 

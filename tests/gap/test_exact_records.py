@@ -9,12 +9,12 @@ import pytest
 
 from cjt_gym.cli import main
 from cjt_gym.gap import diagnose
-from cjt_gym.gap.fields import nominal_fields
-from cjt_gym.gap.fit import Problem
-from cjt_gym.gap.missing import same_here
-from cjt_gym.gap.setting import make_setting
-from cjt_gym.gap.signals import taken_over
-from cjt_gym.gap.stages import Stages
+from cjt_gym.gap.recorded.missing import same_here
+from cjt_gym.gap.recorded.setting import make_setting
+from cjt_gym.gap.recorded.signals import taken_over
+from cjt_gym.gap.stages.cut import Stages
+from cjt_gym.gap.stages.fields import nominal_fields
+from cjt_gym.gap.stages.fit import Problem
 from cjt_gym.joint import get_structure, load_joint_file
 from cjt_gym.records import Record, read_record
 

@@ -11,10 +11,10 @@ import pytest
 
 from cjt_gym.blind import draw_case, write_case
 from cjt_gym.gap import diagnose
+from cjt_gym.gap.candidates.table import Candidate, all_candidates
 from cjt_gym.gap.diagnosis import Interval, NamedEffect
-from cjt_gym.gap.hypotheses import Hypothesis, hypotheses
 from cjt_gym.gap.joint_file import identified_joint
-from cjt_gym.gap.setting import Setting
+from cjt_gym.gap.recorded.setting import Setting
 from cjt_gym.joint import EFFECTS, STRUCTURES, JointFile, load_joint_file
 from cjt_gym.joint.quantity import Quantity
 from cjt_gym.plant.randomization import resolve_randomization
@@ -52,22 +52,22 @@ def setting(request: pytest.FixtureRequest) -> Setting:
     return setting_of(request.param, 0.5)
 
 
-def values_of(hypothesis: Hypothesis) -> dict[str, float]:
+def values_of(candidate: Candidate) -> dict[str, float]:
     """Return values that make an effect material."""
-    if hypothesis.search is not None:
-        values = PERIODIC[hypothesis.search]
-    elif hypothesis.releases is not None:
-        values = tuple(1.5 * unknown.start for unknown in hypothesis.unknowns)
+    if candidate.search is not None:
+        values = PERIODIC[candidate.search]
+    elif candidate.releases is not None:
+        values = tuple(1.5 * unknown.start for unknown in candidate.unknowns)
     else:
-        pairs = zip(hypothesis.unknowns, hypothesis.starts[-1], strict=True)
+        pairs = zip(candidate.unknowns, candidate.starts[-1], strict=True)
         values = tuple(u.value(u.coordinate(start) + 0.2) for u, start in pairs)
-    return {u.symbol: float(x) for u, x in zip(hypothesis.unknowns, values, strict=True)}
+    return {u.symbol: float(x) for u, x in zip(candidate.unknowns, values, strict=True)}
 
 
 def test_every_effect_that_can_be_named_becomes_a_row_in_its_range(
     setting: Setting, tmp_path: Path
 ) -> None:
-    rows = hypotheses(setting, STAGES)
+    rows = all_candidates(setting, STAGES)
     assert len(rows) > 10
     for row in rows:
         fields = dict(setting.nominal)
@@ -90,7 +90,7 @@ def test_every_effect_that_can_be_named_becomes_a_row_in_its_range(
 @pytest.mark.parametrize("structure", [FIXED, "full_dynamics", "rigid"])
 def test_the_predictors_know_the_joint_that_is_written(structure: str) -> None:
     setting = setting_of(structure, 0.5)
-    for row in hypotheses(setting, STAGES):
+    for row in all_candidates(setting, STAGES):
         if structure == "rigid" and row.name in ONE_MASS:
             continue
         if row.variant == "gear, damper pulls":  # a law of recorded joints that the kernel has not
@@ -192,7 +192,7 @@ def test_a_guess_is_corrected_and_no_longer_a_guess(tmp_path: Path) -> None:
 
 def test_the_intervals_are_the_ranges_of_randomisation(tmp_path: Path) -> None:
     setting = setting_of(FIXED, 0.5)
-    rows = {row.name: row for row in hypotheses(setting, STAGES) if not row.variant}
+    rows = {row.name: row for row in all_candidates(setting, STAGES) if not row.variant}
     effects, fields = [], dict(setting.nominal)
     for name in ("coulomb", "cogging", "command_delay", "torque_bias"):
         values = values_of(rows[name])

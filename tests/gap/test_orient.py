@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cjt_gym.blind import draw_case, write_case
-from cjt_gym.gap.orient import orient
+from cjt_gym.gap.recorded.orient import orient
 from cjt_gym.joint import JointFile, Structure, get_structure, load_joint_file
 from cjt_gym.records import Record, read_record
 

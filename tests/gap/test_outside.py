@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 
 from cjt_gym.gap import Diagnosis, diagnose
-from cjt_gym.gap.confidence import confidence
+from cjt_gym.gap.candidates.table import all_candidates
 from cjt_gym.gap.diagnosis import Interval
-from cjt_gym.gap.explain import Explanation, explain
-from cjt_gym.gap.fit import Model
-from cjt_gym.gap.gap_size import harms
-from cjt_gym.gap.heldout import Trial, on_held_out, worth
-from cjt_gym.gap.hypotheses import hypotheses
-from cjt_gym.gap.intervals import may_be_nothing
-from cjt_gym.gap.replay import written
-from cjt_gym.gap.setting import Setting, make_setting
-from cjt_gym.gap.unknown import Leftover, status
+from cjt_gym.gap.judged.confidence import confidence
+from cjt_gym.gap.judged.gap_size import harms
+from cjt_gym.gap.judged.intervals import may_be_nothing
+from cjt_gym.gap.judged.replay import written
+from cjt_gym.gap.recorded.setting import Setting, make_setting
+from cjt_gym.gap.stages.explain import Explanation, explain
+from cjt_gym.gap.stages.fit import Model
+from cjt_gym.gap.stages.heldout import Trial, on_held_out, worth
+from cjt_gym.gap.stages.leftover import Leftover, status
 from cjt_gym.joint import get_structure
 from cjt_gym.records import Record
 from tests.gap.simulator import TRUE, nominal, simulate
@@ -138,7 +138,7 @@ def test_beside_something_left_an_effect_must_be_worth_what_it_says(
 def test_an_effect_may_be_nothing_where_all_its_sizes_may(
     name: str, ends: dict[str, tuple[float, float]], expected: bool
 ) -> None:
-    rows = hypotheses(setting_of(simulate(seconds=1.0)), ("drive", "motor", "transmission"))
+    rows = all_candidates(setting_of(simulate(seconds=1.0)), ("drive", "motor", "transmission"))
     row = next(h for h in rows if h.name == name and {u.symbol for u in h.unknowns} == set(ends))
     known = {s: Interval(0.5 * (low + high), low, high, "-") for s, (low, high) in ends.items()}
     assert may_be_nothing(row, known) is expected

@@ -9,17 +9,17 @@ import pytest
 from scipy.linalg import expm
 
 from cjt_gym.errors import RecordError
-from cjt_gym.gap.chain import GEAR, LOAD, MOTOR, Link, build_chain, kalman_gain
-from cjt_gym.gap.fields import NEUTRAL, friction_law
-from cjt_gym.gap.fit import Model, Problem
-from cjt_gym.gap.kernel import LAW_SIZE, friction_torque
-from cjt_gym.gap.noise import high_frequency_std, lattice_step, observed_jitter
-from cjt_gym.gap.replay import Written, replay
-from cjt_gym.gap.series import to_series
-from cjt_gym.gap.setting import make_setting
-from cjt_gym.gap.signals import shifted, smooth_mean
-from cjt_gym.gap.spring import slip, spring_torque
-from cjt_gym.gap.stages import Stages
+from cjt_gym.gap.judged.replay import Written, replay
+from cjt_gym.gap.recorded.noise import high_frequency_std, lattice_step, observed_jitter
+from cjt_gym.gap.recorded.series import to_series
+from cjt_gym.gap.recorded.setting import make_setting
+from cjt_gym.gap.recorded.signals import shifted, smooth_mean
+from cjt_gym.gap.stages.chain import GEAR, LOAD, MOTOR, Link, build_chain, kalman_gain
+from cjt_gym.gap.stages.cut import Stages
+from cjt_gym.gap.stages.fields import NEUTRAL, friction_law
+from cjt_gym.gap.stages.fit import Model, Problem
+from cjt_gym.gap.stages.kernel import LAW_SIZE, friction_torque
+from cjt_gym.gap.stages.spring import slip, spring_torque
 from cjt_gym.joint import get_structure
 from cjt_gym.joint.parameters import JointParameters
 from cjt_gym.records import Record

@@ -11,16 +11,16 @@ import pytest
 
 from cjt_gym.errors import ConfigurationError
 from cjt_gym.gap import Diagnosis, diagnose
+from cjt_gym.gap.candidates.table import all_candidates
 from cjt_gym.gap.diagnosis import Interval
-from cjt_gym.gap.fit import Model, Problem
-from cjt_gym.gap.hypotheses import hypotheses
-from cjt_gym.gap.maps import friction_maps, ripple, spring_loop
-from cjt_gym.gap.replay import written
+from cjt_gym.gap.judged.replay import written
+from cjt_gym.gap.recorded.setting import make_setting
 from cjt_gym.gap.report import summary, write_report
 from cjt_gym.gap.report.chart import decades, decimated, tick_texts, ticks
+from cjt_gym.gap.report.maps import friction_maps, ripple, spring_loop
 from cjt_gym.gap.report.words import interval, number, percent, verdict_sentence
-from cjt_gym.gap.setting import make_setting
-from cjt_gym.gap.stages import Stages
+from cjt_gym.gap.stages.cut import Stages
+from cjt_gym.gap.stages.fit import Model, Problem
 from cjt_gym.joint import get_structure, load_joint, to_toml
 from cjt_gym.records import Record, read_record
 from tests.gap.browser import browser, look, screenshot
@@ -106,7 +106,7 @@ def test_a_torque_that_repeats_with_the_angle_is_a_line() -> None:
 def test_the_friction_map_shows_the_friction() -> None:
     record = simulate(seconds=3.0, friction=(2.6, 1.9))
     problem = Problem.of(Stages(make_setting(record, nominal(), get_structure(FIXED))))
-    rows = hypotheses(problem.stages.setting, problem.stages.names)
+    rows = all_candidates(problem.stages.setting, problem.stages.names)
     law = next(row for row in rows if row.name == "coulomb_asym")
     z = np.zeros(len(problem.shared))
     levels = [u.coordinate(x) for u, x in zip(law.unknowns, (2.6, 1.9), strict=True)]

@@ -13,11 +13,11 @@ from cjt_gym.gap.horizons.forward import followed
 from cjt_gym.gap.horizons.log import to_log, to_logs
 from cjt_gym.gap.horizons.model import quiet
 from cjt_gym.gap.horizons.windows import relative
-from cjt_gym.gap.missing import twins, undecided
-from cjt_gym.gap.noise import channel_noise
-from cjt_gym.gap.series import stretches, to_series
-from cjt_gym.gap.setting import make_setting
-from cjt_gym.gap.signals import motor_torque
+from cjt_gym.gap.recorded.missing import twins, undecided
+from cjt_gym.gap.recorded.noise import channel_noise
+from cjt_gym.gap.recorded.series import stretches, to_series
+from cjt_gym.gap.recorded.setting import make_setting
+from cjt_gym.gap.recorded.signals import motor_torque
 from cjt_gym.joint import JointFile, get_structure, load_joint
 from cjt_gym.joint.configure import resolve_effects
 from cjt_gym.joint.joint import Joint

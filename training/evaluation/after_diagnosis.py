@@ -151,7 +151,7 @@ def _replay(
 
     Of a record that was fitted, only the end counts that was kept from the fit.
     """
-    from cjt_gym.gap.closed_loop import closed_loop_gap
+    from cjt_gym.gap.judged.closed_loop import closed_loop_gap
 
     known = recorded_law(record, nominal, agents)
     if known is None:

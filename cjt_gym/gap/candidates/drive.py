@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from cjt_gym.gap.fields import Fields
-from cjt_gym.gap.hypothesis import Hypothesis, Scales, Values
-from cjt_gym.gap.number import Number
-from cjt_gym.gap.setting import Setting
+from cjt_gym.gap.candidates.candidate import Candidate, Scales, Values
+from cjt_gym.gap.recorded.setting import Setting
+from cjt_gym.gap.stages.fields import Fields
+from cjt_gym.gap.stages.number import Number
 
 
-def drive_rows(setting: Setting, size: Scales) -> list[Hypothesis]:
+def drive_rows(setting: Setting, size: Scales) -> list[Candidate]:
     """Return the candidates of the drive."""
     touches = ("drive",) if "i" in setting.series else ("motor",)
     dt, unit = setting.series.dt, setting.command_unit
@@ -25,7 +25,7 @@ def drive_rows(setting: Setting, size: Scales) -> list[Hypothesis]:
         f["lag"] = 1.0 / (2.0 * np.pi * v["bandwidth"])
 
     return [
-        Hypothesis(
+        Candidate(
             "command_delay",
             "drive",
             (delay,),
@@ -34,7 +34,7 @@ def drive_rows(setting: Setting, size: Scales) -> list[Hypothesis]:
             starts=tuple((k * dt,) for k in (0.5, 1.5, 3.0, 6.0, 12.0)),
             family="drive",
         ),
-        Hypothesis(
+        Candidate(
             "current_lag",
             "drive",
             (lag,),
@@ -43,7 +43,7 @@ def drive_rows(setting: Setting, size: Scales) -> list[Hypothesis]:
             starts=((300.0,), (100.0,), (30.0,), (8.0,)),
             family="drive",
         ),
-        Hypothesis(
+        Candidate(
             "current_saturation",
             "drive",
             (limit,),
@@ -52,7 +52,7 @@ def drive_rows(setting: Setting, size: Scales) -> list[Hypothesis]:
             starts=tuple((x * peak,) for x in (0.97, 0.85, 0.6, 0.35, 0.18)),
             family="drive",
         ),
-        Hypothesis(
+        Candidate(
             "command_quantization",
             "drive",
             (step,),

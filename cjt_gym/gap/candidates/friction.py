@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from cjt_gym.gap.fields import Fields
-from cjt_gym.gap.hypothesis import BODIES, Apply, Hypothesis, Scales, Values, most_damping
-from cjt_gym.gap.number import Number
-from cjt_gym.gap.setting import Setting
+from cjt_gym.gap.candidates.candidate import BODIES, Apply, Candidate, Scales, Values, most_damping
+from cjt_gym.gap.recorded.setting import Setting
+from cjt_gym.gap.stages.fields import Fields
+from cjt_gym.gap.stages.number import Number
 from cjt_gym.joint.effects.motor import DQ_0
 
 SHARP = 0.03
 """Share of the typical speed over which the sign of dry friction may be smoothed in any case."""
 
 
-def friction_rows(setting: Setting, size: Scales) -> list[Hypothesis]:
+def friction_rows(setting: Setting, size: Scales) -> list[Candidate]:
     """Return the laws of friction of the motor side."""
     bodies = ["m", "g"] if setting.has_gear else ["m"]
     rows = []
@@ -35,7 +35,7 @@ def _widest(speed: float) -> float:
 
 def friction_of(
     setting: Setting, size: Scales, body: str, stage: str, touches: tuple[str, ...]
-) -> list[Hypothesis]:
+) -> list[Candidate]:
     """Return the laws of friction of one body, by its letter."""
     torque, speed = size.torque, size.speed
     p, n = f"d_c{body}", f"d_c{body}_n"
@@ -59,8 +59,8 @@ def friction_of(
 
     def row(
         name: str, unknowns: tuple[Number, ...], apply: Apply, starts: object, variant: str = ""
-    ) -> Hypothesis:
-        return Hypothesis(
+    ) -> Candidate:
+        return Candidate(
             name,
             stage,
             unknowns,

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from cjt_gym.gap.candidates.candidate import Candidate, Scales
 from cjt_gym.gap.candidates.friction import friction_of
 from cjt_gym.gap.candidates.released import released
-from cjt_gym.gap.hypothesis import Hypothesis, Scales
-from cjt_gym.gap.number import Number
-from cjt_gym.gap.setting import Setting
+from cjt_gym.gap.recorded.setting import Setting
+from cjt_gym.gap.stages.number import Number
 
 
-def load_rows(setting: Setting, size: Scales) -> list[Hypothesis]:
+def load_rows(setting: Setting, size: Scales) -> list[Candidate]:
     """Return the candidates of the load; a search over horizons seeks weights without a spring."""
     touches = ("load",) if setting.cut_at_spring else ("motor",)
     if not setting.cut_at_spring:
@@ -20,7 +20,7 @@ def load_rows(setting: Setting, size: Scales) -> list[Hypothesis]:
     rows = [released(setting, "I_l", "load_inertia", "load", "I_l")]
     rows += friction_of(setting, size, "l", "load", touches)
     torque = max(float(np.std(setting.series["tau"])), 1e-9)
-    gravity = Hypothesis(
+    gravity = Candidate(
         "gravity",
         "load",
         (Number("a", "N m", 0.0, torque), Number("b", "N m", 0.0, torque)),

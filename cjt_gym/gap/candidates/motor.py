@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+from cjt_gym.gap.candidates.candidate import BODIES, Candidate, Scales, Values, most_damping
 from cjt_gym.gap.candidates.released import released
-from cjt_gym.gap.fields import Fields
-from cjt_gym.gap.hypothesis import BODIES, Hypothesis, Scales, Values, most_damping
-from cjt_gym.gap.nuisances import active_parameters
-from cjt_gym.gap.number import Number
-from cjt_gym.gap.setting import Setting
+from cjt_gym.gap.recorded.setting import Setting
+from cjt_gym.gap.stages.fields import Fields
+from cjt_gym.gap.stages.nuisances import active_parameters
+from cjt_gym.gap.stages.number import Number
 
 
-def motor_rows(setting: Setting, size: Scales) -> list[Hypothesis]:
+def motor_rows(setting: Setting, size: Scales) -> list[Candidate]:
     """Return the candidates of the motor, without dry friction."""
     active = active_parameters(setting)
     rows = [released(setting, "k_t", "torque_constant", "motor", "k_t")]
@@ -23,7 +23,7 @@ def motor_rows(setting: Setting, size: Scales) -> list[Hypothesis]:
     heat = Number("time_constant", "s", 5.0, 0.8, log=True, low=0.2, high=500.0, shape=True)
     derate = Number("loss", "1/A^2", 0.0, 0.3 / size.current**2, low=0.0)
     rows.append(
-        Hypothesis(
+        Candidate(
             "thermal_derating",
             "motor",
             (derate, heat),
@@ -35,7 +35,7 @@ def motor_rows(setting: Setting, size: Scales) -> list[Hypothesis]:
     )
     offset = Number("torque", "N m", 0.0, size.torque)
     rows.append(
-        Hypothesis(
+        Candidate(
             "torque_offset",
             "motor",
             (offset,),
@@ -52,7 +52,7 @@ def motor_rows(setting: Setting, size: Scales) -> list[Hypothesis]:
     return rows
 
 
-def _damping(setting: Setting, size: Scales, body: str) -> Hypothesis:
+def _damping(setting: Setting, size: Scales, body: str) -> Candidate:
     unit = setting.joint.parameters.unit(f"d_{body}")
     typical = size.torque / size.speed
     start = setting.nominal[f"d_{body}"]
@@ -65,7 +65,7 @@ def _damping(setting: Setting, size: Scales, body: str) -> Hypothesis:
     def apply(f: Fields, v: Values) -> None:
         f[f"d_{body}"] += v[f"d_{body}"] - start
 
-    return Hypothesis(
+    return Candidate(
         "damping",
         "motor",
         (total,),
@@ -78,7 +78,7 @@ def _damping(setting: Setting, size: Scales, body: str) -> Hypothesis:
     )
 
 
-def _periodic(name: str, prefix: str, scale: float, unit: str) -> Hypothesis:
+def _periodic(name: str, prefix: str, scale: float, unit: str) -> Candidate:
     f = Number("f", "1/rev", 0.0, 1.0, low=0.0, prior=False, shape=True)
     a = Number("a", unit, 0.0, scale)
     b = Number("b", unit, 0.0, scale)
@@ -86,4 +86,4 @@ def _periodic(name: str, prefix: str, scale: float, unit: str) -> Hypothesis:
     def apply(fields: Fields, v: Values) -> None:
         fields[f"{prefix}_f"], fields[f"{prefix}_a"], fields[f"{prefix}_b"] = v["f"], v["a"], v["b"]
 
-    return Hypothesis(name, "motor", (f, a, b), apply, ("motor",), family="periodic", search=prefix)
+    return Candidate(name, "motor", (f, a, b), apply, ("motor",), family="periodic", search=prefix)

@@ -12,12 +12,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.signal import lfilter, savgol_filter
 
-from cjt_gym.gap.disturbance import Disturbance, field_of
-from cjt_gym.gap.fields import Fields
-from cjt_gym.gap.hypothesis import Apply, Hypothesis, Scales, Values, scales
-from cjt_gym.gap.number import Number
-from cjt_gym.gap.series import Series
-from cjt_gym.gap.setting import Setting
+from cjt_gym.gap.candidates.candidate import Apply, Candidate, Scales, Values, scales
+from cjt_gym.gap.recorded.series import Series
+from cjt_gym.gap.recorded.setting import Setting
+from cjt_gym.gap.stages.disturbance import Disturbance, field_of
+from cjt_gym.gap.stages.fields import Fields
+from cjt_gym.gap.stages.number import Number
 from cjt_gym.joint.arrays import Floats
 
 Signal = Callable[[Series, Values], Floats]
@@ -44,7 +44,7 @@ class Outside:
 
     setting: Setting
     size: Scales  # its typical magnitudes
-    rows: list[Hypothesis] = field(default_factory=list)  # the candidates
+    rows: list[Candidate] = field(default_factory=list)  # the candidates
     # what they add to the joint, by name
     disturbances: dict[str, Disturbance] = field(default_factory=dict)
 
@@ -67,7 +67,7 @@ class Outside:
         zero = (tuple(0.0 for _ in unknowns),)
         touched = TOUCHED[channel]
         self.rows.append(
-            Hypothesis(
+            Candidate(
                 name,
                 touched[0],
                 unknowns,
@@ -168,8 +168,8 @@ def _drive(found: Outside) -> None:
 
 def _of_drive(
     name: str, text: str, unknown: Number, apply: Apply, starts: tuple[tuple[float, ...], ...]
-) -> Hypothesis:
-    return Hypothesis(
+) -> Candidate:
+    return Candidate(
         name,
         "drive",
         (unknown,),

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from cjt_gym.gap.fields import Fields
-from cjt_gym.gap.hypothesis import Hypothesis, Values
-from cjt_gym.gap.nuisances import stages_of
-from cjt_gym.gap.number import Number
-from cjt_gym.gap.setting import Setting
+from cjt_gym.gap.candidates.candidate import Candidate, Values
+from cjt_gym.gap.recorded.setting import Setting
+from cjt_gym.gap.stages.fields import Fields
+from cjt_gym.gap.stages.nuisances import stages_of
+from cjt_gym.gap.stages.number import Number
 
 FURTHEST = 5.0
 """Largest factor between the true and the stated value."""
 
 
-def released(setting: Setting, name: str, effect: str, stage: str, field_name: str) -> Hypothesis:
+def released(setting: Setting, name: str, effect: str, stage: str, field_name: str) -> Candidate:
     """Return the row of an effect that is a wrong datasheet value."""
     unit = setting.joint.parameters.unit(field_name)
     nominal = setting.nominal[field_name]
@@ -25,7 +25,7 @@ def released(setting: Setting, name: str, effect: str, stage: str, field_name: s
     def release(f: Fields, v: Values) -> None:
         f[field_name] *= v[name] / setting.nominal[field_name]
 
-    return Hypothesis(
+    return Candidate(
         effect,
         stage,
         (factor,),

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from cjt_gym.gap.hypothesis import Apply, Hypothesis
-from cjt_gym.gap.number import Number
-from cjt_gym.gap.setting import Setting
+from cjt_gym.gap.candidates.candidate import Apply, Candidate
+from cjt_gym.gap.recorded.setting import Setting
+from cjt_gym.gap.stages.number import Number
 
 
-def sensing_rows(setting: Setting) -> list[Hypothesis]:
+def sensing_rows(setting: Setting) -> list[Candidate]:
     """Return the candidates of the torque sensor."""
     touches = ("motor", "transmission", "load")
     dt = setting.series.dt
@@ -17,8 +17,8 @@ def sensing_rows(setting: Setting) -> list[Hypothesis]:
     bias = Number("bias", "N m", 0.0, max(float(np.std(setting.series["tau"])), 1e-9))
     late = Number("delay", "s", 0.0, 3.0 * dt, low=0.0, high=60.0 * dt)
 
-    def row(name: str, unknown: Number, apply: Apply, starts: object) -> Hypothesis:
-        return Hypothesis(
+    def row(name: str, unknown: Number, apply: Apply, starts: object) -> Candidate:
+        return Candidate(
             name,
             "sensing",
             (unknown,),

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from functools import partial
 
+from cjt_gym.gap.candidates.candidate import Candidate, Scales, Values
 from cjt_gym.gap.candidates.released import released
-from cjt_gym.gap.fields import Fields
-from cjt_gym.gap.hypothesis import Hypothesis, Scales, Values
-from cjt_gym.gap.number import Number
-from cjt_gym.gap.setting import Setting
+from cjt_gym.gap.recorded.setting import Setting
+from cjt_gym.gap.stages.fields import Fields
+from cjt_gym.gap.stages.number import Number
 
 HYSTERESES = {"Bouc-Wen": 2.0, "Dahl": 1.0, "Maxwell slip": 0.0}
 
@@ -17,7 +17,7 @@ def _hysteresis(exponent: float, f: Fields, v: Values) -> None:
     f["hyst"], f["hyst_z"], f["hyst_n"] = v["h"], v["z_h"], exponent
 
 
-def transmission_rows(setting: Setting, size: Scales) -> list[Hypothesis]:
+def transmission_rows(setting: Setting, size: Scales) -> list[Candidate]:
     """Return the candidates of the transmission."""
     touches = ("transmission",) if setting.cut_at_spring else ("motor",)
     rows = [released(setting, "k_b", "stiffness", "transmission", "k_b")]
@@ -36,7 +36,7 @@ def transmission_rows(setting: Setting, size: Scales) -> list[Hypothesis]:
     if setting.has_gear and setting.cut_at_spring:
         rows += [_gear_play(play, centre, x, pulls) for pulls in (False, True)]
     rows += [
-        Hypothesis(
+        Candidate(
             "backlash",
             "transmission",
             (play, centre),
@@ -46,7 +46,7 @@ def transmission_rows(setting: Setting, size: Scales) -> list[Hypothesis]:
             family="spring",
             variant="bar",
         ),
-        Hypothesis(
+        Candidate(
             "hardening",
             "transmission",
             (hard,),
@@ -56,7 +56,7 @@ def transmission_rows(setting: Setting, size: Scales) -> list[Hypothesis]:
             family="spring",
         ),
         *(
-            Hypothesis(
+            Candidate(
                 "spring_hysteresis",
                 "transmission",
                 (torque, width),
@@ -72,7 +72,7 @@ def transmission_rows(setting: Setting, size: Scales) -> list[Hypothesis]:
     return rows
 
 
-def _gear_play(play: Number, centre: Number, x: float, pulls: bool) -> Hypothesis:
+def _gear_play(play: Number, centre: Number, x: float, pulls: bool) -> Candidate:
     """Return backlash in the gear, whose damper may or may not resist parting teeth."""
 
     def apply(f: Fields, v: Values) -> None:
@@ -80,7 +80,7 @@ def _gear_play(play: Number, centre: Number, x: float, pulls: bool) -> Hypothesi
         f["centre_g"] = min(max(v["centre"], -0.5 * v["b"]), 0.5 * v["b"])
         f["q_0"] -= f["centre_g"]
 
-    return Hypothesis(
+    return Candidate(
         "backlash",
         "transmission",
         (play, centre),

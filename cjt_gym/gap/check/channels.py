@@ -8,7 +8,7 @@ import numpy as np
 
 from cjt_gym.gap.check.balance import left_over
 from cjt_gym.gap.check.clock import even
-from cjt_gym.gap.noise import OTHER_ORDER, high_frequency_std, lattice_step
+from cjt_gym.gap.recorded.noise import OTHER_ORDER, high_frequency_std, lattice_step
 from cjt_gym.joint import JointFile
 from cjt_gym.joint.arrays import Floats
 from cjt_gym.records import TRUE_PREFIX, Record

@@ -15,7 +15,7 @@ from cjt_gym.gap.check.instants import current_and_command, motion_and_torque
 from cjt_gym.gap.check.resonances import gear_resonance, resonance
 from cjt_gym.gap.check.torque_sensor import at_rest, without_spring
 from cjt_gym.gap.check.view import View
-from cjt_gym.gap.orient import orient
+from cjt_gym.gap.recorded.orient import orient
 from cjt_gym.records import clean_pieces
 from cjt_gym.records.repair import NOTE
 

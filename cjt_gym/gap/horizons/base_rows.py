@@ -9,7 +9,7 @@ from dataclasses import replace
 from cjt_gym.gap.horizons.model import Draft, Free, Put, Scales, Term, body_group
 from cjt_gym.gap.horizons.rows import sets
 from cjt_gym.gap.horizons.sheet import GUESSED, VAGUE, datasheet_number, tolerance_of
-from cjt_gym.gap.number import Number
+from cjt_gym.gap.stages.number import Number
 from cjt_gym.joint import Joint
 
 K_T, INERTIA, STIFFNESS = 0.05, 0.1, 0.1

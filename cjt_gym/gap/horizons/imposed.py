@@ -10,7 +10,7 @@ from cjt_gym.gap.horizons.model import Model
 from cjt_gym.gap.horizons.sheet import GUESSED
 from cjt_gym.gap.horizons.side_by_side import side_by_side
 from cjt_gym.gap.horizons.windows import HORIZONS, relative
-from cjt_gym.gap.number import Number
+from cjt_gym.gap.stages.number import Number
 
 HEAVIER = (10.0, 1e3, 1e5)
 """Factors on the inertia for additional starts where nothing else predicts the motion."""

@@ -13,7 +13,7 @@ from scipy.ndimage import binary_dilation
 from scipy.signal import savgol_filter
 
 from cjt_gym.errors import RecordError
-from cjt_gym.gap.series import current_before, same_file
+from cjt_gym.gap.recorded.series import current_before, same_file
 from cjt_gym.joint import JointFile, Structure
 from cjt_gym.records import Record
 

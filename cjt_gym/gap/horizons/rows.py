@@ -13,7 +13,7 @@ from cjt_gym.gap.horizons.forward import SUBSTEP
 from cjt_gym.gap.horizons.log import Log
 from cjt_gym.gap.horizons.model import Draft, Free, Put, Scales, Term, motor_inertia
 from cjt_gym.gap.horizons.spent import Spent
-from cjt_gym.gap.number import Number
+from cjt_gym.gap.stages.number import Number
 from cjt_gym.joint import EFFECTS, Joint
 
 Floats = NDArray[np.float64]

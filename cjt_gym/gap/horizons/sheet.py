@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from cjt_gym.gap.horizons.model import Term, body_group
-from cjt_gym.gap.number import Number
+from cjt_gym.gap.stages.number import Number
 from cjt_gym.joint import Joint, JointFile
 
 VAGUE = 0.3

@@ -12,7 +12,7 @@ from cjt_gym.gap.horizons.grow import added, allowed, priced
 from cjt_gym.gap.horizons.inverse import inverse
 from cjt_gym.gap.horizons.model import Model, Term, motor_inertia
 from cjt_gym.gap.horizons.side_by_side import side_by_side
-from cjt_gym.gap.number import Number
+from cjt_gym.gap.stages.number import Number
 
 FAR = 0.5
 """Deviation of a logarithm at or above which other magnitudes are tried as starts, too."""

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cjt_gym.gap.confusable import advice
 from cjt_gym.gap.diagnosis import (
     Diagnosis,
     Horizon,
@@ -45,6 +44,7 @@ from cjt_gym.gap.horizons.verdict import (
 )
 from cjt_gym.gap.horizons.windows import HORIZONS, WHOLE
 from cjt_gym.gap.horizons.write import joint_of
+from cjt_gym.gap.judged.confusable import advice
 
 Floats = NDArray[np.float64]
 SURE, FIRM = 1.4, 2.0

@@ -9,8 +9,8 @@ from importlib import metadata, resources
 from pathlib import Path
 
 from cjt_gym.errors import ConfigurationError
-from cjt_gym.gap.confusable import advice
 from cjt_gym.gap.diagnosis import NOTHING_LEFT, Diagnosis, NamedEffect
+from cjt_gym.gap.judged.confusable import advice
 from cjt_gym.gap.report.bars import confidence_bar, regime_strips, stage_bars, waterfall
 from cjt_gym.gap.report.chart import Chart, draw
 from cjt_gym.gap.report.figures import (

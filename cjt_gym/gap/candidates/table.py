@@ -1,0 +1,45 @@
+"""The candidates: one row per effect that may explain a gap.
+
+A row states the effect's numbers, where a fit may start, and how it changes the model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from cjt_gym.gap.candidates.candidate import Candidate, scales
+from cjt_gym.gap.candidates.drive import drive_rows
+from cjt_gym.gap.candidates.friction import friction_rows
+from cjt_gym.gap.candidates.load import load_rows
+from cjt_gym.gap.candidates.motor import motor_rows
+from cjt_gym.gap.candidates.sensing import sensing_rows
+from cjt_gym.gap.candidates.transmission import transmission_rows
+from cjt_gym.gap.recorded.setting import Setting
+
+
+def all_candidates(setting: Setting, stages: tuple[str, ...]) -> tuple[Candidate, ...]:
+    """Return all candidates of the effect table that a record with these stages can reveal."""
+    size = scales(setting)
+    rows: list[Candidate] = []
+    if "i_cmd" in setting.series:
+        rows += drive_rows(setting, size)
+    rows += motor_rows(setting, size)
+    rows += friction_rows(setting, size)
+    if setting.has_spring:
+        rows += transmission_rows(setting, size)
+    if setting.cut_at_spring:
+        rows += sensing_rows(setting)
+    if not setting.structure.output_fixed:
+        rows += load_rows(setting, size)
+    return shown(rows, stages)
+
+
+def shown(rows: Sequence[Candidate], stages: tuple[str, ...]) -> tuple[Candidate, ...]:
+    """Return the candidates that touch any of the stages, each reduced to those it touches."""
+    kept = []
+    for row in rows:
+        touches = tuple(s for s in row.touches if s in stages)
+        if touches:
+            kept.append(replace(row, touches=touches))
+    return tuple(kept)

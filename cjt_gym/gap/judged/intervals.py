@@ -1,0 +1,144 @@
+"""Confidence intervals of the numbers: parameter covariance from blocks of residuals."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from cjt_gym.gap.candidates.candidate import Candidate
+from cjt_gym.gap.diagnosis import Interval
+from cjt_gym.gap.stages.fit import Fit, Problem
+from cjt_gym.gap.stages.number import Number
+from cjt_gym.joint.arrays import Floats
+
+BLOCKS = 40
+NORMAL = 1.96
+INFLATION = 2.0
+"""Factor for model error, which the covariance of a fit cannot account for."""
+EXACT, EXACT_SHAPE = 0.0025, 0.025
+"""Smallest relative deviation, since laws are solved sample by sample: of a magnitude, and of a
+number on a logarithmic scale that only shapes a law near its bend. Chosen with `INFLATION` for
+nominal coverage of the intervals of blind cases (`benchmarks/calibrate.py`).
+"""
+
+
+@dataclass(frozen=True)
+class Covariance:
+    """Covariance of a fit's coordinates, shape (p, p)."""
+
+    matrix: Floats
+
+    def std(self, index: int) -> float:
+        """Return the standard deviation of a coordinate."""
+        return float(np.sqrt(max(self.matrix[index, index], 0.0)))
+
+
+def covariance(problem: Problem, fit: Fit) -> Covariance:
+    """Return the covariance of a fit.
+
+    Inverse curvature of the likelihood with the residuals' own mean square, corrected ("sandwich")
+    by the scatter of its gradient between blocks, which also accounts for coloured residuals.
+    """
+    jacobian = problem.jacobian(fit.model, fit.z, fit.residuals)
+    prior = np.diag(np.where(problem.has_prior(fit.model), 1.0, 1e-9))
+    curvature, scatter = prior.copy(), prior.copy()
+    for name, j in jacobian.items():
+        weight = 1.0 / max(fit.mean_square[name], 1.0)
+        curvature += weight * (j.T @ j)
+        pieces = np.array_split(j * fit.residuals[name][:, None], BLOCKS)
+        sums = np.array([piece.sum(axis=0) for piece in pieces]) * weight
+        scatter += sums.T @ sums
+    scale = 1.0 / np.sqrt(np.diag(curvature))  # for the inversion: columns differ greatly in size
+    inverse = np.linalg.inv(curvature * np.outer(scale, scale)) * np.outer(scale, scale)
+    sandwich = inverse @ scatter @ inverse
+    # A few blocks may scatter too little by chance: the larger of the two deviations counts.
+    grow = np.sqrt(np.maximum(np.diag(sandwich) / np.diag(inverse), 1.0)) * INFLATION
+    return Covariance(inverse * np.outer(grow, grow))
+
+
+def effect_intervals(
+    problem: Problem, fit: Fit, index: int, spread: Covariance
+) -> dict[str, Interval]:
+    """Return the numbers of one effect of a fit with their 95 % intervals."""
+    effects = fit.model.effects
+    at = len(problem.shared) + sum(len(e.unknowns) for e in effects[:index])
+    slides = problem.stages.setting.joint.parameters.axis == "prismatic"
+    out = {}
+    for k, unknown in enumerate(effects[index].unknowns):
+        z = fit.z[at + k]
+        value = unknown.value(z)
+        std = max(spread.std(at + k), _least(unknown, value))
+        ends = sorted((unknown.value(z - NORMAL * std), unknown.value(z + NORMAL * std)))
+        unit = along(unknown.unit) if slides else unknown.unit
+        out[unknown.symbol] = Interval(value, ends[0], ends[1], unit)
+    released = effects[index].releases
+    if released is not None and released in out:
+        out[released] = _with_tolerance(problem, fit, released, out[released])
+    if effects[index].name == "command_delay":
+        out["delay"] = _whole_delay(problem, fit, out["delay"])
+    if effects[index].name == "stribeck":
+        out["d_s"] = _breakaway(fit, effects[index], at, spread, out["d_s"].unit)
+    return out
+
+
+def along(unit: str) -> str:
+    """Convert the unit of a rotary axis to that of a prismatic one: N m to N, rad to m."""
+    return unit.replace("N m", "N").replace("rad", "m")
+
+
+def _least(unknown: Number, value: float) -> float:
+    """Return the smallest standard deviation of a coordinate."""
+    relative = EXACT_SHAPE if unknown.shape and unknown.log else EXACT
+    return relative / unknown.scale * (1.0 if unknown.log else abs(value))
+
+
+def may_be_nothing(effect: Candidate, intervals: Mapping[str, Interval]) -> bool:
+    """Return whether the intervals of an effect include its absence."""
+    sizes = [unknown for unknown in effect.unknowns if not unknown.shape]
+    pairs = [(unknown.start, intervals[unknown.symbol]) for unknown in sizes]
+    return bool(pairs) and all(known.low <= none <= known.high for none, known in pairs)
+
+
+def at_an_end(effect: Candidate, intervals: Mapping[str, Interval]) -> bool:
+    """Return whether a factor of a datasheet value or a sensor has reached its bound."""
+    factors = [unknown for unknown in effect.unknowns if unknown.log and not unknown.shape]
+    return any(
+        known.low <= u.low or known.high >= u.high
+        for u, known in ((u, intervals[u.symbol]) for u in factors)
+    )
+
+
+def _whole_delay(problem: Problem, fit: Fit, interval: Interval) -> Interval:
+    """Return the dead time including the part below a sample that every fit leaves free.
+
+    A current that follows its command at once reveals it in whole samples only.
+    """
+    setting = problem.stages.setting
+    fields = problem.fields(fit.model, fit.z)
+    total = fields["delay"] - setting.nominal["delay"]
+    width = interval.high - interval.low if fields["lag"] > 0.0 else setting.series.dt
+    half = 0.5 * min(width, setting.series.dt)
+    return Interval(total, total - half, total + half, interval.unit)
+
+
+def _breakaway(fit: Fit, effect: Candidate, at: int, spread: Covariance, unit: str) -> Interval:
+    """Return the breakaway level; the fit has the Coulomb level and the rise above it."""
+    both = effect.unknowns[:2]
+    scales = np.array([unknown.scale for unknown in both])
+    value = sum(u.value(z) for u, z in zip(both, fit.z[at : at + 2], strict=True))
+    variance = float(scales @ spread.matrix[at : at + 2, at : at + 2] @ scales)
+    half = NORMAL * max(float(np.sqrt(max(variance, 0.0))), EXACT * value)
+    return Interval(value, max(value - half, 0.0), value + half, unit)
+
+
+def _with_tolerance(problem: Problem, fit: Fit, field: str, interval: Interval) -> Interval:
+    """Return the value that the model uses: of an effect and its nuisance together."""
+    total = problem.fields(fit.model, fit.z)[field]
+    if interval.value == 0.0:
+        return interval
+    factor = total / interval.value
+    if not 0.5 < factor < 2.0:
+        return interval
+    return Interval(total, interval.low * factor, interval.high * factor, interval.unit)

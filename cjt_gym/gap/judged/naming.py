@@ -1,0 +1,155 @@
+"""Which effects of an explanation are named, and their status, confidence and rivals."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from cjt_gym.gap.diagnosis import Interval, NamedEffect
+from cjt_gym.gap.judged.confidence import confidence
+from cjt_gym.gap.judged.confusable import best_rival, rivals
+from cjt_gym.gap.judged.gap_size import harms
+from cjt_gym.gap.judged.intervals import Covariance, at_an_end, effect_intervals, may_be_nothing
+from cjt_gym.gap.judged.replay import written
+from cjt_gym.gap.recorded.missing import same_here, undecided
+from cjt_gym.gap.recorded.setting import Setting
+from cjt_gym.gap.stages.explain import Explanation
+from cjt_gym.gap.stages.heldout import worth
+from cjt_gym.gap.stages.lateness import may_be_the_records
+from cjt_gym.gap.stages.leftover import status
+from cjt_gym.gap.stages.merit import MARGIN, evidence
+from cjt_gym.gap.stages.prune import Need
+from cjt_gym.gap.stages.sensing import SensorFinding
+
+SHADOW = 0.25
+"""Confidence below which an effect beside a cause outside the table is considered its shadow."""
+LIKE_FRICTION = frozenset({"square_m", "square_l", "warm_up", "spot"})
+"""Causes outside the table that a combination of friction effects imitates."""
+EVEN_CHANCE = 0.5
+"""Confidence below which no effect counts as confirmed."""
+
+
+def name_effects(
+    found: Explanation, spread: Covariance, unseen: Sequence[Setting]
+) -> tuple[NamedEffect, ...]:
+    """Return the effects of an explanation to be named, ordered by their share of the gap.
+
+    Beside friction outside the table no effect of that stage is confirmed: it may be a remnant.
+
+    Args:
+        found: The explanation.
+        spread: Covariance of its numbers.
+        unseen: Records that it was not fitted to, if any.
+    """
+    problem, fit = found.problem, found.fit
+    whole, dt = _whole(found), problem.stages.setting.series.dt
+    clouded = {effect.stage for effect in fit.model.effects if effect.name in LIKE_FRICTION}
+    rows = []
+    for index, (effect, need) in enumerate(zip(fit.model.effects, found.needs, strict=True)):
+        if effect.outside:
+            continue
+        trial = worth(found.held, index)
+        state = status(need, effect.touches, found.left, trial)
+        if state is None:
+            continue
+        numbers = effect_intervals(problem, fit, index, spread)
+        doubtful = may_be_nothing(effect, numbers) or at_an_end(effect, numbers)
+        doubtful = doubtful or undecided(problem.stages.setting, effect.name)
+        doubtful = doubtful or may_be_the_records(effect.name, numbers, dt)
+        doubtful = doubtful or _warm(found, index, numbers)
+        if doubtful or _harmful(found, need, unseen):
+            state = "tentative"
+        lead = evidence(problem, fit) - best_rival(problem, fit, index, found.seen)
+        lead = min(lead, need.evidence)
+        if lead < MARGIN:  # another explanation is equally good
+            state = "tentative"
+        chance = confidence(lead, trial, state == "tentative")
+        beside = any(other.outside for other in fit.model.effects)
+        if beside and chance < SHADOW and not undecided(problem.stages.setting, effect.name):
+            continue
+        if chance < EVEN_CHANCE or effect.stage in clouded:
+            state = "tentative"
+        rows.append(
+            NamedEffect(
+                effect.name,
+                effect.stage,
+                effect.body,
+                effect.channel,
+                numbers,
+                state,
+                chance,
+                float(np.clip(need.evidence / whole, 0.0, 1.0)),
+                _confusable(found, index, numbers),
+                lead,
+                None if trial is None else trial.worth,
+            )
+        )
+    least = min((row.gap_removed for row in rows), default=1.0)  # noise moves no joint
+    sensors = (_sensor_row(finding, problem.stages.setting) for finding in found.sensors)
+    rows += [replace(row, gap_removed=min(row.gap_removed, least)) for row in sensors]
+    return tuple(sorted(rows, key=lambda row: -row.gap_removed))
+
+
+def doubted(effect: NamedEffect) -> NamedEffect:
+    """Return an effect marked as tentative, unless it was read off a channel."""
+    if effect.stage == "sensing" and effect.name in ("noise", "quantization"):
+        return effect
+    return replace(effect, status="tentative", confidence=min(effect.confidence, EVEN_CHANCE))
+
+
+def _harmful(found: Explanation, need: Need, unseen: Sequence[Setting]) -> bool:
+    """Return whether an effect worsens the replay of unseen data."""
+    less, more = (written(found.problem, f.model, f.z) for f in (need.without, found.fit))
+    return harms(unseen, less, more)
+
+
+def _warm(found: Explanation, index: int, numbers: Mapping[str, Interval]) -> bool:
+    """Return whether a small torque constant may be that of a motor that was warm from the start.
+
+    Derating counts from the temperature at which a record begins, which no channel shows.
+    """
+    effects = found.fit.model.effects
+    derates = any(effect.name == "thermal_derating" for effect in effects)
+    nominal = found.problem.stages.setting.nominal["k_t"]
+    small = "k_t" in numbers and numbers["k_t"].value < nominal
+    return derates and effects[index].name == "torque_constant" and small
+
+
+def _confusable(found: Explanation, index: int, numbers: Mapping[str, Interval]) -> tuple[str, ...]:
+    """Return effects that could replace an effect in this explanation or with these channels."""
+    names = rivals(found.problem, found.base, found.fit, index, found.seen)
+    name = found.fit.model.effects[index].name
+    warmth = ("thermal_derating",) if _warm(found, index, numbers) else ()
+    same = same_here(found.problem.stages.setting, name)
+    return tuple(dict.fromkeys((*warmth, *names, *same)))
+
+
+def _whole(found: Explanation) -> float:
+    """Return the evidence that the joint without effects lacks, of which each effect has a share.
+
+    The gap is measured in evidence, which counts residuals and strained datasheet values alike,
+    under the predictors of the joint that was found.
+    """
+    problem, needs = found.problem, found.needs
+    bare = needs[0].without if len(needs) == 1 else problem.fit(found.base.model, found.base.z)
+    gained = evidence(problem, found.fit) - evidence(problem, bare)
+    return max(gained, -evidence(problem, bare), *(need.evidence for need in needs), 1e-9)
+
+
+def _sensor_row(finding: SensorFinding, setting: Setting) -> NamedEffect:
+    unit = setting.joint.sensors[finding.channel]
+    symbol = next(iter(unit.values())).unit
+    key = "resolution" if finding.name == "quantization" else "noise"
+    value = Interval(finding.value, finding.low, finding.high, symbol)
+    return NamedEffect(
+        finding.name,
+        "sensing",
+        None,
+        finding.channel,
+        {key: value},
+        "confirmed",
+        0.95,
+        1.0 - 1.0 / finding.factor,
+    )

@@ -1,0 +1,184 @@
+"""What to record next, in words and as an excitation file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from cjt_gym.gap.diagnosis import NamedEffect, Suggestion
+from cjt_gym.gap.judged.confusable import NOTHING, SEPARATED_BY, advice, difference, rival_fits
+from cjt_gym.gap.next_record.design import TELLS, Cross, Prospect, prospects
+from cjt_gym.gap.recorded.setting import Setting
+from cjt_gym.gap.stages.fit import Fit, Problem
+from cjt_gym.gap.stages.leftover import Leftover
+from cjt_gym.gap.stages.merit import evidence
+from cjt_gym.gap.stages.prune import Need
+from cjt_gym.records import Record, default_units
+
+MOST_RIVALS = 2
+ENOUGH = "No further record is needed."
+WEAK = "What was found stands on little: "
+SHORT = 5.0
+"""Duration of a record below which a longer one is suggested [s]."""
+MEANS = frozenset(
+    {"torque_bias", "torque_gain", "spring_hysteresis", "load_friction", "measurement_delay"}
+)
+"""Effects that a weight, a load or another sensor tells from others where no current does."""
+ELSEWHERE = (
+    "Look at the regimes in which it lies, and record the joint again with one input at a time: "
+    "slow ramps, steps, a chirp."
+)
+
+
+def suggest(
+    problem: Problem,
+    base: Fit,
+    fit: Fit,
+    needs: Sequence[Need],
+    seen: Sequence[Fit],
+    named: Sequence[NamedEffect],
+    left: Sequence[Leftover],
+) -> Suggestion:
+    """Return the experiment that best settles what a diagnosis leaves open.
+
+    The arguments are those of an `Explanation`, with the effects that it names and the stages that
+    it leaves.
+    """
+    question = _open_question(problem, base, fit, needs, seen, named)
+    preface = ""
+    if not question and left:
+        question = _nearest(problem, seen, left[0].stage)
+        preface = f"The {left[0].stage} stage has a gap that no effect of the table explains. "
+    if len(question) < 2:
+        return Suggestion(preface + ELSEWHERE if left else _other_means(named))
+    ranked = prospects(problem, question)
+    if ranked and ranked[0].tells:
+        return Suggestion(
+            preface + _text(ranked[0], problem.stages.setting.command_unit),
+            excitation=record_of(problem, ranked[0]),
+        )
+    return Suggestion(preface + _needs_more(tuple(question), ranked))
+
+
+def cautious(suggestion: Suggestion, setting: Setting, held_out: bool) -> Suggestion:
+    """Return a suggestion that asks for a better record if this one reveals little.
+
+    Args:
+        suggestion: The original suggestion.
+        setting: The record.
+        held_out: Whether data were withheld from the fit.
+    """
+    asked = []
+    if setting.series.slow:
+        asked.append("record at 1 kHz")
+    if len(setting.series) * setting.series.dt < SHORT:
+        asked.append("record 10 s")
+    if not held_out:
+        asked.append("record a second run with other excitation and give it as validation")
+    if suggestion.text != ENOUGH or not asked:
+        return suggestion
+    return Suggestion(f"{WEAK}{', '.join(asked)}.")
+
+
+def _nearest(problem: Problem, seen: Sequence[Fit], stage: str) -> Mapping[str, Fit]:
+    """Return the two best explanations of a stage's gap, by name."""
+    found: dict[str, Fit] = {}
+    blamed = [fit for fit in seen if fit.model.effects]
+    for fit in sorted(blamed, key=lambda f: -evidence(problem, f)):
+        last = fit.model.effects[-1]
+        if stage in last.touches and len(found) < 2:
+            found.setdefault(last.outside or last.name, fit)
+    return found
+
+
+def _open_question(
+    problem: Problem,
+    base: Fit,
+    fit: Fit,
+    needs: Sequence[Need],
+    seen: Sequence[Fit],
+    named: Sequence[NamedEffect],
+) -> Mapping[str, Fit]:
+    """Return the explanations to tell apart, by name, for the least certain of the effects."""
+    doubtful = [e for e in named if e.confusable_with or e.status == "tentative"]
+    for effect in sorted(doubtful, key=lambda e: e.confidence):
+        for index, row in enumerate(fit.model.effects):
+            if (row.name, row.body, row.channel) != (effect.name, effect.body, effect.channel):
+                continue
+            others = list(rival_fits(problem, base, fit, index, seen).items())[:MOST_RIVALS]
+            if not others and effect.status == "tentative" and not _told_otherwise(effect):
+                others = [(NOTHING, needs[index].without)]
+            if others:
+                return {effect.name: fit, **dict(others)}
+    return {}
+
+
+def _told_otherwise(effect: NamedEffect) -> bool:
+    """Return whether means other than motion tell an effect from its rivals."""
+    return any(frozenset((effect.name, other)) in SEPARATED_BY for other in effect.confusable_with)
+
+
+def _text(best: Prospect, unit: str) -> str:
+    names = list(dict.fromkeys(cross.true for cross in best.crosses))
+    telling = [cross for cross in best.crosses if cross.margin >= 0.5 * best.margin]
+    shown = ". ".join(_sentence(cross) for cross in sorted(telling, key=lambda c: -c.margin)[:2])
+    return (
+        f"To tell {difference(*names)}, record {best.input.text}: "
+        f"{len(best.current) * best.dt:.3g} s, up to {np.abs(best.current).max():.3g} {unit}, from "
+        f"rest. {shown}."
+    )
+
+
+def _sentence(cross: Cross) -> str:
+    what = "a model without it" if cross.rival == NOTHING else cross.rival
+    truth = "there is none" if cross.true == NOTHING else f"it is {cross.true}"
+    return (
+        f"If {truth}, {what} would then leave {_times(cross.residual)} times the noise in the "
+        f"{cross.stage} stage (evidence {cross.margin:.0f}; {TELLS:.0f} decides)"
+    )
+
+
+def _times(ratio: float) -> str:
+    return f"{ratio:.0f}" if ratio >= 10.0 else f"{ratio:.2g}"
+
+
+def _other_means(named: Sequence[NamedEffect]) -> str:
+    """Return what separates effects that look the same in these channels under any motion."""
+    pairs = ((e.name, rival) for e in named for rival in e.confusable_with)
+    return next((advice(*pair) for pair in pairs if frozenset(pair) in SEPARATED_BY), ENOUGH)
+
+
+def _needs_more(names: Sequence[str], ranked: Sequence[Prospect]) -> str:
+    best = f" (the best would be {ranked[0].input.text})" if ranked else ""
+    told = f"No current within the limits of the joint tells {difference(*names)}"
+    by_motion = MEANS.isdisjoint(names[:2])
+    return f"{told} with these sensors{best}." + ("" if by_motion else f" {advice(*names[:2])}")
+
+
+def record_of(problem: Problem, prospect: Prospect) -> Record:
+    """Return an input as an excitation: a record of commands without measurements."""
+    setting: Setting = problem.stages.setting
+    p = setting.joint.parameters
+    current = prospect.current
+    columns = {
+        "t": np.arange(len(current)) * prospect.dt,
+        "i_cmd": current,
+        "tau_cmd": current * setting.nominal["k_t"] * setting.nominal["n"],
+    }
+    units = default_units(tuple(columns), prismatic=p.axis == "prismatic")
+    if "i_cmd" in units:
+        units["i_cmd"] = setting.command_unit
+    return Record(
+        columns,
+        units,
+        dt=prospect.dt,
+        joint=p.name,
+        structure=setting.structure.name,
+        provenance={
+            "mode": "open loop",
+            "excitation": prospect.input.name,
+            "purpose": _text(prospect, setting.command_unit),
+            "predicted_margin": round(prospect.margin, 1),
+        },
+    )

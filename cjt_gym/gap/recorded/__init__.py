@@ -1,0 +1,11 @@
+"""What was recorded: a record with its nominal joint, as arrays with a known scatter.
+
+=========  ==============================================================
+`series`   evenly sampled arrays without gaps
+`noise`    normal scatter of each channel
+`setting`  a record together with its nominal joint and its noise
+`signals`  torque and current between the samples
+`orient`   signs and units of the channels, where physics determines them
+`missing`  what a record cannot tell for want of a channel
+=========  ==============================================================
+"""

@@ -1,0 +1,460 @@
+"""The four stages of a joint, cut where it is measured.
+
+========  ===================  ===================================
+stage     from                 to
+========  ===================  ===================================
+drive     command              current
+motor     current, torque      motor angle (innovations)
+trans.    both angles          torque
+load      torque               load angle (innovations)
+========  ===================  ===================================
+
+Each stage is driven by what was measured on both of its sides, so that an error in one does not
+reach the next. Where the torque was not measured, motor, spring and load are one stage.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import fftconvolve, savgol_filter
+
+from cjt_gym.gap.candidates.outside import Outside, outside_rows
+from cjt_gym.gap.recorded.series import Series
+from cjt_gym.gap.recorded.setting import PROCESS_TORQUE, Setting
+from cjt_gym.gap.recorded.signals import (
+    MEAN,
+    ahead,
+    commanded_current,
+    joint_torque,
+    motor_torque,
+    periodic_torque,
+    shift_noise,
+    shifted,
+    smooth_mean,
+    torque_rise,
+    weight,
+    within,
+)
+from cjt_gym.gap.stages.chain import GEAR, LOAD, MOTOR, Chain, Link, build_chain, kalman_gain
+from cjt_gym.gap.stages.disturbance import corrected, disturbing
+from cjt_gym.gap.stages.fields import CHAIN, Fields, of_record
+from cjt_gym.gap.stages.predictor import (
+    Gain,
+    Play,
+    Prediction,
+    backlash,
+    direct,
+    innovation_std,
+    run_predictor,
+    torque_response,
+)
+from cjt_gym.gap.stages.spring import spring_torque
+
+Floats = NDArray[np.float64]
+Added = Mapping[str, Floats]
+STAGES = ("drive", "motor", "transmission", "load")
+CHANNELS: Mapping[str, tuple[str, ...]] = {
+    "drive": ("i", "i_cmd"),
+    "motor": ("q_m",),
+    "transmission": ("tau", "q_m", "q_l"),
+    "load": ("q_l",),
+}
+"""Channels that must be measured for a sample of a stage to count."""
+SPRINGS = ("k_b", "k_g")
+"""Fields that noise of the angles is multiplied by."""
+PULSE = 800
+SMOOTH = 21
+
+
+@dataclass(eq=False)
+class Stages:
+    """All stages of one record.
+
+    Attributes:
+        setting: The record and its joint.
+        gains: Predictor gains by stage, for the fields given to `tune`.
+        others: The stages of further records of the same joint, to be explained together.
+        springs: What multiplies noise of the angles: the nominal joint with the stiffnesses of the
+            fields given to `tune`.
+    """
+
+    setting: Setting
+    gains: dict[str, Gain] = field(default_factory=dict)
+    others: tuple[Stages, ...] = ()
+    springs: Fields = field(default_factory=dict)
+    _chains: dict[tuple[object, ...], Chain] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.springs = self.springs or self.setting.nominal
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Stages that this record allows."""
+        s = self.setting
+        there = {
+            "drive": "i" in s.series and "i_cmd" in s.series,
+            "motor": True,
+            "transmission": s.cut_at_spring
+            and ("q_l" in s.series or s.structure.output_fixed)
+            and "q_m" not in s.series.derived,
+            "load": s.cut_at_spring
+            and not s.structure.output_fixed
+            and "q_l" in s.series
+            and not s.still_load,
+        }
+        return tuple(name for name in STAGES if there[name])
+
+    @cached_property
+    def outside(self) -> Outside:
+        """Causes outside the effect table that may act beside the model."""
+        return outside_rows(self.setting)
+
+    def tune(self, fields: Fields) -> None:
+        """Compute the predictors' gains, and noise effects in the springs, for these fields."""
+        self.springs = self.setting.nominal | {name: fields[name] for name in SPRINGS}
+        for cached in ("spring_noise", "_shaken_angles"):
+            self.__dict__.pop(cached, None)
+        for name in self.names:
+            if name in ("motor", "load"):
+                self.gains[name] = self._gain(name, fields)
+        for number, other in enumerate(self.others, 1):
+            other.tune(of_record(fields, number))
+
+    def predict(self, name: str, fields: Fields) -> Prediction:
+        """Return the prediction of a stage."""
+        added = self._added(fields)
+        series = corrected(self.setting.series, added)
+        run: dict[str, Callable[[Fields, Series, Added], Prediction]] = {
+            "drive": self._drive,
+            "motor": self._motor,
+            "transmission": self._transmission,
+            "load": self._load,
+        }
+        return run[name](fields, series, added)
+
+    def _added(self, fields: Fields) -> Added:
+        """Return the sum of the causes outside the effect table on each channel."""
+        if not any("." in key for key in fields):
+            return {}
+        return disturbing(fields, self.setting.series, self.outside.disturbances)
+
+    def residual(self, name: str, fields: Fields) -> Floats:
+        """Return the normalised residual of a stage over all records, shape (N,)."""
+        own = self.predict(name, fields).residual
+        more = [
+            other.residual(name, of_record(fields, number))
+            for number, other in enumerate(self.others, 1)
+            if name in other.names
+        ]
+        return np.concatenate([own, *more]) if more else own
+
+    def count(self, name: str) -> int:
+        """Return how many samples of a stage count, over all records.
+
+        A residual may well be zero where it counts: a simulated record without noise fits exactly.
+        """
+        good = self.setting.series.measured(*CHANNELS[name])
+        more = (other.count(name) for other in self.others if name in other.names)
+        return int(np.count_nonzero(good[self.setting.settle :])) + sum(more)
+
+    def first(self, residuals: Mapping[str, Floats]) -> dict[str, Floats]:
+        """Return the part of the residuals that belongs to the first record."""
+        return {name: r[: len(self.setting.series)] for name, r in residuals.items()}
+
+    # ---- drive
+    def _drive(self, fields: Fields, series: Series, added: Added) -> Prediction:
+        s = self.setting
+        error = series["i"] - commanded_current(fields, series) - fields["i_0"]
+        std = np.hypot(s.std("i"), s.unseen("i_cmd"))
+        return direct(error, std, s, CHANNELS["drive"])
+
+    # ---- motor
+    def _motor(self, fields: Fields, series: Series, added: Added) -> Prediction:
+        s = self.setting
+        chain = self.chain("motor", fields)
+        transmitted = joint_torque(fields, series) if "tau" in series else np.zeros(len(series))
+        torque = motor_torque(fields, series) + added.get("push_m", 0.0)
+        if fields["cog_f"] != 0.0 or fields["rip_f"] != 0.0:
+            torque += self._ripple(fields, series, transmitted)
+        forced = torque[:, None] * chain.torque[:, MOTOR]
+        forced += torque_rise(fields, series)[:, None] * chain.ramp[:, MOTOR]
+        if chain.groups[LOAD] >= 0 and (outside := self._on_load(fields)) is not None:
+            forced += passed_on(chain, LOAD, outside)
+        if s.cut_at_spring:
+            forced -= passed_on(chain, GEAR, transmitted)
+        elif s.has_spring and chain.groups[LOAD] < 0:
+            forced += self._prescribed(chain, load_angle(series) + fields["q_0"])
+        bodies = (("m", MOTOR),) if not s.has_gear else (("m", MOTOR), ("g", GEAR))
+        if chain.groups[LOAD] >= 0:
+            bodies = (*bodies, ("l", LOAD))
+        play = None
+        if fields["play_g"] > 0.0 and s.has_gear and s.cut_at_spring:
+            loose = self.chain("motor loose", fields)
+            adrift = torque[:, None] * loose.torque[:, MOTOR] - passed_on(loose, GEAR, transmitted)
+            bite = (chain.torque[:, MOTOR] - chain.torque[:, GEAR]) * fields["k_g"]
+            play = backlash(fields, np.array([1.0, -1.0, 0.0, 0.0]), bite, loose, adrift, None)
+        return self._innovations(
+            "motor", series, fields, chain, forced, bodies, transmitted, added.get("rub_m"), play
+        )
+
+    def _on_load(self, fields: Fields) -> Floats | None:
+        """Return what acts on a load that is part of the motor's stage [N m], None for nothing."""
+        series = self.setting.series
+        outside: Floats | None = None
+        if "tau_l" in series:
+            outside = series["tau_l"]
+        if self.setting.has_spring or (fields["grav_a"] == 0.0 and fields["grav_b"] == 0.0):
+            return outside
+        hanging = -weight(fields, series["q_m"])
+        return hanging if outside is None else np.asarray(outside + hanging)
+
+    def _ripple(self, fields: Fields, series: Series, transmitted: Floats) -> Floats:
+        """Return the mean of the periodic torques over each interval [N m], shape (N,)."""
+        own = series["q_m"] is self.setting.series["q_m"]
+        q = self._angles_within if own else within(series["q_m"])
+        if fields["rip_f"] == 0.0:
+            return np.asarray(MEAN @ periodic_torque(fields, q, np.zeros(1)))
+        if self.setting.has_gear:  # a compliant gear also carries what moves itself
+            speed, acceleration = self._motion
+            transmitted = transmitted + fields["I_g"] * acceleration + fields["d_g"] * speed
+        return np.asarray(MEAN @ periodic_torque(fields, q, within(transmitted)))
+
+    @cached_property
+    def _angles_within(self) -> Floats:
+        """Angles of the motor between the samples, shape (5, N)."""
+        return within(self.setting.series["q_m"])
+
+    @cached_property
+    def _motion(self) -> tuple[Floats, Floats]:
+        """Velocity and acceleration of the motor, smoothed, each of shape (N,)."""
+        q, dt = self.setting.series["q_m"], self.setting.series.dt
+        speed, acceleration = (savgol_filter(q, SMOOTH, 3, deriv=d, delta=dt) for d in (1, 2))
+        return speed, acceleration
+
+    # ---- transmission
+    def _transmission(self, fields: Fields, series: Series, added: Added) -> Prediction:
+        s = self.setting
+        q_l = load_angle(series)
+        q_g, states, friction = self._gear_angle(fields, series)
+        deflection = q_g - q_l - fields["q_0"]
+        torque = spring_torque(fields, deflection, series.dt, added.get("slack"))
+        torque += added.get("bar", 0.0)
+        model = fields["gain"] * torque + fields["tau_0"]
+        own, angles = self.spring_noise
+        if fields["late"] != 0.0:
+            model = shifted(model, -fields["late"] / series.dt)
+            angles *= shift_noise(-fields["late"] / series.dt)
+        model = model - fields["skew"] * series.speed("tau")
+        slope = series.speed("tau") * s.noise["tau"].jitter
+        std = np.sqrt(own**2 + angles**2 + slope**2 + self._shaken_angles)
+        result = direct(series["tau"] - model, std, s, CHANNELS["transmission"])
+        return Prediction(result.residual, states, friction)
+
+    @cached_property
+    def _shaken_angles(self) -> Floats:
+        """Variance of the spring's torque that jittering angles cause [N^2 m^2], shape (N,)."""
+        s, f = self.setting, self.springs
+        stiffness = {"q_m": f["k_b"], "q_l": f["k_b"]}
+        if s.has_gear:
+            stiffness["q_m"] = f["k_b"] * f["k_g"] / (f["k_b"] + f["k_g"])
+        total: Floats = np.zeros(len(s.series))
+        for channel, k in stiffness.items():
+            if channel in s.series:
+                total += (k * s.noise[channel].jitter * s.series.speed(channel)) ** 2
+        return total
+
+    @cached_property
+    def spring_noise(self) -> tuple[float, float]:
+        """Deviation of the transmission's error from the torque's noise and from the angles' [N m].
+
+        Where the gear is compliant its angle is computed from the measured torque, so that the
+        torque's noise enters twice; responses to a single wrong sample tell how much.
+        """
+        s, f, dt = self.setting, self.springs, self.setting.series.dt
+        pulse = np.zeros(PULSE)
+        pulse[PULSE // 4] = 1.0
+
+        def bar(angle: Floats) -> Floats:
+            return f["k_b"] * angle + f["d_gl"] * np.gradient(angle, dt)
+
+        if not s.has_gear:
+            angle = float(np.linalg.norm(bar(pulse)))
+            return s.std("tau"), angle * float(np.hypot(s.std("q_m"), s.std("q_l")))
+        chain = self.chain("transmission", f)
+        drives = (
+            -passed_on(chain, GEAR, pulse),
+            self._prescribed(chain, pulse),
+        )
+        nothing = np.zeros(PULSE)
+        by_torque, by_motor = (
+            run_predictor(f, chain, drive, (), None, None, np.zeros(2), nothing, dt)[1][:, 0]
+            for drive in drives
+        )
+        own = s.std("tau") * float(np.linalg.norm(pulse - bar(by_torque)))
+        motor = s.std("q_m") * float(np.linalg.norm(bar(by_motor)))
+        return own, float(np.hypot(motor, s.std("q_l") * np.linalg.norm(bar(pulse))))
+
+    def _gear_angle(self, fields: Fields, series: Series) -> tuple[Floats, Floats, Floats]:
+        """Return the gear's angle [rad] from motor angle and torque, its states and friction."""
+        s = self.setting
+        q_m = series["q_m"]
+        if not s.has_gear:
+            return q_m, np.zeros((len(q_m), 0)), np.zeros((len(q_m), 0))
+        chain = self.chain("transmission", fields)
+        transmitted = joint_torque(fields, series)
+        forced = self._prescribed(chain, q_m) - passed_on(chain, GEAR, transmitted)
+        x0 = np.array([q_m[0] - transmitted[0] / fields["k_g"] - fields["centre_g"], 0.0])
+        play = None
+        if fields["play_g"] > 0.0:
+            loose = self.chain("transmission loose", fields)
+            adrift = -passed_on(loose, GEAR, transmitted)
+            bite = -chain.torque[:, GEAR] * fields["k_g"]
+            play = backlash(fields, np.array([-1.0, 0.0]), bite, loose, adrift, q_m)
+        load, bodies = np.abs(transmitted), (("g", GEAR),)
+        _, states, friction = run_predictor(
+            fields, chain, forced, bodies, None, None, x0, load, series.dt, play
+        )
+        return states[:, 0], states, friction
+
+    # ---- load
+    def _load(self, fields: Fields, series: Series, added: Added) -> Prediction:
+        chain = self.chain("load", fields)
+        torque = joint_torque(fields, series)
+        if fields["grav_a"] != 0.0 or fields["grav_b"] != 0.0:
+            torque = torque - weight(fields, series["q_l"])
+        if "tau_l" in series:
+            torque = torque + series["tau_l"]
+        torque = torque + added.get("push_l", 0.0)
+        forced = passed_on(chain, LOAD, torque)
+        bodies = (("l", LOAD),)
+        return self._innovations("load", series, fields, chain, forced, bodies, torque)
+
+    # ---- shared
+    def _prescribed(self, chain: Chain, q: Floats) -> Floats:
+        """Return the contribution of a prescribed angle over each sample, shape (N, n)."""
+        rate = (ahead(q) - q) / self.setting.series.dt
+        return q[:, None] * chain.start + rate[:, None] * chain.slope
+
+    def chain(self, name: str, fields: Fields) -> Chain:
+        """Return the chain of a stage."""
+        key = (name, *(fields[f] for f in CHAIN))
+        if key not in self._chains:
+            if len(self._chains) > 64:
+                self._chains.clear()
+            self._chains[key] = self._build(name, fields)
+        return self._chains[key]
+
+    def _build(self, name: str, fields: Fields) -> Chain:
+        s = self.setting
+        inertia = [fields[f] for f in ("I_m", "I_g", "I_l")]
+        damping = [fields[f] for f in ("d_m", "d_g", "d_l")]
+        gear = Link(MOTOR, GEAR, fields["k_g"], fields["d_mg"])
+        dt = s.series.dt
+        if name == "load":
+            return build_chain((-1, -1, 0), inertia, damping, (), dt)
+        if name == "transmission loose":
+            return build_chain((-1, 0, -1), inertia, damping, (), dt)
+        if name == "motor loose":
+            return build_chain((0, 1, -1), inertia, damping, (), dt)
+        if name == "transmission":
+            entry = Link(GEAR, None, fields["k_g"], fields["d_mg"])
+            return build_chain((-1, 0, -1), inertia, damping, (entry,), dt)
+        gear_group = 1 if s.has_gear else 0
+        links = (gear,) if s.has_gear else ()
+        if s.cut_at_spring:
+            return build_chain((0, gear_group, -1), inertia, damping, links, dt)
+        if not s.has_spring:
+            return build_chain((0, gear_group, gear_group), inertia, damping, links, dt)
+        if s.structure.output_fixed or "q_l" in s.series:
+            bar = Link(GEAR, None, fields["k_b"], fields["d_gl"])
+            return build_chain((0, gear_group, -1), inertia, damping, (*links, bar), dt)
+        bar = Link(GEAR, LOAD, fields["k_b"], fields["d_gl"])
+        return build_chain((0, gear_group, gear_group + 1), inertia, damping, (*links, bar), dt)
+
+    def _gain(self, name: str, fields: Fields) -> Gain:
+        s = self.setting
+        chain = self.chain(name, fields)
+        current = s.std("i") if "i" in s.series else 0.0
+        own = abs(fields["n"] * fields["k_t"]) * current
+        tau = s.std("tau") / abs(fields["gain"]) if s.cut_at_spring else 0.0
+        extra = max(PROCESS_TORQUE * float(np.hypot(own, tau)), s.process)
+        torque = (np.hypot(own, extra), tau, tau) if name == "motor" else (0.0, 0.0, tau)
+        channel = "q_m" if name == "motor" else "q_l"
+        jitter = s.noise[channel].jitter * float(np.sqrt(np.mean(s.series.speed(channel) ** 2)))
+        noise = float(np.hypot(s.std(channel), jitter))
+        k, _ = kalman_gain(chain, (0,), torque, (noise,))
+        std = innovation_std(chain, k, torque, s.std(channel))
+        shaken = s.noise[channel].jitter * s.series.speed(channel)
+        # Wrong samples feed back through the gain: their effect on later ones counts as well.
+        returned = innovation_std(chain, k, (0.0, 0.0, 0.0), 1.0)[0] ** 2
+        variance = std[0] ** 2 + returned * shaken**2
+        if name == "motor" and "i" in s.series:
+            response = torque_response(chain, k, MOTOR)
+            early = fields["n"] * fields["k_t"] * s.unseen("i")
+            variance += fftconvolve(early**2, response**2)[: len(early)]
+        if s.cut_at_spring:
+            late = s.noise["tau"].jitter * s.series.speed("tau")
+            response = torque_response(chain, k, GEAR if name == "motor" else LOAD)
+            variance += fftconvolve(late**2, response**2)[: len(late)]
+        if name == "motor":
+            variance *= s.allowance**2
+        return Gain(k, std, np.sqrt(np.maximum(variance, 1e-300)))
+
+    def _innovations(
+        self,
+        name: str,
+        series: Series,
+        fields: Fields,
+        chain: Chain,
+        forced: Floats,
+        bodies: tuple[tuple[str, int], ...],
+        transmitted: Floats,
+        rubbing: Floats | None = None,
+        play: Play | None = None,
+    ) -> Prediction:
+        channel = "q_m" if name == "motor" else "q_l"
+        y = series[channel][:, None]
+        x0 = self._initial(series, channel, chain, fields, transmitted)
+        gain = self.gains[name]
+        valid = series.valid[channel]
+        load, dt = np.abs(transmitted), series.dt
+        e, states, friction = run_predictor(
+            fields, chain, forced, bodies, gain.k, (y, valid), x0, load, dt, play, rubbing
+        )
+        residual = np.where(valid, e[:, 0] / gain.scatter, 0.0)
+        residual[: self.setting.settle] = 0.0
+        return Prediction(residual, states, friction)
+
+    def _initial(
+        self, series: Series, channel: str, chain: Chain, fields: Fields, torque: Floats
+    ) -> Floats:
+        """Return the first state: at the measured angle, at the velocity of the first samples."""
+        x0 = np.zeros(chain.a.shape[0])
+        x0[: chain.size], x0[chain.size :] = series[channel][0], series.first_speed(channel)
+        if self.setting.has_gear and channel == "q_m":
+            x0[1] -= torque[0] / fields["k_g"] + fields["centre_g"]
+        return x0
+
+
+def passed_on(chain: Chain, body: int, torque: Floats) -> Floats:
+    """Return the contribution of a smooth torque on a body over each sample, shape (N, n).
+
+    Args:
+        chain: The stage's piece of the joint.
+        body: MOTOR, GEAR or LOAD.
+        torque: At the samples [N m], shape (N,).
+    """
+    rise = ahead(torque) - torque
+    return np.asarray(
+        smooth_mean(torque)[:, None] * chain.torque[:, body] + rise[:, None] * chain.ramp[:, body]
+    )
+
+
+def load_angle(series: Series) -> Floats:
+    """Return the angle of the load [rad], shape (N,); zero where it is not measured."""
+    return series["q_l"] if "q_l" in series else np.zeros(len(series))

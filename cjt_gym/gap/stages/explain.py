@@ -1,0 +1,178 @@
+"""The explanation of records: which effects, how large, and what is left."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cjt_gym.gap.candidates.candidate import Candidate
+from cjt_gym.gap.candidates.table import all_candidates, shown
+from cjt_gym.gap.recorded.setting import Setting, as_noisy
+from cjt_gym.gap.stages.cut import Stages
+from cjt_gym.gap.stages.fit import Fit, Model, Problem, retuned
+from cjt_gym.gap.stages.heldout import HeldOut, on_held_out, worth
+from cjt_gym.gap.stages.lateness import DELAY, as_effect
+from cjt_gym.gap.stages.leftover import HELD_LEFT, Leftover, leftovers
+from cjt_gym.gap.stages.merit import STRAIN
+from cjt_gym.gap.stages.process import allow_for_colour
+from cjt_gym.gap.stages.prune import (
+    COARSE_STRAIN,
+    Need,
+    alternatives,
+    likelier_twins,
+    other_frequencies,
+    prune,
+    simplify,
+    split_asymmetry,
+    uneven,
+)
+from cjt_gym.gap.stages.select import (
+    BEYOND,
+    COARSE_BEYOND,
+    Progress,
+    Selection,
+    silent,
+)
+from cjt_gym.gap.stages.sensing import SensorFinding, noisy_current, sensor_findings, with_findings
+
+PATIENCE = 60.0
+"""Processor time after which the search for effects stops with its best result [s]."""
+REFUTED = 0.2
+"""Worth on held-out data below which an effect is refuted."""
+BETTER = 0.7
+"""Ratio of held-out mean squares below which an alternative model is preferred."""
+
+
+@dataclass(frozen=True, eq=False)
+class Explanation:
+    """The fitted explanation of one record."""
+
+    problem: Problem
+    base: Fit  # without effects
+    fit: Fit  # with the needed effects
+    needs: tuple[Need, ...]  # of each effect
+    held: tuple[HeldOut, ...]  # performance on held-out records
+    seen: tuple[Fit, ...]  # all other fits
+    left: tuple[Leftover, ...]  # stages that are not explained
+    sensors: tuple[SensorFinding, ...]  # channels that are worse than specified
+
+
+def explain(
+    setting: Setting,
+    others: Sequence[Setting] = (),
+    more: Sequence[Setting] = (),
+    progress: Progress = silent,
+) -> Explanation:
+    """Return the explanation of a record, together with `more`, that holds on the `others`."""
+    progress("fitting the nominal joint within its tolerances")
+    problem, base = _without_effects(setting, more)
+    sensors = sensor_findings(setting, base.residuals)
+    if any(finding.name == "noise" for finding in sensors):
+        problem, base = _without_effects(with_findings(setting, sensors), more)
+    until = time.process_time() + PATIENCE
+    candidates = all_candidates(setting, problem.stages.names)
+    coarse = any(finding.name == "quantization" for finding in sensors)
+    if any(finding.name == "quantization" and finding.channel == "i" for finding in sensors):
+        candidates = tuple(h for h in candidates if h.name != "command_quantization")
+    # Causes outside the table leave small traces; only a stated noise tells them from colour.
+    rows = () if setting.current_unspecified else problem.stages.outside.rows
+    outside = shown(rows, problem.stages.names)
+    beyond = COARSE_BEYOND if coarse else BEYOND
+    selection = Selection(
+        problem, candidates, base, outside, until=until, beyond=beyond, progress=progress
+    )
+    found = selection.run()
+    fit = simplify(problem, found, selection.candidates)
+    fit = likelier_twins(problem, fit, selection.candidates)
+    if fit is not found:  # the other law started from the datasheet values that the first had left
+        fit = retuned(problem, fit)
+    if setting.current_unspecified:
+        fit = other_frequencies(problem, fit)
+        fit = split_asymmetry(problem, fit, selection.candidates)
+        selection.seen.append(fit)
+    late = _found_late(setting, fit, sensors)
+    if late:
+        sensors = (*sensors, *late)
+        problem, base = _without_effects(with_findings(setting, sensors), more)
+        fit = retuned(problem, fit)
+    progress("leaving out one effect after the other")
+    tested = [with_findings(other, sensors) for other in others]
+    strain = COARSE_STRAIN if coarse else STRAIN
+    fit, needs, held = _standing(problem, fit, tested, strain)
+    other = _decided(problem, fit, held, tested, selection.candidates)
+    if other is not fit:
+        fit, needs, held = _standing(problem, retuned(problem, other), tested, strain)
+    seen = tuple(selection.seen)
+    delayed = as_effect(problem, base, fit, seen, selection.candidates)
+    if delayed is not None:
+        standing = _standing(delayed.problem, delayed.fit, tested, strain)
+        if any(effect.name == DELAY for effect in standing[0].model.effects):
+            problem, base, seen = delayed.problem, delayed.base, delayed.seen
+            fit, needs, held = standing
+    left = leftovers(base, fit, needs, held, coarse)
+    if setting.current_unspecified:
+        seen = (*seen, *uneven(problem, fit, selection.candidates))
+    return Explanation(problem, base, fit, tuple(needs), held, seen, left, sensors)
+
+
+def _standing(
+    problem: Problem, fit: Fit, others: Sequence[Setting], strain: float
+) -> tuple[Fit, list[Need], tuple[HeldOut, ...]]:
+    """Return the model without effects that are not needed or that held-out data refute."""
+    while True:
+        fit, needs = prune(problem, fit, strain)
+        held = tuple(on_held_out(other, problem, fit) for other in others)
+        trials = [worth(held, k) for k in range(len(needs))]
+        refuted = [k for k, trial in enumerate(trials) if trial and trial.worth < REFUTED]
+        if not refuted:
+            return fit, needs, held
+        worst = min(refuted, key=lambda k: needs[k].evidence)
+        fit = retuned(problem, needs[worst].without)
+
+
+def _decided(
+    problem: Problem,
+    fit: Fit,
+    held: Sequence[HeldOut],
+    others: Sequence[Setting],
+    candidates: tuple[Candidate, ...],
+) -> Fit:
+    """Return the model that does best on held-out records, of those the first cannot tell apart.
+
+    Held-out records are consulted only if the chosen model leaves a residual there.
+    """
+    stages = {n for h in held for n, ms in h.after.items() if ms > HELD_LEFT**2}
+    best, least = fit, sum(sum(h.after.values()) for h in held)
+    for index, effect in enumerate(fit.model.effects):
+        if effect.outside or not stages & set(effect.touches):
+            continue
+        for trial in alternatives(problem, fit, index, candidates):
+            left = sum(sum(on_held_out(o, problem, trial).after.values()) for o in others)
+            if left < BETTER * least:
+                best, least = trial, left
+    return best
+
+
+def _found_late(
+    setting: Setting, fit: Fit, known: tuple[SensorFinding, ...]
+) -> tuple[SensorFinding, ...]:
+    """Return noisy channels that are visible only once the effects are removed."""
+    found = list(sensor_findings(setting, fit.residuals))
+    if "drive" in fit.residuals and (noisy := noisy_current(setting, fit.residuals["drive"])):
+        found.append(noisy)
+    channels = {finding.channel for finding in known}
+    return tuple(f for f in found if f.name == "noise" and f.channel not in channels)
+
+
+def _without_effects(setting: Setting, more: Sequence[Setting]) -> tuple[Problem, Fit]:
+    """Return the problem of one or more records, and its fit without any effect."""
+    others = tuple(Stages(as_noisy(one, setting)) for one in more)
+    problem = Problem.of(Stages(setting, others=others))
+    base = retuned(problem, problem.fit(Model(), np.zeros(len(problem.shared))))
+    if setting.current_unspecified:
+        allow_for_colour(problem.stages, base.mean_square["motor"])
+        base = retuned(problem, base)
+    return problem, base

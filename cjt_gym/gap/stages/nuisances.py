@@ -1,0 +1,196 @@
+"""Numbers free in every fit: datasheet values within tolerances, offsets, sample timing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cjt_gym.gap.horizons.sheet import GUESSED, tolerance_of
+from cjt_gym.gap.recorded.setting import Setting
+from cjt_gym.gap.stages.fields import Fields, own_field
+from cjt_gym.gap.stages.number import Number
+
+DEFAULT_TOLERANCE = {"k_t": 0.02, "I": 0.05, "k": 0.05, "d": 0.3}
+LATE = 2e-5
+"""Standard deviation of the delay of one channel relative to another [s]."""
+CURRENT_OFFSET, TORQUE_OFFSET = 0.35, 0.75
+"""Deviation of a sensor's offset, in units of its noise."""
+USUAL_CURRENT, USUAL_TORQUE = 0.004, 0.03
+"""Smallest standard deviation of the offsets of current [A] and torque [N m]."""
+OWN = ("i_0", "tau_0", "q_0")
+"""Fields that differ from record to record of one joint."""
+BLURRED = 0.3
+"""Relative deviation of inertia and damping if a log is too slow to follow the joint's swing."""
+LAG_TOLERANCE = 0.2
+STRETCH, FURTHEST = 30.0, 5.0
+"""Largest change of a datasheet value in a fit: in standard deviations, and as a factor."""
+HELD = 0.3
+"""Standard deviation of the instant at which a drive latches its command, in samples."""
+
+
+@dataclass(frozen=True)
+class Nuisance:
+    """A number that is free in every fit: the field that it sets, and the stages it affects."""
+
+    field: str
+    unknown: Number
+    stages: tuple[str, ...]
+
+
+def nuisances(setting: Setting, stages: tuple[str, ...]) -> tuple[Nuisance, ...]:
+    """Return the numbers that are free in every fit of a record."""
+    found = [*_parameters(setting), *_offsets(setting)]
+    kept = [Nuisance(n.field, n.unknown, tuple(s for s in n.stages if s in stages)) for n in found]
+    return tuple(n for n in kept if n.stages)
+
+
+def nuisances_of_others(
+    first: Sequence[Nuisance], others: Sequence[tuple[Setting, tuple[str, ...]]]
+) -> tuple[Nuisance, ...]:
+    """Return the numbers that may differ in further records: offsets and zeros.
+
+    Args:
+        first: Numbers that are free in the first record.
+        others: Settings of the further records, each with its stages.
+    """
+    found = []
+    starts = {n.field: n.unknown.start for n in first}
+    for number, (setting, stages) in enumerate(others, 1):
+        for own in nuisances(setting, stages):
+            if own.field in OWN and own.field in starts:
+                start = own.unknown.start - starts[own.field]
+                unknown = replace(own.unknown, start=start, symbol=own_field(own.field, number))
+                found.append(Nuisance(unknown.symbol, unknown, own.stages))
+    return tuple(found)
+
+
+def stages_of(setting: Setting, field: str) -> tuple[str, ...]:
+    """Return the stages that depend on a field of the chain."""
+    touched = {
+        "k_t": ("motor",),
+        "I_m": ("motor",),
+        "d_m": ("motor",),
+        "I_g": ("motor", "transmission") if setting.has_gear else ("motor",),
+        "d_g": ("motor", "transmission") if setting.has_gear else ("motor",),
+        "k_g": ("motor", "transmission"),
+        "d_mg": ("motor", "transmission"),
+        "k_b": ("transmission",),
+        "d_gl": ("transmission",),
+        "I_l": ("load",),
+        "d_l": ("load",),
+    }[field]
+    return touched if setting.cut_at_spring else ("motor",)
+
+
+def tolerance(setting: Setting, field: str) -> float:
+    """Return the relative deviation of a datasheet value."""
+    if setting.too_slow and field[0] in "Id":
+        return BLURRED
+    quantity = setting.joint.parameters.quantities.get(field)
+    if quantity is not None and quantity.tolerance is not None:
+        return max(quantity.tolerance, 1e-4)
+    if not np.isfinite(tolerance_of(setting.joint, field, 0.0)) and quantity is not None:
+        return GUESSED
+    return DEFAULT_TOLERANCE.get(field, DEFAULT_TOLERANCE.get(field[0], 0.05))
+
+
+def active_parameters(setting: Setting) -> tuple[str, ...]:
+    """Return the datasheet values that this structure depends on, one per lumped body."""
+    names = ["k_t", "I_m", "d_m"]
+    if setting.has_gear:
+        names += ["I_g", "d_g", "k_g", "d_mg"]
+    elif setting.nominal["d_m"] < setting.nominal["d_g"]:
+        names[2] = "d_g"
+    if setting.has_spring:
+        names += ["k_b", "d_gl"]
+        if not setting.structure.output_fixed:
+            names += ["I_l", "d_l"]
+    return tuple(name for name in names if setting.nominal[name] > 0.0)
+
+
+def _parameters(setting: Setting) -> list[Nuisance]:
+    rows = []
+    for name in active_parameters(setting):
+        scale = _lumped_tolerance(setting, name)
+        unit = setting.joint.parameters.unit(name)
+        start, far = setting.nominal[name], min(float(np.exp(STRETCH * scale)), FURTHEST)
+        unknown = Number(name, unit, start, scale, True, low=start / far, high=start * far)
+        rows.append(Nuisance(name, unknown, stages_of(setting, name)))
+    return rows
+
+
+def _lumped_tolerance(setting: Setting, name: str) -> float:
+    """Return the tolerance of a value, including those of values lumped with it."""
+    groups = setting.structure.groups
+    own = {"I": 0, "d": 0}
+    if name[0] not in own or name[1:] not in ("_m", "_g", "_l"):
+        return tolerance(setting, name)
+    body = "mgl".index(name[2])
+    together = [b for b in range(3) if groups[b] == groups[body] and groups[body] >= 0]
+    fields = [f"{name[0]}_{'mgl'[b]}" for b in together]
+    total = sum((tolerance(setting, f) * setting.nominal[f]) ** 2 for f in fields)
+    return float(np.sqrt(total)) / setting.nominal[name]
+
+
+def _offsets(setting: Setting) -> list[Nuisance]:
+    series = setting.series
+    rows = []
+    if "i" in series:
+        scale = max(CURRENT_OFFSET * setting.std("i"), USUAL_CURRENT)
+        rows.append(_offset("i_0", "A", 0.0, scale, ("drive", "motor")))
+        rows.append(
+            _offset("w_i", "-", 0.5, 0.1, ("motor",))
+            if series.slow
+            else _offset("w_i", "-", _current_weight(setting.nominal, series.dt), 0.3, ("motor",))
+        )
+    else:
+        p = setting.nominal
+        limit = p["i_max"] if np.isfinite(p["i_max"]) else float(np.ptp(series["i_cmd"]))
+        rows.append(_offset("i_0", "A", 0.0, 1e-3 * limit, ("motor",)))
+    if "i" in series and "i_cmd" in series and setting.nominal["lag"] > 0.0:
+        start, far = setting.nominal["lag"], float(np.exp(3.0 * LAG_TOLERANCE))
+        lag = Number("lag", "s", start, LAG_TOLERANCE, True, low=start / far, high=start * far)
+        rows.append(Nuisance("lag", lag, ("drive",)))
+    if "i_cmd" in series:
+        dt, start = series.dt, setting.nominal["delay"]
+        low = start - dt if series.slow else start
+        middle = start - 0.5 * dt if series.slow else start
+        delay = Number("delay", "s", middle, HELD * dt, low=low, high=start + dt)
+        rows.append(Nuisance("delay", delay, ("drive",) if "i" in series else ("motor",)))
+    if setting.cut_at_spring:
+        scale = max(TORQUE_OFFSET * setting.std("tau"), USUAL_TORQUE)
+        rows.append(_offset("tau_0", "N m", 0.0, scale, ("motor", "transmission", "load")))
+        rows.append(_offset("skew", "s", 0.0, LATE, ("transmission",)))
+    if setting.has_spring:
+        stage = "transmission" if setting.cut_at_spring else "motor"
+        rows.append(_relaxed(setting, stage))
+    return rows
+
+
+def _offset(field: str, unit: str, start: float, scale: float, stages: tuple[str, ...]) -> Nuisance:
+    return Nuisance(field, Number(field, unit, start, max(scale, 1e-12)), stages)
+
+
+def _relaxed(setting: Setting, stage: str) -> Nuisance:
+    """Return the deflection at which the spring is relaxed: encoders have arbitrary zeros."""
+    series, f = setting.series, setting.nominal
+    stiffness = f["k_b"] if not setting.has_gear else f["k_b"] * f["k_g"] / (f["k_b"] + f["k_g"])
+    start = 0.0
+    deflection = series["q_m"].copy()
+    if "q_l" in series:
+        deflection -= series["q_l"]
+    if setting.cut_at_spring:
+        start = float(np.median(deflection - series["tau"] / stiffness))
+    scale = max(float(np.std(deflection)), setting.std("q_m")) * 0.1
+    return Nuisance("q_0", Number("q_0", "rad", start, scale, prior=False), (stage,))
+
+
+def _current_weight(nominal: Fields, dt: float) -> float:
+    """Return the weight of the newer current sample for a held command and a first-order lag."""
+    lag = nominal["lag"]
+    if lag <= 0.0:
+        return 0.9
+    a = float(np.exp(-dt / lag))
+    return (1.0 - lag / dt * (1.0 - a)) / (1.0 - a)

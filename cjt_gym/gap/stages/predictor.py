@@ -1,0 +1,179 @@
+"""The predictor of one stage: its gain, its residual, its response to a torque."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_discrete_lyapunov
+
+from cjt_gym.gap.recorded.setting import Setting
+from cjt_gym.gap.stages.chain import Chain
+from cjt_gym.gap.stages.fields import Fields, friction_law, has_friction
+from cjt_gym.gap.stages.kernel import LAW_SIZE, predict
+from cjt_gym.joint.arrays import Floats
+
+RESPONSE = 200
+"""Samples after which a predictor has forgotten a torque."""
+
+
+@dataclass(eq=False)
+class Gain:
+    """A predictor's gain, held fixed while parameters are fitted.
+
+    Attributes:
+        k: Gain, shape (n, m).
+        std: Deviation of the innovations, shape (m,).
+        scatter: Deviation at every sample, including sampling jitter, shape (N,).
+    """
+
+    k: Floats
+    std: Floats
+    scatter: Floats
+
+
+@dataclass(eq=False)
+class Prediction:
+    """Prediction of a stage."""
+
+    residual: Floats  # normalised residual, shape (N,); zero where it does not count
+    states: Floats  # predicted states, shape (N, n); n = 0 for a stage without states
+    friction: Floats  # torque of friction on each body [N m], shape (N, bodies)
+
+
+@dataclass(frozen=True, eq=False)
+class Play:
+    """Backlash in the gear as the kernel takes it; see `cjt_gym.gap.stages.kernel.predict`."""
+
+    play: Floats
+    loose: Chain
+    adrift: Floats
+    entry: Floats
+
+
+NO_PLAY = (np.zeros(0), *(np.zeros((0, 0)) for _ in range(3)), np.zeros(0))
+
+
+def backlash(
+    fields: Fields,
+    signs: Floats,
+    bite: Floats,
+    loose: Chain,
+    adrift: Floats,
+    entry: Floats | None,
+) -> Play:
+    """Return the backlash of a gear as the kernel takes it; see `Play`."""
+    half = 0.5 * fields["play_g"]
+    damping = 0.0 if fields["pull_g"] > 0.0 else fields["d_mg"]
+    play = np.concatenate([[half], signs, bite * half, [fields["k_g"], damping]])
+    nothing = np.zeros(0)
+    return Play(play, loose, adrift, nothing if entry is None else entry)
+
+
+def torque_response(chain: Chain, k: Floats, body: int) -> Floats:
+    """Return the innovations that one newton metre over one sample causes, shape (200,).
+
+    Value 0 belongs to the sample in which it acts.
+    """
+    x = chain.torque[:, body].copy()
+    out = np.zeros(RESPONSE)
+    for t in range(1, RESPONSE):
+        out[t] = x[0]
+        x = chain.a @ (x - k[:, 0] * out[t])
+    return out
+
+
+def innovation_std(chain: Chain, k: Floats, torque: tuple[float, ...], noise: float) -> Floats:
+    """Return the innovations' deviation under a gain, shape (1,), without jitter."""
+    n = chain.a.shape[0]
+    c = np.zeros((1, n))
+    c[0, 0] = 1.0
+    keep = np.eye(n) - k @ c
+    effect = chain.torque * np.array(torque)
+    drive = effect @ effect.T + chain.a @ k @ k.T @ chain.a.T * noise**2
+    p = solve_discrete_lyapunov(chain.a @ keep, drive)
+    return np.array([float(np.sqrt(p[0, 0] + noise**2))])
+
+
+def direct(error: Floats, std: Floats, s: Setting, channels: tuple[str, ...]) -> Prediction:
+    """Return the prediction of a stage without states, from its error and the error's deviation."""
+    residual = np.where(s.series.measured(*channels), error / std, 0.0)
+    residual[: s.settle] = 0.0
+    empty = np.zeros((len(error), 0))
+    return Prediction(residual, empty, empty)
+
+
+def run_predictor(
+    fields: Fields,
+    chain: Chain,
+    forced: Floats,
+    bodies: tuple[tuple[str, int], ...],
+    k: Floats | None,
+    measured: tuple[Floats, NDArray[np.bool_]] | None,
+    x0: Floats,
+    load: Floats,
+    dt: float,
+    play: Play | None = None,
+    rubbing: Floats | None = None,
+) -> tuple[Floats, Floats, Floats]:
+    """Run the kernel with friction on those of the bodies that have any.
+
+    Args:
+        fields: The model.
+        chain: The stage's piece of the joint.
+        forced: Contribution of the known inputs over each sample, shape (N, n).
+        bodies: Letter and number of the bodies that friction can act on.
+        k: Predictor gain, shape (n, 1), or None for a prediction without measurements.
+        measured: Measured output, shape (N, 1), and where it is valid, or None.
+        x0: First state, shape (n,).
+        load: Size of the transmitted torque [N m], shape (N,).
+        dt: Sample time [s].
+        play: Backlash in the gear.
+        rubbing: Level of friction on the motor beside its law [N m], shape (N,).
+    """
+    rough = [
+        (letter, body)
+        for letter, body in bodies
+        if has_friction(fields, letter) or (letter == "m" and rubbing is not None)
+    ]
+    laws = np.zeros((len(rough), LAW_SIZE))
+    loads = np.zeros((len(load), len(rough)))
+    g = np.zeros((chain.a.shape[0], len(rough)))
+    for row, (letter, body) in enumerate(rough):
+        laws[row] = friction_law(fields, letter)
+        g[:, row] = chain.torque[:, body]
+        loads[:, row] = fields[f"mu_{letter}"] * load
+        if letter == "m" and rubbing is not None:
+            loads[:, row] += rubbing
+    velocities = np.array([chain.velocity(body) for _, body in rough], dtype=np.int64)
+    if measured is None or k is None:
+        y, valid = np.zeros((len(forced), 0)), np.zeros(len(forced), dtype=bool)
+        k, outputs = np.zeros((len(x0), 0)), np.zeros(0, dtype=np.int64)
+    else:
+        y, valid = measured
+        outputs = np.zeros(1, dtype=np.int64)
+    gap: tuple[Floats, ...] = NO_PLAY
+    if play is not None:
+        slack = np.zeros_like(g)
+        for row, (_, body) in enumerate(rough):
+            slack[:, row] = play.loose.torque[:, body]
+        loose = np.ascontiguousarray(play.loose.a)
+        gap = (play.play, loose, np.ascontiguousarray(play.adrift), slack, play.entry)
+    run: Callable[..., tuple[Floats, Floats, Floats]] = predict
+    return run(
+        np.ascontiguousarray(chain.a),
+        g,
+        np.ascontiguousarray(k),
+        np.ascontiguousarray(forced),
+        outputs,
+        np.ascontiguousarray(y),
+        valid,
+        x0,
+        laws,
+        velocities,
+        loads,
+        *gap,
+        dt,
+    )

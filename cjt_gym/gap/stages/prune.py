@@ -1,0 +1,215 @@
+"""Revision of a selected model: leave one out, and the simplest or likeliest of equivalent laws."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from cjt_gym.gap.candidates.candidate import Candidate
+from cjt_gym.gap.recorded.missing import twins
+from cjt_gym.gap.stages.fit import FLOOR, Fit, Model, Problem, retuned, without
+from cjt_gym.gap.stages.merit import LOG_SHARE, MARGIN, STRAIN, evidence
+from cjt_gym.gap.stages.periodic import periodic_starts
+
+FREQUENCY_MOVES = 6
+"""Steps of a fit from another frequency."""
+COARSE_STRAIN = 24.0
+"""`STRAIN` if a channel is coarse, as rounding errors are not white noise."""
+SAME = 0.03
+"""Log reduction of a residual by which a more complicated law must do better."""
+NEAR = 25.0
+"""Difference in evidence within which two explanations are equally good."""
+COLOURED = 0.25
+"""Log reduction of a residual too small to separate two laws if no noise is specified."""
+SLACK = 10.0
+"""Evidence by which a simpler law may be worse."""
+SIMPLER: Mapping[str, tuple[str, ...]] = {
+    "coulomb": ("coulomb",),  # the smooth one: the plain one is the first of that name
+    "stribeck": ("coulomb", "load_coulomb"),
+    "presliding": ("coulomb", "load_coulomb"),
+    "coulomb_asym": ("coulomb", "load_coulomb"),
+    "load_friction": (),
+    "viscous_asym": ("damping",),
+}
+
+EVEN: Mapping[str, str] = {"coulomb_asym": "coulomb", "viscous_asym": "damping"}
+
+
+@dataclass(frozen=True)
+class Need:
+    """What a model loses without one of its effects."""
+
+    evidence: float
+    log_share: float  # largest log increase of a stage's residual
+    stage: str  # that stage
+    strain: float  # increase of the priors' cost
+    without: Fit
+
+    def material(self, strain: float) -> bool:
+        """Whether the effect is large enough to be named."""
+        return self.evidence > MARGIN and (self.log_share > LOG_SHARE or self.strain > strain)
+
+
+def need(problem: Problem, fit: Fit, index: int) -> Need:
+    """Return what a model loses without one of its effects."""
+    less = without(problem, fit, index)
+    shares = {
+        n: 0.5 * float(np.log(max(less.mean_square[n], 1.0) / max(ms, 1.0)))
+        for n, ms in fit.mean_square.items()
+    }
+    stage = max(shares, key=lambda n: shares[n])
+    strain = problem.strain(less.z) - problem.strain(fit.z)
+    loss = evidence(problem, fit) - evidence(problem, less)
+    return Need(loss, shares[stage], stage, strain, less)
+
+
+def prune(problem: Problem, fit: Fit, strain: float = STRAIN) -> tuple[Fit, list[Need]]:
+    """Return the model without the effects it does not need, and the need of the others.
+
+    An effect is also material if it relieves the datasheet's priors by at least `strain`.
+    """
+    while fit.model.effects:
+        needs = [need(problem, fit, k) for k in range(len(fit.model.effects))]
+        material = [n.material(strain) for n in needs]
+        weakest = min(range(len(needs)), key=lambda k: (material[k], needs[k].evidence))
+        if material[weakest]:
+            return fit, needs
+        fit = retuned(problem, needs[weakest].without)
+    return fit, []
+
+
+def simplify(problem: Problem, fit: Fit, candidates: tuple[Candidate, ...]) -> Fit:
+    """Return the model with simpler laws of friction if they do as well."""
+    for index, effect in enumerate(fit.model.effects):
+        for name in SIMPLER.get(effect.name, ()):
+            match = [h for h in candidates if h.name == name and h.body == effect.body]
+            if match and not any(h.key == match[0].key for h in fit.model.effects):
+                trial = _swapped(problem, fit, index, match[0])
+                if _as_good(trial, fit) and loss(problem, trial, fit) < SLACK:
+                    return simplify(problem, trial, candidates)
+    return fit
+
+
+def alternatives(
+    problem: Problem, fit: Fit, index: int, candidates: tuple[Candidate, ...]
+) -> list[Fit]:
+    """Return equally good fits that replace one effect by another of the same kind."""
+    effect = fit.model.effects[index]
+    there = {e.key for e in fit.model.effects}
+    kin = [
+        h
+        for h in candidates
+        if h.key not in there
+        and h.stage == effect.stage
+        and h.body == effect.body
+        and (h.family == effect.family or effect.stage == "drive")
+        and not h.search
+    ]
+    trials = [
+        max(
+            (_swapped(problem, fit, index, h, start=k) for k in range(len(h.starts))),
+            key=lambda f: evidence(problem, f),
+        )
+        for h in kin
+    ]
+    return [trial for trial in trials if loss(problem, trial, fit) < NEAR]
+
+
+def likelier_twins(problem: Problem, fit: Fit, candidates: tuple[Candidate, ...]) -> Fit:
+    """Return the model with the likelier of the effects that this record cannot tell apart."""
+    for likelier, twin in twins(problem.stages.setting):
+        for index, effect in enumerate(fit.model.effects):
+            other = [h for h in candidates if h.name == likelier]
+            if effect.name == twin and other:
+                trial = _swapped(problem, fit, index, other[0])
+                fit = trial if loss(problem, trial, fit) < NEAR else fit
+    return fit
+
+
+def split_asymmetry(problem: Problem, fit: Fit, candidates: tuple[Candidate, ...]) -> Fit:
+    """Return the model with a symmetric law plus an offset for an asymmetric one, if as good.
+
+    While a body moves, unequal Coulomb levels equal symmetric ones plus a constant torque. If the
+    accuracy of the command is unknown, an amplifier offset is the likelier of the two, even if it
+    leaves a slightly larger residual: the colour of such a residual matters more.
+    """
+    for index, effect in enumerate(fit.model.effects):
+        even = EVEN.get(effect.name)
+        pair = [
+            h
+            for h in candidates
+            if (h.name == even and h.body == effect.body and not h.variant)
+            or h.name == "torque_offset"
+        ]
+        fresh = [h for h in pair if h.key not in {e.key for e in fit.model.effects}]
+        if even is not None and any(h.name == even for h in fresh):
+            trial = _swapped(problem, fit, index, *fresh)
+            if loss(problem, trial, fit) < NEAR or _as_good(trial, fit, COLOURED):
+                return split_asymmetry(problem, trial, candidates)
+    return fit
+
+
+def uneven(problem: Problem, fit: Fit, candidates: tuple[Candidate, ...]) -> list[Fit]:
+    """Return the fits with an asymmetric law in place of a symmetric one and an offset, if any.
+
+    They are the alternatives that the record leaves open if `split_asymmetry` has decided.
+    """
+    offset = [k for k, e in enumerate(fit.model.effects) if e.name == "torque_offset"]
+    found = []
+    for effect in fit.model.effects:
+        law = next((name for name, even in EVEN.items() if even == effect.name), None)
+        other = [h for h in candidates if h.name == law and h.body == effect.body]
+        if other:
+            bare = without(problem, fit, offset[0]) if offset else fit
+            at = [e.key for e in bare.model.effects].index(effect.key)
+            found.append(_swapped(problem, bare, at, other[0]))
+    return found
+
+
+def other_frequencies(problem: Problem, fit: Fit) -> Fit:
+    """Return a fit with its periodic torques at the best of the prominent frequencies.
+
+    A rough fit can mistake a neighbour for the true frequency if the noise is poorly known.
+    """
+    stages = problem.stages
+    for index, effect in enumerate(fit.model.effects):
+        if effect.search not in ("cog", "rip"):
+            continue
+        less = without(problem, fit, index)
+        at = len(problem.shared) + sum(len(e.unknowns) for e in fit.model.effects[:index])
+        size = float(np.hypot(*fit.z[at + 1 : at + 3]))
+        residual = stages.first(less.residuals)["motor"]
+        fields = problem.fields(less.model, less.z)
+        for f, a, b in periodic_starts(stages, fields, residual, effect.search):
+            z = fit.z.copy()
+            z[at] = effect.unknowns[0].coordinate(f)
+            z[at + 1 : at + 3] = size * np.array([a, b]) / max(float(np.hypot(a, b)), 1e-300)
+            trial = problem.fit(fit.model, z, FREQUENCY_MOVES)
+            fit = max(fit, trial, key=lambda one: evidence(problem, one))
+    return fit
+
+
+def _swapped(problem: Problem, fit: Fit, index: int, *effects: Candidate, start: int = 0) -> Fit:
+    less = without(problem, fit, index)
+    first = [
+        u.coordinate(x)
+        for effect in effects
+        for u, x in zip(effect.unknowns, effect.starts[start], strict=True)
+    ]
+    model = Model((*less.model.effects, *effects))
+    return problem.fit(model, np.concatenate([less.z, first]), known=less.jacobian)
+
+
+def loss(problem: Problem, less: Fit, more: Fit) -> float:
+    """Return the evidence that the first fit lacks compared with the second."""
+    return evidence(problem, more) - evidence(problem, less)
+
+
+def _as_good(simple: Fit, full: Fit, share: float = SAME) -> bool:
+    floor = FLOOR**2
+    return all(
+        0.5 * np.log(max(ms, floor) / max(full.mean_square[n], floor)) < share
+        for n, ms in simple.mean_square.items()
+    )
